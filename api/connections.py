@@ -1,11 +1,27 @@
-"""Who is connected: how many in all and of an address, a reserve for probes, and time limits."""
+"""Who is connected: how many in all and of an address, a reserve for probes, and time limits.
+
+Several processes may take connections from one socket:
+
+    number        0         1         2
+    shared table  [ 17 ]    [ 16 ]    [ away ]      connections of each, written by itself
+
+A new connection wakes every process that waits on the socket. One with more connections than
+another lets that one go first for a moment, so that a few clients that stay connected are spread
+evenly; after that moment it takes the connection, whatever keeps the other.
+"""
 
 import logging
+import mmap
+import os
+import struct
+import sys
+import tempfile
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from api.seldom_logs import SeldomLog
+from api.logs import SeldomLog
 from api.settings import Settings
 
 LARGEST_RESERVE = 64
@@ -20,6 +36,11 @@ _OTHER_DESCRIPTORS = 256
 """Descriptors left for the database, child processes, the reserve, and files."""
 
 _log = logging.getLogger("api.connections")
+
+
+_ENOUGH = 65_536
+"""Far above what any limit of the service needs; some systems allow a thousand million."""
+_UNKNOWN = 1024
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +77,20 @@ def limits_of_connections(settings: Settings, descriptors: int) -> ConnectionLim
         answer_s=settings.answer_timeout_s,
         idle_s=settings.idle_timeout_s,
     )
+
+
+def raise_limit() -> int:
+    """Raise the limit of open files as far as the system lets this process; return what it is."""
+    if sys.platform == "win32":
+        return _UNKNOWN
+    import resource
+
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = _ENOUGH if hard == resource.RLIM_INFINITY else min(hard, _ENOUGH)
+    if soft != resource.RLIM_INFINITY and soft < wanted:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+        return wanted
+    return _ENOUGH if soft == resource.RLIM_INFINITY else soft
 
 
 class Guest(Protocol):
@@ -145,3 +180,70 @@ class Connections:
     def _admit(self, guest: Guest) -> None:
         self._ordinary.add(guest)
         self._by_network[guest.network] += 1
+
+
+# --- several processes on one socket -------------------------------------------------------------
+
+
+_ENTRY = struct.Struct("=I")
+_AWAY = 2**32 - 1
+
+
+class ConnectionTable:
+    """How many connections each process has, in memory that all of them share.
+
+    Parameters
+    ----------
+    descriptor : of the memory, from `made`
+    """
+
+    def __init__(self, descriptor: int, count: int) -> None:
+        self.descriptor = descriptor
+        self.count = count
+        self._memory = mmap.mmap(descriptor, count * _ENTRY.size)
+
+    @classmethod
+    def made(cls, count: int) -> "ConnectionTable":
+        """Return a table for so many processes, none of which takes connections yet."""
+        with tempfile.TemporaryFile() as file:
+            file.truncate(count * _ENTRY.size)
+            table = cls(os.dup(file.fileno()), count)
+        for number in range(count):
+            table.leave(number)
+        return table
+
+    def enter(self, number: int, connections: int) -> None:
+        """State how many connections a process has."""
+        _ENTRY.pack_into(self._memory, number * _ENTRY.size, connections)
+
+    def leave(self, number: int) -> None:
+        """State that a process takes no connections: nobody lets it go first."""
+        self.enter(number, _AWAY)
+
+    def least(self) -> int:
+        """Return the connections of the process that has fewest."""
+        entries: list[int] = [entry for (entry,) in _ENTRY.iter_unpack(self._memory[:])]
+        return min(entries)
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A process's place among those on one socket.
+
+    Attributes
+    ----------
+    begun : called once it takes connections
+    """
+
+    table: ConnectionTable
+    number: int
+    begun: Callable[[], None]
+
+    def gives_way(self, connections: int) -> bool:
+        """State how many connections there are; return whether another process has fewer."""
+        self.table.enter(self.number, connections)
+        return self.table.least() < connections
+
+    def leave(self) -> None:
+        """State that no more connections are taken."""
+        self.table.leave(self.number)

@@ -1,4 +1,7 @@
-"""Logs as JSON, one object a line on standard error; a request id ties lines to requests."""
+"""Logs as JSON, one object a line on standard error; a request id ties lines to requests.
+
+The same middleware gives each answer its request id and its security headers.
+"""
 
 import json
 import logging
@@ -7,14 +10,75 @@ import sys
 import time
 import traceback
 import uuid
+from collections.abc import Iterable
 from contextvars import ContextVar
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
 from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from api.security_headers import with_security
+
+@dataclass(slots=True)
+class _Silence:
+    until: float
+    cases: int = 0
+
+
+class SeldomLog:
+    """Warnings of a logger, at most one of each kind in `every_s` seconds."""
+
+    def __init__(self, logger: logging.Logger, every_s: float = 10.0) -> None:
+        self._logger = logger
+        self._every_s = every_s
+        self._silences: dict[str, _Silence] = {}
+
+    def warn(self, kind: str, message: str, **fields: object) -> None:
+        """Log a case of `kind`, with how many there were since the last line; or count it alone.
+
+        There must be few kinds: one is kept for each.
+        """
+        now = time.monotonic()
+        silence = self._silences.get(kind)
+        if silence is not None and now < silence.until:
+            silence.cases += 1
+            return
+        cases = 1 if silence is None else silence.cases + 1
+        self._silences[kind] = _Silence(now + self._every_s)
+        self._logger.warning(message, extra={"kind": kind, "cases": cases, **fields})
+
+
+# --- headers of every answer ----------------------------------------------------------------------
+
+
+HeaderPair = tuple[bytes, bytes]
+
+ALWAYS: tuple[HeaderPair, ...] = (
+    (b"x-content-type-options", b"nosniff"),
+    (b"referrer-policy", b"no-referrer"),
+    (b"cross-origin-opener-policy", b"same-origin"),
+    (b"cross-origin-resource-policy", b"same-origin"),
+    (b"permissions-policy", b"camera=(), geolocation=(), microphone=(), payment=(), usb=()"),
+)
+"""Of all answers. Strict-Transport-Security is the matter of the proxy that speaks TLS."""
+
+UNLESS_GIVEN: tuple[HeaderPair, ...] = (
+    (b"cache-control", b"private, no-cache"),
+    (b"content-security-policy", b"default-src 'none'; frame-ancestors 'none'"),
+)
+"""Of answers without a rule of their own: nothing in them is run, framed or kept by proxies."""
+
+
+def with_security(headers: Iterable[HeaderPair]) -> list[HeaderPair]:
+    """Return the headers of an answer, names in lower case, with those above."""
+    given = list(headers)
+    names = {name for name, _ in given}
+    return [*given, *ALWAYS, *(pair for pair in UNLESS_GIVEN if pair[0] not in names)]
+
+
+# --- JSON lines -----------------------------------------------------------------------------------
+
 
 REQUEST_LOGGER = "api.requests"
 PROBES = frozenset({"/healthz", "/readyz", "/metrics"})
@@ -116,7 +180,7 @@ class RequestLog:
     """ASGI middleware, outermost: gives each request its id and logs one line when it ends.
 
     A sane X-Request-ID of the client is kept; the answer carries the id under the same name. It
-    also carries the headers of api.security_headers.
+    also carries the headers of api.logs.
     """
 
     def __init__(self, app: ASGIApp) -> None:

@@ -1,40 +1,101 @@
-"""The application: settings in, routes on, workers and database opened and closed around it."""
+"""The application of the service, with workers and database around it; that of a worker.
 
-from collections.abc import AsyncIterator
+Both answer, log, count and check keys alike.
+"""
+
+from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import ExitStack, asynccontextmanager
+from functools import partial
+from typing import Any
 
 from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
 
-from api.application import without_routes
-from api.computing.pool import Pool
-from api.following.job_watch import JobWatch
+from api.computing.pool import Pool, PoolDepth
+from api.failures import install_handlers
+from api.following import JobWatch
+from api.jobs.guard import Guard
 from api.jobs.job_counts import JobCounts
 from api.jobs.queue import JobQueue
-from api.jobs.worker import Worker, guard_of
-from api.metrics import JobTally, Source
+from api.jobs.worker import Worker
+from api.logs import RequestLog
+from api.metrics import JobTally, Metrics, RequestMetrics
 from api.openapi import document_operations
+from api.readings import Cached, job_readings, pool_readings
 from api.routes import (
-    export_routes,
-    figure_routes,
-    health_routes,
     job_routes,
-    loss_routes,
     page_routes,
     plan_routes,
     recording_routes,
-    schema_routes,
+    rendition_routes,
+    service_routes,
 )
-from api.service import Service, limits_of
-from api.settings import Settings, load_settings
-from api.shares import ALONE, Share
-from api.storage.database import open_database
-from api.storage.plan_reader import PlanReader
-from api.storage.plan_writer import PlanWriter
-from api.telemetry import telemetry_options
-from api.watching.job_readings import JobReadings
-from api.watching.pool_readings import PoolReadings
-from api.watching.readings_cache import Cached
+from api.security import Keyring, KeyThrottle, LocalOnly, names_here
+from api.service import Ending, Service, limits_of
+from api.settings import ALONE, Settings, Share, load_settings
+from api.storage.database import Database, open_database
+from api.storage.plan_threads import PlanReader, PlanWriter
+from api.telemetry import OFF, telemetry_options
+from syncplan import __version__
+
+UPLOADS = "/v1/recordings"
+"""Where bodies may be larger than elsewhere."""
+
+
+def without_routes(settings: Settings, *, tally: JobTally | None = None, **options: Any) -> FastAPI:
+    """Return an application for routes to be added to; `options` are FastAPI's.
+
+    Its metrics include the jobs that `tally` counts.
+    """
+    app = FastAPI(
+        title="syncplan",
+        version=__version__,
+        docs_url=None,
+        redoc_url=None,
+        **options,
+    )
+    app.state.settings = settings
+    app.state.keyring = Keyring(settings)
+    app.state.key_throttle = KeyThrottle(settings.max_refused_keys)
+    app.state.metrics = Metrics(tally)
+    app.state.ending = Ending()
+    if not settings.asks_for_keys:
+        names = names_here((settings.host, settings.worker_host), settings.allowed_hosts)
+        app.add_middleware(LocalOnly, names=names)
+    install_handlers(
+        app, settings.body_limit_bytes, larger={UPLOADS: settings.recording_limit_bytes}
+    )
+    app.add_middleware(RequestMetrics, metrics=app.state.metrics)
+    app.add_middleware(RequestLog)
+    return app
+
+
+# --- a worker -------------------------------------------------------------------------------------
+
+
+def create_worker_app(
+    settings: Settings, database: Database, worker: Worker, counts: JobCounts
+) -> FastAPI:
+    """Return the application of a running worker: the paths that machines poll, and no others."""
+    app = without_routes(settings, tally=counts.tally, openapi_url=None, telemetry=OFF)
+    app.state.service = Service(
+        settings,
+        limits_of(settings),
+        database,
+        worker.pool,
+        worker.queue,
+        counts,
+        PlanReader(database),
+        PlanWriter(database),
+        heartbeat=worker.guard,
+    )
+    _watch(app, database, worker.queue, {"jobs": worker.pool.depth})
+    app.include_router(service_routes.health)
+    return app
+
+
+# --- the service ----------------------------------------------------------------------------------
+
 
 _DESCRIPTION = """Plans of synchronised circular orbits that let a team of robots localise itself:
 initial poses and phases at once, refinement and Monte Carlo as jobs that survive."""
@@ -60,16 +121,14 @@ def create_app(settings: Settings | None = None, share: Share = ALONE) -> FastAP
     app.state.share = share
     document_operations(app)
     for routes in (
-        plan_routes,
-        recording_routes,
-        job_routes,
-        figure_routes,
-        loss_routes,
-        export_routes,
-        schema_routes,
+        plan_routes.router,
+        recording_routes.router,
+        job_routes.router,
+        rendition_routes.router,
+        service_routes.schemas,
     ):
-        app.include_router(routes.router, prefix="/v1")
-    app.include_router(health_routes.router)
+        app.include_router(routes, prefix="/v1")
+    app.include_router(service_routes.health)
     app.include_router(page_routes.router)
     return app
 
@@ -77,11 +136,10 @@ def create_app(settings: Settings | None = None, share: Share = ALONE) -> FastAP
 @asynccontextmanager
 async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     settings: Settings = app.state.settings
-    running = await run_in_threadpool(_Running, settings, app.state.share, app.state.metrics.jobs)
-    app.state.service = running.service
-    app.state.metrics.watch(*running.readings())
+    last_first = ExitStack()
+    app.state.service = await run_in_threadpool(_begun, app, last_first)
     app.state.watch = JobWatch(
-        running.database,
+        app.state.service.database,
         most_streams=settings.max_streams,
         keyring=app.state.keyring,
         is_ending=app.state.ending.is_set,
@@ -91,61 +149,60 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         yield
     finally:
         app.state.watch.close()
-        await run_in_threadpool(running.close)
+        await run_in_threadpool(last_first.close)
 
 
-class _Running:
-    """All that has to be closed when the application ends."""
+def _begun(app: FastAPI, last_first: ExitStack) -> Service:
+    """Begin all that the application works with; `last_first` ends it, the processes first."""
+    settings: Settings = app.state.settings
+    database = open_database(settings.database)
+    last_first.callback(database.close)
+    queue = JobQueue(settings.database)
+    last_first.callback(queue.close)
+    plans, writer = PlanReader(database), PlanWriter(database)
+    last_first.callback(plans.close)
+    last_first.callback(writer.close)
+    counts = JobCounts(database, app.state.metrics.jobs)
+    worker: Worker | None = None
+    if settings.embedded_worker:
+        # what can't be written to just now can be read nevertheless
+        worker = Worker(settings, database, counts, patient=True)
+        last_first.callback(worker.close)
+    else:
+        guard = Guard(settings, database, queue, None, job_over=counts.job_over)
+        guard.start()
+        last_first.callback(guard.close)
+    pool = Pool(
+        app.state.share.of(settings.process_count),
+        background=False,
+        memory_bytes=settings.task_memory,
+        most_waiting=settings.max_plan_queue,
+        most_of_owner=settings.max_requests,
+    )
+    last_first.callback(pool.close)
+    depths = {"requests": pool.depth}
+    if worker is not None:
+        depths["jobs"] = worker.pool.depth
+    _watch(app, database, queue, depths)
+    return Service(
+        settings,
+        limits_of(settings),
+        database,
+        pool,
+        queue,
+        counts,
+        plans,
+        writer,
+        heartbeat=None if worker is None else worker.guard,
+    )
 
-    def __init__(self, settings: Settings, share: Share, tally: JobTally) -> None:
-        self.database = open_database(settings.database)
-        self.queue = JobQueue(settings.database)
-        counts = JobCounts(self.database, tally)
-        self.worker = None
-        if settings.embedded_worker:
-            # what can't be written to just now can be read nevertheless
-            self.worker = Worker(settings, self.database, counts, patient=True)
-        self.guard = None
-        if self.worker is None:
-            self.guard = guard_of(settings, self.database, self.queue, counts, None)
-            self.guard.start()
-        self.pool = Pool(
-            share.of(settings.process_count),
-            background=False,
-            memory_bytes=settings.task_memory,
-            most_waiting=settings.max_plan_queue,
-            most_of_owner=settings.max_requests,
-        )
-        self.plans = PlanReader(self.database)
-        self.writer = PlanWriter(self.database)
-        self.service = Service(
-            settings,
-            self.database,
-            self.pool,
-            self.queue,
-            limits_of(settings),
-            self.silent_s,
-            counts,
-            self.plans,
-            self.writer,
-        )
 
-    def silent_s(self) -> float:
-        """Return how long ago this process's last heartbeat was, 0 if it runs no jobs."""
-        return 0.0 if self.worker is None else self.worker.guard.silent_s
-
-    def readings(self) -> tuple[Source, ...]:
-        """Return what each scrape reads of this process and its database."""
-        depths = {"requests": self.pool.depth}
-        if self.worker is not None:
-            depths["jobs"] = self.worker.pool.depth
-        return PoolReadings(depths), Cached(JobReadings(self.database, self.queue))
-
-    def close(self) -> None:
-        """End everything, the processes first, each whatever happens to the others."""
-        with ExitStack() as last_first:
-            last_first.callback(self.database.close)
-            last_first.callback(self.queue.close)
-            for one in (self.plans, self.writer, self.guard, self.worker, self.pool):
-                if one is not None:
-                    last_first.callback(one.close)
+def _watch(
+    app: FastAPI,
+    database: Database,
+    queue: JobQueue,
+    depths: Mapping[str, Callable[[], PoolDepth]],
+) -> None:
+    """Let each scrape read what the pools of an application do, and the jobs and workers."""
+    app.state.metrics.watch(partial(pool_readings, depths))
+    app.state.metrics.watch(Cached(partial(job_readings, database, queue)), of="service")

@@ -6,17 +6,111 @@
 A connection states when it is due, and whoever looks at the clock calls `expire`.
 """
 
+import json
+import uuid
 from collections.abc import Sized
+from dataclasses import dataclass
 from typing import Any
 
 import httptools
 from uvicorn.protocols.http.flow_control import HIGH_WATER_LIMIT, FlowControl
-from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol, RequestResponseCycle
+from uvicorn.protocols.http.httptools_impl import (
+    STATUS_LINE,
+    HttpToolsProtocol,
+    RequestResponseCycle,
+)
 
-from api import refusals
-from api.addresses import network_of
-from api.connections import NEVER, Connections
-from api.refusals import LARGEST_HEAD_BYTES, Refusal
+from api.connections import NEVER, ConnectionLimits, Connections
+from api.logs import with_security
+from api.problems import MEDIA_TYPE, Problem, title_of
+from api.security import network_of
+
+# --- refusals -------------------------------------------------------------------------------------
+
+
+LARGEST_HEAD_BYTES = 64 * 2**10
+"""Most that may come before the head of a request ends."""
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """Why a connection is closed: the status and the sentence to answer with.
+
+    Attributes
+    ----------
+    reason : a word for counts and logs
+    retry_after_s : s, after which another try may go well
+    """
+
+    reason: str
+    status: int
+    detail: str
+    retry_after_s: int | None = None
+
+    def as_bytes(self) -> bytes:
+        """Return the whole answer, a problem document with a request id of its own."""
+        request_id = uuid.uuid4().hex
+        problem = Problem(
+            title=title_of(self.status),
+            status=self.status,
+            detail=self.detail,
+            request_id=request_id,
+        )
+        content = json.dumps(problem.model_dump(exclude_none=True)).encode()
+        headers = [
+            (b"content-type", MEDIA_TYPE.encode()),
+            (b"content-length", str(len(content)).encode()),
+            (b"x-request-id", request_id.encode()),
+            (b"connection", b"close"),
+        ]
+        if self.retry_after_s is not None:
+            headers.append((b"retry-after", str(self.retry_after_s).encode()))
+        lines = [b"%b: %b\r\n" % pair for pair in with_security(headers)]
+        return b"".join([STATUS_LINE[self.status], *lines, b"\r\n", content])
+
+
+UNREADABLE = Refusal("unreadable", 400, "this can't be read as HTTP/1.1")
+LARGE_HEAD = Refusal(
+    "large-head",
+    431,
+    f"the request line and the headers are larger than {LARGEST_HEAD_BYTES} bytes",
+)
+LARGE_FRAMING = Refusal(
+    "large-framing",
+    431,
+    f"sizes, extensions and trailers of chunks are more than {LARGEST_HEAD_BYTES} bytes beyond "
+    "their share of the body",
+)
+ENDING = Refusal("ending", 503, "the service is about to end; try again", retry_after_s=2)
+
+
+def late_head(limits: ConnectionLimits) -> Refusal:
+    """Return the refusal of a head that took too long."""
+    return Refusal(
+        "late-head", 408, f"the head of the request did not arrive within {limits.head_s:g} s"
+    )
+
+
+def late_body(limits: ConnectionLimits) -> Refusal:
+    """Return the refusal of a body that took too long."""
+    return Refusal(
+        "late-body", 408, f"the body of the request did not arrive within {limits.body_s:g} s"
+    )
+
+
+def crowd(limits: ConnectionLimits) -> Refusal:
+    """Return the refusal of a connection beyond the limits."""
+    return Refusal(
+        "connections",
+        503,
+        f"there are too many connections, {limits.total} in all or {limits.per_address} of your "
+        "address; close some, or try again later",
+        retry_after_s=1,
+    )
+
+
+# --- the protocol ---------------------------------------------------------------------------------
+
 
 PROBES = frozenset({b"/healthz", b"/readyz"})
 """What is answered in the reserve of connections as well."""
@@ -121,12 +215,12 @@ class HttpProtocol(HttpToolsProtocol):
         except httptools.HttpParserUpgrade:
             pass
         except httptools.HttpParserError:
-            self._refuse(self._fault or refusals.UNREADABLE)
+            self._refuse(self._fault or UNREADABLE)
             return
         if self._in_head and self._head_bytes > LARGEST_HEAD_BYTES:
-            self._refuse(refusals.LARGE_HEAD)
+            self._refuse(LARGE_HEAD)
         elif not self._in_head and self._spare < 0:
-            self._refuse(refusals.LARGE_FRAMING)
+            self._refuse(LARGE_FRAMING)
 
     def on_header(self, name: bytes, value: bytes) -> None:
         """Take a header; what comes after the body is read over."""
@@ -138,7 +232,7 @@ class HttpProtocol(HttpToolsProtocol):
         if not self._admitted:
             self._admitted = self.counted.promote(self)
         if not self._admitted and self.url.partition(b"?")[0] not in PROBES:
-            self._stop(refusals.crowd(self.limits))
+            self._stop(crowd(self.limits))
         super().on_headers_complete()
         if not self._admitted:
             self.cycle.keep_alive = False
@@ -199,11 +293,11 @@ class HttpProtocol(HttpToolsProtocol):
             # it is the service that does not read on
             self.due = self._body_due = now + self.limits.body_s
         elif not self._in_head:
-            self._refuse(refusals.late_body(self.limits))
+            self._refuse(late_body(self.limits))
         elif not self._admitted:
-            self._refuse(refusals.crowd(self.limits))
+            self._refuse(crowd(self.limits))
         elif self._head_bytes:
-            self._refuse(refusals.late_head(self.limits))
+            self._refuse(late_head(self.limits))
         else:
             self._close(now)
 
@@ -212,20 +306,20 @@ class HttpProtocol(HttpToolsProtocol):
         if self._refused:
             self._abort()
         else:
-            self._refuse(refusals.crowd(self.limits), linger=False)
+            self._refuse(crowd(self.limits), linger=False)
 
     def shutdown(self) -> None:
         """End with the server: at once, unless a request is being answered whose body has come."""
         if self._answering() and (self.cycle.response_started or not self.cycle.more_body):
             self.cycle.keep_alive = False
         elif self._answering():
-            self._refuse(refusals.ENDING, linger=False)
+            self._refuse(ENDING, linger=False)
         else:
             self.transport.close()
 
     def send_400_response(self, msg: str) -> None:
         """Refuse what can't be read."""
-        self._refuse(refusals.UNREADABLE)
+        self._refuse(UNREADABLE)
 
     def _unsupported_upgrade_warning(self) -> None:
         """No warning: other protocols are left out on purpose."""
@@ -282,7 +376,7 @@ class HttpProtocol(HttpToolsProtocol):
         self._refused = True
         now = self.loop.time()
         self.due = now + _LINGER_S
-        if refusal is not refusals.ENDING:
+        if refusal is not ENDING:
             self.counted.refused(refusal.reason, refusal.detail, self._address())
         if self.transport.is_closing():
             return

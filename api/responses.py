@@ -5,10 +5,10 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from api.storage.holdings import RecordingRow
 from api.storage.job_records import JobRow
-from api.storage.recording_records import RecordingRow
 from syncplan.reports.job_contract import JobKindName, JobState
-from syncplan.reports.plan_schemas import PlanDocument
+from syncplan.reports.plan_report import PlanDocument
 
 _ID = "019a2b3c-4d5e-7f60-8123-456789abcdef"
 _TIME = "2026-05-01T09:00:00.000000Z"

@@ -1,23 +1,242 @@
-"""API keys and the owners they stand for; where the service may listen without keys."""
+"""Who may ask: hosts and pages where there are no keys, and keys with the owners they stand for.
+
+A browser lets any page send simple requests anywhere, and a name that turns from its server to
+127.0.0.1 (DNS rebinding) lets a page read the answers too. Keys stop both, as no browser adds one
+on its own: with keys, `Host` and `Origin` are not checked.
+"""
 
 import hashlib
 import hmac
+import ipaddress
 import logging
+import math
 import socket
 import time
+from collections import OrderedDict
 from collections.abc import Callable, Iterable
+from functools import lru_cache
 from typing import Annotated
 
 from fastapi import Depends, Request
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
+from starlette.types import ASGIApp, Receive, Scope, Send
 
-from api.addresses import is_this_machine
-from api.key_file import KeyFile
-from api.key_throttle import KeyThrottle
-from api.keys import ApiKey, check_keys
-from api.problems import Unauthorized
+from api.keys import ApiKey, KeyFile, check_keys
+from api.logs import SeldomLog
+from api.problems import ForeignPage, KeysThrottled, Unauthorized, WrongHost
 from api.settings import Settings
 from syncplan.errors import InputError
+
+# --- addresses of clients -------------------------------------------------------------------------
+
+
+_ONE_SITE = 64
+"""Bits of an IPv6 address that one site shares: it may take any of the addresses behind them."""
+
+
+@lru_cache(maxsize=4096)
+def network_of(address: str) -> str:
+    """Return what an address counts as: an IPv4 address as itself, an IPv6 address as its /64.
+
+    What is no address (a socket of the file system has none) counts as it is written.
+    """
+    try:
+        parsed = ipaddress.ip_address(address)
+    except ValueError:
+        return address
+    mapped = getattr(parsed, "ipv4_mapped", None)
+    if mapped is not None:
+        return str(mapped)
+    if parsed.version == 4 or parsed.is_loopback:
+        return str(parsed)
+    bare = int(parsed) >> _ONE_SITE << _ONE_SITE
+    return f"{ipaddress.IPv6Address(bare)}/{_ONE_SITE}"
+
+
+def is_this_machine(address: str) -> bool:
+    """Return whether an IP address is one of loopback. Raises ValueError if it is none."""
+    parsed = ipaddress.ip_address(address)
+    mapped = getattr(parsed, "ipv4_mapped", None)
+    return bool((mapped or parsed).is_loopback)
+
+
+# --- hosts and origins ----------------------------------------------------------------------------
+
+
+_LOCAL = frozenset({"localhost"})
+_LONGEST_SHOWN = 80
+_LONGEST = 320
+"""Bytes of the longest host or origin that is looked at: a name has up to 253."""
+
+_MOST_KEPT = 1024
+"""Spellings of hosts whose answer is kept."""
+
+_REMEDY = "name it in SYNCPLAN_ALLOWED_HOSTS or set SYNCPLAN_API_KEYS"
+
+
+class LocalOnly:
+    """ASGI middleware that refuses requests for other hosts (421) and from others' pages (403).
+
+    Accepted are localhost, the loopback addresses, the address at which the client reached this
+    machine, and the names given. A request without `Origin` does not come from another's page.
+    Raises WrongHost and ForeignPage, so it belongs inside of what answers with problems.
+    """
+
+    def __init__(self, app: ASGIApp, names: Iterable[str]) -> None:
+        self.app = app
+        known = _LOCAL.union(name.lower() for name in names)
+
+        @_kept
+        def accepted(host: bytes, own: str) -> bool:
+            name = host_name(host.decode("latin-1"))
+            return name in known or _is_here(name, own)
+
+        @_kept
+        def accepted_origin(origin: bytes, own: str) -> bool:
+            scheme, separator, host = origin.partition(b"://")
+            return bool(scheme and separator) and accepted(host, own)
+
+        self._accepted, self._accepted_origin = accepted, accepted_origin
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass on a request that may be answered; anything but HTTP goes through untouched."""
+        if scope["type"] == "http":
+            own = (scope.get("server") or ("",))[0]
+            for name, value in scope["headers"]:
+                if name == b"host" and not self._accepted(value, own):
+                    raise WrongHost(_refused("Host", value))
+                if name == b"origin" and not self._accepted_origin(value, own):
+                    raise ForeignPage(_refused("Origin", value))
+        await self.app(scope, receive, send)
+
+
+def host_name(host: str) -> str:
+    """Return the name or address of `host[:port]` in lower case, brackets and last dot left out."""
+    if host.startswith("["):
+        return host[1:].partition("]")[0].lower()
+    return host.partition(":")[0].removesuffix(".").lower()
+
+
+def _kept(judge: Callable[[bytes, str], bool]) -> Callable[[bytes, str], bool]:
+    """Whether a value is accepted, kept for the next time; a larger one than any is not kept."""
+    judged = lru_cache(maxsize=_MOST_KEPT)(judge)
+    return lambda value, own: len(value) <= _LONGEST and judged(value, own)
+
+
+def _is_here(name: str, own: str) -> bool:
+    try:
+        return is_this_machine(name) or name == own
+    except ValueError:
+        return False
+
+
+def _refused(header: str, value: bytes) -> str:
+    shown = value.decode("latin-1")
+    if len(shown) > _LONGEST_SHOWN:
+        shown = shown[: _LONGEST_SHOWN - 3] + "..."
+    return (
+        f"{header} {shown!r}: without keys this service answers only as a host of this machine, "
+        f"such as localhost or 127.0.0.1; if it is one of yours, {_REMEDY}"
+    )
+
+
+def names_here(hosts: Iterable[str], further: Iterable[str]) -> frozenset[str]:
+    """Return the names that lead to what listens at `hosts`, and the `further` ones.
+
+    Beyond loopback, that is also this machine's own name.
+    """
+    names = set(further)
+    for name in map(host_name, hosts):
+        try:
+            address = ipaddress.ip_address(name)
+        except ValueError:
+            names.add(name)
+            reached = name not in _LOCAL
+        else:
+            reached = not is_this_machine(name)
+            if not address.is_unspecified:
+                names.add(name)
+        if reached:
+            names.add(socket.gethostname().lower())
+    return frozenset(names - {""})
+
+
+# --- refused keys ---------------------------------------------------------------------------------
+
+
+_MINUTE_S = 60.0
+_MOST_ADDRESSES = 10_000
+_MOST_PROVEN = 10_000
+
+_log = logging.getLogger("api.keys")
+
+
+class KeyThrottle:
+    """Counts refused keys by address; each address regains `per_minute` of them in a minute.
+
+    A key that an address has presented with success is let through while others are throttled
+    there, so who guesses behind a proxy does not lock out those who are at work behind it. A new
+    client behind that proxy has to wait for a free second. What is kept is bounded: the addresses
+    and keys that were seen least recently are forgotten.
+    """
+
+    def __init__(self, per_minute: int, clock: Callable[[], float] = time.monotonic) -> None:
+        self._most = float(per_minute)
+        self._clock = clock
+        # address -> when all of its refusals would be forgiven, in s of the clock
+        self._forgiven_at: OrderedDict[str, float] = OrderedDict()
+        self._proven: OrderedDict[bytes, None] = OrderedDict()
+        self._seldom = SeldomLog(_log)
+
+    def admit(self, address: str, presented: str) -> None:
+        """Raise KeysThrottled if the address has to wait before it may present this key."""
+        wait = self._wait_s(network_of(address))
+        if wait > 0.0 and _proof(address, presented) not in self._proven:
+            self._seldom.warn("throttled", "keys of an address are throttled", address=address)
+            raise KeysThrottled(
+                f"too many refused keys from this address (up to {self._most:g} a minute); "
+                f"try again in {math.ceil(wait)} s",
+                retry_after_s=wait,
+            )
+
+    def accepted(self, address: str, presented: str) -> None:
+        """Remember that the address has a key that is known."""
+        proof = _proof(address, presented)
+        if proof in self._proven:
+            self._proven.move_to_end(proof)
+            return
+        self._proven[proof] = None
+        if len(self._proven) > _MOST_PROVEN:
+            self._proven.popitem(last=False)
+
+    def refused(self, address: str) -> None:
+        """Count a refused key, and log it with its address."""
+        _log.warning("key refused", extra={"address": address})
+        network, now = network_of(address), self._clock()
+        forgiven = max(now, self._forgiven_at.get(network, now)) + _MINUTE_S / self._most
+        self._forgiven_at[network] = forgiven
+        self._forgiven_at.move_to_end(network)
+        if len(self._forgiven_at) > _MOST_ADDRESSES:
+            self._forgiven_at.popitem(last=False)
+
+    def _wait_s(self, network: str) -> float:
+        """How long until one more refusal would be within the limit, in s; 0 if it is now."""
+        forgiven = self._forgiven_at.get(network)
+        if forgiven is None:
+            return 0.0
+        left = forgiven - self._clock()
+        if left <= 0.0:
+            del self._forgiven_at[network]
+            return 0.0
+        return max(0.0, left - _MINUTE_S + _MINUTE_S / self._most)
+
+
+def _proof(address: str, key: str) -> bytes:
+    return hashlib.sha256(f"{network_of(address)} {key}".encode(errors="surrogatepass")).digest()
+
+
+# --- owners ---------------------------------------------------------------------------------------
+
 
 LOCAL_OWNER = "local"
 """Who owns everything while no keys are configured."""
@@ -30,8 +249,6 @@ _BEARER = HTTPBearer(
 _Credentials = Annotated[HTTPAuthorizationCredentials | None, Depends(_BEARER)]
 
 _LOOK_EVERY_S = 1.0
-
-_log = logging.getLogger("api.keys")
 
 
 class Keyring:

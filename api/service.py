@@ -1,6 +1,9 @@
 """What the routes work with: the database, processes for plans, the queue of jobs."""
 
-from collections.abc import Callable
+import threading
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from threading import Event
 from typing import Annotated
@@ -8,41 +11,51 @@ from typing import Annotated
 from fastapi import Depends, Request
 
 from api.computing.pool import Pool
-from api.following.job_watch import JobWatch
+from api.following import JobWatch
+from api.jobs.guard import Guard
 from api.jobs.job_counts import JobCounts
 from api.jobs.queue import JobQueue
 from api.limits import RequestLimits
+from api.problems import TooManyRequests
 from api.settings import Settings
 from api.storage.database import Database
-from api.storage.plan_reader import PlanReader
-from api.storage.plan_writer import PlanWriter
-from api.uploads import Uploads
+from api.storage.plan_threads import PlanReader, PlanWriter
+
+MOST = 4
+MOST_OF_OWNER = 2
+_RETRY_AFTER_S = 5.0
+
+
+class Uploads:
+    """The recordings that are taken in just now, by owner."""
+
+    def __init__(self) -> None:
+        self._held: Counter[str] = Counter()
+        self._lock = threading.Lock()
+
+    @contextmanager
+    def one_of(self, owner: str) -> Iterator[None]:
+        """Take part while one recording is taken in; raises TooManyRequests if there are enough."""
+        with self._lock:
+            if self._held[owner] >= MOST_OF_OWNER or self._held.total() >= MOST:
+                raise TooManyRequests(
+                    f"{self._held[owner]} of your recordings are being taken in, "
+                    f"{self._held.total()} of all; allowed are {MOST_OF_OWNER} and {MOST}; send "
+                    "one after the other",
+                    retry_after_s=_RETRY_AFTER_S,
+                )
+            self._held[owner] += 1
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._held[owner] -= 1
+                if not self._held[owner]:
+                    del self._held[owner]
+
 
 Ending = Event
 """Set once the server is about to end, so that what would go on for long comes to its end too."""
-
-
-@dataclass(frozen=True, slots=True)
-class Service:
-    """One running service.
-
-    Attributes
-    ----------
-    pool : processes for requests; those for jobs are the worker's
-    silent_s : how long ago this process's last heartbeat was; 0 if it runs no jobs
-    counts : of the jobs that end here
-    """
-
-    settings: Settings
-    database: Database
-    pool: Pool
-    queue: JobQueue
-    limits: RequestLimits
-    silent_s: Callable[[], float]
-    counts: JobCounts
-    plans: PlanReader
-    writer: PlanWriter
-    uploads: Uploads = field(default_factory=Uploads)
 
 
 def limits_of(settings: Settings) -> RequestLimits:
@@ -56,6 +69,29 @@ def limits_of(settings: Settings) -> RequestLimits:
         sweep_values=settings.max_sweep_values,
         sightings=settings.max_sightings,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class Service:
+    """One running service.
+
+    Attributes
+    ----------
+    pool : processes for requests; those for jobs are the worker's
+    counts : of the jobs that end here
+    heartbeat : of this process; None if it runs no jobs
+    """
+
+    settings: Settings
+    limits: RequestLimits
+    database: Database
+    pool: Pool
+    queue: JobQueue
+    counts: JobCounts
+    plans: PlanReader
+    writer: PlanWriter
+    heartbeat: Guard | None = None
+    uploads: Uploads = field(default_factory=Uploads)
 
 
 def service_of(request: Request) -> Service:

@@ -3,17 +3,57 @@
 import os
 import re
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, ValidationInfo
 from pydantic import field_validator as checked
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
+from sqlalchemy.engine import URL, make_url
+from sqlalchemy.exc import ArgumentError
 
-from api.database_addresses import checked_address, sqlite_address
 from api.keys import ApiKey, check_keys, parsed_keys
 from syncplan.errors import InputError
 from syncplan.runtime.machine import usable_cores, usable_memory
+
+# --- addresses of databases -----------------------------------------------------------------------
+
+
+_POSTGRES = {"postgres", "postgresql", "postgresql+psycopg"}
+
+
+def checked_address(value: str) -> str:
+    """Return the address that an operator gave, PostgreSQL's through psycopg 3.
+
+    Raises ValueError if it is none of a database that can serve.
+    """
+    try:
+        url = make_url(value)
+    except (ArgumentError, ValueError):
+        raise ValueError(_allowed("can't be read as an address")) from None
+    if url.drivername in _POSTGRES:
+        if not url.database:
+            raise ValueError(_allowed("names no database"))
+        return url.set(drivername="postgresql+psycopg").render_as_string(hide_password=False)
+    if url.drivername != "sqlite":
+        raise ValueError(_allowed("is neither SQLite nor PostgreSQL"))
+    if url.host or url.query or not url.database or url.database == ":memory:":
+        raise ValueError(_allowed("names no file, or more than a file"))
+    return sqlite_address(Path(os.path.abspath(os.path.expanduser(url.database))))
+
+
+def _allowed(problem: str) -> str:
+    return f"{problem}; allowed are sqlite:///FILE and postgresql://USER:PASSWORD@HOST:PORT/NAME"
+
+
+def sqlite_address(path: Path) -> str:
+    """Return the address of a file of SQLite."""
+    return URL.create("sqlite", database=str(path)).render_as_string(hide_password=False)
+
+
+# --- settings -------------------------------------------------------------------------------------
+
 
 PREFIX = "SYNCPLAN_"
 _SECRET = {"api_keys"}
@@ -323,3 +363,48 @@ def _data_home() -> Path:
         return Path(os.environ.get("LOCALAPPDATA") or "~/AppData/Local")
     given = os.environ.get("XDG_DATA_HOME", "")
     return Path(given if os.path.isabs(given) else "~/.local/share")
+
+
+# --- parts of several HTTP processes -------------------------------------------------------------
+
+
+_DIVIDED = (
+    "max_connections",
+    "max_connections_per_address",
+    "max_plan_queue",
+    "max_refused_keys",
+    "max_requests",
+    "max_streams",
+)
+"""Limits of the whole service, of which each process keeps its part."""
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """Which of how many processes this one is, from 0 on."""
+
+    number: int = 0
+    count: int = 1
+
+    @property
+    def first(self) -> bool:
+        """Whether this process does what one process alone does."""
+        return self.number == 0
+
+    def of(self, total: int) -> int:
+        """Return this process's part of a total; parts add up to it, but each is at least 1."""
+        return max(1, (total + self.count - 1 - self.number) // self.count)
+
+
+ALONE = Share()
+"""The share of a service of one HTTP process."""
+
+
+def divided(settings: Settings, share: Share) -> Settings:
+    """Return the settings of one of several processes, of which the first has the worker."""
+    update: dict[str, Any] = {
+        name: share.of(total) for name in _DIVIDED if (total := getattr(settings, name)) is not None
+    }
+    if not share.first:
+        update["embedded_worker"] = False
+    return settings.model_copy(update=update)

@@ -1,17 +1,83 @@
-"""OpenTelemetry, off unless the settings ask for it: FastAPI's support, and a worker's spans."""
+"""OpenTelemetry, off unless the settings ask for it: FastAPI's support, and spans of jobs.
+
+Spans of a job and its parts are in the trace of the request that asked for the job. They state the
+job's kind and how it ended, never its contents or its owner. Without an exporter nothing is
+recorded.
+"""
 
 import importlib.util
 import logging
 import os
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from datetime import datetime
+from uuid import UUID
 
 from fastapi.telemetry import TelemetryConfig
 from opentelemetry import trace
+from opentelemetry.context import Context
+from opentelemetry.trace import NonRecordingSpan, SpanContext, StatusCode, TraceFlags
+from opentelemetry.trace.propagation.tracecontext import TraceContextTextMapPropagator
+from opentelemetry.util.types import AttributeValue
 
 from api.logs import PROBES
 from api.settings import Settings
 from syncplan.errors import InputError
+
+# --- spans of jobs --------------------------------------------------------------------------------
+
+
+_FORM = TraceContextTextMapPropagator()
+_LOW_64 = 2**64 - 1
+
+
+def current_traceparent() -> str | None:
+    """Return the current span as W3C Trace Context writes it; None outside of a trace."""
+    carrier: dict[str, str] = {}
+    _FORM.inject(carrier)
+    return carrier.get("traceparent")
+
+
+def spans_wanted() -> bool:
+    """Return whether anything records spans."""
+    return not isinstance(trace.get_tracer_provider(), trace.ProxyTracerProvider)
+
+
+def record_span(
+    name: str,
+    job_id: str,
+    traceparent: str | None,
+    times: tuple[datetime, datetime],
+    attributes: Mapping[str, AttributeValue],
+    failure: str | None = None,
+) -> None:
+    """Record that something was done for a job between two times; `failure` is its reason's class.
+
+    A job without a trace of its request has one of its own, whose identifier is the job's.
+    """
+    began, ended = (int(when.timestamp() * 1e6) * 1000 for when in times)
+    span = trace.get_tracer("syncplan.jobs").start_span(
+        name,
+        context=_trace_of(job_id, traceparent),
+        attributes={"syncplan.job.id": job_id, **attributes},
+        start_time=began,
+    )
+    if failure is not None:
+        span.set_attribute("error.type", failure)
+        span.set_status(StatusCode.ERROR)
+    span.end(end_time=ended)
+
+
+def _trace_of(job_id: str, traceparent: str | None) -> Context:
+    if traceparent is not None:
+        return _FORM.extract({"traceparent": traceparent})
+    number = UUID(job_id).int
+    own = SpanContext(number, number & _LOW_64, is_remote=True, trace_flags=TraceFlags(1))
+    return trace.set_span_in_context(NonRecordingSpan(own))
+
+
+# --- exporters ------------------------------------------------------------------------------------
+
 
 EXPORTERS = ("opentelemetry.sdk", "opentelemetry.exporter.otlp.proto.http")
 REMEDY = "pip install 'syncplan[telemetry]'"

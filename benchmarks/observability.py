@@ -37,7 +37,8 @@ from syncplan.arrays import Array
 from syncplan.observability.rank import RANK_TOLERANCE, assess, link_information
 from syncplan.orbits.circles import Orbits, heading, position, wrap
 from syncplan.orbits.contacts import find_windows
-from syncplan.orbits.sensors import Noise, Sensors
+from syncplan.orbits.noise import Noise
+from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import Sightings, sample_sightings
 from syncplan.orbits.team import Team
 

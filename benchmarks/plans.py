@@ -74,9 +74,9 @@ def _scenario(count: int) -> dict[str, Any]:
 
 def _works(count: int) -> dict[str, Callable[[], Any]]:
     """What is timed, by the names of PARTS; each returns what can be compared, or None."""
-    from api.computing.renditions import previewed
+    from api.computing.tasks import previewed
+    from api.documents import as_plan_text
     from api.limits import RequestLimits
-    from api.plan_texts import as_plan_text
     from syncplan.estimation.bounds import posterior_bound
     from syncplan.observability.connectivity import connectivity_period
     from syncplan.observability.loss_ranks import decisive_losses

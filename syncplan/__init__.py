@@ -34,10 +34,12 @@ Packages, each using only those before it; each lists its modules
     arrays            types of arrays
     errors            the errors raised on purpose
     phrases           words for many things
+    options           options of runs, each declared once
     runtime           cores and threads, child processes, files written whole
     results           what each result can be turned into: a file, a data frame, HTML
     recordings        what real robots recorded, read and checked
     scenario          what the user says, read and checked
+    documents         what all JSON documents share
     orbits            circles, contact windows, least distances, sightings
     synchronisation   senses and phases
     placement         centres, from links or from a gap

@@ -14,7 +14,7 @@ import api
 import syncplan
 
 DEGREES_AT_THE_EDGE = {
-    "syncplan.cli.terminal_tables",
+    "syncplan.cli.plan_tables",
     "syncplan.observability.unobservable_modes",
     "syncplan.orbits.team",
     "syncplan.plotting.canvas",

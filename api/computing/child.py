@@ -1,19 +1,76 @@
-"""A child process that runs tasks by name, and the parent's handle on it."""
+"""A child process that runs tasks by name, and the parent's handle on it.
+
+A time limit asks first: an alarm raises in the task, which cleans up as after any error.
+"""
 
 import contextlib
 import gc
 import os
+import signal
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
-from api.computing import renditions, tasks
-from api.computing.time_limit import Alarm, TimeUp
-from api.job_kinds.job_tasks import FinishedStart, Progress
+from api.computing import tasks
+from api.job_kinds.job_kind import FinishedStart, Progress
 from syncplan.errors import Fault, InputError, NoGoError, NoSolutionError, ProcessEndedError
 from syncplan.runtime.child_processes import ChildProcess, connect_to_parent
 from syncplan.runtime.machine import limit_memory
+
+# --- time limit -----------------------------------------------------------------------------------
+
+
+_AGAIN_S = 2.0
+_LEAST_S = 0.001
+
+
+class TimeUp(BaseException):
+    """The time of the task is over; no `except Exception` of its code stops it."""
+
+
+class Alarm:
+    """Raises TimeUp in the main thread once a task's time is over, again and again until cleared.
+
+    Code that never returns to Python is not asked: whoever waits for it ends the process. Does
+    nothing on systems without interval timers.
+    """
+
+    def __init__(self) -> None:
+        self._set = False
+        self._possible = hasattr(signal, "setitimer")
+        if self._possible:
+            signal.signal(signal.SIGALRM, self._ring)
+
+    def set(self, seconds: float | None) -> None:
+        """Start the time of a task; None for one without limit."""
+        if self._possible and seconds is not None:
+            self._set = True
+            signal.setitimer(signal.ITIMER_REAL, max(seconds, _LEAST_S), _AGAIN_S)
+
+    @contextlib.contextmanager
+    def paused(self) -> Iterator[None]:
+        """Raise nothing within; what is due is raised later."""
+        before, self._set = self._set, False
+        try:
+            yield
+        finally:
+            self._set = before
+
+    def clear(self) -> None:
+        """End the time of a task."""
+        # first: nothing is raised from here on
+        self._set = False
+        if self._possible:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+
+    def _ring(self, *_: object) -> None:
+        if self._set:
+            raise TimeUp
+
+
+# --- the process ----------------------------------------------------------------------------------
+
 
 GRACE_S = 5.0
 """How long a task that was asked to end may take to end (s) before its process is killed."""
@@ -137,8 +194,6 @@ def serve(descriptor: int) -> None:
         limit_memory(memory_bytes)
     alarm = Alarm()
     tasks.warm_up(trials=background)
-    if not background:
-        renditions.ready()
     # what is loaded by now stays: the collector need not scan it again and again
     gc.freeze()
     connection.send(("ready", None))
@@ -163,7 +218,7 @@ def serve(descriptor: int) -> None:
             extra = (progress_every(),) if name in _WITH_PROGRESS else ()
             try:
                 alarm.set(timeout_s)
-                answer = _outcome(_task(name), *arguments, *extra)
+                answer = _outcome(getattr(tasks, name), *arguments, *extra)
             except TimeUp:
                 answer = "failed", ("no time", "out of time", "", [])
             finally:
@@ -193,11 +248,6 @@ def _outcome(task: Callable[..., Any], *arguments: Any) -> tuple[str, Any]:
 def _of_memory(complaint: str) -> bool:
     """Whether the last words of a process, or of a library in C++, are of memory."""
     return any(words in complaint for words in ("MemoryError", "bad_alloc", "llocate memory"))
-
-
-def _task(name: str) -> Callable[..., Any]:
-    found: Callable[..., Any] = getattr(renditions if name in renditions.__all__ else tasks, name)
-    return found
 
 
 def _memory() -> int:

@@ -14,19 +14,42 @@ import logging
 import math
 import threading
 import time
+from dataclasses import dataclass
 from typing import Any
 
-from api.computing.child import (
-    Child,
-    ChildGoneError,
-    ChildNotStartedError,
-    TaskFailedError,
+from api.computing.child import Child, ChildGoneError, ChildNotStartedError, TaskFailedError
+from api.computing.turns import (
+    LEAST_RUN_S,
+    GivenUpError,
+    OwnerBusyError,
+    PoolFullError,
+    Ticket,
+    Turns,
 )
-from api.computing.pool_depth import PoolDepth
-from api.computing.tickets import LEAST_RUN_S, GivenUpError, OwnerBusyError, PoolFullError, Ticket
-from api.computing.turns import Turns
-from api.job_kinds.job_tasks import Progress
+from api.job_kinds.job_kind import Progress
 from syncplan.errors import InputError, NoGoError, NoSolutionError
+
+
+@dataclass(frozen=True, slots=True)
+class PoolDepth:
+    """What a pool is at.
+
+    Attributes
+    ----------
+    processes : child processes that it keeps, with the extra ones there are now
+    running, waiting : tasks
+    owners : whose tasks wait
+    oldest_s : how long the task has waited that has waited longest, 0 if none waits
+    started : child processes started since the pool began
+    """
+
+    processes: int
+    running: int
+    waiting: int
+    owners: int
+    oldest_s: float
+    started: int
+
 
 LARGEST_GROWTH_BYTES = 48 * 2**20
 """A child that has grown by more than this since its first task is replaced."""

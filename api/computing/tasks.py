@@ -4,39 +4,42 @@ The trials of a validation or a flight are one run; those of a sweep one for eac
 child keeps what it set up for the job it served last.
 """
 
+import json
 import time
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, Literal, TypedDict
 
-from api.job_kinds.job_kind import JobSubject
-from api.job_kinds.job_table import JOB_KINDS
-from api.job_kinds.job_tasks import (
+from api.documents import (
+    PlanText,
+    Syntax,
+    as_plan_text,
+    loaded_body,
+    loaded_plan,
+    overview_of_text,
+)
+
+# a task as it is
+from api.documents import packed_recording as packed_recording
+from api.job_kinds.job_kind import (
     Batch,
     EarlierWork,
     JobReport,
     JobSpec,
+    JobSubject,
     Progress,
     TrialTask,
     WholeTask,
 )
+from api.job_kinds.job_table import JOB_KINDS
 from api.limits import RequestLimits
-from api.packed_recordings import overview_of_text, packed_recording
-from api.plan_texts import PlanText, Syntax, as_plan_text, loaded_body, loaded_plan
 from syncplan.estimation.trials import CHUNK_TRIALS
 from syncplan.reports.job_contract import JobKindName
 from syncplan.scenario.loading import decoded, parse_document, scenario_from
 
-__all__ = [
-    "checked_request",
-    "computed_batch",
-    "computed_job",
-    "concluded_job",
-    "made_plan",
-    "measured_runs",
-    "packed_recording",
-    "warm_up",
-]
-
+if TYPE_CHECKING:
+    from syncplan.planning.planner import BoundChoice, Plan
+    from syncplan.plotting.figure_style import Theme
 
 # --- requests -----------------------------------------------------------------------------------
 
@@ -140,7 +143,7 @@ def _trial_task(spec: JobSpec) -> TrialTask[Any, Any]:
 
 
 def warm_up(trials: bool) -> None:
-    """Load what the first task would otherwise wait for; with `trials`, the filter as well."""
+    """Load what the first task would otherwise wait for: the filter, or what draws figures."""
     from syncplan.planning.planner import plan
 
     made = plan(scenario_from(_SMALL))
@@ -149,6 +152,13 @@ def warm_up(trials: bool) -> None:
         from syncplan.planning.validation import run_part, trial_run
 
         run_part(trial_run(made, trials=1, duration=1.0), 0, 1, threads=1)
+    else:
+        ready()
+
+
+def ready() -> None:
+    """Load what the first preview would otherwise wait for."""
+    import syncplan.plotting.figures  # noqa: F401
 
 
 _SMALL = {
@@ -157,3 +167,105 @@ _SMALL = {
     "landmarks_m": [[0.0, 40.0], [70.0, 40.0]],
     "sensor": {"range_m": 50.0, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1},
 }
+
+
+# --- previews, figures, losses, exports -----------------------------------------------------------
+
+
+class _LeftOut(TypedDict):
+    bound: "BoundChoice"
+    margin_bound: bool
+    pilot: bool
+    single_points: bool
+
+
+_QUICK: _LeftOut = {
+    "bound": "never",
+    "margin_bound": False,
+    "pilot": False,
+    "single_points": False,
+}
+"""What a plan is not asked for while somebody drags."""
+
+
+def previewed(
+    body: bytes,
+    syntax: Syntax,
+    limits: RequestLimits,
+    quick: bool,
+    names: Sequence[str],
+    theme: "Theme",
+) -> str:
+    """Return a plan as made_plan makes it with figures of it, as JSON; raises as that does.
+
+    A `quick` one is the plan without what takes most of the time, which its findings name.
+    """
+    from syncplan.planning.plan_files import plan_of
+    from syncplan.plotting.figure_style import FigureStyle
+    from syncplan.plotting.figures import specs_of
+    from syncplan.reports.plan_report import plan_document
+
+    loaded = loaded_body(body, syntax, limits)
+    made = plan_of(loaded, **_QUICK) if quick else plan_of(loaded)
+    specs = specs_of(made, names, style=FigureStyle(theme=theme)) if names else {}
+    return _compact({"plan": plan_document(made).as_json(), "figures": specs})
+
+
+def plan_figure(text: str, name: str, theme: "Theme", parent_text: str | None) -> str:
+    """Return a figure of a plan as JSON; raises InputError for one that it does not have.
+
+    With its parent's text, the plan is shown beside its parent.
+    """
+    from syncplan.plotting.figure_style import FigureStyle
+    from syncplan.plotting.figures import specs_of
+    from syncplan.reports.refinement_report import RefinementResult
+
+    style = FigureStyle(theme=theme)
+    if parent_text is not None:
+        specs = specs_of(_judged(parent_text), [name], style=style, after=_judged(text))
+        return _compact(specs[name])
+    record = json.loads(text).get("refinement")
+    refined = None if record is None else RefinementResult.model_validate(record)
+    return _compact(specs_of(_judged(text), [name], style=style, refined=refined)[name])
+
+
+def report_figure(text: str, kind: JobKindName, name: str, theme: "Theme") -> str:
+    """Return a figure of a job's report as JSON; raises InputError."""
+    from syncplan.plotting.figure_style import FigureStyle
+    from syncplan.plotting.figures import specs_of
+
+    model = JOB_KINDS[kind].report
+    assert model is not None
+    report: Any = model.model_validate_json(text)
+    return _compact(specs_of(report, [name], style=FigureStyle(theme=theme))[name])
+
+
+def judged_losses(
+    text: str, lose: Sequence[str], losses: Literal[1, 2], bound: "BoundChoice"
+) -> str:
+    """Return what losses do to a plan as JSON; raises InputError for a name it does not have."""
+    from syncplan.planning.loss_study import what_if
+    from syncplan.reports.loss_report import what_if_document
+    from syncplan.runtime.files import as_text
+
+    found = what_if(_judged(text), lose, losses=losses, bound=bound, threads=1)
+    return as_text(what_if_document(found).as_json())
+
+
+def exported(text: str, name: str, options: Mapping[str, Any]) -> tuple[bytes, tuple[str, ...]]:
+    """Return the files of an export of a plan, zipped, and its notes; raises InputError."""
+    from syncplan.exporting.formats import ExportOptions, as_archive, export
+
+    made = export(_judged(text), name, ExportOptions(**options))
+    return as_archive(made), made.notes
+
+
+@lru_cache(maxsize=4)
+def _judged(text: str) -> "Plan":
+    from syncplan.planning.plan_files import plan_of
+
+    return plan_of(loaded_plan(text))
+
+
+def _compact(values: Any) -> str:
+    return json.dumps(values, separators=(",", ":"), ensure_ascii=False, allow_nan=False)

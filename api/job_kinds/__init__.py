@@ -1,9 +1,7 @@
 """The kinds of jobs: what each takes, computes and results in.
 
-job_tasks         what computes jobs
-job_kind          what a kind is made of
-filter_requests   what runs of the filter have in common
-filter_trials     trials of the filter on a plan
+job_kind          what a kind is made of, and what computes its jobs
+option_requests   requests whose keys are the library's options
 refinement_jobs   refinements
 validation_jobs   validations
 flight_jobs       flights

@@ -1,5 +1,6 @@
 """Flights: a plan flown many times in closed loop, in wind, with losses."""
 
+import json
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -7,23 +8,30 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field, Strict
 
-from api.job_kinds.filter_requests import FilterRequest, our_keys
-from api.job_kinds.job_kind import JobKind, JobOperation, JobSubject
-from api.job_kinds.job_tasks import JobReport, JobSpec, TrialMethod, TrialProgress, TrialTask
-from api.limits import RequestLimits, check_flights
-from api.plan_texts import loaded_plan
-from syncplan.estimation.filters import FlightFilterChoice
-from syncplan.flight.flight_events import events_of
-from syncplan.flight.flight_options import (
-    DEFAULT_GATE,
-    GUIDANCES,
-    MOST_LATE,
-    FlightOptions,
-    GuidanceChoice,
+from api.documents import loaded_plan
+from api.job_kinds.job_kind import (
+    JobKind,
+    JobOperation,
+    JobReport,
+    JobSpec,
+    JobSubject,
+    TrialMethod,
+    TrialProgress,
+    TrialTask,
 )
+from api.job_kinds.option_requests import (
+    SUBSTEPS,
+    TRUTH,
+    TrialRequest,
+    our_keys,
+    takes_options,
+)
+from api.limits import RequestLimits, check_flights
+from syncplan.flight.flight_events import events_of
+from syncplan.flight.flight_options import GUIDANCES, FlightOptions
 from syncplan.planning.plan_files import Loaded
 from syncplan.planning.validation import asked_filter
-from syncplan.reports.flight_schemas import FlightDocument
+from syncplan.reports.flight_report import FlightDocument
 from syncplan.scenario.specification import Scenario
 
 if TYPE_CHECKING:
@@ -31,70 +39,23 @@ if TYPE_CHECKING:
 
 MOST_EVENTS = 1000
 
-USUAL = FlightOptions()
-
-Share = Annotated[float, Field(ge=0, lt=1)]
 Speed = Annotated[float, Field(ge=-1000, le=1000)]
 Velocity = Annotated[tuple[Speed, Speed], Strict(False)]
 Event = Annotated[str, Field(min_length=1, max_length=200)]
 Events = Annotated[list[Event], Field(max_length=MOST_EVENTS)]
 
 
-class FlightRequest(FilterRequest):
+@takes_options(
+    FlightOptions,
+    without=("model",),
+    substeps=SUBSTEPS,
+    truth=TRUTH,
+    lose=Events,
+    hold=Events,
+    wind=Velocity | None,
+)
+class FlightRequest(TrialRequest):
     """Flights of a plan in closed loop."""
-
-    trials: Annotated[int, Field(ge=1)] = Field(
-        default=USUAL.trials, description="Number of flights", examples=[100]
-    )
-    filter: FlightFilterChoice = Field(
-        default=USUAL.filter,
-        description="The filter. auto is the scenario's filter.kind, or robust where it has none",
-    )
-    substeps: Annotated[int, Field(ge=1, le=1000)] = Field(
-        default=USUAL.substeps, description="Euler sub-steps per sample"
-    )
-    gate_probability: Annotated[float, Field(gt=0, lt=1)] | None = Field(
-        default=None,
-        description="Probability of the innovation gate; if not given, no gate, or "
-        f"{DEFAULT_GATE:g} where bearings may be false",
-        examples=[0.999],
-    )
-    guidance: GuidanceChoice = Field(
-        default=USUAL.guidance,
-        description="How vehicles steer. "
-        + " ".join(f"{name}: {one.sentence}" for name, one in GUIDANCES.items()),
-    )
-    lose: Events = Field(
-        default=[],
-        description="What is lost, and when in s: a vehicle (v3@60), its sensor (sensor:v3@60) or "
-        "a landmark (L1@60)",
-        examples=[["v2@30"]],
-    )
-    hold: Events = Field(
-        default=[],
-        description="Vehicles that are held: v2@100:20, from 100 s on for 20 s. They stand still "
-        "in the air, or circle where speed has a least, and drift with the wind",
-        examples=[["v1@20:5"]],
-    )
-    dropout: Share = Field(
-        default=USUAL.dropout, description="Share of sightings that are lost on their way"
-    )
-    outliers: Share = Field(
-        default=USUAL.outliers, description="Share of bearings that are false, anywhere in view"
-    )
-    mistaken: Share = Field(
-        default=USUAL.mistaken,
-        description="Share of sightings that are of another vehicle in sight than is thought",
-    )
-    late: Annotated[int, Field(ge=0, le=MOST_LATE)] = Field(
-        default=USUAL.late, description="Samples after which sightings arrive"
-    )
-    wind_mps: Velocity | None = Field(
-        default=None,
-        description="True wind, x and y; drawn by the scenario's wind.sigma_mps if not given",
-        examples=[[1.5, 0.0]],
-    )
-    series: bool = Field(default=False, description="Add figures over time, and tracks")
 
     def run_options(self) -> FlightOptions:
         """Return the options of the flights."""
@@ -105,15 +66,15 @@ class FlightRequest(FilterRequest):
         assert isinstance(subject, Loaded)
         scenario = subject.scenario
         self.check_run(scenario, limits)
-        length, guidance = self.length(scenario), GUIDANCES[self.guidance]
-        check_flights(self.trials, scenario, length, guidance, limits)
-        self._check_events(scenario)
-        return self.trials
+        options = self.run_options()
+        length, guidance = self.length(scenario), GUIDANCES[options.guidance]
+        check_flights(options.trials, scenario, length, guidance, limits)
+        self._check_events(options, scenario)
+        return options.trials
 
-    def _check_events(self, scenario: Scenario) -> None:
+    def _check_events(self, options: FlightOptions, scenario: Scenario) -> None:
         """Raise InputError for a filter that can't fly, and for events that can't happen."""
-        with our_keys(FlightOptions.request_keys):
-            options = self.run_options()
+        with our_keys(FlightOptions):
             choice = asked_filter(scenario, options)
             if choice is not None:
                 replace(options, filter=choice.name)
@@ -126,7 +87,7 @@ def _runs(spec: JobSpec) -> "list[FlightRun]":
     from syncplan.planning.plan_files import plan_of
 
     assert spec.plan is not None
-    options = FlightRequest.model_validate_json(spec.request).run_options()
+    options = FlightOptions.of_request(json.loads(spec.request))
     return [flight_run(plan_of(loaded_plan(spec.plan), pilot=False), options)]
 
 

@@ -3,21 +3,21 @@
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from typing import Annotated, Any, Self
 
-from pydantic import ConfigDict, Field, GetJsonSchemaHandler, create_model, model_validator
+from pydantic import ConfigDict, Field, GetJsonSchemaHandler, model_validator
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
-from api.job_kinds.filter_requests import FilterRequest
-from api.job_kinds.filter_trials import FILTER_TRIALS
-from api.job_kinds.job_kind import JobKind, JobOperation, JobSubject
-from api.job_kinds.job_tasks import JobReport, JobSpec, TrialTask
+from api.job_kinds.job_kind import JobKind, JobOperation, JobReport, JobSpec, JobSubject, TrialTask
+from api.job_kinds.option_requests import TRUTH, TrialRequest, takes_options, with_keys
+from api.job_kinds.validation_jobs import FILTER_TRIALS
 from api.limits import RequestLimits, check_at_most, check_size, check_trials
 from syncplan.errors import InputError
+from syncplan.estimation.filter_options import SweepOptions
 from syncplan.planning.validation import TrialRun, Validation
-from syncplan.reports.run_schemas import SweepReport
-from syncplan.scenario.dotted_keys import SWEPT_KEYS, SweptKey, SweptOption, numeric_keys, swept_key
+from syncplan.reports.validation_report import SweepReport
+from syncplan.scenario.dotted_keys import SWEPT_KEYS, SweptKey, numeric_keys, swept_key
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.quantities import Many, fault
 from syncplan.scenario.specification import Scenario
@@ -56,32 +56,34 @@ def _only_numeric_keys(schema: dict[str, Any]) -> None:
     schema["anyOf"][0]["enum"] = list(numeric_keys())
 
 
-class _ScenarioRequest(FilterRequest):
-    scenario: Annotated[dict[str, Any], _DescribedAsScenario()] = Field(
-        description="The scenario that is varied"
+_LISTS: dict[str, Any] = {
+    name: (
+        Many[float] | None,
+        Field(
+            default=None,
+            description=one.many,
+            examples=[list(one.example)] if one.example else None,
+        ),
     )
+    for name, one in _SWEPT.items()
+}
+"""A list of values for each key that has one of its own."""
 
 
-def _values_of(key: SweptOption) -> Any:
-    examples = [list(key.example)] if key.example else None
-    return Many[float] | None, Field(default=None, description=key.many, examples=examples)
-
-
-if TYPE_CHECKING:
-    _SweptRequest = _ScenarioRequest
-else:
-    _SweptRequest = create_model(
-        "_SweptRequest",
-        __base__=_ScenarioRequest,
-        **{name: _values_of(key) for name, key in _SWEPT.items()},
-    )
-
-
-class SweepRequest(_SweptRequest):
+@takes_options(
+    SweepOptions,
+    without=("substeps", "gate_probability", "with_series", "model"),
+    truth=TRUTH,
+)
+@with_keys(_LISTS)
+class SweepRequest(TrialRequest):
     """One key of a scenario varied, each value planned and validated by the same trials."""
 
     model_config = ConfigDict(json_schema_extra=_just_one(_SWEPT))
 
+    scenario: Annotated[dict[str, Any], _DescribedAsScenario()] = Field(
+        description="The scenario that is varied"
+    )
     key: str | None = Field(
         default=None,
         description="Any key of the scenario that holds a number, by its dotted name; `values` has "
@@ -92,10 +94,10 @@ class SweepRequest(_SweptRequest):
     values: Many[float] | None = Field(
         default=None, description="Values of `key`", examples=[[0.1, 0.3, 1.0]]
     )
-    connected: bool = Field(
-        default=False,
-        description="Add a row with a range that connects the team at every instant",
-    )
+
+    def run_options(self) -> SweepOptions:
+        """Return the options of the trials."""
+        return SweepOptions.of_request(self.model_dump(exclude_none=True))
 
     @model_validator(mode="after")
     def _one_key(self) -> Self:
@@ -127,19 +129,20 @@ class SweepRequest(_SweptRequest):
     def work(self, subject: JobSubject, limits: RequestLimits) -> int:
         """Return the number of trials of all rows; raises InputError if it exceeds a limit."""
         key, values = self.swept()
-        rows = len(values) + self.connected
+        options = self.run_options()
+        rows = len(values) + options.connected
         check_at_most(self._list(), rows, limits.sweep_values, " rows")
         with _within("scenario"):
             scenario = scenario_from(self.scenario, max_vehicles=limits.vehicles)
             check_size(scenario, limits)
-        check_trials(rows * self.trials, scenario.size, limits)
+        check_trials(rows * options.trials, scenario.size, limits)
         for value in values:
             with _within(self._list()):
                 one = key.varied(scenario, value)
-            check_trials(rows * self.trials, one.size, limits)
+            check_trials(rows * options.trials, one.size, limits)
             self.check_run(one, limits)
             check_size(one, limits)
-        return rows * self.trials
+        return rows * options.trials
 
     def swept(self) -> tuple[SweptKey, list[float]]:
         """Return the key that is swept and its values."""
@@ -171,7 +174,7 @@ def _planned(spec: JobSpec) -> list[Any]:
     request = SweepRequest.model_validate_json(spec.request)
     scenario = scenario_from(request.scenario)
     key, values = request.swept()
-    return planned_rows(scenario, key.name, values, connected=request.connected)
+    return planned_rows(scenario, key.name, values, connected=request.run_options().connected)
 
 
 @lru_cache(maxsize=2)

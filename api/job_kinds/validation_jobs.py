@@ -1,46 +1,36 @@
 """Validations: Monte Carlo runs of the filter on a plan."""
 
+import json
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Annotated
 
-from pydantic import Field
-
-from api.job_kinds.filter_requests import DEFAULTS, FilterRequest
-from api.job_kinds.filter_trials import FILTER_TRIALS
-from api.job_kinds.job_kind import JobKind, JobOperation, JobSubject
-from api.job_kinds.job_tasks import JobReport, JobSpec, TrialTask
+from api.documents import loaded_plan
+from api.job_kinds.job_kind import (
+    JobKind,
+    JobOperation,
+    JobReport,
+    JobSpec,
+    JobSubject,
+    TrialMethod,
+    TrialProgress,
+    TrialTask,
+)
+from api.job_kinds.option_requests import SUBSTEPS, TRUTH, TrialRequest, takes_options
 from api.limits import RequestLimits, check_trials
-from api.plan_texts import loaded_plan
-from syncplan.estimation.filters import MotionName
+from syncplan.estimation.filter_options import ValidationOptions
 from syncplan.planning.plan_files import Loaded
 from syncplan.planning.validation import TrialRun, Validation
 from syncplan.planning.variations import joined_worlds, stress_runs, stress_worlds
-from syncplan.reports.run_schemas import ValidationDocument
+from syncplan.reports.validation_report import ValidationDocument
 
 
-class ValidationRequest(FilterRequest):
+@takes_options(ValidationOptions, substeps=SUBSTEPS, truth=TRUTH)
+class ValidationRequest(TrialRequest):
     """A Monte Carlo run of the filter on a plan."""
 
-    model: MotionName | None = Field(
-        default=None,
-        description="Former name of filter: arc is ekf, euler is paper",
-        deprecated=True,
-    )
-    substeps: Annotated[int, Field(ge=1, le=1000)] = Field(
-        default=DEFAULTS.substeps, description="Euler sub-steps per sample"
-    )
-    gate_probability: Annotated[float, Field(gt=0, lt=1)] | None = Field(
-        default=None,
-        description="Probability of the innovation gate; no gate if not given",
-        examples=[0.999],
-    )
-    series: bool = Field(default=False, description="Add errors and sigmas over time")
-    stress: bool = Field(
-        default=False,
-        description="Validate in worse worlds too: each stated sigma doubled, one by one and all, "
-        "20 % of the sightings missed, 1 % of the bearings false",
-    )
+    def run_options(self) -> ValidationOptions:
+        """Return the options of the trials."""
+        return ValidationOptions.of_request(self.model_dump(exclude_none=True))
 
     def work(self, subject: JobSubject, limits: RequestLimits) -> int:
         """Return the number of trials; raises InputError if it exceeds a limit."""
@@ -48,9 +38,32 @@ class ValidationRequest(FilterRequest):
         scenario = subject.scenario
         self.check_run(scenario, limits)
         world = self.in_world(scenario)
-        trials = self.trials * (1 + len(stress_worlds(world)) if self.stress else 1)
+        options = self.run_options()
+        trials = options.trials * (1 + len(stress_worlds(world)) if options.stress else 1)
         check_trials(trials, scenario.size, limits)
         return trials
+
+
+def _computed(run: "TrialRun", first: int, trials: int, progress: TrialProgress) -> bytes:
+    from syncplan.estimation.trial_archive import pack
+    from syncplan.planning.validation import run_part
+
+    return pack(run_part(run, first, trials, threads=1, progress=progress))
+
+
+def _concluded(run: "TrialRun", parts: Sequence[bytes]) -> "Validation":
+    from syncplan.estimation.trial_archive import unpack
+    from syncplan.planning.validation import conclude
+
+    return conclude(run, [unpack(one) for one in parts])
+
+
+def _effort(run: "TrialRun") -> float:
+    """Samples and sightings of a trial."""
+    return run.steps + len(run.sightings.observers)
+
+
+FILTER_TRIALS: "TrialMethod[TrialRun, Validation]" = TrialMethod(_computed, _concluded, _effort)
 
 
 @lru_cache(maxsize=2)
@@ -59,9 +72,9 @@ def _runs(spec: JobSpec) -> list[TrialRun]:
     from syncplan.planning.validation import trial_run
 
     assert spec.plan is not None
-    request = ValidationRequest.model_validate_json(spec.request)
-    plan, options = plan_of(loaded_plan(spec.plan), pilot=False), request.run_options()
-    if request.stress:
+    options = ValidationOptions.of_request(json.loads(spec.request))
+    plan = plan_of(loaded_plan(spec.plan), pilot=False)
+    if options.stress:
         return list(stress_runs(plan, options).values())
     return [trial_run(plan, options)]
 

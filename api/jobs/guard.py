@@ -1,4 +1,4 @@
-"""Heartbeats, and what happens to the work of processes without one.
+"""Heartbeats, what happens to the work of processes without one, and jobs that nobody works on.
 
 Every process raises its count in the database every few seconds and watches the counts of the
 others: a count that has not changed for a while belongs to a dead process. A watcher that could not
@@ -7,28 +7,152 @@ counts no more of that time than one heartbeat, since the others could do no bet
 declares no process dead. Workflows begun by a process that is not on the list go back to their
 queues, and so do those that this process has begun and no longer runs, because a fault ended them
 without a trace in the database. Each goes back as it is, to be taken by a worker of its version.
+
+The rows of jobs are the truth. A job whose workflows are gone begins again with what is finished of
+it. One that another version has begun waits for a worker of that version; when none has been alive
+for a stated time it moves: what is finished is dropped, as another version may compute other
+numbers, and this version begins it again. Only a job whose workflow ended by a fault fails.
 """
 
 import logging
 import threading
 import time
 from collections import defaultdict
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
+
+from sqlalchemy import Connection
 
 from api.jobs.queue import APPLICATION, VERSION, JobQueue
-from api.jobs.stranded_jobs import StrandedJobs
-from api.storage import executors
-from api.storage.clock import earlier
+from api.settings import Settings
+from api.storage import executors, job_records
 from api.storage.database import Database, unavailable
-from api.storage.ended_jobs import delete_jobs, ended_before
-from api.storage.kept_answers import forget_answers
-from api.storage.plan_records import forget_plans
-from api.storage.recording_records import forget_recordings
+from api.storage.holdings import forget_answers, forget_plans, forget_recordings
+from api.storage.job_records import (
+    ANY_VERSION,
+    WaitingJob,
+    begin_anew,
+    delete_jobs,
+    ended_before,
+    jobs_that_wait,
+)
+from api.storage.tables import earlier
+
+# --- stranded jobs --------------------------------------------------------------------------------
+
+
+_ACTIVE = ["ENQUEUED", "PENDING", "DELAYED"]
+_BROKEN = ["ERROR", "MAX_RECOVERY_ATTEMPTS_EXCEEDED", "CANCELLED"]
+_ID_LENGTH = 36
+_LOST = {"title": "Internal fault", "detail": "the job was lost; see the service's log"}
+_MOST_BEGUN = 50
+
+_logger = logging.getLogger("syncplan.guard")
+
+
+class StrandedJobs:
+    """Looks for jobs that nobody works on.
+
+    Parameters
+    ----------
+    version_grace_s : how long jobs wait for a worker of the version that began them; None where
+        jobs of other versions are left alone
+    job_over : called with each job that is failed
+    """
+
+    def __init__(
+        self,
+        database: Database,
+        queue: JobQueue,
+        version_grace_s: float | None,
+        job_over: Callable[[str], None],
+    ) -> None:
+        self._database = database
+        self._queue = queue
+        self._grace_s = version_grace_s
+        self._job_over = job_over
+        self._suspects: set[WaitingJob] = set()
+
+    def look(self) -> None:
+        """Begin jobs anew, move them to this version, or fail them, as they need."""
+        with self._database.reading() as connection:
+            waiting = jobs_that_wait(connection)
+            gone = _GoneVersions(self._grace_s, connection)
+        active = self._active_versions()
+        suspects = set()
+        for job in waiting:
+            known = active.get(job.id)
+            version = job.version
+            if version == ANY_VERSION and known:
+                # begun by nobody, or just taken by a version
+                version = next(iter(known)) or VERSION
+            if version not in (VERSION, ANY_VERSION):
+                if gone.is_gone(version):
+                    _logger.warning("job %s moves from version %s to %s", job.id, version, VERSION)
+                    self._begin_anew(job, VERSION, keep=False)
+            elif not known:
+                suspects.add(job)
+        for job in suspects:
+            self._revive(job)
+        self._suspects = suspects
+
+    def _active_versions(self) -> Mapping[str, set[str | None]]:
+        """The versions of the workflows that wait or run, for each job."""
+        found: defaultdict[str, set[str | None]] = defaultdict(set)
+        # of this application: others may keep theirs in the same database
+        for one in self._queue.client.list_workflows(
+            status=_ACTIVE, application_name=APPLICATION, load_input=False, load_output=False
+        ):
+            found[one.workflow_id[:_ID_LENGTH]].add(one.app_version)
+        return found
+
+    def _revive(self, job: WaitingJob) -> None:
+        """Fail a job that a fault has ended; begin it anew if nothing works on it for two looks."""
+        broken = self._queue.client.list_workflows(
+            workflow_id_prefix=job.id, status=_BROKEN, load_input=False, load_output=False, limit=1
+        )
+        if broken or job.begun >= _MOST_BEGUN:
+            _logger.error("job %s was lost: workflows %s", job.id, [one.status for one in broken])
+            with self._database.writing() as connection:
+                ended = job_records.end_job(connection, job.id, "failed", error=_LOST)
+            if ended:
+                self._job_over(job.id)
+        elif job in self._suspects:
+            _logger.warning("job %s has no workflow; it begins anew", job.id)
+            self._begin_anew(job, job.version or ANY_VERSION, keep=True)
+
+    def _begin_anew(self, job: WaitingJob, version: str, *, keep: bool) -> None:
+        with self._database.writing() as connection:
+            if not begin_anew(connection, job, version, keep=keep):
+                return
+        # no job without a row is entered, and none entered twice: should this process end here,
+        # the job has no workflow, and the next look finds it
+        self._queue.delete(job.id)
+        with self._database.writing() as connection:
+            self._queue.add_job(connection, job.id, job.owner, version or None)
+
+
+class _GoneVersions:
+    """Which versions nobody runs any more, as of one moment."""
+
+    def __init__(self, grace_s: float | None, connection: Connection) -> None:
+        self._grace_s = grace_s
+        self._living = executors.living_versions(connection)
+        self._last_seen = executors.last_seen(connection)
+        now = executors.agreed_moment(connection)
+        self._since = "" if grace_s is None else earlier(now, grace_s)
+
+    def is_gone(self, version: str | None) -> bool:
+        """Return whether jobs of a version wait no longer; one from before version 2 is None."""
+        if self._grace_s is None or version in self._living:
+            return False
+        return version is None or self._last_seen.get(version, "") < self._since
+
+
+# --- heartbeats -----------------------------------------------------------------------------------
+
 
 _SWEEP_EVERY_S = 20.0
 _SWEPT_AT_ONCE = 20
-
-_logger = logging.getLogger("syncplan.guard")
 
 
 class Guard:
@@ -38,44 +162,29 @@ class Guard:
     ----------
     executor_id : of this process; None for one that runs no jobs and only looks after others
     at_work : the workflows that this process is at, as they come and go
-    heartbeat_s, dead_after_s : between heartbeats; without one until a process is dead
-    keep_jobs_s, keep_answers_s : how long ended jobs and given answers are kept
-    keep_plans_s, keep_recordings_s : how long plans and recordings are kept; None: for ever
-    version_grace_s : how long jobs wait for a worker of the version that began them
     job_over : called with each job that is failed
     """
 
     def __init__(
         self,
+        settings: Settings,
         database: Database,
         queue: JobQueue,
         executor_id: str | None,
         *,
         at_work: Collection[str] = (),
-        heartbeat_s: float,
-        dead_after_s: float,
-        keep_jobs_s: float,
-        keep_answers_s: float,
-        keep_plans_s: float | None = None,
-        keep_recordings_s: float | None = None,
-        version_grace_s: float,
         job_over: Callable[[str], None] = lambda _job_id: None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
+        self._settings = settings
         self._database = database
         self._queue = queue
         self._client = queue.client
         self._executor_id = executor_id
         self._at_work = at_work
-        self._heartbeat_s = heartbeat_s
-        self._dead_after_s = dead_after_s
-        self._keep_jobs_s = keep_jobs_s
-        self._keep_answers_s = keep_answers_s
-        self._keep_plans_s = keep_plans_s
-        self._keep_recordings_s = keep_recordings_s
         self._clock = clock
         # what runs no jobs leaves those of other versions to workers
-        grace_s = None if executor_id is None else version_grace_s
+        grace_s = None if executor_id is None else settings.version_grace_s
         self._stranded = StrandedJobs(database, queue, grace_s, job_over)
         self._seen: dict[str, tuple[int, float]] = {}
         self._looked = self._swept = self._beaten = clock()
@@ -113,7 +222,7 @@ class Guard:
                 _logger.warning("could not remove this process from the list: %s", error)
 
     def _run(self) -> None:
-        while not self._stop.wait(self._heartbeat_s):
+        while not self._stop.wait(self._settings.heartbeat_s):
             try:
                 self.look_after()
             except Exception as error:
@@ -140,7 +249,7 @@ class Guard:
     def _dead(self, living: dict[str, int]) -> dict[str, int]:
         """Who has been silent for too long; this process itself has just raised its count."""
         now = self._clock()
-        self._watched_s += min(now - self._looked, self._heartbeat_s)
+        self._watched_s += min(now - self._looked, self._settings.heartbeat_s)
         self._looked = now
         self._seen = {
             name: self._seen[name]
@@ -151,7 +260,7 @@ class Guard:
         return {
             name: beats
             for name, (beats, since) in self._seen.items()
-            if self._watched_s - since >= self._dead_after_s
+            if self._watched_s - since >= self._settings.dead_after_s
         }
 
     def _take_new_jobs(self, living: Collection[str | None]) -> None:
@@ -189,15 +298,15 @@ class Guard:
 
     def _sweep(self) -> None:
         """Delete what was kept long enough; jobs last, so that none is forgotten half deleted."""
+        settings = self._settings
         with self._database.reading() as connection:
             time = executors.agreed_moment(connection)
-            old = ended_before(connection, earlier(time, self._keep_jobs_s), _SWEPT_AT_ONCE)
+            old = ended_before(connection, earlier(time, settings.keep_jobs_s), _SWEPT_AT_ONCE)
         for job_id in old:
             self._queue.delete(job_id)
         with self._database.writing() as connection:
-            forget_answers(connection, earlier(time, self._keep_answers_s))
+            forget_answers(connection, earlier(time, settings.keep_answers_s))
             delete_jobs(connection, old)
-            if self._keep_recordings_s is not None:
-                forget_recordings(connection, earlier(time, self._keep_recordings_s))
-            if self._keep_plans_s is not None:
-                forget_plans(connection, earlier(time, self._keep_plans_s))
+            forget_recordings(connection, earlier(time, settings.keep_recordings_s))
+            if settings.keep_plans_s is not None:
+                forget_plans(connection, earlier(time, settings.keep_plans_s))

@@ -4,12 +4,12 @@ import json
 import logging
 from datetime import UTC, datetime, timedelta
 
-from api.computing.tickets import Ticket
-from api.job_spans import record_span, spans_wanted
+from api.computing.turns import Ticket
 from api.metrics import JobTally
 from api.storage.database import Database
-from api.storage.job_queries import JobLife, life_of
+from api.storage.job_records import JobLife, life_of
 from api.storage.part_records import BEGINNING, CONCLUSION
+from api.telemetry import record_span, spans_wanted
 
 _UNNUMBERED = {BEGINNING: "beginning", CONCLUSION: "conclusion"}
 

@@ -5,19 +5,16 @@ import os
 import secrets
 import socket
 import threading
-from collections.abc import Collection
 
 from dbos import DBOS, DBOSConfig
 
 import api.jobs.workflows  # noqa: F401
 from api.computing.pool import Pool
-from api.jobs import dbos_runtime
-from api.jobs.dbos_runtime import Runtime
+from api.jobs import parts
 from api.jobs.guard import Guard
 from api.jobs.job_counts import JobCounts
-from api.jobs.part_watch import PartWatch
-from api.jobs.queue import APPLICATION, PARTS_QUEUE, VERSION, JobQueue
-from api.jobs.serialization import JSON_ROWS
+from api.jobs.parts import PartWatch, Runtime
+from api.jobs.queue import APPLICATION, JSON_ROWS, PARTS_QUEUE, VERSION, JobQueue
 from api.settings import Settings
 from api.storage.database import Database, unavailable
 
@@ -59,9 +56,14 @@ class Worker:
         self.queue = JobQueue(settings.database)
         watch = PartWatch(database, VERSION)
         self._runtime = Runtime(settings, database, self.queue, self.pool, counts, watch)
-        dbos_runtime.use(self._runtime)
-        self.guard = guard_of(
-            settings, database, self.queue, counts, self.executor_id, self._runtime.at_work
+        parts.use(self._runtime)
+        self.guard = Guard(
+            settings,
+            database,
+            self.queue,
+            self.executor_id,
+            at_work=self._runtime.at_work,
+            job_over=counts.job_over,
         )
         self._settings = settings
         self._stopping = threading.Event()
@@ -112,32 +114,7 @@ class Worker:
         DBOS.destroy(workflow_completion_timeout_sec=0)
         self.guard.close()
         self.queue.close()
-        dbos_runtime.use(None)
-
-
-def guard_of(
-    settings: Settings,
-    database: Database,
-    queue: JobQueue,
-    counts: JobCounts,
-    executor_id: str | None,
-    at_work: Collection[str] = (),
-) -> Guard:
-    """Return the guard of this process, not yet started."""
-    return Guard(
-        database,
-        queue,
-        executor_id,
-        at_work=at_work,
-        heartbeat_s=settings.heartbeat_s,
-        dead_after_s=settings.dead_after_s,
-        keep_jobs_s=settings.keep_jobs_s,
-        keep_answers_s=settings.keep_answers_s,
-        keep_plans_s=settings.keep_plans_s,
-        keep_recordings_s=settings.keep_recordings_s,
-        version_grace_s=settings.version_grace_s,
-        job_over=counts.job_over,
-    )
+        parts.use(None)
 
 
 def _config(settings: Settings, executor_id: str) -> DBOSConfig:

@@ -13,17 +13,17 @@ Names of workflows and queues are in the database of every job begun: they stay 
 """
 
 import asyncio
+from collections.abc import Sequence
+from itertools import pairwise
 
 from dbos import DBOS
 from sqlalchemy import Connection
 
-from api.computing.tickets import Ticket
+from api.computing.turns import Ticket
+from api.documents import PlanText
+from api.job_kinds.job_kind import Batch, EarlierWork, JobReport, Progress, TrialTask
 from api.job_kinds.job_table import JOB_KINDS
-from api.job_kinds.job_tasks import EarlierWork, JobReport, Progress, TrialTask
-from api.jobs.batching import batches_of
-from api.jobs.dbos_runtime import current, in_transaction
-from api.jobs.part_computing import Part, Submit, computed
-from api.jobs.part_watch import WatchedPart
+from api.jobs.parts import Part, Submit, WatchedPart, computed, current, in_transaction
 from api.jobs.queue import (
     BATCH_WORKFLOW,
     BEGIN_WORKFLOW,
@@ -32,12 +32,40 @@ from api.jobs.queue import (
     batch_id,
     conclusion_id,
 )
-from api.plan_texts import PlanText
-from api.storage import batch_records, job_queries, job_records, part_records
-from api.storage.clock import moment, new_id
-from api.storage.job_queries import BegunJob
+from api.storage import job_records, part_records
+from api.storage.holdings import add_plan
+from api.storage.job_records import BegunJob
 from api.storage.part_records import BEGINNING, CONCLUSION, PartHistory
-from api.storage.plan_records import add_plan
+from api.storage.tables import moment, new_id
+from syncplan.estimation.trials import CHUNK_TRIALS
+
+SHORTEST_S = 1.0
+
+
+def batches_of(runs: Sequence[tuple[int, float]], batch_s: float, processes: int) -> list[Batch]:
+    """Return the batches of runs given as (trials, seconds a trial takes).
+
+    A batch takes about `batch_s`, or less where that leaves processes idle. The batches of a single
+    run are as many for each process, so that none waits for another's last one. A batch begins at a
+    multiple of CHUNK_TRIALS, so that no division changes a byte of the result.
+    """
+    total_s = sum(trials * seconds for trials, seconds in runs)
+    aim_s = min(batch_s, max(total_s / processes, SHORTEST_S))
+    batches = []
+    for number, (trials, seconds) in enumerate(runs):
+        chunks = -(-trials // CHUNK_TRIALS)
+        count = max(round(trials * seconds / aim_s), 1)
+        if len(runs) == 1 and count > 1:
+            count = -(-count // processes) * processes
+        count = min(count, chunks)
+        # as even as whole chunks allow
+        edges = [CHUNK_TRIALS * (chunks * k // count) for k in range(count)] + [trials]
+        batches += [Batch(number, first, last - first) for first, last in pairwise(edges)]
+    return batches
+
+
+# --- workflows ------------------------------------------------------------------------------------
+
 
 _BEYOND_OWN_LIMIT = 2.0
 """A job computed whole may take so many times as long as it may be asked to, at least."""
@@ -51,7 +79,7 @@ async def begin_job(job_id: str) -> None:
     """Divide a job into batches, or compute it whole."""
     with current().at(job_id):
         job = await in_transaction(
-            lambda connection: job_queries.start_job(connection, job_id, VERSION)
+            lambda connection: job_records.start_job(connection, job_id, VERSION)
         )
         if job is None:
             return
@@ -66,7 +94,7 @@ async def compute_batch(job_id: str, number: int) -> None:
     """Compute a batch of a job's trials."""
     with current().at(batch_id(job_id, number)):
         job = await in_transaction(
-            lambda connection: job_queries.begun_job(connection, job_id, VERSION)
+            lambda connection: job_records.begun_job(connection, job_id, VERSION)
         )
         if job is None:
             await asyncio.to_thread(current().queue.drop, job_id)
@@ -79,7 +107,7 @@ async def conclude_job(job_id: str) -> None:
     """Make the report of a job whose batches are all computed."""
     with current().at(conclusion_id(job_id)):
         job = await in_transaction(
-            lambda connection: job_queries.begun_job(connection, job_id, VERSION)
+            lambda connection: job_records.begun_job(connection, job_id, VERSION)
         )
         if job is not None:
             await _conclude(job)
@@ -91,7 +119,7 @@ async def conclude_job(job_id: str) -> None:
 async def _divide(job: BegunJob) -> None:
     runtime, job_id = current(), job.spec.id
     batches = []
-    if not await in_transaction(lambda connection: batch_records.is_divided(connection, job_id)):
+    if not await in_transaction(lambda connection: part_records.is_divided(connection, job_id)):
         runs = await computed(
             Part(job_id, BEGINNING, "measuring", _limit_s(job)),
             _task(job, "measured_runs", job.spec),
@@ -101,7 +129,7 @@ async def _divide(job: BegunJob) -> None:
         batches = batches_of(runs, runtime.settings.batch_s, runtime.settings.process_count)
 
     def divide(connection: Connection) -> None:
-        if batch_records.divide_job(connection, job_id, batches, job.begun):
+        if part_records.divide_job(connection, job_id, batches, job.begun):
             _enter_next(connection, job, range(_AHEAD))
 
     await in_transaction(divide)
@@ -110,7 +138,7 @@ async def _divide(job: BegunJob) -> None:
 async def _compute_batch(job: BegunJob, number: int) -> None:
     job_id = job.spec.id
     batch = await in_transaction(
-        lambda connection: batch_records.next_batch(connection, job_id, number)
+        lambda connection: part_records.next_batch(connection, job_id, number)
     )
     if batch is None:
         return
@@ -123,7 +151,7 @@ async def _compute_batch(job: BegunJob, number: int) -> None:
         return
 
     def keep(connection: Connection) -> None:
-        if batch_records.keep_batch(connection, job_id, number, data):
+        if part_records.keep_batch(connection, job_id, number, data):
             _enter_next(connection, job, range(_AHEAD - 1, _AHEAD))
 
     await in_transaction(keep)
@@ -135,18 +163,18 @@ def _enter_next(connection: Connection, job: BegunJob, places: range) -> None:
     The conclusion is entered where there are none.
     """
     queue, job_id = current().queue, job.spec.id
-    entered = batch_records.unfinished_batches(
+    entered = part_records.unfinished_batches(
         connection, job_id, most=len(places), skipped=places.start
     )
     queue.add_batches(connection, job_id, job.owner, entered)
-    if not entered and not batch_records.unfinished_batches(connection, job_id, most=1):
+    if not entered and not part_records.unfinished_batches(connection, job_id, most=1):
         queue.add_conclusion(connection, job_id, job.owner)
 
 
 async def _conclude(job: BegunJob) -> None:
     job_id = job.spec.id
     batches = await in_transaction(
-        lambda connection: batch_records.finished_batches(connection, job_id)
+        lambda connection: part_records.finished_batches(connection, job_id)
     )
     result = await computed(
         Part(job_id, CONCLUSION, "the report", _limit_s(job)),
@@ -217,7 +245,7 @@ async def _succeed(job: BegunJob, result: PlanText | JobReport | None) -> None:
         plan_id = new_id(moment(connection))
         if not job_records.end_job(connection, job_id, "succeeded", plan_id=plan_id):
             return False
-        owner, parent_id = job_queries.owner_and_plan(connection, job_id)
+        owner, parent_id = job_records.owner_and_plan(connection, job_id)
         add_plan(connection, owner, result, plan_id=plan_id, parent_id=parent_id)
         return True
 

@@ -7,27 +7,22 @@ from fastapi import APIRouter, Depends, Header, Query, Response
 from sqlalchemy import Connection
 from starlette.concurrency import run_in_threadpool
 
-from api.callers import computed
-from api.following.event_stream import EventStream
-from api.following.followed_job import Follower
-from api.idempotency import Call, CurrentCall, EmptyCall, answer_once
+from api.calls import Call, CurrentCall, EmptyCall, accepts, answer_once, computed
+from api.following import EventStream, Follower
 from api.job_kinds.job_kind import JobKind
 from api.job_kinds.job_table import JOB_KINDS, plurals
-from api.job_spans import current_traceparent
-from api.negotiation import accepts
 from api.problems import Conflict, NotFound, TooManyRequests, problem_responses
 from api.responses import Job, JobPage, job_answer
-from api.routes.paging import Before, Limit, page_and_next
-from api.routes.plan_routes import Identifier, find_or_refuse
+from api.routes.plan_routes import Before, Identifier, Limit, find_or_refuse, page_and_next
 from api.routes.recording_routes import find_recording_or_refuse, recording_or_refuse
 from api.security import CurrentKey, CurrentOwner
 from api.service import CurrentService, CurrentWatch, Service
-from api.storage import job_queries, job_records
-from api.storage.clock import earlier, moment
+from api.storage import job_records
+from api.storage.holdings import Answer, body_of
 from api.storage.job_records import JobRow, NewJob
-from api.storage.kept_answers import Answer
 from api.storage.part_records import computed_seconds
-from api.storage.plan_records import body_of
+from api.storage.tables import earlier, moment
+from api.telemetry import current_traceparent
 from syncplan.reports.job_contract import JobState
 
 router = APIRouter(tags=["jobs"])
@@ -224,7 +219,7 @@ def read_trials(row: Owned, service: CurrentService) -> Response:
         kinds = plurals(lambda kind: kind.keeps_trials)
         raise Conflict(f"the job is a {row.kind}, {row.state}; {kinds} that succeeded have one")
     with service.database.reading() as connection:
-        trials = job_queries.trials_of(connection, row.id)
+        trials = job_records.trials_of(connection, row.id)
     if trials is None:
         raise NotFound(f"the result of job {row.id} was deleted")
     return Response(trials, media_type="application/octet-stream")
@@ -233,7 +228,7 @@ def read_trials(row: Owned, service: CurrentService) -> Response:
 def report_or_refuse(service: Service, row: JobRow) -> str:
     """Return the report of a job that succeeded; raises NotFound once it is deleted."""
     with service.database.reading() as connection:
-        report = job_queries.report_of(connection, row.id)
+        report = job_records.report_of(connection, row.id)
     if report is None:
         raise NotFound(f"the result of job {row.id} was deleted")
     return report

@@ -1,11 +1,145 @@
-"""The web page and its files: static, from this service alone, under a strict policy."""
+"""The web page and its files: static, from this service alone, under a strict policy.
 
+It consists of its own files, the library's tables, examples, and Plotly.
+"""
+
+import gzip
+import hashlib
+import json
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.resources import files
 from typing import Annotated
 
 from fastapi import APIRouter, Header, Response
 
-from api.assets import PAGE, Asset, find_asset
+from api.job_kinds.job_table import JOB_KINDS
 from api.problems import NotFound
+from syncplan.exporting.format_table import AUTOPILOTS, FORMATS
+from syncplan.flight.flight_options import GUIDANCES
+from syncplan.plotting.figure_table import FIGURES, always_there
+from syncplan.reports.job_contract import STATES, has_ended
+from syncplan.scenario.dotted_keys import ALTERNATIVES, numeric_keys
+from syncplan.scenario.objectives import OBJECTIVES
+
+
+def tables_script() -> str:
+    """Return the tables as JavaScript: names and words, in the order of the page."""
+    pilots = {
+        f"autopilot={name}&vehicle={vehicle}": title
+        for name, autopilot in AUTOPILOTS.items()
+        for vehicle, title in autopilot.titles.items()
+    }
+    of_plans = [kind for kind in JOB_KINDS.values() if kind.operation.about == "plan"]
+    drawn = {"plan", *(kind.figures for kind in of_plans)}
+    # what compares two plans is what their reader looks at first
+    figures = sorted(
+        (name for name, figure in FIGURES.items() if figure.of in drawn),
+        key=lambda name: (name not in always_there("plan"), not FIGURES[name].compares),
+    )
+    tables = {
+        "FIGURES": {name: FIGURES[name].title for name in figures},
+        "PLAN_FIGURES": always_there("plan"),
+        "FORMATS": {name: one.title for name, one in FORMATS.items()},
+        "MISSIONS": [name for name, one in FORMATS.items() if one.mission],
+        "PILOTS": pilots,
+        "GUIDANCES": {name: one.sentence for name, one in GUIDANCES.items()},
+        "OBJECTIVES": {name: one.title for name, one in OBJECTIVES.items()},
+        "MEANINGS": {key: one.meaning for key, one in numeric_keys().items()},
+        "ALTERNATIVES": ALTERNATIVES,
+        "JOB_KINDS": {
+            name: {
+                "title": kind.title.capitalize(),
+                "collection": kind.plural,
+                "unit": kind.unit,
+                "reports": kind.report is not None,
+                # each with the part of the report that it needs
+                "figures": {
+                    figure: one.part
+                    for figure, one in FIGURES.items()
+                    if one.of == kind.figures and one.there is None
+                },
+            }
+            for name, kind in JOB_KINDS.items()
+        },
+        "ENDED": [state for state in STATES if has_ended(state)],
+    }
+    lines = [f"export const {name} = {json.dumps(table)};" for name, table in tables.items()]
+    return "\n".join(lines) + "\n"
+
+
+# --- files ----------------------------------------------------------------------------------------
+
+
+PAGE = "index.html"
+PLOTLY = "plotly.min.js"
+TABLES = "tables.js"
+"""What the library lets people choose from, as a module that the page imports."""
+
+_MEDIA = {
+    "css": "text/css; charset=utf-8",
+    "html": "text/html; charset=utf-8",
+    "js": "text/javascript; charset=utf-8",
+    "svg": "image/svg+xml",
+    "yaml": "application/yaml",
+}
+_EXAMPLES = "examples"
+_LEVEL = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Asset:
+    """A file as it is sent.
+
+    Attributes
+    ----------
+    compressed : its content by gzip, for those who take that
+    etag : a digest of the content
+    """
+
+    content: bytes
+    compressed: bytes
+    media_type: str
+    etag: str
+
+
+def find_asset(name: str) -> Asset | None:
+    """Return a file by its name, or None; examples are named examples/NAME.yaml."""
+    return _asset(name) if name in _names() else None
+
+
+@lru_cache
+def _names() -> frozenset[str]:
+    """Every name there is: no other leads anywhere."""
+    folder = files("api").joinpath("page")
+    own = [one.name for one in folder.iterdir() if one.is_file()]
+    examples = [f"{_EXAMPLES}/{one.name}" for one in folder.joinpath(_EXAMPLES).iterdir()]
+    known = [name for name in (*own, *examples) if name.rpartition(".")[2] in _MEDIA]
+    return frozenset((*known, PLOTLY, TABLES))
+
+
+@lru_cache
+def _asset(name: str) -> Asset:
+    """Kept once it was asked for: compressing Plotly's script takes a quarter of a second."""
+    content = _content(name)
+    return Asset(
+        content=content,
+        compressed=gzip.compress(content, _LEVEL, mtime=0),
+        media_type=_MEDIA[name.rpartition(".")[2]],
+        etag=hashlib.sha256(content).hexdigest()[:32],
+    )
+
+
+def _content(name: str) -> bytes:
+    if name == PLOTLY:
+        return files("plotly").joinpath("package_data", PLOTLY).read_bytes()
+    if name == TABLES:
+        return tables_script().encode()
+    return files("api").joinpath("page", *name.split("/")).read_bytes()
+
+
+# --- routes ---------------------------------------------------------------------------------------
+
 
 router = APIRouter(include_in_schema=False)
 

@@ -1,22 +1,53 @@
-"""Plans: made at once, kept as they are, listed, deleted."""
+"""Plans: made at once, kept as they are, listed, deleted.
 
-from typing import Annotated
+A list comes a page at a time: newest first, each page naming the next.
+"""
+
+from collections.abc import Sequence
+from typing import Annotated, TypeVar
+from urllib.parse import urlencode
 
 from fastapi import APIRouter, Depends, Header, Path, Query, Request, Response
 from sqlalchemy import Connection
 from starlette.concurrency import run_in_threadpool
 
-from api.callers import computed
-from api.idempotency import CurrentCall, answer_once
-from api.negotiation import accepts
-from api.plan_texts import PlanText
+from api.calls import CurrentCall, accepts, answer_once, computed
+from api.documents import PlanText
 from api.problems import NotFound, PreconditionFailed, StorageFull, problem_responses
 from api.responses import PlanPage, PlanSummary, StoredPlan
-from api.routes.paging import Before, Limit, page_and_next
 from api.security import CurrentOwner
 from api.service import CurrentService, Service, service_of
-from api.storage.kept_answers import Answer
-from api.storage.plan_records import PlanRow, add_plan, body_of, delete_plan, has_room, list_plans
+from api.storage.holdings import (
+    Answer,
+    PlanRow,
+    add_plan,
+    body_of,
+    delete_plan,
+    has_room,
+    list_plans,
+)
+
+Row = TypeVar("Row")
+
+Limit = Annotated[int, Query(ge=1, le=200, description="Most entries on a page")]
+Before = Annotated[
+    str | None,
+    Query(pattern=r"^[0-9a-f-]{36}$", description="Cursor: entries older than this identifier"),
+]
+
+
+def page_and_next(
+    path: str, rows: Sequence[Row], identifiers: Sequence[str], limit: int, **chosen: str | None
+) -> tuple[Sequence[Row], str | None]:
+    """Return the first `limit` rows, and where the next page is; None if there are no more.
+
+    `chosen` are the parameters that selected the rows.
+    """
+    if len(rows) <= limit:
+        return rows, None
+    query = {"limit": limit, "before": identifiers[limit - 1], **chosen}
+    return rows[:limit], f"{path}?{urlencode({k: v for k, v in query.items() if v is not None})}"
+
 
 router = APIRouter(
     prefix="/plans", tags=["plans"], dependencies=[Depends(accepts("application/json"))]

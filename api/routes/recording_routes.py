@@ -7,19 +7,25 @@ from fastapi import APIRouter, Depends, Query, Request, Response
 from sqlalchemy import Connection
 from starlette.concurrency import run_in_threadpool
 
-from api.callers import CurrentCaller, computed
-from api.idempotency import Call, IdempotencyKey, answer_once, call_of
-from api.negotiation import accepts, check_archive
-from api.packed_recordings import PackedRecording
+from api.calls import (
+    Call,
+    CurrentCaller,
+    IdempotencyKey,
+    accepts,
+    answer_once,
+    call_of,
+    check_archive,
+    computed,
+)
+from api.documents import PackedRecording
 from api.problems import Conflict, NotFound, StorageFull, problem_responses
 from api.responses import Recording, RecordingPage, recording_answer
-from api.routes.paging import Before, Limit, page_and_next
-from api.routes.plan_routes import Identifier
+from api.routes.plan_routes import Before, Identifier, Limit, page_and_next
 from api.security import CurrentOwner
 from api.service import CurrentService, Service
-from api.storage import recording_records
+from api.storage import holdings
+from api.storage.holdings import Answer
 from api.storage.job_records import hold_owner
-from api.storage.kept_answers import Answer
 from syncplan.scenario.quantities import Name
 
 router = APIRouter(
@@ -68,7 +74,7 @@ async def create_recording(
     def store(connection: Connection, packed: PackedRecording) -> Answer:
         hold_owner(connection, call.owner)
         _check_room(connection, call)
-        row = recording_records.add_recording(connection, call.owner, packed)
+        row = holdings.add_recording(connection, call.owner, packed)
         headers = {"location": f"/v1/recordings/{row.id}"}
         return Answer(call.digest, 201, headers, recording_answer(row).model_dump_json())
 
@@ -87,7 +93,7 @@ def read_recordings(
 ) -> RecordingPage:
     """Your recordings, newest first, a page at a time."""
     with service.database.reading() as connection:
-        found = recording_records.list_recordings(connection, owner, limit + 1, before)
+        found = holdings.list_recordings(connection, owner, limit + 1, before)
     ids = [row.id for row in found]
     rows, following = page_and_next("/v1/recordings", found, ids, limit)
     return RecordingPage(items=[recording_answer(row) for row in rows], next=following)
@@ -121,14 +127,14 @@ def remove_recording(
     find_recording_or_refuse(service, owner, recording_id)
     with service.database.writing() as connection:
         hold_owner(connection, owner)
-        gone = recording_records.delete_recording(connection, owner, recording_id)
+        gone = holdings.delete_recording(connection, owner, recording_id)
     if not gone:
         raise Conflict("a job about the recording has not ended; wait for it, or cancel it")
 
 
 def find_recording_or_refuse(
     service: Service, owner: str, recording_id: str
-) -> recording_records.RecordingRow:
+) -> holdings.RecordingRow:
     """Return an owner's recording; raises NotFound, also for those of others."""
     with service.database.reading() as connection:
         return recording_or_refuse(connection, owner, recording_id)
@@ -136,9 +142,9 @@ def find_recording_or_refuse(
 
 def recording_or_refuse(
     connection: Connection, owner: str, recording_id: str
-) -> recording_records.RecordingRow:
+) -> holdings.RecordingRow:
     """Return an owner's recording as of a transaction; raises NotFound."""
-    row = recording_records.find_recording(connection, owner, recording_id)
+    row = holdings.find_recording(connection, owner, recording_id)
     if row is None:
         raise NotFound(f"there is no recording {recording_id}")
     return row
@@ -152,5 +158,5 @@ def _refuse_more(call: Call) -> None:
 
 def _check_room(connection: Connection, call: Call) -> None:
     most = call.service.settings.max_recordings
-    if recording_records.count_recordings(connection, call.owner) >= most:
+    if holdings.count_recordings(connection, call.owner) >= most:
         raise StorageFull(f"you have {most} stored recordings, the most allowed; delete some")

@@ -1,22 +1,170 @@
-"""The database: connections, transactions, the file of SQLite, waiting out an outage."""
+"""The database: connections, transactions, the file of SQLite, waiting out an outage.
 
+SQLite keeps two files beside a database that is open. Where the last process that used it has ended
+in good order they are gone, and on a full disk they can't be made, even to read: a little room is
+kept beside its file for that.
+
+Whether the database can be written to is found out without leaving anything in it. A transaction
+writes as much as a plan takes and is rolled back. PostgreSQL makes room in its files for that.
+SQLite would keep it in memory, so it is given a cache too small for it: it writes to its log, which
+the next transaction writes over. A full disk, a quota and a read-only database are found by both.
+Nothing is synchronised, so that on SQLite a check takes a tenth of a millisecond.
+"""
+
+import contextlib
 import logging
 import os
+import secrets
 import sqlite3
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
-from sqlalchemy import Connection, Engine, ExceptionContext, create_engine, event, make_url, text
+from sqlalchemy import (
+    Connection,
+    Engine,
+    ExceptionContext,
+    create_engine,
+    event,
+    insert,
+    make_url,
+    text,
+)
 from sqlalchemy.exc import DBAPIError, OperationalError, SQLAlchemyError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
-from api.storage.disk_reserve import keep_reserve, release_reserve
 from api.storage.migrations import needs_upgrade, upgrade
-from api.storage.write_check import WriteCheck
+from api.storage.tables import answers
 from syncplan.errors import InputError
+
+# --- a reserve on the disk ------------------------------------------------------------------------
+
+
+_RESERVE_BYTES = 2**17
+
+
+def keep_reserve(database: Path) -> None:
+    """Keep room for a database, if there is any and none is kept yet."""
+    reserve = _reserve_of(database)
+    with contextlib.suppress(OSError):
+        opened = os.open(reserve, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600)
+        try:
+            os.posix_fallocate(opened, 0, _RESERVE_BYTES)
+        except OSError:
+            reserve.unlink()
+        finally:
+            os.close(opened)
+
+
+def release_reserve(database: Path) -> bool:
+    """Give the room up; return whether any was kept."""
+    try:
+        _reserve_of(database).unlink()
+    except OSError:
+        return False
+    return True
+
+
+def _reserve_of(database: Path) -> Path:
+    return database.with_name(f"{database.name}-reserve")
+
+
+# --- whether it can be written to -----------------------------------------------------------------
+
+
+_CHECK_EVERY_S = 2.0
+_CHECKED_BYTES = 2**16
+_PATIENCE_MS = 500
+
+
+class WriteCheck:
+    """What is known about writing: tried at most every two seconds, however many ask.
+
+    Parameters
+    ----------
+    clock : of intervals, in seconds
+    """
+
+    def __init__(self, engine: Engine, clock: Callable[[], float] = time.monotonic) -> None:
+        self._engine = engine
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._error: Exception | None = None
+        self._known_until = clock()
+
+    def failed(self, error: Exception) -> None:
+        """Note that somebody's write has failed."""
+        if _busy(error):
+            return
+        self._error, self._known_until = error, self._clock() + _CHECK_EVERY_S
+
+    def check(self) -> None:
+        """Raise the error that a write met, or would meet now."""
+        with self._lock:
+            if self._clock() >= self._known_until:
+                self._error = self._tried()
+                self._known_until = self._clock() + _CHECK_EVERY_S
+            error = self._error
+        if error is not None:
+            raise error.with_traceback(None)
+
+    def _tried(self) -> Exception | None:
+        try:
+            with self._engine.connect() as connection:
+                if self._engine.dialect.name == "sqlite":
+                    _write_on_sqlite(connection)
+                else:
+                    _write(connection)
+                    connection.rollback()
+        except (DBAPIError, PoolTimeoutError) as error:
+            return None if _busy(error) else error
+        return None
+
+
+def _write_on_sqlite(connection: Connection) -> None:
+    """Write past a small cache; the connection is as before afterwards."""
+    before = {
+        name: connection.exec_driver_sql(f"PRAGMA {name}").scalar()
+        for name in ("busy_timeout", "cache_size")
+    }
+    connection.exec_driver_sql(f"PRAGMA busy_timeout = {_PATIENCE_MS}")
+    connection.exec_driver_sql("PRAGMA cache_size = 1")
+    try:
+        connection.exec_driver_sql("BEGIN IMMEDIATE")
+        _write(connection)
+    finally:
+        connection.rollback()
+        # one whose write has failed is not used again
+        if not connection.closed and not connection.invalidated:
+            for name, value in before.items():
+                connection.exec_driver_sql(f"PRAGMA {name} = {value}")
+
+
+def _write(connection: Connection) -> None:
+    row = {
+        "owner": "",
+        "key": secrets.token_hex(),
+        "request_digest": "",
+        "status": 0,
+        "headers": "",
+        # random, so that PostgreSQL does not compress it
+        "body": secrets.token_hex(_CHECKED_BYTES // 2),
+        "created_at": "",
+    }
+    connection.execute(insert(answers).values(row))
+
+
+def _busy(error: Exception) -> bool:
+    """Whether others are writing just now, and so could this process."""
+    code = getattr(getattr(error, "orig", None), "sqlite_errorcode", 0)
+    return code & 0xFF in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED)
+
+
+# --- connections ----------------------------------------------------------------------------------
+
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -87,7 +235,7 @@ class Database:
     def check_writing(self) -> None:
         """Raise what writing raises if the database can't be written to.
 
-        What was seen in the last seconds is not tried again; see `api.storage.write_check`.
+        What was seen in the last seconds is not tried again; see `api.storage.database`.
         """
         self._write_check.check()
 

@@ -9,8 +9,7 @@ from collections.abc import Mapping
 from sqlalchemy import Connection, delete, func, insert, select, update
 from sqlalchemy.exc import IntegrityError
 
-from api.storage.clock import NOW, moment
-from api.storage.tables import executors, versions
+from api.storage.tables import NOW, executors, moment, versions
 
 
 def beat(connection: Connection, executor_id: str, version: str) -> None:

@@ -12,9 +12,18 @@ from typing import Any
 
 from sqlalchemy import Connection, delete, func, insert, null, select, update
 
-from api.job_kinds.job_tasks import JobReport
-from api.storage.clock import NOW, moment, new_id
-from api.storage.tables import job_events, job_parts, job_results, job_starts, jobs
+from api.job_kinds.job_kind import JobReport, JobSpec
+from api.storage.tables import (
+    NOW,
+    job_events,
+    job_parts,
+    job_results,
+    job_starts,
+    jobs,
+    moment,
+    new_id,
+    recordings,
+)
 from syncplan.reports.job_contract import UNFINISHED, EndState, JobKindName, JobState
 
 ANY_VERSION = ""
@@ -187,3 +196,136 @@ def change(
         insert(job_events).values(job_id=job_id, number=number, data=json.dumps(shown))
     )
     return True
+
+
+# --- what workers ask -----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class BegunJob:
+    """A job under way; `begun` counts how often it was begun anew."""
+
+    spec: JobSpec
+    owner: str
+    begun: int
+
+
+def start_job(connection: Connection, job_id: str, version: str) -> BegunJob | None:
+    """Mark a job as running, if it waits and may be begun by this version; return it if it runs."""
+    query = select(jobs.c.id).where(
+        jobs.c.id == job_id, jobs.c.state == "queued", jobs.c.version.in_((ANY_VERSION, version))
+    )
+    if connection.execute(query.with_for_update()).first() is not None:
+        started = {"state": "running", "version": version, "started_at": NOW}
+        change(connection, job_id, only=("queued",), **started)
+    return begun_job(connection, job_id, version)
+
+
+def begun_job(connection: Connection, job_id: str, version: str) -> BegunJob | None:
+    """Return a job that runs and was begun by this version; None otherwise."""
+    specified = (jobs.c.id, jobs.c.kind, jobs.c.request, jobs.c.plan_text, recordings.c.data)
+    query = (
+        select(jobs.c.owner, jobs.c.begun, *specified)
+        .outerjoin_from(jobs, recordings, jobs.c.recording_id == recordings.c.id)
+        .where(jobs.c.id == job_id, jobs.c.state == "running", jobs.c.version == version)
+    )
+    found = connection.execute(query).first()
+    return None if found is None else BegunJob(JobSpec(*found[2:]), found[0], found[1])
+
+
+@dataclass(frozen=True, slots=True)
+class JobLife:
+    """When a job was requested, started and ended, and how; `error` is JSON."""
+
+    kind: str
+    state: str
+    traceparent: str | None
+    created_at: str
+    started_at: str | None
+    ended_at: str | None
+    error: str | None
+
+
+def life_of(connection: Connection, job_id: str) -> JobLife | None:
+    """Return the times and the end of a job; None if there is no such job."""
+    columns = (jobs.c[name] for name in JobLife.__dataclass_fields__)
+    found = connection.execute(select(*columns).where(jobs.c.id == job_id)).first()
+    return None if found is None else JobLife(*found)
+
+
+def owner_and_plan(connection: Connection, job_id: str) -> tuple[str, str | None]:
+    """Return a job's owner and the plan it is about."""
+    found = connection.execute(
+        select(jobs.c.owner, jobs.c.plan_id).where(jobs.c.id == job_id)
+    ).one()
+    return found[0], found[1]
+
+
+def report_of(connection: Connection, job_id: str) -> str | None:
+    """Return the report of a job that has succeeded."""
+    query = select(job_results.c.text).where(job_results.c.job_id == job_id)
+    return connection.execute(query).scalar()
+
+
+def trials_of(connection: Connection, job_id: str) -> bytes | None:
+    """Return the figures of each trial of a job that has succeeded."""
+    query = select(job_results.c.trials).where(job_results.c.job_id == job_id)
+    return connection.execute(query).scalar()
+
+
+# --- jobs that wait -------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class WaitingJob:
+    """A job that has not ended.
+
+    Attributes
+    ----------
+    version : that has begun it, ANY_VERSION if none has, None if one from before schema version 2
+    begun : how often it was begun anew
+    """
+
+    id: str
+    owner: str
+    version: str | None
+    begun: int
+
+
+def jobs_that_wait(connection: Connection) -> list[WaitingJob]:
+    """Return all jobs that have not ended."""
+    query = select(jobs.c.id, jobs.c.owner, jobs.c.version, jobs.c.begun)
+    return [
+        WaitingJob(*row) for row in connection.execute(query.where(jobs.c.state.in_(UNFINISHED)))
+    ]
+
+
+def begin_anew(connection: Connection, job: WaitingJob, version: str, *, keep: bool) -> bool:
+    """Give a job to a version, to begin it again; return whether it was still as it is given here.
+
+    What is finished of it is dropped unless `keep` is given. The progress that is shown stays until
+    it is passed.
+    """
+    same = jobs.c.version.is_(None) if job.version is None else jobs.c.version == job.version
+    changed = connection.execute(
+        update(jobs)
+        .where(jobs.c.id == job.id, jobs.c.state.in_(UNFINISHED), same, jobs.c.begun == job.begun)
+        .values(version=version, begun=job.begun + 1)
+    )
+    if changed.rowcount and not keep:
+        forget_parts(connection, job.id)
+    return bool(changed.rowcount)
+
+
+# --- jobs that ended long ago ---------------------------------------------------------------------
+
+
+def ended_before(connection: Connection, time: str, most: int) -> list[str]:
+    """Return the identifiers of up to `most` jobs that ended before a time."""
+    query = select(jobs.c.id).where(jobs.c.state.not_in(UNFINISHED), jobs.c.ended_at < time)
+    return list(connection.execute(query.limit(most)).scalars())
+
+
+def delete_jobs(connection: Connection, job_ids: Sequence[str]) -> None:
+    """Delete jobs, with everything that refers to them."""
+    connection.execute(delete(jobs).where(jobs.c.id.in_(job_ids)))

@@ -12,7 +12,7 @@ from syncplan.planning.planner import Plan
 from syncplan.plotting.canvas import Spec, axis, fitted, layout, numbers
 from syncplan.plotting.figure_style import BLUE, GREEN, ORANGE, PLAIN, VERMILLION
 from syncplan.plotting.figures import specs_of
-from syncplan.reports.run_schemas import ValidationDocument
+from syncplan.reports.validation_report import ValidationDocument
 
 __all__ = ["DRAWN", "Drawn", "final_error", "sight_direction"]
 

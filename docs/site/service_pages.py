@@ -6,8 +6,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from api.failures import NO_SOLUTION
 from api.main import create_app
-from api.problems.table import NO_SOLUTION
 from api.settings import PREFIX, Settings
 
 __all__ = ["operations_page", "problems_page", "settings_page", "settings_table"]

@@ -5,8 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import syncplan
-from syncplan.reports.run_schemas import ValidationDocument
-from syncplan.reports.validation_report import validation_document
+from syncplan.reports.validation_report import ValidationDocument, validation_document
 from syncplan.scenario.loading import scenario_from
 
 __all__ = [

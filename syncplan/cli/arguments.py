@@ -1,13 +1,20 @@
-"""Arguments that several commands share, and how comma-separated ones are read."""
+"""What several commands take: files, formats, and options of runs as they are declared."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import wraps
+from inspect import Parameter, signature
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from syncplan.cli.console import Format
 from syncplan.errors import InputError
+from syncplan.estimation.replay_settings import Poses
+from syncplan.options import Option, RunOptions, options_of
+
+LARGEST_FILE_BYTES = 2**20
 
 ScenarioFile = Annotated[
     str, typer.Argument(metavar="SCENARIO", help="Scenario file, YAML or JSON; - is standard input")
@@ -22,15 +29,6 @@ Output = Annotated[
 Shown = Annotated[
     Format,
     typer.Option("--format", help="Standard output: auto is a table at a terminal, JSON elsewhere"),
-]
-Trials = Annotated[int, typer.Option(help="Number of Monte Carlo trials")]
-Seed = Annotated[int, typer.Option(help="Seed of all random numbers")]
-Duration = Annotated[
-    float | None,
-    typer.Option(help="Length of each run in s; the scenario's if not given", show_default=False),
-]
-Series = Annotated[
-    bool, typer.Option("--series", help="Add errors and sigmas over time to the report")
 ]
 Threads = Annotated[
     int | None, typer.Option(help="Threads; all cores if not given", show_default=False)
@@ -65,3 +63,178 @@ def numbers(text: str, option: str) -> list[float]:
         raise InputError(
             f"{text!r}: must be numbers with commas between, such as 0.2,0.4", key=option
         ) from None
+
+
+# --- options of runs ------------------------------------------------------------------------------
+
+
+def takes_options(
+    kind: type[RunOptions], *, without: Sequence[str] = ()
+) -> Callable[[Callable[..., int]], Callable[..., int]]:
+    """Return what gives a command the options of a kind, which it takes as one, `options`.
+
+    Their names, types, defaults and help are those of the fields, but for those in `without`.
+    """
+    offered = [one for one in options_of(kind) if one.name not in without]
+
+    def with_options(command: Callable[..., int]) -> Callable[..., int]:
+        @wraps(command)
+        def called(**given: Any) -> int:
+            values = {one.name: _read(one, given.pop(one.name)) for one in offered}
+            return command(options=kind(**values), **given)
+
+        parameters: list[Parameter] = []
+        for own in signature(command).parameters.values():
+            parameters += map(_parameter, offered) if own.name == "options" else [own]
+        setattr(called, "__signature__", signature(command).replace(parameters=parameters))  # noqa: B010
+        return called
+
+    return with_options
+
+
+@dataclass(frozen=True, slots=True)
+class _Written:
+    """How values of a type are written on a command line.
+
+    Attributes
+    ----------
+    type : that the parser knows
+    read : makes a value of it, given the option's name as well
+    hint : on how to write them; empty where that is plain
+    metavar : what stands for one in the help; the parser's own if None
+    completed : what a shell completes one with
+    """
+
+    type: Any
+    read: Callable[[Any, str], Any]
+    hint: str = ""
+    metavar: str | None = None
+    completed: Callable[[str], list[str]] | None = None
+
+
+def _parameter(option: Option) -> Parameter:
+    """The parameter of a command that sets an option."""
+    written = _WRITTEN.get(option.type, _Written(option.type, lambda value, _: value))
+    default = option.default if option.type == written.type else None
+    off = f"/--no-{option.flag.removeprefix('--')}" if option.default is True else ""
+    shown = typer.Option(
+        f"{option.flag}{off}",
+        help=f"{option.sentence}{written.hint}",
+        show_default=default is not None and option.default is not False,
+        metavar=written.metavar,
+        autocompletion=written.completed,
+        hidden=option.former,
+    )
+    return Parameter(
+        option.name,
+        Parameter.KEYWORD_ONLY,
+        default=default,
+        annotation=Annotated[(written.type, shown)],
+    )
+
+
+def _read(option: Option, value: Any) -> Any:
+    """The value of an option from what the parser made of it."""
+    if value is None:
+        return option.default
+    written = _WRITTEN.get(option.type)
+    return value if written is None else written.read(value, option.flag)
+
+
+def _pair(text: str, flag: str) -> tuple[float, float]:
+    found = numbers(text, flag)
+    if len(found) != 2:
+        raise InputError(f"{text!r}: give two numbers, such as 1.5,0", key=flag)
+    return found[0], found[1]
+
+
+def _names(text: str, _: str) -> tuple[str, ...] | None:
+    if text == "all":
+        return None
+    return () if text == "none" else tuple(map(str.strip, text.split(",")))
+
+
+def numeric_keys_from(incomplete: str, before: str = "") -> list[str]:
+    """Return the keys that begin so, without what all of those asked for have `before` them."""
+    from syncplan.scenario.dotted_keys import numeric_keys
+
+    found = [key.removeprefix(before) for key in numeric_keys() if key.startswith(before)]
+    return [key for key in found if key.startswith(incomplete)]
+
+
+def _true_keys(incomplete: str) -> list[str]:
+    from syncplan.scenario.dotted_keys import IN_TRUTH
+
+    return [f"{key}=" for key in numeric_keys_from(incomplete, IN_TRUTH)]
+
+
+def _truth(texts: Sequence[str], flag: str) -> dict[str, Any] | None:
+    """The keys of the simulated world, section by section, from KEY=VALUE each."""
+    from syncplan.scenario.dotted_keys import IN_TRUTH, nearest_keys, numeric_keys, with_number
+
+    document: dict[str, Any] = {}
+    for text in texts:
+        key, equals, value = text.partition("=")
+        if not equals:
+            problem = f"{text!r}: give a key and its value, such as wind.gust_sigma_mps=0.6"
+            raise InputError(problem, key=flag)
+        if IN_TRUTH + key not in numeric_keys():
+            near = [one.removeprefix(IN_TRUTH) for one in nearest_keys(IN_TRUTH + key)]
+            known = [one for one in dict.fromkeys(near) if IN_TRUTH + one in numeric_keys()]
+            hint = f"did you mean {' or '.join(known[:3])}?" if known else "see docs/truth.md"
+            problem = f"{key!r}: no such key of the simulated world holds a number; {hint}"
+            raise InputError(problem, key=flag)
+        try:
+            document = with_number(document, IN_TRUTH + key, float(value))
+        except ValueError:
+            problem = f"{value!r}: the value of {key} must be a number"
+            raise InputError(problem, key=flag) from None
+    return document.get("truth")
+
+
+def poses_of(text: str, flag: str) -> list[tuple[float, float, float]]:
+    """Return poses (m, m, rad) from `1,2,0.5;4,0,-1`, or from a file with a line for each robot.
+
+    Raises InputError where that is no such list, and no such file.
+    """
+    rows = text.split(";") if ";" in text or "," in text else _lines(Path(text), flag)
+    poses = []
+    for row in rows:
+        try:
+            x, y, heading = (float(word) for word in row.replace(",", " ").split())
+        except ValueError:
+            shown = row.strip()[:60]
+            problem = f"{shown!r}: x, y and heading of one robot are needed, in m and rad"
+            raise InputError(problem, key=flag) from None
+        poses.append((x, y, heading))
+    return poses
+
+
+def _lines(path: Path, flag: str) -> list[str]:
+    try:
+        if path.stat().st_size > LARGEST_FILE_BYTES:
+            raise InputError(f"{path} is larger than a list of poses can be", key=flag)
+        lines = path.read_text("utf-8-sig").splitlines()
+    except UnicodeDecodeError:
+        raise InputError(f"{path} is not a text file", key=flag) from None
+    except OSError as error:
+        raise InputError(f"{path} can't be read: {error.strerror}", key=flag) from None
+    return [line for line in (line.split("#")[0].strip() for line in lines) if line]
+
+
+_WRITTEN: Mapping[Any, _Written] = {
+    tuple[str, ...]: _Written(
+        list[str] | None, lambda texts, _: tuple(texts), "; may be given several times"
+    ),
+    tuple[float, float] | None: _Written(str | None, _pair),
+    tuple[int | str, ...] | None: _Written(str | None, _names, "; such as 7,15, or all, or none"),
+    Poses | None: _Written(str | None, poses_of, metavar="FILE|X,Y,RAD;..."),
+    Mapping[str, Any] | None: _Written(
+        list[str] | None,
+        _truth,
+        "; such as wind.gust_sigma_mps=0.6, may be given several times",
+        metavar="KEY=VALUE",
+        completed=_true_keys,
+    ),
+}
+"""Types that are written otherwise than the parser would have them."""

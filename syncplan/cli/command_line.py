@@ -12,27 +12,28 @@ from syncplan.cli.arguments import Output
 from syncplan.cli.console import Format, deliver, open_closed_streams, reader_may_leave, say
 from syncplan.cli.document_table import DOCUMENTS
 from syncplan.cli.export_commands import exporters
-from syncplan.cli.flight_commands import flights
-from syncplan.cli.loss_commands import losses
-from syncplan.cli.plan_commands import plans
+from syncplan.cli.plan_commands import losses, plans
 from syncplan.cli.plot_commands import plots
-from syncplan.cli.replay_commands import replays
-from syncplan.cli.run_commands import runs
+from syncplan.cli.run_commands import replays, runs
 from syncplan.cli.service_commands import services
 from syncplan.errors import InputError, SyncplanError
+from syncplan.estimation.filter_options import ValidationOptions
+from syncplan.estimation.replay_settings import ReplayOptions
+from syncplan.flight.flight_options import FlightOptions
+from syncplan.options import options_of
 
 INTERNAL_FAULT = 1
 INTERRUPTED = 130
 
 OPTIONS = {
-    "lose": "--lose",
+    **{
+        one.name: one.flag
+        for kind in (ReplayOptions, ValidationOptions, FlightOptions)
+        for one in options_of(kind)
+        if one.name not in ("filter", "truth")
+    },
     "losses": "--losses",
-    "trials": "--trials",
-    "seed": "--seed",
-    "duration": "--duration",
-    "substeps": "--substeps",
     "threads": "--threads",
-    "gate_probability": "--gate",
     "vary": "--vary",
     "center_box_m": "--center-box-m",
     "radius_m": "--radius-m",
@@ -54,33 +55,9 @@ OPTIONS = {
     "altitude_m": "--altitude-m",
     "turns": "--turns",
     "sample_time_s": "--sample-time-s",
-    "sample_time": "--sample-time-s",
-    "landmarks": "--landmarks",
-    "bearing_sigma": "--bearing-sigma-rad",
-    "speed_sigma": "--speed-sigma-mps",
-    "turn_rate_sigma": "--turn-rate-sigma-rad-s",
-    "range_sigma": "--range-sigma-m",
-    "speed_scale_sigma": "--speed-scale-sigma",
-    "turn_rate_bias_sigma": "--turn-rate-bias-sigma-rad-s",
-    "bearing_bias_sigma": "--bearing-bias-sigma-rad",
-    "bearing_walk_sigma": "--bearing-walk-sigma-rad",
-    "bearing_walk_time": "--bearing-walk-time-s",
-    "delay": "--delay-s",
-    "window": "--window-s",
-    "start": "--start",
-    "start_poses": "--start-poses",
-    "position_sigma": "--start-sigma-m",
-    "heading_sigma": "--start-sigma-rad",
     "sagitta_m": "--sagitta-m",
     "autopilot": "--autopilot",
     "vehicle": "--vehicle",
-    "guidance": "--guidance",
-    "hold": "--hold",
-    "dropout": "--dropout",
-    "outliers": "--outliers",
-    "mistaken": "--mistaken",
-    "late": "--late",
-    "wind": "--wind",
 }
 """Options by the name of the library's argument that they set."""
 
@@ -119,7 +96,6 @@ def _schema(
 
 app.add_typer(plans)
 app.add_typer(runs)
-app.add_typer(flights)
 app.add_typer(losses)
 app.add_typer(replays)
 app.add_typer(plots)

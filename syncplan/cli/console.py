@@ -13,8 +13,8 @@ from syncplan.errors import InputError
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from syncplan.documents import Document
     from syncplan.estimation.filter_options import FilterOptions
-    from syncplan.reports.document_base import Document
 
 PIPED_WIDTH = 160
 """Columns of tables that go to a file or another program, unless COLUMNS says otherwise."""
@@ -115,27 +115,18 @@ def open_closed_streams() -> None:
         sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
 
 
-def announce_compilation(options: "FilterOptions", runs: Iterable[tuple[int, bool]]) -> None:
-    """Say that the filter's kernels are compiled first, if any is.
-
-    Each of `runs` is a number of vehicles, and whether its filter has further states or misses
-    sightings.
-    """
-    model = options.filter_model
-    if not all(
-        (model.augmented_lane_filter if augmented else model.lane_filter).is_compiled(count)
-        for count, augmented in set(runs)
-    ):
+def announce_compilation(options: "FilterOptions", counts: Iterable[int]) -> None:
+    """Announce that the kernels of the filter are compiled first, for teams of so many vehicles."""
+    filter_ = options.filter_model.lane_filter
+    if not all(filter_.is_compiled(count) for count in set(counts)):
         say("compiling the filter's kernels, once; this takes some seconds ...")
 
 
 def announce_flight() -> None:
-    """Say that the kernels of a flight are compiled first, if they are not."""
-    from syncplan.estimation.augmented_filter import AUGMENTED
-    from syncplan.estimation.lane_filter import is_in_cache
+    """Announce that the kernels of a flight are compiled first, if they are not."""
     from syncplan.flight.flown_lanes import ClosedLoop
 
-    if not (ClosedLoop.is_compiled() and is_in_cache(AUGMENTED.kernel)):
+    if not ClosedLoop.is_compiled():
         say("compiling the kernels of flight, once; this takes up to a minute ...")
 
 

@@ -12,10 +12,10 @@ if TYPE_CHECKING:
     from pydantic import BaseModel
     from rich.console import Console
 
-    from syncplan.reports.flight_schemas import FlightDocument
-    from syncplan.reports.loss_schemas import WhatIfDocument
-    from syncplan.reports.replay_schemas import ReplayDocument
-    from syncplan.reports.run_schemas import SweepReport, ValidationDocument
+    from syncplan.reports.flight_report import FlightDocument
+    from syncplan.reports.loss_report import WhatIfDocument
+    from syncplan.reports.replay_report import ReplayDocument
+    from syncplan.reports.validation_report import SweepReport, ValidationDocument
 
     Report = FlightDocument | ReplayDocument | SweepReport | ValidationDocument | WhatIfDocument
 
@@ -56,44 +56,44 @@ class DocumentKind:
         getattr(import_module(f"{__package__}.{module}"), function)(document, console)
 
 
-_RUNS = "syncplan.reports.run_schemas"
+_RUNS = "syncplan.reports.validation_report"
 
 DOCUMENTS: Mapping[str, DocumentKind] = MappingProxyType(
     {
         "scenario": DocumentKind("syncplan.scenario.specification", "Scenario", "validation"),
         "plan": DocumentKind(
-            "syncplan.reports.plan_schemas", "PlanDocument", shown_by="terminal_tables.show_plan"
+            "syncplan.reports.plan_report", "PlanDocument", shown_by="plan_tables.show_plan"
         ),
         "sites": DocumentKind(
-            "syncplan.reports.site_schemas", "SitesDocument", shown_by="site_tables.show_sites"
+            "syncplan.reports.sites_report", "SitesDocument", shown_by="plan_tables.show_sites"
         ),
         "what-if": DocumentKind(
-            "syncplan.reports.loss_schemas",
+            "syncplan.reports.loss_report",
             "WhatIfDocument",
             known_by=frozenset({"baseline", "losses"}),
             title="What if",
-            shown_by="loss_tables.show_losses",
+            shown_by="plan_tables.show_losses",
         ),
         "validation": DocumentKind(
             _RUNS,
             "ValidationDocument",
             known_by=OTHER_DOCUMENTS["validation"].keys,
             title="Validation",
-            shown_by="terminal_tables.show_validation",
+            shown_by="run_tables.show_validation",
         ),
         "flight": DocumentKind(
-            "syncplan.reports.flight_schemas",
+            "syncplan.reports.flight_report",
             "FlightDocument",
             known_by=OTHER_DOCUMENTS["flight"].keys,
             title="Flight",
-            shown_by="flight_tables.show_flight",
+            shown_by="run_tables.show_flight",
         ),
         "replay": DocumentKind(
-            "syncplan.reports.replay_schemas",
+            "syncplan.reports.replay_report",
             "ReplayDocument",
             known_by=OTHER_DOCUMENTS["replay"].keys,
             title="Replay",
-            shown_by="replay_tables.show_replay",
+            shown_by="run_tables.show_replay",
         ),
         "sync": DocumentKind("syncplan.exporting.sidecar", "SyncDocument"),
         "sweep": DocumentKind(
@@ -102,7 +102,7 @@ DOCUMENTS: Mapping[str, DocumentKind] = MappingProxyType(
             published=False,
             known_by=OTHER_DOCUMENTS["sweep"].keys,
             title="Sweep",
-            shown_by="terminal_tables.show_sweep",
+            shown_by="run_tables.show_sweep",
         ),
     }
 )

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from syncplan.cli.arguments import Duration, MaxVehicles, SubjectFile
+from syncplan.cli.arguments import MaxVehicles, SubjectFile
 from syncplan.cli.console import check_output, say, say_notes
 from syncplan.errors import InputError
 from syncplan.exporting.format_table import (
@@ -48,6 +48,10 @@ Altitude = Annotated[
 ]
 AltitudeStep = Annotated[
     float, typer.Option(help="Fly each vehicle this many metres higher than the last")
+]
+Duration = Annotated[
+    float | None,
+    typer.Option(help="Length of each run in s; the scenario's if not given", show_default=False),
 ]
 Turns = Annotated[
     int | None, typer.Option(help="Whole turns to fly, instead of a duration", show_default=False)

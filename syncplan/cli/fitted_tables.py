@@ -11,6 +11,9 @@ from rich.text import Text
 _BETWEEN = 3
 """Width of the gap between two columns, drawn by box.SIMPLE_HEAD."""
 
+MOST_ROWS = 40
+"""Rows that are shown; the rest is counted."""
+
 _EDGES = 2
 _FEWEST_COLUMNS = 2
 _LEAST_NAME = 6

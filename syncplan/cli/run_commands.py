@@ -1,33 +1,32 @@
-"""The commands that run the filter on plans: validate, sweep."""
+"""The commands that run the filter: validate, sweep, fly, replay."""
 
 from collections.abc import Callable
-from enum import StrEnum
+from dataclasses import replace
 from inspect import Parameter, signature
-from typing import Annotated, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from syncplan.cli.arguments import (
-    Duration,
     MaxVehicles,
     Output,
     ScenarioFile,
-    Seed,
-    Series,
     Shown,
     SubjectFile,
     Threads,
-    Trials,
     numbers,
+    numeric_keys_from,
+    takes_options,
 )
 from syncplan.cli.console import (
     Format,
     announce_compilation,
+    announce_flight,
     check_output,
     deliver_document,
     progress_bar,
 )
-from syncplan.cli.filter_arguments import DEFAULT_CHOICE, Choice, Gate
 from syncplan.cli.required_verdicts import (
     RequireGo,
     RequireObservable,
@@ -35,47 +34,18 @@ from syncplan.cli.required_verdicts import (
     robust_status,
     verdict_status,
 )
-from syncplan.cli.truth_option import TruthKeys, numeric_keys_from, truth_of
 from syncplan.errors import InputError
-from syncplan.estimation.filter_options import FilterOptions
-from syncplan.estimation.filters import FORMER_NAMES
+from syncplan.estimation.filter_options import SweepOptions, ValidationOptions
+from syncplan.estimation.replay_settings import ReplayOptions
+from syncplan.flight.flight_options import FlightOptions
 from syncplan.scenario.dotted_keys import SWEPT_KEYS, SweptKey, SweptOption, swept_key
 
+if TYPE_CHECKING:
+    from syncplan.recordings.log import Log
+    from syncplan.reports.replay_report import ReplayDocument
+
+
 runs = typer.Typer()
-
-
-DEFAULTS = FilterOptions()
-Former = StrEnum("Former", {name: name for name in FORMER_NAMES})  # type: ignore[misc]
-FilterOption = Annotated[
-    Choice,
-    typer.Option(
-        "--filter",
-        help="The filter; auto is the scenario's, or ekf where the start-up index clears it and "
-        "robust where not",
-    ),
-]
-SweepFilter = Annotated[
-    Choice, typer.Option("--filter", help="The filter of all rows; auto is the scenario's, or ekf")
-]
-FormerOption = Annotated[
-    Former | None,
-    typer.Option("--model", help="Former --filter: arc is ekf, euler is paper", hidden=True),
-]
-Substeps = Annotated[int, typer.Option(help="Euler sub-steps per sample of the filter paper")]
-Stress = Annotated[
-    bool,
-    typer.Option(
-        "--stress",
-        help="Validate in worse worlds too: each stated sigma doubled, one by one and all, 20 % of "
-        "the sightings missed, 1 % of the bearings false",
-    ),
-]
-Connected = Annotated[
-    bool,
-    typer.Option(
-        "--connected", help="Add a row with a range that connects the team at every instant"
-    ),
-]
 
 
 Key = Annotated[
@@ -98,59 +68,40 @@ Values = Annotated[
     name="validate",
     epilog="Example: syncplan validate plan.json --trials 500 --seed 1 -o report.json",
 )
+@takes_options(ValidationOptions)
 def _validate(
     subject: SubjectFile,
     output: Output = None,
     format_: Shown = Format.auto,
-    trials: Trials = DEFAULTS.trials,
-    seed: Seed = DEFAULTS.seed,
-    duration: Duration = None,
-    filter_: FilterOption = DEFAULT_CHOICE,
-    model: FormerOption = None,
-    substeps: Substeps = DEFAULTS.substeps,
-    gate: Gate = None,
-    truth: TruthKeys = None,
-    series: Series = False,
+    *,
+    options: ValidationOptions,
     threads: Threads = None,
     require_observable: RequireObservable = False,
     require_go: RequireGo = False,
-    stress: Stress = False,
     require_robust: RequireRobust = False,
     max_vehicles: MaxVehicles = None,
 ) -> int:
     """Run the filter on a plan: Monte Carlo errors beside the bound, and consistency."""
-    from syncplan.estimation.trial_readings import needs_augmented
     from syncplan.planning.plan_files import in_world, load, plan_of
     from syncplan.planning.validation import choose_filter, validate
     from syncplan.planning.variations import stress_worlds, stressed
     from syncplan.reports.validation_report import stress_document, validation_document
     from syncplan.scenario.models import MAX_VEHICLES
 
-    options = FilterOptions(
-        trials=trials,
-        seed=seed,
-        duration=duration,
-        filter=filter_.value,
-        model=None if model is None else model.value,
-        substeps=substeps,
-        gate_probability=gate,
-        with_series=series,
-        truth=truth_of(truth),
-    )
     check_output(output, subject)
     flown = plan_of(load(subject, max_vehicles=max_vehicles or MAX_VEHICLES), pilot=False)
     chosen = choose_filter(flown, options).applied(options)
     there = in_world(flown, options.truth)
-    announce_compilation(chosen, [(there.team.count, needs_augmented(there.true_team))])
+    announce_compilation(chosen, [there.team.count])
     status = 0
-    if stress or require_robust:
+    if options.stress or require_robust:
         worlds = len(stress_worlds(there.scenario)) + 1
-        with progress_bar("trials", worlds * trials) as progress:
+        with progress_bar("trials", worlds * options.trials) as progress:
             test = stressed(flown, options, threads=threads, progress=progress)
         result, report = test.nominal, stress_document(test)
         status = robust_status(test) if require_robust else 0
     else:
-        with progress_bar("trials", trials) as progress:
+        with progress_bar("trials", options.trials) as progress:
             result = validate(flown, options, threads=threads, progress=progress)
         report = validation_document(result)
     deliver_document("validation", report, output, format_)
@@ -188,6 +139,7 @@ def _help_of(key: SweptOption) -> str:
     epilog="Example: syncplan sweep scenario.yaml --angular-rate 0.2,0.4,0.6,0.8,1.0 --connected",
 )
 @_with_options_of_swept_keys
+@takes_options(SweepOptions, without=("substeps", "gate_probability", "with_series", "model"))
 def _sweep(
     scenario: ScenarioFile,
     output: Output = None,
@@ -195,18 +147,12 @@ def _sweep(
     *,
     key: Key = None,
     values: Values = None,
-    connected: Connected = False,
-    trials: Trials = DEFAULTS.trials,
-    seed: Seed = DEFAULTS.seed,
-    duration: Duration = None,
-    filter_: SweepFilter = DEFAULT_CHOICE,
-    truth: TruthKeys = None,
+    options: SweepOptions,
     threads: Threads = None,
     max_vehicles: MaxVehicles = None,
     **swept: Any,
 ) -> int:
     """Vary one key: plan and validate each value, tables like the paper's Tables 1 and 2."""
-    from syncplan.estimation.trial_readings import needs_augmented
     from syncplan.planning.plan_files import in_world
     from syncplan.planning.variations import planned_rows, validated
     from syncplan.reports.validation_report import sweep_document, validation_document
@@ -214,15 +160,12 @@ def _sweep(
     from syncplan.scenario.models import MAX_VEHICLES
 
     varied, numbers_of_it = _swept(swept, key, values)
-    options = FilterOptions(
-        trials=trials, seed=seed, duration=duration, filter=filter_.value, truth=truth_of(truth)
-    )
     check_output(output, scenario)
     loaded = load_scenario(scenario, max_vehicles=max_vehicles or MAX_VEHICLES)
-    planned = planned_rows(loaded, varied.name, numbers_of_it, connected=connected)
+    planned = planned_rows(loaded, varied.name, numbers_of_it, connected=options.connected)
     teams = [in_world(row.plan, options.truth).true_team for row in planned]
-    announce_compilation(options, [(team.count, needs_augmented(team)) for team in teams])
-    with progress_bar("trials", trials * len(planned)) as progress:
+    announce_compilation(options, [team.count for team in teams])
+    with progress_bar("trials", options.trials * len(planned)) as progress:
         rows = validated(varied.name, planned, options, threads=threads, progress=progress)
     reports = [validation_document(row.validation) for row in rows]
     deliver_document("sweep", sweep_document(varied.name, rows, reports), output, format_)
@@ -250,3 +193,104 @@ def _key_named(name: str) -> SweptKey:
         return swept_key(name)
     except InputError as error:
         raise InputError(error.problem, key="--key") from None
+
+
+@runs.command(
+    name="fly",
+    epilog="Example: syncplan fly plan.json --trials 200 --wind 1.5,0 --lose v3@60 -o flight.json",
+)
+@takes_options(FlightOptions, without=("substeps", "model"))
+def _fly(
+    subject: SubjectFile,
+    output: Output = None,
+    format_: Shown = Format.auto,
+    *,
+    options: FlightOptions,
+    threads: Threads = None,
+    require_observable: RequireObservable = False,
+    require_go: RequireGo = False,
+    max_vehicles: MaxVehicles = None,
+) -> int:
+    """Fly a plan in closed loop: vehicles steer by their estimates, in wind, with losses."""
+    from syncplan.flight.flying import conclude_flight, flight_run, fly_part
+    from syncplan.planning.plan_files import load, plan_of
+    from syncplan.reports.flight_report import flight_document
+    from syncplan.scenario.models import MAX_VEHICLES
+
+    check_output(output, subject)
+    plan = plan_of(load(subject, max_vehicles=max_vehicles or MAX_VEHICLES), pilot=False)
+    run = flight_run(plan, options)
+    announce_flight()
+    with progress_bar("flights", options.trials) as progress:
+        part = fly_part(run, 0, run.trials, threads=threads, progress=progress)
+    flight = conclude_flight(run, [part])
+    deliver_document("flight", flight_document(flight), output, format_)
+    return verdict_status(flight.plan, observable=require_observable, go=require_go)
+
+
+replays = typer.Typer()
+
+
+Recording = Annotated[
+    Path,
+    typer.Argument(
+        metavar="LOG",
+        help="Recording: folder of CSV files, of those of MRCLAM, or a ROS 2 bag; or its archive",
+    ),
+]
+
+
+@replays.command(
+    name="replay",
+    epilog="Example: syncplan replay mrclam6 --landmarks 7,15 --series -o report.json",
+)
+@takes_options(ReplayOptions)
+def _replay(
+    log: Recording,
+    output: Output = None,
+    format_: Shown = Format.auto,
+    *,
+    options: ReplayOptions,
+) -> int:
+    """Run the filter on recorded odometry and sightings, and compare it with the truth if recorded.
+
+    Without truth, the report has estimates and the filter's own sigmas in place of errors.
+    """
+    recording = _opened(log, output)
+    known = {str(name): name for name in recording.landmark_names}
+    if options.landmarks is not None:
+        numbered = tuple(known.get(str(name), name) for name in options.landmarks)
+        options = replace(options, landmarks=numbered)
+    document = _document(recording, options)
+    deliver_document("replay", document, output, format_)
+    return 0
+
+
+def _document(recording: "Log", asked: ReplayOptions) -> "ReplayDocument":
+    """The report of a replay, with its progress on the way."""
+    from syncplan.estimation.recorded_starts import check_start
+    from syncplan.estimation.replay_tuning import MOST_RUNS, tuned
+    from syncplan.estimation.replays import replay_with
+    from syncplan.reports.replay_report import replay_document
+
+    settings, options = asked.settings, asked.filter_options
+    check_start(settings, recording.name, has_truth=recording.has_truth)
+    announce_compilation(options, [(len(recording.robots), settings.has_lasting_errors)])
+    tuning = None
+    if asked.tune:
+        with progress_bar("filter runs", MOST_RUNS) as progress:
+            tuning = tuned(recording, settings, options, progress)
+    readings = sum(len(robot.times) for robot in recording.robots) * (1 + settings.distances)
+    with progress_bar("sightings", readings) as progress:
+        replayed = replay_with(recording, settings, options, tuning, progress)
+    return replay_document(replayed)
+
+
+def _opened(folder: Path, output: Path | None) -> "Log":
+    """The recording, none of whose files is the output, which can be written."""
+    from syncplan.recordings.recording_formats import load_log, recorded_files_in
+
+    check_output(output)
+    recording = load_log(folder)
+    check_output(output, *map(str, recorded_files_in(folder)))
+    return recording

@@ -80,7 +80,7 @@ def _serve(
 def _server_for(settings: "Settings") -> Callable[[socket.socket], bool]:
     """What serves on a socket until told to end, and returns whether it could start."""
     if settings.http_processes > 1:
-        from api.processes.supervisor import serve_by_processes
+        from api.processes import serve_by_processes
         from api.telemetry import telemetry_options
 
         # what is wrong with it is said here, and not by each process
@@ -165,11 +165,11 @@ def _work(
     """Work on jobs, and answer on a socket if there is one, until `stop` holds something."""
     from api.jobs.job_counts import JobCounts
     from api.jobs.worker import Worker
+    from api.main import create_worker_app
     from api.metrics import JobTally
     from api.server import served_beside
     from api.storage.database import unavailable
     from api.telemetry import export_spans
-    from api.worker_app import create_worker_app
 
     send_last_spans = export_spans(settings)
     counts = JobCounts(database, JobTally())

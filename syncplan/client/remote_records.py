@@ -17,7 +17,7 @@ class RemotePlan(Plan):
     ----------
     id, parent_id : of the plan, and of the one it was refined from
     created_at : RFC 3339, UTC
-    document : all that the service says of it, see syncplan.reports.plan_schemas.PlanDocument
+    document : all that the service says of it, see syncplan.reports.plan_report.PlanDocument
     """
 
     id: str

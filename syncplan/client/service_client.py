@@ -14,23 +14,23 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Literal, Self, Unpack
+from typing import TYPE_CHECKING, Any, Literal, Self
 from urllib.parse import quote
 
 from syncplan.client.connection import Remote, RemoteError, error_of, values_of
 from syncplan.client.remote_records import RemoteJob, RemotePlan, RemoteRecording
 from syncplan.errors import InputError
-from syncplan.estimation.filter_options import FilterChanges, FilterOptions, options_with
+from syncplan.estimation.filter_options import FilterOptions, options_with
 from syncplan.estimation.trial_archive import unpack
 from syncplan.flight.flight_archive import unpack_flight
-from syncplan.flight.flight_options import FlightChanges, FlightOptions, flight_options_with
+from syncplan.flight.flight_options import FlightOptions
 from syncplan.planning.plan_files import loaded_from, stated
 from syncplan.planning.planner import BoundChoice, Plan
 from syncplan.planning.validation import Validation, conclude, trial_run
 from syncplan.recordings.recording_formats import archived
 from syncplan.reports.job_contract import JobKindName
-from syncplan.reports.loss_schemas import WhatIfDocument
-from syncplan.reports.replay_schemas import ReplayDocument
+from syncplan.reports.loss_report import WhatIfDocument
+from syncplan.reports.replay_report import ReplayDocument
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.specification import Scenario
 
@@ -145,7 +145,7 @@ class Client:
         options: FilterOptions | None = None,
         *,
         stress: bool = False,
-        **changes: Unpack[FilterChanges],
+        **changes: Any,
     ) -> RemoteJob:
         """Begin to validate a plan; options as syncplan.validate takes them. See wait.
 
@@ -158,10 +158,10 @@ class Client:
         self,
         plan: RemotePlan | str,
         options: FlightOptions | None = None,
-        **changes: Unpack[FlightChanges],
+        **changes: Any,
     ) -> RemoteJob:
         """Begin to fly a plan; options as syncplan.fly takes them. See wait."""
-        return self._begin(plan, "flights", flight_options_with(options, changes))
+        return self._begin(plan, "flights", replace(options or FlightOptions(), **changes))
 
     def sweep(self, scenario: Scenario | Mapping[str, Any], **options: Any) -> RemoteJob:
         """Begin a sweep; options are the keys of the service's request, such as range_m."""
@@ -227,6 +227,8 @@ class Client:
             raise error_of(failure, f"job {job.id} failed: {failure['detail']}", None)
         if job.state == "cancelled":
             raise RemoteError(f"job {job.id} was cancelled")
+        if job.kind not in _RESULTS:
+            return values_of(self._remote.send("GET", f"/v1/jobs/{job.id}/result"), None)
         return _RESULTS[job.kind](self, job, plan)
 
     def _refined(self, job: RemoteJob, _: RemotePlan | None) -> RemotePlan:
@@ -235,9 +237,6 @@ class Client:
     def _replayed(self, job: RemoteJob, _: RemotePlan | None) -> ReplayDocument:
         answer = self._remote.send("GET", f"/v1/jobs/{job.id}/result")
         return ReplayDocument.model_validate(values_of(answer, "position_rmse_m"))
-
-    def _rows(self, job: RemoteJob, _: RemotePlan | None) -> dict[str, Any]:
-        return values_of(self._remote.send("GET", f"/v1/jobs/{job.id}/result"), "rows")
 
     def _validation(self, job: RemoteJob, plan: RemotePlan | None) -> Validation:
         options = FilterOptions.of_request(job.document["request"])
@@ -265,10 +264,9 @@ _RESULTS: Mapping[JobKindName, Callable[[Client, RemoteJob, RemotePlan | None], 
     "refinement": Client._refined,
     "validation": Client._validation,
     "flight": Client._flight,
-    "sweep": Client._rows,
     "replay": Client._replayed,
 }
-"""What makes the result of a job that has succeeded, by the job's kind."""
+"""What makes the result of a job that has succeeded, by its kind; of others, its JSON values."""
 
 
 def _as_planned(subject: Scenario | Plan | Mapping[str, Any]) -> dict[str, Any]:

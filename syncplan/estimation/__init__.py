@@ -17,8 +17,7 @@ filter_options     which filter, its gate, how many trials of what length
 mean_interval      confidence interval of a mean over trials
 consistency        ANEES, NIS, coverage
 filter_statistics  what a filter counts on its way
-filter_setup       motion model, initial variances, gate, sightings and readings of a run
-augmented_setup    columns of errors in the state, and their true values
+filter_setup       states, motion model, initial variances, gate, sightings and readings of a run
 start_search       how batch solutions are searched for
 pilot_readings     what a few trials read, samples thinned out
 pilot_model        their arcs, and rows of their sightings
@@ -26,21 +25,12 @@ pilot_filter       their filter in plain NumPy
 pilot_batch        their batch solution
 pilot              errors of a filter from a few such trials
 reference_filter   the filter in plain NumPy, one trial
-reference_states   the same with further states
-lane_filter        a compiled filter, many trials side by side
-lane_statistics    kernels that compare lanes with the truth
-second_order       noise that stands for a sighting's curvature
-batched_filter     the steps of the extended Kalman filter
-extended_filter    the extended Kalman filter of poses
-augmented_frame    the covariance with further states, in an earlier frame
-augmented_prediction  its prediction with further states
-augmented_rows     rows of sightings in that frame
-augmented_clocks   sightings whose stamps are off
-augmented_curvature  second-order noise with further states
-augmented_correction  its correction with further states
-augmented_statistics  its statistics with further states
-augmented_filter   its kernels with further states
-ideal_filter       the filter that is linearised at the truth: what is attainable
+reference_states   the same with bias states, and sightings of every kind
+kernels            how compiled functions are compiled, and their lanes
+motion_kernels     prediction, and the frame that the covariance is in
+correction_kernels  correction by sightings
+statistics_kernels  comparison of lanes with the truth
+lane_filter        the extended and the ideal filter, many trials side by side
 batch_problem      the least-squares problem of a window, and what a trajectory costs
 batch_linearisation  a linear filter along trajectories
 batch_smoother     the smoother's way back: a Gauss-Newton step
@@ -69,5 +59,4 @@ fitted_settings    the table of what is fitted
 replay_tuning      sigmas and delay from a recording's sightings, and whether they are worth it
 replay_results     what a replay found
 replays            the filter on a recording
-replay_requests    the same as requests name it
 """

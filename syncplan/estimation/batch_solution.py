@@ -237,7 +237,11 @@ def _searched(problem: _Problem, path: Trajectory, moving: Flags) -> Flags:
 
 def _empty(setup: FilterSetup, begin: int, K: int, sightings: int, width: int) -> Linearised:
     n, size, e = setup.count, len(setup.initial_variances), len(setup.states.variances)
-    m, most, frames = len(setup.states.acts), most_entries(setup.states), _frames_left(setup, begin, K)
+    m, most, frames = (
+        len(setup.states.acts),
+        most_entries(setup.states),
+        _frames_left(setup, begin, K),
+    )
     return Linearised(
         columns=np.zeros((sightings, most), dtype=np.int64),
         entries=np.zeros((sightings, most, width)),

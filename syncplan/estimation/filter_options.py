@@ -3,80 +3,75 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
-from typing import Any, ClassVar, Self, TypedDict
+from typing import Any
 
 from syncplan.errors import InputError
-from syncplan.estimation.filters import AUTO, FILTERS, FORMER_NAMES, FilterModel
+from syncplan.estimation.filters import (
+    AUTO,
+    FILTERS,
+    FORMER_NAMES,
+    FilterChoice,
+    FilterModel,
+    MotionName,
+)
+from syncplan.options import RunOptions, option
 
 MAX_TRIALS = 1_000_000
 LARGEST_SEED = 2**63 - 1
 
-REQUEST_KEYS: Mapping[str, str] = MappingProxyType(
-    {
-        "trials": "trials",
-        "seed": "seed",
-        "duration": "duration_s",
-        "filter": "filter",
-        "substeps": "substeps",
-        "gate_probability": "gate_probability",
-        "with_series": "series",
-        "truth": "truth",
-    }
-)
-"""Key of each option in requests to the service."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FilterOptions:
-    """How the filter runs; raises InputError naming the option at fault.
+class FilterOptions(RunOptions):
+    """How the filter runs; raises InputError naming the option at fault."""
 
-    Attributes
-    ----------
-    trials : number of Monte Carlo trials
-    seed : of all random numbers
-    duration : s, of each run; the scenario's if None
-    filter : name of the filter, see syncplan.estimation.filters.FILTERS, or `auto`: a validation
-        then chooses by the plan's start-up index, all else runs `ekf`
-    substeps : Euler sub-steps in a sample, for a filter that takes them
-    gate_probability : of the innovation gate: the share of a consistent filter's bearings that it
-        accepts; None for no gate
-    with_series : whether errors and sigmas over time are kept
-    truth : keys of the scenario that the simulated world has in place of its own, section by
-        section as in the scenario's `truth`, over which they go
-    model : former name of `filter`: `arc` for ekf, `euler` for paper; not kept
-    """
-
-    request_keys: ClassVar[Mapping[str, str]] = REQUEST_KEYS
-
-    trials: int = 200
-    seed: int = 0
-    duration: float | None = None
-    filter: str = AUTO
-    substeps: int = 10
-    gate_probability: float | None = None
-    with_series: bool = False
-    truth: Mapping[str, Any] | None = None
-    model: str | None = None
+    trials: int = option(200, "Number of Monte Carlo trials", example=200, ge=1, le=MAX_TRIALS)
+    seed: int = option(0, "Seed of all random numbers", example=1, ge=0, le=LARGEST_SEED)
+    duration: float | None = option(
+        None,
+        "Length of each run in s; the scenario's if not given",
+        key="duration_s",
+        flag="--duration",
+        example=200.0,
+        gt=0,
+    )
+    filter: FilterChoice = option(
+        AUTO,
+        "The filter. auto is the scenario's filter.kind; where it has none, a validation runs ekf "
+        "where the plan's start-up index clears it and robust where not, and all rows of a sweep "
+        "run ekf",
+    )
+    substeps: int = option(10, "Euler sub-steps per sample of the filter paper", ge=1)
+    gate_probability: float | None = option(
+        None,
+        "Probability of the innovation gate, the share of a consistent filter's bearings that it "
+        "accepts, such as 0.999; no gate if not given",
+        flag="--gate",
+        example=0.999,
+        gt=0,
+        lt=1,
+    )
+    truth: Mapping[str, Any] | None = option(
+        None,
+        "Keys that the simulated world has in place of the scenario's own, which plan, prediction "
+        "and filter keep; beside those of the scenario's truth",
+        example={"wind": {"gust_sigma_mps": 0.6}},
+    )
+    with_series: bool = option(
+        False,
+        "Add errors and sigmas over time to the report",
+        key="series",
+    )
+    model: MotionName | None = option(
+        None, "Former name of filter: arc is ekf, euler is paper", former=True
+    )
 
     def __post_init__(self) -> None:
-        if not 1 <= self.trials <= MAX_TRIALS:
-            raise InputError(f"{self.trials} given; allowed are 1 to {MAX_TRIALS}", key="trials")
-        if not 0 <= self.seed <= LARGEST_SEED:
-            raise InputError(f"{self.seed} given; allowed are 0 to {LARGEST_SEED}", key="seed")
         if self.model is not None:
             self._take_former_name(self.model)
-        if self.filter not in (AUTO, *FILTERS):
-            problem = f"{self.filter!r} is unknown; choose {' or '.join((AUTO, *FILTERS))}"
-            raise InputError(problem, key="filter")
-        if self.substeps < 1:
-            raise InputError(f"{self.substeps} given, at least 1 is needed", key="substeps")
         if not isinstance(self.truth, Mapping | None):
             problem = f"{self.truth!r}: give keys of the scenario, such as {{'wind': {{...}}}}"
             raise InputError(problem, key="truth")
-        gate = self.gate_probability
-        if gate is not None and not 0.0 < gate < 1.0:
-            raise InputError(f"{gate} is not between 0 and 1", key="gate_probability")
+        super(FilterOptions, self).__post_init__()
 
     def _take_former_name(self, name: str) -> None:
         """Set the filter of a former name; raises InputError where another one is asked for."""
@@ -99,33 +94,28 @@ class FilterOptions:
         """Number of Euler sub-steps in a sample, 0 for exact arcs."""
         return self.filter_model.substeps(self.substeps)
 
-    def as_request(self) -> dict[str, Any]:
-        """Return the options as keys of a request to the service, None left out."""
-        values = {key: getattr(self, name) for name, key in self.request_keys.items()}
-        return {key: value for key, value in values.items() if value is not None}
 
-    @classmethod
-    def of_request(cls, request: Mapping[str, Any]) -> Self:
-        """Return the options that a request names; it may have further keys."""
-        keys = {**cls.request_keys, "model": "model"}
-        return cls(**{name: request[key] for name, key in keys.items() if key in request})
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ValidationOptions(FilterOptions):
+    """How a plan is validated, and whether in worse worlds too."""
 
-
-class FilterChanges(TypedDict, total=False):
-    """Options by name, as functions take them beside, or instead of, FilterOptions."""
-
-    trials: int
-    seed: int
-    duration: float | None
-    filter: str
-    substeps: int
-    gate_probability: float | None
-    with_series: bool
-    truth: Mapping[str, Any] | None
-    model: str | None
+    stress: bool = option(
+        False,
+        "Validate in worse worlds too: each stated sigma doubled, one by one and all, 20 % of the "
+        "sightings missed, 1 % of the bearings false",
+    )
 
 
-def options_with(options: FilterOptions | None, changes: FilterChanges) -> FilterOptions:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SweepOptions(FilterOptions):
+    """How the rows of a sweep are validated, and whether there is one more."""
+
+    connected: bool = option(
+        False, "Add a row with a range that connects the team at every instant"
+    )
+
+
+def options_with(options: FilterOptions | None, changes: Mapping[str, Any]) -> FilterOptions:
     """Return the options, the defaults if None, with some replaced and all checked."""
     return replace(options or FilterOptions(), **changes)
 

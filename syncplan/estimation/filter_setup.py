@@ -18,7 +18,7 @@ from syncplan.arrays import Array, Flags, Index
 from syncplan.estimation.consistency import gate_threshold
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.orbits.error_states import ERROR_STATES, StateLayout
-from syncplan.orbits.sensors import Noise
+from syncplan.orbits.noise import Noise
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
 
 BEARING_KIND, DISTANCE_KIND, COMPASS_KIND = range(len(SIGHTING_KINDS))

@@ -174,7 +174,7 @@ def _carry_off(
     slopes: Array,
     lanes: Lanes,
 ) -> None:
-    """Carry what vehicle i is off the truth, by what its readings (n, lanes) are off the true ones."""
+    """Carry the error of vehicle i, whose readings (n, lanes) are off the true ones, through a step."""
     r = 3 * i
     for m in range(states.first[i] + 1, states.first[i + 1]):
         act, column = states.acts[m], states.columns[m]

@@ -15,16 +15,22 @@ from typing import Any, NamedTuple, TypeVar, cast
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.estimation.augmented_setup import (
-    AugmentedReadings,
-    AugmentedSetup,
-    AugmentedStatistics,
-    empty_augmented_statistics,
+from syncplan.estimation.filter_setup import (
+    FilterSetup,
+    Readings,
+    Truth,
+    poses_of,
+    start_of,
 )
-from syncplan.estimation.filter_statistics import FilterStatistics, empty_series
+from syncplan.estimation.filter_statistics import (
+    FilterStatistics,
+    empty_series,
+    empty_statistics,
+)
 from syncplan.estimation.filters import FilterModel
-from syncplan.estimation.lane_filter import LaneFilter, lanes_of, start_of
-from syncplan.estimation.rivals import LOOKS, Rivals
+from syncplan.estimation.kernels import lanes_of
+from syncplan.estimation.lane_filter import LaneFilter
+from syncplan.estimation.rivals import LOOKS, Rivals, State
 from syncplan.estimation.robust_filter import RobustFilter, RobustRun, steps_passing
 
 Kept = TypeVar("Kept", Array, Index)
@@ -60,11 +66,10 @@ class _Steps:
     """A filter without memory: each step is the second of a run of two."""
 
     base: LaneFilter
-    setup: AugmentedSetup
-    readings: AugmentedReadings
-    statistics: AugmentedStatistics
-    state: tuple[Array, ...]
-    ends: Index
+    setup: FilterSetup
+    readings: Readings
+    statistics: FilterStatistics
+    state: State
 
 
 class OnlineFilter:
@@ -78,7 +83,7 @@ class OnlineFilter:
 
     def __init__(
         self,
-        setup: AugmentedSetup,
+        setup: FilterSetup,
         initial: Array,
         model: FilterModel,
         stream: np.random.SeedSequence,
@@ -88,106 +93,99 @@ class OnlineFilter:
         A filter that draws numbers draws them from the `stream`.
         """
         self.steps, self.time = 0, 0.0
-        n, e = len(initial), len(setup.variances)
-        self._sample = setup.poses.motion.time
-        poses = setup.poses._replace(truth=np.zeros((1, n, 3)), judged_from=0)
-        nothing = empty_series(n, 0, wanted=False), np.zeros((0, e, 3))
-        changing = e - (setup.first_changing - 3 * n)
-        readings = AugmentedReadings(
+        n, size = len(initial), len(setup.initial_variances)
+        self._sample = setup.motion.time
+        readings = Readings(
             initial=np.array(initial, dtype=float)[..., None],
             speeds=np.zeros((2, n, 1)),
             turn_rates=np.zeros((2, n, 1)),
             sightings=np.zeros((FIRST_ROOM, 1)),
-            headings=np.zeros((1, n, 1)),
-            constants=np.zeros((e - changing, 1)),
-            changing=np.zeros((1, changing, 1)),
         )
-        given = setup._replace(poses=_without_steps(poses))
-        statistics = empty_augmented_statistics(n, e, 1, nothing)
-        found: Any = model.augmented_lane_filter
+        self._truth = Truth(np.zeros((1, n, 3, 1)), np.zeros((0, 1)), np.zeros((1, 0, 1)))
+        given = _without_steps(setup._replace(judged_from=0))
+        statistics = empty_statistics(1, empty_series(size, 0, wanted=False))
+        found: Any = model.lane_filter
         self._lanes = lanes_of(n, 1)
         self._run: RobustRun | _Steps
         if isinstance(found, RobustFilter):
-            self._run = RobustRun.begun(found.base, given, readings, statistics, [stream])
+            self._run = RobustRun.begun(
+                found.base, given, readings, self._truth, statistics, [stream]
+            )
         else:
-            state = start_of(given, readings)
-            self._run = _Steps(found, given, readings, statistics, state, np.zeros(0, np.int64))
+            self._run = _Steps(found, given, readings, statistics, start_of(given, readings))
         self._kernel: Any = (found.base if isinstance(found, RobustFilter) else found).kernel
+
+    @property
+    def state(self) -> State:
+        """State (3n + e, 1) and covariance (3n + e, 3n + e, 1), of which the lower triangle counts.
+
+        As kernels take them; views.
+        """
+        return self._run.state
 
     @property
     def poses(self) -> Array:
         """(n, 3) m, m, rad: the estimate; a view."""
-        return self._run.state[0][..., 0]
+        return poses_of(self.state[0], self.setup.count)[..., 0]
 
     @property
     def errors(self) -> Array:
-        """(e,) the further states; a view."""
-        return self._run.state[1][..., 0]
-
-    @property
-    def lanes(self) -> tuple[Array, Array]:
-        """Poses (n, 3, 1) and further states (e, 1), as kernels take them; views."""
-        x, errors, _ = self._run.state
-        return x, errors
+        """(e,) the bias states; a view."""
+        return self.state[0][3 * self.setup.count :, 0]
 
     @property
     def covariance(self) -> Array:
         """(3n + e, 3n + e) of the estimate."""
-        lower = np.tril(self._run.state[-1][..., 0])
+        lower = np.tril(self.state[1][..., 0])
         return lower + np.tril(lower, -1).T
 
     @property
-    def lower_covariance(self) -> Array:
-        """(3n + e, 3n + e, 1) of which the lower triangle counts; a view."""
-        return self._run.state[-1]
-
-    @property
-    def setup(self) -> AugmentedSetup:
+    def setup(self) -> FilterSetup:
         """The set-up, whose steps are the filter's own."""
-        assert isinstance(self._run.setup, AugmentedSetup)
         return self._run.setup
 
     @property
     def counts(self) -> Mapping[str, float]:
         """Sum of innovation^2 / variance of sightings, and how many were accepted and gated."""
-        counted = self._counted
+        counted = self._run.statistics
         return {name: float(getattr(counted, name)[0]) for name in _COUNTED}
 
     @property
     def memory(self) -> dict[str, Array | Index]:
         """All that it goes on from, by name; what a filter of the same set-up takes back."""
-        run, counted = self._run, self._counted
+        run, counted = self._run, self._run.statistics
         found: dict[str, Array | Index] = {
             "steps": np.array(self.steps),
             "time": np.array(self.time),
-            **{f"state_{k}": one for k, one in enumerate(run.state)},
+            **self._parts("state", run.state),
             **{name: getattr(counted, name) for name in _COUNTED},
         }
         if isinstance(run, RobustRun):
-            poses, readings, k = self.setup.poses, run.readings, self.steps
-            used = int(poses.first[k + 1])
-            found |= {f"began_{number}": one for number, one in enumerate(run.began)}
+            setup, readings, k = self.setup, run.readings, self.steps
+            used = int(setup.first[k + 1])
+            found |= self._parts("began", run.began)
             found |= {name: getattr(run, name) for name in _LOOKED_BACK}
             found |= {f"rivals_{name}": np.asarray(getattr(run.rivals, name)) for name in _RIVALS}
-            found |= {f"present_{k}": one for k, one in enumerate(run.rivals.present)}
-            found |= {f"rival_{k}": one for k, one in enumerate(run.rivals.rival)}
-            found |= {name: getattr(poses, name)[:used] for name in _ROWS}
+            found["rivals_began"] = poses_of(run.rivals.began, setup.count)
+            found |= self._parts("present", run.rivals.present)
+            found |= self._parts("rival", run.rivals.rival)
+            found |= {name: getattr(setup, name)[:used] for name in _ROWS}
             found |= {
                 "initial": readings.initial,
                 "sightings": readings.sightings[:used],
                 "speeds": readings.speeds[:k],
                 "turn_rates": readings.turn_rates[:k],
-                "spans": poses.spans[:k],
-                "first": poses.first[: k + 2],
+                "spans": setup.spans[:k],
+                "first": setup.first[: k + 2],
             }
         return found
 
     @memory.setter
     def memory(self, kept: Mapping[str, Array | Index]) -> None:
-        run, counted = self._run, self._counted
+        run, counted = self._run, self._run.statistics
         self.steps, self.time = int(kept["steps"]), float(kept["time"])
-        for k, one in enumerate(run.state):
-            one[:] = kept[f"state_{k}"]
+        for own, one in zip(run.state, _joined("state", kept), strict=True):
+            own[:] = one
         for name in _COUNTED:
             getattr(counted, name)[:] = kept[name]
         if isinstance(run, RobustRun):
@@ -196,24 +194,24 @@ class OnlineFilter:
             self.steps, run.at = 0, k
             self._lengthen(max(k, 2))
             self.steps = k
-            poses, readings = self.setup.poses, self._run.readings
+            setup, readings = self.setup, self._run.readings
             for name in _ROWS:
-                getattr(poses, name)[:used] = kept[name]
-            poses.spans[:k], poses.first[: k + 2] = kept["spans"], kept["first"]
-            poses.first[k + 2 :] = used
+                getattr(setup, name)[:used] = kept[name]
+            setup.spans[:k], setup.first[: k + 2] = kept["spans"], kept["first"]
+            setup.first[k + 2 :] = used
             readings.initial[:], readings.sightings[:used] = kept["initial"], kept["sightings"]
             readings.speeds[:k], readings.turn_rates[:k] = kept["speeds"], kept["turn_rates"]
-            for number, one in enumerate(run.began):
-                one[:] = kept[f"began_{number}"]
+            for own, one in zip(run.began, _joined("began", kept), strict=True):
+                own[:] = one
             for name in _LOOKED_BACK:
                 setattr(run, name, np.array(kept[name]))
-            run.looks = steps_passing(poses.spans[:k], poses.period, LOOKS)
+            run.looks = steps_passing(setup.spans[:k], setup.period, LOOKS)
             run.rivals = _rivals(kept, run)
 
-    @property
-    def _counted(self) -> FilterStatistics:
-        assert isinstance(self._run.statistics, AugmentedStatistics)
-        return self._run.statistics.poses
+    def _parts(self, name: str, state: State) -> dict[str, Array | Index]:
+        """A state as it is kept: poses (n, 3, k), bias states (e, k) and covariance."""
+        (x, P), n = state, self.setup.count
+        return {f"{name}_0": poses_of(x, n), f"{name}_1": x[3 * n :], f"{name}_2": P}
 
     def step(
         self, speeds: Array, turn_rates: Array, arrived: Arrived, span: float | None = None
@@ -238,28 +236,27 @@ class OnlineFilter:
         if count > len(run.readings.sightings):
             self._make_room(0, 2 * count)
         setup, readings = run.setup, run.readings
-        poses = setup.poses  # type: ignore[union-attr]
         readings.speeds[1, :, 0], readings.turn_rates[1, :, 0] = speeds, turn_rates
-        poses.spans[1] = span
-        poses.first[3] = count
+        setup.spans[1] = span
+        setup.first[3] = count
         self._write(0, arrived)
-        self._kernel(setup, readings, run.statistics, self._lanes, *run.state, 1, 2)
+        self._kernel(setup, readings, self._truth, run.statistics, self._lanes, *run.state, 1, 2)
 
     def _look_back(self, speeds: Array, turn_rates: Array, arrived: Arrived, span: float) -> None:
         """Take in a step after all others."""
         run, k = self._run, self.steps
         assert isinstance(run, RobustRun)
-        used, count = int(self.setup.poses.first[k + 1]), len(arrived.values)
+        used, count = int(self.setup.first[k + 1]), len(arrived.values)
         if used + count > len(run.readings.sightings):
             self._make_room(used, 2 * (used + count))
         if k + 1 > len(run.readings.speeds):
             self._lengthen(2 * (k + 1))
-        poses, readings = self.setup.poses, run.readings
+        setup, readings = self.setup, run.readings
         readings.speeds[k, :, 0], readings.turn_rates[k, :, 0] = speeds, turn_rates
-        poses.spans[k] = span
-        poses.first[k + 2] = used + count
+        setup.spans[k] = span
+        setup.first[k + 2] = used + count
         self._write(used, arrived)
-        passed, passing = (at / poses.period + 1e-9 for at in (self.time, self.time + span))
+        passed, passing = (at / setup.period + 1e-9 for at in (self.time, self.time + span))
         if math.floor(LOOKS * passing) > math.floor(LOOKS * passed):
             run.looks = np.append(run.looks, k + 1)
             if math.floor(passing) > math.floor(passed):
@@ -267,37 +264,31 @@ class OnlineFilter:
         run.advance(k + 1)
 
     def _write(self, begin: int, arrived: Arrived) -> None:
-        poses, end = self.setup.poses, begin + len(arrived.values)
-        poses.observers[begin:end], poses.targets[begin:end] = arrived.observers, arrived.targets
-        poses.kinds[begin:end], poses.variances[begin:end] = arrived.kinds, arrived.variances
+        setup, end = self.setup, begin + len(arrived.values)
+        setup.observers[begin:end], setup.targets[begin:end] = arrived.observers, arrived.targets
+        setup.kinds[begin:end], setup.variances[begin:end] = arrived.kinds, arrived.variances
         self._run.readings.sightings[begin:end, 0] = arrived.values
 
     def _make_room(self, used: int, rows: int) -> None:
         """Let set-up and readings hold so many sightings."""
         setup, readings = self.setup, self._run.readings
-        poses = setup.poses
         self._run.setup = setup._replace(
-            poses=poses._replace(
-                observers=grown(poses.observers, used, rows),
-                targets=grown(poses.targets, used, rows),
-                kinds=grown(poses.kinds, used, rows),
-                variances=grown(poses.variances, used, rows),
-            )
+            observers=grown(setup.observers, used, rows),
+            targets=grown(setup.targets, used, rows),
+            kinds=grown(setup.kinds, used, rows),
+            variances=grown(setup.variances, used, rows),
         )
         self._run.readings = readings._replace(sightings=grown(readings.sightings, used, rows))
 
     def _lengthen(self, steps: int) -> None:
         """Let set-up and readings hold so many steps."""
         setup, readings, k = self.setup, self._run.readings, self.steps
-        poses = setup.poses
-        first = grown(poses.first, k + 2, steps + 2)
+        first = grown(setup.first, k + 2, steps + 2)
         first[k + 2 :] = first[k + 1]
         self._run.setup = setup._replace(
-            poses=poses._replace(
-                spans=grown(poses.spans, k, steps),
-                compared=np.full(steps + 1, -1),
-                first=first,
-            )
+            spans=grown(setup.spans, k, steps),
+            compared=np.full(steps + 1, -1),
+            first=first,
         )
         self._run.readings = readings._replace(
             speeds=grown(readings.speeds, k, steps),
@@ -309,18 +300,22 @@ def _rivals(kept: Mapping[str, Array | Index], run: RobustRun) -> Rivals:
     """The rivals of a memory; none in one that was kept before there were any."""
     if "rivals_lanes" not in kept:
         return Rivals.none(run.state)
-    present, rival = (
-        tuple(np.array(kept[f"{which}_{k}"], dtype=float) for k in range(len(run.state)))
-        for which in ("present", "rival")
-    )
+    present, rival = (_joined(which, kept) for which in ("present", "rival"))
+    began = np.array(kept["rivals_began"], dtype=float)
     return Rivals(
         np.array(kept["rivals_lanes"], dtype=np.int64),
         present,
         rival,
-        np.array(kept["rivals_began"], dtype=float),
+        np.concatenate([began.reshape(-1, began.shape[-1]), present[0][3 * len(began) :]]),
         np.array(kept["rivals_lead"], dtype=float),
         int(kept["rivals_at"]),
     )
+
+
+def _joined(name: str, kept: Mapping[str, Array | Index]) -> State:
+    """A state of its parts, as they are kept."""
+    poses, errors, P = (np.array(kept[f"{name}_{k}"], dtype=float) for k in range(3))
+    return np.concatenate([poses.reshape(-1, poses.shape[-1]), errors]), P
 
 
 def grown(array: Kept, used: int, size: int) -> Kept:
@@ -330,11 +325,11 @@ def grown(array: Kept, used: int, size: int) -> Kept:
     return cast(Kept, larger)
 
 
-def _without_steps(poses: Any) -> Any:
-    """The set-up of poses with room for the first steps and sightings, none of which there are."""
+def _without_steps(setup: FilterSetup) -> FilterSetup:
+    """A set-up with room for the first steps and sightings, none of which there are."""
     index = np.zeros(FIRST_ROOM, dtype=np.int64)
-    return poses._replace(
-        spans=np.full(2, poses.motion.time),
+    return setup._replace(
+        spans=np.full(2, setup.motion.time),
         compared=np.full(3, -1),
         first=np.zeros(4, dtype=np.int64),
         observers=index.copy(),

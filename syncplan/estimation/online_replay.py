@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.estimation.augmented_setup import augmented_setup_of
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.online_filter import Arrived, OnlineFilter
 from syncplan.estimation.recorded_run import RecordedRun
@@ -35,9 +34,8 @@ class RecordedStep(NamedTuple):
 
 def online_filter_of(run: RecordedRun, options: FilterOptions) -> OnlineFilter:
     """Return the filter of a replay's run at its start."""
-    setup = augmented_setup_of(run.setup, run.layout)
     stream = np.random.SeedSequence(options.seed)
-    return OnlineFilter(setup, run.readings.initial[..., 0], options.filter_model, stream)
+    return OnlineFilter(run.setup, run.readings.initial[..., 0], options.filter_model, stream)
 
 
 def steps_of(run: RecordedRun) -> Iterator[RecordedStep]:

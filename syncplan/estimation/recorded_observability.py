@@ -83,7 +83,7 @@ def seen_over_time(run: RecordedRun, made: FilteredRun, window: float) -> SeenOv
     ends = np.arange(samples, clock.samples + 1, step)
     used = np.flatnonzero(made.weights > 0.0)
     seen, setup = run.sightings, run.setup
-    poses = setup.truth if run.has_truth else made.estimates
+    poses = run.truth if run.has_truth else made.estimates
     begins = ends - samples
     watched = WatchedTeam(
         times=seen.times[used],

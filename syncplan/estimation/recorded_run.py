@@ -17,15 +17,13 @@ import numpy as np
 
 from syncplan.arrays import Array, Index
 from syncplan.errors import NoSolutionError
-from syncplan.estimation.augmented_setup import (
-    AugmentedReadings,
-    AugmentedStatistics,
-    augmented_setup_of,
-    empty_augmented_statistics,
-)
 from syncplan.estimation.filter_options import FilterOptions
-from syncplan.estimation.filter_setup import FilterSetup, Readings, build_setup
-from syncplan.estimation.filter_statistics import empty_series
+from syncplan.estimation.filter_setup import FilterSetup, Readings, Truth, build_setup
+from syncplan.estimation.filter_statistics import (
+    FilterStatistics,
+    empty_series,
+    empty_statistics,
+)
 from syncplan.estimation.recorded_readings import (
     Clock,
     RecordedSightings,
@@ -62,9 +60,9 @@ class RecordedRun:
     ----------
     clock, sightings : of the run
     landmarks : places of the chosen ones among the recording's
-    setup, readings : as the filter of poses takes them, in its one lane; the truth is zeros where
-        it is not known
-    layout : of poses and lasting errors
+    setup, readings : as the filter takes them, in its one lane
+    truth : (samples + 1, n, 3) m, m, rad; zeros where it is not known
+    layout : of poses and bias states
     has_truth : whether it is known where every robot truly was
     """
 
@@ -73,6 +71,7 @@ class RecordedRun:
     landmarks: Index
     setup: FilterSetup
     readings: Readings
+    truth: Array
     layout: StateLayout
     has_truth: bool
 
@@ -111,8 +110,9 @@ def run_of(log: Log, settings: ReplaySettings, options: FilterOptions) -> Record
     compared[np.searchsorted(ends, clock.times)] = np.arange(clock.samples + 1)
     step_of = np.searchsorted(ends, seen.times)
     sigmas = np.array([settings.bearing_sigma, settings.range_sigma])
+    layout = _layout(len(log.robots), settings)
     setup = build_setup(
-        truth=truth,
+        layout=layout,
         landmarks=log.landmarks[used],
         first=np.searchsorted(step_of, np.arange(len(ends) + 1)).astype(np.int64),
         observers=seen.observers,
@@ -124,6 +124,7 @@ def run_of(log: Log, settings: ReplaySettings, options: FilterOptions) -> Record
         period=PERIOD,
         reach=REACH,
         options=options,
+        samples=clock.samples,
         spans=np.diff(ends),
         compared=compared,
         noise_known=False,
@@ -134,8 +135,7 @@ def run_of(log: Log, settings: ReplaySettings, options: FilterOptions) -> Record
         turn_rates=mean_odometry(log, clock, ends, 2)[..., None],
         sightings=seen.values[:, None],
     )
-    layout = _layout(len(log.robots), settings)
-    return RecordedRun(clock, seen, used, setup, readings, layout, log.has_truth)
+    return RecordedRun(clock, seen, used, setup, readings, truth, layout, log.has_truth)
 
 
 def filtered(run: RecordedRun, options: FilterOptions, progress: Seen | None = None) -> FilteredRun:
@@ -143,24 +143,20 @@ def filtered(run: RecordedRun, options: FilterOptions, progress: Seen | None = N
 
     Raises NoSolutionError where it diverges. An interrupt ends the wait for it at once.
     """
-    n, e = run.layout.count, len(run.layout.sigmas)
-    samples, sightings = run.clock.samples, len(run.sightings.times)
-    series = (
-        empty_series(n, samples, wanted=options.with_series),
-        np.zeros((samples + 1 if options.with_series else 0, e, 3)),
-    )
-    counted = empty_augmented_statistics(n, e, 1, series, sightings)
-    states, P = _in_thread(run, options, counted, progress)
-    result = result_of([counted.poses], steps=samples, judged_from=run.setup.judged_from)
+    n, sightings = run.layout.count, len(run.sightings.times)
+    series = empty_series(run.layout.size, run.clock.samples, wanted=options.with_series)
+    counted = empty_statistics(1, series, sightings)
+    x, P = _in_thread(run, options, counted, progress)
+    judged_from = run.setup.judged_from
+    result = result_of([counted], n, steps=run.clock.samples, judged_from=judged_from)
     if not np.isfinite(result.mean_squares).all():
         raise NoSolutionError(
             "the filter diverged: its errors are no longer finite; larger sigmas may help"
         )
-    innovations, weights = counted.poses.innovations[..., 0].T
+    innovations, weights = counted.innovations[..., 0].T
     sigmas = np.sqrt(np.diag(P[3 * n :, 3 * n :, 0]))
-    return FilteredRun(
-        result, innovations, weights, states[:, 0], sigmas, _estimates(run.setup.truth, result)
-    )
+    estimates = _estimates(run.truth, result)
+    return FilteredRun(result, innovations, weights, x[3 * n :, 0], sigmas, estimates)
 
 
 def _estimates(truth: Array, result: MonteCarloResult) -> Array:
@@ -175,10 +171,10 @@ def _estimates(truth: Array, result: MonteCarloResult) -> Array:
 def _in_thread(
     run: RecordedRun,
     options: FilterOptions,
-    counted: AugmentedStatistics,
+    counted: FilterStatistics,
     progress: Seen | None,
 ) -> tuple[Array, Array]:
-    """Lasting errors (e, 1) and covariance at the end, filtered in another thread.
+    """State (3n + e, 1) and covariance at the end, filtered in another thread.
 
     Compiled code would keep an interrupt waiting, and lose it.
     """
@@ -195,29 +191,24 @@ def _in_thread(
         try:
             return done.result(LOOK_EVERY_S)
         except NotYetError:
-            progress(int(counted.poses.accepted[0] + counted.poses.gated[0]))
+            progress(int(counted.accepted[0] + counted.gated[0]))
     return done.result()
 
 
 def _run(
-    run: RecordedRun, options: FilterOptions, counted: AugmentedStatistics
+    run: RecordedRun, options: FilterOptions, counted: FilterStatistics
 ) -> tuple[Array, Array]:
-    model, readings = options.filter_model, run.readings
-    e, streams = len(run.layout.sigmas), [np.random.SeedSequence(options.seed)]
-    if not e:
-        _, P = model.lane_filter.run(run.setup, readings, counted.poses, streams)
-        return np.zeros((0, 1)), P
     constants = run.layout.first_changing - 3 * run.layout.count
-    given = AugmentedReadings(
-        *readings,
-        headings=np.ascontiguousarray(run.setup.truth[:, :, 2, None]),
-        # what lasting errors truly are is not known
+    changing = len(run.layout.sigmas) - constants
+    truth = Truth(
+        run.truth[..., None],
+        # the true bias states are not known
         constants=np.zeros((constants, 1)),
-        changing=np.zeros((run.clock.samples + 1, e - constants, 1)),
+        changing=np.zeros((run.clock.samples + 1, changing, 1)),
     )
-    setup = augmented_setup_of(run.setup, run.layout)
-    _, errors, P = model.augmented_lane_filter.run(setup, given, counted, streams)
-    return errors, P
+    streams = [np.random.SeedSequence(options.seed)]
+    filter_ = options.filter_model.lane_filter
+    return filter_.run(run.setup, run.readings, truth, counted, streams)
 
 
 def _layout(count: int, settings: ReplaySettings) -> StateLayout:

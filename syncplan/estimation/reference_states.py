@@ -1,13 +1,13 @@
-"""The filter with further states in plain NumPy, one trial at a time, with sightings of every kind.
+"""The filter in plain NumPy, one trial at a time, with sightings of every kind.
 
-This is the one to read; `augmented_filter` computes the same, compiled, and is tested against it.
-The state stacks the poses of n vehicles, (x, y, heading) each, and the errors of an
-AugmentedSetup, 3 n + e in all. A vehicle that reads v and w moves by
+This is the one to read; `lane_filter` computes the same, compiled, and is tested against it. The
+state stacks the poses of n vehicles, (x, y, heading) each, and the bias states of a FilterSetup,
+3 n + e in all. A vehicle that reads v and w moves by
 
-    (displacement((1 + scale) v, w + bias) + T (wind + gust), T (w + bias))
+    (displacement((1 + scale) v, w + bias) + T drift, T (w + bias))
 
-with the displacement of `reference_filter`; errors that are no constants decay as they go. What is
-sighted is that of syncplan.orbits.sighting_kinds, a bearing with its bias and walk.
+with the displacement of `reference_filter`; bias states that are no constants decay as they go.
+What is sighted is that of syncplan.orbits.sighting_kinds, with the shifts of its observer.
 
 Source: Bar-Shalom, Li, Kirubarajan (2001), 10.3.
 """
@@ -17,65 +17,63 @@ import math
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.estimation.augmented_frame import BIAS, CLOCK, GUST, SCALE, TURN, WALK
-from syncplan.estimation.augmented_setup import AugmentedSetup
+from syncplan.estimation.filter_setup import DELAY, DRIFT, SHIFT, SPEED, TURN, FilterSetup
 from syncplan.estimation.reference_filter import displacement, displacement_jacobian
 from syncplan.orbits.circles import perpendicular, unit, wrap
-from syncplan.orbits.error_states import ERROR_STATES
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
 
 Read = tuple[Array, Array]
 """Speeds and turn rates (n,) that are read, m/s and rad/s."""
 
 
-def covariance_at_start(setup: AugmentedSetup) -> Array:
+def covariance_at_start(setup: FilterSetup) -> Array:
     """Return the covariance (3n + e, 3n + e) at time 0."""
-    return np.diag(np.concatenate([setup.poses.initial_variances.ravel(), setup.variances]))
+    return np.diag(setup.initial_variances)
 
 
-def moved_state(state: Array, speeds: Array, turn_rates: Array, setup: AugmentedSetup) -> Array:
+def moved_state(state: Array, speeds: Array, turn_rates: Array, setup: FilterSetup) -> Array:
     """Return the state (3n + e,) one sample later, from the readings (n,) m/s, rad/s."""
-    n, motion = len(setup.columns), setup.poses.motion
+    n, motion = setup.count, setup.motion
     x, after = state[: 3 * n].reshape(n, 3), state.copy()
-    wind, scale, bias, gusts = _errors_of(state, setup)
+    drift, scale, bias = _errors_of(state, setup)
     turns = turn_rates + bias
     way = displacement(x[:, 2], (1.0 + scale) * speeds, turns, motion.time, motion.substeps)
-    way += motion.time * (wind + gusts)
+    way += motion.time * drift
     after[: 3 * n] += np.column_stack([way, motion.time * turns]).ravel()
-    after[3 * n :] *= setup.decays
+    after[3 * n :] *= setup.states.decays
     return after
 
 
-def transition_of(state: Array, speeds: Array, turn_rates: Array, setup: AugmentedSetup) -> Array:
+def transition_of(state: Array, speeds: Array, turn_rates: Array, setup: FilterSetup) -> Array:
     """Return F, the derivative (3n + e, 3n + e) of `moved_state` by the state."""
-    n, time, substeps = len(setup.columns), setup.poses.motion.time, setup.poses.motion.substeps
-    _, scale, bias, _ = _errors_of(state, setup)
+    n, time, substeps = setup.count, setup.motion.time, setup.motion.substeps
+    _, scale, bias = _errors_of(state, setup)
     ahead, grown, turns = state[2 : 3 * n : 3], (1.0 + scale) * speeds, turn_rates + bias
     way = displacement(ahead, grown, turns, time, substeps)
     slopes = displacement_jacobian(ahead, grown, turns, time, substeps)
     F = np.eye(len(state))
-    for i, column in enumerate(setup.columns.tolist()):
-        wind, own_scale, own_bias, gust = column[:2], column[2], column[3], column[GUST : GUST + 2]
-        x, y, psi = 3 * i, 3 * i + 1, 3 * i + 2
-        F[[x, y], psi] = perpendicular(way[i])
-        if own_scale >= 0:
-            F[[x, y], own_scale] = slopes[i, :, 0] * speeds[i]
-        if own_bias >= 0:
-            F[[x, y], own_bias], F[psi, own_bias] = slopes[i, :, 1], time
-        for axis, place in [*zip((x, y), wind, strict=True), *zip((x, y), gust, strict=True)]:
-            if place >= 0:
-                F[axis, place] = time
-    F[range(3 * n, len(state)), range(3 * n, len(state))] = setup.decays
+    for i in range(n):
+        r = 3 * i
+        F[r : r + 2, r + 2] = perpendicular(way[i])
+        for act, column, axis in _acts_on(i, setup):
+            if act == SPEED:
+                F[r : r + 2, column] = slopes[i, :, 0] * speeds[i]
+            elif act == TURN:
+                F[r : r + 2, column], F[r + 2, column] = slopes[i, :, 1], time
+            elif act == DRIFT:
+                F[r + axis, column] = time
+    further = range(3 * n, len(state))
+    F[further, further] = setup.states.decays
     return F
 
 
 def predict_state(
-    state: Array, P: Array, speeds: Array, turn_rates: Array, setup: AugmentedSetup
+    state: Array, P: Array, speeds: Array, turn_rates: Array, setup: FilterSetup
 ) -> tuple[Array, Array]:
     """Return state and covariance one sample later."""
-    n, motion = len(setup.columns), setup.poses.motion
+    n, motion = setup.count, setup.motion
     F = transition_of(state, speeds, turn_rates, setup)
-    _, scale, bias, _ = _errors_of(state, setup)
+    _, scale, bias = _errors_of(state, setup)
     slopes = displacement_jacobian(
         state[2 : 3 * n : 3],
         (1.0 + scale) * speeds,
@@ -91,7 +89,7 @@ def predict_state(
     Q = np.diag(np.tile([motion.speed_variance, motion.turn_rate_variance], n))
     after = F @ P @ F.T + G @ Q @ G.T
     further = range(3 * n, len(state))
-    after[further, further] += setup.variances * (1.0 - setup.decays**2)
+    after[further, further] += setup.states.variances * (1.0 - setup.states.decays**2)
     return moved_state(state, speeds, turn_rates, setup), after
 
 
@@ -100,7 +98,7 @@ def sighted(
     kind: int,
     observer: int,
     target: int,
-    setup: AugmentedSetup,
+    setup: FilterSetup,
     read: Read | None = None,
 ) -> tuple[float, Array]:
     """Return what a sighting is expected to be and its derivative (3n + e,) by the state.
@@ -108,15 +106,15 @@ def sighted(
     `kind` is its place in SIGHTING_KINDS; targets from n on are landmarks. Angles are not wrapped.
     `read`, speeds and turn rates (n,) at the time, is needed where a clock offset is a state.
     """
-    n, o, t = len(setup.columns), 3 * observer, 3 * target
-    name, what = list(SIGHTING_KINDS.items())[kind]
-    clock = int(setup.columns[observer, CLOCK])
+    n, o, t = setup.count, 3 * observer, 3 * target
+    what = list(SIGHTING_KINDS.values())[kind]
+    clock = max([-1, *(c for act, c, _ in _acts_on(observer, setup) if act == DELAY)])
     span = float(state[clock]) if clock >= 0 else 0.0
     here, own_rate = _later(state, observer, span, setup, read)
     there, rate = here, own_rate
     if target < n:
         there, rate = _later(state, target, span, setup, read)
-    place = there[:2] if target < n else setup.poses.landmarks[target - n]
+    place = there[:2] if target < n else setup.landmarks[target - n]
     q = place - here[:2]
     value, row = float(what.measured(q, here[2])), np.zeros(len(state))
     slope = what.slopes(q[:, None], np.ones(1))[:, 0]
@@ -127,24 +125,23 @@ def sighted(
     if clock >= 0:
         gone = (rate[:2] if target < n else 0.0) - own_rate[:2]
         row[clock] = slope @ gone + what.by_heading * own_rate[2]
-    for error, column_of in (("bearing_bias", BIAS), ("bearing_walk", WALK)):
-        column = int(setup.columns[observer, column_of])
-        if column >= 0 and ERROR_STATES[error].shifts == name:
+    shifts = zip(_acts_on(observer, setup), _kinds_of(observer, setup), strict=True)
+    for (act, column, _), shifted in shifts:
+        if act == SHIFT and shifted == kind:
             value, row[column] = value + float(state[column]), 1.0
     return value, row
 
 
 def _later(
-    state: Array, i: int, span: float, setup: AugmentedSetup, read: Read | None
+    state: Array, i: int, span: float, setup: FilterSetup, read: Read | None
 ) -> tuple[Array, Array]:
     """Vehicle i's pose (3,) a short while later, by what it reads, and how it changes then."""
     pose = state[3 * i : 3 * i + 3]
     if read is None:
         return pose, np.zeros(3)
-    wind, scale, bias, gusts = (one[i] for one in _errors_of(state, setup))
+    air, scale, bias = (one[i] for one in _errors_of(state, setup))
     speed, turn = (1.0 + scale) * read[0][i], read[1][i] + bias
     halfway, then = unit(pose[2] + 0.5 * turn * span), unit(pose[2] + turn * span)
-    air = wind + gusts
     return (
         np.append(pose[:2] + span * (speed * halfway + air), pose[2] + turn * span),
         np.append(speed * then + air, turn),
@@ -156,7 +153,7 @@ def update_state(
     P: Array,
     s: int,
     reading: float,
-    setup: AugmentedSetup,
+    setup: FilterSetup,
     read: Read | None = None,
 ) -> tuple[Array, Array, float, float]:
     """Return state, covariance, innovation and its variance after sighting s of the set-up.
@@ -177,7 +174,29 @@ def update_state(
     return state + u * (innovation / variance), P - np.outer(u, u) / variance, innovation, variance
 
 
-def _errors_of(state: Array, setup: AugmentedSetup) -> tuple[Array, Array, Array, Array]:
-    """Each vehicle's wind (n, 2), scale, turn-rate bias (n,) and gusts (n, 2)."""
-    found = np.where(setup.columns >= 0, state[setup.columns], 0.0)
-    return found[:, :2], found[:, SCALE], found[:, TURN], found[:, GUST : GUST + 2]
+def _acts_on(i: int, setup: FilterSetup) -> list[tuple[int, int, int]]:
+    """Act, place in the state and first moved axis of each bias state of vehicle i."""
+    states = setup.states
+    own = slice(states.first[i] + 1, states.first[i + 1])
+    return list(zip(states.acts[own], states.columns[own], states.axes[own, 0], strict=True))
+
+
+def _kinds_of(i: int, setup: FilterSetup) -> list[int]:
+    states = setup.states
+    kinds: list[int] = states.kinds[states.first[i] + 1 : states.first[i + 1]].tolist()
+    return kinds
+
+
+def _errors_of(state: Array, setup: FilterSetup) -> tuple[Array, Array, Array]:
+    """Velocity of the air at each vehicle (n, 2), its speed scale and its turn-rate bias (n,)."""
+    n = setup.count
+    drift, scale, bias = np.zeros((n, 2)), np.zeros(n), np.zeros(n)
+    for i in range(n):
+        for act, column, axis in _acts_on(i, setup):
+            if act == DRIFT:
+                drift[i, axis] += state[column]
+            elif act == SPEED:
+                scale[i] += state[column]
+            elif act == TURN:
+                bias[i] += state[column]
+    return drift, scale, bias

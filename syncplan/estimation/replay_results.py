@@ -12,7 +12,7 @@ from syncplan.estimation.recorded_readings import Clock, LeftOut
 from syncplan.estimation.replay_settings import ReplaySettings
 from syncplan.estimation.replay_tuning import Tuning
 from syncplan.estimation.trials import Accuracy, MonteCarloResult
-from syncplan.orbits.sensors import Noise
+from syncplan.orbits.noise import Noise
 from syncplan.recordings.log import Log
 from syncplan.results import Result
 

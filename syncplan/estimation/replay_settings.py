@@ -1,12 +1,15 @@
 """What the filter assumes of a recording, and which of its sightings it is given."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
 from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
-from syncplan.arrays import Array
 from syncplan.errors import InputError
-from syncplan.orbits.sensors import Noise
+from syncplan.estimation.filter_options import LARGEST_SEED, FilterOptions
+from syncplan.estimation.filters import RecordingFilterName
+from syncplan.options import RunOptions, option, options_of
+from syncplan.orbits.noise import Noise
 
 GROUND_ROBOTS = Noise(
     speed_sigma=0.09, turn_rate_sigma=0.22, position_sigma=0.01, heading_sigma=0.01
@@ -34,71 +37,115 @@ START_SIGMAS: Mapping[str, tuple[float, float]] = MappingProxyType(
 )
 """By kind of start, what position and heading are known to, m and rad, unless stated."""
 
+if TYPE_CHECKING:
+    from syncplan.arrays import Array
+
+    StartKind: TypeAlias = str
+    Poses: TypeAlias = Array
+else:
+    StartKind = Literal[tuple(START_SIGMAS)]
+    Poses = Sequence[Sequence[float]]
+"""A name in START_SIGMAS; (n, 3) m, m, rad."""
+
 LEAST_SIGMA, LARGEST_SIGMA = 1e-6, 1e6
 """Limits of any sigma; those of motion, of lasting errors and of the start may also be 0."""
 
-LARGEST_DELAY = 60.0
+POSITIVE: dict[str, Any] = {"ge": LEAST_SIGMA, "le": LARGEST_SIGMA}
+AMOUNT: dict[str, Any] = {"ge": 0, "le": LARGEST_SIGMA}
+
+LARGEST_DELAY = 60
 """s: more is a wrong clock."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ReplaySettings:
+class ReplaySettings(RunOptions):
     """What a replay rests on; raises InputError naming the setting at fault.
 
     Attributes
     ----------
-    landmarks : names of those whose sightings count, all if None
-    meetings, distances : whether sightings between robots count, and distances where recorded
-    bearing_sigma, range_sigma : rad, m
     noise : of motion readings, per sample, and of the start
-    speed_scale_sigma, turn_rate_bias_sigma, bearing_bias_sigma : 1, rad/s, rad; each robot's error
-        is a state of the filter where it is more than 0
-    bearing_walk_sigma, bearing_walk_time : rad, s; the same of the bearing error that changes
-    sample_time : s, between the samples at which errors are taken, to which motion noise refers
-    delay : s, by which sightings are recorded later than they were made
-    start : kind of start, one of START_SIGMAS
-    start_poses : (n, 3) m, m, rad, where the start is given
-    window : s, of the sightings that are judged together; 0 judges none
     portion : shares of the recording at which the run begins and ends
     """
 
-    landmarks: tuple[int | str, ...] | None = None
-    meetings: bool = True
-    distances: bool = True
-    bearing_sigma: float = BEARING_SIGMA
-    range_sigma: float = RANGE_SIGMA
+    landmarks: tuple[int | str, ...] | None = option(
+        None,
+        "Names, or numbers, of the landmarks whose sightings count; all if not given",
+        example=[7, 15],
+    )
+    meetings: bool = option(True, "Whether sightings between robots count")
+    distances: bool = option(True, "Whether distances count, where recorded")
+    bearing_sigma: float = option(
+        BEARING_SIGMA,
+        "Sigma of a bearing that the filter assumes",
+        key="bearing_sigma_rad",
+        **POSITIVE,
+    )
+    range_sigma: float = option(
+        RANGE_SIGMA, "Sigma of a distance that the filter assumes", key="range_sigma_m", **POSITIVE
+    )
     noise: Noise = GROUND_ROBOTS
-    speed_scale_sigma: float = SPEED_SCALE_SIGMA
-    turn_rate_bias_sigma: float = TURN_RATE_BIAS_SIGMA
-    bearing_bias_sigma: float = 0.0
-    bearing_walk_sigma: float = 0.0
-    bearing_walk_time: float = BEARING_WALK_TIME
-    sample_time: float = SAMPLE_TIME
-    delay: float = 0.0
-    start: str = "truth"
-    start_poses: Array | None = None
-    window: float = WINDOW
+    speed_scale_sigma: float = option(
+        SPEED_SCALE_SIGMA,
+        "Sigma of the share by which a robot's speeds are wrong; 0: not a state",
+        **AMOUNT,
+    )
+    turn_rate_bias_sigma: float = option(
+        TURN_RATE_BIAS_SIGMA,
+        "Sigma of a robot's turn-rate bias; 0: not a state",
+        key="turn_rate_bias_sigma_rad_s",
+        **AMOUNT,
+    )
+    bearing_bias_sigma: float = option(
+        0.0,
+        "Sigma of a robot's bearing bias (mounting); 0: not a state",
+        key="bearing_bias_sigma_rad",
+        **AMOUNT,
+    )
+    bearing_walk_sigma: float = option(
+        0.0,
+        "Sigma of a robot's bearing error that changes slowly; 0: not a state",
+        key="bearing_walk_sigma_rad",
+        **AMOUNT,
+    )
+    bearing_walk_time: float = option(
+        BEARING_WALK_TIME,
+        "Time over which the correlation of that error falls to 1/e",
+        key="bearing_walk_time_s",
+        **POSITIVE,
+    )
+    sample_time: float = option(
+        SAMPLE_TIME,
+        "Time between samples; sigmas of motion are of so long a reading",
+        key="sample_time_s",
+        **POSITIVE,
+    )
+    delay: float = option(
+        0.0,
+        "By how much sightings are recorded later than they were made",
+        key="delay_s",
+        ge=-LARGEST_DELAY,
+        le=LARGEST_DELAY,
+    )
+    start: StartKind = option(
+        "truth",
+        "Start at the truth, drawn about it by the start's sigmas, or where given, which a "
+        "recording without truth needs",
+    )
+    start_poses: Poses | None = option(
+        None, "x, y and heading of each robot, where the start is given"
+    )
+    window: float = option(
+        WINDOW,
+        "Length of the windows of sightings whose rank is judged together; 0 judges none",
+        key="window_s",
+        **AMOUNT,
+    )
     portion: tuple[float, float] = (0.0, 1.0)
 
     def __post_init__(self) -> None:
-        allowed = f"allowed is {LEAST_SIGMA:g} to {LARGEST_SIGMA:g}"
-        for key in ("bearing_sigma", "range_sigma", "sample_time", "bearing_walk_time"):
-            value = getattr(self, key)
-            if not LEAST_SIGMA <= value <= LARGEST_SIGMA:
-                raise InputError(f"{value:g} given; {allowed}", key=key)
-        of_noise = ("speed_sigma", "turn_rate_sigma", "position_sigma", "heading_sigma")
-        for key in (*of_noise, *self.lasting_errors().values()):
-            value = getattr(self.noise if key in of_noise else self, key)
-            if value != 0.0 and not LEAST_SIGMA <= value <= LARGEST_SIGMA:
-                raise InputError(f"{value:g} given; {allowed}, or 0", key=key)
-        if not abs(self.delay) <= LARGEST_DELAY:
-            problem = f"{self.delay:g} given; allowed is -{LARGEST_DELAY:g} to {LARGEST_DELAY:g} s"
-            raise InputError(problem, key="delay")
-        if not 0.0 <= self.window <= LARGEST_SIGMA:
-            raise InputError(f"{self.window:g} given; it must not be negative", key="window")
-        if self.start not in START_SIGMAS:
-            problem = f"{self.start!r} is unknown; choose {' or '.join(START_SIGMAS)}"
-            raise InputError(problem, key="start")
+        super(ReplaySettings, self).__post_init__()
+        _check_amounts({name: getattr(self, name) for name in self.lasting_errors().values()})
+        _check_amounts({one.name: getattr(self.noise, one.name) for one in fields(self.noise)})
         if (self.start == "given") != (self.start_poses is not None):
             problem = "poses belong to a start that is given, and only to such"
             raise InputError(problem, key="start_poses")
@@ -113,3 +160,81 @@ class ReplaySettings:
         """Return the errors that a recording's filter may have as states, and their settings."""
         names = ("speed_scale", "turn_rate_bias", "bearing_bias", "bearing_walk")
         return {name: f"{name}_sigma" for name in names}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReplayOptions(ReplaySettings):
+    """What is asked of a replay: settings, sigmas of noise one by one, and how the filter runs."""
+
+    speed_sigma: float = option(
+        GROUND_ROBOTS.speed_sigma,
+        "Sigma of the speed that the filter assumes, per sample",
+        key="speed_sigma_mps",
+        **AMOUNT,
+    )
+    turn_rate_sigma: float = option(
+        GROUND_ROBOTS.turn_rate_sigma,
+        "Sigma of the turn rate that the filter assumes, per sample",
+        key="turn_rate_sigma_rad_s",
+        **AMOUNT,
+    )
+    position_sigma: float | None = option(
+        None,
+        "Sigma of each start coordinate; 0.01, 5 or 1 by the start",
+        key="start_sigma_m",
+        **AMOUNT,
+    )
+    heading_sigma: float | None = option(
+        None,
+        "Sigma of each start heading; 0.01, 0.5 or 0.2 by the start",
+        key="start_sigma_rad",
+        **AMOUNT,
+    )
+    seed: int = option(0, "Seed of a start that is drawn", ge=0, le=LARGEST_SEED)
+    tune: bool = option(False, "Fit sigmas and delay to the first third, and run on the rest")
+    filter: RecordingFilterName = option("robust", "Which filter runs")
+    gate_probability: float = option(
+        0.999,
+        "Probability of the innovation gate; 1 accepts every sighting",
+        flag="--gate",
+        gt=0,
+        le=1,
+    )
+    with_series: bool = option(False, "Add errors and sigmas over time to the report", key="series")
+
+    def __post_init__(self) -> None:
+        super(ReplayOptions, self).__post_init__()
+        own = ("speed_sigma", "turn_rate_sigma", "position_sigma", "heading_sigma")
+        _check_amounts({name: getattr(self, name) for name in own})
+
+    @property
+    def settings(self) -> ReplaySettings:
+        """What the replay rests on."""
+        place, heading = START_SIGMAS[self.start]
+        noise = Noise(
+            speed_sigma=self.speed_sigma,
+            turn_rate_sigma=self.turn_rate_sigma,
+            position_sigma=place if self.position_sigma is None else self.position_sigma,
+            heading_sigma=heading if self.heading_sigma is None else self.heading_sigma,
+        )
+        own = {one.name: getattr(self, one.name) for one in options_of(ReplaySettings)}
+        return ReplaySettings(**own, noise=noise)
+
+    @property
+    def filter_options(self) -> FilterOptions:
+        """How the filter runs, which has no gate where it accepts every sighting."""
+        return FilterOptions(
+            trials=1,
+            seed=self.seed,
+            filter=self.filter,
+            gate_probability=None if self.gate_probability == 1.0 else self.gate_probability,
+            with_series=self.with_series,
+        )
+
+
+def _check_amounts(values: Mapping[str, float | None]) -> None:
+    """Raise InputError for a sigma that is too small or too large to compute with, and not 0."""
+    for name, value in values.items():
+        if value and not LEAST_SIGMA <= value <= LARGEST_SIGMA:
+            allowed = f"allowed is {LEAST_SIGMA:g} to {LARGEST_SIGMA:g}, or 0"
+            raise InputError(f"{value:g} given; {allowed}", key=name)

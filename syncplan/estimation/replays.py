@@ -4,41 +4,35 @@
 `replay_settings` says what it assumes.
 """
 
-from collections.abc import Iterable
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import Unpack
+from typing import Any
 
 import numpy as np
 
-from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.estimation.consistency import coverage, recorded_anees, recorded_nis
-from syncplan.estimation.filter_options import FilterChanges, FilterOptions, options_with
+from syncplan.estimation.filter_options import FilterOptions, options_with
 from syncplan.estimation.filters import FOR_RECORDINGS
 from syncplan.estimation.lasting_innovations import lasting_of
 from syncplan.estimation.recorded_observability import seen_over_time
 from syncplan.estimation.recorded_run import FilteredRun, RecordedRun, Seen, filtered, run_of
 from syncplan.estimation.replay_results import ErrorsFromTruth, FittedError, KindCounts, Replay
 from syncplan.estimation.replay_settings import (
-    BEARING_SIGMA,
-    BEARING_WALK_TIME,
     GROUND_ROBOTS,
-    RANGE_SIGMA,
-    SAMPLE_TIME,
-    SPEED_SCALE_SIGMA,
     START_SIGMAS,
-    TURN_RATE_BIAS_SIGMA,
-    WINDOW,
+    ReplayOptions,
     ReplaySettings,
 )
 from syncplan.estimation.replay_tuning import Tuning, tuned
 from syncplan.estimation.trials import MonteCarloResult, accuracy
+from syncplan.options import options_of
 from syncplan.orbits.error_states import ERROR_STATES
-from syncplan.orbits.sensors import Noise
+from syncplan.orbits.noise import Noise
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
 from syncplan.recordings.log import Log
 
-OPTIONS = FilterOptions(trials=1, gate_probability=0.999, filter="robust")
+OPTIONS = ReplayOptions().filter_options
 """How the filter runs on a recording where nothing else is asked for."""
 
 
@@ -46,32 +40,18 @@ def replay(
     log: Log,
     options: FilterOptions | None = None,
     *,
-    landmarks: Iterable[int | str] | None = None,
-    meetings: bool = True,
-    distances: bool = True,
-    bearing_sigma: float = BEARING_SIGMA,
-    range_sigma: float = RANGE_SIGMA,
     noise: Noise | None = None,
-    speed_scale_sigma: float = SPEED_SCALE_SIGMA,
-    turn_rate_bias_sigma: float = TURN_RATE_BIAS_SIGMA,
-    bearing_bias_sigma: float = 0.0,
-    bearing_walk_sigma: float = 0.0,
-    bearing_walk_time: float = BEARING_WALK_TIME,
-    sample_time: float = SAMPLE_TIME,
-    delay: float = 0.0,
-    start: str = "truth",
-    start_poses: Array | None = None,
-    window: float = WINDOW,
     tune: bool = False,
     progress: Seen | None = None,
-    **changes: Unpack[FilterChanges],
+    **asked: Any,
 ) -> Replay:
     """Return what the filter makes of a recording's odometry and sightings, and its errors.
 
+    What it rests on are the fields of ReplaySettings, each an argument by its name, and `noise`.
     `landmarks` are the names of those whose sightings count (numbers, where the recording numbers
     them), all if None; `meetings` says whether sightings between robots count, `distances` whether
     distances do, where they are recorded. `bearing_sigma` and `range_sigma` are in rad and m,
-    `sample_time` in s; the sigmas of `noise`, a syncplan.orbits.sensors.Noise, are per sample, and
+    `sample_time` in s; the sigmas of `noise`, a syncplan.orbits.noise.Noise, are per sample, and
     GROUND_ROBOTS if None. Each robot's speed scale, turn-rate bias (rad/s), bearing bias (rad) and
     bearing walk (rad), an error whose correlation falls to 1/e over `bearing_walk_time` s, is
     estimated where its sigma is more than 0. Sightings are taken to be made `delay` s before
@@ -87,27 +67,16 @@ def replay(
     at fault, and NoSolutionError where the filter diverges.
     """
     if noise is None:
+        start = asked.get("start", "truth")
         position_sigma, heading_sigma = START_SIGMAS.get(start, START_SIGMAS["truth"])
         noise = replace(GROUND_ROBOTS, position_sigma=position_sigma, heading_sigma=heading_sigma)
-    settings = ReplaySettings(
-        landmarks=None if landmarks is None else tuple(landmarks),
-        meetings=meetings,
-        distances=distances,
-        bearing_sigma=bearing_sigma,
-        range_sigma=range_sigma,
-        noise=noise,
-        speed_scale_sigma=speed_scale_sigma,
-        turn_rate_bias_sigma=turn_rate_bias_sigma,
-        bearing_bias_sigma=bearing_bias_sigma,
-        bearing_walk_sigma=bearing_walk_sigma,
-        bearing_walk_time=bearing_walk_time,
-        sample_time=sample_time,
-        delay=delay,
-        start=start,
-        start_poses=start_poses,
-        window=window,
-    )
-    chosen = replay_options(options, changes)
+    given = {
+        one.name: asked.pop(one.name) for one in options_of(ReplaySettings) if one.name in asked
+    }
+    if given.get("landmarks") is not None:
+        given["landmarks"] = tuple(given["landmarks"])
+    settings = ReplaySettings(**given, noise=noise)
+    chosen = replay_options(options, asked)
     tuning = tuned(log, settings, chosen) if tune else None
     return replay_with(log, settings, chosen, tuning, progress)
 
@@ -176,7 +145,7 @@ def _lasting_errors(log: Log, run: RecordedRun, found: FilteredRun) -> tuple[Fit
     )
 
 
-def replay_options(options: FilterOptions | None, changes: FilterChanges) -> FilterOptions:
+def replay_options(options: FilterOptions | None, changes: Mapping[str, Any]) -> FilterOptions:
     """Return the options of a replay with changes; its gate may also be 1: no gate.
 
     Raises InputError naming the option at fault, such as a filter that only a simulation can run.

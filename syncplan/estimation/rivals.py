@@ -29,15 +29,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
-from syncplan.estimation.augmented_filter import AUGMENTED
-from syncplan.estimation.augmented_setup import (
-    AugmentedReadings,
-    AugmentedSetup,
-    empty_augmented_statistics,
-)
-from syncplan.estimation.extended_filter import EXTENDED
-from syncplan.estimation.filter_setup import FilterSetup, Readings
+from syncplan.estimation.filter_setup import FilterSetup, Readings, Truth
 from syncplan.estimation.filter_statistics import empty_series, empty_statistics
+from syncplan.estimation.lane_filter import EXTENDED
 
 CLEARLY = math.log(1e6)
 """Lead in log-likelihood at which one of two estimates is taken for right."""
@@ -45,8 +39,8 @@ CLEARLY = math.log(1e6)
 LOOKS = 8
 """In a period, at which leads are looked at."""
 
-State = tuple[Array, ...]
-"""As LaneFilter.run returns it."""
+State = tuple[Array, Array]
+"""State (3n + e, lanes) and covariance, as LaneFilter.run returns them."""
 
 
 @dataclass(slots=True)
@@ -57,7 +51,7 @@ class Rivals:
     ----------
     lanes : (k,) of the run
     present, rival : states of these lanes
-    began : (n, 3, k) poses from which the rival set out
+    began : (3n + e, k) state from which the rival set out
     lead : (k,) log-likelihood of the rival over that of the present estimate
     at : step that both have come to
     """
@@ -88,16 +82,14 @@ class Rivals:
 
         return Rivals(
             np.concatenate([self.lanes, other.lanes]),
-            tuple(map(both, self.present, other.present)),
-            tuple(map(both, self.rival, other.rival)),
+            (both(self.present[0], other.present[0]), both(self.present[1], other.present[1])),
+            (both(self.rival[0], other.rival[0]), both(self.rival[1], other.rival[1])),
             both(self.began, other.began),
             both(self.lead, other.lead),
             other.at,
         )
 
-    def advance(
-        self, setup: FilterSetup | AugmentedSetup, readings: Readings | AugmentedReadings, end: int
-    ) -> None:
+    def advance(self, setup: FilterSetup, readings: Readings, end: int) -> None:
         """Take both estimates to step `end`, and add up by how much the rival leads."""
         if not len(self.lanes):
             return
@@ -133,76 +125,56 @@ class Rivals:
 
 def lanes_of_state(state: State, lanes: Index | Flags) -> State:
     """Return a copy of some lanes of a state."""
-    return tuple(np.ascontiguousarray(one[..., lanes]) for one in state)
+    x, P = state
+    return np.ascontiguousarray(x[..., lanes]), np.ascontiguousarray(P[..., lanes])
 
 
 def _is_finite(state: State) -> Flags:
     """(lanes,) whether an estimate is a number."""
-    return np.asarray(np.isfinite(state[0]).all(axis=(0, 1)))
+    return np.asarray(np.isfinite(state[0]).all(axis=0))
 
 
 def _window(
-    setup: FilterSetup | AugmentedSetup,
-    readings: Readings | AugmentedReadings,
-    lanes: Index,
-    begin: int,
-    end: int,
-) -> tuple[FilterSetup | AugmentedSetup, Readings | AugmentedReadings]:
+    setup: FilterSetup, readings: Readings, lanes: Index, begin: int, end: int
+) -> tuple[FilterSetup, Readings]:
     """What some lanes read from step `begin` to step `end`, as a run that is compared with nothing.
 
     Its first step is step `begin`, whose sightings are no part of it.
     """
-    poses = setup if isinstance(setup, FilterSetup) else setup.poses
-    first = poses.first[begin + 1 : end + 2]
+    first = setup.first[begin + 1 : end + 2]
     seen = slice(int(first[0]), int(first[-1]))
     of_steps = slice(begin, end)
-    own = poses._replace(
-        spans=poses.spans[of_steps],
+    own = setup._replace(
+        spans=setup.spans[of_steps],
         compared=np.full(end - begin + 1, -1),
         first=np.concatenate([[0], first - first[0]]),
-        observers=poses.observers[seen],
-        targets=poses.targets[seen],
-        kinds=poses.kinds[seen],
-        variances=poses.variances[seen],
+        observers=setup.observers[seen],
+        targets=setup.targets[seen],
+        kinds=setup.kinds[seen],
+        variances=setup.variances[seen],
     )
-    read = readings._replace(
+    read = Readings(
         initial=np.ascontiguousarray(readings.initial[..., lanes]),
         speeds=np.ascontiguousarray(readings.speeds[of_steps][..., lanes]),
         turn_rates=np.ascontiguousarray(readings.turn_rates[of_steps][..., lanes]),
         sightings=np.ascontiguousarray(readings.sightings[seen][..., lanes]),
     )
-    if isinstance(setup, FilterSetup):
-        return own, read
-    assert isinstance(read, AugmentedReadings)
-    return setup._replace(poses=own), read._replace(
-        headings=np.ascontiguousarray(read.headings[:1][..., lanes]),
-        constants=np.ascontiguousarray(read.constants[..., lanes]),
-        changing=np.ascontiguousarray(read.changing[:1][..., lanes]),
-    )
+    return own, read
 
 
-def _likelihood(
-    setup: FilterSetup | AugmentedSetup, readings: Readings | AugmentedReadings, state: State
-) -> Array:
+def _likelihood(setup: FilterSetup, readings: Readings, state: State) -> Array:
     """(lanes,) log-likelihood of what is read, less a constant; takes the state along, in place.
 
     A sighting that the gate rejects counts as one at the gate.
     """
     n, _, lanes = readings.initial.shape
-    poses = setup if isinstance(setup, FilterSetup) else setup.poses
-    series, sightings = empty_series(n, 0, wanted=False), len(poses.kinds)
-    if isinstance(setup, FilterSetup):
-        counted = empty_statistics(n, lanes, series, sightings)
-        EXTENDED.advance(setup, readings, counted, state, 0, len(poses.spans))
-    else:
-        e = len(setup.variances)
-        both = series, np.zeros((0, e, 3))
-        statistics = empty_augmented_statistics(n, e, lanes, both, sightings)
-        AUGMENTED.advance(setup, readings, statistics, state, 0, len(poses.spans))
-        counted = statistics.poses
+    series = empty_series(len(state[0]), 0, wanted=False)
+    counted = empty_statistics(lanes, series, len(setup.kinds))
+    nothing = Truth(np.zeros((0, n, 3, 1)), np.zeros((0, lanes)), np.zeros((0, 0, lanes)))
+    EXTENDED.advance(setup, readings, nothing, counted, state, 0, len(setup.spans))
     innovations, weights = counted.innovations[:, 0], counted.innovations[:, 1]
     taken = weights > 0.0
     cost = np.square(innovations) * weights - np.log(np.where(taken, weights, 1.0))
-    rejected = poses.gate + np.log(poses.variances)[:, None]
+    rejected = setup.gate + np.log(setup.variances)[:, None]
     missed = np.isnan(readings.sightings)
     return np.asarray(-0.5 * np.where(taken, cost, np.where(missed, 0.0, rejected)).sum(axis=0))

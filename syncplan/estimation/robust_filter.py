@@ -22,18 +22,10 @@ from typing import Protocol
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
-from syncplan.estimation.augmented_filter import AUGMENTED
-from syncplan.estimation.augmented_setup import (
-    AugmentedReadings,
-    AugmentedSetup,
-    AugmentedStatistics,
-    without_errors,
-)
 from syncplan.estimation.batch_solution import compile_solver, solver_is_compiled
-from syncplan.estimation.extended_filter import EXTENDED
-from syncplan.estimation.filter_setup import FilterSetup, Readings
+from syncplan.estimation.filter_setup import FilterSetup, Readings, Truth, poses_of, start_of
 from syncplan.estimation.filter_statistics import FilterStatistics
-from syncplan.estimation.lane_filter import LaneFilter, start_of
+from syncplan.estimation.lane_filter import EXTENDED, LaneFilter
 from syncplan.estimation.lane_solver import LaneSolver, Solved
 from syncplan.estimation.rivals import LOOKS, Rivals, State, lanes_of_state
 from syncplan.estimation.start_search import DOUBT, STARTS
@@ -81,13 +73,14 @@ class RobustFilter:
 
     def run(
         self,
-        setup: FilterSetup | AugmentedSetup,
-        readings: Readings | AugmentedReadings,
-        statistics: FilterStatistics | AugmentedStatistics,
+        setup: FilterSetup,
+        readings: Readings,
+        truth: Truth,
+        statistics: FilterStatistics,
         streams: Sequence[np.random.SeedSequence],
-    ) -> tuple[Array, ...]:
+    ) -> State:
         """Return what LaneFilter.run does; starts of a lane are drawn from its stream."""
-        run = RobustRun.begun(self.base, setup, readings, statistics, streams)
+        run = RobustRun.begun(self.base, setup, readings, truth, statistics, streams)
         run.advance(len(readings.speeds))
         return run.state
 
@@ -100,10 +93,11 @@ class Stepped(Protocol):
 
     def advance(
         self,
-        setup: FilterSetup | AugmentedSetup,
-        readings: Readings | AugmentedReadings,
-        statistics: FilterStatistics | AugmentedStatistics,
-        state: tuple[Array, ...],
+        setup: FilterSetup,
+        readings: Readings,
+        truth: Truth,
+        statistics: FilterStatistics,
+        state: State,
         begin: int,
         end: int,
     ) -> None:
@@ -116,7 +110,7 @@ class RobustRun:
 
     Attributes
     ----------
-    base, setup, readings, statistics, streams : as RobustFilter.run has them
+    base, setup, readings, truth, statistics, streams : as RobustFilter.run has them
     state : as LaneFilter.run returns it
     began : the state as the present period began
     counted : (3, lanes) sum of innovation^2 / variance, number of accepted and of rejected
@@ -129,9 +123,10 @@ class RobustRun:
     """
 
     base: Stepped
-    setup: FilterSetup | AugmentedSetup
-    readings: Readings | AugmentedReadings
-    statistics: FilterStatistics | AugmentedStatistics
+    setup: FilterSetup
+    readings: Readings
+    truth: Truth
+    statistics: FilterStatistics
     streams: Sequence[np.random.SeedSequence]
     state: State
     began: State
@@ -147,19 +142,20 @@ class RobustRun:
     def begun(
         cls,
         base: Stepped,
-        setup: FilterSetup | AugmentedSetup,
-        readings: Readings | AugmentedReadings,
-        statistics: FilterStatistics | AugmentedStatistics,
+        setup: FilterSetup,
+        readings: Readings,
+        truth: Truth,
+        statistics: FilterStatistics,
         streams: Sequence[np.random.SeedSequence],
     ) -> "RobustRun":
         """Return a filter at sample 0."""
         state, lanes = start_of(setup, readings), readings.initial.shape[-1]
-        began, counted = tuple(one.copy() for one in state), np.zeros((3, lanes))
-        poses = setup if isinstance(setup, FilterSetup) else setup.poses
+        began, counted = (state[0].copy(), state[1].copy()), np.zeros((3, lanes))
         return cls(
             base,
             setup,
             readings,
+            truth,
             statistics,
             streams,
             state,
@@ -167,15 +163,10 @@ class RobustRun:
             counted,
             limit=np.zeros(lanes),
             doubtful=np.ones(lanes, dtype=bool),
-            looks=steps_passing(poses.spans, poses.period, LOOKS),
-            ends=steps_passing(poses.spans, poses.period),
+            looks=steps_passing(setup.spans, setup.period, LOOKS),
+            ends=steps_passing(setup.spans, setup.period),
             rivals=Rivals.none(state),
         )
-
-    @property
-    def augmented(self) -> AugmentedSetup:
-        """The set-up, as that of a filter with further states."""
-        return without_errors(self.setup) if isinstance(self.setup, FilterSetup) else self.setup
 
     def advance(self, end: int) -> None:
         """Take in all samples up to `end`."""
@@ -184,7 +175,7 @@ class RobustRun:
             look = int(self.looks[place]) if place < len(self.looks) else end + 1
             until = min(end, look)
             self.base.advance(
-                self.setup, self.readings, self.statistics, self.state, self.at, until
+                self.setup, self.readings, self.truth, self.statistics, self.state, self.at, until
             )
             self.at = until
             if until == look:
@@ -206,12 +197,11 @@ class RobustRun:
             # so far the filter looked for its start: its innovations are no evidence
             for one in self._sums():
                 one[:] = 0.0
-        self.began = tuple(one.copy() for one in self.state)
+        self.began = self.state[0].copy(), self.state[1].copy()
         self.counted = np.stack(self._sums())
 
     def _sums(self) -> tuple[Array, Array, Array]:
-        one = self.statistics
-        counted = one.poses if isinstance(one, AugmentedStatistics) else one
+        counted = self.statistics
         return counted.nis, counted.accepted, counted.gated
 
     def _decide(self, end: int) -> None:
@@ -230,15 +220,15 @@ class RobustRun:
 
     def _start(self, end: int, *, first: bool) -> Index:
         """Look for the start again where it is in doubt; return the lanes where it was."""
-        setup = self.augmented
-        limit = DOUBT**2 * setup.poses.lost_variances[:, :2].sum(axis=1)[:, None]
+        setup = self.setup
+        limit = DOUBT**2 * setup.lost_variances[:, :2].sum(axis=1)[:, None]
         if not first:
             then, now = (_place_variances(one[-1], len(limit)) for one in (self.began, self.state))
             falling = np.any((then > limit) & (now < SETTLED**2 * then), axis=0)
         lanes = np.flatnonzero(self.doubtful if first else self.doubtful & falling)
         if not len(lanes):
             return lanes
-        variances = np.concatenate([setup.poses.initial_variances.ravel(), setup.variances])
+        variances = setup.initial_variances
         found = self._best(self.readings.initial, variances, lanes, 0, end)
         agrees = self._agrees(found)
         self._pit(found, agrees | (found.credible & first), ~agrees)
@@ -248,9 +238,9 @@ class RobustRun:
 
     def _find_lost(self, begin: int, end: int, handled: Index) -> None:
         """Let batch solutions over a period be rivals where innovations say that a lane is lost."""
-        setup = self.augmented
+        setup = self.setup
         nis, accepted, gated = np.stack(self._sums()) - self.counted
-        cost = nis + gated * (setup.poses.gate if np.isfinite(setup.poses.gate) else 0.0)
+        cost = nis + gated * (setup.gate if np.isfinite(setup.gate) else 0.0)
         count = np.maximum(accepted + gated, 1.0)
         noise = np.maximum(ALARM, 1.0 + ALARM_SIGMAS * np.sqrt(2.0 / count))
         # not finite: broken down
@@ -258,17 +248,18 @@ class RobustRun:
         lanes = np.setdiff1d(lanes, handled)
         if not len(lanes):
             return
-        starts = np.maximum(setup.poses.initial_variances, setup.poses.lost_variances)
-        variances = np.concatenate([starts.ravel(), setup.variances])
-        found = self._best(self.began[0], variances, lanes, begin, end)
+        variances = setup.initial_variances.copy()
+        lost = setup.lost_variances.ravel()
+        variances[: len(lost)] = np.maximum(variances[: len(lost)], lost)
+        found = self._best(poses_of(self.began[0], setup.count), variances, lanes, begin, end)
         self.limit[lanes] = GROWTH * (cost / count)[lanes]
         none = np.zeros(len(lanes), dtype=bool)
         self._pit(found, none, ~none)
 
     def _agrees(self, found: Solved) -> Flags:
         """(k,) whether solutions are within AGREES standard deviations of the filter's."""
-        n = len(found.poses)
-        off = found.poses - self.state[0][..., found.lanes]
+        n = self.setup.count
+        off = poses_of(found.state - self.state[0][..., found.lanes], n)
         variances = np.einsum("kkl->kl", self.state[-1])[: 3 * n, found.lanes].reshape(n, 3, -1)
         place = np.sum(off[:, :2] ** 2, axis=1) <= AGREES**2 * variances[:, :2].sum(axis=1)
         heading = wrap(off[:, 2]) ** 2 <= AGREES**2 * variances[:, 2]
@@ -277,23 +268,20 @@ class RobustRun:
     def _pit(self, found: Solved, taken: Flags, rivals: Flags) -> None:
         """Go on from the solutions `taken`; what is not taken of two becomes a rival, if asked."""
         filtered = lanes_of_state(self.state, found.lanes)
-        errors = (found.errors,) if len(filtered) == 3 else ()
-        solved: State = (found.poses, *errors, found.covariance)
+        solved: State = found.state, found.covariance
         for own, its in zip(self.state, solved, strict=True):
             own[..., found.lanes[taken]] = its[..., taken]
         present = lanes_of_state(self.state, found.lanes[rivals])
-        other = tuple(
+        x, P = (
             np.ascontiguousarray(np.where(taken, a, b)[..., rivals])
             for a, b in zip(filtered, solved, strict=True)
         )
-        formed = Rivals.of(found.lanes[rivals], present, other, self.at)
+        formed = Rivals.of(found.lanes[rivals], present, (x, P), self.at)
         self.rivals = self.rivals.joined(formed)
 
     def _best(self, poses: Array, variances: Array, lanes: Index, begin: int, end: int) -> Solved:
         """The best solutions of some lanes, from the prior about `poses` and, in need, others."""
-        solver = LaneSolver(
-            self.augmented, self.readings, self.streams, self.lanes_at_once, begin, end
-        )
+        solver = LaneSolver(self.setup, self.readings, self.streams, self.lanes_at_once, begin, end)
         return solver.best(poses, variances, lanes)
 
     @property
@@ -314,5 +302,5 @@ def _place_variances(P: Array, n: int) -> Array:
     return np.asarray(P[own, own].sum(axis=1))
 
 
-ROBUST, ROBUST_AUGMENTED = RobustFilter(EXTENDED), RobustFilter(AUGMENTED)
-"""Of poses alone, and with further states."""
+ROBUST = RobustFilter(EXTENDED)
+"""The robust filter."""

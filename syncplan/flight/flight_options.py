@@ -2,35 +2,20 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from syncplan.errors import InputError
-from syncplan.estimation.filter_options import REQUEST_KEYS, FilterChanges, FilterOptions
+from syncplan.estimation.filter_options import MAX_TRIALS, FilterOptions
+from syncplan.estimation.filters import AUTO, FILTERS, FlightFilterChoice
+from syncplan.options import option
 
 OPEN_LOOP, TRACKING, AS_COMMANDED = 0, 1, 2
 """Where commands come from: the plan, the tracking law, or whoever wrote them last."""
 
 DEFAULT_GATE = 0.9999
 """Probability of the innovation gate where bearings may be false."""
-
-MOST_LATE = 1000
-
-FLIGHT_REQUEST_KEYS: Mapping[str, str] = MappingProxyType(
-    {
-        **REQUEST_KEYS,
-        "guidance": "guidance",
-        "lose": "lose",
-        "hold": "hold",
-        "dropout": "dropout",
-        "outliers": "outliers",
-        "mistaken": "mistaken",
-        "late": "late",
-        "wind": "wind_mps",
-    }
-)
-"""Key of each option in requests to the service."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,45 +63,67 @@ else:
 class FlightOptions(FilterOptions):
     """How a flight is flown; raises InputError naming the option at fault.
 
-    Attributes
-    ----------
-    guidance : a name in GUIDANCES
-    lose, hold : events, as flight_events reads them
-    dropout : share of sightings that are lost on their way
-    outliers : share of bearings that are false: of nothing, anywhere in view
-    mistaken : share of sightings that are of another vehicle in sight, if there is one, than the
-        filter takes them for
-    late : samples after which sightings arrive
-    wind : m/s, the true wind; drawn by the scenario's wind.sigma_mps if None
+    `lose` and `hold` are events as flight_events reads them.
     """
 
-    request_keys: ClassVar[Mapping[str, str]] = FLIGHT_REQUEST_KEYS
-
-    trials: int = 100
-    guidance: str = "track"
-    lose: tuple[str, ...] = ()
-    hold: tuple[str, ...] = ()
-    dropout: float = 0.0
-    outliers: float = 0.0
-    mistaken: float = 0.0
-    late: int = 0
-    wind: tuple[float, float] | None = None
+    trials: int = option(100, "Number of flights", example=100, ge=1, le=MAX_TRIALS)
+    filter: FlightFilterChoice = option(
+        AUTO, "The filter. auto is the scenario's filter.kind, or robust where it has none"
+    )
+    gate_probability: float | None = option(
+        None,
+        "Probability of the innovation gate, such as 0.999; if not given, no gate, or "
+        f"{DEFAULT_GATE:g} where bearings may be false",
+        flag="--gate",
+        example=0.999,
+        gt=0,
+        lt=1,
+    )
+    with_series: bool = option(
+        False,
+        "Add figures over time to the report, and the tracks of the first trials",
+        key="series",
+    )
+    guidance: GuidanceChoice = option(
+        "track",
+        "How vehicles steer. "
+        + " ".join(f"{name}: {one.sentence}" for name, one in GUIDANCES.items()),
+    )
+    lose: tuple[str, ...] = option(
+        (),
+        "What is lost, and when in s: a vehicle (v3@60), its sensor (sensor:v3@60) or a landmark "
+        "(L1@60)",
+        example=["v2@30"],
+    )
+    hold: tuple[str, ...] = option(
+        (),
+        "Vehicles that are held: v2@100:20, from 100 s on for 20 s. They stand still in the air, "
+        "or circle where speed has a least, and drift with the wind",
+        example=["v1@20:5"],
+    )
+    dropout: float = option(0.0, "Share of sightings that are lost on their way", ge=0, lt=1)
+    outliers: float = option(0.0, "Share of bearings that are false, anywhere in view", ge=0, lt=1)
+    mistaken: float = option(
+        0.0,
+        "Share of sightings that are of another vehicle in sight than is thought",
+        ge=0,
+        lt=1,
+    )
+    late: int = option(0, "Samples after which sightings arrive", ge=0, le=1000)
+    wind: tuple[float, float] | None = option(
+        None,
+        "True wind x,y in m/s, such as 1.5,0; drawn by the scenario's wind.sigma_mps if not given",
+        key="wind_mps",
+        flag="--wind",
+        example=[1.5, 0.0],
+    )
 
     def __post_init__(self) -> None:
-        super(FlightOptions, self).__post_init__()
-        if self.guidance not in GUIDANCES:
-            problem = f"{self.guidance!r} is unknown; choose {' or '.join(GUIDANCES)}"
-            raise InputError(problem, key="guidance")
-        if self.filter_model.needs_truth:
+        if self.filter in FILTERS and FILTERS[self.filter].needs_truth:
             raise InputError(f"{self.filter} takes the truth; nobody can fly by it", key="filter")
-        for name in ("dropout", "outliers", "mistaken"):
-            share = getattr(self, name)
-            if not 0.0 <= share < 1.0:
-                raise InputError(f"{share:g} given; a share is from 0 to below 1", key=name)
+        super(FlightOptions, self).__post_init__()
         if self.outliers + self.mistaken >= 1.0:
             raise InputError("together with mistaken this is 1 or more", key="outliers")
-        if not 0 <= self.late <= MOST_LATE:
-            raise InputError(f"{self.late} given; allowed are 0 to {MOST_LATE} samples", key="late")
         wind = (0.0, 0.0) if self.wind is None else tuple(self.wind)
         if len(wind) != 2 or not all(map(math.isfinite, wind)):
             raise InputError(f"{self.wind} is no velocity; give x,y in m/s", key="wind")
@@ -126,27 +133,3 @@ class FlightOptions(FilterOptions):
                 raise InputError(problem, key=name)
         if self.gate_probability is None and self.outliers + self.mistaken > 0.0:
             object.__setattr__(self, "gate_probability", DEFAULT_GATE)
-
-    @classmethod
-    def of_request(cls, request: Mapping[str, Any]) -> Self:
-        """Return the options that a request names; it may have further keys."""
-        lists = {key: tuple(value) for key, value in request.items() if isinstance(value, list)}
-        return super(FlightOptions, cls).of_request({**request, **lists})
-
-
-class FlightChanges(FilterChanges, total=False):
-    """Options by name, as functions take them beside, or instead of, FlightOptions."""
-
-    guidance: str
-    lose: tuple[str, ...]
-    hold: tuple[str, ...]
-    dropout: float
-    outliers: float
-    mistaken: float
-    late: int
-    wind: tuple[float, float] | None
-
-
-def flight_options_with(options: FlightOptions | None, changes: FlightChanges) -> FlightOptions:
-    """Return the options, the defaults if None, with some replaced and all checked."""
-    return replace(options or FlightOptions(), **changes)

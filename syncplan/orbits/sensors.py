@@ -1,28 +1,10 @@
-"""Sensors and noise: what each vehicle can see, how often and how well, and how it moves."""
+"""Sensors: what each vehicle can see, how often and how well."""
 
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
 from syncplan.arrays import Array, Index, short_repr
-
-
-@dataclass(frozen=True, slots=True)
-class Noise:
-    """Standard deviations of the motion readings (per sample) and of the initial pose.
-
-    Attributes
-    ----------
-    speed_sigma : m/s, of each speed reading
-    turn_rate_sigma : rad/s, of each turn-rate reading
-    position_sigma : m, of each initial coordinate
-    heading_sigma : rad, of each initial heading
-    """
-
-    speed_sigma: float
-    turn_rate_sigma: float
-    position_sigma: float
-    heading_sigma: float
 
 
 @dataclass(frozen=True, slots=True, repr=False)

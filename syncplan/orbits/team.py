@@ -9,8 +9,8 @@ import numpy as np
 
 from syncplan.arrays import Array, Index, short_repr
 from syncplan.orbits.circles import Orbits
-from syncplan.orbits.error_states import NO_ERRORS, ErrorSigmas
-from syncplan.orbits.sensors import Noise, Sensors
+from syncplan.orbits.noise import NO_ERRORS, ErrorSigmas, Noise
+from syncplan.orbits.sensors import Sensors
 from syncplan.scenario.disturbances import Wind
 from syncplan.scenario.specification import Scenario, per_vehicle
 
@@ -81,6 +81,9 @@ class WithTeam:
     def errors(self) -> ErrorSigmas:
         """The team's lasting errors."""
         return self.team.errors
+
+
+# --- of a scenario ------------------------------------------------------------------------------
 
 
 def radii_of(scenario: Scenario) -> Array:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Unpack
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +11,6 @@ from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.bounds import posterior_bound
 from syncplan.estimation.consistency import Consistency, anees, coverage, nis
 from syncplan.estimation.filter_options import (
-    FilterChanges,
     FilterOptions,
     options_with,
     steps_in_run,
@@ -199,7 +198,7 @@ def validate(
     *,
     threads: int | None = None,
     progress: Callable[[int], None] | None = None,
-    **changes: Unpack[FilterChanges],
+    **changes: Any,
 ) -> Validation:
     """Return the errors of the filter over many trials on a plan, or on what a plan can be made of.
 
@@ -218,7 +217,7 @@ def validate(
 def trial_run(
     subject: PlanSubject,
     options: FilterOptions | None = None,
-    **changes: Unpack[FilterChanges],
+    **changes: Any,
 ) -> TrialRun:
     """Return the set-up of a validation, whose parts run_part runs and conclude joins."""
     chosen = options_with(options, changes)

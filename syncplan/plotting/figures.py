@@ -26,22 +26,33 @@ from syncplan.plotting.canvas import Spec, fitted
 from syncplan.plotting.figure_style import PLAIN, FigureStyle, Theme, themed
 from syncplan.plotting.figure_table import FIGURES, FigureInput, SubjectKind
 from syncplan.plotting.series_figures import errors_spec
-from syncplan.reports.flight_report import flight_document
-from syncplan.reports.flight_schemas import FlightDocument
-from syncplan.reports.loss_report import what_if_document
-from syncplan.reports.loss_schemas import WhatIfDocument
-from syncplan.reports.refinement_report import refinement_result
-from syncplan.reports.refinement_schemas import RefinementResult
-from syncplan.reports.replay_report import replay_document
-from syncplan.reports.replay_schemas import ReplayDocument
-from syncplan.reports.run_schemas import SweepReport, ValidationDocument
-from syncplan.reports.validation_report import validation_document
+from syncplan.reports.flight_report import FlightDocument, flight_document
+from syncplan.reports.loss_report import WhatIfDocument, what_if_document
+from syncplan.reports.refinement_report import RefinementResult, refinement_result
+from syncplan.reports.replay_report import ReplayDocument, replay_document
+from syncplan.reports.validation_report import SweepReport, ValidationDocument, validation_document
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 else:
     Figure = Any
 
+
+__all__ = [
+    "FigureStyle",
+    "accuracy",
+    "animation",
+    "comparison",
+    "consistency",
+    "error_bands",
+    "figures_of",
+    "formation",
+    "prediction",
+    "refinement",
+    "spectrum",
+    "sweep_curves",
+    "timeline",
+]
 
 Run = Validation | ValidationDocument | Replay | ReplayDocument
 Subject = Plan | SweepReport | WhatIf | WhatIfDocument | Flight | FlightDocument | Run
@@ -115,23 +126,6 @@ def _why_not(name: str, of: SubjectKind, known: list[str]) -> str:
     figure = FIGURES[name]
     why = figure.why_not if figure.of == of else "this file has no such figure"
     return f"{why}; {choices}"
-
-
-__all__ = [
-    "FigureStyle",
-    "accuracy",
-    "animation",
-    "comparison",
-    "consistency",
-    "error_bands",
-    "figures_of",
-    "formation",
-    "prediction",
-    "refinement",
-    "spectrum",
-    "sweep_curves",
-    "timeline",
-]
 
 
 def formation(plan: Plan, *, theme: Theme | None = None, style: FigureStyle = PLAIN) -> Figure:

@@ -9,7 +9,7 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.orbits.circles import Orbits, heading, position, unit
 from syncplan.planning.planner import Plan
-from syncplan.plotting.canvas import Spec, axis, compass, decimals, gapped, numbers
+from syncplan.plotting.canvas import Spec, axis, compass, decimals, gapped, line_trace, numbers
 from syncplan.plotting.figure_style import BLUE, INK, MUTED, ORANGE, FigureStyle, translucent
 
 Corners = Sequence[tuple[float, float]]
@@ -45,6 +45,9 @@ class Mapped(Protocol):
     @property
     def scenario(self) -> Zones:
         """What has the areas."""
+
+
+# --- the view -----------------------------------------------------------------------------------
 
 
 _ROOM = 0.06
@@ -162,6 +165,9 @@ def _view_box(mapped: Mapped) -> tuple[Array, Array]:
     return everything.min(axis=0), everything.max(axis=0)
 
 
+# --- layers -------------------------------------------------------------------------------------
+
+
 CIRCLE_POINTS = 72
 """Points of a circle; the chord is a thousandth of the radius inside it."""
 
@@ -232,12 +238,7 @@ def vehicle_marks(plan: Mapped, view: MapView, time: float, places: int) -> Spec
 
 def pointer(view: MapView, largest: float, angles: Any, color: str) -> Spec:
     """Return a marker: an arrow whose tip is the point, turned by Plotly's `angles`."""
-    return {
-        "symbol": "arrow",
-        "size": view.mark_px(largest),
-        "angle": angles,
-        "color": color,
-    }
+    return {"symbol": "arrow", "size": view.mark_px(largest), "angle": angles, "color": color}
 
 
 def pointer_entry(group: str, name: str, size: float) -> Spec:
@@ -250,27 +251,8 @@ def pointer_entry(group: str, name: str, size: float) -> Spec:
         "legendgroup": group,
         "x": [None],
         "y": [None],
-        "marker": {
-            "symbol": "triangle-up",
-            "size": 0.8 * size,
-            "color": INK,
-        },
+        "marker": {"symbol": "triangle-up", "size": 0.8 * size, "color": INK},
         "hoverinfo": "skip",
-    }
-
-
-def line_trace(uid: str, name: str, x: Any, y: Any, line: Spec, **more: Any) -> Spec:
-    """Return a trace of lines that says nothing when pointed at, unless `more` makes it."""
-    return {
-        "type": "scatter",
-        "uid": uid,
-        "name": name,
-        "mode": "lines",
-        "x": x,
-        "y": y,
-        "line": line,
-        "hoverinfo": "skip",
-        **more,
     }
 
 

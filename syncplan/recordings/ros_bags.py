@@ -146,6 +146,9 @@ TOPICS: Mapping[str, TopicKind] = MappingProxyType(
 """Topics that count, by the last part of their name."""
 
 
+# --- topics -------------------------------------------------------------------------------------
+
+
 SUFFIXES = (".mcap", ".db3")
 """Of files of bags."""
 
@@ -294,6 +297,9 @@ def _in_order(topic: Topic, readings: list[Reading], path: Path) -> TopicReading
     return TopicReadings(numbers[order], tuple(readings[k][1] for k in order.tolist()))
 
 
+# --- recordings ---------------------------------------------------------------------------------
+
+
 SEEN = {"sightings": (True, True), "bearings": (True, False), "ranges": (False, True)}
 """Whether direction and distance were measured, by the kind of topic."""
 
@@ -381,9 +387,4 @@ def _seen(readings: TopicReadings, topic: Topic, team: NamedTeam, path: Path) ->
 def _merged(parts: list[SeenBodies]) -> SeenBodies:
     """What one robot saw, of several topics, in order of time."""
     order = np.argsort(np.concatenate([one.times for one in parts]), kind="stable")
-    return SeenBodies(
-        times=np.concatenate([one.times for one in parts])[order],
-        subjects=np.concatenate([one.subjects for one in parts])[order],
-        bearings=np.concatenate([one.bearings for one in parts])[order],
-        ranges=np.concatenate([one.ranges for one in parts])[order],
-    )
+    return SeenBodies(*(np.concatenate(columns)[order] for columns in zip(*parts, strict=True)))

@@ -1,34 +1,204 @@
 """Flights as documents, with what their figures mean in words."""
 
-from typing import Any
+from collections.abc import Iterator
+from typing import Any, Literal
 
 import numpy as np
+from pydantic import Field
 
 from syncplan import __version__
 from syncplan.arrays import Array
+from syncplan.documents import DocumentPart, finite_or_none
+from syncplan.estimation.considered_errors import neglected_errors
 from syncplan.flight.flight_options import AS_COMMANDED, GUIDANCES, FlightOptions
 from syncplan.flight.flying import Flight
+from syncplan.phrases import listed, percent
+from syncplan.planning.judged_team import PlanVerdict
 from syncplan.planning.lost_parts import phrase_of
 from syncplan.planning.planner import Plan
-from syncplan.reports.document_base import finite_or_none
-from syncplan.reports.flight_notes import notes_of
-from syncplan.reports.flight_schemas import (
-    FlightConditions,
-    FlightDocument,
-    FlightErrors,
-    FlightEvent,
-    FlownLink,
-    FlownSeparation,
-    FlownStateError,
-    FlownVehicle,
-    PhaseError,
-    VehicleModel,
-)
-from syncplan.reports.flight_series_report import flight_over_time
-from syncplan.reports.run_schemas import FilterRecord
-from syncplan.reports.truth_report import expected_in_truth, keys_in_truth
-from syncplan.reports.validation_report import spread_of
-from syncplan.reports.verdict_schemas import plan_verdict
+from syncplan.reports.flight_series import FlightOverTime, flight_over_time
+from syncplan.reports.run_figures import Errors, FilterRecord, Spread, TrueWorldReport, spread_of
+from syncplan.reports.truth_report import expected_in_truth, keys_in_truth, truth_note
+from syncplan.scenario.disturbances import ReadingsKind
+
+
+class PhaseError(DocumentPart):
+    """How far ahead of the plan a vehicle is, or behind it, over the second half."""
+
+    rms: float
+    worst: float = Field(description="In any trial")
+
+
+class FlightErrors(Errors):
+    """Errors of the estimates against the truth as flown, over all trials."""
+
+    predicted_rms_m: float | None = Field(
+        description="The plan's bound, of circles flown exactly; null for another duration"
+    )
+    bound_rms_m: float = Field(
+        description="The bound along the paths truly flown, by the sightings truly made, RMS over "
+        "the second half"
+    )
+    rms_over_bound: float | None = Field(description="Second-half RMS over bound_rms_m")
+    tracking_rms_m: float = Field(description="True distance from the plan's place, second half")
+
+
+class FlownVehicle(DocumentPart):
+    """How one vehicle flew."""
+
+    name: str
+    errors: FlightErrors | None = Field(description="Null for a vehicle that is lost on the way")
+    phase_error_s: PhaseError | None
+    phase_tolerance_s: float | None = Field(
+        description="The least of its links' in the plan: how late it may be until one never comes "
+        "into contact; null where it has none"
+    )
+    meetings_kept: float | None = Field(
+        description="Share of its meetings in the plan in which a sighting was made; null where "
+        "it has none"
+    )
+    longest_without_sighting_s: float = Field(description="In any trial, from time 0 on")
+    saturated_share: float = Field(description="Share of samples with a command at a limit")
+    refused_share: float | None = Field(
+        description="Share of decisions of guidance mpc whose program was not solved: the vehicle "
+        "then flies the best of its guesses; null for other guidances"
+    )
+    anchor: str | None = Field(description="By whom it keeps in contact; null for none")
+    sought_share: float = Field(
+        description="Share of samples at which its circle was moved to be sure of its anchor"
+    )
+
+
+class FlownLink(DocumentPart):
+    """Two that meet in the plan: vehicles, or a vehicle and a landmark."""
+
+    between: tuple[str, str]
+    meetings: int = Field(description="In the plan, in each trial")
+    kept_share: float = Field(description="In which a sighting was made")
+
+
+class FlownSeparation(DocumentPart):
+    """The closest that any two vehicles came, over trials."""
+
+    median: float
+    worst: float
+    between: tuple[str, str] = Field(description="Which two, in the worst trial")
+    time_s: float = Field(description="When, in the worst trial")
+    planned: float = Field(description="The plan's own")
+    asked: float | None = Field(description="min_separation_m; null where none is asked for")
+    quantiles: list[float] = Field(
+        description="Of the closest in each trial, at 41 shares of the trials from 0 to 1"
+    )
+    below_asked_share: float | None = Field(
+        description="Share of trials below min_separation_m; null where none is asked for"
+    )
+
+
+class FlightEvent(DocumentPart):
+    """What happened in every trial."""
+
+    event: str = Field(description="As it was asked for", examples=["v3@60", "v2@100:20"])
+    kind: Literal["loss", "hold"]
+    subject: str = Field(description="What is lost or held", examples=["v3", "sensor of v3"])
+    begin_s: float
+    end_s: float | None = Field(description="Null for what is lost")
+    what: str = Field(examples=["v3 is lost at 60 s"])
+    settled_s: float | None = Field(
+        default=None,
+        description="Of a hold: median time from its end until the vehicle keeps its phase within "
+        "1 s for a period; null where half of the trials never do, where less than a period is "
+        "left to say, and for losses",
+    )
+
+
+class FlightConditions(DocumentPart):
+    """What sightings suffer in every trial, and the air, as it was asked for."""
+
+    dropout: float = Field(description="Share of sightings that are lost on their way")
+    outliers: float = Field(description="Share of bearings that are false, anywhere in view")
+    mistaken: float = Field(
+        description="Share of sightings of another vehicle in sight than is thought"
+    )
+    late: int = Field(description="Samples after which sightings arrive")
+    wind_mps: tuple[float, float] | None = Field(
+        description="True wind x, y of all trials; null where each draws its own by wind.sigma_mps"
+    )
+
+
+class FlownStateError(DocumentPart):
+    """Errors of a state of the filter that is no pose, over all trials."""
+
+    state: str = Field(description="What it is", examples=["wind x", "speed scale of v1"])
+    unit: str = Field(description="Of the errors", examples=["m/s"])
+    rms: float = Field(description="Over the samples after time 0")
+    rms_second_half: float
+    bound_rms: float = Field(
+        description="The bound along the paths truly flown, by the sightings truly made, RMS over "
+        "the second half"
+    )
+    ratio: float | None = Field(description="Second-half RMS over bound_rms")
+    coverage: float = Field(description="Share of samples within 3 sigma; ideal 0.9973")
+
+
+LimitsFrom = Literal["scenario", "default"]
+
+
+class VehicleModel(DocumentPart):
+    """What the vehicles were taken to be."""
+
+    speed_mps: tuple[float, float] = Field(description="Least and largest airspeed of any vehicle")
+    turn_rate_rad_s: float = Field(description="Largest turn rate")
+    speed_from: LimitsFrom = Field(description="default: up to twice the plan's speed")
+    turn_rate_from: LimitsFrom = Field(description="default: up to 4 times the plan's turn rate")
+    lag_s: float
+    readings: ReadingsKind
+
+
+class FlightDocument(TrueWorldReport):
+    """Many flights of a plan, in closed loop."""
+
+    verdict: PlanVerdict = Field(description="Of the plan that was flown")
+    trials: int
+    seed: int
+    duration_s: float
+    guidance: str
+    conditions: FlightConditions
+    vehicle_model: VehicleModel
+    filter: FilterRecord
+    observable: bool
+    filter_lost_share: float = Field(
+        description="Share of trials in which some vehicle's error in the second half is over 5 "
+        "times the bound along the path it truly took"
+    )
+    out_of_contact_share: float = Field(
+        description="Share of trials in which some vehicle made no sighting, and was in none, for "
+        "more than two periods"
+    )
+    least_separation_m: FlownSeparation | None = Field(description="Null for a single vehicle")
+    saturated_share: float
+    wind_error_mps: float | None = Field(
+        description="RMS error of the estimated wind, second half; null where it is no state"
+    )
+    events: list[FlightEvent]
+    vehicles: list[FlownVehicle]
+    overall: FlightErrors
+    errors: list[FlownStateError] | None = Field(
+        default=None,
+        description="Of states of the filter that are no poses; absent where there are none",
+    )
+    links: list[FlownLink]
+    anees: Spread
+    nis: Spread
+    series: FlightOverTime | None = Field(
+        default=None, description="Over time; absent unless asked for"
+    )
+    notes: list[str]
+
+    @property
+    def run(self) -> str:
+        """How much was flown, in words."""
+        return f"{self.trials} flights of {self.duration_s:g} s, seed {self.seed}"
+
 
 _SHARES = np.linspace(0.0, 1.0, 41)
 
@@ -43,7 +213,7 @@ def flight_document(flight: Flight) -> FlightDocument:
         name=plan.scenario.name,
         truth=keys_in_truth(plan),
         expected_rms_m=expected_in_truth(plan, flight.expected),
-        verdict=plan_verdict(plan.verdict),
+        verdict=plan.verdict,
         trials=result.trials,
         seed=found.seed,
         duration_s=run.duration,
@@ -52,7 +222,7 @@ def flight_document(flight: Flight) -> FlightDocument:
         vehicle_model=_model(flight),
         filter=_filter(flight),
         observable=plan.observable,
-        filter_lost_share=record.lost_share,
+        filter_lost_share=record.filter_lost_share,
         out_of_contact_share=record.out_of_contact_share,
         least_separation_m=_separation(flight),
         saturated_share=float(figures.saturated.mean()),
@@ -63,7 +233,7 @@ def flight_document(flight: Flight) -> FlightDocument:
         errors=_state_errors(flight),
         links=[
             FlownLink(between=one.between, meetings=one.meetings, kept_share=one.kept_share)
-            for one in record.pairs
+            for one in record.meetings_kept
         ],
         anees=spread_of(flight.anees),
         nis=spread_of(flight.nis),
@@ -280,3 +450,126 @@ def _state_errors(flight: Flight) -> list[FlownStateError] | None:
 
 def _share(value: float, whole: float) -> float | None:
     return finite_or_none(value / whole) if whole > 0.0 else None
+
+
+def notes_of(flight: Flight, report: FlightDocument) -> list[str]:
+    """Return what the reader of a flight's report must know, in plain words."""
+    return [
+        f"guidance {report.guidance}: {GUIDANCES[report.guidance].sentence} Vehicles start where "
+        "initial_sigma puts them, about the plan, and their estimates at the plan",
+        *_of_truth(report),
+        *_of_conditions(flight),
+        *_of_holds(flight),
+        *_of_vehicles(report),
+        *_of_places(flight),
+        *_of_filter(flight, report),
+        *_of_guidance(report),
+    ]
+
+
+def _of_truth(report: FlightDocument) -> Iterator[str]:
+    """How the simulated world differs from the scenario."""
+    own = report.overall
+    note = truth_note(
+        report.truth, report.expected_rms_m, own.rms_second_half_m, own.predicted_rms_m
+    )
+    if note is not None:
+        yield note
+
+
+def _of_conditions(flight: Flight) -> Iterator[str]:
+    """What sightings suffer, and what is lost."""
+    conditions = flight.run.conditions
+    if conditions:
+        yield f"in every trial {listed(conditions, len(conditions))}"
+    if flight.run.options.late:
+        yield (
+            "where sightings are late, errors of estimates are of the time when sightings were "
+            "made, and vehicles steer by estimates carried on from there"
+        )
+    if flight.run.events.losses:
+        yield (
+            "a vehicle that is lost takes no further part: nobody sees it, it sees nobody, and "
+            "separations leave it out"
+        )
+
+
+def _of_holds(flight: Flight) -> Iterator[str]:
+    """What vehicles do that are held, and where nobody can say whether they are back."""
+    team, holds = flight.run.team, flight.run.events.holds
+    if holds:
+        circling = any(team.limits.least_speeds[one.vehicle] > 0.0 for one in holds)
+        does = "circles at its least speed and largest turn rate" if circling else "stands still"
+        yield f"a vehicle that is held {does} in the air, and drifts with the wind"
+    for one in holds:
+        if not team.shows_phase_after(one):
+            yield (
+                f"{one.sentence}: less than a period, {team.team.orbits.period:.3g} s, is left, "
+                "too little to say when it has its phase again"
+            )
+
+
+def _of_vehicles(report: FlightDocument) -> Iterator[str]:
+    """What vehicles were supposed to be able to do."""
+    model = report.vehicle_model
+    if model.speed_from == "default":
+        low, high = model.speed_mps
+        yield (
+            f"no limits.speed_mps: airspeeds from {low:g} to {high:.4g} m/s were supposed; give "
+            "what the vehicles can do"
+        )
+    if model.turn_rate_from == "default":
+        yield (
+            f"no limits.turn_rate_rad_s: turn rates up to {model.turn_rate_rad_s:.4g} rad/s were "
+            "supposed; give what the vehicles can do"
+        )
+
+
+def _of_places(flight: Flight) -> Iterator[str]:
+    """What of the scenario no flight looks at."""
+    scenario = flight.plan.scenario
+    given = [key for key in ("area_m", "keep_out_m") if getattr(scenario, key)]
+    if given:
+        yield (
+            f"flights do not look at {' and '.join(given)}: who is off the plan may be where no "
+            "circle is; compare the distance from the plan with what there is room for"
+        )
+
+
+def _of_filter(flight: Flight, report: FlightDocument) -> Iterator[str]:
+    """From when on the filter is judged, and what it does not know of."""
+    if flight.judged_from:
+        yield (
+            f"the filter looks for its start until {flight.judged_from:.4g} s: ANEES, NIS and "
+            "coverage count from there on"
+        )
+    neglected = neglected_errors(flight.plan.team)
+    if neglected:
+        what = listed([name.replace("_", " ") for name in neglected], len(neglected))
+        yield (
+            f"the filter does not estimate {what}: vehicles do not know that they are off, and "
+            "the bound does not either; filter.estimate makes them states"
+        )
+    wind = report.conditions.wind_mps or (0.0, 0.0)
+    if any(wind) and report.wind_error_mps is None and "wind" not in neglected:
+        yield (
+            "the wind is no state of the filter: vehicles do not know that they are off, and the "
+            "bound does not either; wind.sigma_mps makes it one"
+        )
+
+
+def _of_guidance(report: FlightDocument) -> Iterator[str]:
+    """What guidance did that nobody asked for."""
+    sought = max(one.sought_share for one in report.vehicles)
+    if sought > 0.0:
+        yield (
+            "where a vehicle was not sure to meet its anchor, its circle was moved towards it, "
+            f"for up to {percent(sought)} of the time"
+        )
+    refused = max(report.vehicles, key=lambda one: one.refused_share or 0.0)
+    if refused.refused_share:
+        yield (
+            f"the program of {report.guidance} was not solved in up to "
+            f"{percent(refused.refused_share)} of a vehicle's decisions ({refused.name}): it "
+            "then flies the best of its guesses"
+        )

@@ -1,11 +1,63 @@
 """What losses do to a plan, as a document."""
 
+from typing import ClassVar
+
+from pydantic import Field
+
 from syncplan import __version__
+from syncplan.documents import Document, VersionedDocument
+from syncplan.planning.judged_team import PlanVerdict
 from syncplan.planning.loss_study import LossOutcome, WhatIf
-from syncplan.reports.error_report import extended_rank_record
-from syncplan.reports.loss_schemas import RemainingTeam, WhatIfDocument
-from syncplan.reports.plan_report import error_prediction, unobservable_motions
-from syncplan.reports.verdict_schemas import plan_verdict
+from syncplan.reports.observability_report import (
+    ErrorPrediction,
+    ExtendedRank,
+    Unobservable,
+    error_prediction,
+    extended_rank_record,
+    unobservable_motions,
+)
+
+
+class RemainingTeam(Document):
+    """What a loss leaves of a team, judged afresh on the orbits it has."""
+
+    left_out_if_none: ClassVar[frozenset[str]] = frozenset({"extended"})
+
+    lost: list[str] = Field(
+        description="Names of what is lost: vehicles, landmarks, and sensors as sensor:v3, whose "
+        "vehicles fly on, or as compass:v3 and distance:v3, of one kind of sighting; empty for the "
+        "whole team",
+        examples=[["sensor:v3"]],
+    )
+    rank: int
+    state_dim: int
+    observable: bool
+    unobservable: list[Unobservable]
+    extended: ExtendedRank | None = Field(
+        default=None,
+        description="Rank with errors as states; absent where the filter estimates none that are "
+        "constant, or where there are more than 400 states",
+    )
+    predicted_rms_m: ErrorPrediction = Field(
+        description="Of a run without what is lost, from its start"
+    )
+    worst_predicted_rms_m: float | None = Field(
+        description="Of the vehicle worst off; null where not computed"
+    )
+    verdict: PlanVerdict = Field(description="On flying without what is lost")
+
+
+class WhatIfDocument(VersionedDocument):
+    """What losses of vehicles, sensors and landmarks do to a plan."""
+
+    name: str = Field(description="Of the scenario")
+    baseline: RemainingTeam = Field(description="The plan with nothing lost")
+    losses: list[RemainingTeam] = Field(description="Each loss judged, the most harmful first")
+    critical: list[list[str]] = Field(
+        description="What ends observability when lost, the smallest sets; empty where the plan is "
+        "not observable itself",
+        examples=[[["v3"], ["sensor:v3"], ["L1"]]],
+    )
 
 
 def what_if_document(found: WhatIf) -> WhatIfDocument:
@@ -29,5 +81,5 @@ def _remaining(outcome: LossOutcome) -> RemainingTeam:
         extended=extended_rank_record(outcome.error_verdict, outcome.vehicles),
         predicted_rms_m=error_prediction(outcome.predicted_rms, outcome.vehicles, outcome.note),
         worst_predicted_rms_m=outcome.worst_predicted_rms,
-        verdict=plan_verdict(outcome.verdict),
+        verdict=outcome.verdict,
     )

@@ -1,44 +1,240 @@
 """Plans as documents."""
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
+from pydantic import Field
 
 from syncplan import __version__
 from syncplan.arrays import Array
-from syncplan.observability.link_verdicts import LinkVerdict
-from syncplan.observability.unobservable_modes import UnobservableMode
-from syncplan.orbits.circles import heading, position
-from syncplan.planning.planner import Plan
-from syncplan.reports.document_base import Window, finite_or_none
-from syncplan.reports.error_report import extended_rank_record, state_verdicts
-from syncplan.reports.flown_plan_schemas import flown_plan
-from syncplan.reports.plan_schemas import (
-    CertificateVerdict,
-    CloseApproach,
-    DirectedContact,
-    DroppedLink,
-    ErrorPrediction,
-    LandmarkLink,
-    Link,
-    ObservabilityVerdict,
-    PlanDocument,
-    PredictedStateError,
-    Separation,
-    SynchronisationRecord,
-    Unobservable,
-    VehicleMotion,
-    VehicleOrbit,
-    Witness,
+from syncplan.documents import (
+    Document,
+    DocumentPart,
+    Point,
+    VersionedDocument,
+    Window,
+    finite_or_none,
+    point_of,
 )
-from syncplan.reports.refinement_report import refinement_result
-from syncplan.reports.start_up_schemas import start_up_record
-from syncplan.reports.verdict_schemas import plan_verdict
+from syncplan.estimation.filters import FilterName
+from syncplan.observability.link_verdicts import LinkVerdict
+from syncplan.orbits.circles import heading, position
+from syncplan.planning.flight_record import FlownPlan
+from syncplan.planning.judged_team import PlanVerdict
+from syncplan.planning.planner import Plan
+from syncplan.planning.start_up import StartTrials, StartUp
+from syncplan.reports.observability_report import (
+    ErrorPrediction,
+    ObservabilityVerdict,
+    error_prediction,
+    observability_of,
+)
+from syncplan.reports.refinement_report import RefinementResult, refinement_result
+from syncplan.scenario.specification import Scenario
+
+
+class VehicleOrbit(DocumentPart):
+    """One vehicle's circle and its pose at time 0."""
+
+    name: str
+    center_m: Point
+    radius_m: float
+    direction: Literal["ccw", "cw"]
+    speed_mps: float
+    phase_rad: float = Field(description="Angle from +x about the centre, in [0, 2 pi)")
+    position_m: Point
+    heading_rad: float = Field(description="Direction of flight from +x, in [0, 2 pi)")
+
+
+class DirectedContact(DocumentPart):
+    """When one vehicle sees the other."""
+
+    from_: str = Field(alias="from", serialization_alias="from")
+    to: str
+    windows_s: list[Window]
+    contact_s: float
+
+
+class Link(Document):
+    """A meeting of two vehicles, once a period."""
+
+    left_out_if_none: ClassVar[frozenset[str]] = frozenset({"contact_share"})
+
+    a: str
+    b: str
+    rule: Literal["same", "opposite"]
+    phase_residual_rad: float
+    min_distance_m: float
+    contact_s: float
+    contact_share: float | None = Field(
+        default=None,
+        description="contact_s over the longest that any phases give this link; only where phases "
+        "were chosen for limited fields of view or among obstacles",
+    )
+    windows_s: list[Window] = Field(description="Union of both ways; an end may pass the period")
+    directed: list[DirectedContact]
+    phase_tolerance_rad: float = Field(
+        description="How far either phase may slip before contact is lost; pi if it never is"
+    )
+    phase_tolerance_s: float = Field(description="The same as time: how late a vehicle may be")
+    rank: int
+    certified: bool
+    reason: str
+
+
+class LandmarkLink(DocumentPart):
+    """When a vehicle sees a landmark."""
+
+    vehicle: str
+    landmark: str
+    min_distance_m: float
+    windows_s: list[Window]
+    contact_s: float
+    rank: int
+    certified: bool
+    reason: str
+
+
+class DroppedLink(DocumentPart):
+    """A listed link that never comes into contact."""
+
+    a: str
+    b: str
+    reason: str
+
+
+class CloseApproach(DocumentPart):
+    """The nearest two vehicles come, and when first."""
+
+    min_m: float
+    between: tuple[str, str]
+    time_s: float
+
+
+class Separation(DocumentPart):
+    """Least separation over all pairs, and the pairs below the least allowed."""
+
+    min_m: float | None
+    between: tuple[str, str] | None
+    time_s: float | None
+    required_m: float
+    violations: list[CloseApproach]
+
+
+class Witness(DocumentPart):
+    """One component of the certificate: two landmark links and a tree of rank-3 links."""
+
+    vehicles: list[str]
+    landmark_links: list[tuple[str, str]]
+    vehicle_links: list[tuple[str, str]]
+
+
+class PredictedStateError(DocumentPart):
+    """Predicted RMS error of a state of the filter that is no pose."""
+
+    state: str = Field(description="What it is", examples=["wind x", "speed scale of v1"])
+    unit: str = Field(examples=["m/s"])
+    sigma: float = Field(description="Its standard deviation before anything is seen")
+    predicted_rms: float = Field(
+        description="Over the second half of the run, as predicted_rms_m, for circles flown in "
+        "still air: in a wind of a quarter of the speed, the wind itself is known half as well"
+    )
+
+
+class PilotRecord(DocumentPart):
+    """A few trials of the filter from the initial sigmas, samples thinned out."""
+
+    filter: FilterName | None = Field(
+        default=None, description="That ran; null in older files, whose pilots are of ekf"
+    )
+    trials: int
+    seed: int
+    duration_s: float = Field(description="Length of each: the run's, or its first five periods")
+    rms_over_predicted: dict[str, float | None] = Field(
+        description="RMS position error over the second half of `duration_s`, over the bound's in "
+        "the same time; null where a filter broke down"
+    )
+
+
+class StartUpRecord(DocumentPart):
+    """Whether the filter can be expected to reach the bound from the initial sigmas.
+
+    Supposes errors as drawn from the sigmas of the scenario, and circles that are flown exactly.
+    """
+
+    index: float = Field(
+        description="Largest second-order term of a bearing over the deviation of its innovation, "
+        "with the covariance of the bound; at most 0.45 clears the plan",
+        examples=[0.2],
+    )
+    observer: str = Field(description="Who measures the bearing that has the index")
+    target: str
+    time_s: float
+    pilot: PilotRecord | None = Field(description="null where the index clears the plan")
+    untried: str = Field(description="Why there is no pilot although the index does not clear")
+
+
+class SynchronisationRecord(DocumentPart):
+    """How the phases were found."""
+
+    method: str
+    smallest_margin_m: float | None
+    bound_m: float | None
+    bound_note: str
+    odd_cycle: list[str]
+    alternating_proven_largest: bool | None
+
+
+class PlanDocument(VersionedDocument):
+    """A plan: orbits, meetings and the verdict on observability."""
+
+    left_out_if_none: ClassVar[frozenset[str]] = frozenset(
+        {"expected_rms_m", "flight", "predicted_errors", "refinement", "start_up", "verdict"}
+    )
+
+    verdict: PlanVerdict | None = Field(
+        default=None, description="Go or no-go, with all findings; absent from older files"
+    )
+    scenario: Scenario
+    period_s: float
+    vehicles: list[VehicleOrbit]
+    links: list[Link]
+    landmark_links: list[LandmarkLink]
+    incidental_links: list[Link]
+    dropped_links: list[DroppedLink]
+    synchronisation: SynchronisationRecord
+    connectivity_period_s: float | None
+    separation: Separation
+    observability: ObservabilityVerdict
+    witness: list[Witness]
+    predicted_rms_m: ErrorPrediction
+    steady_rms_m: ErrorPrediction | None
+    window_bound_m: ErrorPrediction
+    expected_rms_m: ErrorPrediction | None = Field(
+        default=None,
+        description="RMS position error to be expected of the filter, which leaves out errors that "
+        "the scenario states and does not know what they cost; absent where it leaves out none",
+    )
+    predicted_errors: list[PredictedStateError] | None = Field(
+        default=None,
+        description="States of the filter that are no poses; absent where there are none",
+    )
+    start_up: StartUpRecord | None = Field(
+        default=None,
+        description="Whether the filter reaches the predicted error; absent where none is "
+        "predicted, from plans that are not observable and from older files",
+    )
+    refinement: RefinementResult | None = Field(
+        default=None, description="How the plan was refined, where it was"
+    )
+    flight: FlownPlan | None = Field(
+        default=None, description="What flying the plan has found; absent where it was not flown"
+    )
+    notes: list[str] = Field(description="The messages of the verdict's findings")
+
 
 GIVEN = "the phases were given and judged as they are"
-
-Point = tuple[float, float]
 
 
 def plan_document(plan: Plan) -> PlanDocument:
@@ -47,7 +243,7 @@ def plan_document(plan: Plan) -> PlanDocument:
     names, landmarks = plan.scenario.vehicle_names, plan.scenario.landmark_names
     return PlanDocument(
         version=__version__,
-        verdict=plan_verdict(verdict),
+        verdict=verdict,
         scenario=plan.scenario,
         period_s=plan.orbits.period,
         vehicles=_vehicles(plan, names),
@@ -63,7 +259,7 @@ def plan_document(plan: Plan) -> PlanDocument:
         synchronisation=_synchronisation(plan, names),
         connectivity_period_s=plan.connectivity_period,
         separation=_separation(plan, names),
-        observability=_observability(plan, names),
+        observability=observability_of(plan, names),
         witness=[
             Witness(
                 vehicles=[names[k] for k in tree.vehicles],
@@ -85,30 +281,8 @@ def plan_document(plan: Plan) -> PlanDocument:
             None if plan.start_up is None else start_up_record(plan.start_up, names, landmarks)
         ),
         refinement=None if plan.refinement is None else refinement_result(plan.refinement),
-        flight=None if plan.flight is None else flown_plan(plan.flight),
+        flight=plan.flight,
         notes=[one.message for one in verdict.findings],
-    )
-
-
-def certificate_reason(plan: Plan) -> str:
-    """Return in words why the certificate holds or does not."""
-    certificate = plan.certificate
-    if certificate.holds:
-        parts = len(certificate.witness)
-        whole = "all vehicles are" if parts == 1 else f"each of {parts} components of vehicles is"
-        return f"{whole} joined by rank-3 links and held by two distinct landmarks"
-    names, landmarks = plan.scenario.vehicle_names, plan.scenario.landmark_names
-    who = ", ".join(names[k] for k in certificate.lacking[:8])
-    if len(certificate.lacking) > 8:
-        who += f" and {len(certificate.lacking) - 8} more"
-    if not certificate.anchors:
-        return (
-            f"{who}: no link of rank 2 to a landmark, and no rank-3 link to a vehicle that has one"
-        )
-    seen = ", ".join(landmarks[k] for k in certificate.anchors)
-    return (
-        f"{who}: links of rank 2 only to {seen}; two distinct landmarks are needed, and a landmark "
-        "shared with other vehicles does not join them"
     )
 
 
@@ -118,12 +292,12 @@ def _vehicles(plan: Plan, names: list[str]) -> list[VehicleOrbit]:
     return [
         VehicleOrbit(
             name=names[k],
-            center_m=_point(orbits.centers[k]),
+            center_m=point_of(orbits.centers[k]),
             radius_m=float(orbits.radii[k]),
             direction=_sense(float(orbits.senses[k])),
             speed_mps=float(orbits.speeds[k]),
             phase_rad=float(orbits.phases[k]),
-            position_m=_point(where[k]),
+            position_m=point_of(where[k]),
             heading_rad=float(ahead[k]),
         )
         for k in range(orbits.count)
@@ -221,61 +395,6 @@ def _separation(plan: Plan, names: list[str]) -> Separation:
     )
 
 
-def _observability(plan: Plan, names: list[str]) -> ObservabilityVerdict:
-    verdict = plan.observability
-    return ObservabilityVerdict(
-        rank=verdict.rank,
-        state_dim=verdict.state_dim,
-        observable=verdict.observable,
-        window_s=plan.scenario.window,
-        rank_gap=finite_or_none(verdict.gap),
-        certificate=CertificateVerdict(
-            holds=plan.certificate.holds, reason=certificate_reason(plan)
-        ),
-        condition_number=finite_or_none(verdict.condition_number),
-        min_eigenvalue=verdict.min_eigenvalue,
-        singular_values=[float(value) for value in verdict.singular_values],
-        unobservable=unobservable_motions(plan.unobservable, names),
-        extended=extended_rank_record(plan.error_verdict, names),
-        states=state_verdicts(plan.error_verdict, names),
-    )
-
-
-def unobservable_motions(
-    modes: Sequence[UnobservableMode], names: Sequence[str]
-) -> list[Unobservable]:
-    """Return unobservable modes of the vehicles named as documents hold them."""
-    return [
-        Unobservable(
-            description=item.description,
-            vehicles=[names[k] for k in item.vehicles],
-            motion=[
-                VehicleMotion(
-                    vehicle=names[k],
-                    shift_m=_point(item.motion[k]),
-                    turn_rad=float(item.motion[k, 2]),
-                )
-                for k in item.vehicles
-            ],
-            cure=item.cure,
-        )
-        for item in modes
-    ]
-
-
-def error_prediction(values: Array | None, names: Sequence[str], note: str = "") -> ErrorPrediction:
-    """Return predicted errors (n,) m of the vehicles named as documents hold them."""
-    if values is None:
-        return ErrorPrediction(overall=None, vehicles=dict.fromkeys(names), note=note)
-    return ErrorPrediction(
-        overall=finite_or_none(float(np.sqrt(np.mean(values**2)))),
-        vehicles={
-            name: finite_or_none(float(value)) for name, value in zip(names, values, strict=True)
-        },
-        note=note,
-    )
-
-
 def _expected(plan: Plan, names: list[str]) -> ErrorPrediction | None:
     neglect = plan.prediction.neglect
     if neglect is None or neglect.expected is None:
@@ -295,9 +414,31 @@ def _windows(windows: Array) -> list[Window]:
     return [(float(start), float(end)) for start, end in windows]
 
 
-def _point(values: Sequence[float] | Array) -> Point:
-    return float(values[0]), float(values[1])
-
-
 def _sense(value: float) -> Literal["ccw", "cw"]:
     return "ccw" if value > 0.0 else "cw"
+
+
+def start_up_record(
+    start_up: StartUp, names: Sequence[str], landmarks: Sequence[str]
+) -> StartUpRecord:
+    """Return how a plan starts as documents hold it."""
+    index = start_up.index
+    return StartUpRecord(
+        index=index.value,
+        observer=names[index.observer],
+        target=[*names, *landmarks][index.target],
+        time_s=index.time,
+        pilot=None if start_up.trials is None else _pilot(start_up.trials, start_up.filter, names),
+        untried=start_up.untried,
+    )
+
+
+def _pilot(trials: StartTrials, filter_: str, names: Sequence[str]) -> PilotRecord:
+    ratios = [finite_or_none(float(ratio)) for ratio in trials.ratios]
+    return PilotRecord(
+        filter=filter_,
+        trials=trials.trials,
+        seed=trials.seed,
+        duration_s=trials.duration,
+        rms_over_predicted=dict(zip(names, ratios, strict=True)),
+    )

@@ -1,17 +1,69 @@
 """Refinements as documents: before and after, what holds the result where it is, every start."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from syncplan.planning.refinement_record import RefinementRecord, StartRecord
-from syncplan.planning.start_up import StartBefore
-from syncplan.reports.document_base import finite_or_none
-from syncplan.reports.refinement_schemas import (
-    FiguresOfMerit,
-    InputStart,
-    RefinementResult,
-    StartResult,
-)
+from pydantic import Field, create_model
+
+from syncplan.documents import Document, DocumentPart, finite_or_none
+from syncplan.planning.refinement_record import RefinementRecord, StartResult
+from syncplan.planning.start_up import InputStart
 from syncplan.scenario.objectives import FIGURES, Figures
+
+
+class _ComparedPlan(DocumentPart):
+    """What figures of merit begin with; the others are those of FIGURES."""
+
+    rank: int
+    certified: bool
+
+
+def _merit_fields() -> dict[str, Any]:
+    """Type and field of each figure of merit by its key, in order."""
+    return {
+        one.key: (
+            float if one.finite else float | None,
+            Field(description=one.description or None),
+        )
+        for one in FIGURES
+        if one.name not in _ComparedPlan.model_fields
+    }
+
+
+if TYPE_CHECKING:
+    FiguresOfMerit = _ComparedPlan
+else:
+    FiguresOfMerit = create_model(
+        "FiguresOfMerit",
+        __base__=_ComparedPlan,
+        __module__=__name__,
+        __doc__="What a plan is measured by; positions in the mean radius of the plan that was "
+        "refined. Predicted errors count whatever the filter estimates; rank, certificate, "
+        "information and window bound are of the poses, as if all else were known.",
+        **_merit_fields(),
+    )
+
+
+class RefinementResult(Document):
+    """How a plan was refined; `improved` says whether this is a better plan or the input."""
+
+    left_out_if_none: ClassVar[frozenset[str]] = frozenset({"expected_rms_before_m"})
+
+    objective: str
+    improved: bool
+    reason: str
+    cut_short: bool = Field(description="Whether time or an interrupt ended the search early")
+    before: FiguresOfMerit
+    after: FiguresOfMerit
+    active_constraints: list[str]
+    starts: list[StartResult]
+    start_up_before: InputStart | None = Field(
+        default=None, description="How the input starts; null where that was not tried"
+    )
+    expected_rms_before_m: float | None = Field(
+        default=None,
+        description="RMS of the input's `expected_rms_m` over all vehicles. Only where its filter "
+        "leaves errors out",
+    )
 
 
 def refinement_result(record: RefinementRecord) -> RefinementResult:
@@ -24,14 +76,10 @@ def refinement_result(record: RefinementRecord) -> RefinementResult:
         before=_figures(record.before),
         after=_figures(record.after),
         active_constraints=list(record.active),
-        starts=[_start(item) for item in record.starts],
-        start_up_before=None if record.start_before is None else _before(record.start_before),
+        starts=list(record.starts),
+        start_up_before=record.start_before,
         expected_rms_before_m=record.expected_before,
     )
-
-
-def _before(start: StartBefore) -> InputStart:
-    return InputStart(index=start.index, worst_rms_over_predicted=finite_or_none(start.worst_ratio))
 
 
 def _figures(figures: Figures) -> FiguresOfMerit:
@@ -40,16 +88,3 @@ def _figures(figures: Figures) -> FiguresOfMerit:
         value = getattr(figures, one.name)
         values[one.key] = value if one.finite else finite_or_none(value)
     return FiguresOfMerit(**values)
-
-
-def _start(item: StartRecord) -> StartResult:
-    return StartResult(
-        start=item.start,
-        status=item.status,
-        iterations=item.iterations,
-        constraint_violation=finite_or_none(item.violation),
-        dual_infeasibility=finite_or_none(item.dual_residual),
-        value=None if item.value is None else finite_or_none(item.value),
-        violations=list(item.violations),
-        unmet=list(item.unmet),
-    )

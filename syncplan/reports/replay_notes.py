@@ -9,9 +9,7 @@ from syncplan.estimation.recorded_readings import longest_gap
 from syncplan.estimation.replay_results import KindCounts, Replay
 from syncplan.estimation.replay_tuning import Tuning
 from syncplan.phrases import listed
-from syncplan.reports.consistency_words import interval_words
-from syncplan.reports.run_schemas import Spread
-from syncplan.reports.validation_report import spread_of
+from syncplan.reports.run_figures import Spread, interval_words, spread_of
 
 LONG_GAP_S = 0.5
 """A gap of the truth worth a note."""

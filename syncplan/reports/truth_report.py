@@ -1,14 +1,35 @@
-"""What a simulated world has that differs from its scenario, and what that was expected to cost."""
+"""How a simulated world differs from its scenario, and what that was expected to cost."""
 
 from collections.abc import Sequence
 
 import numpy as np
+from pydantic import Field, JsonValue
 
 from syncplan.arrays import Array
+from syncplan.documents import DocumentPart
 from syncplan.phrases import listed
 from syncplan.planning.planner import Plan
-from syncplan.reports.truth_schemas import ExpectedErrors, TrueKey
 from syncplan.scenario.truths import changed_keys
+
+
+class TrueKey(DocumentPart):
+    """A key of the scenario of which the simulated world differs."""
+
+    key: str = Field(examples=["wind.gust_sigma_mps"])
+    assumed: JsonValue = Field(
+        description="The scenario's value, which plan, prediction and filter take for true; null "
+        "where it gives none, a list where vehicles differ",
+        examples=[0.2],
+    )
+    true: JsonValue = Field(description="The simulated world's value", examples=[0.6])
+
+
+class ExpectedErrors(DocumentPart):
+    """RMS position error to be expected, second half: per vehicle and over all."""
+
+    overall: float
+    vehicles: dict[str, float]
+
 
 MOST_NAMED = 6
 """Keys that a note names."""

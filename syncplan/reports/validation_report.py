@@ -1,37 +1,131 @@
 """Validations and sweeps as documents, with what their figures mean in words."""
 
-import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
+from pydantic import AfterValidator, Field
 
 from syncplan import __version__
 from syncplan.arrays import Array
-from syncplan.estimation.consistency import Consistency
+from syncplan.documents import Document, DocumentPart, finite_or_none
+from syncplan.errors import InputError
+from syncplan.estimation.considered_errors import neglected_errors
 from syncplan.estimation.outlying_trials import TrialErrors
-from syncplan.estimation.trials import Accuracy, MonteCarloResult, series
-from syncplan.planning.judged_team import Verdict
+from syncplan.estimation.trials import Accuracy, state_series
+from syncplan.orbits.error_states import layout_of
+from syncplan.phrases import listed
+from syncplan.planning.judged_team import PlanVerdict
 from syncplan.planning.validation import Validation
 from syncplan.planning.variations import StressTest, ValidatedRow
-from syncplan.reports.document_base import finite_or_none
-from syncplan.reports.run_schemas import (
+from syncplan.reports.run_figures import (
     ErrorFigures,
     FilterRecord,
     Series,
     Spread,
-    StressedWorld,
-    SweepReport,
-    SweepRow,
-    ValidationDocument,
+    StateErrorFigures,
+    StateErrorSeries,
+    TrueWorldReport,
     VehicleFigures,
-    VehicleSeries,
+    interval_words,
+    series_of,
+    spread_of,
 )
-from syncplan.reports.state_errors_report import series_of_states, state_errors_of
-from syncplan.reports.truth_report import expected_in_truth, keys_in_truth, truth_note
-from syncplan.reports.validation_notes import notes_on
-from syncplan.reports.verdict_schemas import plan_verdict
+from syncplan.reports.truth_report import TrueKey, expected_in_truth, keys_in_truth, truth_note
 from syncplan.scenario.dotted_keys import swept_key
+
+
+class StressedWorld(DocumentPart):
+    """A world that is worse in one way than the scenario states."""
+
+    world: str = Field(examples=["wind.gust_sigma_mps doubled"])
+    truth: list[TrueKey] = Field(description="Keys of which it differs from the scenario")
+    rms_second_half_m: float = Field(description="Over all vehicles")
+    harm: float = Field(description="That over the one of the world as stated")
+    expected_rms_m: float | None = Field(
+        description="What was to be expected, by a linear recursion; null where not computed"
+    )
+    anees: Spread
+
+
+class ValidationDocument(TrueWorldReport):
+    """A Monte Carlo run of the filter on a plan."""
+
+    left_out_if_none: ClassVar[frozenset[str]] = frozenset(
+        {"series", "errors", "truth", "expected_rms_m", "stress"}
+    )
+
+    verdict: PlanVerdict | None = Field(
+        default=None, description="Of the plan that was flown; null in older files"
+    )
+    trials: int
+    seed: int
+    duration_s: float
+    filter: FilterRecord
+    observable: bool
+    vehicles: list[VehicleFigures]
+    overall: ErrorFigures
+    errors: list[StateErrorFigures] | None = Field(
+        default=None,
+        description="Of states of the filter that are no poses; absent where there are none",
+    )
+    anees: Spread = Field(description="Of the poses alone")
+    nis: Spread
+    stress: list[StressedWorld] | None = Field(
+        default=None,
+        description="Worlds that are worse than the scenario states, the most harmful first; "
+        "absent unless asked for",
+    )
+    series: Series | None = None
+    notes: list[str]
+
+    @property
+    def run(self) -> str:
+        """How much was run, in words."""
+        return f"{self.trials} trials of {self.duration_s:g} s, seed {self.seed}"
+
+
+class SweepRow(Document):
+    """One value of a sweep: the verdict on its plan, and its validation."""
+
+    label: str = Field(examples=["0.4"])
+    value: float = Field(description="What the swept key was set to", examples=[0.4])
+    range_m: list[float] = Field(description="Range of each vehicle's sensor")
+    rank: int
+    state_dim: int
+    connectivity_period_s: float | None
+    mean_rms_x_m: float
+    mean_rms_y_m: float
+    validation: ValidationDocument
+
+
+def _only_numeric_keys(schema: dict[str, Any]) -> None:
+    from syncplan.scenario.dotted_keys import numeric_keys
+
+    schema["enum"] = list(numeric_keys())
+
+
+def _known(key: str) -> str:
+    try:
+        return swept_key(key).key
+    except InputError as error:
+        raise ValueError(error.problem) from None
+
+
+SweptName = Annotated[str, AfterValidator(_known), Field(json_schema_extra=_only_numeric_keys)]
+
+
+class SweepReport(Document):
+    """A sweep: a row for each value."""
+
+    swept: SweptName
+    rows: list[SweepRow] = Field(min_length=1)
+
+    @property
+    def name(self) -> str:
+        """Name of the scenario that was varied."""
+        return self.rows[0].validation.name
+
 
 _FACTORS = (3.0, 10.0)
 """Multiples of the bound that the shares of trials are over."""
@@ -49,7 +143,7 @@ def validation_document(validation: Validation) -> ValidationDocument:
         name=plan.scenario.name,
         truth=truth,
         expected_rms_m=expected,
-        verdict=plan_verdict(plan.verdict),
+        verdict=plan.verdict,
         trials=result.trials,
         seed=result.seed,
         duration_s=validation.duration,
@@ -77,7 +171,7 @@ def validation_document(validation: Validation) -> ValidationDocument:
 def stress_document(test: StressTest) -> ValidationDocument:
     """Return the report of a stress test: of the world as stated, with what others did."""
     report = validation_document(test.nominal)
-    verdict = Verdict((*test.nominal.plan.verdict.findings, *test.findings))
+    verdict = PlanVerdict.of((*test.nominal.plan.verdict.findings, *test.findings))
     worlds = [
         StressedWorld(
             world=row.world,
@@ -89,7 +183,7 @@ def stress_document(test: StressTest) -> ValidationDocument:
         )
         for row in test.rows
     ]
-    return report.model_copy(update={"verdict": plan_verdict(verdict), "stress": worlds})
+    return report.model_copy(update={"verdict": verdict, "stress": worlds})
 
 
 def sweep_document(
@@ -183,41 +277,147 @@ def _series(validation: Validation) -> Series:
     return poses.model_copy(update={"errors": series_of_states(validation)})
 
 
-def spread_of(figure: Consistency) -> Spread:
-    """Return a consistency figure as a document holds it."""
-    return Spread(
-        value=finite_or_none(figure.value),
-        band=None if math.isnan(figure.band[0]) else figure.band,
-        verdict=figure.verdict,
-        count=figure.count,
-        basis=figure.basis,
-    )
+def state_errors_of(validation: Validation) -> list[StateErrorFigures] | None:
+    """Return the errors of each further state; None where poses are all."""
+    result = validation.result
+    names = _names(validation)
+    if not names:
+        return None
+    rms, late = _rms(result.state_squares), _rms(result.late_state_squares)
+    covered = result.states_covered.mean(axis=0).tolist()
+    predicted: list[float | None] = [one.rms for one in validation.predicted_errors]
+    predicted = predicted or [None] * len(names)
+    return [
+        StateErrorFigures(
+            state=label,
+            unit=unit,
+            rms=rms[k],
+            rms_second_half=late[k],
+            predicted_rms=bound,
+            ratio=finite_or_none(late[k] / bound) if bound else None,
+            coverage=covered[k],
+        )
+        for k, ((label, unit), bound) in enumerate(zip(names, predicted, strict=True))
+    ]
 
 
-def series_of(result: MonteCarloResult, names: Sequence[str], sample_time: float) -> Series:
-    """Return errors and sigmas over time as a document holds them; `sample_time` in s.
+def series_of_states(validation: Validation) -> list[StateErrorSeries] | None:
+    """Return errors of further states over time; None where poses are all.
 
     Raises InputError for a run that kept no series.
     """
-    kept = series(result)
-    steps = np.arange(result.steps + 1)
-    return Series(
-        time_s=(steps * sample_time).tolist(),
-        vehicles=[
-            VehicleSeries(
-                name=name,
-                rms_m=kept.position_rms[:, k].tolist(),
-                rms_x_m=kept.axis_rms[:, k, 0].tolist(),
-                rms_y_m=kept.axis_rms[:, k, 1].tolist(),
-                rms_heading_rad=kept.heading_rms[:, k].tolist(),
-                mean_x_m=kept.mean_errors[:, k, 0].tolist(),
-                mean_y_m=kept.mean_errors[:, k, 1].tolist(),
-                mean_heading_rad=kept.mean_errors[:, k, 2].tolist(),
-                sigma_m=kept.position_sigma[:, k].tolist(),
-                sigma_x_m=kept.axis_sigma[:, k, 0].tolist(),
-                sigma_y_m=kept.axis_sigma[:, k, 1].tolist(),
-                sigma_heading_rad=kept.heading_sigma[:, k].tolist(),
-            )
-            for k, name in enumerate(names)
-        ],
+    names = _names(validation)
+    if not names:
+        return None
+    kept, predicted = state_series(validation.result), validation.predicted_over_time
+    return [
+        StateErrorSeries(
+            state=label,
+            unit=unit,
+            rms=kept.rms[:, k].tolist(),
+            mean=kept.mean_errors[:, k].tolist(),
+            sigma=kept.sigma[:, k].tolist(),
+            predicted=None if predicted is None else predicted[:, k].tolist(),
+        )
+        for k, (label, unit) in enumerate(names)
+    ]
+
+
+def _names(validation: Validation) -> list[tuple[str, str]]:
+    """Label and unit of each further state."""
+    plan = validation.plan
+    layout = layout_of(plan.team)
+    return list(zip(layout.labels(plan.scenario.vehicle_names), layout.units, strict=True))
+
+
+def _rms(squares: Array) -> list[float]:
+    found: list[float] = np.sqrt(squares.mean(axis=0)).tolist()
+    return found
+
+
+FEW_SHAPE_THE_RMS = 1.5
+"""RMS over the median trial's error, above which a few trials make up the RMS."""
+
+_STILL_AIR = (
+    "the bound of the wind is that of circles flown in still air; in wind an error of a heading "
+    "looks like more of it, so the wind is known less well"
+)
+
+
+def notes_on(validation: Validation, report: ErrorFigures, figure: Spread) -> list[str]:
+    """Return what the figures mean for the reader, in plain words; `figure` is the ANEES."""
+    notes = []
+    if validation.judged_from:
+        notes.append(
+            f"the filter looks for its start until {validation.judged_from:.4g} s: ANEES, NIS and "
+            "coverage count from there on"
+        )
+    neglected = neglected_errors(validation.plan.team)
+    if neglected:
+        notes.append(_neglect_note(validation, neglected, report, figure))
+    if not validation.plan.observable:
+        notes.append(_unobservable_note(validation, figure))
+    elif figure.verdict == "optimistic" and not neglected:
+        notes.append(
+            f"the filter is optimistic (ANEES {interval_words(figure)}): it makes larger errors "
+            "than its sigmas say, because it linearises about its own estimate; smaller initial "
+            "sigmas or more sightings help"
+        )
+    if any(one.label.startswith("wind") for one in validation.predicted_errors):
+        notes.append(_STILL_AIR)
+    outliers = _outliers_note(report)
+    if outliers:
+        notes.append(outliers)
+    lost = int(np.isnan(validation.result.nees).sum())
+    if lost:
+        notes.append(f"{lost} trials ended with a covariance that is not positive definite")
+    return notes
+
+
+def _neglect_note(
+    validation: Validation, neglected: Sequence[str], report: ErrorFigures, figure: Spread
+) -> str:
+    what = listed([name.replace("_", " ") for name in neglected], len(neglected))
+    text = f"the filter does not estimate {what}: ANEES {interval_words(figure)}"
+    if figure.verdict == "optimistic":
+        text += ", so its sigmas are too small by what these errors cost"
+    elif figure.verdict == "consistent":
+        text += ", so what these errors cost is within its sigmas"
+    if validation.expected is not None:
+        expected = float(np.sqrt(np.mean(validation.expected**2)))
+        text += f". Second-half RMS: {report.rms_second_half_m:.3g} m, {expected:.3g} m expected"
+        if report.predicted_rms_m is not None:
+            text += f"; the bound of what it does estimate is {report.predicted_rms_m:.3g} m"
+    return f"{text}. filter.estimate makes them states"
+
+
+def _unobservable_note(validation: Validation, figure: Spread) -> str:
+    plan = validation.plan
+    verdict = plan.observability
+    motions = "; ".join(item.description for item in plan.unobservable[:3])
+    text = (
+        f"the plan is NOT observable (rank {verdict.rank} of {verdict.state_dim}): no sighting "
+        f"can detect {motions}. Along them the filter's sigmas are those of the start, grown by "
+        "the noise of the motion: they hold where initial_sigma is true, small against the "
+        "distances of sight, and the run is short"
+    )
+    if figure.verdict == "optimistic":
+        text += (
+            f". Here they do not hold: the filter is optimistic (ANEES {interval_words(figure)})"
+        )
+    return text
+
+
+def _outliers_note(overall: ErrorFigures) -> str | None:
+    """Where some trials are so far off that the RMS is theirs."""
+    far, lost = overall.share_over_3_predicted, overall.share_over_10_predicted
+    median = overall.median_rms_second_half_m
+    if not far or lost is None or median is None:
+        return None
+    if overall.rms_second_half_m <= FEW_SHAPE_THE_RMS * median and not lost:
+        return None
+    return (
+        f"in {100.0 * far:.3g} % of the trials some vehicle is off by more than 3 times the "
+        f"bound, in {100.0 * lost:.3g} % by more than 10 times: they shape the RMS of "
+        f"{overall.rms_second_half_m:.3g} m, the median trial has {median:.3g} m"
     )

@@ -8,7 +8,7 @@ from typing import Any, Literal
 import pytest
 from sqlalchemy import Connection, create_engine, text
 
-from api.jobs.serialization import JSON_ROWS, RefusedRowError, refuse_pickles
+from api.jobs.queue import JSON_ROWS, RefusedRowError, refuse_pickles
 from tests.tools.processes import wait_until
 from tests.tools.survival import Site, quick, validation
 
@@ -121,6 +121,6 @@ def test_pickles_are_refused_and_json_is_read() -> None:
 def test_a_dbos_that_would_read_them_nevertheless_is_not_started(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("api.jobs.serialization.deserialize_value", lambda *_: "read")
+    monkeypatch.setattr("api.jobs.queue.deserialize_value", lambda *_: "read")
     with pytest.raises(RuntimeError, match="reads pickles"):
         refuse_pickles()

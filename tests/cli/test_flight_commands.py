@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from syncplan.cli.flight_tables import _print_missed
+from syncplan.cli.run_tables import _print_missed
 from syncplan.flight.flying import fly
-from syncplan.reports.flight_schemas import FlownLink
+from syncplan.reports.flight_report import FlownLink
 from tests.tools.scenarios import FILES
 
 GRID = str(FILES / "windy-grid.yaml")
@@ -84,11 +84,11 @@ def test_a_terminal_shows_vehicles_and_what_happened(run: Any) -> None:
         ),
         (("--lose", "L1@39.95"), "lose: L1@39.95: the last sample of the flight begins at 39.9 s"),
         (("--late", "400"), "--late: 400 given, the flight has 400 samples; give fewer"),
-        (("--wind", "1.5"), "--wind: '1.5': give two numbers, x,y in m/s, such as 1.5,0"),
+        (("--wind", "1.5"), "--wind: '1.5': give two numbers, such as 1.5,0"),
         (("--wind", "1,north"), "--wind"),
-        (("--dropout", "1"), "dropout: 1 given; a share is from 0 to below 1"),
+        (("--dropout", "1"), "dropout: 1 given; allowed is at least 0 and less than 1"),
         (("--late", "-1"), "late: -1 given"),
-        (("--filter", "ideal"), "filter: ideal takes the truth; nobody can fly by it"),
+        (("--filter", "ideal"), "'ideal' is not one of 'auto', 'ekf'"),
         (("--guidance", "luck"), "guidance"),
     ],
 )
@@ -135,14 +135,14 @@ def test_a_plan_that_was_flown_says_what_was_found_in_a_line(run: Any) -> None:
     status, out, _ = run("plan", quick, "--fly", "1", "--format", "table")
     assert (status, out.splitlines()[0]) == (0, "GO")
     flown = fly(quick, trials=1, threads=1).record
-    worst = max(flown.vehicles, key=lambda one: one.phase_rms)
-    assert flown.separations is not None
+    worst = max(flown.vehicles, key=lambda one: one.phase_rms_s)
+    assert flown.least_separation_m is not None
     words = " ".join(out.split())
     for found in (
         "flown, 1 flight of 200 s: guidance track, ",
-        f"phase at most {worst.phase_rms:.3g} s off (RMS, {worst.name})",
+        f"phase at most {worst.phase_rms_s:.3g} s off (RMS, {worst.name})",
         "each pair keeps at least 100 % of its meetings",
-        f"closest two vehicles {flown.separations[1]:.3g} m",
+        f"closest two vehicles {flown.least_separation_m[1]:.3g} m",
         "filter lost in 0 %",
     ):
         assert found in words

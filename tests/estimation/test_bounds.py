@@ -11,7 +11,7 @@ from syncplan.observability.rank import assess, link_information
 from syncplan.observability.referred_rows import sighting_rows
 from syncplan.orbits.circles import Orbits, heading, position
 from syncplan.orbits.contacts import find_windows
-from syncplan.orbits.sensors import Noise
+from syncplan.orbits.noise import Noise
 from syncplan.orbits.sightings import sample_sightings, steps_within
 from syncplan.planning.planner import Plan, plan
 from syncplan.scenario.loading import scenario_from

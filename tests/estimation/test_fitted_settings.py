@@ -18,7 +18,7 @@ from syncplan.estimation.replays import OPTIONS, replay, replay_with
 from syncplan.estimation.trials import series
 from syncplan.estimation.withheld_sightings import UNTOLD, Predictions, judged, predictions_of
 from syncplan.orbits.circles import wrap
-from syncplan.orbits.sensors import Noise
+from syncplan.orbits.noise import Noise
 from syncplan.recordings.log import Log, RobotLog
 from syncplan.recordings.recording_formats import load_log
 from syncplan.reports.replay_report import replay_document

@@ -21,7 +21,8 @@ from syncplan.estimation.trial_chunks import StoppedError
 from syncplan.estimation.trials import MonteCarloResult, accuracy, merge, series
 from syncplan.orbits.circles import Orbits, heading, position, wrap
 from syncplan.orbits.contacts import find_windows
-from syncplan.orbits.sensors import Noise, Sensors
+from syncplan.orbits.noise import Noise
+from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import Sightings, sample_sightings
 from syncplan.orbits.team import Team
 from tests.searches.search_consistency import believing

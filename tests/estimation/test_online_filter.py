@@ -12,7 +12,7 @@ from syncplan.estimation.online_replay import online_filter_of, steps_of
 from syncplan.estimation.recorded_run import filtered, run_of
 from syncplan.estimation.replay_settings import ReplaySettings
 from syncplan.orbits.circles import wrap
-from syncplan.orbits.sensors import Noise
+from syncplan.orbits.noise import Noise
 from syncplan.recordings.log import Log
 from syncplan.recordings.recording_formats import load_log
 from tests.tools.recordings import Recipe, write_recording

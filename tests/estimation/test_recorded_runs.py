@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from syncplan.cli.start_option import poses_of
+from syncplan.cli.arguments import poses_of
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.recorded_readings import clock_of, mean_odometry, true_poses
@@ -19,7 +19,7 @@ from syncplan.estimation.replay_settings import ReplaySettings
 from syncplan.estimation.replay_tuning import MOST_RUNS, tuned
 from syncplan.estimation.replays import OPTIONS, replay
 from syncplan.estimation.trials import series
-from syncplan.orbits.sensors import Noise
+from syncplan.orbits.noise import Noise
 from syncplan.recordings.log import Log, RobotLog
 from syncplan.recordings.recording_formats import load_log
 from syncplan.reports.replay_report import replay_document
@@ -95,7 +95,7 @@ def test_a_stated_delay_of_sightings_is_taken_off(log: Log) -> None:
     found = replay(late, delay=0.3, **SIGMAS)
     assert position_of(found) == pytest.approx(position_of(prompt), rel=1e-3)
     assert position_of(replay(late, **SIGMAS)) > 3.0 * position_of(prompt)
-    with pytest.raises(InputError, match="delay: 61 given; allowed is -60 to 60 s"):
+    with pytest.raises(InputError, match="delay: 61 given; allowed is -60 to 60"):
         replay(log, delay=61.0)
 
 
@@ -210,9 +210,9 @@ def test_starts_that_can_not_be_are_refused(log: Log, tmp_path: Path) -> None:
             replay(log, **options)
     for text in ("1,2;3,4,5", "1,2,x"):
         with pytest.raises(InputError, match="x, y and heading of one robot are needed"):
-            poses_of(text)
+            poses_of(text, "--start-poses")
     with pytest.raises(InputError, match="can't be read: No such file"):
-        poses_of(str(tmp_path / "nowhere"))
+        poses_of(str(tmp_path / "nowhere"), "--start-poses")
 
 
 # --- progress -------------------------------------------------------------------------------------

@@ -28,7 +28,7 @@ from syncplan.estimation.reference_filter import predict, update
 from syncplan.estimation.replay_settings import GROUND_ROBOTS, START_SIGMAS
 from syncplan.estimation.replays import OPTIONS, replay
 from syncplan.orbits.circles import wrap
-from syncplan.orbits.sensors import Noise
+from syncplan.orbits.noise import Noise
 from syncplan.recordings import mrclam, recorded_files
 from syncplan.recordings.log import NOBODY, Log, RobotLog
 from syncplan.recordings.recording_formats import load_log

@@ -17,14 +17,13 @@ from syncplan.estimation.replay_tuning import FIT_SHARE, MOST_RUNS
 from syncplan.estimation.replays import OPTIONS, replay, replay_with
 from syncplan.estimation.trials import series
 from syncplan.orbits.circles import wrap
-from syncplan.orbits.sensors import Noise
+from syncplan.orbits.noise import Noise
 from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.figures import specs_of
 from syncplan.plotting.series_figures import MOST_ROBOTS
 from syncplan.recordings.log import Log, RobotLog
 from syncplan.recordings.recording_formats import load_log
-from syncplan.reports.replay_report import replay_document
-from syncplan.reports.replay_schemas import ReplayDocument
+from syncplan.reports.replay_report import ReplayDocument, replay_document
 from tests.tools.recorded_bags import write_bag
 from tests.tools.recordings import Recipe, write_csv, write_recording
 

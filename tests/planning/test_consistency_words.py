@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 
 from syncplan.estimation.consistency import TOLERANCE
 from syncplan.planning.validation import Validation, validate
-from syncplan.reports.consistency_words import interval_words, spread_figures, verdict_words
-from syncplan.reports.run_schemas import Spread, ValidationDocument
-from syncplan.reports.validation_report import validation_document
+from syncplan.reports.run_figures import Spread, interval_words, spread_figures, verdict_words
+from syncplan.reports.validation_report import ValidationDocument, validation_document
 from syncplan.scenario.loading import scenario_from
 from tests.tools.scenarios import example
 

@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from syncplan.cli.state_tables import further_states_table, merits_line
+from syncplan.cli.plan_tables import further_states_table, merits_line
 from syncplan.planning.plan_files import loaded_from, plan_of
 from syncplan.planning.planner import Plan, plan
 from syncplan.refinement.refiner import refine
-from syncplan.reports.plan_report import plan_document
-from syncplan.reports.plan_schemas import PlanDocument
+from syncplan.reports.plan_report import PlanDocument, plan_document
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.specification import Scenario
 from tests.tools.scenarios import FILES, example, small

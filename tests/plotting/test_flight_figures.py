@@ -15,9 +15,8 @@ from syncplan.plotting.figure_style import PLAIN, FigureStyle
 from syncplan.plotting.figures import first_figure, specs_of
 from syncplan.plotting.flight_figures import MOST_VEHICLES, flight_errors_spec
 from syncplan.plotting.flight_tracks_figure import SIGMAS, flight_tracks_spec
-from syncplan.reports.flight_report import flight_document
-from syncplan.reports.flight_schemas import FlightDocument
-from syncplan.reports.flight_series_schemas import FlightOverTime
+from syncplan.reports.flight_report import FlightDocument, flight_document
+from syncplan.reports.flight_series import FlightOverTime
 from tests.tools.flown import LOST_AT, short_flight
 
 NAMES = ["tracks", "tracking", "phases", "separation", "meetings", "events"]

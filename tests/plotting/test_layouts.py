@@ -18,8 +18,7 @@ from syncplan.plotting.figure_style import LIMITS, PLAIN, FigureStyle
 from syncplan.plotting.figures import specs_of
 from syncplan.plotting.links import body_names
 from syncplan.plotting.series_figures import errors_spec
-from syncplan.reports.run_schemas import ValidationDocument
-from syncplan.reports.validation_report import validation_document
+from syncplan.reports.validation_report import ValidationDocument, validation_document
 from tests.tools.scenarios import example, small
 
 LEAST_LABEL_PX = 11.0

@@ -18,8 +18,12 @@ from syncplan.planning.variations import sweep
 from syncplan.plotting.figures import specs_of
 from syncplan.plotting.series_figures import MOST_POINTS, MOST_VEHICLES
 from syncplan.reports.loss_report import what_if_document
-from syncplan.reports.run_schemas import SweepReport, ValidationDocument
-from syncplan.reports.validation_report import sweep_document, validation_document
+from syncplan.reports.validation_report import (
+    SweepReport,
+    ValidationDocument,
+    sweep_document,
+    validation_document,
+)
 from tests.tools.scenarios import example, small
 
 

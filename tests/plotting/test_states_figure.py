@@ -10,8 +10,7 @@ from syncplan.planning.validation import validate
 from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.figures import specs_of
 from syncplan.plotting.series_figures import MOST_STATES
-from syncplan.reports.run_schemas import ValidationDocument
-from syncplan.reports.validation_report import validation_document
+from syncplan.reports.validation_report import ValidationDocument, validation_document
 from tests.tools.scenarios import small
 
 

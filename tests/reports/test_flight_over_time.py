@@ -8,9 +8,8 @@ import pytest
 from syncplan.flight.flight_records import RecordedSteps
 from syncplan.flight.flying import Flight, conclude_flight, flight_run, fly_part
 from syncplan.planning.planner import plan
-from syncplan.reports.flight_report import flight_document
-from syncplan.reports.flight_schemas import FlightDocument
-from syncplan.reports.flight_series_schemas import FlightOverTime
+from syncplan.reports.flight_report import FlightDocument, flight_document
+from syncplan.reports.flight_series import FlightOverTime
 from syncplan.reports.plan_report import plan_document
 from tests.tools.flown import LOST_AT, short_flight
 from tests.tools.scenarios import example

@@ -8,8 +8,7 @@ import pytest
 
 from syncplan.flight.flying import Flight, fly
 from syncplan.planning.planner import plan
-from syncplan.reports.flight_report import flight_document
-from syncplan.reports.flight_schemas import FlightDocument
+from syncplan.reports.flight_report import FlightDocument, flight_document
 from tests.tools.scenarios import small
 
 BRIEF: dict[str, Any] = {"trials": 2, "duration": 12.0, "threads": 1}

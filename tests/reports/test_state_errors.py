@@ -7,9 +7,8 @@ import pytest
 
 from syncplan.planning.planner import plan
 from syncplan.planning.validation import Validation, validate
-from syncplan.reports.consistency_words import interval_words
-from syncplan.reports.run_schemas import ValidationDocument
-from syncplan.reports.validation_report import validation_document
+from syncplan.reports.run_figures import interval_words
+from syncplan.reports.validation_report import ValidationDocument, validation_document
 from tests.tools.scenarios import small
 
 KEYS: dict[str, Any] = {

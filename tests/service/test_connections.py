@@ -10,8 +10,8 @@ from api.connections import (
     ConnectionLimits,
     Connections,
     limits_of_connections,
+    raise_limit,
 )
-from api.descriptors import raise_limit
 from api.settings import load_settings
 
 

@@ -3,6 +3,7 @@
 import json
 import re
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +13,10 @@ from sqlalchemy import update
 
 from api.jobs.queue import JobQueue
 from api.metrics import METRICS, MetricEntry
+from api.readings import job_readings
 from api.storage import executors, job_records
-from api.storage.clock import earlier
 from api.storage.database import open_database
-from api.storage.tables import jobs
-from api.watching.job_readings import JobReadings
+from api.storage.tables import earlier, jobs
 from tests.tools.processes import PATIENCE_S, wait_until
 from tests.tools.scenarios import document
 from tests.tools.serving import ROOT
@@ -111,7 +111,7 @@ def test_a_running_server_exposes_all_of_it(ann: httpx2.Client) -> None:
 def test_what_waits_is_counted_with_its_age(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'syncplan.db'}"
     database, queue = open_database(url), JobQueue(url)
-    readings = JobReadings(database, queue)
+    readings = partial(job_readings, database, queue)
     try:
         assert readings()["syncplan_jobs_oldest_queued_seconds"] == {(): 0.0}
         assert readings()["syncplan_parts_oldest_queued_seconds"] == {(): 0.0}

@@ -10,10 +10,9 @@ import httpx2
 import pytest
 
 import syncplan
-from api.computing.renditions import previewed
+from api.computing.tasks import previewed
 from api.limits import RequestLimits
-from api.routes.export_routes import ExportName
-from api.routes.figure_routes import PlanFigure, ReportFigure, StoredFigure
+from api.routes.rendition_routes import ExportName, PlanFigure, ReportFigure, StoredFigure
 from syncplan.exporting.formats import ALL, FORMATS, as_archive, export
 from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.figure_table import FIGURES

@@ -8,9 +8,8 @@ import pytest
 from sqlalchemy import delete, event
 from sqlalchemy.exc import OperationalError
 
-from api.following import job_watch
-from api.following.followed_job import MOST_RECENT, Follower
-from api.following.job_watch import JobWatch
+from api import following
+from api.following import MOST_RECENT, Follower, JobWatch
 from api.problems import TooManyRequests
 from api.security import Keyring
 from api.settings import load_settings
@@ -146,14 +145,14 @@ def test_followers_stay_while_the_database_is_away(
     changed(database, job, 3 * MOST_RECENT)
     away = False
     for name in ("heads_of", "events_after"):
-        there = getattr(job_watch, name)
+        there = getattr(following, name)
 
         def asked(*arguments: Any, there: Callable[..., Any] = there) -> Any:
             if away:
                 raise OperationalError("select", {}, Exception("gone"), connection_invalidated=True)
             return there(*arguments)
 
-        monkeypatch.setattr(job_watch, name, asked)
+        monkeypatch.setattr(following, name, asked)
 
     async def test(watch: JobWatch) -> None:
         nonlocal away
@@ -183,7 +182,7 @@ def test_a_fault_of_the_reader_ends_streams_and_the_next_follower_has_a_new_one(
         stream = numbers(watch, job)
         assert await anext(stream) == 1
         with monkeypatch.context() as broken:
-            broken.setattr(job_watch, "heads_of", faulty)
+            broken.setattr(following, "heads_of", faulty)
             assert [number async for number in stream] == []
         assert await anext(numbers(watch, job)) == 1
 
@@ -221,7 +220,7 @@ def test_streams_end_with_the_server_even_while_the_database_hangs(
             asyncio.run_coroutine_threadsafe(release.wait(), loop).result()
             return {}
 
-        monkeypatch.setattr(job_watch, "heads_of", hang)
+        monkeypatch.setattr(following, "heads_of", hang)
         await hangs.wait()
         late = asyncio.create_task(all_numbers(watch, added(database)))
         await asyncio.sleep(0.1)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import syncplan
-from api.plan_texts import loaded_plan
+from api.documents import loaded_plan
 from syncplan.client.service_client import Client
 from syncplan.errors import InputError
 from syncplan.orbits.circles import Orbits

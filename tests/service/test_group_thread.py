@@ -11,12 +11,10 @@ import pytest
 from sqlalchemy import Connection
 from sqlalchemy.exc import OperationalError
 
-from api.plan_texts import PlanText
+from api.documents import PlanText
 from api.storage.database import Database, open_database
-from api.storage.group_thread import GroupThread
-from api.storage.plan_reader import PlanReader
-from api.storage.plan_records import PlanRow, add_plan, delete_plan, find_plans, list_plans
-from api.storage.plan_writer import PlanWriter
+from api.storage.holdings import PlanRow, add_plan, delete_plan, find_plans, list_plans
+from api.storage.plan_threads import GroupThread, PlanReader, PlanWriter
 from tests.tools.processes import wait_until
 
 MADE = PlanText('{\n "version": "1"\n}\n', "survey", 6, True, 1.5)

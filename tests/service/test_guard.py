@@ -7,13 +7,14 @@ import pytest
 from dbos import DBOSClient
 from sqlalchemy import text
 
-from api.job_kinds.job_tasks import Batch, JobReport
+from api.job_kinds.job_kind import Batch, JobReport
 from api.jobs.guard import Guard
 from api.jobs.queue import PARTS_QUEUE, VERSION, JobQueue
-from api.storage import batch_records, executors, job_records
-from api.storage.clock import earlier, moment
+from api.settings import load_settings
+from api.storage import executors, job_records, part_records
 from api.storage.database import Database, open_database
-from api.storage.kept_answers import Answer, find_answer, keep_answer
+from api.storage.holdings import Answer, find_answer, keep_answer
+from api.storage.tables import earlier, moment
 
 BEAT_S, DEAD_AFTER_S, KEEP_S, GRACE_S = 2.0, 8.0, 60.0, 600.0
 LOOKS = 4
@@ -41,18 +42,12 @@ class Bench:
         self.guard = self.another("own")
 
     def another(self, name: str | None, keep_s: float = KEEP_S) -> Guard:
-        return Guard(
-            self.database,
-            self.queue,
-            name,
-            at_work=self.at_work,
-            heartbeat_s=BEAT_S,
-            dead_after_s=DEAD_AFTER_S,
-            keep_jobs_s=keep_s,
-            keep_answers_s=keep_s,
-            version_grace_s=GRACE_S,
-            clock=self.clock,
+        settings = load_settings(
+            heartbeat_s=BEAT_S, dead_after_s=DEAD_AFTER_S, version_grace_s=GRACE_S
         )
+        # unchecked: below 0, what is new is old
+        kept = settings.model_copy(update={"keep_jobs_s": keep_s, "keep_answers_s": keep_s})
+        return Guard(kept, self.database, self.queue, name, at_work=self.at_work, clock=self.clock)
 
     @property
     def client(self) -> DBOSClient:
@@ -97,13 +92,13 @@ class Bench:
 
     def keep_a_batch(self, job_id: str) -> None:
         with self.database.writing() as connection:
-            batch_records.divide_job(connection, job_id, [Batch(0, 0, 40)])
-            batch_records.keep_batch(connection, job_id, 0, b"data")
+            part_records.divide_job(connection, job_id, [Batch(0, 0, 40)])
+            part_records.keep_batch(connection, job_id, 0, b"data")
 
     def batches(self, job_id: str) -> int:
         """How many batches of a job are kept."""
         with self.database.reading() as connection:
-            return len(batch_records.finished_batches(connection, job_id))
+            return len(part_records.finished_batches(connection, job_id))
 
     def see_last(self, version: str, seconds_ago: float) -> None:
         """Let a version have been alive some time ago for the last time."""

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
-from api.hosts import LocalOnly, host_name, names_here
 from api.problems import ForeignPage, WrongHost
+from api.security import LocalOnly, host_name, names_here
 from tests.tools.api_apps import bare_app
 
 SERVER = "192.0.2.7"

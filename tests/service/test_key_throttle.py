@@ -2,9 +2,8 @@
 
 import pytest
 
-from api.addresses import is_this_machine, network_of
-from api.key_throttle import KeyThrottle
 from api.problems import KeysThrottled
+from api.security import KeyThrottle, is_this_machine, network_of
 
 HERE, ELSEWHERE = "192.0.2.7", "192.0.2.8"
 
@@ -64,8 +63,8 @@ def test_a_site_is_one_address_however_many_it_has() -> None:
 
 
 def test_what_is_kept_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("api.key_throttle._MOST_ADDRESSES", 10)
-    monkeypatch.setattr("api.key_throttle._MOST_PROVEN", 10)
+    monkeypatch.setattr("api.security._MOST_ADDRESSES", 10)
+    monkeypatch.setattr("api.security._MOST_PROVEN", 10)
     throttle = KeyThrottle(2, _Clock())
     for number in range(100):
         throttle.refused(f"198.51.100.{number}")

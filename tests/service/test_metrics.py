@@ -9,11 +9,10 @@ from fastapi import APIRouter, FastAPI
 from fastapi.testclient import TestClient
 from prometheus_client.parser import text_string_to_metric_families
 
-from api.computing.pool_depth import PoolDepth
-from api.metrics import Metrics, Readings, RequestMetrics, merged
+from api.computing.pool import PoolDepth
+from api.metrics import Metrics, Readings, RequestMetrics
 from api.problems import TooManyRequests
-from api.watching.pool_readings import PoolReadings
-from api.watching.readings_cache import Cached
+from api.readings import Cached, pool_readings
 from tests.tools.api_apps import bare_app
 from tests.tools.processes import PATIENCE_S
 
@@ -229,7 +228,8 @@ def test_a_pools_depth_is_shown_by_its_name() -> None:
     metrics = Metrics()
     requests = PoolDepth(processes=4, running=3, waiting=2, owners=1, oldest_s=7.5, started=9)
     jobs = PoolDepth(processes=1, running=1, waiting=0, owners=0, oldest_s=0.0, started=1)
-    metrics.watch(PoolReadings({"requests": lambda: requests, "jobs": lambda: jobs}))
+    depths = {"requests": lambda: requests, "jobs": lambda: jobs}
+    metrics.watch(partial(pool_readings, depths))
     samples = _samples(metrics)
     pool = ("pool", "requests")
     assert samples["syncplan_pool_processes", (pool,)] == 4
@@ -240,23 +240,6 @@ def test_a_pools_depth_is_shown_by_its_name() -> None:
     assert samples["syncplan_pool_children_started_total", (pool,)] == 9
     assert samples["syncplan_pool_tasks", (("pool", "jobs"), ("state", "running"))] == 1
     assert samples["syncplan_processes_busy", ()] == 4
-
-
-def test_the_longest_wait_of_processes_is_that_of_the_service() -> None:
-    """Other figures of processes add up."""
-    each = []
-    for oldest_s in (7.5, 2.0):
-        metrics = Metrics()
-        depth = partial(PoolDepth, 4, 3, 2, 1, oldest_s, 9)
-        metrics.watch(PoolReadings({"requests": depth}))
-        each.append(metrics.own())
-    together = Metrics()
-    together.gather = lambda: merged(each)
-    samples = _samples(together)
-    pool = ("pool", "requests")
-    assert samples["syncplan_pool_oldest_waiting_seconds", (pool,)] == 7.5
-    assert samples["syncplan_pool_tasks", (pool, ("state", "waiting"))] == 4
-    assert samples["syncplan_pool_children_started_total", (pool,)] == 18
 
 
 def test_jobs_count_by_kind_and_outcome() -> None:

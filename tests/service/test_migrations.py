@@ -8,8 +8,7 @@ from sqlalchemy import Connection, create_engine, insert, inspect, select
 from sqlalchemy.pool import NullPool
 
 from api.settings import load_settings
-from api.storage.first_schema import FIRST_METADATA
-from api.storage.migrations import MIGRATIONS, upgrade
+from api.storage.migrations import FIRST_METADATA, MIGRATIONS, upgrade
 from api.storage.tables import METADATA, schema_version
 from tests.tools.schemas import schema_of
 

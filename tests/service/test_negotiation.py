@@ -6,7 +6,7 @@ import pytest
 from fastapi import Depends, FastAPI, Request
 from fastapi.testclient import TestClient
 
-from api.negotiation import accepts, body_kind
+from api.calls import accepts, body_kind
 from tests.tools.api_apps import ask, bare_app, served
 
 PLAN, EVENTS = "application/json", "text/event-stream"

@@ -23,7 +23,7 @@ from api.main import create_app
 from api.openapi import operations
 from api.settings import load_settings
 from syncplan.planning.plan_files import PlanFile
-from syncplan.reports.run_schemas import SweepReport
+from syncplan.reports.validation_report import SweepReport
 from syncplan.scenario.loading import is_plan
 from syncplan.scenario.specification import Scenario
 from tests.tools.api_servers import references_in

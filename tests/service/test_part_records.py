@@ -5,14 +5,13 @@ import time
 from sqlalchemy import Connection, func, select
 
 from api.computing.pool import Pool
-from api.job_kinds.job_tasks import Batch, JobReport
-from api.jobs.part_watch import WatchedPart
-from api.storage import batch_records, job_queries, job_records, part_records
-from api.storage.clock import earlier, moment
+from api.job_kinds.job_kind import Batch, JobReport
+from api.jobs.parts import WatchedPart
+from api.storage import job_records, part_records
 from api.storage.database import Database
+from api.storage.job_records import begin_anew, jobs_that_wait
 from api.storage.part_records import BEGINNING, PartHistory
-from api.storage.tables import job_parts, job_starts
-from api.storage.waiting_jobs import begin_anew, jobs_that_wait
+from api.storage.tables import earlier, job_parts, job_starts, moment
 
 VERSION = "1.0+1"
 BATCHES = [Batch(0, 0, 32), Batch(0, 32, 8)]
@@ -22,15 +21,15 @@ def begun(connection: Connection, owner: str = "ann") -> str:
     """A job that this version has begun."""
     new = job_records.NewJob("validation", "{}", 40, "plan", "text")
     job_id = job_records.add_job(connection, owner, new).id
-    assert job_queries.start_job(connection, job_id, VERSION)
+    assert job_records.start_job(connection, job_id, VERSION)
     return job_id
 
 
 def test_any_version_begins_a_job_and_no_other_one_works_on_it(connection: Connection) -> None:
     job_id = begun(connection)
-    assert job_queries.begun_job(connection, job_id, VERSION)
-    assert job_queries.start_job(connection, job_id, "2.0+1") is None
-    assert job_queries.begun_job(connection, job_id, "2.0+1") is None
+    assert job_records.begun_job(connection, job_id, VERSION)
+    assert job_records.start_job(connection, job_id, "2.0+1") is None
+    assert job_records.begun_job(connection, job_id, "2.0+1") is None
     assert part_records.begin_part(connection, job_id, BEGINNING, "2.0+1") is None
     assert part_records.worked_on(connection, {job_id}, VERSION) == {job_id}
     assert part_records.worked_on(connection, {job_id}, "2.0+1") == set()
@@ -69,11 +68,11 @@ def test_a_database_that_is_away_adds_nothing_to_what_a_part_took(database: Data
 def test_parts_that_are_no_batches_are_not_among_them(connection: Connection) -> None:
     job_id = begun(connection)
     part_records.begin_part(connection, job_id, BEGINNING, VERSION)
-    assert not batch_records.is_divided(connection, job_id)
-    assert batch_records.divide_job(connection, job_id, BATCHES)
+    assert not part_records.is_divided(connection, job_id)
+    assert part_records.divide_job(connection, job_id, BATCHES)
     part_records.begin_part(connection, job_id, part_records.CONCLUSION, VERSION)
-    assert len(batch_records.finished_batches(connection, job_id)) == 2
-    assert batch_records.unfinished_batches(connection, job_id, 9) == [(0, 0), (1, 1)]
+    assert len(part_records.finished_batches(connection, job_id)) == 2
+    assert part_records.unfinished_batches(connection, job_id, 9) == [(0, 0), (1, 1)]
 
 
 def test_no_batch_is_begun_that_is_not_there(connection: Connection) -> None:
@@ -88,45 +87,45 @@ def test_the_next_batch_to_enter_is_found_whatever_order_they_end_in(
     connection: Connection,
 ) -> None:
     job_id = begun(connection)
-    batch_records.divide_job(connection, job_id, [Batch(0, 8 * k, 8) for k in range(5)])
-    batch_records.keep_batch(connection, job_id, 1, b"data")
-    assert batch_records.unfinished_batches(connection, job_id, 1, skipped=1) == [(2, 2)]
-    batch_records.keep_batch(connection, job_id, 0, b"data")
-    assert batch_records.unfinished_batches(connection, job_id, 1, skipped=1) == [(3, 3)]
-    assert batch_records.unfinished_batches(connection, job_id, 1, skipped=3) == []
+    part_records.divide_job(connection, job_id, [Batch(0, 8 * k, 8) for k in range(5)])
+    part_records.keep_batch(connection, job_id, 1, b"data")
+    assert part_records.unfinished_batches(connection, job_id, 1, skipped=1) == [(2, 2)]
+    part_records.keep_batch(connection, job_id, 0, b"data")
+    assert part_records.unfinished_batches(connection, job_id, 1, skipped=1) == [(3, 3)]
+    assert part_records.unfinished_batches(connection, job_id, 1, skipped=3) == []
 
 
 def test_a_job_begun_anew_elsewhere_takes_nothing_from_before(connection: Connection) -> None:
     job_id = begun(connection)
-    batch_records.divide_job(connection, job_id, BATCHES)
-    batch_records.keep_batch(connection, job_id, 0, b"old")
+    part_records.divide_job(connection, job_id, BATCHES)
+    part_records.keep_batch(connection, job_id, 0, b"old")
     part_records.keep_start(connection, job_id, 0, b"old")
     (job,) = jobs_that_wait(connection)
     assert begin_anew(connection, job, "2.0+1", keep=False)
     # whoever looked at the same moment comes too late
     assert not begin_anew(connection, job, "3.0+1", keep=False)
     assert part_records.finished_starts(connection, job_id) == {}
-    late = batch_records.divide_job(connection, job_id, BATCHES, begun=0)
+    late = part_records.divide_job(connection, job_id, BATCHES, begun=0)
     assert not late
-    moved = job_queries.start_job(connection, job_id, "2.0+1")
+    moved = job_records.start_job(connection, job_id, "2.0+1")
     assert moved is not None
     assert moved.begun == 1
-    assert batch_records.divide_job(connection, job_id, BATCHES, moved.begun)
+    assert part_records.divide_job(connection, job_id, BATCHES, moved.begun)
     # a process that wakes up late
-    batch_records.keep_batch(connection, job_id, 1, b"late")
-    entered = batch_records.unfinished_batches(connection, job_id, 9)
+    part_records.keep_batch(connection, job_id, 1, b"late")
+    entered = part_records.unfinished_batches(connection, job_id, 9)
     assert [turn for _, turn in entered] == [0, 1]
     assert {number for number, _ in entered}.isdisjoint({0, 1})
 
 
 def test_a_job_begun_anew_by_its_own_version_goes_on(connection: Connection) -> None:
     job_id = begun(connection)
-    batch_records.divide_job(connection, job_id, BATCHES)
-    batch_records.keep_batch(connection, job_id, 0, b"data")
+    part_records.divide_job(connection, job_id, BATCHES)
+    part_records.keep_batch(connection, job_id, 0, b"data")
     (job,) = jobs_that_wait(connection)
     assert begin_anew(connection, job, VERSION, keep=True)
-    assert job_queries.start_job(connection, job_id, VERSION)
-    assert batch_records.unfinished_batches(connection, job_id, 9) == [(1, 1)]
+    assert job_records.start_job(connection, job_id, VERSION)
+    assert part_records.unfinished_batches(connection, job_id, 9) == [(1, 1)]
 
 
 def test_starts_are_kept_once_and_go_with_their_job(connection: Connection) -> None:

@@ -23,10 +23,10 @@ from api.computing.child import (
     TooSlowError,
 )
 from api.computing.pool import Pool
-from api.computing.tickets import GivenUpError, OwnerBusyError, PoolFullError, Ticket
-from api.job_kinds.job_tasks import Batch, JobSpec
-from api.jobs.batching import batches_of
-from api.plan_texts import PlanText
+from api.computing.turns import GivenUpError, OwnerBusyError, PoolFullError, Ticket
+from api.documents import PlanText
+from api.job_kinds.job_kind import Batch, JobSpec
+from api.jobs.workflows import batches_of
 from api.service import limits_of
 from api.settings import load_settings
 from syncplan.errors import InputError, NoSolutionError

@@ -19,9 +19,8 @@ from starlette.requests import ClientDisconnect
 
 from api import problems
 from api.computing.child import TaskFailedError
-from api.problems import problem_responses
-from api.problems.problem_document import printable, shown, title_of
-from api.problems.table import failure_of
+from api.failures import failure_of
+from api.problems import printable, problem_responses, shown, title_of
 from syncplan.errors import InputError, NoSolutionError, SyncplanError
 from tests.tools.api_apps import BODY_LIMIT, ask, bare_app, served
 from tests.tools.api_servers import references_in

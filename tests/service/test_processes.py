@@ -3,17 +3,18 @@
 import http.client
 import os
 import signal
+import subprocess
+import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import httpx2
 import pytest
-from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily
 
-from api.metrics import Collected, merged
-from api.processes.scraping import Scrapes
-from api.settings import load_settings
-from api.shares import ConnectionTable, Place, Share, divided
+from api.connections import ConnectionTable, Place
+from api.metrics import SHARED, forget_process
+from api.settings import Share, divided, load_settings
 from tests.tools.api_servers import done, serving, speaking
 from tests.tools.processes import PATIENCE_S, alive, command, family, wait_until
 from tests.tools.scenarios import document
@@ -56,110 +57,124 @@ def test_a_process_gives_way_to_one_with_fewer_connections_but_not_to_one_that_h
 
 # --- metrics ------------------------------------------------------------------------------------
 
+PUBLISHER = """
+import sys
+from functools import partial
+from api.computing.pool import PoolDepth
+from api.metrics import Metrics
+from api.readings import pool_readings
 
-def _metrics(requests: float, busy: float, jobs: float) -> Collected:
-    counter = CounterMetricFamily("syncplan_http_requests", "", labels=["method"])
-    counter.add_metric(["GET"], requests, created=1000.0 + requests)
-    states = GaugeMetricFamily("syncplan_jobs", "", labels=["state"])
-    states.add_metric(["queued"], jobs)
-    return [counter, GaugeMetricFamily("syncplan_processes_busy", "", value=busy), states]
-
-
-def _values(metrics: Collected) -> dict[str, float]:
-    return {sample.name: sample.value for one in metrics for sample in one.samples}
-
-
-def test_counts_and_gauges_of_processes_add_up_and_those_of_the_service_are_taken_once() -> None:
-    assert _values(merged([_metrics(3.0, 1.0, 7.0), _metrics(4.0, 2.0, 7.0)])) == {
-        "syncplan_http_requests_total": 7.0,
-        "syncplan_http_requests_created": 1003.0,
-        "syncplan_processes_busy": 3.0,
-        "syncplan_jobs": 7.0,
-    }
-
-
-class Members:
-    """Processes that send nothing by themselves, and what they are sent."""
-
-    def __init__(self) -> None:
-        self.now = 0.0
-        self.sent: list[tuple[int, str, object]] = []
-        self.scrapes = Scrapes(lambda *message: self.sent.append(message), lambda: self.now)
-
-    def answer(self) -> dict[str, float]:
-        """Return the values of the one answer to a scrape."""
-        ((_, _, value),) = [one for one in self.sent if one[1] == "scraped"]
-        self.sent.clear()
-        assert isinstance(value, tuple)
-        return _values(merged(value[1]))
+requests, running, oldest_s = map(float, sys.argv[1:])
+metrics = Metrics()
+depth = PoolDepth(4, running, 2, 1, oldest_s, 9)
+metrics.watch(partial(pool_readings, {"requests": lambda: depth}))
+metrics.watch(lambda: {"syncplan_jobs": {("queued",): 7}}, of="service")
+for _ in range(int(requests)):
+    metrics.observe("GET", "/v1/plans", "200", 0.25)
+metrics.publish()
+for _ in sys.stdin:
+    print(metrics.render()[0].decode() + "END", flush=True)
+"""
+"""A process that has answered requests and publishes its metrics; it is scraped by a line."""
 
 
-def test_a_scrape_waits_for_every_process_and_answers_the_one_that_asked() -> None:
-    members = Members()
-    members.scrapes.ask(1, 17, [0, 1])
-    assert [(to, kind) for to, kind, _ in members.sent] == [(0, "sample"), (1, "sample")]
-    number = members.sent[0][2]
-    assert isinstance(number, int)
-    members.scrapes.sampled(0, number, _metrics(3.0, 0.0, 0.0))
-    assert len(members.sent) == 2
-    members.scrapes.sampled(1, number, _metrics(4.0, 0.0, 0.0))
-    to, kind, value = members.sent[-1]
-    assert (to, kind) == (1, "scraped")
-    assert isinstance(value, tuple)
-    assert value[0] == 17
-    assert members.answer()["syncplan_http_requests_total"] == 7.0
-    assert members.scrapes.deadline is None
+class Publisher:
+    """One of several processes whose metrics are those of one service."""
+
+    def __init__(self, folder: Path, *figures: float) -> None:
+        self.popen = subprocess.Popen(
+            [sys.executable, "-c", PUBLISHER, *map(str, figures)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            env={**os.environ, SHARED: str(folder)},
+        )
+
+    def scrape(self) -> dict[str, float]:
+        """Return the values of all metrics by their names, labels included."""
+        assert self.popen.stdin is not None
+        assert self.popen.stdout is not None
+        self.popen.stdin.write("\n")
+        self.popen.stdin.flush()
+        lines = iter(self.popen.stdout.readline, "END\n")
+        pairs = (line.rsplit(" ", 1) for line in lines if not line.startswith("#"))
+        return {name: float(value) for name, value in pairs}
+
+    def kill(self) -> None:
+        """End the process."""
+        self.popen.kill()
+        self.popen.communicate()
 
 
-def test_a_process_that_does_not_answer_in_time_counts_with_its_last_sample() -> None:
-    members = Members()
-    for asked, replies in ((0, (0, 1)), (1, (0,))):
-        members.scrapes.ask(0, asked, [0, 1])
-        number = members.sent[-1][2]
-        assert isinstance(number, int)
-        for one in replies:
-            members.scrapes.sampled(one, number, _metrics(3.0, 1.0, 5.0))
-        if asked == 0:
-            assert members.answer()["syncplan_processes_busy"] == 2.0
-    assert members.scrapes.deadline is not None
-    members.now = members.scrapes.deadline - 0.01
-    members.scrapes.conclude_due()
-    assert all(kind == "sample" for _, kind, _ in members.sent)
-    members.now += 0.02
-    members.scrapes.conclude_due()
-    found = members.answer()
-    assert found["syncplan_http_requests_total"] == 6.0
-    assert found["syncplan_jobs"] == 5.0
+@pytest.fixture
+def publishers(tmp_path: Path) -> Iterator[tuple[Publisher, Publisher]]:
+    """Two processes: requests that they have answered, tasks at work, the longest wait."""
+    both = Publisher(tmp_path, 3, 1, 7.5), Publisher(tmp_path, 4, 2, 2.0)
+    for one in both:
+        # it has published
+        one.scrape()
+    yield both
+    for one in both:
+        one.kill()
 
 
-def test_what_a_process_counted_stays_when_it_has_ended_and_what_it_did_does_not() -> None:
-    members = Members()
-    for round_ in range(2):
-        present = [0, 1] if round_ == 0 else [0]
-        members.scrapes.ask(0, round_, present)
-        number = members.sent[-1][2]
-        assert isinstance(number, int)
-        for one in present:
-            members.scrapes.sampled(one, number, _metrics(3.0, 1.0, 5.0))
-        if round_ == 0:
-            members.sent.clear()
-            members.scrapes.ended(1)
-    found = members.answer()
-    assert found["syncplan_http_requests_total"] == 6.0
+REQUESTS = 'syncplan_http_requests_total{method="GET",route="/v1/plans",status="200"}'
+SECONDS = 'syncplan_http_request_duration_seconds_sum{method="GET",route="/v1/plans",status="200"}'
+
+
+def test_counts_and_gauges_of_processes_add_up_and_those_of_the_service_are_taken_once(
+    publishers: tuple[Publisher, Publisher],
+) -> None:
+    for one in publishers:
+        found = one.scrape()
+        assert found[REQUESTS] == 7.0
+        assert found[SECONDS] == 7 * 0.25
+        assert found["syncplan_processes_busy"] == 3.0
+        assert found['syncplan_pool_tasks{pool="requests",state="waiting"}'] == 4.0
+        assert found['syncplan_pool_children_started_total{pool="requests"}'] == 18.0
+        assert found['syncplan_jobs{state="queued"}'] == 7.0
+
+
+def test_the_longest_wait_of_processes_is_that_of_the_service(
+    publishers: tuple[Publisher, Publisher],
+) -> None:
+    """Other figures of processes add up."""
+    found = publishers[1].scrape()
+    assert found['syncplan_pool_oldest_waiting_seconds{pool="requests"}'] == 7.5
+
+
+def test_the_service_began_with_its_first_process_and_takes_the_memory_of_all(
+    publishers: tuple[Publisher, Publisher],
+) -> None:
+    found = publishers[0].scrape()
+    assert found["process_start_time_seconds"] <= time.time()
+    assert found["process_resident_memory_bytes"] > 2**25
+    assert found["process_open_fds"] >= 2 * 3
+    assert found["process_cpu_seconds_total"] > 0.0
+
+
+def test_a_process_that_does_not_answer_counts_with_what_it_published_last(
+    publishers: tuple[Publisher, Publisher],
+) -> None:
+    one, other = publishers
+    other.popen.send_signal(signal.SIGSTOP)
+    found = one.scrape()
+    assert found[REQUESTS] == 7.0
+    assert found["syncplan_processes_busy"] == 3.0
+
+
+def test_what_a_process_counted_stays_when_it_has_ended_and_what_it_did_does_not(
+    publishers: tuple[Publisher, Publisher], tmp_path: Path
+) -> None:
+    one, other = publishers
+    other.kill()
+    forget_process(other.popen.pid, str(tmp_path))
+    found = one.scrape()
+    assert found[REQUESTS] == 7.0
+    assert found['syncplan_pool_children_started_total{pool="requests"}'] == 18.0
     assert found["syncplan_processes_busy"] == 1.0
-
-
-def test_a_scrape_does_not_wait_for_a_process_that_ends_meanwhile() -> None:
-    members = Members()
-    members.scrapes.ask(0, 0, [0, 1])
-    number = members.sent[-1][2]
-    assert isinstance(number, int)
-    members.scrapes.sampled(0, number, _metrics(3.0, 1.0, 5.0))
-    members.scrapes.ended(1)
-    assert members.answer()["syncplan_http_requests_total"] == 3.0
-    members.scrapes.ask(0, 1, [0, 1])
-    members.scrapes.ended(0)
-    assert members.scrapes.deadline is None
+    assert found['syncplan_pool_oldest_waiting_seconds{pool="requests"}'] == 7.5
+    assert found['syncplan_jobs{state="queued"}'] == 7.0
 
 
 # --- a service ----------------------------------------------------------------------------------
@@ -182,7 +197,7 @@ def ann(pair: Server) -> Iterator[httpx2.Client]:
 
 def members_of(process: Process) -> list[int]:
     """Return the HTTP processes of a service, oldest first."""
-    return [one for one in family(process.popen.pid) if "api.processes.member" in command(one)]
+    return [one for one in family(process.popen.pid) if "api.processes" in command(one)]
 
 
 def begun(server: Server) -> int:

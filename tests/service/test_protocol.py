@@ -12,7 +12,7 @@ import pytest
 from fastapi import Request, Response
 
 from api.connections import ConnectionLimits
-from api.refusals import LARGEST_HEAD_BYTES
+from api.protocol import LARGEST_HEAD_BYTES
 from tests.tools.api_apps import bare_app, served
 from tests.tools.processes import PATIENCE_S, wait_until
 

@@ -12,26 +12,24 @@ import pytest
 from sqlalchemy import Connection, insert, select, update
 from typer.main import get_command
 
+from api.documents import PackedRecording, packed_recording
 from api.job_kinds.replay_jobs import ReplayRequest
-from api.packed_recordings import PackedRecording, packed_recording
 from api.problems import TooManyRequests
-from api.service import limits_of
+from api.service import MOST, MOST_OF_OWNER, Uploads, limits_of
 from api.settings import load_settings
-from api.storage import recording_records
-from api.storage.clock import earlier, moment
+from api.storage import holdings
 from api.storage.job_records import NewJob, add_job, end_job
-from api.storage.tables import jobs, recordings
-from api.uploads import MOST, MOST_OF_OWNER, Uploads
+from api.storage.tables import earlier, jobs, moment, recordings
 from syncplan.cli import command_line
 from syncplan.client.connection import RemoteError
 from syncplan.client.service_client import Client
 from syncplan.errors import InputError
 from syncplan.estimation.recorded_readings import clock_of, true_poses
+from syncplan.estimation.replay_settings import ReplayOptions
 from syncplan.estimation.replays import replay
 from syncplan.recordings.log import Overview, pack_log, unpack_log
 from syncplan.recordings.recording_formats import load_log
-from syncplan.reports.replay_report import replay_document
-from syncplan.reports.replay_schemas import ReplayDocument
+from syncplan.reports.replay_report import ReplayDocument, replay_document
 from tests.tools.api_servers import done, key_of, problem, serving, speaking
 from tests.tools.processes import PATIENCE_S, wait_until
 from tests.tools.record_examples import RECORDED
@@ -382,15 +380,11 @@ def test_a_client_replays(noisy: Path, worker: Server, tmp_path: Path) -> None:
 def test_what_may_be_asked_is_what_the_command_line_offers() -> None:
     command: Any = get_command(command_line.app)
     options = {option.name: option.default for option in command.commands["replay"].params}
-    names = {"gate_probability": "gate", "filter": "filter_"}
-    for key, field in ReplayRequest.model_fields.items():
-        offered = options[names.get(key, key)]
-        if key == "landmarks":
-            assert (offered, field.default) == ("all", None)
-        else:
-            assert getattr(offered, "value", offered) == field.default, key
-    others = set(options) - {names.get(key, key) for key in ReplayRequest.model_fields}
-    assert others == {"log", "output", "format_"}
+    keys = ReplayOptions.request_keys()
+    for name, key in keys.items():
+        assert options[name] == ReplayRequest.model_fields[key].default, key
+    assert set(keys.values()) == set(ReplayRequest.model_fields)
+    assert set(options) - set(keys) == {"log", "output", "format_"}
 
 
 def test_a_recording_of_too_much_is_refused() -> None:
@@ -398,7 +392,7 @@ def test_a_recording_of_too_much_is_refused() -> None:
     short = Overview("hall", ("a", "b"), (), 0.0, 9.0, 60, 50, True)
     with pytest.raises(InputError, match=r"about 1.1e\+02 sightings; this service takes up to 1e"):
         ReplayRequest().work(short, limits)
-    assert ReplayRequest(distances=False).work(short, limits) == 60
+    assert ReplayRequest.model_validate({"distances": False}).work(short, limits) == 60
     many = replace(short, robots=tuple(map(str, range(30_000))), distances=0)
     with pytest.raises(InputError, match="sightings times squared size of the state"):
         ReplayRequest().work(many, limits)
@@ -434,30 +428,30 @@ def test_what_is_packed_is_the_recording(tmp_path: Path) -> None:
 
 
 def test_recordings_stay_while_a_job_needs_them(connection: Connection) -> None:
-    row = recording_records.add_recording(connection, "ann", PACKED)
-    other = recording_records.add_recording(connection, "ann", PACKED)
+    row = holdings.add_recording(connection, "ann", PACKED)
+    other = holdings.add_recording(connection, "ann", PACKED)
     job = add_job(connection, "ann", NewJob("validation", "{}", 1, None, None))
     connection.execute(update(jobs).where(jobs.c.id == job.id).values(recording_id=row.id))
     later = "9999"
-    assert not recording_records.delete_recording(connection, "ann", row.id)
-    recording_records.forget_recordings(connection, later)
-    assert recording_records.find_recording(connection, "ann", row.id) == row
-    assert recording_records.find_recording(connection, "ann", other.id) is None
+    assert not holdings.delete_recording(connection, "ann", row.id)
+    holdings.forget_recordings(connection, later)
+    assert holdings.find_recording(connection, "ann", row.id) == row
+    assert holdings.find_recording(connection, "ann", other.id) is None
     assert end_job(connection, job.id, "cancelled")
-    assert recording_records.delete_recording(connection, "bob", row.id)
-    assert recording_records.recording_data(connection, row.id) == b"0123"
-    assert recording_records.delete_recording(connection, "ann", row.id)
-    assert recording_records.recording_data(connection, row.id) is None
+    assert holdings.delete_recording(connection, "bob", row.id)
+    assert holdings.recording_data(connection, row.id) == b"0123"
+    assert holdings.delete_recording(connection, "ann", row.id)
+    assert holdings.recording_data(connection, row.id) is None
 
 
 def test_recordings_are_forgotten_by_age(connection: Connection) -> None:
-    old, new = (recording_records.add_recording(connection, "ann", PACKED) for _ in range(2))
+    old, new = (holdings.add_recording(connection, "ann", PACKED) for _ in range(2))
     long_ago = earlier(moment(connection), 100.0)
     mine = recordings.c.id == old.id
     connection.execute(update(recordings).where(mine).values(created_at=long_ago))
-    recording_records.forget_recordings(connection, earlier(moment(connection), 50.0))
+    holdings.forget_recordings(connection, earlier(moment(connection), 50.0))
     assert connection.execute(select(recordings.c.id)).scalars().all() == [new.id]
-    assert recording_records.count_recordings(connection, "ann") == 1
+    assert holdings.count_recordings(connection, "ann") == 1
     values = {"id": "x", "owner": "bob", "created_at": "", "size": 0, "overview": "", "data": b""}
     connection.execute(insert(recordings).values(values))
-    assert recording_records.count_recordings(connection, "ann") == 1
+    assert holdings.count_recordings(connection, "ann") == 1

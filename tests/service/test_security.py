@@ -11,11 +11,10 @@ import pytest
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
-from api import key_file
-from api.key_throttle import KeyThrottle
+from api import keys
 from api.keys import ApiKey, keys_of_lines
 from api.problems import Unauthorized
-from api.security import CurrentOwner, Keyring, refuse_exposure
+from api.security import CurrentOwner, Keyring, KeyThrottle, refuse_exposure
 from api.settings import Settings, load_settings
 from syncplan.errors import InputError
 from tests.tools.api_apps import bare_app
@@ -155,7 +154,7 @@ def test_a_file_that_goes_while_it_is_read_serves_until_the_next_look(
         listed.unlink()
         return keys_of_lines(text)
 
-    monkeypatch.setattr(key_file, "keys_of_lines", read_last)
+    monkeypatch.setattr(keys, "keys_of_lines", read_last)
     assert Keyring(load_settings(api_keys_file=listed)).owner_of(OPS) == "ops"
 
 

@@ -11,34 +11,36 @@ import pytest
 from sqlalchemy import Connection, create_engine, event, insert, select, update
 from sqlalchemy.exc import IntegrityError, OperationalError
 
-from api.job_kinds.job_tasks import Batch, JobReport
-from api.plan_texts import PlanText
-from api.storage import batch_records, executors, job_queries, job_records
-from api.storage.clock import earlier, moment, new_id
-from api.storage.database import Database, open_database, patiently, unavailable
-from api.storage.disk_reserve import release_reserve
-from api.storage.ended_jobs import delete_jobs, ended_before
-from api.storage.events import MOST_EVENTS, events_after
-from api.storage.kept_answers import (
+from api.documents import PlanText
+from api.following import MOST_EVENTS, events_after
+from api.job_kinds.job_kind import Batch, JobReport
+from api.storage import executors, job_records, part_records
+from api.storage.database import (
+    Database,
+    WriteCheck,
+    open_database,
+    patiently,
+    release_reserve,
+    unavailable,
+)
+from api.storage.holdings import (
     Answer,
     AnswerTakenError,
-    find_answer,
-    forget_answers,
-    keep_answer,
-)
-from api.storage.migrations import MIGRATIONS
-from api.storage.plan_records import (
     add_plan,
     body_of,
     delete_plan,
+    find_answer,
     find_plans,
+    forget_answers,
     forget_plans,
     has_room,
+    keep_answer,
     list_plans,
 )
-from api.storage.tables import answers, job_parts, plans, schema_version
+from api.storage.job_records import delete_jobs, ended_before
+from api.storage.migrations import MIGRATIONS
+from api.storage.tables import answers, earlier, job_parts, moment, new_id, plans, schema_version
 from api.storage.tables import executors as executor_rows
-from api.storage.write_check import WriteCheck
 from syncplan.errors import InputError
 
 MADE = PlanText('{\n "version": "1"\n}\n', "survey", 6, True, 1.5)
@@ -58,7 +60,7 @@ def wrong_clock(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(time, "time", lambda: real() + ahead)
     monkeypatch.setattr(time, "time_ns", lambda: real_ns() + ahead * 10**9)
-    monkeypatch.setattr("api.storage.clock.datetime", Ahead)
+    monkeypatch.setattr("api.storage.tables.datetime", Ahead)
 
 
 def job(connection: Connection, owner: str = "ann", work: int = 40) -> str:
@@ -88,7 +90,7 @@ def test_the_database_dates_rows_whatever_the_clock_of_a_process(connection: Con
     before = moment(connection)
     plan = add_plan(connection, "ann", MADE)
     job_id = job(connection)
-    job_queries.start_job(connection, job_id, "1")
+    job_records.start_job(connection, job_id, "1")
     job_records.end_job(connection, job_id, "cancelled")
     keep_answer(connection, "ann", "key", Answer("digest", 201, {}, ""))
     executors.beat(connection, "one", "1")
@@ -156,19 +158,19 @@ def test_pages_of_plans_hold_each_once_newest_first(connection: Connection) -> N
 
 def test_a_job_goes_from_queued_over_its_batches_to_one_end(connection: Connection) -> None:
     job_id = job(connection)
-    assert job_queries.start_job(connection, job_id, "1")
-    assert batch_records.divide_job(connection, job_id, BATCHES)
-    assert batch_records.next_batch(connection, job_id, 1) == BATCHES[1]
-    assert batch_records.note_progress(connection, job_id, 5, 0)
-    batch_records.keep_batch(connection, job_id, 1, b"late")
-    batch_records.keep_batch(connection, job_id, 0, b"soon")
-    assert batch_records.finished_batches(connection, job_id) == [
+    assert job_records.start_job(connection, job_id, "1")
+    assert part_records.divide_job(connection, job_id, BATCHES)
+    assert part_records.next_batch(connection, job_id, 1) == BATCHES[1]
+    assert part_records.note_progress(connection, job_id, 5, 0)
+    part_records.keep_batch(connection, job_id, 1, b"late")
+    part_records.keep_batch(connection, job_id, 0, b"soon")
+    assert part_records.finished_batches(connection, job_id) == [
         (BATCHES[0], b"soon"),
         (BATCHES[1], b"late"),
     ]
     assert job_records.end_job(connection, job_id, "succeeded", report=JobReport("report", b"npz"))
-    assert job_queries.report_of(connection, job_id) == "report"
-    assert job_queries.trials_of(connection, job_id) == b"npz"
+    assert job_records.report_of(connection, job_id) == "report"
+    assert job_records.trials_of(connection, job_id) == b"npz"
     assert states(connection, job_id) == [
         (1, "queued", 0),
         (2, "running", 0),
@@ -182,36 +184,36 @@ def test_a_job_goes_from_queued_over_its_batches_to_one_end(connection: Connecti
 
 def test_an_ended_job_changes_no_more(connection: Connection) -> None:
     job_id = job(connection)
-    job_queries.start_job(connection, job_id, "1")
-    batch_records.divide_job(connection, job_id, BATCHES)
+    job_records.start_job(connection, job_id, "1")
+    part_records.divide_job(connection, job_id, BATCHES)
     assert job_records.end_job(connection, job_id, "cancelled")
     before = states(connection, job_id)
     assert not job_records.end_job(connection, job_id, "succeeded", report=JobReport("late"))
-    assert not job_queries.start_job(connection, job_id, "1")
-    assert not batch_records.note_progress(connection, job_id, 9)
-    batch_records.keep_batch(connection, job_id, 0, b"late")
-    assert batch_records.next_batch(connection, job_id, 0) is None
-    assert job_queries.report_of(connection, job_id) is None
+    assert not job_records.start_job(connection, job_id, "1")
+    assert not part_records.note_progress(connection, job_id, 9)
+    part_records.keep_batch(connection, job_id, 0, b"late")
+    assert part_records.next_batch(connection, job_id, 0) is None
+    assert job_records.report_of(connection, job_id) is None
     assert states(connection, job_id) == before
 
 
 def test_a_step_that_runs_again_changes_nothing(connection: Connection) -> None:
     job_id = job(connection)
-    assert job_queries.start_job(connection, job_id, "1")
-    assert job_queries.start_job(connection, job_id, "1")
-    batch_records.divide_job(connection, job_id, BATCHES)
-    assert batch_records.divide_job(connection, job_id, [Batch(0, 0, 40)])
-    batch_records.keep_batch(connection, job_id, 0, b"first")
-    batch_records.keep_batch(connection, job_id, 0, b"second")
-    assert batch_records.finished_batches(connection, job_id)[0] == (BATCHES[0], b"first")
-    assert batch_records.next_batch(connection, job_id, 0) is None
+    assert job_records.start_job(connection, job_id, "1")
+    assert job_records.start_job(connection, job_id, "1")
+    part_records.divide_job(connection, job_id, BATCHES)
+    assert part_records.divide_job(connection, job_id, [Batch(0, 0, 40)])
+    part_records.keep_batch(connection, job_id, 0, b"first")
+    part_records.keep_batch(connection, job_id, 0, b"second")
+    assert part_records.finished_batches(connection, job_id)[0] == (BATCHES[0], b"first")
+    assert part_records.next_batch(connection, job_id, 0) is None
     assert states(connection, job_id)[-1] == (3, "running", 32)
 
 
 def test_progress_never_goes_back_nor_past_the_whole(connection: Connection) -> None:
     job_id = job(connection)
     for done in (30, 10, 99):
-        batch_records.note_progress(connection, job_id, done)
+        part_records.note_progress(connection, job_id, done)
     assert [done for _, _, done in states(connection, job_id)] == [0, 30, 40]
 
 
@@ -236,7 +238,7 @@ def test_jobs_that_ended_long_ago_are_deleted_with_all_that_hangs_on_them(
     delete_jobs(connection, [old])
     assert job_records.find_job(connection, "ann", old) is None
     assert events_after(connection, old, 0) == []
-    assert job_queries.report_of(connection, old) is None
+    assert job_records.report_of(connection, old) is None
     assert job_records.find_job(connection, "ann", running) is not None
 
 
@@ -394,7 +396,7 @@ def test_a_full_disk_counts_as_a_lost_connection_whoever_writes(tmp_path: Path) 
 def test_no_batches_are_entered_for_a_job_that_has_ended(connection: Connection) -> None:
     job_id = job(connection)
     job_records.end_job(connection, job_id, "cancelled")
-    assert not batch_records.divide_job(connection, job_id, BATCHES)
+    assert not part_records.divide_job(connection, job_id, BATCHES)
     assert connection.execute(select(job_parts)).all() == []
 
 
@@ -428,7 +430,7 @@ def test_the_file_of_the_database_is_its_owners_alone(tmp_path: Path) -> None:
 def test_events_are_read_some_hundreds_at_a_time(connection: Connection) -> None:
     job_id = job(connection, work=MOST_EVENTS + 100)
     for done in range(1, MOST_EVENTS + 50):
-        batch_records.note_progress(connection, job_id, done)
+        part_records.note_progress(connection, job_id, done)
     first = events_after(connection, job_id, 0)
     then = events_after(connection, job_id, first[-1][0])
     assert [number for number, _ in first + then] == list(range(1, MOST_EVENTS + 51))

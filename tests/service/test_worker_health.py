@@ -11,7 +11,7 @@ import pytest
 
 from api.computing.pool import Pool
 from api.problems import Unavailable
-from api.routes.health_routes import readyz
+from api.routes.service_routes import readyz
 from tests.tools.api_servers import key_of, problem
 from tests.tools.processes import wait_until
 from tests.tools.serving import QUICK, Process, free_port, running, settings_of
@@ -70,7 +70,7 @@ def test_a_worker_without_a_heartbeat_is_not_ready(http: httpx2.Client, folder: 
 
 def test_a_service_whose_processes_are_starting_is_not_ready() -> None:
     pool = Pool(1, background=False)
-    service = Mock(pool=pool, silent_s=lambda: 0.0)
+    service = Mock(pool=pool, heartbeat=None)
     service.settings.dead_after_s = 1.0
     with contextlib.closing(pool):
         with pytest.raises(Unavailable, match="starting"):

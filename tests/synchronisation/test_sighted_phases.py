@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 from syncplan.orbits.circles import heading, position, wrap
 from syncplan.orbits.contacts import closest_approach
 from syncplan.planning.planner import plan
-from syncplan.reports.plan_report import plan_document
-from syncplan.reports.plan_schemas import PlanDocument
+from syncplan.reports.plan_report import PlanDocument, plan_document
 from syncplan.scenario.specification import Scenario
 from syncplan.synchronisation.contact_tables import contact_of_pairs, tabulated_contact
 from syncplan.synchronisation.phase_rules import residuals, rules_of
@@ -111,7 +110,7 @@ def test_the_contact_of_a_residual_is_what_sampled_sight_finds(seed: int) -> Non
         return
     pairs = team.pairs[:1]
     phases = generator.uniform(0.0, 2.0 * np.pi, team.count)
-    rules = rules_of(team.centers, team.radii, team.senses, team.sensors.ranges, pairs)
+    rules = rules_of(team.orbits(phases), team.sensors.ranges, pairs)
     table = tabulated_contact(rules, team.flown(np.zeros(team.count)))
     # at a sample of the table: between two, a degree apart, contact may begin like a square root
     off = residuals(rules, team.senses * phases)[0] - np.radians(generator.integers(360))

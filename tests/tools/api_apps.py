@@ -12,8 +12,8 @@ import uvicorn
 from fastapi import FastAPI
 
 from api.connections import ConnectionLimits
+from api.failures import install_handlers
 from api.logs import RequestLog
-from api.problems import install_handlers
 from api.server import LimitedServer
 from tests.tools.processes import PATIENCE_S, wait_until
 

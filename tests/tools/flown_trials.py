@@ -1,13 +1,12 @@
 """Trials of a flight as the package flies them, looked at from inside."""
 
 from dataclasses import dataclass
-from typing import Any, Unpack
+from typing import Any
 
 import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.estimation.filter_statistics import empty_series, empty_statistics
-from syncplan.flight.flight_options import FlightChanges
 from syncplan.flight.flight_results import FlightFigures
 from syncplan.flight.flown_figures import figures_of
 from syncplan.flight.flown_lanes import FlownLanes
@@ -60,7 +59,7 @@ class FlownTrials:
         return found
 
 
-def flown(subject: Any, chosen: range, **changes: Unpack[FlightChanges]) -> FlownTrials:
+def flown(subject: Any, chosen: range, **changes: Any) -> FlownTrials:
     """Return some trials of a flight, flown side by side."""
     run = flight_run(subject, None, **changes)
     lanes = lanes_begun(run.team, chosen)

@@ -1,0 +1,371 @@
+"""Requests: what they accept and send, who waits for what is computed, the same answer twice.
+
+The service answers 406 and 415 where it can't serve a media type. A task is computed in turn, in
+time and while its client waits. The same Idempotency-Key gets the same answer.
+"""
+
+import asyncio
+import hashlib
+import logging
+import re
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, Literal, TypeVar
+
+from fastapi import Depends, Header, Request, Response
+from sqlalchemy import Connection
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import ClientDisconnect
+
+from api.computing.child import ChildGoneError, OutOfMemoryError, TooSlowError
+from api.computing.turns import GivenUpError, OwnerBusyError, PoolFullError, Ticket
+from api.problems import KeyReused, ServiceError, TooManyRequests, TooMuchWork, Unavailable
+from api.security import CurrentOwner
+from api.service import CurrentService, Service
+from api.storage.holdings import Answer, AnswerTakenError, find_answer, keep_answer
+
+# --- media types ----------------------------------------------------------------------------------
+
+
+_TOKEN = r"[!#$%&'*+.^_`|~0-9A-Za-z-]+"
+_RANGE = re.compile(rf"({_TOKEN})/({_TOKEN})", re.ASCII)
+_PARAMETER = re.compile(rf'({_TOKEN})=({_TOKEN}|"[^"]*")', re.ASCII)
+_WEIGHT = re.compile(r"0(\.\d{0,3})?|1(\.0{0,3})?", re.ASCII)
+_JSON = re.compile(rf"application/(json|{_TOKEN}\+json)", re.ASCII)
+_YAML = {"application/yaml", "text/yaml", "application/x-yaml"}
+_UTF8 = {"utf-8", "utf8", "us-ascii"}
+ARCHIVES = (
+    "application/zip",
+    "application/x-tar",
+    "application/gzip",
+    "application/x-xz",
+    "application/x-bzip2",
+    "application/octet-stream",
+)
+"""What archives may be sent as; which kind one is shows in its bytes."""
+
+_BODIES = "application/json or application/yaml, in UTF-8"
+
+
+def accepts(*media: str) -> Callable[[Request], Awaitable[str]]:
+    """Return a dependency: which of `media` the client likes best, the first one if all the same.
+
+    It raises the problem 406 where the Accept header excludes them all; a header that can't be
+    read accepts everything (RFC 9110, section 12.5.1).
+    """
+
+    async def chosen(request: Request) -> str:
+        ranges = _ranges(",".join(request.headers.getlist("accept")))
+        best = max(media, key=lambda medium: _weight(medium, ranges))
+        if _weight(best, ranges) > 0.0:
+            return best
+        raise ServiceError(
+            406, f"the Accept header excludes {' and '.join(media)}, which is all there is here"
+        )
+
+    return chosen
+
+
+def _ranges(header: str) -> dict[str, float]:
+    """The weight of each media range; everything, if the header is empty or can't be read."""
+    found: dict[str, float] = {}
+    for part in filter(None, (part.strip() for part in header.split(","))):
+        medium, *parameters = (piece.strip() for piece in part.split(";"))
+        medium = medium.lower()
+        named = _RANGE.fullmatch(medium)
+        weight = _quality(parameters)
+        if named is None or weight is None or (named[1] == "*" and named[2] != "*"):
+            return {"*/*": 1.0}
+        found[medium] = max(weight, found.get(medium, 0.0))
+    return found or {"*/*": 1.0}
+
+
+def _quality(parameters: list[str]) -> float | None:
+    weight = 1.0
+    for parameter in filter(None, parameters):
+        named = _PARAMETER.fullmatch(parameter)
+        if named is None:
+            return None
+        if named[1].lower() == "q":
+            if not _WEIGHT.fullmatch(named[2]):
+                return None
+            weight = float(named[2])
+    return weight
+
+
+def _weight(medium: str, ranges: dict[str, float]) -> float:
+    """The weight of a medium: that of the most specific range it lies in."""
+    family = medium.partition("/")[0]
+    for name in (medium, f"{family}/*", "*/*"):
+        if name in ranges:
+            return ranges[name]
+    return 0.0
+
+
+def body_kind(request: Request) -> Literal["json", "yaml"]:
+    """Return how the body of a request is written, by its Content-Type.
+
+    Raises the problem 415 for anything but JSON and YAML in UTF-8. An empty body needs no type.
+    """
+    _check_coding(request)
+    headers = request.headers
+    given = headers.getlist("content-type")
+    if not given or not given[0].strip():
+        if headers.get("content-length", "0") == "0" and "transfer-encoding" not in headers:
+            return "json"
+        raise _unsupported("no Content-Type", f"the body must be {_BODIES}")
+    medium, *parameters = (piece.strip() for piece in given[0].split(";"))
+    medium = medium.lower()
+    kind = _kind(medium)
+    if len(given) > 1 or kind is None:
+        raise _unsupported(", ".join(given), f"the body must be {_BODIES}")
+    for parameter in parameters:
+        name, _, value = parameter.partition("=")
+        if name.strip().lower() == "charset" and value.strip(' "').lower() not in _UTF8:
+            raise _unsupported(given[0], f"the body must be {_BODIES}")
+    return kind
+
+
+def check_archive(request: Request) -> None:
+    """Raise the problem 415 where the body of a request is not sent as an archive."""
+    _check_coding(request)
+    given = request.headers.getlist("content-type")
+    medium = given[0].partition(";")[0].strip().lower() if len(given) == 1 else ""
+    if medium not in ARCHIVES:
+        what = ", ".join(given) or "no Content-Type"
+        accepted = ", ".join(ARCHIVES)
+        problem = f"{what[:100]}: the body must be a zip or tar archive, sent as one of {accepted}"
+        raise ServiceError(415, problem, headers={"Accept": accepted})
+
+
+def _check_coding(request: Request) -> None:
+    coding = request.headers.get("content-encoding", "identity").strip().lower()
+    if coding not in ("", "identity"):
+        raise _unsupported(f"Content-Encoding {coding}", "the body must not be compressed")
+
+
+def _kind(medium: str) -> Literal["json", "yaml"] | None:
+    if _JSON.fullmatch(medium):
+        return "json"
+    return "yaml" if medium in _YAML else None
+
+
+def _unsupported(what: str, allowed: str) -> ServiceError:
+    return ServiceError(
+        415, f"{what[:100]}: {allowed}", headers={"Accept": "application/json, application/yaml"}
+    )
+
+
+# --- callers --------------------------------------------------------------------------------------
+
+
+_RETRY_AFTER_S = 2.0
+
+_logger = logging.getLogger("syncplan.calls")
+
+
+@dataclass(frozen=True, slots=True)
+class Caller:
+    """An owner, and the request whose client waits for an answer."""
+
+    service: Service
+    owner: str
+    request: Request
+
+
+async def _caller(request: Request, service: CurrentService, owner: CurrentOwner) -> Caller:
+    return Caller(service, owner, request)
+
+
+CurrentCaller = Annotated[Caller, Depends(_caller)]
+"""Parameter type of a route that has something computed."""
+
+
+async def computed(caller: Caller, task: str, *arguments: Any) -> Any:
+    """Return what a task in a child process returns, or raise the problem it has.
+
+    The time limit counts from here, the wait for a process included. The body of the request must
+    have been read, if there is one. Raises ClientDisconnect once the client has gone: the task is
+    then given up.
+    """
+    settings = caller.service.settings
+    limit = settings.plan_timeout_s
+    try:
+        ticket = caller.service.pool.submit(task, *arguments, owner=caller.owner, deadline_s=limit)
+        return await _while_present(caller.request, ticket)
+    except OwnerBusyError:
+        raise TooManyRequests(
+            f"you have {settings.max_requests} requests in work, the most allowed; wait until one "
+            "is answered",
+            retry_after_s=_RETRY_AFTER_S,
+        ) from None
+    except PoolFullError:
+        raise Unavailable("too many requests are being computed; try again") from None
+    except GivenUpError:
+        raise Unavailable("the service is closing; try again") from None
+    except TooSlowError:
+        raise TooMuchWork(
+            f"takes longer than the {limit:g} s a request may; ask for fewer vehicles or samples"
+        ) from None
+    except OutOfMemoryError:
+        raise TooMuchWork(
+            f"needs more than the {settings.task_memory / 2**20:.0f} MiB of memory a request may "
+            "use; ask for fewer vehicles or samples"
+        ) from None
+    except ChildGoneError as error:
+        _logger.error("the process computing %s ended twice: %s", task, error)
+        raise TooMuchWork(
+            "can't be computed: its process ended twice; ask for fewer vehicles or samples"
+        ) from None
+
+
+async def _while_present(request: Request, ticket: Ticket) -> Any:
+    """Return a task's result; raises ClientDisconnect, and gives the task up, if nobody waits."""
+    answer = asyncio.wrap_future(ticket.future)
+    gone = asyncio.create_task(_gone(request))
+    try:
+        await asyncio.wait({answer, gone}, return_when=asyncio.FIRST_COMPLETED)
+        if not answer.done():
+            gone.result()
+            raise ClientDisconnect
+        return answer.result()
+    finally:
+        gone.cancel()
+        # gives the task up if it is not done
+        answer.cancel()
+
+
+async def _gone(request: Request) -> None:
+    """Return once the client has gone; what is left of a body that nobody read is dropped."""
+    while (await request.receive())["type"] != "http.disconnect":
+        pass
+
+
+# --- calls ----------------------------------------------------------------------------------------
+
+
+T = TypeVar("T")
+
+_LONG = 2**20
+
+IdempotencyKey = Annotated[
+    str | None,
+    Header(
+        alias="Idempotency-Key",
+        min_length=1,
+        max_length=255,
+        pattern=r"^[\x21-\x7e]+$",
+        description="Any name of your choice, such as a UUID: repeated with the same body, the "
+        "request has no further effect and gets the same answer",
+    ),
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """A POST request.
+
+    Attributes
+    ----------
+    key : Idempotency-Key, if one was given
+    digest : of all that makes two requests the same
+    """
+
+    caller: Caller
+    body: bytes
+    syntax: Literal["json", "yaml"]
+    key: str | None
+    digest: str
+
+    @property
+    def service(self) -> Service:
+        """The service that is asked."""
+        return self.caller.service
+
+    @property
+    def owner(self) -> str:
+        """Whose request it is."""
+        return self.caller.owner
+
+
+async def call_of(
+    request: Request,
+    caller: CurrentCaller,
+    idempotency_key: IdempotencyKey = None,
+) -> Call:
+    """Return a POST request with its body, whatever that holds."""
+    body = await request.body()
+    digest = hashlib.sha256()
+    for part in (request.method, request.url.path, request.url.query):
+        digest.update(part.encode() + b"\n")
+    if len(body) > _LONG:
+        # for as long as some requests take
+        await run_in_threadpool(digest.update, body)
+    else:
+        digest.update(body)
+    return Call(caller, body, "json", idempotency_key, digest.hexdigest())
+
+
+EmptyCall = Annotated[Call, Depends(call_of)]
+"""Parameter type of a route that takes no body: one that is sent is ignored."""
+
+
+async def _call(request: Request, call: EmptyCall) -> Call:
+    return replace(call, syntax=body_kind(request))
+
+
+CurrentCall = Annotated[Call, Depends(_call)]
+"""Parameter type of a route that takes a body, JSON or YAML."""
+
+
+async def answer_once(
+    call: Call,
+    compute: Callable[[], Awaitable[T]],
+    store: Callable[[Connection, T], Answer],
+    *,
+    together: bool = False,
+) -> Response:
+    """Return the answer to a request: compute, then store result and answer together.
+
+    With an Idempotency-Key that was answered before, that answer. Raises KeyReused where it was
+    given to another request. Where `store` meets no lock of others, `together` stores the results
+    of several requests in one transaction.
+    """
+    if call.key is not None:
+        known = await run_in_threadpool(_known, call)
+        if known is not None:
+            return _response(known)
+    value = await compute()
+    if together and call.key is None:
+        return _response(await call.service.writer.write(lambda open_: store(open_, value)))
+    return _response(await run_in_threadpool(_stored, call, value, store))
+
+
+def _known(call: Call) -> Answer | None:
+    assert call.key is not None
+    with call.service.database.reading() as connection:
+        known = find_answer(connection, call.owner, call.key)
+    if known is not None and known.request_digest != call.digest:
+        raise KeyReused(
+            f"Idempotency-Key {call.key!r} was used for another request; take a new one"
+        )
+    return known
+
+
+def _stored(call: Call, value: T, store: Callable[[Connection, T], Answer]) -> Answer:
+    try:
+        with call.service.database.writing() as connection:
+            answer = store(connection, value)
+            if call.key is not None:
+                keep_answer(connection, call.owner, call.key, answer)
+            return answer
+    except AnswerTakenError:
+        known = _known(call)
+        assert known is not None
+        return known
+
+
+def _response(answer: Answer) -> Response:
+    return Response(
+        answer.body, answer.status, headers=answer.headers, media_type="application/json"
+    )

@@ -1,0 +1,103 @@
+"""Scenarios, plans and recordings as requests send them and as they are stored."""
+
+import io
+import json
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Literal
+
+from api.limits import RequestLimits, check_size
+from syncplan.errors import InputError
+from syncplan.recordings.log import Overview
+from syncplan.scenario.loading import decoded, parse_document
+
+if TYPE_CHECKING:
+    from syncplan.planning.plan_files import Loaded
+    from syncplan.planning.planner import Plan
+
+Syntax = Literal["json", "yaml"]
+
+
+@dataclass(frozen=True, slots=True)
+class PlanText:
+    """A plan as the bytes of its file, and what lists show of it."""
+
+    text: str
+    name: str | None
+    vehicles: int
+    observable: bool
+    predicted_rms_m: float | None
+
+
+def loaded_body(body: bytes, syntax: Syntax, limits: RequestLimits) -> "Loaded":
+    """Return the scenario that a body holds, or the plan: a scenario with its orbits.
+
+    Raises InputError, also for what exceeds the limits.
+    """
+    from syncplan.planning.plan_files import loaded_from
+
+    document = parse_document(decoded(body, ""), "", syntax)
+    loaded = loaded_from(document, max_vehicles=limits.vehicles)
+    try:
+        check_size(loaded.scenario, limits)
+    except InputError as error:
+        raise (error if loaded.orbits is None else error.within("scenario")) from None
+    return loaded
+
+
+def loaded_plan(text: str) -> "Loaded":
+    """Return the scenario and the orbits of a stored plan."""
+    from syncplan.planning.plan_files import loaded_from
+
+    document = parse_document(text, "", "json")
+    # its size was allowed when it was stored
+    return loaded_from(document, max_vehicles=len(document["vehicles"]))
+
+
+def as_plan_text(plan: "Plan") -> PlanText:
+    """Return a plan as it is stored."""
+    from syncplan.reports.plan_report import plan_document
+    from syncplan.runtime.files import as_text
+
+    document = plan_document(plan)
+    predicted = document.predicted_rms_m
+    return PlanText(
+        text=as_text(document.as_json()),
+        name=plan.scenario.name,
+        vehicles=plan.orbits.count,
+        observable=plan.observable,
+        predicted_rms_m=None if predicted is None else predicted.overall,
+    )
+
+
+# --- recordings -----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class PackedRecording:
+    """A recording as bytes of syncplan.recordings.log, and in short, as JSON."""
+
+    data: bytes
+    overview: str
+
+
+def packed_recording(body: bytes, name: str | None) -> PackedRecording:
+    """Return the recording in an archive, under a name of its own if one is given.
+
+    Raises InputError, whose key is the file at fault.
+    """
+    from syncplan.recordings.log import overview_of, pack_log
+    from syncplan.recordings.recording_formats import read_archive
+
+    try:
+        log = read_archive(io.BytesIO(body))
+    except InputError as error:
+        raise InputError(error.problem, key=error.source) from None
+    named = log if name is None else replace(log, name=name)
+    return PackedRecording(pack_log(named), json.dumps(asdict(overview_of(named))))
+
+
+def overview_of_text(text: str) -> Overview:
+    """Return a recording in short, as it is stored."""
+    values = json.loads(text)
+    lists = {key: tuple(one) for key, one in values.items() if isinstance(one, list)}
+    return Overview(**{**values, **lists})

@@ -1,0 +1,364 @@
+"""One table from the exceptions that reach the service to the statuses it answers with.
+
+Every failed request is answered with a problem document; the trace goes to the log alone.
+"""
+
+import errno
+import json
+import logging
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Any
+from urllib.parse import quote
+
+from fastapi import FastAPI
+from fastapi.exceptions import RequestValidationError
+from fastapi.routing import iter_route_contexts
+from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
+from sqlalchemy.exc import TimeoutError as PoolTimeout
+from starlette.datastructures import Headers
+from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from api.logs import current_request_id, route_template
+from api.problems import (
+    MEDIA_TYPE,
+    FaultEntry,
+    Problem,
+    ServiceError,
+    StorageFull,
+    Unavailable,
+    document_problems,
+    printable,
+    shown,
+    title_of,
+)
+from syncplan.errors import InputError, NoGoError, NoSolutionError, SyncplanError
+
+MOST_ERRORS = 50
+"""Most faults that are listed of one request."""
+
+INTERNAL = "the service failed on this request; its log says why, under this request id"
+NO_SOLUTION = "urn:syncplan:no-solution"
+"""The type of problem that is not the request's form: nothing fulfils what it asks for."""
+
+NO_GO = "urn:syncplan:no-go"
+"""The type of problem that a plan's verdict stops what is asked for."""
+
+NO_DATABASE = "the database can't be used just now; try again"
+NO_WRITING = "the database can only be read just now; nothing was stored"
+NO_MEMORY = "there is no memory left for this request just now; try again"
+SENTENCES = {
+    "Not Found": "there is nothing at this path",
+    "Method Not Allowed": "this path does not take the method",
+    "There was an error parsing the body": "the body can't be read; send JSON in UTF-8",
+}
+"""The framework's sentences, in words that help."""
+
+_PLACES = {"query", "path", "header", "cookie"}
+_DISK_FULL = "53100"
+_READ_ONLY = ("25006", "attempt to write a readonly database")
+
+
+class Logged(Enum):
+    """What the log holds of a failure beside the line of its request."""
+
+    NOTHING = "nothing"
+    LINE = "line"
+    TRACE = "trace"
+
+
+@dataclass(frozen=True, slots=True)
+class FailedRequest:
+    """What to answer with, and what to log; without a title the problem is its status alone.
+
+    Attributes
+    ----------
+    reason : the class of the failure, as metrics count it; one of few
+    """
+
+    status: int
+    detail: str
+    reason: str
+    headers: dict[str, str] = field(default_factory=dict)
+    errors: tuple[FaultEntry, ...] = ()
+    logged: Logged = Logged.NOTHING
+    type: str = "about:blank"
+    title: str = ""
+
+
+def _deliberate(error: ServiceError) -> FailedRequest:
+    return FailedRequest(error.status, error.detail, _named(error), error.headers, error.errors)
+
+
+def _input(error: InputError) -> FailedRequest:
+    entries = [
+        FaultEntry(
+            path=printable(fault.key),
+            value=None if fault.value == "" else shown(fault.value),
+            message=printable(fault.problem),
+        )
+        for fault in error.faults[:MOST_ERRORS]
+    ]
+    return FailedRequest(422, str(error), "invalid-input", errors=tuple(entries))
+
+
+def _no_solution(error: NoSolutionError) -> FailedRequest:
+    return FailedRequest(422, str(error), "no-solution", type=NO_SOLUTION, title="No solution")
+
+
+def _no_go(error: NoGoError) -> FailedRequest:
+    return FailedRequest(409, str(error), "no-go", type=NO_GO, title="No go")
+
+
+def _on_purpose(error: SyncplanError) -> FailedRequest:
+    return FailedRequest(500, str(error), "internal", logged=Logged.TRACE)
+
+
+def _invalid(error: RequestValidationError) -> FailedRequest:
+    faults = error.errors()
+    entries = tuple(_entry(fault) for fault in faults[:MOST_ERRORS])
+    first = entries[0]
+    detail = f"{first.path}: {first.message}" if first.path else first.message
+    if len(faults) > 1:
+        detail += f" (and {len(faults) - 1} more)"
+    return FailedRequest(422, detail, "invalid-request", errors=entries)
+
+
+def _entry(fault: dict[str, Any]) -> FaultEntry:
+    location = tuple(fault["loc"])
+    message = str(fault["msg"])
+    if fault["type"] == "json_invalid":
+        at = location[-1]
+        message = f"not valid JSON: {fault.get('ctx', {}).get('error', message)} at character {at}"
+        return FaultEntry(path="", message=printable(message))
+    value = None if fault["type"] == "missing" else shown(fault.get("input"))
+    return FaultEntry(path=_dotted(location), value=value, message=printable(message))
+
+
+def _dotted(location: Iterable[int | str]) -> str:
+    """The path of a fault; that of the body starts inside it, as the library's own paths do."""
+    place, *inner = location
+    path = str(place) if place in _PLACES else ""
+    for part in inner:
+        if isinstance(part, int):
+            path += f"[{part}]"
+        else:
+            path += f".{part}" if path else part
+    return printable(path)
+
+
+def _http(error: HTTPException) -> FailedRequest:
+    detail = str(error.detail)
+    reason = title_of(error.status_code).lower().replace(" ", "-")
+    return FailedRequest(
+        error.status_code, SENTENCES.get(detail, detail), reason, dict(error.headers or {})
+    )
+
+
+def _gone(error: ClientDisconnect) -> FailedRequest:
+    return FailedRequest(400, "the client went away before its request was complete", "client-gone")
+
+
+def _database(error: DBAPIError) -> FailedRequest:
+    state = getattr(error.orig, "sqlstate", None)
+    if state == _DISK_FULL or "disk is full" in str(error.orig):
+        return _with_line(StorageFull())
+    if state in _READ_ONLY or str(error.orig) in _READ_ONLY:
+        return _with_line(Unavailable(NO_WRITING))
+    if isinstance(error, OperationalError | InterfaceError) or error.connection_invalidated:
+        return _with_line(Unavailable(NO_DATABASE))
+    return _unforeseen(error)
+
+
+def _no_connection(error: PoolTimeout) -> FailedRequest:
+    return _with_line(Unavailable(NO_DATABASE))
+
+
+def _no_memory(error: MemoryError) -> FailedRequest:
+    return _with_line(Unavailable(NO_MEMORY))
+
+
+def _system(error: OSError) -> FailedRequest:
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return _with_line(StorageFull())
+    return _unforeseen(error)
+
+
+def _unforeseen(error: Exception) -> FailedRequest:
+    return FailedRequest(500, INTERNAL, "internal", logged=Logged.TRACE)
+
+
+def _with_line(error: ServiceError) -> FailedRequest:
+    return FailedRequest(
+        error.status, error.detail, _named(error), error.headers, logged=Logged.LINE
+    )
+
+
+def _named(error: ServiceError) -> str:
+    """The class of an error that is raised on purpose, as in too-many-requests."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", "-", type(error).__name__).lower()
+
+
+TABLE: dict[type[Exception], Callable[[Any], FailedRequest]] = {
+    ServiceError: _deliberate,
+    InputError: _input,
+    NoGoError: _no_go,
+    NoSolutionError: _no_solution,
+    SyncplanError: _on_purpose,
+    RequestValidationError: _invalid,
+    HTTPException: _http,
+    ClientDisconnect: _gone,
+    DBAPIError: _database,
+    PoolTimeout: _no_connection,
+    MemoryError: _no_memory,
+    OSError: _system,
+    Exception: _unforeseen,
+}
+"""By the nearest class of an exception."""
+
+
+def failure_of(error: Exception) -> FailedRequest:
+    """Return what to answer an exception with, by the nearest of its classes in the table."""
+    kind = next(kind for kind in type(error).__mro__ if kind in TABLE)
+    return TABLE[kind](error)
+
+
+# --- answers --------------------------------------------------------------------------------------
+
+
+_MOST_DIGITS = 18
+"""Digits of a length beyond any limit, and short enough to be read."""
+
+_log = logging.getLogger("api.problems")
+
+
+def install_handlers(
+    app: FastAPI, body_limit_bytes: int, larger: Mapping[str, int] | None = None
+) -> None:
+    """Let `app` answer every failure with a problem document, and document them.
+
+    Call it before other middleware is added. It limits bodies, those at the paths of `larger` to
+    the figures there; FastAPI's own `max_body_size` answers in plain text.
+    """
+    for kind in TABLE:
+        if kind is not Exception:
+            app.add_exception_handler(kind, _answered)
+    # what fails outside Answered: the server logs it
+    app.add_exception_handler(Exception, _unlogged)
+    app.add_middleware(Answered, body_limit_bytes=body_limit_bytes, larger=larger or {})
+    document_problems(app)
+
+
+class Answered:
+    """ASGI middleware that lets no exception escape and no body exceed the limit."""
+
+    def __init__(self, app: ASGIApp, body_limit_bytes: int, larger: Mapping[str, int]) -> None:
+        self.app = app
+        self.limit = body_limit_bytes
+        self.larger = larger
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer one request, whatever happens inside."""
+        if scope["type"] != "http":
+            await self.app(scope, receive, send)
+            return
+        started = False
+
+        async def watched(message: Message) -> None:
+            nonlocal started
+            started = started or message["type"] == "http.response.start"
+            await send(message)
+
+        try:
+            limit = self.larger.get(scope["path"], self.limit)
+            self._check_announced(scope, limit)
+            await self.app(scope, self._limited(receive, limit), watched)
+        except Exception as error:
+            if started:
+                # the server sees an answer without its end and closes the connection
+                _log.error("answer cut short: %s", type(error).__name__, exc_info=error)
+                return
+            response = await _answered(Request(scope), error)
+            await response(scope, receive, send)
+
+    def _check_announced(self, scope: Scope, limit: int) -> None:
+        length = Headers(scope=scope).get("content-length", "")
+        if not length.isdecimal():
+            return
+        if len(length) > _MOST_DIGITS or int(length) > limit:
+            raise self._too_large(limit)
+
+    def _limited(self, receive: Receive, limit: int) -> Receive:
+        size = 0
+
+        async def limited() -> Message:
+            nonlocal size
+            message = await receive()
+            if message["type"] == "http.request":
+                size += len(message.get("body", b""))
+                if size > limit:
+                    raise self._too_large(limit)
+            return message
+
+        return limited
+
+    @staticmethod
+    def _too_large(limit: int) -> HTTPException:
+        # an HTTPException goes through the reading of bodies untouched
+        return HTTPException(413, f"the body is larger than {limit} bytes")
+
+
+async def _answered(request: Request, error: Exception) -> Response:
+    failure = failure_of(error)
+    if failure.logged is Logged.TRACE:
+        _log.error("unforeseen: %s", type(error).__name__, exc_info=error)
+    elif failure.logged is Logged.LINE:
+        cause = printable(str(getattr(error, "orig", None) or error))
+        _log.warning("%s: %s", type(error).__name__, cause)
+    return _response(request, failure)
+
+
+async def _unlogged(request: Request, error: Exception) -> Response:
+    return _response(request, failure_of(error))
+
+
+def _response(request: Request, failure: FailedRequest) -> Response:
+    headers = failure.headers
+    if failure.status >= 400:
+        # for the metrics, which stand around the application
+        request.scope.setdefault("state", {})["reason"] = failure.reason
+    if failure.status in (204, 304):
+        return Response(status_code=failure.status, headers=headers)
+    if failure.status == 405:
+        headers = {**headers, "Allow": ", ".join(_methods(request))}
+    problem = Problem(
+        type=failure.type,
+        title=failure.title or title_of(failure.status),
+        status=failure.status,
+        detail=printable(failure.detail),
+        instance=quote(request.url.path),
+        errors=list(failure.errors) or None,
+        request_id=_request_id(request.scope),
+    )
+    # in ASCII: a fault may hold what UTF-8 can't
+    content = json.dumps(problem.model_dump(exclude_none=True)).encode()
+    return Response(content, failure.status, headers=headers, media_type=MEDIA_TYPE)
+
+
+def _request_id(scope: Mapping[str, Any]) -> str:
+    return current_request_id() or str(scope.get("state", {}).get("request_id", ""))
+
+
+def _methods(request: Request) -> list[str]:
+    """Every method of the path; a route on its own knows only those it was declared with."""
+    template = route_template(request.scope)
+    found: set[str] = set()
+    for context in iter_route_contexts(request.app.routes):
+        if context.path_format == template:
+            found |= context.methods or set()
+    return sorted(found)

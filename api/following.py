@@ -1,0 +1,402 @@
+"""Streams of events: one reader of the database for all who follow jobs.
+
+    database --- one query a look ---> FollowedJob ---> every follower of that job
+        \\---- a hundred at a time ---> a follower who is behind
+
+A follower costs memory alone. The reader has a thread of its own, so that followers take none from
+requests, and rests while nobody follows. While the database is away it looks less often, and
+everybody stays.
+"""
+
+import asyncio
+import contextlib
+import logging
+from collections import Counter, deque
+from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from itertools import dropwhile, islice
+from typing import Concatenate, ParamSpec, TypeVar
+
+from fastapi.sse import KEEPALIVE_COMMENT, format_sse_event
+from sqlalchemy import Connection, and_, or_, select
+from starlette.responses import StreamingResponse
+from starlette.types import Receive, Scope, Send
+
+from api.problems import TooManyRequests
+from api.security import Keyring
+from api.storage.database import Database, unavailable
+from api.storage.tables import job_events, jobs
+from syncplan.reports.job_contract import JobState, has_ended
+
+# --- events ---------------------------------------------------------------------------------------
+
+
+T = TypeVar("T")
+
+MOST_EVENTS = 500
+"""Most events that are read at a time."""
+
+_JOBS_AT_ONCE = 200
+"""Jobs that one statement names: SQLite bounds the depth of a condition."""
+
+
+@dataclass(frozen=True, slots=True)
+class JobHead:
+    """A job's state, and the number of its last event."""
+
+    state: JobState
+    events: int
+
+
+def events_after(
+    connection: Connection, job_id: str, number: int, most: int = MOST_EVENTS
+) -> list[tuple[int, str]]:
+    """Return (number, JSON) of the events of a job after the one with a number, in order.
+
+    Up to `most` of them; ask again from the last one on.
+    """
+    query = (
+        select(job_events.c.number, job_events.c.data)
+        .where(job_events.c.job_id == job_id, job_events.c.number > number)
+        .order_by(job_events.c.number)
+        .limit(most)
+    )
+    return [(row[0], row[1]) for row in connection.execute(query)]
+
+
+def heads_of(connection: Connection, job_ids: Sequence[str]) -> dict[str, JobHead]:
+    """Return the heads of jobs by their identifiers; those that are not there are left out."""
+    found = {}
+    for some in _portions(job_ids):
+        query = select(jobs.c.id, jobs.c.state, jobs.c.events).where(jobs.c.id.in_(some))
+        found.update({row[0]: JobHead(row[1], row[2]) for row in connection.execute(query)})
+    return found
+
+
+def newest_events(
+    connection: Connection, after: Mapping[str, int]
+) -> Iterator[tuple[str, int, str]]:
+    """Yield (job, number, JSON) of the events of jobs after a number each, each job's in order."""
+    for some in _portions(list(after.items())):
+        wanted = (
+            and_(job_events.c.job_id == job_id, job_events.c.number > number)
+            for job_id, number in some
+        )
+        query = (
+            select(job_events.c.job_id, job_events.c.number, job_events.c.data)
+            .where(or_(*wanted))
+            .order_by(job_events.c.job_id, job_events.c.number)
+        )
+        for row in connection.execute(query):
+            yield row[0], row[1], row[2]
+
+
+def _portions(items: Sequence[T]) -> Iterator[list[T]]:
+    rest = iter(items)
+    while some := list(islice(rest, _JOBS_AT_ONCE)):
+        yield some
+
+
+# --- a job that is followed -----------------------------------------------------------------------
+
+
+MOST_RECENT = 50
+"""Events of a job that are kept for those who follow it; older ones are read again."""
+
+
+@dataclass(slots=True, eq=False)
+class Follower:
+    """Someone who follows a job.
+
+    Attributes
+    ----------
+    key : digest of the key that the stream was asked for with
+    seen : number of the last event that was sent
+    """
+
+    owner: str
+    key: bytes
+    job_id: str
+    seen: int
+    ended: bool = False
+
+
+@dataclass(slots=True, eq=False)
+class FollowedJob:
+    """A job, its newest events, and who follows it.
+
+    Attributes
+    ----------
+    news : set, and replaced, when there is something new
+    last : number of the newest event that was read; None before the first look
+    over : nothing comes after `last`
+    recent : (number, as sent) of the newest events, without gaps, up to `last`
+    """
+
+    followers: set[Follower] = field(default_factory=set)
+    news: asyncio.Event = field(default_factory=asyncio.Event)
+    last: int | None = None
+    over: bool = False
+    recent: deque[tuple[int, bytes]] = field(default_factory=lambda: deque(maxlen=MOST_RECENT))
+
+    @property
+    def wanted_after(self) -> int:
+        """The event after which it is to be read."""
+        if self.last is not None:
+            return self.last
+        return min((one.seen for one in self.followers), default=0)
+
+    def after(self, number: int) -> list[tuple[int, bytes]] | None:
+        """Return the events after one; None if they are older than what is kept."""
+        if self.last is None or number >= self.last:
+            return []
+        if not self.recent or self.recent[0][0] > number + 1:
+            return None
+        return list(dropwhile(lambda event: event[0] <= number, self.recent))
+
+    def take(self, head: JobHead | None, found: Iterable[tuple[int, str]]) -> None:
+        """Take in what a look has found, and wake the followers if it is new."""
+        before = self.last, self.over
+        for number, data in found:
+            if self.recent and self.recent[-1][0] != number - 1:
+                self.recent.clear()
+            self.recent.append((number, sent(number, data)))
+            self.last = number
+        if self.last is None:
+            self.last = 0 if head is None else head.events
+        # a job that is gone was deleted
+        self.over = head is None or (has_ended(head.state) and self.last >= head.events)
+        if (self.last, self.over) != before:
+            self.wake()
+
+    def wake(self) -> None:
+        """Let all followers look again."""
+        self.news.set()
+        self.news = asyncio.Event()
+
+
+def sent(number: int, data: str) -> bytes:
+    """Return an event as a stream sends it."""
+    return format_sse_event(id=str(number), event="job", data_str=data)
+
+
+# --- the reader -----------------------------------------------------------------------------------
+
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+_LOOK_EVERY_S = 0.3
+_COALESCE_S = 0.02
+_LONGEST_WAIT_S = 2.0
+_PING_EVERY_S = 15.0
+_RETRY_AFTER_S = 5
+_AT_ONCE = 100
+
+_logger = logging.getLogger("syncplan.following")
+
+
+class JobWatch:
+    """Those who follow jobs, and the reader that serves them; used on one event loop.
+
+    Parameters
+    ----------
+    most_streams : that an owner may have open
+    keyring : a stream ends when its key does
+    is_ending : whether the server is about to end, and with it all streams
+    """
+
+    def __init__(
+        self,
+        database: Database,
+        *,
+        most_streams: int,
+        keyring: Keyring,
+        is_ending: Callable[[], bool],
+    ) -> None:
+        self._database = database
+        self._keyring = keyring
+        self._keys_version = keyring.version
+        self._most_streams = most_streams
+        self._is_ending = is_ending
+        self._jobs: dict[str, FollowedJob] = {}
+        self._streams: Counter[str] = Counter()
+        self._joined = asyncio.Event()
+        self._tasks: dict[str, asyncio.Task[None]] = {}
+        self._away = False
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="following")
+
+    @property
+    def streams(self) -> int:
+        """Number of open streams."""
+        # at once: metrics read it from another thread
+        return sum(list(self._streams.values()))
+
+    def close(self) -> None:
+        """End all streams and give up what is being read."""
+        self._end_all()
+        self._thread.shutdown(wait=False, cancel_futures=True)
+
+    @contextlib.contextmanager
+    def following(self, follower: Follower) -> Iterator[None]:
+        """Keep a follower for as long as the block lasts; raises TooManyRequests."""
+        if self._streams[follower.owner] >= self._most_streams:
+            raise TooManyRequests(
+                f"you have {self._most_streams} event streams open, the most allowed; close one, "
+                "or ask for the job itself from time to time",
+                retry_after_s=_RETRY_AFTER_S,
+            )
+        self._streams[follower.owner] += 1
+        job = self._jobs.setdefault(follower.job_id, FollowedJob())
+        job.followers.add(follower)
+        if job.last is None:
+            self._joined.set()
+        for run in (self._read, self._tick):
+            if run.__name__ not in self._tasks or self._tasks[run.__name__].done():
+                self._tasks[run.__name__] = asyncio.create_task(run())
+        try:
+            yield
+        finally:
+            follower.ended = True
+            job.followers.discard(follower)
+            if not job.followers:
+                del self._jobs[follower.job_id]
+            self._streams -= Counter([follower.owner])
+
+    async def events(self, follower: Follower) -> AsyncIterator[bytes]:
+        """Yield a follower's events as they are sent, until the job or the follower has ended."""
+        job = self._jobs[follower.job_id]
+        while not follower.ended:
+            # before looking, so that nothing is missed
+            news = job.news
+            found = job.after(follower.seen)
+            if found is None:
+                found = await self._missed(follower)
+                if found is None:
+                    continue
+            if found:
+                follower.seen = found[-1][0]
+                yield b"".join(event for _, event in found)
+            elif job.over:
+                return
+            elif not await _within(_PING_EVERY_S, news):
+                yield KEEPALIVE_COMMENT
+
+    async def _missed(self, follower: Follower) -> list[tuple[int, bytes]] | None:
+        """The next events of one who is behind; None if the database is away."""
+        found = await self._reading(events_after, follower.job_id, follower.seen, _AT_ONCE)
+        if found is None:
+            await asyncio.sleep(_LOOK_EVERY_S)
+            return None
+        return [(number, sent(number, data)) for number, data in found]
+
+    # --- the reader -----------------------------------------------------------------------------
+
+    async def _read(self) -> None:
+        """Look at all jobs that are followed, again and again while there are any."""
+        wait = _LOOK_EVERY_S
+        try:
+            while self._jobs:
+                # those who come in one rush share a look
+                await asyncio.sleep(_COALESCE_S)
+                self._joined.clear()
+                asked = {name: job.wanted_after for name, job in self._jobs.items() if not job.over}
+                found = await self._reading(_look, asked) if asked else {}
+                if found is None:
+                    wait = min(2.0 * wait, _LONGEST_WAIT_S)
+                    await asyncio.sleep(wait)
+                    continue
+                wait = _LOOK_EVERY_S
+                for name in asked.keys() & self._jobs.keys():
+                    self._jobs[name].take(*found.get(name, (None, [])))
+                await _within(wait, self._joined)
+        except Exception as error:
+            # clients come back and go on where they were
+            _logger.error("events can't be read: %s", type(error).__name__, exc_info=error)
+            self._end_all()
+
+    async def _tick(self) -> None:
+        """End the streams with the server or their keys, whatever the reader waits for."""
+        while self._jobs:
+            if self._is_ending():
+                self._end_all()
+            if self._keyring.version != self._keys_version:
+                self._keys_version = self._keyring.version
+                self._end_all(lambda one: not self._keyring.admits(one.owner, one.key))
+            await asyncio.sleep(_LOOK_EVERY_S)
+
+    async def _reading(
+        self, query: Callable[Concatenate[Connection, P], R], *args: P.args, **kwargs: P.kwargs
+    ) -> R | None:
+        """What a query returns, run in the reader's thread; None if the database is away."""
+
+        def read() -> R:
+            with self._database.reading() as connection:
+                return query(connection, *args, **kwargs)
+
+        reading = asyncio.get_running_loop().run_in_executor(self._thread, read)
+        while not (await asyncio.wait([reading], timeout=_LOOK_EVERY_S))[0]:
+            if self._is_ending():
+                reading.cancel()
+                return None
+        error = reading.exception()
+        if error is not None and not unavailable(error):
+            raise error
+        if error is not None and not self._away:
+            _logger.warning("the database is away; streams wait for it: %s", error)
+        self._away = error is not None
+        return None if error is not None else reading.result()
+
+    def _end_all(self, which: Callable[[Follower], bool] = lambda _: True) -> None:
+        for job in self._jobs.values():
+            for follower in filter(which, job.followers):
+                follower.ended = True
+            job.wake()
+
+
+Found = tuple[JobHead | None, list[tuple[int, str]]]
+
+
+def _look(connection: Connection, asked: Mapping[str, int]) -> dict[str, Found]:
+    """What is new of each job after an event, the newest MOST_RECENT at most."""
+    heads = heads_of(connection, list(asked))
+    after = {
+        name: max(asked[name], head.events - MOST_RECENT)
+        for name, head in heads.items()
+        if head.events > asked[name]
+    }
+    found: dict[str, Found] = {name: (head, []) for name, head in heads.items()}
+    for name, number, data in newest_events(connection, after):
+        found[name][1].append((number, data))
+    return found
+
+
+async def _within(seconds: float, event: asyncio.Event) -> bool:
+    """Return whether an event is set within a time."""
+    try:
+        async with asyncio.timeout(seconds):
+            return await event.wait()
+    except TimeoutError:
+        return False
+
+
+_HEADERS = {"cache-control": "no-cache", "x-accel-buffering": "no"}
+"""No store between here and the client keeps events back."""
+
+
+class EventStream(StreamingResponse):
+    """A stream that has its place among the followers for as long as it is sent.
+
+    Raises TooManyRequests, before it begins to answer, where the owner has too many of them.
+    """
+
+    def __init__(self, watch: JobWatch, follower: Follower) -> None:
+        super().__init__(watch.events(follower), headers=_HEADERS, media_type="text/event-stream")
+        self._watch = watch
+        self._follower = follower
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Send the stream until the job, the client or the server has ended."""
+        with self._watch.following(self._follower):
+            await super().__call__(scope, receive, send)

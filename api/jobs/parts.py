@@ -1,0 +1,395 @@
+"""Computing a part of a job in a child process: tried again if the child dies, up to a limit.
+
+A part that can't be computed ends its job, as failed and with the reason. One thread looks at all
+parts that this process computes twice a second, so that the database is asked once however many
+there are: it enters their progress, what they have finished and how long they took, and gives up
+those of jobs that have ended or that another version works on.
+"""
+
+import asyncio
+import logging
+import threading
+from collections.abc import Awaitable, Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from threading import Event
+from typing import Any, TypeVar
+
+from sqlalchemy import Connection
+
+from api.computing.child import (
+    ChildGoneError,
+    ChildNotStartedError,
+    OutOfMemoryError,
+    TaskFailedError,
+    TooSlowError,
+)
+from api.computing.pool import Pool
+from api.computing.turns import GivenUpError, PoolFullError, Ticket
+from api.job_kinds.job_kind import FinishedStart
+from api.jobs.job_counts import JobCounts
+from api.jobs.queue import VERSION, JobQueue
+from api.settings import Settings
+from api.storage import job_records, part_records
+from api.storage.database import Database, patiently, unavailable
+from api.storage.part_records import PartHistory
+from syncplan.errors import InputError, NoSolutionError
+
+# --- parts at work --------------------------------------------------------------------------------
+
+
+_LOOK_EVERY_S = 0.5
+_NOTE_EVERY_S = 5.0
+
+_logger = logging.getLogger("syncplan.jobs")
+
+
+@dataclass(slots=True, eq=False)
+class WatchedPart:
+    """A part that is computed here: what it has reported, and how much of that is entered.
+
+    Attributes
+    ----------
+    ticket : of its task in the pool; None before it is handed in
+    number : of the part; progress is that of a batch where it is not below zero
+    starts : finished starts of a refinement that are not entered yet
+    """
+
+    job_id: str
+    number: int
+    ticket: Ticket | None = None
+    done: int = 0
+    starts: list[FinishedStart] = field(default_factory=list)
+    _noted_done: int = 0
+    _noted_s: float = 0.0
+    _noting: threading.Lock = field(default_factory=threading.Lock)
+
+    def take(self, done: int | FinishedStart) -> None:
+        """Take what the child reports; called from another thread."""
+        if isinstance(done, FinishedStart):
+            self.starts.append(done)
+        else:
+            self.done = max(self.done, done)
+
+    def note(self, database: Database, *, over: bool = False) -> None:
+        """Enter what is new; all of it at the end."""
+        with self._noting:
+            ran_s = 0.0 if self.ticket is None else self.ticket.ran_s
+            seconds = ran_s - self._noted_s
+            done, starts = self.done, self.starts[:]
+            if not (over or done > self._noted_done or starts or seconds >= _NOTE_EVERY_S):
+                return
+            with database.writing() as connection:
+                if done > self._noted_done:
+                    number = self.number if self.number >= 0 else None
+                    part_records.note_progress(connection, self.job_id, done, number)
+                for start in starts:
+                    part_records.keep_start(connection, self.job_id, start.number, start.data)
+                if seconds > 0.0:
+                    part_records.add_seconds(connection, self.job_id, self.number, seconds)
+            del self.starts[: len(starts)]
+            self._noted_done, self._noted_s = done, ran_s
+
+
+class PartWatch:
+    """A thread that looks after the parts at work.
+
+    Parameters
+    ----------
+    version : of this process; a job that another one has begun is given up
+    """
+
+    def __init__(self, database: Database, version: str) -> None:
+        self._database = database
+        self._version = version
+        self._parts: list[WatchedPart] = []
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True, name="part-watch")
+        self._thread.start()
+
+    @contextmanager
+    def over(self, job_id: str, number: int) -> Iterator[WatchedPart]:
+        """Watch a part until the block ends."""
+        part = WatchedPart(job_id, number)
+        self._parts.append(part)
+        try:
+            yield part
+        finally:
+            self._parts.remove(part)
+
+    def close(self) -> None:
+        """Stop."""
+        self._stop.set()
+        self._thread.join(timeout=5.0)
+
+    def _run(self) -> None:
+        while not self._stop.wait(_LOOK_EVERY_S):
+            _unless_away(self.look)
+
+    def look(self) -> None:
+        """Enter what is new of all parts, and give up those that nobody waits for."""
+        parts = list(self._parts)
+        if not parts:
+            return
+        with self._database.reading() as connection:
+            job_ids = {part.job_id for part in parts}
+            wanted = part_records.worked_on(connection, job_ids, self._version)
+        for part in parts:
+            if part.job_id in wanted:
+                part.note(self._database)
+            elif part.ticket is not None:
+                part.ticket.cancel()
+
+
+def _unless_away(function: Callable[[], None]) -> None:
+    """Call a function; while the database is away, there is a next time."""
+    try:
+        function()
+    except Exception as error:
+        if unavailable(error):
+            _logger.warning("the database is away: %s", error)
+        else:
+            _logger.exception("could not look after the parts at work")
+
+
+# --- the runtime ----------------------------------------------------------------------------------
+
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Runtime:
+    """The process's database, queue, child processes and settings.
+
+    Attributes
+    ----------
+    counts : of the jobs that end here
+    at_work : the workflows that this process runs; one restarted while it ran is there twice
+    closing : set before the process ends, so that what is killed then does not count as failed
+    """
+
+    settings: Settings
+    database: Database
+    queue: JobQueue
+    pool: Pool
+    counts: JobCounts
+    watch: PartWatch
+    at_work: list[str] = field(default_factory=list)
+    closing: Event = field(default_factory=Event)
+
+    @contextmanager
+    def at(self, workflow_id: str) -> Iterator[None]:
+        """Count a workflow as running until the block ends."""
+        self.at_work.append(workflow_id)
+        try:
+            yield
+        finally:
+            self.at_work.remove(workflow_id)
+
+
+_in_use: list[Runtime] = []
+
+
+def use(runtime: Runtime | None) -> None:
+    """Let the workflows of this process use a runtime; None ends its use."""
+    _in_use[:] = [] if runtime is None else [runtime]
+
+
+def current() -> Runtime:
+    """Return the runtime in use."""
+    return _in_use[0]
+
+
+async def in_transaction(function: Callable[[Connection], T]) -> T:
+    """Return what a function does in a transaction, waiting for the database if it is away."""
+
+    def transact() -> T:
+        with current().database.writing() as connection:
+            return function(connection)
+
+    return await asyncio.to_thread(patiently, transact)
+
+
+# --- computing ------------------------------------------------------------------------------------
+
+
+MOST_DEATHS = 5
+"""How many children may end while they compute one part."""
+
+MOST_ATTEMPTS = 200
+"""How often a part may be begun: workers that are killed with all their children count here."""
+
+_PAUSE_S = 0.5
+_LONGEST_PAUSE_S = 30.0
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A part of a job.
+
+    Attributes
+    ----------
+    number : of its row; see api.storage.part_records
+    name : as messages call it
+    limit_s : s that it may take
+    """
+
+    job_id: str
+    number: int
+    name: str
+    limit_s: float
+
+
+Submit = Callable[[WatchedPart, PartHistory], Awaitable[Ticket]]
+"""Hands a part's task in, knowing what became of the part so far."""
+
+
+async def computed(part: Part, submit: Submit) -> Any:
+    """Return what the task of a part returns; None where its job has ended, or fails with it.
+
+    `submit` hands the task in, each time that it is tried.
+    """
+    try:
+        return await _tried(part, submit)
+    except (GivenUpError, PoolFullError):
+        # its job has ended, or the pool is closed
+        await _stay_if_closing(part)
+    except _FailedError as failed:
+        document = dict(failed.document)
+        ended = await in_transaction(
+            lambda connection: job_records.end_job(
+                connection, part.job_id, "failed", error=document
+            )
+        )
+        if ended:
+            await asyncio.to_thread(current().counts.job_over, part.job_id)
+    return None
+
+
+async def _tried(part: Part, submit: Submit) -> Any:
+    pause_s = _PAUSE_S
+    while True:
+        history = await in_transaction(
+            lambda connection: part_records.begin_part(
+                connection, part.job_id, part.number, VERSION
+            )
+        )
+        if history is None:
+            return None
+        if history.attempts > MOST_ATTEMPTS:
+            raise _internal(f"{part.name} was begun {MOST_ATTEMPTS} times and never finished")
+        try:
+            return await _tried_once(part, history, submit)
+        except ChildNotStartedError as error:
+            # no fault of the part's
+            _logger.error("%s of job %s waits: %s", part.name, part.job_id, error)
+            await _withdraw(part)
+            await asyncio.sleep(pause_s)
+            pause_s = min(2.0 * pause_s, _LONGEST_PAUSE_S)
+        except ChildGoneError as error:
+            await _stay_if_closing(part)
+            await _count_death(part, error)
+            await asyncio.sleep(_PAUSE_S)
+
+
+async def _count_death(part: Part, error: ChildGoneError) -> None:
+    """Count that a child ended at a part; raises the job's failure if that was once too often."""
+    deaths = await in_transaction(
+        lambda connection: part_records.count_death(connection, part.job_id, part.number)
+    )
+    _logger.error(
+        "a process computing %s of job %s ended (%d of %d): %s",
+        part.name,
+        part.job_id,
+        deaths,
+        MOST_DEATHS,
+        error,
+    )
+    if deaths >= MOST_DEATHS:
+        raise _internal(
+            f"{MOST_DEATHS} processes ended while they computed {part.name}: killed, or out of "
+            "memory; ask for less, or give the workers more memory"
+        )
+
+
+async def _tried_once(part: Part, history: PartHistory, submit: Submit) -> Any:
+    runtime = current()
+    outcome = "failed"
+    with runtime.watch.over(part.job_id, part.number) as watched:
+        watched.ticket = await submit(watched, history)
+        try:
+            value = await asyncio.wrap_future(watched.ticket.future)
+            outcome = "done"
+            return value
+        except GivenUpError:
+            outcome = "given-up"
+            raise
+        except ChildGoneError:
+            outcome = "process-ended"
+            raise
+        except InputError as error:
+            faults = [
+                {"path": one.key, "value": one.value, "message": one.problem}
+                for one in error.faults
+            ]
+            raise _FailedError("Bad input", str(error), errors=faults) from None
+        except NoSolutionError as error:
+            raise _FailedError("No solution", str(error)) from None
+        except TooSlowError:
+            _logger.error("%s of job %s took too long", part.name, part.job_id)
+            raise _too_slow(part) from None
+        except OutOfMemoryError:
+            _logger.error("%s of job %s needed too much memory", part.name, part.job_id)
+            raise _too_large(part) from None
+        except TaskFailedError as error:
+            _logger.error("job %s failed: %s", part.job_id, error)
+            raise _internal("an internal fault; see the service's log") from None
+        finally:
+            await asyncio.to_thread(patiently, watched.note, runtime.database, over=True)
+            await asyncio.to_thread(
+                runtime.counts.part_over, part.job_id, part.number, watched.ticket, outcome
+            )
+
+
+class _FailedError(Exception):
+    """What a job fails with, as a problem's title and detail."""
+
+    def __init__(self, title: str, detail: str, **more: object) -> None:
+        super().__init__(detail)
+        self.document: Mapping[str, object] = {"title": title, "detail": detail, **more}
+
+
+def _internal(detail: str) -> _FailedError:
+    return _FailedError("Internal fault", detail)
+
+
+def _too_slow(part: Part) -> _FailedError:
+    return _FailedError(
+        "Too slow",
+        f"{part.name} took longer than the {part.limit_s:g} s that a part of a job may take here "
+        "(SYNCPLAN_JOB_TASK_S); ask for fewer vehicles, shorter runs or less time",
+    )
+
+
+def _too_large(part: Part) -> _FailedError:
+    limit_bytes = current().settings.task_memory
+    return _FailedError(
+        "Too large",
+        f"{part.name} needs more than the {limit_bytes / 2**20:.0f} MiB of memory that a process "
+        "may use here (SYNCPLAN_TASK_MEMORY_BYTES); ask for fewer vehicles or samples",
+    )
+
+
+async def _stay_if_closing(part: Part) -> None:
+    """Never return in a process that is about to end: another one continues the workflow."""
+    if current().closing.is_set():
+        await _withdraw(part)
+    while current().closing.is_set():
+        await asyncio.sleep(1.0)
+
+
+async def _withdraw(part: Part) -> None:
+    await in_transaction(
+        lambda connection: part_records.withdraw_part(connection, part.job_id, part.number)
+    )

@@ -1,0 +1,422 @@
+"""What Prometheus reads of a process: one table of metrics, and what counts and renders them.
+
+Several HTTP processes keep their metrics in files that all of them read (prometheus_client's
+multiprocess mode, in the folder that PROMETHEUS_MULTIPROC_DIR names). Counts of processes that have
+ended stay: a counter that fell would look like a restart. That mode has no place for figures that
+are read at a scrape, so each process publishes its own once a second; what all read alike from the
+database is read by the process that is scraped.
+"""
+
+import logging
+import os
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, ProcessCollector
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
+from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4, generate_latest
+from prometheus_client.multiprocess import MultiProcessCollector, mark_process_dead
+from prometheus_client.registry import Collector
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from api.logs import route_template
+
+REQUEST_S = (
+    0.001,
+    0.002,
+    0.005,
+    0.01,
+    0.025,
+    0.05,
+    0.1,
+    0.15,
+    0.25,
+    0.5,
+    1.0,
+    2.5,
+    5.0,
+    10.0,
+    20.0,
+)
+JOB_S = (0.1, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0, 60.0, 300.0, 900.0, 3600.0, 14400.0)
+
+MetricType = Literal["counter", "gauge", "histogram"]
+Owner = Literal["process", "service"]
+
+
+@dataclass(frozen=True, slots=True)
+class MetricEntry:
+    """One metric.
+
+    Attributes
+    ----------
+    name : as it is exposed, a counter's without its suffix `_total`
+    of : a figure of the process that is read, to be summed over processes; or one of the whole
+        service, which each process reads from the database alike
+    buckets : upper bounds, of a histogram
+    over : whether values of several processes are added up, or the largest is taken
+    """
+
+    name: str
+    type: MetricType
+    meaning: str
+    labels: tuple[str, ...] = ()
+    of: Owner = "process"
+    buckets: tuple[float, ...] = ()
+    over: Literal["sum", "max"] = "sum"
+
+    @property
+    def exposed(self) -> str:
+        """The name by which queries find it; of a histogram, that of its count."""
+        return self.name + {"counter": "_total", "histogram": "_count", "gauge": ""}[self.type]
+
+
+_ENTRIES = (
+    MetricEntry(
+        "syncplan_http_requests", "counter", "Requests answered", ("method", "route", "status")
+    ),
+    MetricEntry(
+        "syncplan_http_request_duration_seconds",
+        "histogram",
+        "Time from a request to the first byte of its answer",
+        ("method", "route", "status"),
+        buckets=REQUEST_S,
+    ),
+    MetricEntry("syncplan_http_requests_in_flight", "gauge", "Requests being answered"),
+    MetricEntry(
+        "syncplan_http_refusals",
+        "counter",
+        "Requests answered with a problem, by its reason",
+        ("status", "reason"),
+    ),
+    MetricEntry("syncplan_connections", "gauge", "Connections, those held for probes included"),
+    MetricEntry(
+        "syncplan_connections_refused",
+        "counter",
+        "Connections and requests refused before the application, by reason",
+        ("reason",),
+    ),
+    MetricEntry("syncplan_streams", "gauge", "Open streams of events"),
+    MetricEntry("syncplan_jobs", "gauge", "Jobs in each state", ("state",), of="service"),
+    MetricEntry(
+        "syncplan_jobs_unfinished",
+        "gauge",
+        "Jobs that wait or run, by kind",
+        ("kind", "state"),
+        of="service",
+    ),
+    MetricEntry(
+        "syncplan_jobs_oldest_queued_seconds",
+        "gauge",
+        "Age of the job that has waited longest for a worker, 0 if none waits",
+        of="service",
+    ),
+    MetricEntry(
+        "syncplan_parts_unfinished",
+        "gauge",
+        "Parts of running jobs without a result",
+        of="service",
+    ),
+    MetricEntry(
+        "syncplan_parts_oldest_queued_seconds",
+        "gauge",
+        "Age of the part that has waited longest for a worker, 0 if none waits",
+        of="service",
+    ),
+    MetricEntry("syncplan_workers", "gauge", "Workers, by version", ("version",), of="service"),
+    MetricEntry(
+        "syncplan_heartbeat_age_seconds",
+        "gauge",
+        "Age of each worker's last heartbeat",
+        ("worker",),
+        of="service",
+    ),
+    MetricEntry(
+        "syncplan_job_wait_seconds",
+        "histogram",
+        "Time from a job's request to its start",
+        ("kind",),
+        buckets=JOB_S,
+    ),
+    MetricEntry(
+        "syncplan_job_duration_seconds",
+        "histogram",
+        "Time from a job's start to its end",
+        ("kind", "outcome"),
+        buckets=JOB_S,
+    ),
+    MetricEntry(
+        "syncplan_part_duration_seconds",
+        "histogram",
+        "Computing time of a part of a job",
+        ("part", "outcome"),
+        buckets=JOB_S,
+    ),
+    MetricEntry("syncplan_job_failures", "counter", "Jobs that failed", ("kind", "reason")),
+    MetricEntry("syncplan_processes_busy", "gauge", "Child processes at work"),
+    MetricEntry("syncplan_pool_processes", "gauge", "Child processes of a pool", ("pool",)),
+    MetricEntry(
+        "syncplan_pool_tasks", "gauge", "Tasks that wait in a pool or run", ("pool", "state")
+    ),
+    MetricEntry(
+        "syncplan_pool_owners_waiting", "gauge", "Owners whose tasks wait in a pool", ("pool",)
+    ),
+    MetricEntry(
+        "syncplan_pool_oldest_waiting_seconds",
+        "gauge",
+        "Age of the task that has waited longest in a pool, 0 if none waits",
+        ("pool",),
+        over="max",
+    ),
+    MetricEntry(
+        "syncplan_pool_children_started",
+        "counter",
+        "Child processes started: at the start, and each in place of one that was killed or had "
+        "grown",
+        ("pool",),
+    ),
+)
+
+METRICS: Mapping[str, MetricEntry] = {entry.name: entry for entry in _ENTRIES}
+"""Every metric by its name."""
+
+
+def as_counter(name: str) -> Counter:
+    """Return a counter of the table, not registered yet."""
+    entry = METRICS[name]
+    return Counter(entry.name, entry.meaning, entry.labels, registry=None)
+
+
+def as_histogram(name: str) -> Histogram:
+    """Return a histogram of the table, not registered yet."""
+    entry = METRICS[name]
+    return Histogram(entry.name, entry.meaning, entry.labels, buckets=entry.buckets, registry=None)
+
+
+# --- jobs -----------------------------------------------------------------------------------------
+
+
+class JobTally:
+    """Counts of the jobs that this process ended, and of the parts that it computed."""
+
+    def __init__(self) -> None:
+        self._waits = as_histogram("syncplan_job_wait_seconds")
+        self._durations = as_histogram("syncplan_job_duration_seconds")
+        self._failures = as_counter("syncplan_job_failures")
+        self._parts = as_histogram("syncplan_part_duration_seconds")
+
+    @property
+    def collectors(self) -> tuple[Collector, ...]:
+        """What an application registers to expose the counts."""
+        return self._waits, self._durations, self._failures, self._parts
+
+    def ended(
+        self, kind: str, outcome: str, *, waited_s: float, took_s: float, reason: str | None = None
+    ) -> None:
+        """Count a job that ended; `reason` is the class of a failure."""
+        self._waits.labels(kind).observe(max(waited_s, 0.0))
+        self._durations.labels(kind, outcome).observe(max(took_s, 0.0))
+        if reason is not None:
+            self._failures.labels(kind, reason).inc()
+
+    def part_over(self, part: str, outcome: str, took_s: float) -> None:
+        """Count a part that was computed, or tried to be."""
+        self._parts.labels(part, outcome).observe(took_s)
+
+
+# --- the registry ---------------------------------------------------------------------------------
+
+
+Readings = Mapping[str, Mapping[tuple[str, ...], float]]
+"""Values of counters and gauges by name, and by the values of their labels in order."""
+
+Source = Callable[[], Readings]
+"""What a scrape asks for readings."""
+
+SHARED = "PROMETHEUS_MULTIPROC_DIR"
+"""The variable that names the folder of several processes' metrics, set before they start."""
+
+_EARLIEST = ("process_start_time_seconds", "process_max_fds")
+"""Figures of which the least of all processes is that of the service."""
+
+NO_ROUTE = "none"
+"""Label of all paths that belong to no route: clients can invent any path."""
+
+_METHODS = frozenset({"DELETE", "GET", "HEAD", "OPTIONS", "PATCH", "POST", "PUT"})
+
+_log = logging.getLogger("api.metrics")
+
+
+class Metrics:
+    """The metrics of one application, in a registry of its own; `jobs` counts those of a worker."""
+
+    def __init__(self, jobs: JobTally | None = None) -> None:
+        registry = CollectorRegistry()
+        self._registry = registry
+        self._requests = as_counter("syncplan_http_requests")
+        self._latency = as_histogram("syncplan_http_request_duration_seconds")
+        self._refusals = as_counter("syncplan_http_refusals")
+        in_flight = METRICS["syncplan_http_requests_in_flight"]
+        self.in_flight = Gauge(
+            in_flight.name, in_flight.meaning, registry=None, multiprocess_mode="livesum"
+        )
+        self.jobs = jobs or JobTally()
+        self._of_process = _Watched()
+        self._of_service = _Watched()
+        for one in (
+            self._requests,
+            self._latency,
+            self._refusals,
+            self.in_flight,
+            *self.jobs.collectors,
+            self._of_process,
+            self._of_service,
+        ):
+            registry.register(one)
+        self._process = ProcessCollector(registry=registry)
+        self._published = _Published()
+        self._publishing = threading.Lock()
+
+    def observe(self, method: str, route: str, status: str, duration_s: float) -> None:
+        """Count one answered request."""
+        labels = (method if method in _METHODS else "other", route or NO_ROUTE, status)
+        self._requests.labels(*labels).inc()
+        self._latency.labels(*labels).observe(duration_s)
+
+    def refused(self, status: str, reason: str) -> None:
+        """Count one request that was answered with a problem."""
+        self._refusals.labels(status, reason).inc()
+
+    def watch(self, *sources: Source, of: Owner = "process") -> None:
+        """Let each scrape read these sources as well."""
+        watched = self._of_process if of == "process" else self._of_service
+        watched.sources += sources
+
+    def publish(self) -> None:
+        """Let scrapes of the other processes see what is read of this one."""
+        with self._publishing:
+            for collector in (self._of_process, self._process):
+                for family in collector.collect():
+                    self._published.take(family)
+
+    def render(self) -> tuple[bytes, str]:
+        """Return (text in Prometheus' format, its media type), of all HTTP processes."""
+        registry = self._registry
+        if SHARED in os.environ:
+            self.publish()
+            registry = CollectorRegistry()
+            MultiProcessCollector(registry)  # type: ignore[no-untyped-call]
+            registry.register(self._of_service)
+        return generate_latest(registry), CONTENT_TYPE_PLAIN_0_0_4
+
+
+class _Watched(Collector):
+    """Figures read from elsewhere at each scrape; a source that fails is left out."""
+
+    def __init__(self) -> None:
+        self.sources: tuple[Source, ...] = ()
+
+    def collect(self) -> Iterator[Metric]:
+        """Return the figures that can be read now."""
+        for source in self.sources:
+            try:
+                readings = source()
+            except Exception as error:
+                # the database may be away, and Prometheus needs the rest
+                _log.warning("metrics left out: %s: %s", type(error).__name__, error)
+                continue
+            for name, values in readings.items():
+                yield _family(name, values)
+
+
+class _Published:
+    """Copies of figures that are read, as metrics that other processes find."""
+
+    def __init__(self) -> None:
+        self._copies: dict[str, Counter | Gauge] = {}
+        self._counted: dict[tuple[str, ...], float] = {}
+
+    def take(self, family: Metric) -> None:
+        """Set the copy of a family of counters or gauges to its present values."""
+        for sample in family.samples:
+            if family.name not in self._copies:
+                self._copies[family.name] = _copy_of(family, tuple(sample.labels))
+            copy = self._copies[family.name]
+            one = copy.labels(**sample.labels) if sample.labels else copy
+            if isinstance(one, Gauge):
+                one.set(sample.value)
+            else:
+                key = (family.name, *sample.labels.values())
+                one.inc(sample.value - self._counted.get(key, 0.0))
+                self._counted[key] = sample.value
+
+
+def _copy_of(family: Metric, labels: tuple[str, ...]) -> Counter | Gauge:
+    name, meaning = family.name, family.documentation
+    if family.type == "counter":
+        return Counter(name, meaning, labels, registry=None)
+    if name in _EARLIEST:
+        return Gauge(name, meaning, labels, registry=None, multiprocess_mode="livemin")
+    largest = name in METRICS and METRICS[name].over == "max"
+    mode: Literal["livemax", "livesum"] = "livemax" if largest else "livesum"
+    return Gauge(name, meaning, labels, registry=None, multiprocess_mode=mode)
+
+
+def forget_process(pid: int, folder: str) -> None:
+    """Drop the gauges of an HTTP process that has ended; its counts stay."""
+    mark_process_dead(pid, folder)  # type: ignore[no-untyped-call]
+
+
+def _family(name: str, values: Mapping[tuple[str, ...], float]) -> Metric:
+    entry = METRICS[name]
+    kind = CounterMetricFamily if entry.type == "counter" else GaugeMetricFamily
+    family = kind(entry.name, entry.meaning, labels=entry.labels)
+    for labels, value in values.items():
+        family.add_metric(labels, value)
+    return family
+
+
+# --- requests -------------------------------------------------------------------------------------
+
+
+class RequestMetrics:
+    """ASGI middleware that counts and times requests.
+
+    A stream counts when it begins to answer, and stays in flight until it ends.
+    """
+
+    def __init__(self, app: ASGIApp, metrics: Metrics) -> None:
+        self.app = app
+        self.metrics = metrics
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer one request; anything but HTTP goes through untouched."""
+        if scope["type"] != "http":
+            await self.app(scope, receive, send)
+            return
+        started = time.perf_counter()
+        answered = False
+
+        async def watched(message: Message) -> None:
+            nonlocal answered
+            if message["type"] == "http.response.start" and not answered:
+                answered = True
+                self._observe(scope, str(message["status"]), started)
+            await send(message)
+
+        with self.metrics.in_flight.track_inprogress():
+            try:
+                await self.app(scope, receive, watched)
+            finally:
+                if not answered:
+                    self._observe(scope, "unanswered", started)
+
+    def _observe(self, scope: Scope, status: str, started: float) -> None:
+        elapsed = time.perf_counter() - started
+        self.metrics.observe(scope["method"], route_template(scope), status, elapsed)
+        reason = scope.get("state", {}).get("reason")
+        if reason is not None:
+            self.metrics.refused(status, reason)

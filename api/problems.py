@@ -1,0 +1,307 @@
+"""Problem documents (RFC 9457), errors that routes raise on purpose, their documentation.
+
+A problem and the faults it lists are made fit to be sent. Each error is answered with the problem
+of its status.
+"""
+
+import json
+import math
+import reprlib
+from collections.abc import Mapping, Sequence
+from http import HTTPStatus
+from typing import Any
+
+from fastapi import FastAPI
+from pydantic import BaseModel, ConfigDict, Field
+
+MEDIA_TYPE = "application/problem+json"
+
+_RENAMED = {413: "Content Too Large", 422: "Unprocessable Content"}
+"""Phrases of RFC 9110 that older Pythons don't know."""
+
+_LONGEST_TEXT = 2000
+_LONGEST_VALUE = 200
+_SAFE_INTEGER = 2**53
+_SHORT = reprlib.Repr()
+_SHORT.maxstring = _SHORT.maxother = 60
+
+
+class FaultEntry(BaseModel):
+    """One fault of a request: where it is, what stands there, and what is allowed."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    path: str = Field(
+        description="dotted path inside the body, or query., path., header. and the name",
+        examples=["sensor.range_m"],
+    )
+    value: Any = Field(
+        default=None, description="what stands there, shortened where it is long", examples=[-5]
+    )
+    message: str = Field(
+        description="what is wrong, and what is allowed", examples=["-5: must be greater than 0"]
+    )
+
+
+class Problem(BaseModel):
+    """Why a request was not served, as RFC 9457 has it."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    type: str = Field(default="about:blank", description="the kind of problem, beyond its status")
+    title: str = Field(description="the status in words", examples=["Not Found"])
+    status: int = Field(ge=400, le=599, description="the HTTP status", examples=[404])
+    detail: str = Field(
+        description="what happened to this request", examples=["there is nothing at this path"]
+    )
+    instance: str | None = Field(
+        default=None, description="the path of the request", examples=["/v1/plans/0"]
+    )
+    errors: list[FaultEntry] | None = Field(
+        default=None, description="the faults of the request, if known"
+    )
+    request_id: str = Field(
+        description="the id under which the log holds this request, also in x-request-id",
+        examples=["5b1f0c52a7c14f7e9d4b8a1a6f0b6f0e"],
+    )
+
+
+def title_of(status: int) -> str:
+    """Return the phrase of an HTTP status, or its class for one without."""
+    try:
+        return _RENAMED.get(status) or HTTPStatus(status).phrase
+    except ValueError:
+        return "Client Error" if status < 500 else "Server Error"
+
+
+def printable(text: str, longest: int = _LONGEST_TEXT) -> str:
+    """Return text in one line of printing characters, shortened to `longest`."""
+    text = text if len(text) <= longest else text[: longest - 3] + "..."
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
+
+
+def shown(value: Any) -> Any:
+    """Return a value as JSON may carry it back: scalars and short lists as they are, else text."""
+    if value is None or isinstance(value, bool):
+        return value
+    if isinstance(value, str):
+        return printable(value, _LONGEST_VALUE)
+    if isinstance(value, int) and abs(value) < _SAFE_INTEGER:
+        return value
+    if isinstance(value, float) and math.isfinite(value):
+        return value
+    try:
+        text = _SHORT.repr(value)
+        if isinstance(value, list | tuple | dict) and "..." not in text:
+            return json.loads(json.dumps(value, allow_nan=False))
+    except (ValueError, TypeError, RecursionError):
+        text = f"a value of type {type(value).__name__} that can't be shown"
+    return printable(text, _LONGEST_VALUE)
+
+
+# --- errors ---------------------------------------------------------------------------------------
+
+
+class ServiceError(Exception):
+    """A request that is not served: the status, why in one line, headers and faults to send."""
+
+    def __init__(
+        self,
+        status: int,
+        detail: str,
+        *,
+        headers: Mapping[str, str] | None = None,
+        errors: Sequence[FaultEntry] = (),
+    ) -> None:
+        super().__init__(detail)
+        self.status = status
+        self.detail = detail
+        self.headers = dict(headers or {})
+        self.errors = tuple(errors)
+
+
+class NotFound(ServiceError):
+    """404: there is no such resource, or it is another owner's."""
+
+    def __init__(self, detail: str) -> None:
+        super().__init__(404, detail)
+
+
+class Conflict(ServiceError):
+    """409: the request does not fit the state of the resource."""
+
+    def __init__(self, detail: str) -> None:
+        super().__init__(409, detail)
+
+
+class PreconditionFailed(ServiceError):
+    """412: the resource is not the one that If-Match names."""
+
+    def __init__(self, detail: str) -> None:
+        super().__init__(412, detail)
+
+
+class KeyReused(ServiceError):
+    """422: an Idempotency-Key that was used for another request."""
+
+    def __init__(
+        self, detail: str = "this Idempotency-Key came with another request; take a new one"
+    ) -> None:
+        super().__init__(422, detail)
+
+
+class TooMuchWork(ServiceError):
+    """422: the request is sound, but beyond a limit of this service, `path` the key at fault."""
+
+    def __init__(self, detail: str, *, path: str = "", value: object = None) -> None:
+        super().__init__(
+            422, detail, errors=[FaultEntry(path=path, value=shown(value), message=detail)]
+        )
+
+
+class Unauthorized(ServiceError):
+    """401: no key, or one that is not known."""
+
+    def __init__(self, detail: str = "send a known key as 'Authorization: Bearer KEY'") -> None:
+        super().__init__(401, detail, headers={"WWW-Authenticate": "Bearer"})
+
+
+class TooManyRequests(ServiceError):
+    """429: the owner has as much in work as allowed; try again after `retry_after_s`."""
+
+    def __init__(self, detail: str, *, retry_after_s: float) -> None:
+        super().__init__(429, detail, headers=_retry_after(retry_after_s))
+
+
+class KeysThrottled(TooManyRequests):
+    """429: the address has presented too many wrong keys."""
+
+
+class WrongHost(ServiceError):
+    """421: a service without keys does not answer under this name."""
+
+    def __init__(self, detail: str) -> None:
+        super().__init__(421, detail)
+
+
+class ForeignPage(ServiceError):
+    """403: a service without keys is not for another's page to ask."""
+
+    def __init__(self, detail: str) -> None:
+        super().__init__(403, detail)
+
+
+class Unavailable(ServiceError):
+    """503: the service can't answer now; try again after `retry_after_s`."""
+
+    def __init__(self, detail: str, *, retry_after_s: float = 2.0) -> None:
+        super().__init__(503, detail, headers=_retry_after(retry_after_s))
+
+
+class StorageFull(ServiceError):
+    """507: nothing more can be stored until the operator makes room."""
+
+    def __init__(self, detail: str = "the storage is full; nothing was stored") -> None:
+        super().__init__(507, detail)
+
+
+def _retry_after(seconds: float) -> dict[str, str]:
+    return {"Retry-After": str(max(1, math.ceil(seconds)))}
+
+
+# --- the OpenAPI document -------------------------------------------------------------------------
+
+
+REFERENCE = "#/components/schemas/{model}"
+"""How the document refers to a schema by its name."""
+_ID = "5b1f0c52a7c14f7e9d4b8a1a6f0b6f0e"
+_FAULT = FaultEntry(path="sensor.range_m", value=-5, message="-5: must be greater than 0")
+_RETRY = {
+    "Retry-After": {
+        "description": "seconds to wait before another try",
+        "schema": {"type": "integer", "minimum": 1},
+    }
+}
+_CHALLENGE = {
+    "WWW-Authenticate": {
+        "description": "how to present a key",
+        "schema": {"type": "string", "const": "Bearer"},
+    }
+}
+_HEADERS = {401: _CHALLENGE, 429: _RETRY, 503: _RETRY}
+_DETAILS = {
+    400: "the body can't be read; send JSON in UTF-8",
+    401: "send a known key as 'Authorization: Bearer KEY'",
+    404: "no plan has this id",
+    405: "this path does not take the method",
+    406: "the Accept header excludes application/json, which is all there is here",
+    409: "the job has already ended",
+    412: "the plan is not the one If-Match names",
+    413: "the body is larger than 1048576 bytes",
+    415: "text/plain: the body must be application/json or application/yaml",
+    422: "sensor.range_m: -5: must be greater than 0",
+    429: "you have 20 unfinished jobs, the most allowed; wait for one to end, or cancel one",
+    500: "the service failed on this request; its log says why, under this request id",
+    503: "the database can't be used just now; try again",
+    507: "the storage is full; nothing was stored",
+}
+
+
+def problem_responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """Return what FastAPI's `responses=` documents for these statuses of an operation."""
+    return {status: _response(status) for status in statuses}
+
+
+def document_problems(app: FastAPI) -> None:
+    """Let the OpenAPI document of `app` hold the schema that problem_responses refers to.
+
+    The answer 422 that FastAPI documents on its own gives way to the problem that is sent.
+    """
+    plain = app.openapi
+
+    def openapi() -> dict[str, Any]:
+        document = plain()
+        schemas = document.setdefault("components", {}).setdefault("schemas", {})
+        for name in ("HTTPValidationError", "ValidationError"):
+            schemas.pop(name, None)
+        if "Problem" not in schemas:
+            schema = Problem.model_json_schema(ref_template=REFERENCE, mode="serialization")
+            schemas.update(schema.pop("$defs"))
+            schemas["Problem"] = schema
+        for path in document.get("paths", {}).values():
+            for operation in path.values():
+                _mend(operation.get("responses", {}))
+        return document
+
+    # FastAPI's documented way to extend the document
+    setattr(app, "openapi", openapi)  # noqa: B010
+
+
+def _mend(responses: dict[str, Any]) -> None:
+    content = responses.get("422", {}).get("content", {})
+    schema = content.get("application/json", {}).get("schema", {})
+    if schema.get("$ref", "").endswith("/HTTPValidationError"):
+        responses["422"] = _response(422)
+
+
+def _response(status: int) -> dict[str, Any]:
+    title = title_of(status)
+    example = Problem(
+        title=title,
+        status=status,
+        detail=_DETAILS.get(status, title.lower()),
+        errors=[_FAULT] if status == 422 else None,
+        request_id=_ID,
+    )
+    response: dict[str, Any] = {
+        "description": title,
+        "content": {
+            MEDIA_TYPE: {
+                "schema": {"$ref": REFERENCE.format(model="Problem")},
+                "example": example.model_dump(mode="json", exclude_none=True),
+            }
+        },
+    }
+    if status in _HEADERS:
+        response["headers"] = dict(_HEADERS[status])
+    return response

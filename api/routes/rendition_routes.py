@@ -1,0 +1,245 @@
+"""What a plan or a report looks like: figures for Plotly, losses, files of mission planners.
+
+Previews are figures of a scenario while it changes. Exports are zip archives.
+"""
+
+import json
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from fastapi import APIRouter, Depends, Query, Response
+from pydantic import BaseModel, Field
+from starlette.concurrency import run_in_threadpool
+
+from api.calls import Caller, CurrentCall, CurrentCaller, accepts, answer_once, computed
+from api.job_kinds.job_table import JOB_KINDS, plurals
+from api.problems import Conflict, NotFound, problem_responses
+from api.responses import FigureValues, Preview
+from api.routes.job_routes import Owned, report_or_refuse
+from api.routes.plan_routes import Identifier, find_or_refuse
+from api.storage.holdings import Answer
+from syncplan.errors import InputError
+from syncplan.exporting.format_table import ALL, FORMATS, AutopilotName, VehicleName
+from syncplan.planning.planner import BoundChoice
+from syncplan.plotting.figure_table import FIGURES, always_there
+from syncplan.reports.loss_report import WhatIfDocument
+
+router = APIRouter()
+
+_JSON = [Depends(accepts("application/json"))]
+
+Theme = Annotated[Literal["light", "dark"], Query(description="What it is to be shown on")]
+if TYPE_CHECKING:
+    PlanFigure = str
+    StoredFigure = str
+    ReportFigure = str
+else:
+    PlanFigure = Literal[*always_there("plan")]
+    StoredFigure = Literal[*(name for name, one in FIGURES.items() if one.of == "plan")]
+    ReportFigure = Literal[*(name for name, one in FIGURES.items() if one.of != "plan")]
+
+
+@router.post(
+    "/previews",
+    tags=["figures"],
+    dependencies=_JSON,
+    response_model=Preview,
+    operation_id="previewScenario",
+    summary="Plan a scenario, or judge a plan, without storing it",
+    responses=problem_responses(401, 406, 413, 415, 422, 429, 503, 507),
+)
+async def create_preview(
+    call: CurrentCall,
+    quick: Annotated[
+        bool,
+        Query(
+            description="Leave out what takes most of the time: the predicted error with the check "
+            "of the start, the search for single points of failure, and the bound on the links' "
+            "smallest margin; the plan's notes say so"
+        ),
+    ] = False,
+    figure: Annotated[
+        list[PlanFigure] | None,
+        Query(description="Figures to add", max_length=len(always_there("plan"))),
+    ] = None,
+    theme: Theme = "light",
+) -> Response:
+    """Find phases for a scenario and judge the plan, as it is edited; nothing is kept.
+
+    A plan in its place keeps its orbits and is judged afresh.
+    """
+
+    async def compute() -> str:
+        names = list(dict.fromkeys(figure or ()))
+        limits = call.service.limits
+        made: str = await computed(
+            call.caller, "previewed", call.body, call.syntax, limits, quick, names, theme
+        )
+        return made
+
+    return await answer_once(call, compute, lambda _, made: Answer(call.digest, 200, {}, made))
+
+
+@router.get(
+    "/plans/{plan_id}/figures/{figure}",
+    tags=["figures"],
+    dependencies=_JSON,
+    response_model=FigureValues,
+    operation_id="readPlanFigure",
+    summary="Draw a plan",
+    responses=problem_responses(401, 404, 406, 422, 429, 503),
+)
+async def read_plan_figure(
+    plan_id: Identifier,
+    figure: StoredFigure,
+    caller: CurrentCaller,
+    theme: Theme = "light",
+) -> Response:
+    """A figure of a plan. `comparison` shows the plan that it was refined from beside it."""
+    row = await find_or_refuse(caller.service, caller.owner, plan_id)
+    parent = None
+    if FIGURES[figure].compares:
+        if row.parent_id is None:
+            raise NotFound(f"plan {plan_id} was not refined from another: nothing to compare with")
+        parent = (await find_or_refuse(caller.service, caller.owner, row.parent_id)).text
+    return await _drawn(caller, "plan_figure", row.text, figure, theme, parent)
+
+
+@router.get(
+    "/jobs/{job_id}/figures/{figure}",
+    tags=["figures"],
+    dependencies=_JSON,
+    response_model=FigureValues,
+    operation_id="readJobFigure",
+    summary="Draw a job's report",
+    responses=problem_responses(401, 404, 406, 409, 422, 429, 503),
+)
+async def read_job_figure(
+    row: Owned, figure: ReportFigure, caller: CurrentCaller, theme: Theme = "light"
+) -> Response:
+    """A figure of the report of a validation, a flight, a sweep or a replay."""
+    if row.state != "succeeded" or JOB_KINDS[row.kind].figures is None:
+        kinds = plurals(lambda kind: kind.figures is not None)
+        raise Conflict(f"the job is a {row.kind}, {row.state}; {kinds} that succeeded have figures")
+    text = await run_in_threadpool(report_or_refuse, caller.service, row)
+    return await _drawn(caller, "report_figure", text, row.kind, figure, theme)
+
+
+async def _drawn(caller: Caller, task: str, *arguments: str | None) -> Response:
+    """The figure that a task draws; raises NotFound for one that its subject does not have."""
+    try:
+        drawn = await computed(caller, task, *arguments)
+    except InputError as error:
+        raise NotFound(error.problem) from None
+    return Response(drawn, media_type="application/json")
+
+
+# --- losses ---------------------------------------------------------------------------------------
+
+
+@router.get(
+    "/plans/{plan_id}/what-if",
+    tags=["plans"],
+    dependencies=_JSON,
+    response_model=WhatIfDocument,
+    operation_id="judgeLosses",
+    summary="Judge losses",
+    responses=problem_responses(401, 404, 406, 422, 429, 503),
+)
+async def read_losses(
+    plan_id: Identifier,
+    caller: CurrentCaller,
+    lose: Annotated[
+        list[Annotated[str, Query(max_length=80)]] | None,
+        Query(
+            description="Names of what is lost together: vehicles, landmarks, and sensors as "
+            "sensor:v3, compass:v3 or distance:v3; every loss is judged if not given",
+            max_length=64,
+        ),
+    ] = None,
+    losses: Annotated[
+        Literal["1", "2"], Query(description="Judge every loss of one, or of up to two")
+    ] = "1",
+    bound: Annotated[
+        BoundChoice, Query(description="Predict errors: auto leaves very large teams out")
+    ] = "auto",
+) -> Response:
+    """The plan without each vehicle, sensor or landmark, orbits unchanged, judged afresh.
+
+    The most harmful loss comes first. A vehicle whose sensor is lost flies on and is seen by
+    others.
+    """
+    row = await find_or_refuse(caller.service, caller.owner, plan_id)
+    found = await computed(caller, "judged_losses", row.text, lose or [], int(losses), bound)
+    return Response(found, media_type="application/json")
+
+
+# --- exports --------------------------------------------------------------------------------------
+
+
+NOTES = "Syncplan-Notes"
+_NOTES_HEADER = {
+    "description": "What the reader must not miss, as the sidecar has it: a JSON array of strings, "
+    "in ASCII",
+    "schema": {"type": "string", "contentMediaType": "application/json"},
+}
+
+if TYPE_CHECKING:
+    ExportName = str
+else:
+    ExportName = Literal[*FORMATS, ALL]
+
+
+class ExportQuery(BaseModel):
+    """Options of an export, as syncplan.exporting.format_table has them."""
+
+    autopilot: AutopilotName = Field("ardupilot", description="Autopilot that missions are for")
+    vehicle: VehicleName = Field("multicopter", description="Kind of vehicle that flies them")
+    altitude_m: float | None = Field(
+        None,
+        ge=-1000,
+        le=100_000,
+        description="Height above the origin; the format's own if not given",
+    )
+    altitude_step_m: float = Field(
+        0.0, ge=0, le=1000, description="How much higher each vehicle flies than the one before"
+    )
+    turns: int | None = Field(
+        None,
+        ge=1,
+        le=20_000,
+        description="Whole turns flown; the scenario's duration if not given",
+    )
+    waypoints: bool = Field(False, description="Waypoints where loiter turns would do")
+    snap_radius: bool = Field(False, description="Fly the nearest radii that ArduPilot can store")
+    force: bool = Field(False, description="Export the plan although its verdict is no-go")
+
+
+@router.get(
+    "/plans/{plan_id}/exports/{format}",
+    tags=["exports"],
+    dependencies=[Depends(accepts("application/zip"))],
+    response_class=Response,
+    operation_id="exportPlan",
+    summary="Export a plan",
+    responses={
+        200: {"content": {"application/zip": {}}, "headers": {NOTES: _NOTES_HEADER}},
+        **problem_responses(401, 404, 406, 409, 422, 429, 503),
+    },
+)
+async def read_export(
+    plan_id: Identifier,
+    format: ExportName,
+    caller: CurrentCaller,
+    query: Annotated[ExportQuery, Query()],
+) -> Response:
+    """The files of a format, one for each vehicle where it holds one, and the sidecar with phases.
+
+    The sidecar says how each vehicle joins its circle at the right phase, and what to watch for.
+    """
+    row = await find_or_refuse(caller.service, caller.owner, plan_id)
+    archive, notes = await computed(caller, "exported", row.text, format, query.model_dump())
+    headers = {
+        "content-disposition": f'attachment; filename="plan-{format}.zip"',
+        NOTES: json.dumps(notes),
+    }
+    return Response(archive, headers=headers, media_type="application/zip")

@@ -1,0 +1,263 @@
+"""What owners keep: plans, recordings, and the answers given to their requests.
+
+A plan is the bytes of the library's plan, and what was added when it was stored. A request that is
+repeated with its Idempotency-Key gets the answer of before.
+"""
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import Connection, Exists, bindparam, delete, exists, func, insert, select
+from sqlalchemy.exc import IntegrityError
+
+from api.documents import PackedRecording, PlanText
+from api.storage.tables import NOW, answers, jobs, moment, new_id, plans, recordings
+from syncplan.reports.job_contract import UNFINISHED
+
+# --- plans ----------------------------------------------------------------------------------------
+
+
+_PLANS_AT_ONCE = 100
+
+
+@dataclass(frozen=True, slots=True)
+class PlanRow:
+    """A stored plan; `text` is the plan as a file of it would hold it."""
+
+    id: str
+    parent_id: str | None
+    created_at: str
+    etag: str
+    text: str
+
+
+_LISTED = (
+    plans.c.id,
+    plans.c.parent_id,
+    plans.c.created_at,
+    plans.c.name,
+    plans.c.vehicles,
+    plans.c.observable,
+    plans.c.predicted_rms_m,
+)
+_ADD = insert(plans)
+# built once: building a statement takes longer than carrying it out
+_FIND = select(
+    plans.c.owner, plans.c.id, plans.c.parent_id, plans.c.created_at, plans.c.etag, plans.c.text
+).where(plans.c.id.in_(bindparam("ids", expanding=True)))
+
+
+def add_plan(
+    connection: Connection,
+    owner: str,
+    made: PlanText,
+    *,
+    plan_id: str | None = None,
+    parent_id: str | None = None,
+) -> PlanRow:
+    """Store a plan, under a new identifier if none is given, and return it."""
+    created_at = moment(connection)
+    row = PlanRow(
+        id=plan_id or new_id(created_at),
+        parent_id=parent_id,
+        created_at=created_at,
+        etag=hashlib.sha256(made.text.encode()).hexdigest(),
+        text=made.text,
+    )
+    values = {
+        "id": row.id,
+        "owner": owner,
+        "parent_id": parent_id,
+        "created_at": row.created_at,
+        "name": made.name,
+        "vehicles": made.vehicles,
+        "observable": made.observable,
+        "predicted_rms_m": made.predicted_rms_m,
+        "etag": row.etag,
+        "text": row.text,
+    }
+    connection.execute(_ADD, values)
+    return row
+
+
+def find_plans(connection: Connection, wanted: Sequence[tuple[str, str]]) -> list[PlanRow | None]:
+    """Return the plan of each (owner, identifier), or None in its place, by one statement."""
+    identifiers = list({plan_id for _, plan_id in wanted})
+    found = connection.execute(_FIND, {"ids": identifiers}).all()
+    rows = {(row[0], row[1]): PlanRow(*row[1:]) for row in found}
+    return [rows.get(one) for one in wanted]
+
+
+def list_plans(
+    connection: Connection, owner: str, limit: int, before: str | None
+) -> list[dict[str, Any]]:
+    """Return summaries of up to `limit` of an owner's plans, newest first, older than `before`."""
+    query = select(*_LISTED).where(plans.c.owner == owner).order_by(plans.c.id.desc())
+    if before is not None:
+        query = query.where(plans.c.id < before)
+    return [dict(row) for row in connection.execute(query.limit(limit)).mappings()]
+
+
+def delete_plan(connection: Connection, owner: str, plan_id: str) -> None:
+    """Delete an owner's plan, if it is there."""
+    connection.execute(delete(plans).where(plans.c.id == plan_id, plans.c.owner == owner))
+
+
+def has_room(connection: Connection, owner: str, most: int) -> bool:
+    """Return whether an owner has fewer than `most` plans."""
+    counted = select(plans.c.id).where(plans.c.owner == owner).limit(most).subquery()
+    return connection.execute(select(func.count()).select_from(counted)).scalar_one() < most
+
+
+def forget_plans(connection: Connection, older_than: str) -> None:
+    """Delete the oldest plans, a hundred at most, as far as they were made before a time."""
+    # by identifiers, which are ordered by time: nothing else is indexed
+    oldest = select(plans.c.id, plans.c.created_at).order_by(plans.c.id).limit(_PLANS_AT_ONCE)
+    old = [one for one, created_at in connection.execute(oldest) if created_at < older_than]
+    if old:
+        connection.execute(delete(plans).where(plans.c.id.in_(old)))
+
+
+def body_of(row: PlanRow) -> str:
+    """Return the plan's own bytes with id, created_at and parent_id added at its top."""
+    added = {"id": row.id, "created_at": row.created_at, "parent_id": row.parent_id}
+    # as json.dumps with indent=1 writes it, which takes ten times as long
+    lines = [f' "{name}": {json.dumps(value)},' for name, value in added.items()]
+    return "\n".join(["{", *lines]) + row.text[1:]
+
+
+# --- recordings -----------------------------------------------------------------------------------
+
+
+_RECORDINGS_AT_ONCE = 20
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingRow:
+    """A stored recording as answers show it; `overview` is JSON, `size` in bytes."""
+
+    id: str
+    created_at: str
+    size: int
+    overview: str
+
+
+_SHOWN = tuple(recordings.c[name] for name in RecordingRow.__dataclass_fields__)
+
+
+def add_recording(connection: Connection, owner: str, packed: PackedRecording) -> RecordingRow:
+    """Store a recording and return it."""
+    created_at = moment(connection)
+    row = RecordingRow(new_id(created_at), created_at, len(packed.data), packed.overview)
+    connection.execute(
+        insert(recordings).values(
+            id=row.id,
+            owner=owner,
+            created_at=created_at,
+            size=row.size,
+            overview=row.overview,
+            data=packed.data,
+        )
+    )
+    return row
+
+
+def find_recording(connection: Connection, owner: str, recording_id: str) -> RecordingRow | None:
+    """Return an owner's recording, or None."""
+    query = select(*_SHOWN).where(recordings.c.id == recording_id, recordings.c.owner == owner)
+    found = connection.execute(query).first()
+    return None if found is None else RecordingRow(*found)
+
+
+def list_recordings(
+    connection: Connection, owner: str, limit: int, before: str | None
+) -> list[RecordingRow]:
+    """Return up to `limit` of an owner's recordings, newest first, older than `before`."""
+    query = select(*_SHOWN).where(recordings.c.owner == owner).order_by(recordings.c.id.desc())
+    if before is not None:
+        query = query.where(recordings.c.id < before)
+    return [RecordingRow(*row) for row in connection.execute(query.limit(limit))]
+
+
+def count_recordings(connection: Connection, owner: str) -> int:
+    """Return how many recordings an owner has."""
+    query = select(func.count()).select_from(recordings).where(recordings.c.owner == owner)
+    return connection.execute(query).scalar_one()
+
+
+def recording_data(connection: Connection, recording_id: str) -> bytes | None:
+    """Return the bytes of a recording, or None where it is gone."""
+    query = select(recordings.c.data).where(recordings.c.id == recording_id)
+    return connection.execute(query).scalar()
+
+
+def delete_recording(connection: Connection, owner: str, recording_id: str) -> bool:
+    """Delete an owner's recording unless a job still needs it; return whether it is gone."""
+    mine = (recordings.c.id == recording_id) & (recordings.c.owner == owner)
+    connection.execute(delete(recordings).where(mine, ~_needed()))
+    return find_recording(connection, owner, recording_id) is None
+
+
+def forget_recordings(connection: Connection, older_than: str) -> None:
+    """Delete the oldest recordings made before a time, a few at once, that no job still needs."""
+    oldest = select(recordings.c.id).where(recordings.c.created_at < older_than, ~_needed())
+    old = connection.execute(oldest.order_by(recordings.c.id).limit(_RECORDINGS_AT_ONCE)).scalars()
+    connection.execute(delete(recordings).where(recordings.c.id.in_(list(old))))
+
+
+def _needed() -> Exists:
+    """Whether a job that has not ended is about a recording."""
+    return exists().where(jobs.c.recording_id == recordings.c.id, jobs.c.state.in_(UNFINISHED))
+
+
+# --- answers --------------------------------------------------------------------------------------
+
+
+class AnswerTakenError(Exception):
+    """Another request with the same key was answered in the meantime."""
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """A response as it was given; `request_digest` identifies the request it answered."""
+
+    request_digest: str
+    status: int
+    headers: dict[str, str]
+    body: str
+
+
+def find_answer(connection: Connection, owner: str, key: str) -> Answer | None:
+    """Return the answer given to an owner's key, or None."""
+    found = connection.execute(
+        select(answers.c.request_digest, answers.c.status, answers.c.headers, answers.c.body).where(
+            answers.c.owner == owner, answers.c.key == key
+        )
+    ).first()
+    return None if found is None else Answer(found[0], found[1], json.loads(found[2]), found[3])
+
+
+def keep_answer(connection: Connection, owner: str, key: str, answer: Answer) -> None:
+    """Keep an answer; raises AnswerTakenError if there is one for the key already."""
+    try:
+        connection.execute(
+            insert(answers).values(
+                owner=owner,
+                key=key,
+                request_digest=answer.request_digest,
+                status=answer.status,
+                headers=json.dumps(answer.headers),
+                body=answer.body,
+                created_at=NOW,
+            )
+        )
+    except IntegrityError:
+        raise AnswerTakenError from None
+
+
+def forget_answers(connection: Connection, older_than: str) -> None:
+    """Delete answers given before a time."""
+    connection.execute(delete(answers).where(answers.c.created_at < older_than))

@@ -1,0 +1,216 @@
+"""Plans read and written for many requests at once, by a thread each.
+
+    ask --> asked in this turn of the loop --> queue --> the thread: one call for all that wait
+      ^                                                      |
+      +------------------ each its answer -------------------+
+
+Whoever asks while the thread is busy waits for its next round. A thread of its own keeps waits for
+the database out of the event loop. One for all who ask changes threads twice a group; a thread for
+each request does so twice a request, and all of them compete for the interpreter.
+
+Plans are read by one statement, over a connection that stays open. They are written in one
+transaction, with one wait for the disk: whoever waits is answered once its rows are on the disk, as
+if it had written alone.
+"""
+
+import asyncio
+import queue
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+from sqlalchemy import Connection
+
+from api.storage.database import Database, unavailable
+from api.storage.holdings import PlanRow, find_plans
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+_PATIENCE_S = 5.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Question(Generic[T, R]):
+    """A question, the loop that waits for the answer, and where it waits."""
+
+    question: T
+    loop: asyncio.AbstractEventLoop
+    future: "asyncio.Future[R]"
+
+
+class GroupThread(Generic[T, R]):
+    """A thread that answers questions of an event loop, as many at once as wait.
+
+    It starts with the first question.
+
+    Parameters
+    ----------
+    name : of the thread
+    answer : called in the thread with a group of questions; returns one answer, or the exception
+        to raise, for each of them in order. What it raises itself is raised for the whole group
+    most : questions in a group
+    """
+
+    def __init__(
+        self, name: str, answer: Callable[[Sequence[T]], Sequence[R | Exception]], most: int
+    ) -> None:
+        self._answer = answer
+        self._most = most
+        self._turn: list[_Question[T, R]] = []
+        self._waiting: queue.SimpleQueue[list[_Question[T, R]] | None] = queue.SimpleQueue()
+        self._thread = threading.Thread(target=self._run, daemon=True, name=name)
+        self._started = False
+
+    async def ask(self, question: T) -> R:
+        """Return the answer to a question; one event loop alone may ask."""
+        loop = asyncio.get_running_loop()
+        asked: _Question[T, R] = _Question(question, loop, loop.create_future())
+        self._turn.append(asked)
+        if not self._started:
+            self._started = True
+            self._thread.start()
+        if len(self._turn) == 1:
+            # after whatever else this turn of the loop asks
+            loop.call_soon(self._hand_over)
+        return await asked.future
+
+    def close(self) -> None:
+        """End the thread once it has answered what was asked."""
+        if self._started:
+            self._waiting.put(None)
+            self._thread.join(timeout=_PATIENCE_S)
+
+    def _hand_over(self) -> None:
+        turn, self._turn = self._turn, []
+        self._waiting.put(turn)
+
+    def _run(self) -> None:
+        waiting: list[_Question[T, R]] = []
+        last = False
+        while waiting or not last:
+            while not last and (not waiting or not self._waiting.empty()):
+                turn = self._waiting.get()
+                last = turn is None
+                waiting += turn or ()
+            group, waiting = waiting[: self._most], waiting[self._most :]
+            if group:
+                self._settle(group)
+
+    def _settle(self, group: list[_Question[T, R]]) -> None:
+        outcomes: Sequence[R | Exception]
+        try:
+            outcomes = self._answer([one.question for one in group])
+        except Exception as error:
+            outcomes = [error] * len(group)
+        answered = list(zip(group, outcomes, strict=True))
+        try:
+            group[0].loop.call_soon_threadsafe(_deliver, answered)
+        except RuntimeError:
+            # the loop has ended, and with it all who waited
+            return
+
+
+def _deliver(answered: list[tuple[_Question[T, R], R | Exception]]) -> None:
+    for asked, outcome in answered:
+        # whoever has gone away has cancelled its future
+        if asked.future.done():
+            continue
+        if isinstance(outcome, Exception):
+            asked.future.set_exception(outcome)
+        else:
+            asked.future.set_result(outcome)
+
+
+# --- reading --------------------------------------------------------------------------------------
+
+
+_MOST = 16
+"""Plans read at once: some are of hundreds of kilobytes."""
+
+
+class PlanReader:
+    """A thread that reads plans; every reading sees what is in the database at that moment."""
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+        self._connection: Connection | None = None
+        self._thread = GroupThread("plan-reader", self._found, _MOST)
+
+    async def find(self, owner: str, plan_id: str) -> PlanRow | None:
+        """Return an owner's plan, or None."""
+        return await self._thread.ask((owner, plan_id))
+
+    def close(self) -> None:
+        """End the thread and close its connection."""
+        self._thread.close()
+        self._drop()
+
+    def _found(self, asked: Sequence[tuple[str, str]]) -> list[PlanRow | None]:
+        if self._connection is not None:
+            try:
+                return find_plans(self._connection, asked)
+            except Exception as error:
+                self._drop()
+                if not unavailable(error):
+                    raise
+                # the connection may have been cut long ago: a new one decides
+        self._connection = self._database.autocommitting()
+        try:
+            return find_plans(self._connection, asked)
+        except Exception:
+            self._drop()
+            raise
+
+    def _drop(self) -> None:
+        connection, self._connection = self._connection, None
+        if connection is not None:
+            connection.close()
+
+
+# --- writing --------------------------------------------------------------------------------------
+
+
+_Write = Callable[[Connection], Any]
+
+
+class PlanWriter:
+    """A thread that writes what requests have computed.
+
+    It is for rows that nobody else waits for or writes at the same time: what holds a lock, or
+    may meet one, takes a transaction of its own.
+    """
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+        self._thread: GroupThread[_Write, Any] = GroupThread("plan-writer", self._written, _MOST)
+
+    async def write(self, change: Callable[[Connection], R]) -> R:
+        """Return what `change` returns once that is committed; raises what it raises.
+
+        It may be called again, in another transaction, after one that was rolled back.
+        """
+        result: R = await self._thread.ask(change)
+        return result
+
+    def close(self) -> None:
+        """End the thread."""
+        self._thread.close()
+
+    def _written(self, changes: Sequence[_Write]) -> list[Any]:
+        try:
+            with self._database.writing() as connection:
+                return [change(connection) for change in changes]
+        except Exception as error:
+            if len(changes) == 1 or unavailable(error):
+                raise
+        # one of them failed: each has its own outcome
+        return [self._alone(change) for change in changes]
+
+    def _alone(self, change: _Write) -> Any:
+        try:
+            with self._database.writing() as connection:
+                return change(connection)
+        except Exception as error:
+            return error

@@ -1,0 +1,381 @@
+"""Plans, placements, landmark sites and losses as tables for people at a terminal."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from rich import box
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from syncplan.cli.fitted_tables import MOST_ROWS, FittedTable
+from syncplan.phrases import listed, percent
+from syncplan.placement.centers import Placement
+from syncplan.planning.flight_record import FlownPlan
+from syncplan.planning.judged_team import PlanVerdict
+from syncplan.planning.lost_parts import phrase_of
+from syncplan.reports.loss_report import RemainingTeam, WhatIfDocument
+from syncplan.reports.plan_report import LandmarkLink, Link, PlanDocument, PredictedStateError
+from syncplan.reports.refinement_report import RefinementResult
+from syncplan.reports.sites_report import SitesDocument
+from syncplan.scenario.objectives import ROWS
+
+MOST_NAMED = 12
+"""Names in a line."""
+
+COLOURS = {"stop": "red", "warning": "yellow", "note": "cyan"}
+"""Of the levels of findings."""
+
+
+def show_verdict(verdict: PlanVerdict, console: Console) -> None:
+    """Print GO, or NO-GO with the number of reasons."""
+    word, colon, reasons = verdict.headline.partition(":")
+    console.print(f"[bold {'green' if verdict.go else 'red'}]{word}[/]{colon}{reasons}")
+
+
+def show_findings(verdict: PlanVerdict, console: Console) -> None:
+    """Print each finding with its cure."""
+    for one in verdict.findings:
+        level = f"[{COLOURS[one.level]}]{one.level}[/]"
+        console.print(f"{level}: {one.code}: {escape(one.message)}")
+        if one.cure is not None:
+            console.print(f"   cure: {escape(one.cure.text)}")
+
+
+def flown_line(flight: FlownPlan) -> str:
+    """Return what flying a plan has found, in one line."""
+    flights = "1 flight" if flight.trials == 1 else f"{flight.trials} flights"
+    found = [f"guidance {flight.guidance}"]
+    if flight.vehicles:
+        squares = sum(one.tracking_rms_m**2 for one in flight.vehicles) / len(flight.vehicles)
+        worst = max(flight.vehicles, key=lambda one: one.phase_rms_s)
+        found.append(f"{math.sqrt(squares):.3g} m off the plan (RMS)")
+        found.append(f"phase at most {worst.phase_rms_s:.3g} s off (RMS, {worst.name})")
+    if flight.meetings_kept:
+        least = min(flight.meetings_kept, key=lambda one: one.kept_share)
+        share, pair = percent(least.kept_share), "-".join(least.between)
+        found.append(f"each pair keeps at least {share} of its meetings ({pair})")
+    if flight.least_separation_m is not None:
+        found.append(f"closest two vehicles {flight.least_separation_m[1]:.3g} m")
+    found.append(f"filter lost in {percent(flight.filter_lost_share)}")
+    return f"flown, {flights} of {flight.duration_s:g} s: {', '.join(found)}"
+
+
+def show_sites(document: SitesDocument, console: Console) -> None:
+    """Print a choice of sites: the verdict, the sites by share, and each vehicle's bound."""
+    console.print(
+        f"[bold]{escape(document.name or 'sites')}[/]: chosen {escape(', '.join(document.chosen))}"
+    )
+    proof = "proven best" if document.proven_best else "not proven best"
+    console.print(
+        f"window bound of the worst vehicle {document.value_m:.4g} m, before "
+        f"{_shown(document.before_m)}; no choice below {document.bound_m:.4g} m "
+        f"(gap {100.0 * document.gap:.1f} %), {proof}"
+    )
+    sites = FittedTable(
+        "candidates",
+        ("site", "position m", "share", "seen by", "chosen"),
+        goes=("share", "seen by", "position m"),
+    )
+    order = sorted(document.candidates, key=lambda site: (not site.chosen, -site.share))
+    for site in order[:MOST_ROWS]:
+        x, y = site.position_m
+        chosen = "[green]yes[/]" if site.chosen else ""
+        sites.add_row(
+            escape(site.name), f"{x:.5g}, {y:.5g}", f"{site.share:.3f}", str(site.seen_by), chosen
+        )
+    sites.count_hidden(len(order) - MOST_ROWS)
+    console.print(sites)
+    bounds = FittedTable("window bound of each vehicle", ("vehicle", "before m", "after m"))
+    for vehicle in document.window_bounds[:MOST_ROWS]:
+        bounds.add_row(escape(vehicle.name), _shown(vehicle.before_m), f"{vehicle.after_m:.3g}")
+    bounds.count_hidden(len(document.window_bounds) - MOST_ROWS)
+    console.print(bounds)
+    for note in document.notes:
+        console.print(f"[yellow]note[/]: {escape(note)}")
+
+
+def _shown(value: float | None) -> str:
+    return "undetermined" if value is None else f"{value:.3g}"
+
+
+def show_losses(document: WhatIfDocument, console: Console) -> None:
+    """Print what losses do: those that end observability, then all, the most harmful first."""
+    console.print(
+        f"[bold]{escape(document.name or 'plan')}[/]: {_state(document.baseline)}; "
+        f"{_critical(document)}"
+    )
+    title = "each loss, the most harmful first; orbits unchanged, errors from initial_sigma on"
+    table = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False)
+    table.add_column("lost")
+    table.add_column("rank", justify="right", no_wrap=True)
+    table.add_column("worst error m", justify="right", no_wrap=True)
+    table.add_column("verdict", no_wrap=True)
+    table.add_column("cannot be detected any more", overflow="fold")
+    for one in [document.baseline, *document.losses[:MOST_ROWS]]:
+        table.add_row(
+            escape(_lost(one.lost)),
+            f"{one.rank} of {one.state_dim}",
+            _metres(one.worst_predicted_rms_m),
+            "[green]GO[/]" if one.verdict.go else "[red]NO-GO[/]",
+            escape("; ".join(_undetected(one))),
+        )
+        if one is document.baseline:
+            table.add_section()
+    if len(document.losses) > MOST_ROWS:
+        table.add_row(f"... and {len(document.losses) - MOST_ROWS} more (see the JSON)")
+    console.print(table)
+    if note := document.baseline.predicted_rms_m.note:
+        console.print(f"[yellow]note[/]: {escape(note)}")
+
+
+def _lost(names: list[str]) -> str:
+    return " and ".join(phrase_of(name) for name in names) or "nothing"
+
+
+def _undetected(one: RemainingTeam) -> list[str]:
+    """Motions of the team, and changes of errors that the filter estimates, in words."""
+    found = [mode.description for mode in one.unobservable]
+    return found + [
+        mode.description for mode in (one.extended.undetermined if one.extended else [])
+    ]
+
+
+def _state(baseline: RemainingTeam) -> str:
+    state = "[green]observable[/]" if baseline.observable else "[red]NOT observable[/]"
+    return f"{state}, rank {baseline.rank} of {baseline.state_dim}"
+
+
+def _critical(document: WhatIfDocument) -> str:
+    judged = len(document.losses)
+    if not document.baseline.observable:
+        return f"{judged} losses judged"
+    if not document.critical:
+        return f"none of {judged} losses ends observability"
+    named = listed([_lost(names) for names in document.critical], MOST_NAMED)
+    return f"[red]{len(document.critical)} critical[/] of {judged}: {escape(named)}"
+
+
+def _metres(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3g}"
+
+
+def show_plan(document: PlanDocument, console: Console) -> None:
+    """Print a plan: verdict, poses, meetings, findings."""
+    if document.verdict is not None:
+        show_verdict(document.verdict, console)
+    verdict = document.observability
+    state = "[green]observable[/]" if verdict.observable else "[red]NOT observable[/]"
+    console.print(
+        f"[bold]{escape(document.scenario.name or 'plan')}[/]: {state}, rank {verdict.rank} of "
+        f"{verdict.state_dim}; period {document.period_s:.4g} s"
+    )
+    if (determined := determined_line(document)) is not None:
+        console.print(escape(determined))
+    holds = "holds" if verdict.certificate.holds else "does not hold"
+    console.print(f"certificate {holds}: {escape(verdict.certificate.reason)}")
+    if document.connectivity_period_s is not None:
+        console.print(
+            f"any {document.connectivity_period_s:.4g} s of sightings certify the team "
+            "(connectivity period)"
+        )
+    nearest = document.separation
+    if nearest.min_m is not None and nearest.between is not None:
+        console.print(
+            f"least separation {nearest.min_m:.4g} m, {escape('-'.join(nearest.between))}"
+        )
+    if document.flight is not None:
+        console.print(escape(flown_line(document.flight)))
+    console.print(_synchronisation(document))
+    console.print(_vehicle_table(document))
+    _print_errors(document, console)
+    _print_links(document, console)
+    if document.refinement is not None:
+        console.print(_refinement_table(document.refinement))
+        if (merits := merits_line(document)) is not None:
+            console.print(merits)
+        held = document.refinement.active_constraints
+        if held:
+            console.print(f"held by: {escape(listed(held, MOST_NAMED))}")
+    if document.verdict is not None:
+        show_findings(document.verdict, console)
+
+
+def _print_errors(document: PlanDocument, console: Console) -> None:
+    """What else the filter estimates, and what the errors cost that it does not."""
+    if (expected := expected_line(document)) is not None:
+        console.print(f"[yellow]{escape(expected)}[/]")
+    if (states := further_states_table(document)) is not None:
+        console.print(states)
+
+
+def show_placement(placed: Placement, console: Console) -> None:
+    """Print a placement: centres and what they attain."""
+    names = placed.scenario.vehicle_names
+    table = FittedTable("centres found", ("vehicle", "centre m"))
+    for name, center in list(zip(names, placed.centers.tolist(), strict=True))[:MOST_ROWS]:
+        table.add_row(escape(name), _point((center[0], center[1])))
+    table.count_hidden(len(names) - MOST_ROWS)
+    console.print(table)
+    if len(placed.gaps):
+        console.print(
+            f"linked circles are {placed.gaps.min():.4g} to {placed.gaps.max():.4g} m apart"
+        )
+    if np.isfinite(placed.smallest_gap):
+        console.print(f"no two circles are nearer than {placed.smallest_gap:.4g} m")
+
+
+def _synchronisation(document: PlanDocument) -> str:
+    record = document.synchronisation
+    if record.smallest_margin_m is None:
+        return f"phases: {record.method}"
+    bound = "" if record.bound_m is None else f", bound {record.bound_m:.4g} m"
+    shares = [one.contact_share for one in document.links if one.contact_share is not None]
+    seen = f"; {100.0 * min(shares):.3g} % or more of attainable contact" if shares else ""
+    return f"phases: {record.method}{seen}; smallest margin {record.smallest_margin_m:.4g} m{bound}"
+
+
+def _vehicle_table(document: PlanDocument) -> FittedTable:
+    table = FittedTable(
+        "vehicles at time 0, with the predicted RMS error",
+        (
+            *("vehicle", "centre m", "R m", "sense", "phase", "speed m/s"),
+            *("position m", "heading", "error m"),
+        ),
+        goes=("heading", "position m", "sense", "R m", "speed m/s", "phase", "centre m"),
+    )
+    errors = document.predicted_rms_m.vehicles
+    for vehicle in document.vehicles[:MOST_ROWS]:
+        error = errors[vehicle.name]
+        table.add_row(
+            escape(vehicle.name),
+            _point(vehicle.center_m),
+            f"{vehicle.radius_m:g}",
+            vehicle.direction,
+            f"{vehicle.phase_rad:.4f}",
+            f"{vehicle.speed_mps:.4g}",
+            _point(vehicle.position_m),
+            f"{vehicle.heading_rad:.4f}",
+            "-" if error is None else f"{error:.3g}",
+        )
+    table.count_hidden(len(document.vehicles) - MOST_ROWS)
+    return table
+
+
+def _print_links(document: PlanDocument, console: Console) -> None:
+    table = FittedTable(
+        "meetings, once a period",
+        ("link", "rule", "closest m", "contact s", "from s", "tolerance rad", "rank"),
+        goes=("from s", "tolerance rad", "rule", "contact s", "closest m"),
+        texts=("rule",),
+    )
+    short: dict[str, list[str]] = {}
+    rows: list[tuple[Link, str]] = [(link, link.rule) for link in document.links]
+    rows += [(link, f"{link.rule}, unlisted") for link in document.incidental_links]
+    for link, rule in rows[:MOST_ROWS]:
+        name = escape(f"{link.a}-{link.b}")
+        _add_meeting(table, name, rule, link, f"{link.phase_tolerance_rad:.3f}")
+        short.setdefault(link.reason, []).append(name)
+    for seen in document.landmark_links[:MOST_ROWS]:
+        name = escape(f"{seen.vehicle}-{seen.landmark}")
+        _add_meeting(table, name, "landmark", seen, "-")
+        short.setdefault(seen.reason, []).append(name)
+    table.count_hidden(len(rows) - MOST_ROWS)
+    if table.row_count:
+        console.print(table)
+    for reason, names in short.items():
+        if reason:
+            console.print(f"[yellow]not certified[/]: {', '.join(names)}: {reason}")
+
+
+def _refinement_table(result: RefinementResult) -> FittedTable:
+    before, after = result.before, result.after
+    table = FittedTable(
+        f"refined for {result.objective}, {len(result.starts)} starts", ("", "before", "after")
+    )
+    for row in ROWS:
+        table.add_row(row.heading, *(_figure(getattr(one, row.key)) for one in (before, after)))
+    return table
+
+
+def _figure(value: float | None) -> str:
+    if value is None:
+        return "-"
+    if isinstance(value, bool):
+        return "holds" if value else "does not hold"
+    return f"{value:.4g}"
+
+
+def _add_meeting(
+    table: FittedTable, name: str, rule: str, meeting: Link | LandmarkLink, slip: str
+) -> None:
+    table.add_row(
+        name,
+        rule,
+        f"{meeting.min_distance_m:.2f}",
+        f"{meeting.contact_s:.2f}",
+        f"{meeting.windows_s[0][0]:.2f}" if meeting.windows_s else "-",
+        slip,
+        str(meeting.rank),
+    )
+
+
+def _point(point: tuple[float, float]) -> str:
+    # zero where rounding errors are all there is, and never "-0"
+    x, y = (round(value, 9) + 0.0 for value in point)
+    return f"{x:.5g}, {y:.5g}"
+
+
+def determined_line(document: PlanDocument) -> str | None:
+    """Return what is determined with errors as states; None where there are no such states."""
+    found, states = document.observability.extended, document.observability.states
+    if found is None or states is None:
+        return None
+    lacking = [one.state for one in states if not one.determined]
+    rest = f"; without priors not determined: {', '.join(lacking)}" if lacking else ""
+    return f"with errors as states: rank {found.rank} of {found.state_dim}{rest}"
+
+
+def expected_line(document: PlanDocument) -> str | None:
+    """Return what to expect of a filter that leaves errors out; None where it leaves out none."""
+    expected = document.expected_rms_m
+    if expected is None or expected.overall is None:
+        return None
+    own = document.predicted_rms_m.overall
+    beside = "" if own is None else f" where the filter predicts {own:.3g} m"
+    return (
+        f"expected RMS error {expected.overall:.3g} m over all vehicles{beside}: some errors are "
+        "not estimated"
+    )
+
+
+def merits_line(document: PlanDocument) -> str | None:
+    """Return what the figures of a refinement leave out; None where poses are all states."""
+    if document.refinement is None or document.observability.extended is None:
+        return None
+    return (
+        "rank, window bound, determinant, eigenvalue and trace are of the poses, as if all else "
+        "were known; predicted errors are of all states"
+    )
+
+
+def further_states_table(document: PlanDocument) -> FittedTable | None:
+    """Return the table of what a plan predicts of further states; None where there are none."""
+    states = document.predicted_errors
+    if not states:
+        return None
+    table = FittedTable(
+        f"errors that the filter estimates, with the predicted RMS error{_supposed(states)}",
+        ("state", "unit", "sigma at start", "error"),
+    )
+    for one in states[:MOST_ROWS]:
+        table.add_row(escape(one.state), one.unit, f"{one.sigma:.4g}", f"{one.predicted_rms:.3g}")
+    table.count_hidden(len(states) - MOST_ROWS)
+    return table
+
+
+def _supposed(states: Sequence[PredictedStateError]) -> str:
+    """What the bounds suppose, where wind is among the states: in wind it is known less well."""
+    windy = any(one.state.startswith("wind ") for one in states)
+    return "; predictions suppose still air" if windy else ""

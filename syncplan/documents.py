@@ -1,0 +1,83 @@
+"""What all documents share: strict parts, their version, how they become JSON."""
+
+import math
+from collections.abc import Sequence
+from typing import Annotated, Any, ClassVar
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+from syncplan.arrays import Array
+from syncplan.scenario.specification import Scenario
+
+Point = tuple[float, float]
+"""x and y in m."""
+
+Window = tuple[float, float]
+"""Begin and end in s."""
+
+LONGEST_WORDS = 2000
+
+
+def _short(text: str) -> str:
+    if len(text) > LONGEST_WORDS:
+        raise ValueError(f"is longer than {LONGEST_WORDS} characters")
+    return text
+
+
+Words = Annotated[str, AfterValidator(_short)]
+"""Words of a document that are read back."""
+
+
+class DocumentPart(BaseModel):
+    """A part of a document: frozen, without unknown keys, infinities or NaN."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Document(DocumentPart):
+    """A document, or a part of one that holds others."""
+
+    left_out_if_none: ClassVar[frozenset[str]] = frozenset()
+    """Keys that stand in the JSON only where they have a value."""
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the document as JSON values, in the order of its fields.
+
+        Keys that were not set are left out of scenarios, and those of `left_out_if_none`.
+        """
+        nested = {name: _nested(value) for name, value in self}
+        nested = {name: values for name, values in nested.items() if values is not None}
+        absent = {name for name in self.left_out_if_none if getattr(self, name) is None}
+        own = self.model_dump(mode="json", by_alias=True, exclude={*nested, *absent})
+        return {
+            name: nested[name] if name in nested else own[name]
+            for name in type(self).model_fields
+            if name not in absent
+        }
+
+
+class VersionedDocument(Document):
+    """A document that names the version of syncplan that wrote it."""
+
+    version: str = Field(description="Version of syncplan that wrote the document")
+
+
+def _nested(value: Any) -> Any:
+    """The JSON values of a scenario, of a document or of a list of them; None for others."""
+    if isinstance(value, Scenario):
+        return value.model_dump(mode="json", exclude_none=True)
+    if isinstance(value, Document):
+        return value.as_json()
+    if isinstance(value, list) and value and isinstance(value[0], Document):
+        return [one.as_json() for one in value]
+    return None
+
+
+def finite_or_none(value: float) -> float | None:
+    """Return a number as documents hold it: infinity and NaN as null."""
+    return value if math.isfinite(value) else None
+
+
+def point_of(values: Sequence[float] | Array) -> Point:
+    """Return x and y as documents hold them."""
+    return float(values[0]), float(values[1])

@@ -1,0 +1,150 @@
+"""Options of runs, each declared once: a field of a dataclass with its sentence and its limits.
+
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class FlightOptions(FilterOptions):
+        late: int = option(0, "Samples after which sightings arrive", ge=0, le=1000)
+
+The library checks an option by this line, and the command line, the service's requests and its
+client take the name, the type, the default and the sentence from it.
+"""
+
+import operator
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, Literal, Self, get_args, get_origin, get_type_hints
+
+from syncplan.errors import InputError
+
+_LIMITS: Mapping[str, tuple[Callable[[Any, float], bool], str]] = {
+    "ge": (operator.ge, "at least"),
+    "gt": (operator.gt, "more than"),
+    "le": (operator.le, "at most"),
+    "lt": (operator.lt, "less than"),
+}
+"""What the limits of an option allow and say; they are named as Pydantic names its own."""
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """An option of a run.
+
+    Attributes
+    ----------
+    name, type, default : of the field; a Literal for what is chosen by name
+    sentence : what it says, units included
+    key : in requests to the service; ends with the unit
+    flag : on the command line
+    limits : of a number, any of `ge`, `gt`, `le` and `lt`
+    example : in the service's documentation; None for none
+    former : whether it is kept for callers of earlier versions alone, and not shown
+    """
+
+    name: str
+    type: Any
+    default: Any
+    sentence: str
+    key: str
+    flag: str
+    limits: Mapping[str, float]
+    example: Any
+    former: bool
+
+    @property
+    def choices(self) -> tuple[str, ...]:
+        """The names that it may have; none where it is not chosen by name."""
+        either = get_args(self.type) if get_origin(self.type) is not Literal else (self.type,)
+        return tuple(name for one in either if get_origin(one) is Literal for name in get_args(one))
+
+    def check(self, value: Any) -> None:
+        """Raise InputError for a value that is not allowed."""
+        if value is None:
+            return
+        if self.choices and value not in self.choices:
+            problem = f"{value!r} is unknown; choose {' or '.join(self.choices)}"
+            raise InputError(problem, key=self.name)
+        if not all(_LIMITS[one][0](value, limit) for one, limit in self.limits.items()):
+            raise InputError(f"{_shown(value)} given; allowed is {self._allowed}", key=self.name)
+
+    @property
+    def _allowed(self) -> str:
+        shown = {name: _shown(limit) for name, limit in self.limits.items()}
+        if shown.keys() == {"ge", "le"}:
+            return f"{shown['ge']} to {shown['le']}"
+        return " and ".join(f"{_LIMITS[name][1]} {limit}" for name, limit in shown.items())
+
+
+def _shown(number: float) -> str:
+    return f"{number:g}" if isinstance(number, float) else str(number)
+
+
+def option(
+    default: Any,
+    sentence: str,
+    *,
+    key: str = "",
+    flag: str = "",
+    example: Any = None,
+    former: bool = False,
+    **limits: float,
+) -> Any:
+    """Return the field of a dataclass that declares an option; see Option.
+
+    Its key is its name, and its flag is its key with dashes, where no others are given.
+    """
+    words = {
+        "sentence": sentence,
+        "key": key,
+        "flag": flag,
+        "limits": limits,
+        "example": example,
+        "former": former,
+    }
+    return field(default=default, metadata=words)
+
+
+def options_of(kind: type) -> tuple[Option, ...]:
+    """Return the options that a dataclass declares, in order."""
+    types, found = get_type_hints(kind), []
+    for one in fields(kind):
+        if not one.metadata:
+            continue
+        key = one.metadata["key"] or one.name
+        flag = one.metadata["flag"] or f"--{key.replace('_', '-')}"
+        words = {**one.metadata, "key": key, "flag": flag}
+        found.append(Option(name=one.name, type=types[one.name], default=one.default, **words))
+    return tuple(found)
+
+
+class RunOptions:
+    """Options of a run: a frozen dataclass whose fields are declared by `option`."""
+
+    __slots__ = ()
+
+    def __post_init__(self) -> None:
+        """Raise InputError naming an option whose value is not allowed."""
+        for one in options_of(type(self)):
+            one.check(getattr(self, one.name))
+
+    def as_request(self) -> dict[str, Any]:
+        """Return the options as keys of a request to the service, None left out."""
+        values = {key: getattr(self, name) for name, key in self.request_keys().items()}
+        return {key: value for key, value in values.items() if value is not None}
+
+    @classmethod
+    def of_request(cls, request: Mapping[str, Any]) -> Self:
+        """Return the options that a request names; it may have further keys.
+
+        Raises InputError naming the key at fault.
+        """
+        keys = cls.request_keys()
+        given = {name: request[key] for name, key in keys.items() if key in request}
+        lists = {name: tuple(one) for name, one in given.items() if isinstance(one, list)}
+        try:
+            return cls(**{**given, **lists})
+        except InputError as error:
+            raise InputError(error.problem, key=keys.get(error.key, error.key)) from None
+
+    @classmethod
+    def request_keys(cls) -> dict[str, str]:
+        """Return the key of each option in requests to the service, by its name."""
+        return {one.name: one.key for one in options_of(cls)}

@@ -1,0 +1,287 @@
+"""Figures that runs of the filter share, as documents hold them and in words."""
+
+import math
+from collections.abc import Sequence
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from syncplan.documents import Document, DocumentPart, VersionedDocument, finite_or_none
+from syncplan.estimation.consistency import FEWEST_TRIALS, TOLERANCE, Consistency
+from syncplan.estimation.filters import FilterName, MotionName
+from syncplan.estimation.trials import MonteCarloResult, series
+from syncplan.reports.truth_report import (
+    ExpectedErrors,
+    TrueKey,
+)
+
+
+class StateErrorFigures(DocumentPart):
+    """Errors of a state of the filter that is no pose, over all trials."""
+
+    state: str = Field(description="What it is", examples=["wind x", "speed scale of v1"])
+    unit: str = Field(description="Of the errors", examples=["m/s"])
+    rms: float = Field(description="Over the samples after time 0")
+    rms_second_half: float
+    predicted_rms: float | None = Field(
+        description="The bound, over the second half, for circles flown in still air: in a wind of "
+        "a quarter of the speed, the wind itself is known half as well"
+    )
+    ratio: float | None = Field(description="Second-half RMS over predicted RMS")
+    coverage: float = Field(description="Share of samples within 3 sigma; ideal 0.9973")
+
+
+class StateErrorSeries(DocumentPart):
+    """Errors over time of a state of the filter that is no pose, in its unit."""
+
+    state: str = Field(examples=["wind x", "speed scale of v1"])
+    unit: str = Field(examples=["m/s"])
+    rms: list[float] = Field(description="Over the trials, at each sample of `time_s`")
+    mean: list[float]
+    sigma: list[float] = Field(description="The filter's own sigma")
+    predicted: list[float] | None = Field(
+        default=None, description="The bound; null where none is computed"
+    )
+
+
+class Spread(DocumentPart):
+    """A normalised squared error: its mean, that mean's confidence interval, and what that says."""
+
+    value: float | None = Field(description="1 for a consistent filter; null without samples")
+    band: tuple[float, float] | None = Field(
+        description="Two-sided 95 % confidence interval of `value`; null where too few trials "
+        "were run. In files without `basis`, the chi-square band of a consistent filter"
+    )
+    verdict: Literal["consistent", "optimistic", "conservative", "unknown"] = Field(
+        description="optimistic where the whole interval is above 1.1 (sigmas too small), "
+        "conservative where it is below 0.9; unknown without an interval, or where one over trials "
+        "is wider than 0.4; otherwise consistent"
+    )
+    count: int = Field(description="Of what the interval rests on: trials or degrees of freedom")
+    basis: Literal["trials", "chi-square"] | None = Field(
+        default=None,
+        description="What the interval rests on: the spread over trials or, for a single run, a "
+        "chi-square variable; null in older files",
+    )
+
+
+class Errors(DocumentPart):
+    """Errors over all trials; RMS over the samples after time 0."""
+
+    rms_m: float
+    rms_second_half_m: float
+    rms_x_m: float
+    rms_y_m: float
+    rms_heading_rad: float
+    final_error_m: float = Field(description="RMS over the trials at the last sample")
+    coverage_3sigma: float = Field(description="Share of coordinates within 3 sigma; ideal 0.9973")
+
+
+class ErrorFigures(Errors):
+    """Errors over all trials; RMS over the samples after time 0."""
+
+    predicted_rms_m: float | None
+    rms_over_predicted: float | None = Field(description="Second-half RMS over predicted RMS")
+    median_rms_second_half_m: float | None = Field(
+        default=None,
+        description="Median over the trials of each trial's second-half RMS; null in older files",
+    )
+    share_over_3_predicted: float | None = Field(
+        default=None,
+        description="Share of trials whose second-half RMS is over 3 times the predicted RMS; "
+        "overall, of trials in which any vehicle's is. Null where nothing is predicted",
+    )
+    share_over_10_predicted: float | None = Field(
+        default=None, description="The same over 10 times the predicted RMS"
+    )
+
+
+class VehicleFigures(ErrorFigures):
+    """Errors of one vehicle."""
+
+    name: str
+
+
+class FilterRecord(DocumentPart):
+    """The filter that was run."""
+
+    model: MotionName = Field(description="How readings are integrated: exact arcs, or Euler's way")
+    kind: FilterName | None = Field(
+        default=None, description="Which filter; null in older files, whose filter is ekf or paper"
+    )
+    chosen_because: str | None = Field(
+        default=None, description="Why this filter; null in older files"
+    )
+    judged_from_s: float = Field(
+        default=0.0,
+        description="Time from which on ANEES, NIS and coverage count: robust looks for its start "
+        "until then",
+    )
+    substeps: int
+    gate_probability: float | None
+    gated: int = Field(description="Bearings rejected by the gate")
+    used: int = Field(description="Bearings used")
+
+
+class VehicleSeries(DocumentPart):
+    """Errors of one vehicle over time: RMS, mean and the filter's own sigma over the trials."""
+
+    name: str
+    rms_m: list[float]
+    rms_x_m: list[float]
+    rms_y_m: list[float]
+    rms_heading_rad: list[float]
+    mean_x_m: list[float]
+    mean_y_m: list[float]
+    mean_heading_rad: list[float]
+    sigma_m: list[float] = Field(description="The filter's own position sigma")
+    sigma_x_m: list[float]
+    sigma_y_m: list[float]
+    sigma_heading_rad: list[float]
+
+
+class Series(Document):
+    """Errors over time."""
+
+    left_out_if_none: ClassVar[frozenset[str]] = frozenset({"errors"})
+
+    time_s: list[float]
+    vehicles: list[VehicleSeries]
+    errors: list[StateErrorSeries] | None = Field(
+        default=None,
+        description="Of states of the filter that are no poses; absent where there are none",
+    )
+
+
+class RunReport(VersionedDocument):
+    """A report of a run, which may hold `series`."""
+
+    left_out_if_none: ClassVar[frozenset[str]] = frozenset({"series"})
+
+    name: str
+
+    @property
+    def has_errors(self) -> bool:
+        """Whether errors are known: of all runs but of recordings without truth."""
+        return True
+
+
+class TrueWorldReport(RunReport):
+    """A report of a run in a simulated world."""
+
+    left_out_if_none: ClassVar[frozenset[str]] = frozenset(
+        {"series", "errors", "truth", "expected_rms_m"}
+    )
+
+    truth: list[TrueKey] | None = Field(
+        default=None,
+        description="Keys of which the simulated world differs; absent where the scenario and the "
+        "request give no truth",
+    )
+    expected_rms_m: ExpectedErrors | None = Field(
+        default=None,
+        description="What the filter is to be expected to make of that world along the circles, by "
+        "a linear recursion; absent where there is no truth, or it was not computed",
+    )
+
+
+def spread_of(figure: Consistency) -> Spread:
+    """Return a consistency figure as a document holds it."""
+    return Spread(
+        value=finite_or_none(figure.value),
+        band=None if math.isnan(figure.band[0]) else figure.band,
+        verdict=figure.verdict,
+        count=figure.count,
+        basis=figure.basis,
+    )
+
+
+def series_of(result: MonteCarloResult, names: Sequence[str], sample_time: float) -> Series:
+    """Return errors and sigmas over time as a document holds them; `sample_time` in s.
+
+    Raises InputError for a run that kept no series.
+    """
+    kept = series(result)
+    steps = np.arange(result.steps + 1)
+    return Series(
+        time_s=(steps * sample_time).tolist(),
+        vehicles=[
+            VehicleSeries(
+                name=name,
+                rms_m=kept.position_rms[:, k].tolist(),
+                rms_x_m=kept.axis_rms[:, k, 0].tolist(),
+                rms_y_m=kept.axis_rms[:, k, 1].tolist(),
+                rms_heading_rad=kept.heading_rms[:, k].tolist(),
+                mean_x_m=kept.mean_errors[:, k, 0].tolist(),
+                mean_y_m=kept.mean_errors[:, k, 1].tolist(),
+                mean_heading_rad=kept.mean_errors[:, k, 2].tolist(),
+                sigma_m=kept.position_sigma[:, k].tolist(),
+                sigma_x_m=kept.axis_sigma[:, k, 0].tolist(),
+                sigma_y_m=kept.axis_sigma[:, k, 1].tolist(),
+                sigma_heading_rad=kept.heading_sigma[:, k].tolist(),
+            )
+            for k, name in enumerate(names)
+        ],
+    )
+
+
+_MOST_DECIMALS = 9
+
+
+def spread_figures(figure: Spread) -> tuple[str, str, str]:
+    """Return value and ends of the interval with as many digits as their comparison needs.
+
+    Rounded, they compare with each other and with the tolerated range as they do unrounded. Raises
+    ValueError for a figure without an interval.
+    """
+    if figure.value is None or figure.band is None:
+        raise ValueError("the figure has no interval")
+    values = (figure.value, *figure.band)
+    decimals = _decimals(max(abs(value) for value in values))
+    while decimals < _MOST_DECIMALS and _compared(*values) != _compared(
+        *(round(value, decimals) for value in values)
+    ):
+        decimals += 1
+    shown = [f"{value:.{decimals}f}" for value in values]
+    return shown[0], shown[1], shown[2]
+
+
+def interval_words(figure: Spread) -> str:
+    """Return the value with its interval and what that rests on, without the verdict."""
+    if figure.value is None:
+        return "no samples"
+    if figure.band is None:
+        runs = "trial" if figure.count == 1 else "trials"
+        return f"{figure.value:.{_decimals(figure.value)}f} over {figure.count} {runs}"
+    value, low, high = spread_figures(figure)
+    if figure.basis is None:
+        return f"{value}, 95 % band {low} to {high}"
+    if figure.basis == "trials":
+        return f"{value}, 95 % interval {low} to {high} over {figure.count} trials"
+    return (
+        f"{value}, 95 % interval {low} to {high} of one run, "
+        f"{figure.count} chi-square degrees of freedom"
+    )
+
+
+def verdict_words(figure: Spread) -> str:
+    """Return the verdict, and why there is none where there is none."""
+    if figure.verdict != "unknown":
+        return figure.verdict
+    if figure.value is None:
+        return "not judged"
+    if figure.band is None:
+        return f"not judged, at least {FEWEST_TRIALS} trials are needed"
+    return "not judged, the interval is too wide: run more trials"
+
+
+def _decimals(value: float) -> int:
+    """Decimals of four significant digits; at least one, at most three."""
+    return max(1, min(3, 3 - math.floor(math.log10(max(value, 1.0)))))
+
+
+def _compared(value: float, low: float, high: float) -> tuple[bool, ...]:
+    tolerated = (1.0 - TOLERANCE, 1.0 + TOLERANCE)
+    ends = [end > limit for end in (low, high) for limit in tolerated]
+    return (low < value, value < high, *ends)
