@@ -19,7 +19,7 @@ from syncplan.exporting.scheduled_plan import ScheduledPlan, moment, places_of, 
 from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.orbits.circles import heading, position
 from syncplan.orbits.contacts import reachable_pairs
-from syncplan.reports.verdict_schemas import PlanVerdict, plan_verdict
+from syncplan.planning.judged_team import PlanVerdict
 from syncplan.runtime.files import as_text
 from syncplan.scenario.models import GeoOrigin
 from syncplan.synchronisation.contact_tables import separation_tolerances
@@ -281,7 +281,7 @@ def sync_document(flown: ScheduledPlan, format_: str, written: Written) -> SyncD
         version=__version__,
         name=plan.scenario.name,
         format=format_,
-        verdict=plan_verdict(plan.verdict),
+        verdict=plan.verdict,
         start_time=None if start is None else moment(start, 0.0),
         geo_origin=plan.scenario.geo_origin,
         period_s=plan.orbits.period,

@@ -21,7 +21,7 @@ from syncplan.estimation.pilot_readings import thinned
 from syncplan.estimation.referred_system import PosteriorBound
 from syncplan.estimation.start_up_index import StartUpIndex, first_samples
 from syncplan.orbits.contacts import Windows
-from syncplan.orbits.error_states import NO_ERRORS
+from syncplan.orbits.noise import NO_ERRORS
 from syncplan.orbits.team import Team
 
 CLEARING_INDEX = 0.45

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator
 
 from syncplan.planning import filter_checks, flight_checks, observability_checks, path_checks
-from syncplan.planning.judged_team import Finding, JudgedTeam, Verdict
+from syncplan.planning.judged_team import JudgedTeam, PlanFinding, PlanVerdict
 
 # --- how the plan was found -----------------------------------------------------------------------
 
@@ -18,28 +18,28 @@ PLACED = "the centres were found by placement; formation.centers_m of the plan's
 """The message of the first."""
 
 
-def centres_placed(judged: JudgedTeam) -> Iterator[Finding]:
+def centres_placed(judged: JudgedTeam) -> Iterator[PlanFinding]:
     """Yield the finding that the centres are none of the user's."""
     if judged.centres_placed or judged.placement is not None:
-        yield Finding(CENTRES_PLACED, "note", PLACED)
+        yield PlanFinding.of(CENTRES_PLACED, "note", PLACED)
 
 
-def not_refined(judged: JudgedTeam) -> Iterator[Finding]:
+def not_refined(judged: JudgedTeam) -> Iterator[PlanFinding]:
     """Yield the finding that refinement found nothing better."""
     record = judged.refinement
     if record is not None and not record.improved:
-        yield Finding(
+        yield PlanFinding.of(
             "not-refined",
             "warning",
             f"not refined: {record.reason}; this is the plan that was given",
         )
 
 
-def cleared(judged: JudgedTeam) -> Iterator[Finding]:
+def cleared(judged: JudgedTeam) -> Iterator[PlanFinding]:
     """Yield the finding that refinement cleared what was too near, whatever that cost."""
     record = judged.refinement
     if record is not None and record.cleared:
-        yield Finding(
+        yield PlanFinding.of(
             CLEARED,
             "note",
             "the plan that was given came too near to vehicles, landmarks or areas; this one "
@@ -47,27 +47,27 @@ def cleared(judged: JudgedTeam) -> Iterator[Finding]:
         )
 
 
-def search_cut_short(judged: JudgedTeam) -> Iterator[Finding]:
+def search_cut_short(judged: JudgedTeam) -> Iterator[PlanFinding]:
     """Yield the finding that refinement did not come to its end."""
     record = judged.refinement
     if record is not None and record.improved and record.cut_short:
-        yield Finding(
+        yield PlanFinding.of(
             "search-cut-short",
             "note",
             "the search for a better plan was cut short; this is the best it had found",
         )
 
 
-def bound_missing(judged: JudgedTeam) -> Iterator[Finding]:
+def bound_missing(judged: JudgedTeam) -> Iterator[PlanFinding]:
     """Yield the finding that errors are not predicted, and why."""
     if judged.prediction.note:
-        yield Finding("bound-missing", "note", judged.prediction.note)
+        yield PlanFinding.of("bound-missing", "note", judged.prediction.note)
 
 
 # --- the table ------------------------------------------------------------------------------------
 
 
-CHECKS: dict[str, Callable[[JudgedTeam], Iterable[Finding]]] = {
+CHECKS: dict[str, Callable[[JudgedTeam], Iterable[PlanFinding]]] = {
     "unobservable": observability_checks.unobservable,
     "near-degenerate": observability_checks.near_degenerate,
     "needs-prior": observability_checks.needs_prior,
@@ -105,6 +105,6 @@ CHECKS: dict[str, Callable[[JudgedTeam], Iterable[Finding]]] = {
 """Each code with the check that yields its findings, in the order of the verdict."""
 
 
-def verdict_of(judged: JudgedTeam) -> Verdict:
+def verdict_of(judged: JudgedTeam) -> PlanVerdict:
     """Return whether a judged team can be flown, with the findings of every check."""
-    return Verdict(tuple(finding for check in CHECKS.values() for finding in check(judged)))
+    return PlanVerdict.of(finding for check in CHECKS.values() for finding in check(judged))

@@ -3,7 +3,6 @@
 A module holds a document's parts with their descriptions, what makes them of a result, and the
 notes on them.
 
-verdict_schemas       verdicts
 observability_report  what is determined of a team, and how well
 refinement_report     refinements
 plan_report           plans

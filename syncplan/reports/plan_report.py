@@ -21,6 +21,7 @@ from syncplan.estimation.filters import FilterName
 from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.orbits.circles import heading, position
 from syncplan.planning.flight_record import FlownPlan
+from syncplan.planning.judged_team import PlanVerdict
 from syncplan.planning.planner import Plan
 from syncplan.planning.start_up import StartTrials, StartUp
 from syncplan.reports.observability_report import (
@@ -30,7 +31,6 @@ from syncplan.reports.observability_report import (
     observability_of,
 )
 from syncplan.reports.refinement_report import RefinementResult, refinement_result
-from syncplan.reports.verdict_schemas import PlanVerdict, plan_verdict
 from syncplan.scenario.specification import Scenario
 
 
@@ -243,7 +243,7 @@ def plan_document(plan: Plan) -> PlanDocument:
     names, landmarks = plan.scenario.vehicle_names, plan.scenario.landmark_names
     return PlanDocument(
         version=__version__,
-        verdict=plan_verdict(verdict),
+        verdict=verdict,
         scenario=plan.scenario,
         period_s=plan.orbits.period,
         vehicles=_vehicles(plan, names),

@@ -12,7 +12,7 @@ import syncplan
 from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.planning.flight_checks import LEAST_KEPT, MOST_SATURATED, MOST_SHARE
 from syncplan.planning.flight_record import FlownPlan, MeetingsFlown, PhasesFlown
-from syncplan.planning.judged_team import Finding
+from syncplan.planning.judged_team import PlanFinding
 from syncplan.planning.planner import Plan
 
 GRID = "examples/scenarios/paper-grid-same.yaml"
@@ -61,7 +61,7 @@ def levels(plan: Plan, record: FlownPlan) -> dict[str, str]:
     return {one.code: one.level for one in found_of(plan, record)}
 
 
-def found_of(plan: Plan, record: FlownPlan) -> list[Finding]:
+def found_of(plan: Plan, record: FlownPlan) -> list[PlanFinding]:
     """The findings of a flight."""
     codes = ["lost-in-flight", "too-close-in-flight", "phase-not-kept", "meetings-missed"]
     codes.append("commands-saturated")

@@ -9,7 +9,7 @@ import pytest
 
 import syncplan
 from syncplan.planning.flight_record import FlownPlan
-from syncplan.planning.judged_team import Finding
+from syncplan.planning.judged_team import PlanFinding
 from syncplan.planning.path_checks import wind_made_up_for
 from syncplan.planning.planner import Plan, judge
 from tests.tools.scenarios import changed
@@ -30,7 +30,7 @@ def in_wind(plan: Plan, wind: dict[str, float], **keys: Any) -> Plan:
     return judge(scenario, plan.orbits, bound="never", single_points=False)
 
 
-def found(judged: Plan, code: str) -> list[Finding]:
+def found(judged: Plan, code: str) -> list[PlanFinding]:
     return [one for one in judged.verdict.findings if one.code == code]
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from syncplan.planning import start_up
-from syncplan.planning.judged_team import Finding
+from syncplan.planning.judged_team import PlanFinding
 from syncplan.planning.plan_files import loaded_from, plan_of
 from syncplan.planning.planner import Plan, plan
 from syncplan.planning.start_up import (
@@ -42,7 +42,7 @@ def uncertain() -> Plan:
     return plan(grid())
 
 
-def found(judged: Plan, code: str = "start-up") -> list[Finding]:
+def found(judged: Plan, code: str = "start-up") -> list[PlanFinding]:
     return [one for one in judged.verdict.findings if one.code == code]
 
 
