@@ -19,9 +19,6 @@ from syncplan.refinement.smooth_sightings import (
     sight_gap,
 )
 
-_Seen = tuple[ca.SX | None, ca.SX | None]
-"""How far targets are within the view, and sight lines clear of obstacles, where there are such."""
-
 
 def contacts_kept(
     problem: RefineProblem, circles: ca.MX, times: SampleTimes, width: float, safety: float
@@ -47,45 +44,21 @@ def contacts_kept(
         ]
         if kept[0, 1] < count:
             owners, function = kept, pair_contact(times, views, pieces)
-            inputs = [_pair_parameters(problem, kept, views), step]
+            own = (_observers(problem, vehicles, views) for vehicles in kept.T)
+            inputs = [*own, _shares(problem, kept), step]
             lower = np.log(needed + 1.0 / problem.sensors.every[kept].max(axis=1))
         else:
             owners, function = kept[:, :1], anchor_contact(times, views, pieces)
             places = problem.landmarks[kept[:, 1] - count].T / problem.scale
-            inputs = [places, _anchor_parameters(problem, kept[:, 0], views), step]
+            inputs = [places, _observers(problem, kept[:, 0], views), step]
             # counted at all samples: the fewest that hold so many at which the sensor is ready
             lower = np.log(needed * problem.sensors.every[kept[:, 0]] + 1.0)
         blocks.append(blocks_of(function, circles, owners, [*map(ca.DM, inputs)], lower, labels))
     return stacked_blocks(blocks, count)
 
 
-def _pair_parameters(problem: RefineProblem, pairs: Index, views: bool) -> Array:
-    """(6 or 10, e) parameters of `pair_contact`."""
-    sensors, senses = problem.sensors, problem.orbits.senses
-    a, b = pairs[:, 0], pairs[:, 1]
-    ranges = sensors.ranges / problem.scale
-    rows = [senses[a], senses[b], ranges[a], ranges[b], *_shares(problem, pairs)]
-    if views:
-        half, boresights = 0.5 * sensors.fields_of_view, sensors.boresights
-        half = np.where(half >= np.pi, ALL_ROUND, half)
-        rows += [half[a], half[b], boresights[a], boresights[b]]
-    return np.array(rows, dtype=float).reshape(len(rows), len(pairs))
-
-
-def _shares(problem: RefineProblem, pairs: Index) -> tuple[Array, Array]:
-    """Shares of both directions of sight in a contact: half each, or all for the longer range.
-
-    A sensor that is not ready at every sample makes the fewer sightings.
-    """
-    ranges, every = problem.sensors.ranges, problem.sensors.every
-    a, b = ranges[pairs[:, 0]], ranges[pairs[:, 1]]
-    alike = np.isclose(a, b)
-    shares = np.where(alike, 0.5, a > b), np.where(alike, 0.5, b > a)
-    return shares[0] / every[pairs[:, 0]], shares[1] / every[pairs[:, 1]]
-
-
-def _anchor_parameters(problem: RefineProblem, vehicles: Index, views: bool) -> Array:
-    """(2 or 4, k) parameters of `anchor_contact`."""
+def _observers(problem: RefineProblem, vehicles: Index, views: bool) -> Array:
+    """(2 or 4, e) senses, scaled ranges, and with `views` half views and boresights of vehicles."""
     sensors = problem.sensors
     rows = [problem.orbits.senses[vehicles], sensors.ranges[vehicles] / problem.scale]
     if views:
@@ -94,54 +67,56 @@ def _anchor_parameters(problem: RefineProblem, vehicles: Index, views: bool) -> 
     return np.array(rows, dtype=float).reshape(len(rows), len(vehicles))
 
 
+def _shares(problem: RefineProblem, pairs: Index) -> Array:
+    """(2, e) shares of both directions of sight: half each, or all for the longer range.
+
+    A sensor that is not ready at every sample makes the fewer sightings.
+    """
+    ranges, every = problem.sensors.ranges, problem.sensors.every
+    a, b = ranges[pairs[:, 0]], ranges[pairs[:, 1]]
+    alike = np.isclose(a, b)
+    return np.where(alike, 0.5, [a > b, b > a]) / every[pairs].T
+
+
 def pair_contact(
     times: SampleTimes, views: bool, pieces: tuple[ConvexPiece, ...] = ()
 ) -> ca.Function:
-    """Return the function (a, b, parameters, step) -> log samples in contact.
+    """Return the function (a, b, own_a, own_b, shares, step) -> log samples in contact.
 
-    `a`, `b` are circles (x, y, R, phi), scaled. Parameters are the senses of a and b, their ranges,
-    the shares of the two directions of sight in the contact, and with `views` the half views and
-    boresights of both in rad. `step` holds the step's width, as a share of the range, and the
-    margin by which contact stays within the range. Scaled `pieces` block sight.
+    `a`, `b` are circles (x, y, R, phi), scaled; `own_a`, `own_b` as `_observers` has them, and
+    `shares` of the two directions of sight in the contact as `_shares` has them. `step` holds the
+    step's width, as a share of the range, and the margin by which contact stays within the range.
+    Scaled `pieces` block sight.
     """
-    a, b = ca.SX.sym("a", 4), ca.SX.sym("b", 4)
-    parameters = ca.SX.sym("parameters", 10 if views else 6)
-    step = ca.SX.sym("step", 2)
-    sense_a, sense_b, range_a, range_b, share_a, share_b = ca.vertsplit(parameters[:6])
-    arm_a, arm_b = _arms(a, sense_a, times), _arms(b, sense_b, times)
+    circles = [ca.SX.sym(name, 4) for name in "ab"]
+    owns = [ca.SX.sym(f"own_{name}", 4 if views else 2) for name in "ab"]
+    shares, step = ca.SX.sym("shares", 2), ca.SX.sym("step", 2)
+    arm_a, arm_b = (_arms(one, own[0], times) for one, own in zip(circles, owns, strict=True))
+    a, b = circles
     q = ca.repmat(b[:2] - a[:2], 1, len(times.angles)) + arm_b - arm_a
-    squared = ca.sum1(q * q)
-    view_a = view_b = None
-    if views:
-        view_a = _view(arm_a, sense_a, q, parameters[6], parameters[8])
-        view_b = _view(arm_b, sense_b, -q, parameters[7], parameters[9])
     here = ca.repmat(a[:2], 1, len(times.angles)) + arm_a
-    gap = _gap(pieces, here, here + q)
-    one = _log_count(squared, range_a - step[1], (view_a, gap), step[0], times)
-    other = _log_count(squared, range_b - step[1], (view_b, gap), step[0], times)
-    contact = ca.logsumexp(ca.vertcat(one + ca.log(share_a), other + ca.log(share_b)))
-    return ca.Function("pair_contact", [a, b, parameters, step], [contact])
+    squared, gap = ca.sum1(q * q), _gap(pieces, here, here + q)
+    one = _log_count(arm_a, q, squared, gap, owns[0], step, times)
+    other = _log_count(arm_b, -q, squared, gap, owns[1], step, times)
+    contact = ca.logsumexp(ca.vertcat(one + ca.log(shares[0]), other + ca.log(shares[1])))
+    return ca.Function("pair_contact", [*circles, *owns, shares, step], [contact])
 
 
 def anchor_contact(
     times: SampleTimes, views: bool, pieces: tuple[ConvexPiece, ...] = ()
 ) -> ca.Function:
-    """Return the function (a, place, parameters, step) -> log samples in contact.
+    """Return the function (a, place, own, step) -> log samples in contact.
 
-    As `pair_contact` for a landmark at `place` (2,); parameters are a's sense and range, and with
-    `views` its half view and boresight.
+    As `pair_contact`, for a landmark at `place` (2,).
     """
     a, place = ca.SX.sym("a", 4), ca.SX.sym("place", 2)
-    parameters = ca.SX.sym("parameters", 4 if views else 2)
-    step = ca.SX.sym("step", 2)
-    sense, reach = parameters[0], parameters[1]
-    arm = _arms(a, sense, times)
+    own, step = ca.SX.sym("own", 4 if views else 2), ca.SX.sym("step", 2)
+    arm = _arms(a, own[0], times)
     q = ca.repmat(place - a[:2], 1, len(times.angles)) - arm
-    view = _view(arm, sense, q, parameters[2], parameters[3]) if views else None
     here = ca.repmat(a[:2], 1, len(times.angles)) + arm
     gap = _gap(pieces, here, here + q, to_landmark=True)
-    contact = _log_count(ca.sum1(q * q), reach - step[1], (view, gap), step[0], times)
-    return ca.Function("anchor_contact", [a, place, parameters, step], [contact])
+    contact = _log_count(arm, q, ca.sum1(q * q), gap, own, step, times)
+    return ca.Function("anchor_contact", [a, place, own, step], [contact])
 
 
 def _arms(circle: ca.SX, sense: ca.SX, times: SampleTimes) -> ca.SX:
@@ -172,25 +147,27 @@ def _gap(
     return sight_gap(pieces, ends, to_landmark=to_landmark)
 
 
-def _log_weight(squared: ca.SX, reach: ca.SX, seen: _Seen, width: ca.SX) -> ca.SX:
-    """Logarithm of a sighting's weight.
+def _log_count(
+    arms: ca.SX,
+    q: ca.SX,
+    squared: ca.SX,
+    gap: ca.SX | None,
+    own: ca.SX,
+    step: ca.SX,
+    times: SampleTimes,
+) -> ca.SX:
+    """Logarithm of the number of samples at which targets at q, (2, k), are in contact.
 
     The view's step is as wide in rad as the range's share, that of obstacles as wide as the range's
     own.
     """
+    reach, width = own[1] - step[1], step[0]
     log = _log_logistic((reach**2 - squared) / (2.0 * width * reach**2))
-    view, gap = seen
-    if view is not None:
-        log += _log_logistic(view / width)
-    return log if gap is None else log + _log_logistic(gap / (width * reach))
-
-
-def _log_count(
-    squared: ca.SX, reach: ca.SX, seen: _Seen, width: ca.SX, times: SampleTimes
-) -> ca.SX:
-    """Logarithm of the number of samples in contact."""
-    log = _log_weight(squared, reach, seen, width) + ca.DM(np.log(times.counts)).T
-    return ca.logsumexp(log.T)
+    if own.numel() > 2:
+        log += _log_logistic(_view(arms, own[0], q, own[2], own[3]) / width)
+    if gap is not None:
+        log += _log_logistic(gap / (width * reach))
+    return ca.logsumexp((log + ca.DM(np.log(times.counts)).T).T)
 
 
 def _log_logistic(x: ca.SX) -> ca.SX:
