@@ -104,18 +104,6 @@ def _input(error: InputError) -> FailedRequest:
     return FailedRequest(422, str(error), "invalid-input", errors=tuple(entries))
 
 
-def _no_solution(error: NoSolutionError) -> FailedRequest:
-    return FailedRequest(422, str(error), "no-solution", type=NO_SOLUTION, title="No solution")
-
-
-def _no_go(error: NoGoError) -> FailedRequest:
-    return FailedRequest(409, str(error), "no-go", type=NO_GO, title="No go")
-
-
-def _on_purpose(error: SyncplanError) -> FailedRequest:
-    return FailedRequest(500, str(error), "internal", logged=Logged.TRACE)
-
-
 def _invalid(error: RequestValidationError) -> FailedRequest:
     faults = error.errors()
     entries = tuple(_entry(fault) for fault in faults[:MOST_ERRORS])
@@ -157,10 +145,6 @@ def _http(error: HTTPException) -> FailedRequest:
     )
 
 
-def _gone(error: ClientDisconnect) -> FailedRequest:
-    return FailedRequest(400, "the client went away before its request was complete", "client-gone")
-
-
 def _database(error: DBAPIError) -> FailedRequest:
     state = getattr(error.orig, "sqlstate", None)
     if state == _DISK_FULL or "disk is full" in str(error.orig):
@@ -170,14 +154,6 @@ def _database(error: DBAPIError) -> FailedRequest:
     if isinstance(error, OperationalError | InterfaceError) or error.connection_invalidated:
         return _with_line(Unavailable(NO_DATABASE))
     return _unforeseen(error)
-
-
-def _no_connection(error: PoolTimeout) -> FailedRequest:
-    return _with_line(Unavailable(NO_DATABASE))
-
-
-def _no_memory(error: MemoryError) -> FailedRequest:
-    return _with_line(Unavailable(NO_MEMORY))
 
 
 def _system(error: OSError) -> FailedRequest:
@@ -204,15 +180,19 @@ def _named(error: ServiceError) -> str:
 TABLE: dict[type[Exception], Callable[[Any], FailedRequest]] = {
     ServiceError: _deliberate,
     InputError: _input,
-    NoGoError: _no_go,
-    NoSolutionError: _no_solution,
-    SyncplanError: _on_purpose,
+    NoGoError: lambda error: FailedRequest(409, str(error), "no-go", type=NO_GO, title="No go"),
+    NoSolutionError: lambda error: FailedRequest(
+        422, str(error), "no-solution", type=NO_SOLUTION, title="No solution"
+    ),
+    SyncplanError: lambda error: FailedRequest(500, str(error), "internal", logged=Logged.TRACE),
     RequestValidationError: _invalid,
     HTTPException: _http,
-    ClientDisconnect: _gone,
+    ClientDisconnect: lambda _: FailedRequest(
+        400, "the client went away before its request was complete", "client-gone"
+    ),
     DBAPIError: _database,
-    PoolTimeout: _no_connection,
-    MemoryError: _no_memory,
+    PoolTimeout: lambda _: _with_line(Unavailable(NO_DATABASE)),
+    MemoryError: lambda _: _with_line(Unavailable(NO_MEMORY)),
     OSError: _system,
     Exception: _unforeseen,
 }

@@ -7,7 +7,8 @@ of its status.
 import json
 import math
 import reprlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from http import HTTPStatus
 from typing import Any
 
@@ -263,10 +264,8 @@ def document_problems(app: FastAPI) -> None:
 
     The answer 422 that FastAPI documents on its own gives way to the problem that is sent.
     """
-    plain = app.openapi
 
-    def openapi() -> dict[str, Any]:
-        document = plain()
+    def change(document: dict[str, Any]) -> dict[str, Any]:
         schemas = document.setdefault("components", {}).setdefault("schemas", {})
         for name in ("HTTPValidationError", "ValidationError"):
             schemas.pop(name, None)
@@ -279,8 +278,14 @@ def document_problems(app: FastAPI) -> None:
                 _mend(operation.get("responses", {}))
         return document
 
+    extend_document(app, change)
+
+
+def extend_document(app: FastAPI, change: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
+    """Complete the OpenAPI document of `app`; it is made when it is first requested."""
+    plain = app.openapi
     # FastAPI's documented way to extend the document
-    setattr(app, "openapi", openapi)  # noqa: B010
+    setattr(app, "openapi", cache(lambda: change(plain())))  # noqa: B010
 
 
 def _mend(responses: dict[str, Any]) -> None:
