@@ -77,7 +77,7 @@ def _team() -> Team:
 
 def _with_errors(team: Team, names: tuple[str, ...]) -> Team:
     """The team with the errors named, which are states of its filter."""
-    from syncplan.orbits.error_states import ErrorSigmas
+    from syncplan.orbits.noise import ErrorSigmas
 
     sigmas = {"wind": 1.0, "speed_scale": 0.02, "turn_rate_bias": 0.005, "gust": 0.2}
     own = {key: sigma for key, sigma in sigmas.items() if key in names or f"{key}s" in names}

@@ -18,7 +18,7 @@ from syncplan.arrays import Array, Flags, Index
 from syncplan.observability.referred_rows import NEAREST
 from syncplan.refinement.nlp import CONTACT_SAMPLES
 from syncplan.refinement.problem import RefineProblem, Stage, samples_of
-from syncplan.refinement.smooth_team import sighted_pairs
+from syncplan.refinement.smooth_team import sighted_bodies
 
 __all__ = ["VectorisedTeam"]
 
@@ -116,9 +116,7 @@ class VectorisedTeam:
                 (problem.contact_span, min(stage.samples, CONTACT_SAMPLES)),
             )
         )
-        sighted = sighted_pairs(problem)
-        first, second = np.concatenate([sighted.pairs, sighted.anchors]).T
-        kept = np.concatenate([problem.pairs, problem.anchors])
+        first, second = sighted_bodies(problem).T
         unit = np.array([[scale], [scale], [scale], [1.0]])
         lower, upper = (problem.freedom.lower / unit, problem.freedom.upper / unit)
         free = problem.freedom.free.ravel(order="F")
@@ -131,8 +129,8 @@ class VectorisedTeam:
             upper=upper.ravel(order="F")[free],
             first=first,
             second=second,
-            kept_first=kept[:, 0],
-            kept_second=kept[:, 1],
+            kept_first=problem.kept[:, 0],
+            kept_second=problem.kept[:, 1],
             turned=np.array([np.cos(times.angles), np.sin(times.angles)]),
             contact_turned=np.array([np.cos(contact.angles), np.sin(contact.angles)]),
             shift=_SHIFT / sensors.bearing_sigmas[0] ** 2,
@@ -141,7 +139,7 @@ class VectorisedTeam:
             places=problem.landmarks / scale,
             reach=float(sensors.ranges[0]) / scale,
             kept_reach=_kept_reach(problem, stage)[:, None] / scale,
-            kept_samples=np.log(np.concatenate([problem.pair_samples, problem.anchor_samples])),
+            kept_samples=np.log(problem.kept_samples),
             gather=_gather(problem.orbits.count, first, second),
         )
 
@@ -197,7 +195,7 @@ def _kept_reach(problem: RefineProblem, stage: Stage) -> Array:
     """(c,) m within which contacts are kept."""
     reach = float(problem.sensors.ranges[0])
     safety = _SAFETY_WIDTHS * _CONTACT_WIDTH * stage.width * reach if stage.last else 0.0
-    return reach - np.concatenate([problem.pair_margins, problem.anchor_margins]) - safety
+    return reach - problem.kept_margins - safety
 
 
 def _gather(count: int, first: Index, second: Index) -> csr_array:

@@ -39,6 +39,7 @@ Packages, each using only those before it; each lists its modules
     results           what each result can be turned into: a file, a data frame, HTML
     recordings        what real robots recorded, read and checked
     scenario          what the user says, read and checked
+    documents         what all JSON documents share
     orbits            circles, contact windows, least distances, sightings
     synchronisation   senses and phases
     placement         centres, from links or from a gap

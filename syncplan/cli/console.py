@@ -13,8 +13,8 @@ from syncplan.errors import InputError
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from syncplan.documents import Document
     from syncplan.estimation.filter_options import FilterOptions
-    from syncplan.reports.document_base import Document
 
 PIPED_WIDTH = 160
 """Columns of tables that go to a file or another program, unless COLUMNS says otherwise."""

@@ -12,13 +12,13 @@ from rich.table import Table
 from syncplan.cli.fitted_tables import MOST_ROWS, FittedTable
 from syncplan.phrases import listed, percent
 from syncplan.placement.centers import Placement
+from syncplan.planning.flight_record import FlownPlan
+from syncplan.planning.judged_team import PlanVerdict
 from syncplan.planning.lost_parts import phrase_of
-from syncplan.reports.flown_plan_schemas import FlownPlan
 from syncplan.reports.loss_report import RemainingTeam, WhatIfDocument
 from syncplan.reports.plan_report import LandmarkLink, Link, PlanDocument, PredictedStateError
 from syncplan.reports.refinement_report import RefinementResult
 from syncplan.reports.sites_report import SitesDocument
-from syncplan.reports.verdict_schemas import PlanVerdict
 from syncplan.scenario.objectives import ROWS
 
 MOST_NAMED = 12

@@ -16,11 +16,11 @@ from syncplan.plotting.figure_style import COLUMN_PX, FigureStyle, Theme
 from syncplan.plotting.figure_table import FIGURES, IMAGE_FORMATS, SUBJECTS
 
 if TYPE_CHECKING:
+    from syncplan.planning.judged_team import PlanVerdict
     from syncplan.planning.planner import Plan
     from syncplan.plotting.canvas import Spec
     from syncplan.plotting.figures import Subject
     from syncplan.reports.refinement_report import RefinementResult
-    from syncplan.reports.verdict_schemas import PlanVerdict
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,7 +178,6 @@ def _targets(output: Path | None, ending: str, names: list[str]) -> list[Path | 
 def _subject(file: str, compare: str | None, max_vehicles: int | None) -> JudgedSubject:
     from syncplan.planning.plan_files import load, plan_of
     from syncplan.planning.planner import Plan
-    from syncplan.reports.verdict_schemas import plan_verdict
     from syncplan.scenario.models import MAX_VEHICLES
 
     most = max_vehicles or MAX_VEHICLES
@@ -190,7 +189,7 @@ def _subject(file: str, compare: str | None, max_vehicles: int | None) -> Judged
         after = plan_of(load(compare, max_vehicles=most))
     if isinstance(subject, Plan):
         plans = {"": subject} if after is None else {"before": subject, "after": after}
-        verdicts = {which: plan_verdict(one.verdict) for which, one in plans.items()}
+        verdicts = {which: one.verdict for which, one in plans.items()}
     else:
         verdict = getattr(subject, "verdict", None)
         verdicts = {} if verdict is None else {"": verdict}

@@ -7,10 +7,9 @@ import typer
 from syncplan.cli.console import say
 
 if TYPE_CHECKING:
-    from syncplan.planning.judged_team import Verdict
+    from syncplan.planning.judged_team import PlanVerdict
     from syncplan.planning.planner import Plan
     from syncplan.planning.variations import StressTest
-    from syncplan.reports.verdict_schemas import PlanVerdict
 
 NOT_MET = 3
 
@@ -57,6 +56,6 @@ def say_verdict(verdict: "PlanVerdict", which: str = "") -> None:
     say(f"{which}: {_in_one_line(verdict)}" if which else _in_one_line(verdict))
 
 
-def _in_one_line(verdict: "Verdict | PlanVerdict") -> str:
+def _in_one_line(verdict: "PlanVerdict") -> str:
     codes = ", ".join(dict.fromkeys(one.code for one in verdict.stops))
     return f"{verdict.headline}: {codes}" if codes else verdict.headline

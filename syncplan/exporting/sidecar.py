@@ -12,14 +12,14 @@ import numpy as np
 from pydantic import Field
 
 from syncplan.arrays import Array
+from syncplan.documents import DocumentPart, Point, VersionedDocument, Window
 from syncplan.exporting.exported_files import ExportedFile, Written
 from syncplan.exporting.mission_routes import ACCELERATION
 from syncplan.exporting.scheduled_plan import ScheduledPlan, moment, places_of, start_of
 from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.orbits.circles import heading, position
 from syncplan.orbits.contacts import reachable_pairs
-from syncplan.reports.document_base import DocumentPart, Point, VersionedDocument, Window
-from syncplan.reports.verdict_schemas import PlanVerdict, plan_verdict
+from syncplan.planning.judged_team import PlanVerdict
 from syncplan.runtime.files import as_text
 from syncplan.scenario.models import GeoOrigin
 from syncplan.synchronisation.contact_tables import separation_tolerances
@@ -281,7 +281,7 @@ def sync_document(flown: ScheduledPlan, format_: str, written: Written) -> SyncD
         version=__version__,
         name=plan.scenario.name,
         format=format_,
-        verdict=plan_verdict(plan.verdict),
+        verdict=plan.verdict,
         start_time=None if start is None else moment(start, 0.0),
         geo_origin=plan.scenario.geo_origin,
         period_s=plan.orbits.period,
@@ -360,8 +360,8 @@ def _found_in_flight(
 ) -> dict[str, tuple[tuple[float, float], tuple[float, float]]]:
     """Of each vehicle that was flown: phase errors in s, RMS and worst; speeds in m/s it needed."""
     flight = flown.plan.flight
-    vehicles = () if flight is None else flight.vehicles
-    return {one.name: ((one.phase_rms, one.phase_worst), one.speeds) for one in vehicles}
+    vehicles = [] if flight is None else flight.vehicles
+    return {one.name: ((one.phase_rms_s, one.phase_worst_s), one.speed_mps) for one in vehicles}
 
 
 def _meetings_of(flown: ScheduledPlan, k: int) -> list[LinkVerdict]:

@@ -20,7 +20,7 @@ from syncplan.flight.flight_results import FlightResult, joined_flights
 from syncplan.flight.flights import fly_trials
 from syncplan.flight.flown_team import FlownTeam, team_in_flight
 from syncplan.orbits.contacts import find_windows
-from syncplan.planning.flight_record import FlightRecord, FlownPairRecord, FlownVehicleRecord
+from syncplan.planning.flight_record import FlownPlan, MeetingsFlown, PhasesFlown
 from syncplan.planning.judged_team import expected_in_world
 from syncplan.planning.plan_files import PlanSubject, in_world, planned
 from syncplan.planning.planner import Plan, bound_is_affordable
@@ -133,48 +133,50 @@ class Flight(Result):
         return replace(self.run.plan, flight=self.record)
 
     @property
-    def record(self) -> FlightRecord:
+    def record(self) -> FlownPlan:
         """What a plan's verdict takes into account."""
         figures, asked = self.result.figures, self.run.limits.separation
         apart, options = figures.separations, self.run.options
         known = bool(np.isfinite(apart).all())
-        return FlightRecord(
+        return FlownPlan(
             trials=self.result.trials,
             seed=self.result.estimates.seed,
-            duration=self.run.duration,
+            duration_s=self.run.duration,
             guidance=options.guidance,
             filter=options.filter,
-            events=tuple(self.run.happenings),
-            lost_share=float(self.filter_lost.mean()),
+            events=list(self.run.happenings),
+            filter_lost_share=float(self.filter_lost.mean()),
             out_of_contact_share=float(self.out_of_contact.mean()),
-            separations=(float(np.median(apart)), float(apart.min())) if known else None,
+            least_separation_m=(float(np.median(apart)), float(apart.min())) if known else None,
             too_close_share=float(np.mean(apart < asked)) if known and asked > 0.0 else None,
-            vehicles=tuple(self._flown(k) for k in np.flatnonzero(self.there).tolist()),
-            pairs=self._pairs,
+            vehicles=[self._flown(k) for k in np.flatnonzero(self.there).tolist()],
+            meetings_kept=self._pairs,
             saturated_share=float(figures.saturated.mean()),
         )
 
     @property
-    def _pairs(self) -> tuple[FlownPairRecord, ...]:
+    def _pairs(self) -> list[MeetingsFlown]:
         scenario, figures = self.run.plan.scenario, self.result.figures
         names = [*scenario.vehicle_names, *scenario.landmark_names]
         planned, kept = figures.planned_meetings.tolist(), figures.kept_meetings.mean(axis=0)
-        return tuple(
-            FlownPairRecord((names[a], names[b]), times, float(kept[k] / times))
+        return [
+            MeetingsFlown(
+                between=(names[a], names[b]), meetings=times, kept_share=float(kept[k] / times)
+            )
             for k, ((a, b), times) in enumerate(
                 zip(self.meetings.pairs.tolist(), planned, strict=True)
             )
             if times
-        )
+        ]
 
-    def _flown(self, k: int) -> FlownVehicleRecord:
+    def _flown(self, k: int) -> PhasesFlown:
         figures = self.result.figures
-        return FlownVehicleRecord(
+        return PhasesFlown(
             name=self.run.plan.scenario.vehicle_names[k],
-            phase_rms=float(np.sqrt(figures.phase_squares[:, k].mean())),
-            phase_worst=float(figures.worst_phases[:, k].max()),
-            tracking_rms=float(np.sqrt(figures.tracking_squares[:, k].mean())),
-            speeds=(float(figures.slowest[:, k].min()), float(figures.fastest[:, k].max())),
+            phase_rms_s=float(np.sqrt(figures.phase_squares[:, k].mean())),
+            phase_worst_s=float(figures.worst_phases[:, k].max()),
+            tracking_rms_m=float(np.sqrt(figures.tracking_squares[:, k].mean())),
+            speed_mps=(float(figures.slowest[:, k].min()), float(figures.fastest[:, k].max())),
         )
 
     @property

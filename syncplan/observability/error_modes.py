@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import qr, solve_triangular
@@ -14,6 +13,7 @@ from syncplan.observability.rank import (
     Assessment,
     Observability,
     decomposed,
+    equal_runs,
     matrix_rank,
     rank_gap,
 )
@@ -148,8 +148,7 @@ def _blocks(rows: WideRows, sightings: Sightings) -> Iterator[tuple[Index, Array
     low = np.minimum(sightings.observers, sightings.targets)
     high = np.maximum(sightings.observers, sightings.targets)
     order = np.lexsort((high, low))
-    new = (np.diff(low[order], prepend=-1) != 0) | (np.diff(high[order], prepend=-1) != 0)
-    for begin, end in pairwise([*np.flatnonzero(new).tolist(), len(order)]):
+    for begin, end in equal_runs(low[order], high[order]):
         own = order[begin:end]
         columns, place = np.unique(rows.columns[own], return_inverse=True)
         block = np.zeros((len(own), len(columns)))

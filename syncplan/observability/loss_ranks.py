@@ -14,7 +14,6 @@ change with a vehicle's loss, which both bounds allow for.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -23,6 +22,7 @@ from syncplan.observability.rank import (
     RANK_TOLERANCE,
     Assessment,
     assess,
+    equal_runs,
     link_information,
     lone_rows,
     stacked_rows,
@@ -99,18 +99,16 @@ def decisive_losses(assessed: Assessment, losses: Sequence[Loss]) -> list[Loss]:
 
 def _directed_rows(assessed: Assessment) -> _Rows:
     sightings = assessed.sightings
-    rows = sighting_rows(assessed.team, sightings)
     order = np.lexsort((sightings.kinds, sightings.targets, sightings.observers))
     observers, targets = sightings.observers[order], sightings.targets[order]
     kinds = sightings.kinds[order]
-    rows = rows[order]
-    new = (np.diff(observers, prepend=-1) != 0) | (np.diff(targets, prepend=-1) != 0)
-    new |= np.diff(kinds, prepend=-1) != 0
-    first = np.flatnonzero(new)
+    rows = sighting_rows(assessed.team, sightings)[order]
+    runs = equal_runs(observers, targets, kinds)
     reduced = [
         rows[begin:end] if end - begin <= 6 else np.linalg.qr(rows[begin:end], mode="r")
-        for begin, end in pairwise([*first.tolist(), len(rows)])
+        for begin, end in runs
     ]
+    first = np.array([begin for begin, _ in runs], dtype=np.int64)
     number = [len(block) for block in reduced]
     return _Rows(
         np.concatenate(reduced),

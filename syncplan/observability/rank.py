@@ -169,21 +169,27 @@ class Observability:
         return float(self.singular_values[-1] ** 2) if self.observable else 0.0
 
 
-def pair_rows(team: Team, sightings: Sightings, scale: float | None = None) -> Iterator[PairRows]:
-    """Yield the rows of each pair that is sighted at least once, ordered by (a, b)."""
-    paired = of_targets(sightings.kinds)
-    if not paired.all():
-        sightings = sightings.only(paired)
-    rows = sighting_rows(team, sightings, scale)
-    swapped = (sightings.targets < team.count) & (sightings.targets < sightings.observers)
+def equal_runs(*keys: Index) -> list[tuple[int, int]]:
+    """Return begin and end of each run of neighbours whose keys (k,), 0 or more, are all equal."""
+    new = np.zeros(len(keys[0]), dtype=bool)
+    for key in keys:
+        new |= np.diff(key, prepend=-1) != 0
+    return list(pairwise([*np.flatnonzero(new).tolist(), len(new)]))
+
+
+def rows_by_pair(
+    rows: Array, observers: Index, targets: Index, steps: Index, count: int
+) -> Iterator[PairRows]:
+    """Yield the rows (s, 6) of each pair, ordered by (a, b) and by their steps (s,).
+
+    Rows have the observer's three columns, then the target's, of `count` vehicles.
+    """
+    swapped = (targets < count) & (targets < observers)
     rows = np.where(swapped[:, None], rows[:, [3, 4, 5, 0, 1, 2]], rows)
-    a = np.where(swapped, sightings.targets, sightings.observers)
-    b = np.where(swapped, sightings.observers, sightings.targets)
-    order = np.lexsort((sightings.steps, b, a))
-    a, b, rows, swapped = a[order], b[order], rows[order], swapped[order]
-    steps = sightings.steps[order]
-    first = np.flatnonzero((np.diff(a, prepend=-1) != 0) | (np.diff(b, prepend=-1) != 0))
-    for begin, end in pairwise([*first.tolist(), len(a)]):
+    a, b = np.where(swapped, targets, observers), np.where(swapped, observers, targets)
+    order = np.lexsort((steps, b, a))
+    a, b, rows, swapped, steps = a[order], b[order], rows[order], swapped[order], steps[order]
+    for begin, end in equal_runs(a, b):
         ways = swapped[begin:end]
         yield PairRows(
             a=int(a[begin]),
@@ -194,6 +200,21 @@ def pair_rows(team: Team, sightings: Sightings, scale: float | None = None) -> I
         )
 
 
+def pair_rows(team: Team, sightings: Sightings, scale: float | None = None) -> Iterator[PairRows]:
+    """Yield the rows of each pair that is sighted at least once, ordered by (a, b)."""
+    paired = of_targets(sightings.kinds)
+    if not paired.all():
+        sightings = sightings.only(paired)
+    rows = sighting_rows(team, sightings, scale)
+    return rows_by_pair(rows, sightings.observers, sightings.targets, sightings.steps, team.count)
+
+
+def link_of(pair: PairRows) -> LinkInformation:
+    """Return what the rows of a pair determine."""
+    _, values, directions = np.linalg.svd(pair.rows, full_matrices=False)
+    return LinkInformation(pair.a, pair.b, len(pair.rows), pair.one_way, values, directions)
+
+
 def link_information(
     team: Team, sightings: Sightings, scale: float | None = None
 ) -> list[LinkInformation]:
@@ -201,13 +222,7 @@ def link_information(
 
     Positions in mean radii, or in `scale` m: pass the same to `assess`.
     """
-    links = []
-    for pair in pair_rows(team, sightings, scale):
-        _, values, directions = np.linalg.svd(pair.rows, full_matrices=False)
-        links.append(
-            LinkInformation(pair.a, pair.b, len(pair.rows), pair.one_way, values, directions)
-        )
-    return links
+    return [link_of(pair) for pair in pair_rows(team, sightings, scale)]
 
 
 def lone_rows(team: Team, sightings: Sightings, scale: float | None = None) -> Array:

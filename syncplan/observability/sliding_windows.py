@@ -11,17 +11,17 @@ from motion capture tremble, and a tremble turns lines of sight that never turne
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
 from syncplan.arrays import Array, Index
 from syncplan.observability.rank import (
     Certificate,
-    LinkInformation,
     Observability,
     certify,
     judged_rank,
+    link_of,
+    rows_by_pair,
 )
 from syncplan.orbits.circles import perpendicular
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
@@ -91,7 +91,9 @@ def judged_windows(
     first = np.searchsorted(watched.times, begins, side="right").tolist()
     last = np.searchsorted(watched.times, ends, side="right").tolist()
     for k, (a, b) in enumerate(zip(first, last, strict=True)):
-        links = _links(watched, *placed(k, slice(a, b)), slice(a, b))
+        rows = _rows(watched, *placed(k, slice(a, b)), slice(a, b))
+        seen = watched.observers[a:b], watched.targets[a:b], np.arange(a, b)
+        links = [link_of(pair) for pair in rows_by_pair(rows, *seen, watched.count)]
         verdict = judged_rank(watched.count, links, watched.scale)
         certificate = certify(watched, verdict, links)
         yield SeenWindow(float(begins[k]), float(ends[k]), verdict, certificate)
@@ -101,29 +103,6 @@ def undetermined(verdict: Observability) -> list[int]:
     """Return the vehicles of which some coordinate is not determined."""
     parts = np.abs(verdict.null_space).reshape(len(verdict.null_space), -1, 3)
     return np.flatnonzero((parts > INVOLVED).any(axis=(0, 2))).tolist()
-
-
-def _links(watched: WatchedTeam, starts: Array, places: Array, of: slice) -> list[LinkInformation]:
-    """What each pair's sightings determine, ordered by (a, b)."""
-    o, t = watched.observers[of], watched.targets[of]
-    if not len(o):
-        return []
-    rows = _rows(watched, starts, places, of)
-    swapped = (t < watched.count) & (t < o)
-    rows = np.where(swapped[:, None], rows[:, [3, 4, 5, 0, 1, 2]], rows)
-    a, b = np.where(swapped, t, o), np.where(swapped, o, t)
-    order = np.lexsort((b, a))
-    a, b, rows, swapped = a[order], b[order], rows[order], swapped[order]
-    edges = np.flatnonzero((np.diff(a, prepend=-1) != 0) | (np.diff(b, prepend=-1) != 0))
-    links = []
-    for begin, end in pairwise([*edges.tolist(), len(a)]):
-        _, values, directions = np.linalg.svd(rows[begin:end], full_matrices=False)
-        ways = swapped[begin:end]
-        one_way = bool(ways.all() or not ways.any())
-        links.append(
-            LinkInformation(int(a[begin]), int(b[begin]), end - begin, one_way, values, directions)
-        )
-    return links
 
 
 def _rows(watched: WatchedTeam, starts: Array, places: Array, of: slice) -> Array:

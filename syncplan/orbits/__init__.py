@@ -1,11 +1,11 @@
 """Circles, and what follows from them exactly: contact windows, least distances, sightings.
 
 circles          positions, headings, transition of errors; paths as polynomials in time
-noise            of motion readings and of the start
-sensors          what each vehicle can see, and how it moves
+noise            of motion readings and of the start; errors that last
+sensors          what each vehicle can see
 sighting_kinds   the table of what sightings measure
-error_states     errors that last, and where the states of a team are
 team             orbits, landmarks, sensors and noise together, as a scenario has them
+error_states     errors that last, and where the states of a team are
 sight_lines      when obstacles stand between
 contacts         when who sees whom, and how near circles and vehicles come
 sightings        contact sampled at k Ts, and what losses leave of it

@@ -31,57 +31,12 @@ Source: integration of the unicycle model along a circle, differentiated.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Protocol
 
 import numpy as np
 
 from syncplan.arrays import Array, Index
 from syncplan.orbits.circles import Orbits, perpendicular, unit
-from syncplan.orbits.sensors import Sensors
-
-
-@dataclass(frozen=True, slots=True)
-class ErrorSigmas:
-    """Standard deviations of the errors that last; those of bearings stand in Sensors.
-
-    Attributes
-    ----------
-    wind : m/s, of each component of the common, constant wind
-    gust : m/s, of each component of a vehicle's gusts
-    gust_time : s, over which their correlation falls to 1/e
-    speed_scale : of the share by which speed readings are wrong
-    turn_rate_bias : rad/s
-    clock_offset : s, of a vehicle's stamps
-    estimated : names in ERROR_STATES that are states of the filter
-    """
-
-    wind: float = 0.0
-    gust: float = 0.0
-    gust_time: float = 10.0
-    speed_scale: float = 0.0
-    turn_rate_bias: float = 0.0
-    clock_offset: float = 0.0
-    estimated: tuple[str, ...] = ()
-
-
-NO_ERRORS = ErrorSigmas()
-"""Of vehicles whose readings have noise alone."""
-
-
-class Disturbed(Protocol):
-    """What has vehicles, sensors and lasting errors: a team."""
-
-    @property
-    def orbits(self) -> Orbits:
-        """Of the vehicles."""
-
-    @property
-    def sensors(self) -> Sensors:
-        """Of the vehicles."""
-
-    @property
-    def errors(self) -> ErrorSigmas:
-        """Of the vehicles."""
+from syncplan.orbits.team import Team
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,10 +60,10 @@ class ErrorState:
     unit: str
     axes: tuple[str, ...]
     common: bool
-    sigma: Callable[[Disturbed], Array]
+    sigma: Callable[[Team], Array]
     moves: Callable[[Orbits, Index, Array], Array]
     shifts: str = ""
-    times: Callable[[Disturbed], Array] | None = None
+    times: Callable[[Team], Array] | None = None
     drifts: bool = False
     delays: bool = False
 
@@ -177,7 +132,7 @@ class StateLayout:
 
 
 def layout_of(
-    team: Disturbed, names: Sequence[str] | None = None, *, filtered: Disturbed | None = None
+    team: Team, names: Sequence[str] | None = None, *, filtered: Team | None = None
 ) -> StateLayout:
     """Return where the states of a team are, those of the errors that its filter estimates.
 
@@ -242,18 +197,6 @@ def _no_closed_form(orbits: Orbits, vehicles: Index, times: Array) -> Array:
     raise TypeError("gusts are carried from sample to sample; they have no closed form")
 
 
-def _gust_times(team: Disturbed) -> Array:
-    return np.full(team.orbits.count, team.errors.gust_time)
-
-
-def _bearing_walk_sigmas(team: Disturbed) -> Array:
-    return team.sensors.bearing_walk_sigmas
-
-
-def _bearing_walk_times(team: Disturbed) -> Array:
-    return team.sensors.bearing_walk_times
-
-
 def _arms(orbits: Orbits, vehicles: Index, times: Array) -> tuple[Array, Array]:
     """(s, 2) m from the centre to the vehicle, at time 0 and at each of the times."""
     radii, phases = orbits.radii[vehicles][:, None], orbits.phases[vehicles]
@@ -261,15 +204,11 @@ def _arms(orbits: Orbits, vehicles: Index, times: Array) -> tuple[Array, Array]:
     return radii * unit(phases), radii * unit(turned)
 
 
-def _same(name: str) -> Callable[[Disturbed], Array]:
-    def sigma(team: Disturbed) -> Array:
+def _same(name: str) -> Callable[[Team], Array]:
+    def sigma(team: Team) -> Array:
         return np.full(team.orbits.count, float(getattr(team.errors, name)))
 
     return sigma
-
-
-def _bearing_bias_sigmas(team: Disturbed) -> Array:
-    return team.sensors.bearing_bias_sigmas
 
 
 _PLANE = ("x", "y")
@@ -282,7 +221,12 @@ ERROR_STATES: Mapping[str, ErrorState] = MappingProxyType(
             "rad/s", ("",), False, _same("turn_rate_bias"), _turn_rate_bias
         ),
         "bearing_bias": ErrorState(
-            "rad", ("",), False, _bearing_bias_sigmas, _still, shifts="bearing"
+            "rad",
+            ("",),
+            False,
+            lambda team: team.sensors.bearing_bias_sigmas,
+            _still,
+            shifts="bearing",
         ),
         "gusts": ErrorState(
             "m/s",
@@ -290,17 +234,17 @@ ERROR_STATES: Mapping[str, ErrorState] = MappingProxyType(
             False,
             _same("gust"),
             _no_closed_form,
-            times=_gust_times,
+            times=_same("gust_time"),
             drifts=True,
         ),
         "bearing_walk": ErrorState(
             "rad",
             ("",),
             False,
-            _bearing_walk_sigmas,
+            lambda team: team.sensors.bearing_walk_sigmas,
             _still,
             shifts="bearing",
-            times=_bearing_walk_times,
+            times=lambda team: team.sensors.bearing_walk_times,
         ),
         "clock_offset": ErrorState("s", ("",), False, _same("clock_offset"), _still, delays=True),
     }

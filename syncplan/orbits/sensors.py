@@ -1,4 +1,4 @@
-"""Sensors: what each vehicle can see, how often and how well, and how it moves."""
+"""Sensors: what each vehicle can see, how often and how well."""
 
 from dataclasses import dataclass, field, fields, replace
 

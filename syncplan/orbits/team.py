@@ -9,8 +9,7 @@ import numpy as np
 
 from syncplan.arrays import Array, Index, short_repr
 from syncplan.orbits.circles import Orbits
-from syncplan.orbits.error_states import NO_ERRORS, ErrorSigmas
-from syncplan.orbits.noise import Noise
+from syncplan.orbits.noise import NO_ERRORS, ErrorSigmas, Noise
 from syncplan.orbits.sensors import Sensors
 from syncplan.scenario.disturbances import Wind
 from syncplan.scenario.specification import Scenario, per_vehicle

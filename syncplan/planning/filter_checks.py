@@ -6,12 +6,12 @@ import numpy as np
 
 from syncplan.estimation.filters import FILTERS
 from syncplan.phrases import listed
-from syncplan.planning.judged_team import MOST_NAMED, Cure, Finding, JudgedTeam
+from syncplan.planning.judged_team import MOST_NAMED, FindingCure, JudgedTeam, PlanFinding
 from syncplan.planning.start_up import (
     CLEARING_INDEX,
     SAFE_RATIO,
     UNCLEARED_FILTER,
-    StartBefore,
+    InputStart,
     StartTrials,
     StartUp,
 )
@@ -25,7 +25,7 @@ WORSE_START = 1.1
 """Times the input's ratio from which on a refined plan's counts as worse."""
 
 
-def start_up(judged: JudgedTeam) -> Iterator[Finding]:
+def start_up(judged: JudgedTeam) -> Iterator[PlanFinding]:
     """Yield the finding that trials miss the predicted error, or do not show whether they do."""
     found = judged.start_up
     if found is None or found.cleared:
@@ -33,31 +33,31 @@ def start_up(judged: JudgedTeam) -> Iterator[Finding]:
     why = f"start-up index {found.index.value:.3g}, at most {CLEARING_INDEX:g} is clear"
     if found.trials is None:
         if found.untried:
-            yield Finding(
+            yield PlanFinding.of(
                 "start-up",
                 "note",
                 f"whether the filter ({found.filter}) reaches the bound was not tried: "
                 f"{found.untried}; {why}",
-                cure=Cure("validate the plan"),
+                cure=FindingCure.of("validate the plan"),
             )
         return
     ratios = found.trials.ratios
     late = np.flatnonzero(ratios > SAFE_RATIO)
     if not len(late):
         if found.trials.pilot and judged.prediction.states:
-            yield Finding(
+            yield PlanFinding.of(
                 "start-up",
                 "note",
                 f"whether the filter ({found.filter}) reaches the bound with errors as states was "
                 "not tried: "
                 f"{_trials(found.trials)} left these errors out, and found no harm; {why}",
-                cure=Cure("validate the plan"),
+                cure=FindingCure.of("validate the plan"),
             )
         return
     names, noise = judged.scenario.vehicle_names, judged.noise
     worst = late[np.argsort(-ratios[late], kind="stable")]
     each = listed([_beside(found.trials, names, int(k)) for k in worst], MOST_LATE)
-    yield Finding(
+    yield PlanFinding.of(
         "start-up",
         "warning",
         f"from initial_sigma {noise.position_sigma:g} m and {noise.heading_sigma:g} rad the filter "
@@ -67,20 +67,20 @@ def start_up(judged: JudgedTeam) -> Iterator[Finding]:
     )
 
 
-def start_up_worse(judged: JudgedTeam) -> Iterator[Finding]:
+def start_up_worse(judged: JudgedTeam) -> Iterator[PlanFinding]:
     """Yield the finding that a refined plan starts worse than the plan it was made from."""
     record, after = judged.refinement, judged.start_up
     before = None if record is None or not record.improved else record.start_before
     if before is None or after is None or after.trials is None:
         return
     if after.worst_ratio > WORSE_START * before.worst_ratio:
-        yield Finding(
+        yield PlanFinding.of(
             "start-up-worse",
             "warning" if after.worst_ratio > SAFE_RATIO else "note",
             "refinement improved the bound, not the start: the worst vehicle's error in "
             f"{_trials(after.trials)} is {after.worst_ratio:.3g} times its prediction; "
             f"{_said(before)} before",
-            cure=Cure("a smaller initial_sigma, or the plan as it was"),
+            cure=FindingCure.of("a smaller initial_sigma, or the plan as it was"),
         )
 
 
@@ -89,7 +89,7 @@ def _trials(trials: StartTrials) -> str:
     return f"{number} over {trials.duration:.4g} s"
 
 
-def _said(before: StartBefore) -> str:
+def _said(before: InputStart) -> str:
     if before.cleared:
         return f"the index cleared it, at {before.index:.3g},"
     return f"it was {before.worst_ratio:.3g}"
@@ -102,14 +102,14 @@ def _beside(trials: StartTrials, names: list[str], k: int) -> str:
     return f"{names[k]} off by {trials.found[k]:.3g} m ({predicted})"
 
 
-def _cure(found: StartUp) -> Cure:
+def _cure(found: StartUp) -> FindingCure:
     better = found.clearing
     finder = "" if FILTERS[found.filter].finds_start else f"the {UNCLEARED_FILTER} filter, or "
     if better is None:
-        return Cure(
+        return FindingCure.of(
             f"{finder}a better known start, landmarks in sight of it, or more distance to them"
         )
-    return Cure(
+    return FindingCure.of(
         f"{finder}a start known to {better.position:g} m and {better.heading:g} rad, "
         "which the index clears",
         {
@@ -132,16 +132,16 @@ _LEAST = 1e-300
 """m: a prediction of nothing but 0 still has a ratio."""
 
 
-def not_estimated(judged: JudgedTeam) -> Iterator[Finding]:
+def not_estimated(judged: JudgedTeam) -> Iterator[PlanFinding]:
     """Yield the finding that the filter leaves out errors which the scenario states."""
     neglect, predicted = judged.prediction.neglect, judged.prediction.rms
     if neglect is None or predicted is None:
         return
     what = listed([name.replace("_", " ") for name in neglect.names], len(neglect.names))
-    cure = Cure("estimate them as states", {"filter.estimate": "auto"})
+    cure = FindingCure.of("estimate them as states", {"filter.estimate": "auto"})
     if neglect.expected is None:
         message = f"the filter does not estimate {what}; what that costs could not be computed"
-        yield Finding("not-estimated", "warning", message, cure=cure)
+        yield PlanFinding.of("not-estimated", "warning", message, cure=cure)
         return
     ratios = neglect.expected / np.maximum(predicted, _LEAST)
     worse = np.argsort(-ratios, kind="stable")[: int(np.sum(ratios > WORTH_A_WARNING))].tolist()
@@ -149,10 +149,10 @@ def not_estimated(judged: JudgedTeam) -> Iterator[Finding]:
     if not worse:
         more = f"{WORTH_A_WARNING - 1.0:.0%}"
         message = f"the filter does not estimate {what}; no vehicle's error grows by over {more}"
-        yield Finding("not-estimated", "note", message)
+        yield PlanFinding.of("not-estimated", "note", message)
         return
     each = [f"{names[k]} by {neglect.expected[k]:.3g} m, not {predicted[k]:.3g} m" for k in worse]
-    yield Finding(
+    yield PlanFinding.of(
         "not-estimated",
         "warning",
         f"the filter does not estimate {what} and is off by more than it predicts: "
@@ -162,19 +162,19 @@ def not_estimated(judged: JudgedTeam) -> Iterator[Finding]:
     )
 
 
-def expected_worse(judged: JudgedTeam) -> Iterator[Finding]:
+def expected_worse(judged: JudgedTeam) -> Iterator[PlanFinding]:
     """Yield the finding that refinement made worse what is to be expected of the filter."""
     record, neglect = judged.refinement, judged.prediction.neglect
     before = None if record is None or not record.improved else record.expected_before
     after = None if neglect is None else neglect.expected_of_all
     if before is None or after is None or after <= WORSE_EXPECTED * before:
         return
-    yield Finding(
+    yield PlanFinding.of(
         "expected-worse",
         "warning",
         "refinement counted only what the filter estimates; with the errors that it leaves out, "
         f"the RMS error to be expected of all vehicles rose from {before:.3g} m to {after:.3g} m",
-        cure=Cure(
+        cure=FindingCure.of(
             "estimate them as states, which refinement then counts, or keep the plan as it was",
             {"filter.estimate": "auto"},
         ),

@@ -15,8 +15,8 @@ from syncplan.orbits.contacts import pairs_nearer_than
 from syncplan.orbits.error_states import ERROR_STATES, layout_of
 from syncplan.orbits.sightings import Loss, remainder_of
 from syncplan.phrases import joined, listed, percent
-from syncplan.planning.flight_record import FlightRecord
-from syncplan.planning.judged_team import MOST_NAMED, Cure, Finding, JudgedTeam, Level
+from syncplan.planning.flight_record import FlownPlan
+from syncplan.planning.judged_team import MOST_NAMED, FindingCure, JudgedTeam, Level, PlanFinding
 from syncplan.runtime.numerics import single_threaded_blas
 
 # --- links that the team needs --------------------------------------------------------------------
@@ -78,7 +78,7 @@ SIGMAS = 2.0
 _FLY = "fly the plan (fly, plan --fly), which shows how often it goes wrong"
 
 
-def start_uncertain(judged: JudgedTeam) -> Iterator[Finding]:
+def start_uncertain(judged: JudgedTeam) -> Iterator[PlanFinding]:
     """Yield the finding that vehicles may start nearer to each other than the plan has them.
 
     Each starts off its place by the initial sigma, and until it sees something the error of its
@@ -94,18 +94,18 @@ def start_uncertain(judged: JudgedTeam) -> Iterator[Finding]:
     room = nearest.distance - judged.scenario.separation
     if apart > max(room, 0.0):
         names = tuple(judged.scenario.vehicle_names[k] for k in pair)
-        yield Finding(
+        yield PlanFinding.of(
             "start-uncertain",
             "warning",
             f"from initial_sigma {noise.position_sigma:g} m and {noise.heading_sigma:g} rad places "
             f"relative to each other are off by {apart:.3g} m (sigma) before anything is seen; "
             f"{names[0]} and {names[1]} have {_room(judged, room)}",
             names,
-            Cure(f"a better known start, or more separation; {_FLY}"),
+            FindingCure.of(f"a better known start, or more separation; {_FLY}"),
         )
 
 
-def separation_uncertain(judged: JudgedTeam) -> Iterator[Finding]:
+def separation_uncertain(judged: JudgedTeam) -> Iterator[PlanFinding]:
     """Yield the finding that predicted errors may bring vehicles nearer than they may come."""
     errors = _coordinate_errors(judged)
     if errors is None or judged.approach is None:
@@ -122,17 +122,17 @@ def separation_uncertain(judged: JudgedTeam) -> Iterator[Finding]:
             f"{a} and {b} off by {apart:.3g} m with {_room(judged, room)}"
             for (a, b), apart, room in found
         ]
-        yield Finding(
+        yield PlanFinding.of(
             "separation-uncertain",
             "warning",
             "predicted errors (sigma) leave vehicles little room to each other: "
             f"{listed(each, MOST_NAMED)}",
             tuple(dict.fromkeys(name for pair, *_ in found for name in pair)),
-            Cure(f"circles further apart, or smaller errors; {_FLY}"),
+            FindingCure.of(f"circles further apart, or smaller errors; {_FLY}"),
         )
 
 
-def meetings_uncertain(judged: JudgedTeam) -> Iterator[Finding]:
+def meetings_uncertain(judged: JudgedTeam) -> Iterator[PlanFinding]:
     """Yield the finding that predicted errors may end meetings without which a team is lost."""
     errors = _coordinate_errors(judged)
     if errors is None:
@@ -146,13 +146,13 @@ def meetings_uncertain(judged: JudgedTeam) -> Iterator[Finding]:
     if unsure and without_links(judged, [(a, b) for _, a, b in unsure]).needed:
         names = [*judged.scenario.vehicle_names, *judged.scenario.landmark_names]
         each = [f"{names[a]}-{names[b]} by {share:.3g} sigma" for share, a, b in unsure]
-        yield Finding(
+        yield PlanFinding.of(
             "meetings-uncertain",
             "warning",
             "the team is lost without meetings that predicted errors may end, of place or of "
             f"phase: {listed(each, MOST_NAMED)}",
             tuple(dict.fromkeys(names[k] for _, *pair in unsure for k in pair)),
-            Cure(
+            FindingCure.of(
                 f"meetings that are further within range, further links or smaller errors; {_FLY}"
             ),
         )
@@ -215,17 +215,17 @@ LOOKS_FOR_ITS_START, KEEPS_APART, OPEN_LOOP = "robust", "mpc", "none"
 """The filter and the guidances that cures name."""
 
 
-def lost_in_flight(judged: JudgedTeam) -> Iterator[Finding]:
+def lost_in_flight(judged: JudgedTeam) -> Iterator[PlanFinding]:
     """Yield the findings that filters were lost, or vehicles out of contact, in some trials."""
     flight = judged.flight
     if flight is None:
         return
-    if flight.lost_share > 0.0:
+    if flight.filter_lost_share > 0.0:
         states = layout_of(judged.team).names
-        yield Finding(
+        yield PlanFinding.of(
             "lost-in-flight",
-            _level(flight.lost_share),
-            f"the filter was lost in {percent(flight.lost_share)} of {_flown(flight)}: some "
+            _level(flight.filter_lost_share),
+            f"the filter was lost in {percent(flight.filter_lost_share)} of {_flown(flight)}: some "
             "vehicle's error was over 5 times the bound along its path",
             cure=_cure(
                 ("filter.kind robust", flight.filter != LOOKS_FOR_ITS_START),
@@ -234,26 +234,27 @@ def lost_in_flight(judged: JudgedTeam) -> Iterator[Finding]:
             ),
         )
     if flight.out_of_contact_share > 0.0:
-        yield Finding(
+        yield PlanFinding.of(
             "lost-in-flight",
             _level(flight.out_of_contact_share),
             f"a vehicle was out of contact for over two periods in "
             f"{percent(flight.out_of_contact_share)} of {_flown(flight)}",
-            cure=Cure("meetings that are further within range, or further links"),
+            cure=FindingCure.of("meetings that are further within range, or further links"),
         )
 
 
-def too_close_in_flight(judged: JudgedTeam) -> Iterator[Finding]:
+def too_close_in_flight(judged: JudgedTeam) -> Iterator[PlanFinding]:
     """Yield the finding that vehicles came nearer than they may in some trials."""
     flight = judged.flight
-    if flight is None or flight.separations is None or not flight.too_close_share:
+    if flight is None or flight.least_separation_m is None or not flight.too_close_share:
         return
-    yield Finding(
+    yield PlanFinding.of(
         "too-close-in-flight",
         _level(flight.too_close_share),
         f"vehicles came nearer than min_separation_m {judged.scenario.separation:g} in "
-        f"{percent(flight.too_close_share)} of {_flown(flight)}: {flight.separations[1]:.3g} m "
-        f"in the worst, {flight.separations[0]:.3g} m in the median one",
+        f"{percent(flight.too_close_share)} of {_flown(flight)}: "
+        f"{flight.least_separation_m[1]:.3g} m "
+        f"in the worst, {flight.least_separation_m[0]:.3g} m in the median one",
         cure=_cure(
             ("move the circles apart", True),
             ("know the start better", True),
@@ -262,7 +263,7 @@ def too_close_in_flight(judged: JudgedTeam) -> Iterator[Finding]:
     )
 
 
-def phase_not_kept(judged: JudgedTeam) -> Iterator[Finding]:
+def phase_not_kept(judged: JudgedTeam) -> Iterator[PlanFinding]:
     """Yield the finding that vehicles stray from their phases by more than they may.
 
     Allowed is the tolerance of a vehicle's meetings, and at most half of what a phase that is quite
@@ -276,18 +277,18 @@ def phase_not_kept(judged: JudgedTeam) -> Iterator[Finding]:
     off = [
         one
         for one in flight.vehicles
-        if PHASE_SIGMAS * one.phase_rms > allowed.get(one.name, math.inf)
+        if PHASE_SIGMAS * one.phase_rms_s > allowed.get(one.name, math.inf)
     ]
     if off:
-        off.sort(key=lambda one: allowed[one.name] / one.phase_rms)
+        off.sort(key=lambda one: allowed[one.name] / one.phase_rms_s)
         each = [
-            f"{one.name} {one.phase_rms:.3g} s, {allowed[one.name]:.3g} s allowed" for one in off
+            f"{one.name} {one.phase_rms_s:.3g} s, {allowed[one.name]:.3g} s allowed" for one in off
         ]
-        gone = any(one.phase_rms > allowed[one.name] for one in off)
-        random = any(one.phase_rms > _largest_phase(judged) for one in off)
-        slipped = _slipped(judged, {one.name: one.phase_rms for one in off})
+        gone = any(one.phase_rms_s > allowed[one.name] for one in off)
+        random = any(one.phase_rms_s > _largest_phase(judged) for one in off)
+        slipped = _slipped(judged, {one.name: one.phase_rms_s for one in off})
         needed, without = _without(judged, slipped)
-        yield Finding(
+        yield PlanFinding.of(
             "phase-not-kept",
             "stop" if random or needed else "warning",
             f"phases stray (RMS) by more than {'' if gone else 'half of '}what is allowed in "
@@ -297,7 +298,7 @@ def phase_not_kept(judged: JudgedTeam) -> Iterator[Finding]:
         )
 
 
-def meetings_missed(judged: JudgedTeam) -> Iterator[Finding]:
+def meetings_missed(judged: JudgedTeam) -> Iterator[PlanFinding]:
     """Yield the finding that pairs miss meetings that the plan's figures rest on.
 
     It stops the flight where pairs keep less than LEAST_KEPT of what they would on the circles, and
@@ -313,7 +314,7 @@ def meetings_missed(judged: JudgedTeam) -> Iterator[Finding]:
     }
     missed = sorted(
         (one.kept_share / expected[one.between], one.between, one.kept_share)
-        for one in flight.pairs
+        for one in flight.meetings_kept
         if one.kept_share < (1.0 - MOST_SHARE) * expected.get(one.between, 0.0)
     )
     if missed:
@@ -322,7 +323,7 @@ def meetings_missed(judged: JudgedTeam) -> Iterator[Finding]:
         lacking = gone or [pair for _, pair, _ in missed]
         needed, without = _without(judged, [(numbers[a], numbers[b]) for a, b in lacking])
         each = [f"{'-'.join(between)} keeps {percent(kept)}" for _, between, kept in missed]
-        yield Finding(
+        yield PlanFinding.of(
             "meetings-missed",
             "stop" if gone and needed else "warning",
             f"meetings that the plan's figures rest on are missed in {_flown(flight)}: "
@@ -332,17 +333,17 @@ def meetings_missed(judged: JudgedTeam) -> Iterator[Finding]:
         )
 
 
-def commands_saturated(judged: JudgedTeam) -> Iterator[Finding]:
+def commands_saturated(judged: JudgedTeam) -> Iterator[PlanFinding]:
     """Yield the finding that vehicles were at a limit for much of the time."""
     flight = judged.flight
     if flight is None or flight.saturated_share is None or flight.saturated_share <= MOST_SATURATED:
         return
-    yield Finding(
+    yield PlanFinding.of(
         "commands-saturated",
         "warning",
         f"commands were at a limit of speed or turn rate for {percent(flight.saturated_share)} of "
         f"the time in {_flown(flight)}: vehicles could not do what their guidance asked",
-        cure=Cure("larger limits, slower or larger circles, or less wind"),
+        cure=FindingCure.of("larger limits, slower or larger circles, or less wind"),
     )
 
 
@@ -403,7 +404,7 @@ def _expected_share(judged: JudgedTeam, link: LinkVerdict) -> float:
     return max(shares)
 
 
-def _steering_cure(flight: FlightRecord) -> Cure:
+def _steering_cure(flight: FlownPlan) -> FindingCure:
     return _cure(
         ("steer by the estimates (guidance track or mpc)", flight.guidance == OPEN_LOOP),
         ("meetings that are further within range", True),
@@ -411,18 +412,18 @@ def _steering_cure(flight: FlightRecord) -> Cure:
     )
 
 
-def _cure(*ways: tuple[str, bool]) -> Cure:
+def _cure(*ways: tuple[str, bool]) -> FindingCure:
     """What would help, of ways each with whether it is still to be tried."""
     *first, last = [text for text, untried in ways if untried]
-    return Cure(f"{', '.join(first)} or {last}" if first else last)
+    return FindingCure.of(f"{', '.join(first)} or {last}" if first else last)
 
 
 def _level(share: float) -> Level:
     return "stop" if share > MOST_SHARE else "warning"
 
 
-def _flown(flight: FlightRecord) -> str:
+def _flown(flight: FlownPlan) -> str:
     """How much was flown, with what happened on the way."""
     flights = "1 flight" if flight.trials == 1 else f"{flight.trials} flights"
     events = f" ({listed(flight.events, MOST_EVENTS)})" if flight.events else ""
-    return f"{flights} of {flight.duration:g} s{events}"
+    return f"{flights} of {flight.duration_s:g} s{events}"

@@ -1,73 +1,58 @@
-"""The record of a flight that a plan was given: what its verdict takes into account."""
+"""What flying has found of a plan: what its verdict takes into account, as its file holds it."""
 
-from dataclasses import dataclass
+from typing import ClassVar
+
+from pydantic import Field
+
+from syncplan.documents import Document, DocumentPart, Words
+from syncplan.scenario.quantities import Many
 
 
-@dataclass(frozen=True, slots=True)
-class FlownVehicleRecord:
-    """How one vehicle flew, over the second half of all trials.
-
-    Attributes
-    ----------
-    name : the vehicle's
-    phase_rms, phase_worst : s, ahead of the plan or behind it
-    tracking_rms : m, from the plan's place
-    speeds : m/s, least and largest airspeed that was commanded, once a steady state is reached,
-        holds apart
-    """
+class PhasesFlown(DocumentPart):
+    """How one vehicle flew, over the second half of all trials."""
 
     name: str
-    phase_rms: float
-    phase_worst: float
-    tracking_rms: float
-    speeds: tuple[float, float]
+    phase_rms_s: float = Field(description="Ahead of the plan, or behind it")
+    phase_worst_s: float = Field(description="In any trial")
+    tracking_rms_m: float = Field(description="From the plan's place")
+    speed_mps: tuple[float, float] = Field(
+        description="Least and largest airspeed that was commanded, once a steady state is "
+        "reached, holds apart: what it needs in the wind"
+    )
 
 
-@dataclass(frozen=True, slots=True)
-class FlownPairRecord:
-    """How many of their meetings in the plan two bodies kept.
-
-    Attributes
-    ----------
-    between : names, of a vehicle and a vehicle or landmark
-    meetings : in the plan, in a trial
-    kept_share : of all trials' meetings, those in which a sighting was made
-    """
+class MeetingsFlown(DocumentPart):
+    """Two that meet in the plan: vehicles, or a vehicle and a landmark."""
 
     between: tuple[str, str]
-    meetings: int
-    kept_share: float
+    meetings: int = Field(description="In the plan, in each trial")
+    kept_share: float = Field(description="In which a sighting was made, of all trials'")
 
 
-@dataclass(frozen=True, slots=True)
-class FlightRecord:
-    """What flying a plan has found.
+class FlownPlan(Document):
+    """What flying the plan has found; the circumstances are those of the scenario."""
 
-    Attributes
-    ----------
-    trials, seed : of the flight
-    duration : s
-    guidance, filter : by name
-    events : what happened on the way, in words; empty where nothing did
-    lost_share : of trials in which a filter was lost
-    out_of_contact_share : of trials in which a vehicle was out of contact
-    separations : m, closest approach of the median and of the worst trial; None for one vehicle
-    too_close_share : of trials below the separation asked; None where none is
-    vehicles : of those there to the end, in order
-    pairs : that meet in the plan; none in older files
-    saturated_share : of samples with a command at a limit; None in older files
-    """
+    left_out_if_none: ClassVar[frozenset[str]] = frozenset({"saturated_share"})
 
     trials: int
     seed: int
-    duration: float
+    duration_s: float
     guidance: str
     filter: str
-    events: tuple[str, ...]
-    lost_share: float
+    events: Many[Words] = Field(description="What happened on the way, in every trial")
+    filter_lost_share: float
     out_of_contact_share: float
-    separations: tuple[float, float] | None
-    too_close_share: float | None
-    vehicles: tuple[FlownVehicleRecord, ...]
-    pairs: tuple[FlownPairRecord, ...] = ()
-    saturated_share: float | None = None
+    least_separation_m: tuple[float, float] | None = Field(
+        description="Of the median and of the worst trial; null for a single vehicle"
+    )
+    too_close_share: float | None = Field(
+        description="Share of trials below min_separation_m; null where none is asked for"
+    )
+    vehicles: Many[PhasesFlown] = Field(description="Those that are there to the end")
+    meetings_kept: Many[MeetingsFlown] = Field(
+        default_factory=list, description="Of each pair that meets; empty in older files"
+    )
+    saturated_share: float | None = Field(
+        default=None,
+        description="Share of samples with a command at a limit; missing in older files",
+    )

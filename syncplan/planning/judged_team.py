@@ -1,12 +1,14 @@
 """A team on its orbits with all that was found of it: distances, predicted errors, findings."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Literal
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, Self
 
 import numpy as np
+from pydantic import Field
 
 from syncplan.arrays import Array
+from syncplan.documents import DocumentPart
 from syncplan.errors import NoSolutionError
 from syncplan.estimation.considered_errors import expected_errors, neglected_errors
 from syncplan.estimation.referred_system import PosteriorBound
@@ -19,7 +21,7 @@ from syncplan.orbits.error_states import layout_of
 from syncplan.orbits.sightings import Loss
 from syncplan.orbits.team import Team, WithTeam, true_team_of
 from syncplan.placement.centers import Placement
-from syncplan.planning.flight_record import FlightRecord
+from syncplan.planning.flight_record import FlownPlan
 from syncplan.planning.refinement_record import RefinementRecord
 from syncplan.planning.start_up import StartUp
 from syncplan.scenario.specification import Scenario
@@ -185,65 +187,67 @@ MOST_NAMED = 5
 counted."""
 
 
-@dataclass(frozen=True, slots=True)
-class Cure:
-    """What would remedy a finding.
-
-    Attributes
-    ----------
-    text : in words
-    change : scenario keys, dotted, with the values that cure it; empty where none is known
-    """
+class FindingCure(DocumentPart):
+    """What would remedy a finding."""
 
     text: str
-    change: Mapping[str, float | str] = field(default_factory=dict)
+    change: Mapping[str, float | str] = Field(
+        description="Keys of the scenario, dotted, with the values that cure it; empty where a "
+        "person has to choose"
+    )
+
+    @classmethod
+    def of(cls, text: str, change: Mapping[str, float | str] | None = None) -> Self:
+        """Return a cure in words, and the keys that cure it if there are any."""
+        return cls(text=text, change={} if change is None else change)
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """One thing found of a plan.
+class PlanFinding(DocumentPart):
+    """One thing that speaks against flying the plan, or has to be known of it."""
 
-    Attributes
-    ----------
-    code : stable word by which software knows the finding
-    level : stop, the plan is not to be flown; warning, it may fail; note
-    message : a sentence with its figures
-    subjects : names of the vehicles and landmarks concerned
-    cure : what would remedy it; None where nothing is to be remedied
-    """
-
-    code: str
+    code: str = Field(
+        description="Stable word by which software knows the finding", examples=["unobservable"]
+    )
     level: Level
     message: str
-    subjects: tuple[str, ...] = ()
-    cure: Cure | None = None
+    subjects: tuple[str, ...] = Field(description="Names of the vehicles and landmarks concerned")
+    cure: FindingCure | None
+
+    @classmethod
+    def of(
+        cls,
+        code: str,
+        level: Level,
+        message: str,
+        subjects: Iterable[str] = (),
+        cure: FindingCure | None = None,
+    ) -> Self:
+        """Return a finding with its figures in a sentence, and what would remedy it, if known."""
+        return cls(code=code, level=level, message=message, subjects=tuple(subjects), cure=cure)
 
 
-@dataclass(frozen=True, slots=True)
-class Verdict:
-    """All findings of a plan, in the order of the checks."""
+class PlanVerdict(DocumentPart):
+    """Whether the plan can be flown: go is false exactly where a finding is a stop."""
 
-    findings: tuple[Finding, ...]
+    go: bool
+    findings: tuple[PlanFinding, ...]
+
+    @classmethod
+    def of(cls, findings: Iterable[PlanFinding]) -> Self:
+        """Return the verdict on what was found, in the order of the checks."""
+        found = tuple(findings)
+        return cls(go=all(one.level != "stop" for one in found), findings=found)
 
     @property
-    def go(self) -> bool:
-        """Whether nothing found stops the flight."""
-        return not self.stops
-
-    @property
-    def stops(self) -> tuple[Finding, ...]:
+    def stops(self) -> tuple[PlanFinding, ...]:
         """The findings that stop the flight."""
         return tuple(one for one in self.findings if one.level == "stop")
 
     @property
     def headline(self) -> str:
         """GO, or NO-GO with the number of reasons."""
-        return headline_of(len(self.stops))
-
-
-def headline_of(stops: int) -> str:
-    """Return the first line on a plan with that many findings that stop the flight."""
-    return f"NO-GO: {stops} reason{'s' if stops > 1 else ''}" if stops else "GO"
+        stops = len(self.stops)
+        return f"NO-GO: {stops} reason{'s' if stops > 1 else ''}" if stops else "GO"
 
 
 # --- the team -------------------------------------------------------------------------------------
@@ -311,7 +315,7 @@ class JudgedTeam(WithTeam):
     placement: Placement | None = None
     centres_placed: bool = False
     start_up: StartUp | None = None
-    flight: FlightRecord | None = None
+    flight: FlownPlan | None = None
 
     @property
     def true_team(self) -> Team:

@@ -14,7 +14,7 @@ from syncplan.observability.error_modes import ErrorVerdict
 from syncplan.observability.rank import Assessment, assess_remainder, assess_team
 from syncplan.observability.unobservable_modes import UnobservableMode
 from syncplan.orbits.sightings import Loss, Remainder, remainder_of
-from syncplan.planning.judged_team import JudgedTeam, Prediction, Verdict
+from syncplan.planning.judged_team import JudgedTeam, PlanVerdict, Prediction
 from syncplan.planning.lost_parts import (
     lost_together,
     names_of,
@@ -57,7 +57,7 @@ class LossOutcome:
     error_verdict: ErrorVerdict | None
     predicted_rms: Array | None
     note: str
-    verdict: Verdict
+    verdict: PlanVerdict
 
     @property
     def observable(self) -> bool:

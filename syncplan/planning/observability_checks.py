@@ -8,7 +8,7 @@ from syncplan.observability.unobservable_modes import UnobservableMode
 from syncplan.orbits.sight_lines import hidden_landmarks, hidden_paths
 from syncplan.orbits.sightings import Loss
 from syncplan.phrases import listed
-from syncplan.planning.judged_team import MOST_NAMED, Cure, Finding, JudgedTeam, Level
+from syncplan.planning.judged_team import MOST_NAMED, FindingCure, JudgedTeam, Level, PlanFinding
 from syncplan.planning.lost_parts import names_of, phrase_of
 from syncplan.scenario.specification import per_vehicle
 
@@ -23,48 +23,50 @@ _ERRORS_ALONE: tuple[str, Level, str] = ("error-undetermined", "note", "the filt
 """Code, level and opening words of what errors leave open with poses, and without."""
 
 
-def unobservable(judged: JudgedTeam) -> Iterator[Finding]:
+def unobservable(judged: JudgedTeam) -> Iterator[PlanFinding]:
     """Yield a finding for each motion of the team that no sighting can detect."""
     names, rank = judged.scenario.vehicle_names, judged.observability
     window = f"rank {rank.rank} of {rank.state_dim} over {judged.scenario.window:.4g} s"
     for mode in judged.unobservable:
-        yield Finding(
+        yield PlanFinding.of(
             "unobservable",
             "stop",
             f"no sighting can detect a {mode.description}; {window}",
             tuple(names[k] for k in mode.vehicles),
-            Cure(mode.cure, _desynchronised(judged, mode)),
+            FindingCure.of(mode.cure, _desynchronised(judged, mode)),
         )
 
 
-def near_degenerate(judged: JudgedTeam) -> Iterator[Finding]:
+def near_degenerate(judged: JudgedTeam) -> Iterator[PlanFinding]:
     """Yield the finding that full rank is barely so."""
     condition = judged.observability.condition_number
     if judged.observability.observable and condition > LARGEST_CONDITION_NUMBER:
-        yield Finding(
+        yield PlanFinding.of(
             "near-degenerate",
             "warning",
             f"observable, but barely: the condition number of one window is {condition:.3g}, above "
             f"{LARGEST_CONDITION_NUMBER:g}",
-            cure=Cure("a small desynchronisation, unequal radii, a longer window, or refinement"),
+            cure=FindingCure.of(
+                "a small desynchronisation, unequal radii, a longer window, or refinement"
+            ),
         )
 
 
-def needs_prior(judged: JudgedTeam) -> Iterator[Finding]:
+def needs_prior(judged: JudgedTeam) -> Iterator[PlanFinding]:
     """Yield a finding for each way in which errors not determined take poses with them."""
     yield from _resting_on_priors(judged, poses=True)
 
 
-def error_undetermined(judged: JudgedTeam) -> Iterator[Finding]:
+def error_undetermined(judged: JudgedTeam) -> Iterator[PlanFinding]:
     """Yield a finding for each way in which errors are not determined, but poses are."""
     verdict = judged.error_verdict
     if verdict is not None and verdict.extended is None:
-        yield Finding(
+        yield PlanFinding.of(
             "error-undetermined",
             "note",
             f"not checked for {verdict.state_dim} states which errors one window determines: it "
             "takes long",
-            cure=Cure(
+            cure=FindingCure.of(
                 "a smaller team of the same pattern, or fewer errors in filter.estimate; in Python "
                 "syncplan.observability.error_modes.assess_extended has no limit"
             ),
@@ -72,7 +74,7 @@ def error_undetermined(judged: JudgedTeam) -> Iterator[Finding]:
     yield from _resting_on_priors(judged, poses=False)
 
 
-def _resting_on_priors(judged: JudgedTeam, *, poses: bool) -> Iterator[Finding]:
+def _resting_on_priors(judged: JudgedTeam, *, poses: bool) -> Iterator[PlanFinding]:
     """A finding for each way in which errors are not determined that moves poses, or does not."""
     verdict = judged.error_verdict
     if verdict is None or verdict.extended is None:
@@ -81,21 +83,21 @@ def _resting_on_priors(judged: JudgedTeam, *, poses: bool) -> Iterator[Finding]:
     rank = f"rank {verdict.extended.rank} of {verdict.state_dim} with errors as states"
     for mode in verdict.modes:
         if mode.moves_poses == poses:
-            yield Finding(
+            yield PlanFinding.of(
                 code,
                 level,
                 f"{rests} on what is known of errors beforehand: no sighting can detect "
                 f"{mode.description}; {rank}, over {judged.scenario.window:.4g} s",
                 tuple(judged.scenario.vehicle_names[k] for k in mode.vehicles),
-                Cure(mode.cure),
+                FindingCure.of(mode.cure),
             )
 
 
-def not_certified(judged: JudgedTeam) -> Iterator[Finding]:
+def not_certified(judged: JudgedTeam) -> Iterator[PlanFinding]:
     """Yield the finding that the rank decides alone, without the certificate."""
     if judged.observability.observable and not judged.certificate.holds:
         names = judged.scenario.vehicle_names
-        yield Finding(
+        yield PlanFinding.of(
             "not-certified",
             "note",
             "observable by rank, though the certificate (sufficient, not necessary) does not hold",
@@ -118,56 +120,58 @@ FRAGILE_SHARE = 0.01
 """Of a period: a link that a vehicle this late loses is fragile."""
 
 
-def lost_links(judged: JudgedTeam) -> Iterator[Finding]:
+def lost_links(judged: JudgedTeam) -> Iterator[PlanFinding]:
     """Yield the listed links that never come into contact."""
     names = judged.scenario.vehicle_names
     cure = "a longer range, nearer circles, or other phases"
     if judged.team.obstacles:
         cure += "; where sight is blocked, circles with nothing between them"
     for item in judged.dropped_links:
-        yield Finding(
+        yield PlanFinding.of(
             "link-lost",
             "warning",
             f"link {names[item.a]}-{names[item.b]} dropped: {item.reason}",
             (names[item.a], names[item.b]),
-            Cure(cure),
+            FindingCure.of(cure),
         )
 
 
-def landmarks_hidden(judged: JudgedTeam) -> Iterator[Finding]:
+def landmarks_hidden(judged: JudgedTeam) -> Iterator[PlanFinding]:
     """Yield the landmarks that lie within an obstacle."""
     names = judged.scenario.landmark_names
     for landmark, obstacle in hidden_landmarks(judged.team).items():
-        yield Finding(
+        yield PlanFinding.of(
             "landmark-hidden",
             "warning",
             f"{names[landmark]} lies within obstacles_m[{obstacle}], where nobody can see it",
             (names[landmark],),
-            Cure("move the landmark to the obstacle's outline or off it, or correct the outline"),
+            FindingCure.of(
+                "move the landmark to the obstacle's outline or off it, or correct the outline"
+            ),
         )
 
 
-def vehicles_hidden(judged: JudgedTeam) -> Iterator[Finding]:
+def vehicles_hidden(judged: JudgedTeam) -> Iterator[PlanFinding]:
     """Yield a finding for each obstacle within which vehicles fly all the way round."""
     hidden = hidden_paths(judged.team)
     for obstacle in sorted(set(hidden.values())):
         names = [
             judged.scenario.vehicle_names[k] for k, where in hidden.items() if where == obstacle
         ]
-        yield Finding(
+        yield PlanFinding.of(
             "vehicle-hidden",
             "warning",
             f"the whole path of {listed(names, MOST_NAMED)} lies within obstacles_m[{obstacle}], "
             "where nobody sees or is seen",
             tuple(names),
-            Cure(
+            FindingCure.of(
                 "leave out of obstacles_m what vehicles fly in; the border of the area is area_m, "
                 "and walls round it are thin polygons"
             ),
         )
 
 
-def fragile_links(judged: JudgedTeam) -> Iterator[Finding]:
+def fragile_links(judged: JudgedTeam) -> Iterator[PlanFinding]:
     """Yield one finding on all links that a small delay of one vehicle loses."""
     names, rate = judged.scenario.vehicle_names, judged.orbits.rate
     limit = FRAGILE_SHARE * judged.orbits.period
@@ -178,13 +182,13 @@ def fragile_links(judged: JudgedTeam) -> Iterator[Finding]:
     if not fragile:
         return
     each = [f"{names[item.a]}-{names[item.b]} by {item.tolerance / rate:.3g} s" for item in fragile]
-    yield Finding(
+    yield PlanFinding.of(
         "link-fragile",
         "warning",
         f"a vehicle that is late loses {listed(each, MOST_NAMED)}; less than {limit:.3g} s, 1 % of "
         "a period, is little to keep to",
         tuple(dict.fromkeys(names[k] for item in fragile for k in (item.a, item.b))),
-        Cure("a longer range, nearer circles, or refinement with a larger margin"),
+        FindingCure.of("a longer range, nearer circles, or refinement with a larger margin"),
     )
 
 
@@ -194,10 +198,10 @@ def fragile_links(judged: JudgedTeam) -> Iterator[Finding]:
 MOST_POINTS = 8
 
 
-def single_points_of_failure(judged: JudgedTeam) -> Iterator[Finding]:
+def single_points_of_failure(judged: JudgedTeam) -> Iterator[PlanFinding]:
     """Yield what, lost alone, ends observability."""
     if judged.single_points is None:
-        yield Finding(
+        yield PlanFinding.of(
             "single-point-of-failure",
             "note",
             f"not checked for {judged.team.count} vehicles which losses end observability; "
@@ -210,7 +214,7 @@ def single_points_of_failure(judged: JudgedTeam) -> Iterator[Finding]:
             (one.vehicles + one.sensors + tuple(k for _, k in one.kinds), one.landmarks)
             for one in judged.single_points
         ]
-        yield Finding(
+        yield PlanFinding.of(
             "single-point-of-failure",
             "note",
             _sentence(_phrases(judged, judged.single_points)),
@@ -220,7 +224,9 @@ def single_points_of_failure(judged: JudgedTeam) -> Iterator[Finding]:
                     + [landmarks[k] for _, places in lost for k in places]
                 )
             ),
-            Cure("another landmark in view, or further links; syncplan what-if says what is lost"),
+            FindingCure.of(
+                "another landmark in view, or further links; syncplan what-if says what is lost"
+            ),
         )
 
 

@@ -37,9 +37,9 @@ from syncplan.planning.judged_team import (
     TOLERANCE,
     DistanceLimit,
     JudgedTeam,
+    PlanVerdict,
     Prediction,
     UnmetLink,
-    Verdict,
     neglect_of,
     predicted_states,
     separation_limit,
@@ -62,7 +62,7 @@ from syncplan.synchronisation.sighted_phases import hidden_at_all_phases, obstac
 class Plan(Result, JudgedTeam):
     """Orbits with all that the exact code found of them; attributes are those of JudgedTeam."""
 
-    _verdict: Verdict | None = field(default=None, init=False, compare=False)
+    _verdict: PlanVerdict | None = field(default=None, init=False, compare=False)
 
     def __repr__(self) -> str:
         """Return one line: name, vehicles, rank, period."""
@@ -81,7 +81,7 @@ class Plan(Result, JudgedTeam):
         return self.observability.observable
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> PlanVerdict:
         """Whether the plan can be flown, with all that was found for and against it.
 
         Computed at the first access and kept.

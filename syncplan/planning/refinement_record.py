@@ -2,35 +2,27 @@
 
 from dataclasses import dataclass
 
-from syncplan.planning.start_up import StartBefore
+from pydantic import Field
+
+from syncplan.documents import DocumentPart, Words
+from syncplan.planning.start_up import InputStart
 from syncplan.scenario.models import RefineOptions
 from syncplan.scenario.objectives import Figures
 
 
-@dataclass(frozen=True, slots=True)
-class StartRecord:
-    """The result of one start of the solver.
+class StartResult(DocumentPart):
+    """The result of one start of the solver."""
 
-    Attributes
-    ----------
-    start : number, from 0: the plan itself, the rules desynchronised, random ones; then the same
-        again where the window bound had to become a constraint
-    status : IPOPT's
-    iterations : in all stages
-    violation, dual_residual : IPOPT's own residuals at the end, of scaled constraints
-    value : the exact objective of its best candidate; None if it had none
-    violations : constraints that the plan met and the candidate does not
-    unmet : constraints that the solver could not meet
-    """
-
-    start: int
-    status: str
+    start: int = Field(description="0: the plan; 1: the rules desynchronised; then random ones")
+    status: Words = Field(description="IPOPT's return status")
     iterations: int
-    violation: float
-    dual_residual: float
-    value: float | None
-    violations: tuple[str, ...]
-    unmet: tuple[str, ...]
+    constraint_violation: float | None = Field(description="At the end, as IPOPT scales it")
+    dual_infeasibility: float | None = Field(description="At the end, as IPOPT scales it")
+    value: float | None = Field(description="Exact objective of the best candidate")
+    violations: list[Words] = Field(
+        description="Constraints that the input met and the candidate violates"
+    )
+    unmet: list[Words] = Field(description="Constraints that the solver could not meet")
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +53,7 @@ class RefinementRecord:
     before: Figures
     after: Figures
     active: tuple[str, ...]
-    starts: tuple[StartRecord, ...]
-    start_before: StartBefore | None = None
+    starts: tuple[StartResult, ...]
+    start_before: InputStart | None = None
     expected_before: float | None = None
     cleared: bool = False

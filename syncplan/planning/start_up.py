@@ -5,11 +5,14 @@ filter runs unless another is asked for, and a pilot of a few trials of the filt
 shows what it makes of the plan, beside what the bound predicts.
 """
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from pydantic import Field
 
 from syncplan.arrays import Array
+from syncplan.documents import DocumentPart, finite_or_none
 from syncplan.errors import NoSolutionError
 from syncplan.estimation.bounds import posterior_bound
 from syncplan.estimation.filters import AUTO, FILTERS, FilterModel
@@ -18,7 +21,7 @@ from syncplan.estimation.pilot_readings import thinned
 from syncplan.estimation.referred_system import PosteriorBound
 from syncplan.estimation.start_up_index import StartUpIndex, first_samples
 from syncplan.orbits.contacts import Windows
-from syncplan.orbits.error_states import NO_ERRORS
+from syncplan.orbits.noise import NO_ERRORS
 from syncplan.orbits.team import Team
 
 CLEARING_INDEX = 0.45
@@ -76,23 +79,25 @@ class ClearingSigmas:
     heading: float
 
 
-@dataclass(frozen=True, slots=True)
-class StartBefore:
-    """How the plan starts that another was made from.
-
-    Attributes
-    ----------
-    index : its start-up index
-    worst_ratio : largest error over its prediction that trials found; 1 where none were needed
-    """
+class InputStart(DocumentPart):
+    """How the plan starts that was refined; see `start_up` of plans."""
 
     index: float
-    worst_ratio: float
+    worst_rms_over_predicted: float | None = Field(
+        description="Of the pilot's worst vehicle: 1 where the index cleared the plan, null where "
+        "a filter broke down"
+    )
 
     @property
     def cleared(self) -> bool:
         """Whether the index alone cleared the plan."""
         return self.index <= CLEARING_INDEX
+
+    @property
+    def worst_ratio(self) -> float:
+        """Largest error over its prediction that trials found; infinite where a filter failed."""
+        worst = self.worst_rms_over_predicted
+        return math.inf if worst is None else worst
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,11 +131,13 @@ class StartUp:
         return 1.0 if self.trials is None else float(self.trials.ratios.max())
 
     @property
-    def before(self) -> StartBefore | None:
+    def before(self) -> InputStart | None:
         """What is kept of it for a plan made from this one; None where nothing was tried."""
         if self.trials is None and not self.cleared:
             return None
-        return StartBefore(self.index.value, self.worst_ratio)
+        return InputStart(
+            index=self.index.value, worst_rms_over_predicted=finite_or_none(self.worst_ratio)
+        )
 
 
 def start_up_of(

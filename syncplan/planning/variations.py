@@ -12,7 +12,7 @@ from syncplan.estimation.filter_options import FilterOptions, options_with
 from syncplan.orbits.circles import position
 from syncplan.orbits.graphs import bottleneck
 from syncplan.phrases import listed
-from syncplan.planning.judged_team import MOST_NAMED, Cure, Finding
+from syncplan.planning.judged_team import MOST_NAMED, FindingCure, PlanFinding
 from syncplan.planning.plan_files import PlanSubject, in_world, planned
 from syncplan.planning.planner import Plan, plan
 from syncplan.planning.validation import (
@@ -221,7 +221,7 @@ class StressTest:
         return tuple(row for row in self.rows if row.harm > MOST_HARM)
 
     @property
-    def findings(self) -> tuple[Finding, ...]:
+    def findings(self) -> tuple[PlanFinding, ...]:
         """The finding that some world costs more than in proportion; none where none does."""
         if not self.fragile:
             return ()
@@ -230,8 +230,8 @@ class StressTest:
             f"stated values that are wrong cost over {MOST_HARM:g} times the error that they are "
             f"stated for: {listed(each, MOST_NAMED)}"
         )
-        cure = Cure("state sigmas as large as they may be, or estimate what is not")
-        return (Finding("not-robust", "warning", message, cure=cure),)
+        cure = FindingCure.of("state sigmas as large as they may be, or estimate what is not")
+        return (PlanFinding.of("not-robust", "warning", message, cure=cure),)
 
 
 def doubled_sigmas(scenario: Scenario) -> dict[str, dict[str, Any]]:
@@ -321,13 +321,9 @@ def stressed(
     found: list[Validation] = []
     for run in runs.values():
         before = len(found) * run.trials
-        done = None if progress is None else _later(progress, before)
+        done = _shifted(progress, before)
         found.append(conclude(run, [run_part(run, 0, run.trials, threads=threads, progress=done)]))
     return joined_worlds(list(runs), found)
-
-
-def _later(progress: Callable[[int], None], before: int) -> Callable[[int], None]:
-    return lambda trials: progress(before + trials)
 
 
 def _late(one: Validation) -> float:

@@ -3,16 +3,17 @@
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Annotated, Any, TypeVar
+from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from syncplan.arrays import as_pairs
+from syncplan.documents import Words
 from syncplan.orbits.team import Team
-from syncplan.planning.flight_record import FlightRecord, FlownPairRecord, FlownVehicleRecord
+from syncplan.planning.flight_record import FlownPlan
 from syncplan.planning.planner import Plan
-from syncplan.planning.refinement_record import RefinementRecord, StartRecord
-from syncplan.planning.start_up import StartBefore
+from syncplan.planning.refinement_record import RefinementRecord, StartResult
+from syncplan.planning.start_up import InputStart
 from syncplan.planning.verdict_checks import CENTRES_PLACED, CLEARED, PLACED
 from syncplan.scenario.objectives import FIGURES, OBJECTIVES, Figures
 from syncplan.scenario.quantities import Many
@@ -22,10 +23,6 @@ from syncplan.synchronisation.sighted_phases import attainable_contact
 SAME_ORBITS = 1e-4
 """Of the mean radius: links that come this near to what the file says are those it was written
 for."""
-
-Value = TypeVar("Value", float, str)
-
-Words = Annotated[str, Field(max_length=2000)]
 
 
 class _Read(BaseModel):
@@ -54,22 +51,6 @@ class _WrittenPhases(_Read):
     alternating_proven_largest: bool | None
 
 
-class _WrittenStart(_Read):
-    start: int
-    status: Words
-    iterations: int
-    constraint_violation: float | None
-    dual_infeasibility: float | None
-    value: float | None
-    violations: list[Words]
-    unmet: list[Words]
-
-
-class _WrittenInputStart(_Read):
-    index: float
-    worst_rms_over_predicted: float | None
-
-
 class _WrittenRefinement(_Read):
     objective: str
     improved: bool
@@ -78,39 +59,9 @@ class _WrittenRefinement(_Read):
     before: dict[str, bool | float | None]
     after: dict[str, bool | float | None]
     active_constraints: list[Words]
-    starts: list[_WrittenStart]
-    start_up_before: _WrittenInputStart | None = None
+    starts: list[StartResult]
+    start_up_before: InputStart | None = None
     expected_rms_before_m: float | None = None
-
-
-class _WrittenPhasesFlown(_Read):
-    name: str
-    phase_rms_s: float
-    phase_worst_s: float
-    tracking_rms_m: float
-    speed_mps: Annotated[list[float], Field(min_length=2, max_length=2)]
-
-
-class _WrittenMeetings(_Read):
-    between: Annotated[list[str], Field(min_length=2, max_length=2)]
-    meetings: int
-    kept_share: float
-
-
-class _WrittenFlight(_Read):
-    trials: int
-    seed: int
-    duration_s: float
-    guidance: str
-    filter: str
-    events: list[Words]
-    filter_lost_share: float
-    out_of_contact_share: float
-    least_separation_m: Annotated[list[float], Field(min_length=2, max_length=2)] | None
-    too_close_share: float | None
-    vehicles: Many[_WrittenPhasesFlown]
-    meetings_kept: Many[_WrittenMeetings] = Field(default_factory=list)
-    saturated_share: float | None = None
 
 
 class _WrittenFinding(_Read):
@@ -129,14 +80,14 @@ class WrittenRecord(_Read):
     synchronisation: _WrittenPhases
     refinement: _WrittenRefinement | None = None
     verdict: _WrittenVerdict | None = None
-    flight: _WrittenFlight | None = None
+    flight: FlownPlan | None = None
     notes: Many[Words] = Field(default_factory=list)
 
 
 def written_record(document: Mapping[str, Any]) -> WrittenRecord | None:
     """Return the record of a plan file, None where it has none that can be read."""
     try:
-        return WrittenRecord.model_validate(dict(document))
+        return WrittenRecord.model_validate(dict(document), extra="ignore")
     except (ValidationError, RecursionError):
         return None
 
@@ -161,7 +112,7 @@ def with_record(judged: Plan, record: WrittenRecord | None) -> Plan:
         ),
         refinement=_refinement(record.refinement, cleared=CLEARED in codes),
         centres_placed=CENTRES_PLACED in codes or PLACED in record.notes,
-        flight=None if record.flight is None else _flight(record.flight),
+        flight=record.flight,
     )
 
 
@@ -210,66 +161,11 @@ def _refinement(given: _WrittenRefinement | None, *, cleared: bool) -> Refinemen
         before=_figures(given.before),
         after=_figures(given.after),
         active=tuple(given.active_constraints),
-        starts=tuple(
-            StartRecord(
-                start=one.start,
-                status=one.status,
-                iterations=one.iterations,
-                violation=_number(one.constraint_violation),
-                dual_residual=_number(one.dual_infeasibility),
-                value=one.value,
-                violations=tuple(one.violations),
-                unmet=tuple(one.unmet),
-            )
-            for one in given.starts
-        ),
-        start_before=_start_before(given.start_up_before),
+        starts=tuple(given.starts),
+        start_before=given.start_up_before,
         expected_before=given.expected_rms_before_m,
         cleared=cleared,
     )
-
-
-def _flight(given: _WrittenFlight) -> FlightRecord:
-    return FlightRecord(
-        trials=given.trials,
-        seed=given.seed,
-        duration=given.duration_s,
-        guidance=given.guidance,
-        filter=given.filter,
-        events=tuple(given.events),
-        lost_share=given.filter_lost_share,
-        out_of_contact_share=given.out_of_contact_share,
-        separations=None if given.least_separation_m is None else _two(given.least_separation_m),
-        too_close_share=given.too_close_share,
-        vehicles=tuple(
-            FlownVehicleRecord(
-                one.name,
-                one.phase_rms_s,
-                one.phase_worst_s,
-                one.tracking_rms_m,
-                _two(one.speed_mps),
-            )
-            for one in given.vehicles
-        ),
-        pairs=tuple(
-            FlownPairRecord(_two(one.between), one.meetings, one.kept_share)
-            for one in given.meetings_kept
-        ),
-        saturated_share=given.saturated_share,
-    )
-
-
-def _two(values: list[Value]) -> tuple[Value, Value]:
-    first, second = values
-    return first, second
-
-
-def _start_before(given: _WrittenInputStart | None) -> StartBefore | None:
-    """How the input starts; a ratio that was not finite is infinite."""
-    if given is None:
-        return None
-    ratio = given.worst_rms_over_predicted
-    return StartBefore(given.index, math.inf if ratio is None else ratio)
 
 
 def _figures(values: Mapping[str, bool | float | None]) -> Figures:

@@ -4,12 +4,24 @@ ANEES and NIS are shown with their intervals, beside the share of errors within 
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from syncplan.estimation.consistency import TOLERANCE
 from syncplan.planning.planner import Plan
-from syncplan.plotting.canvas import Spec, axis, escaped, layout, message, numbers, panel_title
+from syncplan.plotting.canvas import (
+    Spec,
+    axis,
+    bar_marker,
+    escaped,
+    layout,
+    line_trace,
+    mark_trace,
+    message,
+    numbers,
+    panel_title,
+)
 from syncplan.plotting.figure_style import (
     BLUE,
     GREEN,
@@ -30,6 +42,7 @@ _LEAST_BAR_PX = 5.0
 
 _MARKS = {"predicted": "line-ew-open", "late": "circle", "whole": "circle-open"}
 _MARK_PX = 6
+_HOVER = "%{x}: %{y:.3g} m<extra></extra>"
 
 
 def prediction_spec(plan: Plan, style: FigureStyle) -> Spec:
@@ -40,7 +53,7 @@ def prediction_spec(plan: Plan, style: FigureStyle) -> Spec:
     traces = []
     if found.rms is not None:
         name = "posterior bound, second half of the run"
-        traces.append(bars("predicted", name, names, found.rms, BLUE, ""))
+        traces.append(bars("predicted", name, names, found.rms, BLUE))
     if found.steady is not None and np.isfinite(found.steady).any():
         traces.append(_marks("steady", "bound once periodic", names, found.steady, "diamond"))
     if np.isfinite(found.window).any():
@@ -72,7 +85,7 @@ def sigmas_spec(report: ReplayDocument, style: FigureStyle) -> Spec:
     last = [robot.final_sigma_m for robot in report.robots]
     whole = [robot.rms_sigma_m for robot in report.robots]
     traces = [
-        bars("late", "at the end", names, last, ORANGE, ""),
+        bars("late", "at the end", names, last, ORANGE),
         bars("whole", "RMS over the run", names, whole, SKY, "/"),
     ]
     title = f"{escaped(report.name)}: the filter's own sigmas"
@@ -116,7 +129,7 @@ def _found_traces(who: str, report: ValidationDocument | ReplayDocument) -> list
     late = [vehicle.rms_second_half_m for vehicle in report.vehicles]
     whole = [vehicle.rms_m for vehicle in report.vehicles]
     return [
-        bars("late", f"{who}, second half of the run", names, late, ORANGE, ""),
+        bars("late", f"{who}, second half of the run", names, late, ORANGE),
         bars("whole", f"{who}, whole run", names, whole, SKY, "/"),
     ]
 
@@ -127,39 +140,19 @@ def bars(
     vehicles: list[str],
     values: Sequence[float | None] | np.ndarray,
     color: str,
-    pattern: str,
+    pattern: str = "",
 ) -> Spec:
     """Return bars over vehicles (escaped names), distinguished by pattern as well as colour."""
-    marker: Spec = {"color": color, "line": {"color": INK, "width": 0.8}}
-    if pattern:
-        marker["pattern"] = {"shape": pattern, "fillmode": "replace", "size": 6}
-    return {
-        "type": "bar",
-        "uid": uid,
-        "name": name,
-        "x": vehicles,
-        "y": numbers(np.array(values, dtype=float), 6),
-        "marker": marker,
-        "hovertemplate": "%{x}: %{y:.3g} m<extra></extra>",
-    }
+    y = numbers(np.array(values, dtype=float), 6)
+    shown = {"type": "bar", "uid": uid, "name": name, "x": vehicles, "y": y}
+    return {**shown, "marker": bar_marker(color, pattern), "hovertemplate": _HOVER}
 
 
 def _marks(uid: str, name: str, vehicles: list[str], values: np.ndarray, symbol: str) -> Spec:
-    return {
-        "type": "scatter",
-        "uid": uid,
-        "name": name,
-        "mode": "markers",
-        "x": vehicles,
-        "y": numbers(values, 6),
-        "marker": {
-            "symbol": symbol,
-            "size": 12 if symbol == "diamond" else 22,
-            "color": GREEN if symbol == "diamond" else INK,
-            "line": {"width": 2.5, "color": INK},
-        },
-        "hovertemplate": "%{x}: %{y:.3g} m<extra></extra>",
-    }
+    size, color = (12, GREEN) if symbol == "diamond" else (22, INK)
+    line = {"width": 2.5, "color": INK}
+    marker = {"symbol": symbol, "size": size, "color": color, "line": line}
+    return mark_trace(uid, name, vehicles, numbers(values, 6), marker, _HOVER)
 
 
 def _drawn(
@@ -196,6 +189,8 @@ def _as_marks(trace: Spec) -> Spec:
         marker = {**marker, "line": {"width": 2, "color": color}}
     return {**trace, "type": "scatter", "mode": "markers", "marker": marker}
 
+
+# --- consistency --------------------------------------------------------------------------------
 
 IDEAL_COVERAGE = 0.9973
 """Probability that a normal error lies within three sigma."""
@@ -290,55 +285,37 @@ def _room(values: list[float]) -> list[float | None]:
 
 def _spread_traces(name: str, figure: Spread, suffix: str) -> list[Spec]:
     """The interval as a thick line, the value as a mark on it, beside the tolerated range."""
-    shared = {"type": "scatter", "xaxis": f"x{suffix}", "yaxis": f"y{suffix}"}
+    shown = {"xaxis": f"x{suffix}", "yaxis": f"y{suffix}", "showlegend": not suffix}
 
-    def trace(part: str, words: str, mode: str) -> Spec:
-        about = {"uid": f"{name}-{part}", "name": words, "legendgroup": part}
-        return {**shared, **about, "showlegend": not suffix, "mode": mode}
+    def line(part: str, words: str, x: list[Any], y: list[float], look: Spec, **more: Any) -> Spec:
+        return line_trace(f"{name}-{part}", words, x, y, look, **shown, legendgroup=part, **more)
 
-    ideal = {
-        **trace("ideal", "1: errors as large as the filter says", "lines"),
-        "x": [1, 1],
-        "y": [-0.8, 0.8],
-        "line": {"color": MUTED, "width": 1.5, "dash": "dash"},
-        "hoverinfo": "skip",
-    }
-    tolerated = {
-        **trace("tolerated", f"within {TOLERANCE:.0%} of 1: consistent", "lines"),
-        "x": [*_TOLERATED, *_TOLERATED[::-1], _TOLERATED[0]],
-        "y": [-0.8, -0.8, 0.8, 0.8, -0.8],
-        "fill": "toself",
-        "fillcolor": translucent(MUTED, 0.15),
-        "line": {"width": 0},
-        "hoverinfo": "skip",
-    }
-    if figure.value is None:
-        return [tolerated, ideal]
-    band = {
-        **trace("band", _band_name(figure), "lines"),
-        "x": numbers(figure.band or ()),
-        "y": [0, 0],
-        "line": {"color": SKY, "width": 16},
-        "hovertemplate": "%{x}<extra>end of the interval</extra>",
-    }
-    value = {
-        **trace("value", "found", "markers"),
-        "legendgroup": "found",
-        "x": [figure.value],
-        "y": [0],
-        "marker": {
+    edges = [*_TOLERATED, *_TOLERATED[::-1], _TOLERATED[0]]
+    filled = {"fill": "toself", "fillcolor": translucent(MUTED, 0.15)}
+    words = f"within {TOLERANCE:.0%} of 1: consistent"
+    traces = [line("tolerated", words, edges, [-0.8, -0.8, 0.8, 0.8, -0.8], {"width": 0}, **filled)]
+    if figure.value is not None and figure.band:
+        words = "95 % band" if figure.basis is None else "95 % interval"
+        look: Spec = {"color": SKY, "width": 16}
+        hover = "%{x}<extra>end of the interval</extra>"
+        ends = numbers(figure.band)
+        traces.append(line("band", words, ends, [0, 0], look, hovertemplate=hover))
+    look = {"color": MUTED, "width": 1.5, "dash": "dash"}
+    words = "1: errors as large as the filter says"
+    traces.append(line("ideal", words, [1, 1], [-0.8, 0.8], look))
+    if figure.value is not None:
+        marker = {
             "symbol": _SYMBOLS.get(figure.verdict, "circle"),
             "size": 14,
             "color": _COLOURS.get(figure.verdict, VERMILLION),
             "line": {"color": INK, "width": 1},
-        },
-        "hovertemplate": f"{name} %{{x}}, {figure.verdict}<extra></extra>",
-    }
-    return [tolerated, *([band] if figure.band else []), ideal, value]
-
-
-def _band_name(figure: Spread) -> str:
-    return "95 % band" if figure.basis is None else "95 % interval"
+        }
+        hover = f"{name} %{{x}}, {figure.verdict}<extra></extra>"
+        at, group = [figure.value], {"legendgroup": "found"}
+        traces.append(
+            mark_trace(f"{name}-value", "found", at, [0], marker, hover, **shown, **group)
+        )
+    return traces
 
 
 def _coverage_axes(covered: list[float], split: float) -> Spec:
@@ -356,26 +333,12 @@ def _coverage_axes(covered: list[float], split: float) -> Spec:
 
 
 def _coverage_traces(names: list[str], covered: list[float]) -> list[Spec]:
-    shared = {"type": "scatter", "xaxis": "x3", "yaxis": "y3"}
+    axes = {"xaxis": "x3", "yaxis": "y3"}
+    marker = {"symbol": "diamond", "size": 11, "color": BLUE}
+    hover = "%{x}: %{y:.2%}<extra></extra>"
+    y, ideal = numbers(covered, 6), [IDEAL_COVERAGE] * len(names)
+    line = {"color": MUTED, "width": 1.5, "dash": "dot"}
     return [
-        {
-            **shared,
-            "uid": "coverage",
-            "name": "share within 3 sigma",
-            "mode": "markers",
-            "x": names,
-            "y": numbers(covered, 6),
-            "marker": {"symbol": "diamond", "size": 11, "color": BLUE},
-            "hovertemplate": "%{x}: %{y:.2%}<extra></extra>",
-        },
-        {
-            **shared,
-            "uid": "coverage-ideal",
-            "name": "99.73 %, normal errors",
-            "mode": "lines",
-            "x": names,
-            "y": numbers(np.full(len(names), IDEAL_COVERAGE)),
-            "line": {"color": MUTED, "width": 1.5, "dash": "dot"},
-            "hoverinfo": "skip",
-        },
+        mark_trace("coverage", "share within 3 sigma", names, y, marker, hover, **axes),
+        line_trace("coverage-ideal", "99.73 %, normal errors", names, ideal, line, **axes),
     ]

@@ -17,7 +17,7 @@ legend, in columns
 
 import html
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -156,6 +156,71 @@ def message(title: str, text: str) -> Spec:
     }
     shown = layout(title, inner=160, below=10, xaxis=hidden, yaxis=hidden, annotations=[note])
     return {"data": [], "layout": shown}
+
+
+# --- traces -------------------------------------------------------------------------------------
+
+
+def line_trace(uid: str, name: str, x: Any, y: Any, line: Spec, **more: Any) -> Spec:
+    """Return a trace of lines that says nothing when pointed at, unless `more` makes it."""
+    said = {} if "hovertemplate" in more and "hoverinfo" not in more else {"hoverinfo": "skip"}
+    shown = {"type": "scatter", "uid": uid, "name": name, "mode": "lines", "x": x, "y": y}
+    return {**shown, "line": line, **said, **more}
+
+
+def mark_trace(
+    uid: str, name: str, x: Any, y: Any, marker: Spec, hover: str = "", **more: Any
+) -> Spec:
+    """Return a trace of marks; `hover` is Plotly's template of what they say when pointed at."""
+    said = {"hovertemplate": hover} if hover else {"hoverinfo": "skip"}
+    shown = {"type": "scatter", "uid": uid, "name": name, "mode": "markers", "x": x, "y": y}
+    return {**shown, "marker": marker, **more, **said}
+
+
+def bar_marker(color: str, pattern: str = "", *, edge_px: float = 0.8, size: int = 6) -> Spec:
+    """Return how bars look: edged, and hatched where there is a pattern."""
+    marker: Spec = {"color": color, "line": {"color": INK, "width": edge_px}}
+    if pattern:
+        marker["pattern"] = {"shape": pattern, "fillmode": "replace", "size": size}
+    return marker
+
+
+def row_bars(
+    uid: str, name: str, rows: Sequence[str], x: list[float | None], marker: Spec, **more: Any
+) -> Spec:
+    """Return lying bars, each as long as x in its row of a figure of rows."""
+    bars = {"type": "bar", "orientation": "h", "uid": uid, "name": name, "y": list(rows), "x": x}
+    return {**bars, "marker": marker, **more}
+
+
+def rows_spec(
+    title: str,
+    note: str,
+    rows: Sequence[str],
+    across: Spec,
+    traces: Sequence[Spec],
+    *,
+    row_px: int = 21,
+    gap: float = 0.25,
+) -> Spec:
+    """Return a figure of rows, the first on top, over the axis `across`; empty traces are left out.
+
+    Names of rows are escaped.
+    """
+    named: Spec = {"categoryorder": "array", "categoryarray": list(rows), "showgrid": False}
+    shown = layout(
+        title,
+        note=note,
+        inner=max(row_px * len(rows), 90),
+        barmode="overlay",
+        bargap=gap,
+        xaxis=across,
+        yaxis=axis(type="category", autorange="reversed", **named),
+    )
+    return {"data": [trace for trace in traces if trace["x"]], "layout": shown}
+
+
+# --- numbers and texts --------------------------------------------------------------------------
 
 
 def compass(heading: ArrayLike) -> list[float]:

@@ -12,6 +12,7 @@ from syncplan.plotting.canvas import (
     gapped,
     label,
     layout,
+    line_trace,
     message,
     numbers,
     panel_title,
@@ -23,7 +24,6 @@ from syncplan.plotting.maps import (
     MapView,
     area_traces,
     circle_points,
-    line_trace,
     sense_heads,
     view_of,
 )

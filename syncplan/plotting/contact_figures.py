@@ -7,6 +7,7 @@ sees at once stands in lanes of its row.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.observability.rank import DISTINCT_LANDMARKS, RANK_TOLERANCE
 from syncplan.orbits.graphs import disjoint_sets
 from syncplan.planning.planner import Plan
-from syncplan.plotting.canvas import Spec, axis, escaped, layout, numbers, panel_title
+from syncplan.plotting.canvas import Spec, axis, bar_marker, escaped, layout, numbers, panel_title
 from syncplan.plotting.figure_style import BLUE, INK, MUTED, PURPLE, VERMILLION, FigureStyle
 from syncplan.plotting.formation_figures import verdict_words
 from syncplan.plotting.links import Standing, body_names, grouped, hover
@@ -225,9 +226,6 @@ def _bars(lanes: list[Lane], names: list[str]) -> list[Spec]:
     traces = []
     for shown in dict.fromkeys(lane.sighting.shown for lane in lanes):
         drawn = [lane for lane in lanes if lane.sighting.shown == shown]
-        marker = {"color": shown.color, "line": {"color": INK, "width": 0.6}}
-        if shown.pattern:
-            marker["pattern"] = {"shape": shown.pattern, "fillmode": "replace", "size": 6}
         traces.append(
             {
                 "type": "bar",
@@ -238,7 +236,7 @@ def _bars(lanes: list[Lane], names: list[str]) -> list[Spec]:
                 "x": numbers([lane.end - lane.start for lane in drawn], 6),
                 "y": numbers([lane.at for lane in drawn], 4),
                 "width": numbers([lane.width for lane in drawn], 4),
-                "marker": marker,
+                "marker": bar_marker(shown.color, shown.pattern, edge_px=0.6),
                 "hovertext": [_window_words(lane, names) for lane in drawn],
                 "hoverinfo": "text",
                 "textposition": "none",
@@ -258,37 +256,25 @@ def _union_traces(plan: Plan) -> list[Spec]:
     times, groups, held = union_growth(plan)
     longest = max(plan.orbits.period, plan.connectivity_period or 0.0)
     at = numbers(np.append(times, longest), 6)
-    shared = {"type": "scatter", "mode": "lines", "xaxis": "x2", "yaxis": "y2"}
-    traces: list[Spec] = [
-        {
-            **shared,
-            "uid": "groups",
-            "name": "groups of vehicles not yet joined to each other",
-            "x": at,
-            "y": numbers(np.append(groups, groups[-1])),
-            "line": {"shape": "hv", "color": BLUE, "width": 2.5},
-        },
-        {
-            **shared,
-            "uid": "held",
-            "name": "vehicles in groups that have seen two landmarks",
-            "x": at,
-            "y": numbers(np.append(held, held[-1])),
-            "line": {"shape": "hv", "color": PURPLE, "width": 2.5, "dash": "dash"},
-        },
-    ]
-    if plan.connectivity_period is not None:
-        end = plan.connectivity_period
-        traces.append(
-            {
-                **shared,
-                "uid": "connectivity-period",
-                "name": f"connectivity period, {end:.4g} s",
-                "x": [end, end],
-                "y": [0, plan.orbits.count],
-                "line": {"color": INK, "width": 1.5, "dash": "dot"},
-            }
+
+    def line(uid: str, name: str, x: list[Any], y: list[Any], look: Spec) -> Spec:
+        shared = {"type": "scatter", "mode": "lines", "xaxis": "x2", "yaxis": "y2"}
+        return {**shared, "uid": uid, "name": name, "x": x, "y": y, "line": look}
+
+    joined, seen = (numbers(np.append(values, values[-1])) for values in (groups, held))
+    name = "groups of vehicles not yet joined to each other"
+    look: Spec = {"shape": "hv", "color": BLUE, "width": 2.5}
+    traces = [line("groups", name, at, joined, look)]
+    name = "vehicles in groups that have seen two landmarks"
+    look = {"shape": "hv", "color": PURPLE, "width": 2.5, "dash": "dash"}
+    traces.append(line("held", name, at, seen, look))
+    end = plan.connectivity_period
+    if end is not None:
+        name, look = (
+            f"connectivity period, {end:.4g} s",
+            {"color": INK, "width": 1.5, "dash": "dot"},
         )
+        traces.append(line("connectivity-period", name, [end, end], [0, plan.orbits.count], look))
     return traces
 
 

@@ -10,13 +10,22 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from importlib.resources import files
 from typing import Any
 
 from syncplan.errors import InputError, SyncplanError
+from syncplan.planning.judged_team import PlanVerdict
 from syncplan.plotting.canvas import CONFIG, Spec
 from syncplan.plotting.figure_style import DARK, PAPER, PLAIN, FigureStyle, Theme
 from syncplan.plotting.figure_table import FIGURES
-from syncplan.reports.verdict_schemas import PlanVerdict
+
+_PAGE_SIDES_PX = 48
+
+_POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
+    "img-src data: blob:; font-src data:"
+)
+"""Nothing is ever fetched: the browser itself refuses."""
 
 
 def figure_page(
@@ -54,7 +63,8 @@ def figure_page(
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <meta name="color-scheme" content="{scheme}">
 <title>{heading}</title>
-<style>{_STYLE}{width}</style>
+<style>
+{_beside("figure_page.css")}{width}</style>
 </head>
 <body>
 <header><h1>{heading}</h1>
@@ -67,7 +77,8 @@ def figure_page(
 {embedded("dark-colors", dict(DARK))}
 {embedded("plotly-config", dict(CONFIG))}
 <script>{plotly_script()}</script>
-<script>{_SCRIPT}</script>
+<script>
+{_beside("figure_page.js")}</script>
 </body>
 </html>
 """
@@ -124,170 +135,12 @@ def plotly_script() -> str:
     return script
 
 
-_PAGE_SIDES_PX = 48
+def _beside(name: str) -> str:
+    """The text of a file beside this module."""
+    return files(__package__).joinpath(name).read_text("utf-8")
 
-_POLICY = (
-    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
-    "img-src data: blob:; font-src data:"
-)
-"""Nothing is ever fetched: the browser itself refuses."""
 
-_STYLE = """
-:root { color-scheme: light dark; --paper: #ffffff; --ink: #1b1b1f; --link: #0061a8; }
-@media (prefers-color-scheme: dark) {
-  :root { --paper: #16161a; --ink: #ececf0; --link: #7cc0f0; }
-}
-:root[data-theme="light"] { color-scheme: light; --paper: #ffffff; --ink: #1b1b1f; }
-:root[data-theme="light"] { --link: #0061a8; }
-:root[data-theme="dark"] { color-scheme: dark; --paper: #16161a; --ink: #ececf0; }
-:root[data-theme="dark"] { --link: #7cc0f0; }
-body { margin: 0 auto; padding: 1rem 1.5rem 3rem; max-width: 68rem; background: var(--paper);
-  color: var(--ink); font: 16px/1.5 system-ui, -apple-system, "Segoe UI", "DejaVu Sans", Arial,
-  sans-serif; }
-h1 { font-size: 1.6rem; margin: 0.5rem 0; overflow-wrap: anywhere; }
-h2 { font-size: 1.2rem; margin: 2.2rem 0 0; }
-p { margin: 0.2rem 0 0.6rem; }
-nav a { margin-right: 1rem; }
-.findings { margin: 0 0 0.8rem; padding-left: 1.2rem; overflow-wrap: anywhere; }
-a { color: var(--link); }
-.player { display: flex; gap: 0.8rem; align-items: center; }
-.player input { flex: 1; }
-.player output { min-width: 7em; font-variant-numeric: tabular-nums; }
-.player button { font: inherit; min-width: 5em; padding: 0.2em 0.8em; }
-@media print {
-  :root, :root[data-theme] { --paper: #ffffff; --ink: #000000; }
-  body { max-width: none; padding: 0; }
-  nav, .player, .modebar { display: none; }
-  section { break-inside: avoid; }
-}
-"""
-
-_SCRIPT = """
-"use strict";
-const read = (id) => document.getElementById(id).textContent;
-const darkColors = JSON.parse(read("dark-colors"));
-const darkScheme = matchMedia("(prefers-color-scheme: dark)");
-const chosen = document.documentElement.dataset.theme;
-const isDark = () => (chosen ? chosen === "dark" : darkScheme.matches);
-const config = JSON.parse(read("plotly-config"));
-const printWidth = 700;
-const columnWidth = 600;
-const isNarrow = (div) => div.clientWidth < columnWidth;
-
-function parsed(id, dark) {
-  let text = read(id);
-  if (dark) {
-    for (const [light, other] of Object.entries(darkColors)) {
-      text = text.replaceAll('"' + light + '"', '"' + other + '"');
-    }
-  }
-  return JSON.parse(text);
-}
-
-function valuesOf(name, dark, narrow) {
-  const spec = parsed("values-" + name, dark);
-  if (narrow && document.getElementById("column-" + name)) {
-    Object.assign(spec, parsed("column-" + name, dark));
-  }
-  if (spec.frames) {
-    // the page has its own controls, which take the keyboard
-    delete spec.layout.updatemenus;
-    delete spec.layout.sliders;
-    spec.layout.height -= spec.layout.meta.controls_px;
-    spec.layout.margin.b -= spec.layout.meta.controls_px;
-  }
-  return spec;
-}
-
-function draw(div, dark, width) {
-  const spec = valuesOf(div.id.slice(5), dark, !width && isNarrow(div));
-  if (width) {
-    spec.layout.width = width;
-  }
-  Plotly.react(div, spec.data, spec.layout, config);
-}
-
-function player(div, spec) {
-  let known = null;
-  let dark = null;
-  const times = spec.layout.sliders[0].steps.map((step) => step.label);
-  const button = document.createElement("button");
-  const slider = document.createElement("input");
-  const output = document.createElement("output");
-  const bar = document.createElement("div");
-  bar.className = "player";
-  bar.append(button, slider, output);
-  div.after(bar);
-  button.type = "button";
-  slider.type = "range";
-  slider.min = 0;
-  slider.max = spec.frames.length - 1;
-  slider.value = 0;
-  slider.setAttribute("aria-label", "Time within the period");
-  let playing = false;
-  let timer = 0;
-  const show = (wanted) => {
-    const k = Number(slider.value);
-    output.textContent = times[k] + " s";
-    slider.setAttribute("aria-valuetext", times[k] + " seconds");
-    if (dark !== wanted) {
-      dark = wanted;
-      known = valuesOf(div.id.slice(5), dark, false);
-    }
-    const frame = known.frames[k];
-    const data = [...known.data];
-    frame.traces.forEach((n, i) => { data[n] = { ...data[n], ...frame.data[i] }; });
-    // the layout as it is keeps the reader's zoom
-    Plotly.react(div, data, div.layout, config);
-  };
-  const step = () => {
-    if (!playing) { return; }
-    slider.value = (Number(slider.value) + 1) % spec.frames.length;
-    show(isDark());
-    timer = setTimeout(step, 100);
-  };
-  const label = () => { button.textContent = playing ? "Pause" : "Play"; };
-  button.addEventListener("click", () => {
-    clearTimeout(timer);
-    playing = !playing;
-    label();
-    step();
-  });
-  slider.addEventListener("input", () => {
-    playing = false;
-    label();
-    show(isDark());
-  });
-  label();
-  output.textContent = times[0] + " s";
-  return show;
-}
-
-const shown = new Map();
-const plots = [...document.querySelectorAll(".plot")];
-for (const div of plots) {
-  draw(div, isDark());
-  const spec = JSON.parse(read("values-" + div.id.slice(5)));
-  if (spec.frames) { shown.set(div, player(div, spec)); }
-}
-function drawAll(dark, width) {
-  for (const div of plots) {
-    draw(div, dark, width);
-    shown.get(div)?.(dark);
-  }
-}
-darkScheme.addEventListener("change", () => drawAll(isDark()));
-let narrow = plots.some(isNarrow);
-addEventListener("resize", () => {
-  if (plots.some(isNarrow) !== narrow) {
-    narrow = !narrow;
-    drawAll(isDark());
-  }
-});
-addEventListener("beforeprint", () => drawAll(false, printWidth));
-addEventListener("afterprint", () => drawAll(isDark()));
-"""
-
+# --- images -------------------------------------------------------------------------------------
 
 _TIMEOUT_S = 90
 _PDF_DATE = re.compile(rb"D:\d{14}")

@@ -83,7 +83,7 @@ class Figure:
     sentence: str
     of: SubjectKind
     maker: str
-    takes: Callable[[FigureInput], tuple[Any, ...]] = _subject_alone
+    takes: Callable[[FigureInput], tuple[Any, ...]] = _subject_in_style
     part: str = ""
     there: Callable[[FigureInput], bool] | None = None
     why_not: str = ""
@@ -116,14 +116,12 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "landmarks; arrows show motions that no sighting can detect.",
             "plan",
             "formation_figures.formation_spec",
-            takes=_subject_in_style,
         ),
         "animation": Figure(
             "One period",
             "Where the vehicles are and who sees whom, through one period.",
             "plan",
             "formation_figures.animation_spec",
-            takes=_subject_in_style,
         ),
         "timeline": Figure(
             "Contacts",
@@ -131,20 +129,19 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "sightings connects as time goes on.",
             "plan",
             "contact_figures.timeline_spec",
-            takes=_subject_in_style,
         ),
         "spectrum": Figure(
             "Singular values",
             "Singular values of the windowed observability matrix; the rank rests on the gap.",
             "plan",
             "contact_figures.spectrum_spec",
+            takes=_subject_alone,
         ),
         "prediction": Figure(
             "Predicted error",
             "The least RMS position error that any unbiased filter can reach, vehicle by vehicle.",
             "plan",
             "accuracy_figures.prediction_spec",
-            takes=_subject_in_style,
         ),
         "refinement": Figure(
             "Refinement",
@@ -170,7 +167,6 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "RMS position errors of the filter, beside the predicted ones where these are known.",
             "run",
             "accuracy_figures.accuracy_spec",
-            takes=_subject_in_style,
             of_errors=True,
             why_not="the recording has no truth, so errors are not known",
         ),
@@ -179,7 +175,6 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "The filter's own position sigmas, where a recording has no truth.",
             "run",
             "accuracy_figures.sigmas_spec",
-            takes=_subject_in_style,
             there=lambda given: not given.subject.has_errors,
             why_not="errors are known",
         ),
@@ -188,7 +183,6 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "Errors in x, y and heading with the filter's own 3-sigma band.",
             "run",
             "series_figures.errors_spec",
-            takes=_subject_in_style,
             part="series",
             why_not="the report has no errors over time (--series keeps them where the truth is "
             "known)",
@@ -199,7 +193,6 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "has no truth.",
             "run",
             "series_figures.estimates_spec",
-            takes=_subject_in_style,
             part="estimates",
             why_not="the report has no estimates over time (--series keeps those of a recording "
             "without truth)",
@@ -210,7 +203,6 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "the filter's own sigma and the predicted error.",
             "run",
             "series_figures.states_spec",
-            takes=_subject_in_style,
             part="series.errors",
             why_not="the report has no errors of further states over time (--series keeps those "
             "that filter.estimate names)",
@@ -220,13 +212,13 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "Whether the filter's errors are as large as it says: ANEES, NIS, 3-sigma coverage.",
             "run",
             "accuracy_figures.consistency_spec",
-            takes=_subject_in_style,
         ),
         "stress": Figure(
             "Stress",
             "By how much the error grows in worlds that are worse than the scenario states.",
             "run",
             "study_figures.stress_spec",
+            takes=_subject_alone,
             part="stress",
             why_not="the report has no worse worlds (validate --stress adds them)",
         ),
@@ -236,7 +228,6 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "ellipses at moments over the run.",
             "flight",
             "flight_tracks_figure.flight_tracks_spec",
-            takes=_subject_in_style,
             part="series",
             why_not=_NO_SERIES,
         ),
@@ -246,7 +237,6 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "along the path, the filter's own sigma and the plan's prediction.",
             "flight",
             "flight_figures.flight_errors_spec",
-            takes=_subject_in_style,
             part="series",
             why_not=_NO_SERIES,
         ),
@@ -256,7 +246,6 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "may be.",
             "flight",
             "flight_figures.flight_phases_spec",
-            takes=_subject_in_style,
             part="series",
             why_not=_NO_SERIES,
         ),
@@ -266,18 +255,21 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "separation asked for and the plan's own.",
             "flight",
             "flight_figures.flight_separation_spec",
+            takes=_subject_alone,
         ),
         "meetings": Figure(
             "Meetings kept",
             "The share of planned meetings in which a sighting was made, link by link.",
             "flight",
             "flight_figures.flight_meetings_spec",
+            takes=_subject_alone,
         ),
         "events": Figure(
             "What was lost",
             "What was lost or held, and when.",
             "flight",
             "flight_figures.flight_events_spec",
+            takes=_subject_alone,
             part="events",
             why_not="nothing was lost (--lose) and no vehicle held (--hold)",
         ),
@@ -286,6 +278,7 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "Errors over the value that was varied.",
             "sweep",
             "study_figures.sweep_spec",
+            takes=_subject_alone,
         ),
         "losses": Figure(
             "Losses",
@@ -293,6 +286,7 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "losses end observability.",
             "losses",
             "study_figures.losses_spec",
+            takes=_subject_alone,
         ),
     }
 )

@@ -4,14 +4,26 @@ On axes of time a band stands for a vehicle that is held, a line for a loss.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.errors import InputError
-from syncplan.plotting.canvas import Spec, axis, escaped, layout, message, numbers
+from syncplan.plotting.canvas import (
+    Spec,
+    axis,
+    bar_marker,
+    escaped,
+    layout,
+    line_trace,
+    mark_trace,
+    message,
+    numbers,
+    row_bars,
+    rows_spec,
+)
 from syncplan.plotting.figure_style import (
     BLUE,
     GREEN,
@@ -23,7 +35,7 @@ from syncplan.plotting.figure_style import (
     FigureStyle,
     translucent,
 )
-from syncplan.plotting.series_figures import every_so_many, panels
+from syncplan.plotting.series_figures import every_so_many, panel_line, panels_spec
 from syncplan.reports.flight_report import (
     FlightDocument,
     FlightEvent,
@@ -31,67 +43,35 @@ from syncplan.reports.flight_report import (
     FlownSeparation,
     FlownVehicle,
 )
-from syncplan.reports.flight_series import FlightOverTime, VehicleOverTime
+from syncplan.reports.flight_series import VehicleOverTime
 
 MOST_NAMED = 4
 """Events that a note names."""
 
-_BAND = translucent(MUTED, 0.25)
-_LINE: Spec = {"color": INK, "width": 1.5, "dash": "dashdot"}
-
-
-def event_shapes(events: Sequence[FlightEvent], panels: int) -> list[Spec]:
-    """Return the marks of events in each of so many panels, of axes x, x2, ..."""
-    return [
-        _mark(one, str(number + 1) if number else "") for number in range(panels) for one in events
-    ]
-
-
-def event_entries(events: Sequence[FlightEvent]) -> list[Spec]:
-    """Return the legend's entries of what `event_shapes` draws."""
-    kinds = {one.kind for one in events}
-    entries: list[Spec] = []
-    nowhere: Spec = {"type": "scatter", "x": [None], "y": [None], "hoverinfo": "skip"}
-    if "loss" in kinds:
-        entry = {"mode": "lines", "uid": "losses", "name": "something is lost", "line": _LINE}
-        entries.append({**nowhere, **entry})
-    if "hold" in kinds:
-        marker = {"symbol": "square", "size": 12, "color": _BAND}
-        entry = {"mode": "markers", "uid": "holds", "name": "a vehicle is held", "marker": marker}
-        entries.append({**nowhere, **entry})
-    return entries
-
-
-def event_words(report: FlightDocument) -> str:
-    """Return what happens, in words that a note can have; empty if nothing does."""
-    said = [escaped(one.what) for one in report.events[:MOST_NAMED]]
-    more = len(report.events) - len(said)
-    return ", ".join(said) + (f" and {more} more" if more else "")
-
-
-def _mark(one: FlightEvent, suffix: str) -> Spec:
-    axes = {"xref": f"x{suffix}", "yref": f"y{suffix} domain", "y0": 0, "y1": 1}
-    if one.end_s is None:
-        return {"type": "line", **axes, "x0": one.begin_s, "x1": one.begin_s, "line": _LINE}
-    return {
-        "type": "rect",
-        **axes,
-        "x0": one.begin_s,
-        "x1": one.end_s,
-        "fillcolor": _BAND,
-        "line": {"width": 0},
-        "layer": "below",
-    }
-
-
 MOST_VEHICLES = 12
 """Vehicles drawn: of larger teams, the worst."""
 
+MOST_BARS = 40
+"""Links shown, those that missed most: more would be too many to read."""
+
+_BAND = translucent(MUTED, 0.25)
+_LINE: Spec = {"color": INK, "width": 1.5, "dash": "dashdot"}
+
 _DECADES = 2.5
-"""What an axis holds at most below its largest value."""
+"""What a logarithmic axis holds at most below its largest value."""
 
 _AIR = 1.15
+_SEPARATION_AIR = 1.06
 _DIGITS = 5
+_EVENT_ROW_PX = 26
+
+_EVENTS = (
+    ("loss", "lost", bar_marker(VERMILLION, "x", size=7)),
+    ("hold", "held where it is", bar_marker(ORANGE, "/", size=7)),
+)
+
+
+# --- over time ----------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,82 +91,104 @@ class Curve:
     values: Sequence[float | None]
 
 
-def series_in(report: FlightDocument) -> FlightOverTime:
-    """Return a report's figures over time; raises InputError where it has none."""
-    if report.series is None:
-        raise InputError("the report has no figures over time; --series keeps them", key="series")
-    return report.series
+def flight_errors_spec(report: FlightDocument, style: FigureStyle) -> Spec:
+    """Return the figure of tracking and estimation errors over time, a panel a vehicle.
+
+    The bound is that along the paths flown, the level the plan's own prediction for the second
+    half. Raises InputError for a report without series.
+    """
+
+    def curves(vehicle: VehicleOverTime, flown: FlownVehicle) -> list[Curve]:
+        bound: Spec = {"color": VERMILLION, "width": 2, "dash": "dot"}
+        tracking: Spec = {"color": GREEN, "width": 1.8, "dash": "dash"}
+        drawn = [
+            Curve("sigma", "filter's own sigma", {"color": SKY, "width": 5}, vehicle.sigma_m),
+            Curve("bound", "bound along the path", bound, vehicle.bound_m),
+            Curve("tracking", "distance from the plan", tracking, vehicle.tracking_rms_m),
+            Curve("error", "error of the estimate", {"color": INK, "width": 1.3}, vehicle.rms_m),
+        ]
+        if flown.errors is not None and flown.errors.predicted_rms_m:
+            level: Spec = {"color": ORANGE, "width": 1.5, "dash": "longdash"}
+            predicted = [flown.errors.predicted_rms_m]
+            drawn.append(Curve("predicted", "the plan's prediction", level, predicted))
+        return drawn
+
+    def off(flown: FlownVehicle) -> float:
+        return 0.0 if flown.errors is None else flown.errors.tracking_rms_m
+
+    note = f"RMS over {report.run}; guidance {report.guidance}"
+    return _over_time(report, style, "errors over time", "m", note, curves, off)
 
 
-def flight_panels_spec(
+def flight_phases_spec(report: FlightDocument, style: FigureStyle) -> Spec:
+    """Return the figure of phase errors over time, a panel a vehicle, with its tolerance.
+
+    The tolerance is the least of a vehicle's links; a level shows the worst error of any trial in
+    the second half. Raises InputError for a report without series.
+    """
+
+    def curves(vehicle: VehicleOverTime, flown: FlownVehicle) -> list[Curve]:
+        line: Spec = {"color": BLUE, "width": 1.8}
+        drawn = [Curve("phase", "phase error", line, vehicle.phase_rms_s)]
+        if flown.phase_error_s is not None:
+            line = {"color": ORANGE, "width": 1.8, "dash": "dash"}
+            name = "worst of any trial, second half"
+            drawn.append(Curve("worst", name, line, [flown.phase_error_s.worst]))
+        if flown.phase_tolerance_s is not None:
+            line = {"color": VERMILLION, "width": 2, "dash": "dot"}
+            name = "the plan's tolerance"
+            drawn.append(Curve("tolerance", name, line, [flown.phase_tolerance_s]))
+        return drawn
+
+    def off(flown: FlownVehicle) -> float:
+        return 0.0 if flown.phase_error_s is None else flown.phase_error_s.rms
+
+    note = f"ahead of the plan or behind it, RMS over {report.run}; guidance {report.guidance}"
+    return _over_time(report, style, "phase error over time", "s", note, curves, off)
+
+
+def _over_time(
     report: FlightDocument,
     style: FigureStyle,
-    curves: Mapping[str, Sequence[Curve]],
-    worst: Mapping[str, float],
-    words: tuple[str, str, str],
+    what: str,
+    unit: str,
+    note: str,
+    curves: Callable[[VehicleOverTime, FlownVehicle], list[Curve]],
+    off: Callable[[FlownVehicle], float],
 ) -> Spec:
-    """Return a figure of curves by vehicle; `words` are what it shows, its unit, and a note.
-
-    Of a large team those vehicles are drawn that are `worst`.
-    """
-    series, (what, unit, note) = series_in(report), words
-    kept = set(sorted(worst, key=lambda name: -worst[name])[:MOST_VEHICLES])
-    drawn = [one for one in series.vehicles if one.name in kept]
-    axes, titles, inner = panels(
-        [f"{one.name}, {unit}" for one in drawn], [None] * len(drawn), style
-    )
-    low, high = _range([one for vehicle in drawn for one in curves[vehicle.name]])
-    for name in axes:
-        if name.startswith("yaxis"):
-            axes[name] |= _logarithmic(low, high)
+    """A panel of curves for each vehicle; of a large team, for those most `off`."""
+    series = report.series
+    if series is None:
+        raise InputError("the report has no figures over time; --series keeps them", key="series")
+    flown = {one.name: one for one in report.vehicles}
+    kept = set(sorted(flown, key=lambda name: -off(flown[name]))[:MOST_VEHICLES])
+    drawn = {one.name: curves(one, flown[one.name]) for one in series.vehicles if one.name in kept}
+    vertical = _logarithmic([curve for of_one in drawn.values() for curve in of_one])
     traces = [
-        trace
-        for number, vehicle in enumerate(drawn)
-        for trace in _panel(vehicle, curves[vehicle.name], series.time_s, number)
+        _curve(curve, name, series.time_s, number)
+        for number, (name, of_one) in enumerate(drawn.items())
+        for curve in of_one
     ]
     if len(drawn) < len(series.vehicles):
         note += f"; the {len(drawn)} worst of {len(series.vehicles)} vehicles"
-    said = event_words(report)
-    shown = layout(
+    return panels_spec(
         f"{escaped(report.name or 'Plan')}: {what}",
-        note=f"{note}; {said}" if said else note,
-        inner=inner,
-        above=24,
-        annotations=titles,
-        shapes=event_shapes(report.events, len(drawn)),
-        **axes,
+        "; ".join(filter(None, [note, event_words(report)])),
+        [f"{name}, {unit}" for name in drawn],
+        traces + _event_entries(report.events),
+        style,
+        [vertical] * len(drawn),
+        shapes=[_event_mark(one, n) for n in range(len(drawn)) for one in report.events],
     )
-    return {"data": traces + event_entries(report.events), "layout": shown}
 
 
-def _panel(
-    vehicle: VehicleOverTime, curves: Sequence[Curve], times: Sequence[float], number: int
-) -> list[Spec]:
+def _curve(one: Curve, vehicle: str, times: Sequence[float], number: int) -> Spec:
     every = every_so_many(len(times))
-    suffix = str(number + 1) if number else ""
-    traces = []
-    for one in curves:
-        level = len(one.values) == 1
-        at = [times[0], times[-1]] if level else times[::every]
-        values = [*one.values, *one.values] if level else one.values[::every]
-        traces.append(
-            {
-                "type": "scatter",
-                "mode": "lines",
-                "uid": f"{one.key}-{vehicle.name}",
-                "name": one.name,
-                "legendgroup": one.key,
-                "showlegend": number == 0,
-                "xaxis": f"x{suffix}",
-                "yaxis": f"y{suffix}",
-                "x": numbers(at, 6),
-                "y": numbers(_positive(values), _DIGITS),
-                "line": one.line,
-                "hovertemplate": f"{escaped(vehicle.name)} at %{{x}} s: %{{y:.3g}}"
-                f"<extra>{one.name}</extra>",
-            }
-        )
-    return traces
+    level = len(one.values) == 1
+    at = [times[0], times[-1]] if level else times[::every]
+    y = numbers(_positive([*one.values, *one.values] if level else one.values[::every]), _DIGITS)
+    hover = f"{escaped(vehicle)} at %{{x}} s: %{{y:.3g}}<extra>{one.name}</extra>"
+    return panel_line(number, f"{one.key}-{vehicle}", one.key, one.name, at, y, one.line, hover)
 
 
 def _positive(values: Sequence[float | None]) -> Array:
@@ -194,19 +196,17 @@ def _positive(values: Sequence[float | None]) -> Array:
     return np.where(found > 0.0, found, np.nan)
 
 
-def _range(curves: Sequence[Curve]) -> tuple[float, float]:
-    """What an axis holds of curves: all, but no more than _DECADES below the largest."""
-    known = [_positive(one.values) for one in curves]
-    every = np.concatenate([np.ones(0), *known])
-    every = every[np.isfinite(every)]
-    if not len(every):
-        return 0.1, 1.0
-    high = float(every.max()) * _AIR
-    return max(float(every.min()) / _AIR, high * 10.0**-_DECADES), high
+def _logarithmic(curves: Sequence[Curve]) -> Spec:
+    """An axis that holds curves, but no more than _DECADES below the largest of their values.
 
-
-def _logarithmic(low: float, high: float) -> Spec:
-    """A logarithmic axis, marked at 1, 2, 5, 10, ... or, where these are many, at fewer."""
+    It is marked at 1, 2, 5, 10, ... or, where these are many, at fewer.
+    """
+    low, high = 0.1, 1.0
+    known = np.concatenate([np.ones(0), *(_positive(one.values) for one in curves)])
+    known = known[np.isfinite(known)]
+    if len(known):
+        high = float(known.max()) * _AIR
+        low = max(float(known.min()) / _AIR, high * 10.0**-_DECADES)
     first, last = math.floor(math.log10(low)), math.ceil(math.log10(high))
     wide = math.log10(high / low) > 1.7
     digits = (1.0, 3.0) if wide else (1.0, 2.0, 5.0)
@@ -220,214 +220,37 @@ def _logarithmic(low: float, high: float) -> Spec:
     }
 
 
-def flight_errors_spec(report: FlightDocument, style: FigureStyle) -> Spec:
-    """Return the figure of tracking and estimation errors over time, a panel a vehicle.
-
-    The bound is that along the paths flown, the level the plan's own prediction for the second
-    half. Raises InputError for a report without series.
-    """
-    predicted = {
-        one.name: None if one.errors is None else one.errors.predicted_rms_m
-        for one in report.vehicles
-    }
-    series = series_in(report)
-    curves = {one.name: _error_curves(one, predicted.get(one.name)) for one in series.vehicles}
-    worst = {
-        one.name: 0.0 if one.errors is None else one.errors.tracking_rms_m
-        for one in report.vehicles
-    }
-    note = f"RMS over {report.run}; guidance {report.guidance}"
-    words = "errors over time", "m", note
-    return flight_panels_spec(report, style, curves, worst, words)
+# --- events -------------------------------------------------------------------------------------
 
 
-def _error_curves(vehicle: VehicleOverTime, predicted: float | None) -> list[Curve]:
-    sigma = Curve("sigma", "filter's own sigma", {"color": SKY, "width": 5}, vehicle.sigma_m)
-    bound: Spec = {"color": VERMILLION, "width": 2, "dash": "dot"}
-    tracking: Spec = {"color": GREEN, "width": 1.8, "dash": "dash"}
-    found = [
-        sigma,
-        Curve("bound", "bound along the path", bound, vehicle.bound_m),
-        Curve("tracking", "distance from the plan", tracking, vehicle.tracking_rms_m),
-        Curve("error", "error of the estimate", {"color": INK, "width": 1.3}, vehicle.rms_m),
-    ]
-    if predicted:
-        level: Spec = {"color": ORANGE, "width": 1.5, "dash": "longdash"}
-        found.append(Curve("predicted", "the plan's prediction", level, [predicted]))
-    return found
+def event_words(report: FlightDocument) -> str:
+    """Return what happens, in words that a note can have; empty if nothing does."""
+    said = [escaped(one.what) for one in report.events[:MOST_NAMED]]
+    more = len(report.events) - len(said)
+    return ", ".join(said) + (f" and {more} more" if more else "")
 
 
-def flight_phases_spec(report: FlightDocument, style: FigureStyle) -> Spec:
-    """Return the figure of phase errors over time, a panel a vehicle, with its tolerance.
-
-    The tolerance is the least of a vehicle's links; a level shows the worst error of any trial in
-    the second half. Raises InputError for a report without series.
-    """
-    series, vehicles = series_in(report), {one.name: one for one in report.vehicles}
-    curves = {one.name: _phase_curves(one, vehicles[one.name]) for one in series.vehicles}
-    worst = {
-        one.name: 0.0 if one.phase_error_s is None else one.phase_error_s.rms
-        for one in report.vehicles
-    }
-    note = f"ahead of the plan or behind it, RMS over {report.run}; guidance {report.guidance}"
-    words = "phase error over time", "s", note
-    return flight_panels_spec(report, style, curves, worst, words)
+def _event_mark(one: FlightEvent, number: int) -> Spec:
+    """A shape in panel `number`."""
+    suffix = str(number + 1) if number else ""
+    axes = {"xref": f"x{suffix}", "yref": f"y{suffix} domain", "y0": 0, "y1": 1}
+    if one.end_s is None:
+        return {"type": "line", **axes, "x0": one.begin_s, "x1": one.begin_s, "line": _LINE}
+    ends: Spec = {"x0": one.begin_s, "x1": one.end_s}
+    look = {"fillcolor": _BAND, "line": {"width": 0}, "layer": "below"}
+    return {"type": "rect", **axes, **ends, **look}
 
 
-def _phase_curves(vehicle: VehicleOverTime, flown: FlownVehicle) -> list[Curve]:
-    found = [Curve("phase", "phase error", {"color": BLUE, "width": 1.8}, vehicle.phase_rms_s)]
-    if flown.phase_error_s is not None:
-        line: Spec = {"color": ORANGE, "width": 1.8, "dash": "dash"}
-        name = "worst of any trial, second half"
-        found.append(Curve("worst", name, line, [flown.phase_error_s.worst]))
-    if flown.phase_tolerance_s is not None:
-        line = {"color": VERMILLION, "width": 2, "dash": "dot"}
-        name = "the plan's tolerance"
-        found.append(Curve("tolerance", name, line, [flown.phase_tolerance_s]))
-    return found
-
-
-_SEPARATION_AIR = 1.06
-
-
-def flight_separation_spec(report: FlightDocument) -> Spec:
-    """Return the figure of the share of trials in which two vehicles come nearer than a distance.
-
-    Lines mark the separation that is asked for, and the plan's own.
-    """
-    title = f"{escaped(report.name or 'Plan')}: least separation"
-    found = report.least_separation_m
-    if found is None:
-        return message(title, "a single vehicle keeps away from all others")
-    shares = np.linspace(0.0, 100.0, len(found.quantiles))
-    curve = {
-        "type": "scatter",
-        "mode": "lines",
-        "uid": "trials",
-        "name": "trials in which two come nearer",
-        "x": numbers(found.quantiles, 4),
-        "y": numbers(shares, 3),
-        "line": {"color": BLUE, "width": 2.5},
-        "hovertemplate": "nearer than %{x:.3g} m in %{y:.3g} % of the trials<extra></extra>",
-    }
-    planned = _level("planned", "the plan's own", found.planned, {"color": INK, "dash": "dash"})
-    traces = [curve, planned]
-    if found.asked is not None:
-        line = {"color": VERMILLION, "dash": "dot"}
-        traces.append(_level("asked", "asked for: min_separation_m", found.asked, line))
-    drawn = layout(
-        title,
-        note=_separation_note(report, found),
-        inner=300,
-        xaxis=axis("least separation, m", range=[0.0, _SEPARATION_AIR * _most(found)]),
-        yaxis=axis("share of trials, %", range=[0, 102]),
-    )
-    return {"data": traces, "layout": drawn}
-
-
-def _most(found: FlownSeparation) -> float:
-    return max(found.planned, found.asked or 0.0, *found.quantiles)
-
-
-def _level(uid: str, name: str, value: float, line: Spec) -> Spec:
-    return {
-        "type": "scatter",
-        "mode": "lines",
-        "uid": uid,
-        "name": name,
-        "x": numbers([value, value], 4),
-        "y": [0, 102],
-        "line": {**line, "width": 2},
-        "hovertemplate": f"{name}: %{{x:.3g}} m<extra></extra>",
-    }
-
-
-def _separation_note(report: FlightDocument, found: FlownSeparation) -> str:
-    pair = escaped("-".join(found.between))
-    note = (
-        f"{report.run}; {found.median:.3g} m in the median trial, {found.worst:.3g} m in the worst "
-        f"({pair} at {found.time_s:.4g} s)"
-    )
-    if found.below_asked_share is not None:
-        note += f"; nearer than asked in {100.0 * found.below_asked_share:.3g} % of the trials"
-    return note
-
-
-MOST_BARS = 40
-"""Links shown, those that missed most: more would be too many to read."""
-
-_ROW_PX = 21
-_LEAST_PX = 90
-
-
-def flight_meetings_spec(report: FlightDocument) -> Spec:
-    """Return the figure of the share of meetings kept, a bar a link, the worst on top.
-
-    Links that missed a meeting in any trial are hatched.
-    """
-    title = f"{escaped(report.name or 'Plan')}: meetings kept"
-    if not report.links:
-        return message(title, "the plan has no meeting that the flight is long enough for")
-    shown = sorted(report.links, key=lambda one: one.kept_share)[:MOST_BARS]
-    traces = [
-        _meeting_bars(
-            "missed", "some were missed", [o for o in shown if o.kept_share < 1.0], VERMILLION
-        ),
-        _meeting_bars("kept", "all were kept", [o for o in shown if o.kept_share >= 1.0], BLUE),
-    ]
-    missed = sum(one.kept_share < 1.0 for one in report.links)
-    note = (
-        f"planned meetings with a sighting in {report.run}; {missed} of {len(report.links)} links "
-        "missed some"
-    )
-    if len(shown) < len(report.links):
-        note += f"; the {len(shown)} worst are shown"
-    drawn = layout(
-        title,
-        note=note,
-        inner=max(_ROW_PX * len(shown), _LEAST_PX),
-        barmode="overlay",
-        bargap=0.25,
-        xaxis=axis("meetings kept, %", range=[0, 104]),
-        yaxis=axis(
-            type="category",
-            autorange="reversed",
-            categoryorder="array",
-            categoryarray=[_label(one) for one in shown],
-            showgrid=False,
-        ),
-    )
-    return {"data": [trace for trace in traces if trace["x"]], "layout": drawn}
-
-
-def _meeting_bars(uid: str, name: str, links: list[FlownLink], color: str) -> Spec:
-    marker: Spec = {"color": color, "line": {"color": INK, "width": 0.8}}
-    if uid == "missed":
-        marker["pattern"] = {"shape": "/", "fillmode": "replace", "size": 6}
-    return {
-        "type": "bar",
-        "orientation": "h",
-        "uid": uid,
-        "name": name,
-        "x": numbers([100.0 * one.kept_share for one in links], 4),
-        "y": [_label(one) for one in links],
-        "text": [f"{one.meetings} in a trial" for one in links],
-        "textposition": "none",
-        "marker": marker,
-        "hovertemplate": "%{y}: %{x:.4g} % of %{text}<extra></extra>",
-    }
-
-
-def _label(one: FlownLink) -> str:
-    return escaped("-".join(one.between))
-
-
-_EVENT_ROW_PX = 26
-
-_STYLES = (
-    ("loss", "lost", VERMILLION, "x"),
-    ("hold", "held where it is", ORANGE, "/"),
-)
+def _event_entries(events: Sequence[FlightEvent]) -> list[Spec]:
+    """The legend's entries of what _event_mark draws."""
+    kinds = {one.kind for one in events}
+    entries: list[Spec] = []
+    if "loss" in kinds:
+        entries.append(line_trace("losses", "something is lost", [None], [None], _LINE))
+    if "hold" in kinds:
+        marker = {"symbol": "square", "size": 12, "color": _BAND}
+        entries.append(mark_trace("holds", "a vehicle is held", [None], [None], marker))
+    return entries
 
 
 def flight_events_spec(report: FlightDocument) -> Spec:
@@ -439,64 +262,130 @@ def flight_events_spec(report: FlightDocument) -> Spec:
     if not report.events:
         return message(title, "nothing was lost, and no vehicle held")
     rows = list(dict.fromkeys(escaped(one.subject) for one in report.events))
+    traces = []
+    for kind, name, marker in _EVENTS:
+        events = [one for one in report.events if one.kind == kind]
+        ends = [report.duration_s if one.end_s is None else one.end_s for one in events]
+        traces.append(
+            row_bars(
+                kind,
+                name,
+                [escaped(one.subject) for one in events],
+                numbers([end - one.begin_s for end, one in zip(ends, events, strict=True)], 4),
+                marker,
+                base=numbers([one.begin_s for one in events], 4),
+                text=[escaped(one.what) for one in events],
+                textposition="none",
+                hovertemplate="%{text}<extra></extra>",
+            )
+        )
+    settled = [one for one in report.events if one.settled_s and one.end_s is not None]
+    traces.append(
+        row_bars(
+            "settling",
+            "until its phase is kept again, median trial",
+            [escaped(one.subject) for one in settled],
+            numbers([one.settled_s or 0.0 for one in settled], 4),
+            bar_marker(GREEN),
+            base=numbers([one.end_s or 0.0 for one in settled], 4),
+            width=0.3,
+            hovertemplate="in phase again after %{x:.3g} s<extra></extra>",
+        )
+    )
+    across = axis("time, s", range=numbers([0.0, report.duration_s], 4))
+    note = f"the same in each of {report.run}"
+    return rows_spec(title, note, rows, across, traces, row_px=_EVENT_ROW_PX, gap=0.35)
+
+
+# --- meetings and separation --------------------------------------------------------------------
+
+
+def flight_meetings_spec(report: FlightDocument) -> Spec:
+    """Return the figure of the share of meetings kept, a bar a link, the worst on top.
+
+    Links that missed a meeting in any trial are hatched.
+    """
+    title = f"{escaped(report.name or 'Plan')}: meetings kept"
+    if not report.links:
+        return message(title, "the plan has no meeting that the flight is long enough for")
+    shown = sorted(report.links, key=lambda one: one.kept_share)[:MOST_BARS]
+    some = [one for one in shown if one.kept_share < 1.0]
     traces = [
-        _event_bars(kind, name, [one for one in report.events if one.kind == kind], look, report)
-        for kind, name, *look in _STYLES
+        _meeting_bars("missed", "some were missed", some, bar_marker(VERMILLION, "/")),
+        _meeting_bars("kept", "all were kept", shown[len(some) :], bar_marker(BLUE)),
     ]
-    traces.append(_settling(report))
+    missed = sum(one.kept_share < 1.0 for one in report.links)
+    note = (
+        f"planned meetings with a sighting in {report.run}; {missed} of {len(report.links)} links "
+        "missed some"
+    )
+    if len(shown) < len(report.links):
+        note += f"; the {len(shown)} worst are shown"
+    across = axis("meetings kept, %", range=[0, 104])
+    return rows_spec(title, note, [_link(one) for one in shown], across, traces)
+
+
+def _meeting_bars(uid: str, name: str, links: list[FlownLink], marker: Spec) -> Spec:
+    return row_bars(
+        uid,
+        name,
+        [_link(one) for one in links],
+        numbers([100.0 * one.kept_share for one in links], 4),
+        marker,
+        text=[f"{one.meetings} in a trial" for one in links],
+        textposition="none",
+        hovertemplate="%{y}: %{x:.4g} % of %{text}<extra></extra>",
+    )
+
+
+def _link(one: FlownLink | FlownSeparation) -> str:
+    return escaped("-".join(one.between))
+
+
+def flight_separation_spec(report: FlightDocument) -> Spec:
+    """Return the figure of the share of trials in which two vehicles come nearer than a distance.
+
+    Lines mark the separation that is asked for, and the plan's own.
+    """
+    title = f"{escaped(report.name or 'Plan')}: least separation"
+    found = report.least_separation_m
+    if found is None:
+        return message(title, "a single vehicle keeps away from all others")
+    traces = [
+        line_trace(
+            "trials",
+            "trials in which two come nearer",
+            numbers(found.quantiles, 4),
+            numbers(np.linspace(0.0, 100.0, len(found.quantiles)), 3),
+            {"color": BLUE, "width": 2.5},
+            hovertemplate="nearer than %{x:.3g} m in %{y:.3g} % of the trials<extra></extra>",
+        )
+    ]
+    planned: Spec = {"color": INK, "dash": "dash", "width": 2}
+    asked: Spec = {"color": VERMILLION, "dash": "dot", "width": 2}
+    for uid, name, value, line in (
+        ("planned", "the plan's own", found.planned, planned),
+        ("asked", "asked for: min_separation_m", found.asked, asked),
+    ):
+        if value is not None:
+            x, hover = numbers([value, value], 4), f"{name}: %{{x:.3g}} m<extra></extra>"
+            traces.append(line_trace(uid, name, x, [0, 102], line, hovertemplate=hover))
+    most = max(found.planned, found.asked or 0.0, *found.quantiles)
     drawn = layout(
         title,
-        note=f"the same in each of {report.run}",
-        inner=max(_EVENT_ROW_PX * len(rows), _LEAST_PX),
-        barmode="overlay",
-        bargap=0.35,
-        xaxis=axis("time, s", range=numbers([0.0, report.duration_s], 4)),
-        yaxis=axis(
-            type="category",
-            autorange="reversed",
-            categoryorder="array",
-            categoryarray=rows,
-            showgrid=False,
-        ),
+        note=_separation_note(report, found),
+        inner=300,
+        xaxis=axis("least separation, m", range=[0.0, _SEPARATION_AIR * most]),
+        yaxis=axis("share of trials, %", range=[0, 102]),
     )
-    return {"data": [trace for trace in traces if trace["x"]], "layout": drawn}
+    return {"data": traces, "layout": drawn}
 
 
-def _event_bars(
-    uid: str, name: str, events: list[FlightEvent], look: list[str], report: FlightDocument
-) -> Spec:
-    color, shape = look
-    ends = [report.duration_s if one.end_s is None else one.end_s for one in events]
-    return {
-        "type": "bar",
-        "orientation": "h",
-        "uid": uid,
-        "name": name,
-        "y": [escaped(one.subject) for one in events],
-        "base": numbers([one.begin_s for one in events], 4),
-        "x": numbers([end - one.begin_s for end, one in zip(ends, events, strict=True)], 4),
-        "marker": {
-            "color": color,
-            "line": {"color": INK, "width": 0.8},
-            "pattern": {"shape": shape, "fillmode": "replace", "size": 7},
-        },
-        "text": [escaped(one.what) for one in events],
-        "textposition": "none",
-        "hovertemplate": "%{text}<extra></extra>",
-    }
-
-
-def _settling(report: FlightDocument) -> Spec:
-    found = [one for one in report.events if one.settled_s and one.end_s is not None]
-    return {
-        "type": "bar",
-        "orientation": "h",
-        "uid": "settling",
-        "name": "until its phase is kept again, median trial",
-        "y": [escaped(one.subject) for one in found],
-        "base": numbers([one.end_s or 0.0 for one in found], 4),
-        "x": numbers([one.settled_s or 0.0 for one in found], 4),
-        "width": 0.3,
-        "marker": {"color": GREEN, "line": {"color": INK, "width": 0.8}},
-        "hovertemplate": "in phase again after %{x:.3g} s<extra></extra>",
-    }
+def _separation_note(report: FlightDocument, found: FlownSeparation) -> str:
+    note = (
+        f"{report.run}; {found.median:.3g} m in the median trial, {found.worst:.3g} m in the worst "
+        f"({_link(found)} at {found.time_s:.4g} s)"
+    )
+    if found.below_asked_share is not None:
+        note += f"; nearer than asked in {100.0 * found.below_asked_share:.3g} % of the trials"
+    return note

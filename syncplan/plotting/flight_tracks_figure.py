@@ -7,7 +7,7 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.orbits.circles import Orbits, unit
-from syncplan.plotting.canvas import Spec, escaped, gapped, layout, numbers
+from syncplan.plotting.canvas import Spec, escaped, gapped, layout, line_trace, mark_trace, numbers
 from syncplan.plotting.figure_style import (
     BLUE,
     INK,
@@ -19,7 +19,7 @@ from syncplan.plotting.figure_style import (
 )
 from syncplan.plotting.flight_figures import event_words
 from syncplan.plotting.map_labels import landmark_trace, name_trace, obstructions
-from syncplan.plotting.maps import MapView, area_traces, circle_points, line_trace, view_about
+from syncplan.plotting.maps import MapView, area_traces, circle_points, view_about
 from syncplan.reports.flight_report import FlightDocument
 from syncplan.reports.flight_series import (
     FlightGround,
@@ -182,23 +182,18 @@ def _moments(track: FlownTrack, series: FlightOverTime, view: MapView) -> list[S
     if not where:
         return []
     x, y = np.array(where).T
+    dot_px = round(float(np.clip(0.1 * view.scale * view.least_radius, 1.5, 5.0)), 1)
     return [
-        {
-            "type": "scatter",
-            "uid": "moments",
-            "name": "true place at that moment",
-            "mode": "markers",
-            "x": numbers(x, view.places),
-            "y": numbers(y, view.places),
-            "marker": {"symbol": "circle", "size": _dot_px(view), "color": INK},
-            "text": said,
-            "hovertemplate": "%{text}<extra></extra>",
-        }
+        mark_trace(
+            "moments",
+            "true place at that moment",
+            numbers(x, view.places),
+            numbers(y, view.places),
+            {"symbol": "circle", "size": dot_px, "color": INK},
+            "%{text}<extra></extra>",
+            text=said,
+        )
     ]
-
-
-def _dot_px(view: MapView) -> float:
-    return round(float(np.clip(0.1 * view.scale * view.least_radius, 1.5, 5.0)), 1)
 
 
 def _ends(
@@ -223,17 +218,15 @@ def _ends(
         marker = {"symbol": symbol, "size": view.mark_px(12.0), "color": VERMILLION}
         marker["line"] = {"color": INK, "width": 1}
         traces.append(
-            {
-                "type": "scatter",
-                "uid": kind,
-                "name": name,
-                "mode": "markers",
-                "x": numbers(x, view.places),
-                "y": numbers(y, view.places),
-                "marker": marker,
-                "text": [escaped(one.what) for one in found],
-                "hovertemplate": "%{text}<extra></extra>",
-            }
+            mark_trace(
+                kind,
+                name,
+                numbers(x, view.places),
+                numbers(y, view.places),
+                marker,
+                "%{text}<extra></extra>",
+                text=[escaped(one.what) for one in found],
+            )
         )
     return traces
 

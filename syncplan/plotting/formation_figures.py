@@ -5,16 +5,27 @@ everybody is, and who sees whom at that moment.
 """
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
 from syncplan.arrays import Array, Index
+from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.observability.unobservable_modes import UnobservableMode
 from syncplan.orbits.circles import position, unit
 from syncplan.orbits.contacts import Windows
 from syncplan.planning.judged_team import UnmetLink
 from syncplan.planning.planner import Plan
-from syncplan.plotting.canvas import Spec, compass, escaped, gapped, label, layout, numbers
+from syncplan.plotting.canvas import (
+    Spec,
+    compass,
+    escaped,
+    gapped,
+    label,
+    layout,
+    line_trace,
+    numbers,
+)
 from syncplan.plotting.figure_style import INK, PURPLE, FigureStyle
 from syncplan.plotting.links import (
     DROPPED,
@@ -32,7 +43,6 @@ from syncplan.plotting.maps import (
     MapView,
     area_traces,
     circle_traces,
-    line_trace,
     pointer,
     pointer_entry,
     vehicle_marks,
@@ -110,27 +120,33 @@ def _vehicle_trace(plan: Plan, names: list[str], view: MapView) -> Spec:
 
 def _link_traces(plan: Plan, names: list[str], view: MapView) -> list[Spec]:
     traces = []
-    ordered = sorted(grouped(plan).items(), key=lambda item: item[0].key)
-    for shown, meetings in ordered:
-        pairs = [(item.a, item.b) for item in meetings]
+    for shown, meetings in _by_worth(plan):
         texts = [hover(item, names, shown) for item in meetings]
-        traces.append(_pair_trace(plan, pairs, texts, shown, view))
+        traces.append(_pair_trace(plan, meetings, texts, shown, view))
     if plan.dropped_links:
-        texts = [_dropped_words(item, names) for item in plan.dropped_links]
-        pairs = [(item.a, item.b) for item in plan.dropped_links]
-        traces.append(_pair_trace(plan, pairs, texts, DROPPED, view))
+        texts = [
+            f"{names[item.a]}-{names[item.b]}, dropped<br>{escaped(item.reason)}"
+            for item in plan.dropped_links
+        ]
+        traces.append(_pair_trace(plan, plan.dropped_links, texts, DROPPED, view))
     return traces
 
 
-def _dropped_words(item: UnmetLink, names: list[str]) -> str:
-    return f"{names[item.a]}-{names[item.b]}, dropped<br>{escaped(item.reason)}"
+def _by_worth(plan: Plan) -> list[tuple[Standing, list[LinkVerdict]]]:
+    """What links are worth, in the order drawn, and the links."""
+    return sorted(grouped(plan).items(), key=lambda item: item[0].key)
 
 
 def _pair_trace(
-    plan: Plan, pairs: Sequence[tuple[int, int]], texts: list[str], shown: Standing, view: MapView
+    plan: Plan,
+    links: Sequence[LinkVerdict | UnmetLink],
+    texts: list[str],
+    shown: Standing,
+    view: MapView,
 ) -> Spec:
     """Lines from rim to rim, with a middle point to be pointed at, marked where a line is short."""
-    start, end = link_ends(plan.orbits, plan.landmarks, np.array(pairs))
+    pairs = np.array([(item.a, item.b) for item in links])
+    start, end = link_ends(plan.orbits, plan.landmarks, pairs)
     x, y = gapped(np.stack([start, 0.5 * (start + end), end], axis=1), view.places)
     text = [""] * len(x)
     text[1::4] = texts
@@ -159,11 +175,8 @@ def _motion_traces(plan: Plan, names: list[str], view: MapView) -> list[Spec]:
     """Arrows of each motion, and an entry in the legend, which has no room for arrowheads."""
     traces = []
     for number, motion in enumerate(plan.unobservable):
-        line = {
-            "color": PURPLE,
-            "dash": _MOTION_DASHES[number % len(_MOTION_DASHES)],
-            "width": 3.5,
-        }
+        dash = _MOTION_DASHES[number % len(_MOTION_DASHES)]
+        line = {"color": PURPLE, "dash": dash, "width": 3.5}
         shared = {
             "legendgroup": f"motion-{number}",
             "visible": True if number < MOTIONS_SHOWN else "legendonly",
@@ -273,14 +286,16 @@ def animation_spec(plan: Plan, style: FigureStyle, frames: int = FRAMES) -> Spec
         pointer_entry("vehicles", "vehicle", VEHICLE_PX),
     ]
     times = np.arange(frames) * plan.orbits.period / frames
-    kinds, kind_of = _kinds(plan)
+    kinds = _by_worth(plan)
+    kind_of = np.full((len(names), len(names)), -1)
+    for kind, (_, meetings) in enumerate(kinds):
+        for item in meetings:
+            kind_of[item.a, item.b] = kind_of[item.b, item.a] = kind
     moving = [_moving_traces(plan, kind_of, len(kinds), float(time), view) for time in times]
-    first = moving[0]
-    for trace, more in zip(first, _looks(kinds, names, view), strict=True):
-        trace.update(more)
+    looks = _looks([shown for shown, _ in kinds], names, view)
+    first = [{**trace, **look} for trace, look in zip(moving[0], looks, strict=True)]
     index = [len(still) + k for k in range(len(first))]
     steps = [{"name": str(k), "data": traces, "traces": index} for k, traces in enumerate(moving)]
-    steps[0] = {**steps[0], "data": _moving_traces(plan, kind_of, len(kinds), 0.0, view)}
     title = f"{escaped(plan.scenario.name or 'Formation')}: one period"
     note = f"{plan.orbits.period:.4g} s in {frames} steps; arrowheads point at what is seen"
     drawn = layout(title, note=note, inner=view.height_px, **view.axes(), **_controls(times))
@@ -294,24 +309,13 @@ def live(windows: Windows, period: float, time: float) -> tuple[Index, Index]:
     return windows.observers[pair[now]], windows.targets[pair[now]]
 
 
-def _kinds(plan: Plan) -> tuple[list[Standing], Index]:
-    """What links are worth, in the formation's order, and which it is of each pair of bodies.
-
-    The latter is (b, b), symmetric; -1 for pairs that never meet.
-    """
-    ordered = sorted(grouped(plan).items(), key=lambda item: item[0].key)
-    count = plan.orbits.count + len(plan.landmarks)
-    kind_of = np.full((count, count), -1)
-    for kind, (_, meetings) in enumerate(ordered):
-        for item in meetings:
-            kind_of[item.a, item.b] = kind_of[item.b, item.a] = kind
-    return [shown for shown, _ in ordered], kind_of
-
-
 def _moving_traces(
     plan: Plan, kind_of: Index, kinds: int, time: float, view: MapView
 ) -> list[Spec]:
-    """What changes from frame to frame: sight lines of each kind, their heads, the vehicles."""
+    """What changes from frame to frame: sight lines of each kind, their heads, the vehicles.
+
+    `kind_of` is (b, b), symmetric, of bodies; -1 for pairs that never meet.
+    """
     orbits, places = plan.orbits, view.places - 1
     bodies = np.concatenate([position(orbits, time), plan.landmarks.reshape(-1, 2)])
     observers, targets = live(plan.windows, orbits.period, time)
@@ -339,40 +343,20 @@ def _segments(ends: Array, places: int) -> Spec:
 
 def _looks(kinds: list[Standing], names: list[str], view: MapView) -> list[Spec]:
     """How the moving traces look; their places come with each frame."""
-    return [
-        *(
-            {
-                "type": "scatter",
-                "mode": "lines",
-                "hoverinfo": "skip",
-                "uid": f"sight-{kind.key}",
-                "name": f"in contact: {kind.text}",
-                "line": {
-                    "color": kind.color,
-                    "dash": kind.dash,
-                    "width": view.link_px(kind.width),
-                },
-            }
-            for kind in kinds
-        ),
-        {
-            "type": "scatter",
-            "mode": "markers",
-            "uid": "directions",
-            "legendgroup": "directions",
-            "showlegend": False,
-            "hoverinfo": "skip",
-        },
-        {
-            "type": "scatter",
-            "mode": "markers",
-            "uid": "vehicles",
-            "legendgroup": "vehicles",
-            "showlegend": False,
-            "text": names,
-            "hovertemplate": "%{text}<br>%{x} m, %{y} m<extra></extra>",
-        },
-    ]
+
+    def marks(group: str, **more: Any) -> Spec:
+        shared = {"uid": group, "legendgroup": group, "showlegend": False}
+        return {"type": "scatter", "mode": "markers", **shared, **more}
+
+    looks: list[Spec] = []
+    for kind in kinds:
+        line = {"color": kind.color, "dash": kind.dash, "width": view.link_px(kind.width)}
+        shared = {"type": "scatter", "mode": "lines", "hoverinfo": "skip"}
+        shown = {"uid": f"sight-{kind.key}", "name": f"in contact: {kind.text}", "line": line}
+        looks.append({**shared, **shown})
+    hovered = "%{text}<br>%{x} m, %{y} m<extra></extra>"
+    heads = marks("directions", hoverinfo="skip")
+    return [*looks, heads, marks("vehicles", text=names, hovertemplate=hovered)]
 
 
 def _controls(times: Array) -> Spec:
@@ -380,12 +364,9 @@ def _controls(times: Array) -> Spec:
     turn = {"frame": {"duration": FRAME_MS, "redraw": True}, "transition": {"duration": 0}}
     at_once = {"frame": {"duration": 0, "redraw": True}, "transition": {"duration": 0}}
     now = {"mode": "immediate"}
+    play = [None, {**turn, "fromcurrent": True, **now}]
     buttons = [
-        {
-            "label": "Play",
-            "method": "animate",
-            "args": [None, {**turn, "fromcurrent": True, **now}],
-        },
+        {"label": "Play", "method": "animate", "args": play},
         {"label": "Pause", "method": "animate", "args": [[None], {**at_once, **now}]},
     ]
     steps = [
@@ -393,25 +374,9 @@ def _controls(times: Array) -> Spec:
         for k, time in enumerate(times)
     ]
     place = {"x": 0, "y": 0, "xanchor": "left", "yanchor": "top"}
+    menu = {"type": "buttons", "direction": "left", "showactive": False, "pad": {"t": 66, "r": 10}}
+    shown = {"pad": {"t": 56}, "currentvalue": {"prefix": "time ", "suffix": " s"}}
     return {
-        "updatemenus": [
-            {
-                **place,
-                "type": "buttons",
-                "direction": "left",
-                "showactive": False,
-                "pad": {"t": 66, "r": 10},
-                "buttons": buttons,
-            }
-        ],
-        "sliders": [
-            {
-                **place,
-                "x": 0.2,
-                "len": 0.8,
-                "pad": {"t": 56},
-                "currentvalue": {"prefix": "time ", "suffix": " s"},
-                "steps": steps,
-            }
-        ],
+        "updatemenus": [{**place, **menu, "buttons": buttons}],
+        "sliders": [{**place, "x": 0.2, "len": 0.8, **shown, "steps": steps}],
     }

@@ -9,7 +9,7 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.orbits.circles import Orbits, heading, position, unit
 from syncplan.planning.planner import Plan
-from syncplan.plotting.canvas import Spec, axis, compass, decimals, gapped, numbers
+from syncplan.plotting.canvas import Spec, axis, compass, decimals, gapped, line_trace, numbers
 from syncplan.plotting.figure_style import BLUE, INK, MUTED, ORANGE, FigureStyle, translucent
 
 Corners = Sequence[tuple[float, float]]
@@ -256,21 +256,6 @@ def pointer_entry(group: str, name: str, size: float) -> Spec:
             "color": INK,
         },
         "hoverinfo": "skip",
-    }
-
-
-def line_trace(uid: str, name: str, x: Any, y: Any, line: Spec, **more: Any) -> Spec:
-    """Return a trace of lines that says nothing when pointed at, unless `more` makes it."""
-    return {
-        "type": "scatter",
-        "uid": uid,
-        "name": name,
-        "mode": "lines",
-        "x": x,
-        "y": y,
-        "line": line,
-        "hoverinfo": "skip",
-        **more,
     }
 
 

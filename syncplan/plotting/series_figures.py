@@ -7,9 +7,10 @@ paper's Figs. 9-11 and 14-18.
 
 from collections import defaultdict
 from collections.abc import Sequence
-from itertools import chain
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from syncplan.arrays import Array
 from syncplan.errors import InputError
@@ -22,9 +23,29 @@ from syncplan.reports.validation_report import ValidationDocument
 MOST_POINTS = 400
 """Moments drawn of a run: every k-th sample."""
 
+MOST_VEHICLES = 8
+"""Vehicles drawn where none are named: of larger teams, those with the largest errors."""
+
+MOST_ROBOTS = 8
+"""Robots drawn: of larger teams, those that the filter knows least."""
+
+MOST_STATES = 24
+"""States drawn: where there are more, the least known of each kind."""
+
 _ROW_PX = 150
 _NARROW_ROW_PX = 110
 _GAP_PX = 38
+
+_ERRORS = ("x in m", "y in m", "heading in rad")
+_ESTIMATES = ("x in m", "y in m", "own position sigma in m")
+_WORTH_CLIPPING = 1.5
+"""How many times larger than the settled half a start must be to be clipped."""
+
+_AIR = 1.1
+_DIGITS = 4
+
+
+# --- panels -------------------------------------------------------------------------------------
 
 
 def every_so_many(samples: int) -> int:
@@ -32,12 +53,18 @@ def every_so_many(samples: int) -> int:
     return max(1, -(-samples // MOST_POINTS))
 
 
-def panels(
-    names: Sequence[str], ranges: Sequence[float | None], style: FigureStyle
-) -> tuple[Spec, list[Spec], int]:
-    """Return axes of panels, line by line, their titles, and the height of all in px.
+def panels_spec(
+    title: str,
+    note: str,
+    names: Sequence[str],
+    traces: list[Spec],
+    style: FigureStyle,
+    vertical: Sequence[Spec],
+    **more: Any,
+) -> Spec:
+    """Return a figure of panels that share an axis of time, in three columns or in one.
 
-    `ranges` holds half the extent of each vertical axis about zero; None leaves it to the data.
+    `vertical` is what each panel's vertical axis has besides.
     """
     columns = 1 if style.narrow else 3
     row_px, gap_px = _NARROW_ROW_PX if style.narrow else _ROW_PX, style.px(_GAP_PX)
@@ -45,7 +72,7 @@ def panels(
     whole = row_px * lines + gap_px * (lines - 1)
     axes: Spec = {}
     titles = []
-    for number, (name, half) in enumerate(zip(names, ranges, strict=True)):
+    for number, (name, further) in enumerate(zip(names, vertical, strict=True)):
         line, column = divmod(number, columns)
         top = 1.0 - line * (row_px + gap_px) / whole
         suffix = str(number + 1) if number else ""
@@ -59,24 +86,55 @@ def panels(
             showticklabels=lowest,
             **({"matches": "x"} if number else {}),
         )
-        fixed: Spec = {} if half is None else {"range": numbers([-half, half], 5)}
         axes[f"yaxis{suffix}"] = axis(
-            domain=[max(top - row_px / whole, 0.0), top],
-            anchor=f"x{suffix}",
-            nticks=5,
-            **fixed,
+            domain=[max(top - row_px / whole, 0.0), top], anchor=f"x{suffix}", nticks=5, **further
         )
-    return axes, titles, whole
+    shown = layout(title, note=note, inner=whole, above=24, annotations=titles, **more, **axes)
+    return {"data": traces, "layout": shown}
 
 
-MOST_VEHICLES = 8
-"""Vehicles drawn where none are named: of larger teams, those with the largest errors."""
+def panel_line(
+    number: int,
+    uid: str,
+    group: str,
+    name: str,
+    x: ArrayLike,
+    y: list[float | None],
+    line: Spec,
+    hover: str,
+) -> Spec:
+    """Return a line of panel `number`, of which the first has the legend's entry of its group.
 
-_ERRORS = ("x in m", "y in m", "heading in rad")
-_WORTH_CLIPPING = 1.5
-"""How many times larger than the settled half a start must be to be clipped."""
+    Nothing is said of it when pointed at where `hover` is empty.
+    """
+    suffix = str(number + 1) if number else ""
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "uid": uid,
+        "name": name,
+        "legendgroup": group,
+        "showlegend": number == 0,
+        "xaxis": f"x{suffix}",
+        "yaxis": f"y{suffix}",
+        "x": numbers(x, 6),
+        "y": y,
+        "line": line,
+        **({"hovertemplate": hover} if hover else {"hoverinfo": "skip"}),
+    }
 
-_AIR = 1.1
+
+def _band(number: int, key: str, times: Array, middle: Array, sigma: Array) -> Spec:
+    """Three of the filter's own sigmas about a line, there and back."""
+    y = numbers(np.concatenate([middle + 3.0 * sigma, (middle - 3.0 * sigma)[::-1]]), 5)
+    there_and_back = np.concatenate([times, times[::-1]])
+    line = {"color": SKY, "width": 0.5}
+    name = "filter's own 3 sigma"
+    band = panel_line(number, f"band-{key}", "band", name, there_and_back, y, line, "")
+    return {**band, "fill": "toself", "fillcolor": translucent(SKY, 0.35)}
+
+
+# --- errors -------------------------------------------------------------------------------------
 
 
 def errors_spec(
@@ -93,26 +151,24 @@ def errors_spec(
     """
     series = _series_of(report)
     rows = _chosen(report, series, vehicles)
-    every = every_so_many(len(series.time_s))
-    times = np.array(series.time_s)[::every]
+    times = np.array(series.time_s)
+    single = report.trials == 1
     places = [(row, column) for row in rows for column in range(3)]
-    traces = list(
-        chain.from_iterable(
-            _error_panel(report, row, column, times, every, number)
-            for number, (row, column) in enumerate(places)
-        )
-    )
-    ranges = [_settled(row, column) for row, column in places]
-    named = [f"{row.name}: {_ERRORS[column]}" for row, column in places]
-    axes, titles, inner = panels(named, ranges, style)
-    shown = "error" if report.trials == 1 else "mean error"
+    traces = [
+        trace
+        for number, (row, column) in enumerate(places)
+        for trace in _error_panel(row, column, times, number, single)
+    ]
+    settled = [_settled(row, column) for row, column in places]
+    ranges = [{} if half is None else {"range": numbers([-half, half], 5)} for half in settled]
+    shown = "error" if single else "mean error"
     note = f"{shown} of {report.run}, and the filter's own 3-sigma band"
     if len(rows) < len(report.vehicles) and vehicles is None:
         note += f"; the {len(rows)} of {len(report.vehicles)} vehicles with the largest errors"
-    note += _clipped(series, places, ranges)
+    note += _clipped(series, places, settled)
     title = f"{escaped(report.name or 'Plan')}: errors over time"
-    drawn = layout(title, note=note, inner=inner, above=24, annotations=titles, **axes)
-    return {"data": traces, "layout": drawn}
+    names = [f"{row.name}: {_ERRORS[column]}" for row, column in places]
+    return panels_spec(title, note, names, traces, style, ranges)
 
 
 def _settled(row: VehicleSeries, column: int) -> float | None:
@@ -153,10 +209,8 @@ def _series_of(report: ValidationDocument | ReplayDocument) -> Series:
         problem = "the recording has no truth, so errors are not known"
         raise InputError(problem, key="series")
     if report.series is None:
-        raise InputError(
-            "the report has no errors over time; --series keeps them",
-            key="series",
-        )
+        problem = "the report has no errors over time; --series keeps them"
+        raise InputError(problem, key="series")
     return report.series
 
 
@@ -184,68 +238,31 @@ def _error_curves(row: VehicleSeries, column: int) -> tuple[Array, Array, Array]
 
 
 def _error_panel(
-    report: ValidationDocument | ReplayDocument,
-    row: VehicleSeries,
-    column: int,
-    times: Array,
-    every: int,
-    number: int,
+    row: VehicleSeries, column: int, times: Array, number: int, single: bool
 ) -> list[Spec]:
-    """Band, mean and spread of one vehicle's coordinate."""
+    """Band, spread and mean of one vehicle's coordinate."""
+    every = every_so_many(len(times))
+    at = times[::every]
     mean, sigma, rms = (curve[::every] for curve in _error_curves(row, column))
-    suffix = str(number + 1) if number else ""
-    shared = {
-        "type": "scatter",
-        "mode": "lines",
-        "xaxis": f"x{suffix}",
-        "yaxis": f"y{suffix}",
-        "showlegend": number == 0,
-    }
-    key, at, single = f"{row.name}-{column}", numbers(times, 6), report.trials == 1
-    band = {**shared, "uid": f"band-{key}", **_band(at + numbers(times[::-1], 6), sigma)}
-    line = {
-        **shared,
-        "uid": f"mean-{key}",
-        "name": "error" if single else "mean error over the trials",
-        "legendgroup": "mean",
-        "x": at,
-        "y": numbers(mean, 5),
-        "line": {"color": INK, "width": 1.3},
-        "hovertemplate": f"{escaped(row.name)} at %{{x}} s: %{{y}}<extra></extra>",
-    }
-    if single:
-        return [band, line]
-    return [band, {**shared, "uid": f"spread-{key}", **_spread(at, rms)}, line]
+    key = f"{row.name}-{column}"
+    name = "error" if single else "mean error over the trials"
+    hover = f"{escaped(row.name)} at %{{x}} s: %{{y}}<extra></extra>"
+    line: Spec = {"color": INK, "width": 1.3}
+    drawn = [
+        _band(number, key, at, np.zeros(len(at)), sigma),
+        panel_line(number, f"mean-{key}", "mean", name, at, numbers(mean, 5), line, hover),
+    ]
+    if not single:
+        # above and below, with a gap between
+        x, y = np.append(at, [np.nan, *at]), 3.0 * np.concatenate([rms, [np.nan], -rms])
+        name = "3 times the RMS error over the trials"
+        line = {"color": VERMILLION, "width": 1.4, "dash": "dot"}
+        spread = panel_line(number, f"spread-{key}", "spread", name, x, numbers(y, 5), line, "")
+        drawn.insert(1, spread)
+    return drawn
 
 
-def _band(there_and_back: list[float | None], sigma: Array) -> Spec:
-    return {
-        "name": "filter's own 3 sigma",
-        "legendgroup": "band",
-        "x": there_and_back,
-        "y": numbers(np.concatenate([3.0 * sigma, -3.0 * sigma[::-1]]), 5),
-        "fill": "toself",
-        "fillcolor": translucent(SKY, 0.35),
-        "line": {"color": SKY, "width": 0.5},
-        "hoverinfo": "skip",
-    }
-
-
-def _spread(at: list[float | None], rms: Array) -> Spec:
-    return {
-        "name": "3 times the RMS error over the trials",
-        "legendgroup": "spread",
-        "x": [*at, None, *at],
-        "y": [*numbers(3.0 * rms, 5), None, *numbers(-3.0 * rms, 5)],
-        "line": {"color": VERMILLION, "width": 1.4, "dash": "dot"},
-        "hoverinfo": "skip",
-    }
-
-
-MOST_ROBOTS = 8
-"""Robots drawn: of larger teams, those that the filter knows least."""
-
-_ESTIMATES = ("x in m", "y in m", "own position sigma in m")
+# --- estimates ----------------------------------------------------------------------------------
 
 
 def estimates_spec(report: ReplayDocument, style: FigureStyle) -> Spec:
@@ -262,21 +279,18 @@ def estimates_spec(report: ReplayDocument, style: FigureStyle) -> Spec:
             key="series",
         )
     rows = _least_known_robots(kept.robots)
-    every = every_so_many(len(kept.time_s))
-    times = np.array(kept.time_s)[::every]
     places = [(row, column) for row in rows for column in range(len(_ESTIMATES))]
-    traces = chain.from_iterable(
-        _estimate_panel(row, column, times, every, number)
+    traces = [
+        trace
         for number, (row, column) in enumerate(places)
-    )
-    named = [f"{row.name}: {_ESTIMATES[column]}" for row, column in places]
-    axes, titles, inner = panels(named, [None] * len(named), style)
+        for trace in _estimate_panel(row, column, np.array(kept.time_s), number)
+    ]
     note = f"{report.run} without truth, and the filter's own 3-sigma band"
     if len(rows) < len(kept.robots):
         note += f"; the {len(rows)} of {len(kept.robots)} robots that the filter knows least"
     title = f"{escaped(report.name)}: estimates over time"
-    drawn = layout(title, note=note, inner=inner, above=24, annotations=titles, **axes)
-    return {"data": list(traces), "layout": drawn}
+    names = [f"{row.name}: {_ESTIMATES[column]}" for row, column in places]
+    return panels_spec(title, note, names, traces, style, [{}] * len(names))
 
 
 def _least_known_robots(robots: list[EstimatedPath]) -> list[EstimatedPath]:
@@ -286,55 +300,23 @@ def _least_known_robots(robots: list[EstimatedPath]) -> list[EstimatedPath]:
     return [one for one in robots if one.name in names]
 
 
-def _estimate_panel(
-    row: EstimatedPath, column: int, times: Array, every: int, number: int
-) -> list[Spec]:
+def _estimate_panel(row: EstimatedPath, column: int, times: Array, number: int) -> list[Spec]:
     """Band and line of one coordinate, or the line of the sigma."""
-    suffix = str(number + 1) if number else ""
-    at, key = numbers(times, 6), f"{row.name}-{column}"
-    shared: Spec = {
-        "type": "scatter",
-        "mode": "lines",
-        "xaxis": f"x{suffix}",
-        "yaxis": f"y{suffix}",
-    }
-    of_sigma = column == len(_ESTIMATES) - 1
+    every = every_so_many(len(times))
+    at, key = times[::every], f"{row.name}-{column}"
     values = np.array((row.x_m, row.y_m, row.sigma_m)[column])[::every]
+    hover = f"{escaped(row.name)} at %{{x}} s: %{{y}}<extra></extra>"
+    of_sigma = column == len(_ESTIMATES) - 1
     name = "filter's own sigma" if of_sigma else "estimate"
-    line = {
-        **shared,
-        "uid": f"line-{key}",
-        "name": name,
-        "legendgroup": name,
-        "showlegend": number in (0, len(_ESTIMATES) - 1),
-        "x": at,
-        "y": numbers(values, 5),
-        "line": {"color": SKY, "width": 2.5} if of_sigma else {"color": INK, "width": 1.3},
-        "hovertemplate": f"{escaped(row.name)} at %{{x}} s: %{{y}}<extra></extra>",
-    }
+    line: Spec = {"color": SKY, "width": 2.5} if of_sigma else {"color": INK, "width": 1.3}
+    drawn = panel_line(number, f"line-{key}", name, name, at, numbers(values, 5), line, hover)
     if of_sigma:
-        return [line]
+        return [{**drawn, "showlegend": number == column}]
     sigma = np.array((row.sigma_x_m, row.sigma_y_m)[column])[::every]
-    band = {
-        **shared,
-        "uid": f"band-{key}",
-        "name": "filter's own 3 sigma",
-        "legendgroup": "band",
-        "showlegend": number == 0,
-        "x": at + numbers(times[::-1], 6),
-        "y": numbers(np.concatenate([values + 3.0 * sigma, (values - 3.0 * sigma)[::-1]]), 5),
-        "fill": "toself",
-        "fillcolor": translucent(SKY, 0.35),
-        "line": {"color": SKY, "width": 0.5},
-        "hoverinfo": "skip",
-    }
-    return [band, line]
+    return [_band(number, key, at, values, sigma), drawn]
 
 
-MOST_STATES = 24
-"""States drawn: where there are more, the least known of each kind."""
-
-_DIGITS = 4
+# --- further states -----------------------------------------------------------------------------
 
 
 def states_spec(report: ValidationDocument | ReplayDocument, style: FigureStyle) -> Spec:
@@ -345,29 +327,24 @@ def states_spec(report: ValidationDocument | ReplayDocument, style: FigureStyle)
     without such a series.
     """
     if report.series is None or report.series.errors is None:
-        raise InputError(
-            "the report has no errors of further states over time; --series keeps them",
-            key="series",
-        )
+        problem = "the report has no errors of further states over time; --series keeps them"
+        raise InputError(problem, key="series")
     held = report.series.errors
     drawn = _least_known_states(held)
-    every = every_so_many(len(report.series.time_s))
-    at = numbers(report.series.time_s[::every], 6)
+    times = np.array(report.series.time_s)
     single = report.trials == 1
-    traces = chain.from_iterable(
-        _state_panel(state, at, every, number, single) for number, state in enumerate(drawn)
-    )
-    axes, titles, inner = panels([_title(one) for one in drawn], [None] * len(drawn), style)
-    for name in axes:
-        if name.startswith("yaxis"):
-            axes[name]["rangemode"] = "tozero"
+    traces = [
+        trace
+        for number, state in enumerate(drawn)
+        for trace in _state_panel(state, times, number, single)
+    ]
     found = "size of the error" if single else "RMS error"
     note = f"{found} of {report.run}, the filter's own sigma and the predicted error"
     if len(drawn) < len(held):
         note += f"; {len(drawn)} of {len(held)} states, the least known of each kind"
     title = f"{escaped(report.name or 'Plan')}: further states over time"
-    shown = layout(title, note=note, inner=inner, above=24, annotations=titles, **axes)
-    return {"data": list(traces), "layout": shown}
+    names = [one.state if one.unit == "1" else f"{one.state}, {one.unit}" for one in drawn]
+    return panels_spec(title, note, names, traces, style, [{"rangemode": "tozero"}] * len(names))
 
 
 def _least_known_states(states: Sequence[StateErrorSeries]) -> list[StateErrorSeries]:
@@ -380,60 +357,36 @@ def _least_known_states(states: Sequence[StateErrorSeries]) -> list[StateErrorSe
     places = {
         k: place
         for of_kind in kinds.values()
-        for place, k in enumerate(sorted(of_kind, key=lambda k: -_left(states[k])))
+        for place, k in enumerate(sorted(of_kind, key=lambda k: -_remaining(states[k])))
     }
     kept = sorted(places, key=lambda k: (places[k], k))[:MOST_STATES]
     return [states[k] for k in sorted(kept)]
 
 
-def _left(state: StateErrorSeries) -> float:
-    """How much of the error is left in the second half, as a share of the sigma at the start."""
+def _remaining(state: StateErrorSeries) -> float:
+    """RMS error in the second half, as a share of the sigma at the start."""
     late = np.array(state.rms[len(state.rms) // 2 :])
     return float(np.sqrt(np.mean(late**2))) / (state.sigma[0] or 1.0)
 
 
-def _title(state: StateErrorSeries) -> str:
-    return state.state if state.unit == "1" else f"{state.state}, {state.unit}"
-
-
-def _state_panel(
-    state: StateErrorSeries, at: list[float | None], every: int, number: int, single: bool
-) -> list[Spec]:
+def _state_panel(state: StateErrorSeries, times: Array, number: int, single: bool) -> list[Spec]:
     """The curves of one state."""
+    found = "size of the error" if single else "RMS error over the trials"
+    dotted = {"color": VERMILLION, "width": 2, "dash": "dot"}
     curves: list[tuple[str, str, Sequence[float] | None, Spec]] = [
         ("sigma", "filter's own sigma", state.sigma, {"color": SKY, "width": 4}),
-        (
-            "predicted",
-            "predicted error",
-            state.predicted,
-            {"color": VERMILLION, "width": 2, "dash": "dot"},
-        ),
-        (
-            "rms",
-            "size of the error" if single else "RMS error over the trials",
-            state.rms,
-            {"color": INK, "width": 1.3},
-        ),
+        ("predicted", "predicted error", state.predicted, dotted),
+        ("rms", found, state.rms, {"color": INK, "width": 1.3}),
     ]
-    suffix = str(number + 1) if number else ""
-    return [
-        {
-            "type": "scatter",
-            "mode": "lines",
-            "uid": f"{key}-{state.state}",
-            "name": name,
-            "legendgroup": key,
-            "showlegend": number == 0,
-            "xaxis": f"x{suffix}",
-            "yaxis": f"y{suffix}",
-            "x": at,
-            "y": numbers(_significant(np.array(values)[::every])),
-            "line": line,
-            "hovertemplate": f"{escaped(state.state)} at %{{x}} s: %{{y}}<extra>{name}</extra>",
-        }
-        for key, name, values, line in curves
-        if values is not None
-    ]
+    every = every_so_many(len(times))
+    drawn = []
+    for key, name, values, line in curves:
+        if values is not None:
+            y = numbers(_significant(np.array(values)[::every]))
+            hover = f"{escaped(state.state)} at %{{x}} s: %{{y}}<extra>{name}</extra>"
+            uid = f"{key}-{state.state}"
+            drawn.append(panel_line(number, uid, key, name, times[::every], y, line, hover))
+    return drawn
 
 
 def _significant(values: Array) -> Array:

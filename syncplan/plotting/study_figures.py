@@ -2,10 +2,20 @@
 
 from collections.abc import Callable
 
-import numpy as np
-
 from syncplan.planning.lost_parts import phrase_of
-from syncplan.plotting.canvas import Spec, axis, escaped, layout, message, numbers
+from syncplan.plotting.canvas import (
+    Spec,
+    axis,
+    bar_marker,
+    escaped,
+    layout,
+    line_trace,
+    mark_trace,
+    message,
+    numbers,
+    row_bars,
+    rows_spec,
+)
 from syncplan.plotting.figure_style import BLUE, GREEN, INK, ORANGE, VERMILLION
 from syncplan.reports.loss_report import RemainingTeam, WhatIfDocument
 from syncplan.reports.validation_report import SweepReport, SweepRow, ValidationDocument
@@ -14,7 +24,12 @@ from syncplan.scenario.dotted_keys import swept_key
 MOST_BARS = 30
 """Losses shown, the most harmful: more would be too many to read."""
 
-_ROW_PX = 21
+FEW_TRIALS = 100
+
+_LEVEL: Spec = {"color": INK, "width": 2, "dash": "dash"}
+
+
+# --- losses -------------------------------------------------------------------------------------
 
 
 def losses_spec(report: WhatIfDocument) -> Spec:
@@ -27,50 +42,40 @@ def losses_spec(report: WhatIfDocument) -> Spec:
     if not shown or all(one.worst_predicted_rms_m is None for one in shown):
         note = report.baseline.predicted_rms_m.note
         return message(title, note or "no loss was judged")
+    rows = [_lost(one) for one in shown]
     ends = [one for one in shown if not one.observable]
     stays = [one for one in shown if one.observable]
+    baseline = report.baseline.worst_predicted_rms_m
     traces = [
-        _loss_bars("ends", "not observable", ends, VERMILLION, "/"),
-        _loss_bars("stays", "observable", stays, BLUE, ""),
-        _baseline(report, shown),
-    ]
-    drawn = layout(
-        title,
-        note=_loss_note(report, len(shown)),
-        inner=max(_ROW_PX * len(shown), 90),
-        barmode="overlay",
-        bargap=0.25,
-        xaxis=axis("worst predicted RMS error, m", rangemode="tozero"),
-        yaxis=axis(
-            type="category",
-            autorange="reversed",
-            categoryorder="array",
-            categoryarray=[_label(one) for one in shown],
-            showgrid=False,
+        _loss_bars("ends", "not observable", ends, bar_marker(VERMILLION, "/")),
+        _loss_bars("stays", "observable", stays, bar_marker(BLUE)),
+        line_trace(
+            "baseline",
+            "nothing lost",
+            [] if baseline is None else [baseline] * len(rows),
+            rows,
+            _LEVEL,
+            hovertemplate="nothing lost: %{x:.3g} m<extra></extra>",
         ),
+    ]
+    across = axis("worst predicted RMS error, m", rangemode="tozero")
+    return rows_spec(title, _loss_note(report, len(shown)), rows, across, traces)
+
+
+def _loss_bars(uid: str, name: str, losses: list[RemainingTeam], marker: Spec) -> Spec:
+    return row_bars(
+        uid,
+        name,
+        [_lost(one) for one in losses],
+        numbers([one.worst_predicted_rms_m or 0.0 for one in losses], 6),
+        marker,
+        text=[f"rank {one.rank} of {one.state_dim}" for one in losses],
+        textposition="none",
+        hovertemplate="%{y}: %{x:.3g} m, %{text}<extra></extra>",
     )
-    return {"data": [trace for trace in traces if trace["x"]], "layout": drawn}
 
 
-def _loss_bars(uid: str, name: str, losses: list[RemainingTeam], color: str, pattern: str) -> Spec:
-    marker: Spec = {"color": color, "line": {"color": INK, "width": 0.8}}
-    if pattern:
-        marker["pattern"] = {"shape": pattern, "fillmode": "replace", "size": 6}
-    return {
-        "type": "bar",
-        "orientation": "h",
-        "uid": uid,
-        "name": name,
-        "y": [_label(one) for one in losses],
-        "x": numbers([one.worst_predicted_rms_m or 0.0 for one in losses], 6),
-        "text": [f"rank {one.rank} of {one.state_dim}" for one in losses],
-        "textposition": "none",
-        "marker": marker,
-        "hovertemplate": "%{y}: %{x:.3g} m, %{text}<extra></extra>",
-    }
-
-
-def _label(one: RemainingTeam) -> str:
+def _lost(one: RemainingTeam) -> str:
     return escaped(" and ".join(phrase_of(name).removeprefix("the ") for name in one.lost))
 
 
@@ -83,18 +88,7 @@ def _loss_note(report: WhatIfDocument, shown: int) -> str:
     return f"{found}{rest}; orbits unchanged, errors from initial_sigma on"
 
 
-def _baseline(report: WhatIfDocument, shown: list[RemainingTeam]) -> Spec:
-    value = report.baseline.worst_predicted_rms_m
-    return {
-        "type": "scatter",
-        "uid": "baseline",
-        "name": "nothing lost",
-        "mode": "lines",
-        "x": [] if value is None else [value] * len(shown),
-        "y": [_label(one) for one in shown],
-        "line": {"color": INK, "width": 2, "dash": "dash"},
-        "hovertemplate": "nothing lost: %{x:.3g} m<extra></extra>",
-    }
+# --- worse worlds -------------------------------------------------------------------------------
 
 
 def stress_spec(report: ValidationDocument) -> Spec:
@@ -102,68 +96,44 @@ def stress_spec(report: ValidationDocument) -> Spec:
 
     Diamonds mark what was to be expected, a line the error in the world as stated.
     """
-    traces = _stress_traces(report)
-    labels = [escaped(one.world) for one in report.stress or []]
-    drawn = layout(
-        f"{escaped(report.name or 'Plan')}: error in worse worlds",
-        note=f"{report.run}; the plan and its filter are the same in all worlds",
-        inner=max(_ROW_PX * len(labels), 90),
-        barmode="overlay",
-        bargap=0.25,
-        xaxis=axis("RMS position error, second half, m", rangemode="tozero"),
-        yaxis=axis(
-            type="category",
-            autorange="reversed",
-            categoryorder="array",
-            categoryarray=labels,
-            showgrid=False,
-        ),
-    )
-    return {"data": [trace for trace in traces if trace["x"]], "layout": drawn}
-
-
-def _stress_traces(report: ValidationDocument) -> list[Spec]:
     worlds = report.stress or []
-    labels = [escaped(one.world) for one in worlds]
+    rows = [escaped(one.world) for one in worlds]
     expected = [one for one in worlds if one.expected_rms_m is not None]
-    stated = report.overall.rms_second_half_m
-    return [
-        {
-            "type": "bar",
-            "orientation": "h",
-            "uid": "found",
-            "name": "found",
-            "y": labels,
-            "x": numbers([one.rms_second_half_m for one in worlds], 6),
-            "text": [f"{one.harm:.2f} times" for one in worlds],
-            "textposition": "none",
-            "marker": {"color": BLUE, "line": {"color": INK, "width": 0.8}},
-            "hovertemplate": "%{y}: %{x:.3g} m, %{text}<extra></extra>",
-        },
-        {
-            "type": "scatter",
-            "uid": "expected",
-            "name": "expected",
-            "mode": "markers",
-            "y": [escaped(one.world) for one in expected],
-            "x": numbers([one.expected_rms_m or 0.0 for one in expected], 6),
-            "marker": {"color": INK, "symbol": "diamond", "size": 8},
-            "hovertemplate": "%{y}: %{x:.3g} m expected<extra></extra>",
-        },
-        {
-            "type": "scatter",
-            "uid": "stated",
-            "name": "as stated",
-            "mode": "lines",
-            "x": [stated] * len(labels),
-            "y": labels,
-            "line": {"color": INK, "width": 2, "dash": "dash"},
-            "hovertemplate": "as stated: %{x:.3g} m<extra></extra>",
-        },
+    traces = [
+        row_bars(
+            "found",
+            "found",
+            rows,
+            numbers([one.rms_second_half_m for one in worlds], 6),
+            bar_marker(BLUE),
+            text=[f"{one.harm:.2f} times" for one in worlds],
+            textposition="none",
+            hovertemplate="%{y}: %{x:.3g} m, %{text}<extra></extra>",
+        ),
+        mark_trace(
+            "expected",
+            "expected",
+            numbers([one.expected_rms_m or 0.0 for one in expected], 6),
+            [escaped(one.world) for one in expected],
+            {"color": INK, "symbol": "diamond", "size": 8},
+            "%{y}: %{x:.3g} m expected<extra></extra>",
+        ),
+        line_trace(
+            "stated",
+            "as stated",
+            [report.overall.rms_second_half_m] * len(rows),
+            rows,
+            _LEVEL,
+            hovertemplate="as stated: %{x:.3g} m<extra></extra>",
+        ),
     ]
+    title = f"{escaped(report.name or 'Plan')}: error in worse worlds"
+    note = f"{report.run}; the plan and its filter are the same in all worlds"
+    across = axis("RMS position error, second half, m", rangemode="tozero")
+    return rows_spec(title, note, rows, across, traces)
 
 
-FEW_TRIALS = 100
+# --- sweeps -------------------------------------------------------------------------------------
 
 _Figure = Callable[[SweepRow], float | None]
 
@@ -190,7 +160,7 @@ _CURVES: tuple[tuple[str, str, _Figure, str, str, str], ...] = (
 
 
 def sweep_spec(report: SweepReport) -> Spec:
-    """Return the figure of errors over the swept value.
+    """Return the figure of errors over the swept value, as the paper's Tables 1 and 2.
 
     A row for a team connected at every instant stands beside the curves, with hollow marks; rows
     whose plan is not observable are crossed out.
@@ -198,15 +168,37 @@ def sweep_spec(report: SweepReport) -> Spec:
     key = swept_key(report.swept)
     connected = [row for row in report.rows if row.label.startswith("connected")]
     swept = sorted((row for row in report.rows if row not in connected), key=lambda row: row.value)
-    traces = [
-        _curve(uid, name, of, color, dash, symbol, swept)
-        for uid, name, of, color, dash, symbol in _CURVES
-    ]
+    traces = []
+    for uid, name, of, color, dash, symbol in _CURVES:
+        points = [(row.value, value) for row in swept if (value := of(row)) is not None]
+        traces.append(
+            line_trace(
+                uid,
+                name,
+                numbers([value for value, _ in points]),
+                numbers([figure for _, figure in points], 6),
+                {"color": color, "dash": dash, "width": 2},
+                mode="lines+markers",
+                marker={"symbol": symbol, "size": 9, "line": {"width": 2, "color": color}},
+                hovertemplate=f"%{{x}}: {name} %{{y:.3g}} m<extra></extra>",
+            )
+        )
     for uid, name, of, color, _, symbol in _CURVES:
-        traces += [_beside(uid, name, of, color, symbol, row) for row in connected]
+        marker = {"symbol": f"{symbol}-open", "size": 13, "color": color, "line": {"width": 2.5}}
+        traces += [_beside(uid, name, of(row), marker, row) for row in connected]
     lost = [row for row in report.rows if row.rank < row.state_dim]
     if lost:
-        traces.append(_crosses(lost))
+        traces.append(
+            mark_trace(
+                "unobservable",
+                "NOT observable",
+                numbers([row.value for row in lost]),
+                numbers([row.validation.overall.rms_second_half_m for row in lost], 6),
+                {"symbol": "x-thin", "size": 16, "line": {"width": 3, "color": VERMILLION}},
+                "%{text}<extra></extra>",
+                text=[f"rank {row.rank} of {row.state_dim}" for row in lost],
+            )
+        )
     first = report.rows[0].validation
     drawn = layout(
         f"{escaped(first.name or 'Scenario')}: sweep of {escaped(report.swept)}",
@@ -219,47 +211,13 @@ def sweep_spec(report: SweepReport) -> Spec:
     return {"data": [trace for trace in traces if trace["y"]], "layout": drawn}
 
 
-def _curve(
-    uid: str, name: str, of: _Figure, color: str, dash: str, symbol: str, rows: list[SweepRow]
-) -> Spec:
-    points = [(row.value, value) for row in rows if (value := of(row)) is not None]
-    return {
-        "type": "scatter",
-        "uid": uid,
-        "name": name,
-        "mode": "lines+markers",
-        "x": numbers([value for value, _ in points]),
-        "y": numbers([figure for _, figure in points], 6),
-        "line": {"color": color, "dash": dash, "width": 2},
-        "marker": {"symbol": symbol, "size": 9, "line": {"width": 2, "color": color}},
-        "hovertemplate": f"%{{x}}: {name} %{{y:.3g}} m<extra></extra>",
-    }
-
-
-def _beside(uid: str, name: str, of: _Figure, color: str, symbol: str, row: SweepRow) -> Spec:
-    value = of(row)
-    return {
-        "type": "scatter",
-        "uid": f"{uid}-connected",
-        "name": f"{name}; {escaped(row.label)}",
-        "mode": "markers",
-        "x": [row.value],
-        "y": [] if value is None else numbers([value], 6),
-        "marker": {"symbol": f"{symbol}-open", "size": 13, "color": color, "line": {"width": 2.5}},
-        "hovertemplate": f"{escaped(row.label)}: %{{y:.3g}} m<extra></extra>",
-        "showlegend": uid == "x",
-    }
-
-
-def _crosses(rows: list[SweepRow]) -> Spec:
-    return {
-        "type": "scatter",
-        "uid": "unobservable",
-        "name": "NOT observable",
-        "mode": "markers",
-        "x": numbers([row.value for row in rows]),
-        "y": numbers(np.array([row.validation.overall.rms_second_half_m for row in rows]), 6),
-        "marker": {"symbol": "x-thin", "size": 16, "line": {"width": 3, "color": VERMILLION}},
-        "text": [f"rank {row.rank} of {row.state_dim}" for row in rows],
-        "hovertemplate": "%{text}<extra></extra>",
-    }
+def _beside(uid: str, name: str, value: float | None, marker: Spec, row: SweepRow) -> Spec:
+    return mark_trace(
+        f"{uid}-connected",
+        f"{name}; {escaped(row.label)}",
+        [row.value],
+        [] if value is None else numbers([value], 6),
+        marker,
+        f"{escaped(row.label)}: %{{y:.3g}} m<extra></extra>",
+        showlegend=uid == "x",
+    )

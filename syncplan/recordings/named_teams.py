@@ -3,6 +3,7 @@
 import re
 from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,8 +16,7 @@ RESERVED = ("all", "none")
 """Words that stand for landmarks where one is chosen."""
 
 
-@dataclass(frozen=True, slots=True)
-class SeenBodies:
+class SeenBodies(NamedTuple):
     """What one robot saw, by time: as in a RobotLog."""
 
     times: Array
@@ -63,25 +63,21 @@ class NamedTeam:
     ) -> Log:
         """Return the recording, of what each robot read and where it was, as in a RobotLog."""
         nothing = SeenBodies(np.zeros(0), np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
-        robots = []
-        for number, robot in enumerate(self.robots, 1):
-            sightings = seen.get(robot, nothing)
-            robots.append(
-                RobotLog(
-                    name=robot,
-                    subject=number,
-                    truth=truth.get(robot, np.zeros((0, 4))),
-                    odometry=odometry[robot],
-                    times=sightings.times,
-                    subjects=sightings.subjects,
-                    bearings=sightings.bearings,
-                    ranges=sightings.ranges,
-                )
+        unknown = np.zeros((0, 4))
+        robots = tuple(
+            RobotLog(
+                robot,
+                number,
+                truth.get(robot, unknown),
+                odometry[robot],
+                **seen.get(robot, nothing)._asdict(),
             )
+            for number, robot in enumerate(self.robots, 1)
+        )
         count = len(self.robots)
         return Log(
             name=name,
-            robots=tuple(robots),
+            robots=robots,
             landmark_names=tuple(self.landmarks),
             landmark_subjects=count + 1 + np.arange(len(self.landmarks), dtype=np.int64),
             landmarks=np.array(list(self.landmarks.values()), np.float64).reshape(-1, 2),

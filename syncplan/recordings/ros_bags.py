@@ -381,9 +381,4 @@ def _seen(readings: TopicReadings, topic: Topic, team: NamedTeam, path: Path) ->
 def _merged(parts: list[SeenBodies]) -> SeenBodies:
     """What one robot saw, of several topics, in order of time."""
     order = np.argsort(np.concatenate([one.times for one in parts]), kind="stable")
-    return SeenBodies(
-        times=np.concatenate([one.times for one in parts])[order],
-        subjects=np.concatenate([one.subjects for one in parts])[order],
-        bearings=np.concatenate([one.bearings for one in parts])[order],
-        ranges=np.concatenate([one.ranges for one in parts])[order],
-    )
+    return SeenBodies(*(np.concatenate(columns)[order] for columns in zip(*parts, strict=True)))

@@ -45,30 +45,32 @@ class Blocks:
     labels: tuple[str, ...]
 
 
-def pair_blocks(
+def blocks_of(
     function: ca.Function,
     circles: ca.MX,
-    pairs: Index,
+    owners: Index,
     parameters: Sequence[ca.DM | ca.MX],
     lower: Array,
     labels: list[str],
 ) -> Blocks:
-    """Return the blocks of a function (a, b, ...) -> scalar for (e, 2) pairs of circles (4, n)."""
-    inputs = [circles[:, pairs[:, 0].tolist()], circles[:, pairs[:, 1].tolist()], *parameters]
-    return _blocks(function, inputs, [pairs[:, 0], pairs[:, 1]], circles.size2(), lower, labels)
+    """Return the blocks of a function of one or two circles of (4, n), then of parameters.
 
-
-def single_blocks(
-    function: ca.Function,
-    circles: ca.MX,
-    vehicles: Index,
-    parameters: Sequence[ca.DM | ca.MX],
-    lower: Array,
-    labels: list[str],
-) -> Blocks:
-    """Return the blocks of a function (a, ...) -> scalar for (e,) vehicles of circles (4, n)."""
-    inputs = [circles[:, vehicles.tolist()], *parameters]
-    return _blocks(function, inputs, [vehicles], circles.size2(), lower, labels)
+    `owners` (e, 1) or (e, 2) are the vehicles of each block; parameters have a column for each.
+    """
+    number, each = owners.shape
+    inputs = [*(circles[:, own.tolist()] for own in owners.T), *parameters]
+    values = function.map(number)(*inputs)
+    output = function.name_out(0)
+    names = [f"jac:{output}:{function.name_in(k)}" for k in range(each)]
+    derivative = function.factory(f"{function.name()}_jacobian", function.name_in(), names)
+    found = derivative.map(number)(*inputs)
+    parts = [ca.vec(part) for part in (found if isinstance(found, tuple | list) else [found])]
+    row = np.tile(np.repeat(np.arange(number), 4), each)
+    column = (4 * owners.T[:, :, None] + np.arange(4)).ravel()
+    order = np.lexsort((row, column))
+    sparsity = ca.Sparsity.triplet(number, circles.numel(), row.tolist(), column.tolist())
+    entries = ca.vertcat(*(ca.densify(part) for part in parts))
+    return Blocks(ca.vec(values), ca.MX(sparsity, entries[order.tolist()]), lower, tuple(labels))
 
 
 def stacked_blocks(blocks: list[Blocks], count: int) -> Blocks:
@@ -79,29 +81,6 @@ def stacked_blocks(blocks: list[Blocks], count: int) -> Blocks:
         np.concatenate([np.zeros(0), *(block.lower for block in blocks)]),
         tuple(label for block in blocks for label in block.labels),
     )
-
-
-def _blocks(
-    function: ca.Function,
-    inputs: Sequence[ca.DM | ca.MX],
-    owners: list[Index],
-    count: int,
-    lower: Array,
-    labels: list[str],
-) -> Blocks:
-    number = len(owners[0])
-    values = function.map(number)(*inputs)
-    output = function.name_out(0)
-    names = [f"jac:{output}:{function.name_in(k)}" for k in range(len(owners))]
-    derivative = function.factory(f"{function.name()}_jacobian", function.name_in(), names)
-    found = derivative.map(number)(*inputs)
-    parts = [ca.vec(part) for part in (found if isinstance(found, tuple | list) else [found])]
-    row = np.tile(np.repeat(np.arange(number), 4), len(owners))
-    column = np.concatenate([(4 * owner[:, None] + np.arange(4)).ravel() for owner in owners])
-    order = np.lexsort((row, column))
-    sparsity = ca.Sparsity.triplet(number, 4 * count, row.tolist(), column.tolist())
-    entries = ca.vertcat(*(ca.densify(part) for part in parts))
-    return Blocks(ca.vec(values), ca.MX(sparsity, entries[order.tolist()]), lower, tuple(labels))
 
 
 # --- sides ----------------------------------------------------------------------------------------
@@ -209,14 +188,13 @@ def landmark_clearances(problem: RefineProblem, circles: ca.MX, sides: ca.MX) ->
     kept, names, count = kept_landmarks(problem), problem.names, problem.orbits.count
     if len(kept) == 0:
         return stacked_blocks([], count)
-    vehicles, landmarks = kept.T
-    places = ca.DM(problem.landmarks[landmarks].T / problem.scale)
+    places = ca.DM(problem.landmarks[kept[:, 1]].T / problem.scale)
     labels = [
         f"clearance of {names[k]} from {names[count + landmark]} ({problem.guarded_clearance:g} m)"
         for k, landmark in kept.tolist()
     ]
     side = sides[: len(kept)].T * problem.scale
-    return single_blocks(_passing(), circles, vehicles, [places, side], np.ones(len(kept)), labels)
+    return blocks_of(_passing(), circles, kept[:, :1], [places, side], np.ones(len(kept)), labels)
 
 
 def area_clearances(problem: RefineProblem, circles: ca.MX, sides: ca.MX) -> Blocks:
@@ -248,7 +226,7 @@ def _apart(
         f"({problem.guarded_separation:g} m)"
         for a, b in pairs.tolist()
     ]
-    return pair_blocks(function, circles, pairs, [parameter], np.ones(len(pairs)), labels)
+    return blocks_of(function, circles, pairs, [parameter], np.ones(len(pairs)), labels)
 
 
 def _clear(
@@ -262,9 +240,8 @@ def _clear(
     count = problem.orbits.count
     labels = [f"{problem.names[k]} clear of {name}" for k in range(count)]
     edges = ca.repmat(ca.DM(edge), 1, count)
-    return single_blocks(
-        function, circles, np.arange(count), [edges, *sides], np.zeros(count), labels
-    )
+    owners = np.arange(count)[:, None]
+    return blocks_of(function, circles, owners, [edges, *sides], np.zeros(count), labels)
 
 
 def _sides(problem: RefineProblem, pairs: Index) -> Array:

@@ -89,8 +89,7 @@ def contact_margins(problem: RefineProblem, orbits: Orbits, sightings: Sightings
     room = sensors.ranges[sightings.observers] - np.hypot(away[:, 0], away[:, 1])
     bodies = n + len(problem.landmarks)
     key = a * bodies + b
-    kept = np.concatenate([problem.pairs, problem.anchors])
-    needed = np.concatenate([problem.pair_samples, problem.anchor_samples]).astype(int)
+    kept, needed = problem.kept, problem.kept_samples.astype(int)
     order = np.lexsort((sightings.steps, key))
     key, room, steps = key[order], room[order], sightings.steps[order]
     margins = []
@@ -109,8 +108,6 @@ def contact_margins(problem: RefineProblem, orbits: Orbits, sightings: Sightings
 def _contacts(problem: RefineProblem, contact: list[float]) -> list[ConstraintMargin]:
     """Of every pair and landmark whose contact is kept."""
     names = problem.names
-    kept = np.concatenate([problem.pairs, problem.anchors]).tolist()
-    required = np.concatenate([problem.pair_margins, problem.anchor_margins]).tolist()
     return [
         ConstraintMargin(
             f"contact of {names[a]}-{names[b]}",
@@ -118,7 +115,9 @@ def _contacts(problem: RefineProblem, contact: list[float]) -> list[ConstraintMa
             float(problem.sensors.ranges[a]),
             problem.margins_required and b < problem.orbits.count,
         )
-        for (a, b), margin, room in zip(kept, required, contact, strict=True)
+        for (a, b), margin, room in zip(
+            problem.kept.tolist(), problem.kept_margins.tolist(), contact, strict=True
+        )
     ]
 
 
@@ -242,7 +241,7 @@ def measure(problem: RefineProblem, orbits: Orbits, *, predict: bool = True) -> 
     judged, scaled = assessed.observability, assessed.measured_in(problem.scale)
     rms = _predicted(problem, assessed) if predict else np.full(team.count, np.nan)
     bounds = window_bound(judged) if judged.observable else np.full(team.count, np.inf)
-    measured = MeasuredTeam(judged.observable, scaled.singular_values**2, bounds, rms)
+    measured = MeasuredTeam(judged.observable, scaled.singular_values**2, rms)
     nearest = closest_approach(orbits)
     seen = assessed.sightings
     if problem.contact_span > problem.window:

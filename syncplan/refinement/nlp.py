@@ -53,13 +53,11 @@ class MeasuredTeam:
     observable : whether the plan is, judged in its own mean radius
     eigenvalues : (3 n,) of the windowed information, largest first, positions in the mean radius
         of the plan that is refined
-    window_bounds : (n,) m, from one window without motion noise; infinite where not observable
     rms : (n,) m, posterior bound over the second half of the run; NaN where not computed
     """
 
     observable: bool
     eigenvalues: Array
-    window_bounds: Array
     rms: Array
 
 

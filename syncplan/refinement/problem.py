@@ -62,10 +62,9 @@ class RefineProblem(WithTeam):
     window, duration : s
     freedom : bounds of the variables
     objective : what is improved
-    pairs : (e, 2) vehicles a < b whose contact is kept
-    anchors : (k, 2) vehicle, landmark (from n on) whose contact is kept
-    pair_samples, anchor_samples : (e,), (k,) fewest samples in contact
-    pair_margins, anchor_margins : (e,), (k,) m by which contact stays within range
+    kept : (k, 2) whose contact is kept: pairs of vehicles a < b, then vehicles and landmarks
+    kept_samples : (k,) fewest samples in contact
+    kept_margins : (k,) m by which contact stays within range
     margins_required : whether the user gave the margins; if not, they are those of the plan
     min_separation : m, as given or as the plan has it
     separation_limit, landmark_limit : how near vehicles may come to each other and to landmarks
@@ -79,12 +78,9 @@ class RefineProblem(WithTeam):
     duration: float
     freedom: Freedom
     objective: Objective
-    pairs: Index
-    anchors: Index
-    pair_samples: Array
-    anchor_samples: Array
-    pair_margins: Array
-    anchor_margins: Array
+    kept: Index
+    kept_samples: Array
+    kept_margins: Array
     margins_required: bool
     min_separation: float
     separation_limit: DistanceLimit

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from syncplan.arrays import Array, Index, as_pairs
+from syncplan.arrays import as_pairs
 from syncplan.errors import NoSolutionError
 from syncplan.orbits.sightings import sightings_over
 from syncplan.planning.judged_team import landmark_limit, separation_limit
@@ -40,11 +40,17 @@ def _problem_as_given(given: Plan, options: RefineOptions) -> RefineProblem:
     scenario, sensors = given.scenario, given.sensors
     area = Area.of(scenario.area_m, scenario.keep_out_m)
     samples = _samples_in_contact(given)
-    listed = [(link.a, link.b) for link in given.links]
-    pairs = as_pairs([pair for pair in listed if pair in samples])
-    held = [(link.a, link.b) for link in given.landmark_links]
-    anchors = as_pairs([pair for pair in held if pair in samples])
-    reach = sensors.ranges[pairs].max(axis=1) if len(pairs) else np.zeros(0)
+    links = [(one.a, one.b) for one in (*given.links, *given.landmark_links)]
+    kept = as_pairs([pair for pair in links if pair in samples])
+    of_vehicles = kept[:, 1] < given.team.count
+    # as many samples as the rank needs, or as the plan has, if fewer
+    wanted = np.where(of_vehicles, PAIR_SAMPLES, ANCHOR_SAMPLES)
+    had = np.array([samples[a, b] for a, b in kept.tolist()], dtype=float)
+    margins = DEFAULT_MARGIN * np.append(sensors.ranges, np.zeros(len(given.landmarks)))[kept].max(
+        axis=1
+    )
+    if options.margin_m is not None:
+        margins[of_vehicles] = options.margin_m
     return RefineProblem(
         names=(*scenario.vehicle_names, *scenario.landmark_names),
         team=given.team,
@@ -52,12 +58,9 @@ def _problem_as_given(given: Plan, options: RefineOptions) -> RefineProblem:
         duration=scenario.duration_s,
         freedom=_freedom(given, options, area),
         objective=_objective(options, given.orbits.count),
-        pairs=pairs,
-        anchors=anchors,
-        pair_samples=_needed(samples, pairs, PAIR_SAMPLES),
-        anchor_samples=_needed(samples, anchors, ANCHOR_SAMPLES),
-        pair_margins=_margins(options, reach),
-        anchor_margins=DEFAULT_MARGIN * sensors.ranges[anchors[:, 0]],
+        kept=kept,
+        kept_samples=np.minimum(wanted, had),
+        kept_margins=margins,
         margins_required=options.margin_m is not None,
         min_separation=_separation(given),
         separation_limit=separation_limit(scenario),
@@ -84,11 +87,6 @@ def _samples_in_contact(given: Plan) -> dict[tuple[int, int], int]:
     return {(int(i), int(j)): int(k) for (i, j), k in zip(pairs, counts, strict=True)}
 
 
-def _needed(samples: dict[tuple[int, int], int], pairs: Index, wanted: int) -> Array:
-    """As many samples as the rank needs, or as the plan has, if fewer."""
-    return np.array([min(wanted, samples[a, b]) for a, b in pairs.tolist()], dtype=float)
-
-
 def _separation(given: Plan) -> float:
     """m: as given; else the plan's, up to half its mean radius.
 
@@ -98,12 +96,6 @@ def _separation(given: Plan) -> float:
     if required > 0.0 or given.approach is None:
         return required
     return min(given.approach.distance, SAFE_SHARE * float(given.orbits.radii.mean()))
-
-
-def _margins(options: RefineOptions, reach: Array) -> Array:
-    if options.margin_m is not None:
-        return np.full(len(reach), options.margin_m)
-    return DEFAULT_MARGIN * reach
 
 
 def _freedom(given: Plan, options: RefineOptions, area: Area) -> Freedom:
@@ -208,16 +200,13 @@ def _with_limits(
     For objectives that neglect it, the window bound of the worst vehicle becomes a constraint,
     unless the plan itself comes nearer to something than it may.
     """
-    contacts = len(problem.pairs) + len(problem.anchors)
-    rooms = np.array([one.room for one in before.margins[:contacts]])
-    given = np.concatenate([problem.pair_margins, problem.anchor_margins])
-    held = np.clip(given + np.minimum(rooms, 0.0), 0.0, None)
+    rooms = np.array([one.room for one in before.margins[: len(problem.kept)]])
+    held = np.clip(problem.kept_margins + np.minimum(rooms, 0.0), 0.0, None)
     limited = problem.objective.neglects_window_bound and before.shortfall == 0.0
-    limit = before.figures.window_bound if limited else math.inf
-    pairs, anchors = np.split(held, [len(problem.pairs)])
+    of_vehicles = problem.kept[:, 1] < problem.orbits.count
+    stated = of_vehicles & (options.margin_m is not None)
     return replace(
         problem,
-        window_limit=limit,
-        pair_margins=pairs if options.margin_m is None else problem.pair_margins,
-        anchor_margins=anchors,
+        window_limit=before.figures.window_bound if limited else math.inf,
+        kept_margins=np.where(stated, problem.kept_margins, held),
     )

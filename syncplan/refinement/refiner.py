@@ -15,12 +15,13 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ValidationError
 
 from syncplan.arrays import Array, as_pairs
+from syncplan.documents import finite_or_none
 from syncplan.errors import InputError
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import reachable_pairs
 from syncplan.planning.plan_files import PlanSubject, planned
 from syncplan.planning.planner import BoundChoice, Plan, bound_is_affordable, judge
-from syncplan.planning.refinement_record import RefinementRecord, StartRecord
+from syncplan.planning.refinement_record import RefinementRecord, StartResult
 from syncplan.refinement.measures import Measurement, measure
 from syncplan.refinement.problem import WINDOW_BOUND, RefineProblem, orbits_of
 from syncplan.refinement.problem_setup import problem_of, refuse_conflicts
@@ -266,17 +267,18 @@ def _best(case: _Case, attempts: list["Attempt"], cut_short: bool, bound: BoundC
     )
 
 
-def _record(attempt: "Attempt", objective: Objective) -> StartRecord:
+def _record(attempt: "Attempt", objective: Objective) -> StartResult:
     run, after = attempt.run, attempt.after
-    return StartRecord(
+    value = None if after is None else after.figures.objectives[objective.name]
+    return StartResult(
         start=attempt.start,
         status=run.status,
         iterations=run.iterations,
-        violation=run.violation,
-        dual_residual=run.dual_residual,
-        value=None if after is None else after.figures.objectives[objective.name],
-        violations=attempt.violations,
-        unmet=run.unmet,
+        constraint_violation=finite_or_none(run.violation),
+        dual_infeasibility=finite_or_none(run.dual_residual),
+        value=None if value is None else finite_or_none(value),
+        violations=list(attempt.violations),
+        unmet=list(run.unmet),
     )
 
 

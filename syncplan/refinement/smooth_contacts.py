@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.refinement.clearances import Blocks, pair_blocks, single_blocks, stacked_blocks
+from syncplan.refinement.clearances import Blocks, blocks_of, stacked_blocks
 from syncplan.refinement.problem import RefineProblem, SampleTimes
 from syncplan.refinement.smooth_sightings import (
     ALL_ROUND,
@@ -30,45 +30,33 @@ def contacts_kept(
 
     `width` is that of the step; `safety` in m is added to the margins.
     """
-    kept, held = problem.pairs, problem.anchors
+    count, names = problem.orbits.count, problem.names
     views = bool(np.any(problem.sensors.fields_of_view < 2.0 * np.pi))
     pieces = convex_pieces(problem.team.obstacles, problem.scale)
+    to_landmark = problem.kept[:, 1] >= count
     blocks = []
-    if len(kept):
-        inputs = [
-            ca.DM(_pair_parameters(problem, kept, views)),
-            _steps(problem, width, problem.pair_margins + safety),
+    for chosen in (np.flatnonzero(~to_landmark), np.flatnonzero(to_landmark)):
+        if not len(chosen):
+            continue
+        kept, margins = problem.kept[chosen], problem.kept_margins[chosen]
+        needed = problem.kept_samples[chosen] - 1.0
+        step = np.stack([np.full(len(kept), width), (margins + safety) / problem.scale])
+        labels = [
+            f"contact of {names[a]}-{names[b]} (margin {margin:.3g} m)"
+            for (a, b), margin in zip(kept.tolist(), margins, strict=True)
         ]
-        every = problem.sensors.every[kept].max(axis=1)
-        lower = np.log(problem.pair_samples - 1.0 + 1.0 / every)
-        labels = _labels(problem, kept, problem.pair_margins)
-        function = pair_contact(times, views, pieces)
-        blocks.append(pair_blocks(function, circles, kept, inputs, lower, labels))
-    if len(held):
-        inputs = [
-            ca.DM(problem.landmarks[held[:, 1] - problem.orbits.count].T / problem.scale),
-            ca.DM(_anchor_parameters(problem, held[:, 0], views)),
-            _steps(problem, width, problem.anchor_margins + safety),
-        ]
-        # counted at all samples: the fewest that hold so many at which the sensor is ready
-        every = problem.sensors.every[held[:, 0]]
-        lower = np.log((problem.anchor_samples - 1.0) * every + 1.0)
-        labels = _labels(problem, held, problem.anchor_margins)
-        function = anchor_contact(times, views, pieces)
-        blocks.append(single_blocks(function, circles, held[:, 0], inputs, lower, labels))
-    return stacked_blocks(blocks, problem.orbits.count)
-
-
-def _steps(problem: RefineProblem, width: float, margins: Array) -> ca.DM:
-    return ca.DM(np.stack([np.full(len(margins), width), margins / problem.scale]))
-
-
-def _labels(problem: RefineProblem, pairs: Index, margins: Array) -> list[str]:
-    names = problem.names
-    return [
-        f"contact of {names[a]}-{names[b]} (margin {margin:.3g} m)"
-        for (a, b), margin in zip(pairs.tolist(), margins, strict=True)
-    ]
+        if kept[0, 1] < count:
+            owners, function = kept, pair_contact(times, views, pieces)
+            inputs = [_pair_parameters(problem, kept, views), step]
+            lower = np.log(needed + 1.0 / problem.sensors.every[kept].max(axis=1))
+        else:
+            owners, function = kept[:, :1], anchor_contact(times, views, pieces)
+            places = problem.landmarks[kept[:, 1] - count].T / problem.scale
+            inputs = [places, _anchor_parameters(problem, kept[:, 0], views), step]
+            # counted at all samples: the fewest that hold so many at which the sensor is ready
+            lower = np.log(needed * problem.sensors.every[kept[:, 0]] + 1.0)
+        blocks.append(blocks_of(function, circles, owners, [*map(ca.DM, inputs)], lower, labels))
+    return stacked_blocks(blocks, count)
 
 
 def _pair_parameters(problem: RefineProblem, pairs: Index, views: bool) -> Array:

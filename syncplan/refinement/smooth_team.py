@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from syncplan.arrays import Array, Index, as_pairs
+from syncplan.arrays import Index, as_pairs
 from syncplan.orbits.sighting_kinds import COMPASS
 from syncplan.refinement.problem import RefineProblem, SampleTimes
 from syncplan.refinement.smooth_sightings import (
@@ -27,33 +27,19 @@ _FAR = 0.25
 
 
 @dataclass(frozen=True, slots=True)
-class Sighted:
-    """Pairs that may come into contact while circles move.
-
-    Attributes
-    ----------
-    pairs : (e, 2) vehicles a < b; first those whose contact is kept
-    anchors : (k, 2) vehicle, landmark (from n on); first those whose contact is kept
-    """
-
-    pairs: Index
-    anchors: Index
-
-
-@dataclass(frozen=True, slots=True)
 class SmoothTeam:
     """A team's information for its circles X (4, n), scaled.
 
     Attributes
     ----------
-    problem, sighted : the pairs that may be in contact
+    sighted : (s, 2) that may come into contact, as `sighted_bodies` has them
     times : samples that information is summed over
     sparsity : of the (3 n, 3 n) information matrix, all of it
     place : (nnz, sums) where each pair's sums go
     """
 
     problem: RefineProblem
-    sighted: Sighted
+    sighted: Index
     times: SampleTimes
     sparsity: ca.Sparsity
     place: ca.DM
@@ -61,7 +47,7 @@ class SmoothTeam:
     @classmethod
     def of(cls, problem: RefineProblem, times: SampleTimes) -> "SmoothTeam":
         """Return the team of a problem, seen at `times`."""
-        sighted = sighted_pairs(problem)
+        sighted = sighted_bodies(problem)
         sparsity, place = _places(sighted, problem.orbits.count, _compasses(problem))
         return cls(problem, sighted, times, sparsity, place)
 
@@ -84,24 +70,24 @@ class SmoothTeam:
 
     def _of_targets(self, paths: Paths, width: float, each: bool) -> list[ca.MX]:
         """What pairs, then landmarks give, where there are any."""
-        pairs, anchors = self.sighted.pairs, self.sighted.anchors
+        problem, count = self.problem, self.problem.orbits.count
+        pairs, anchors = _pairs_and_anchors(self.sighted, count)
         parts = []
         if len(pairs):
             parts.append(pair_information(paths, pairs, width, each))
         if len(anchors):
-            places = self._places_of(anchors[:, 1])
+            places = problem.landmarks[anchors[:, 1] - count] / problem.scale
             parts.append(anchor_information(paths, anchors[:, 0], places, width, each))
         return parts
 
-    def _places_of(self, landmarks: Index) -> Array:
-        """(k, 2) scaled."""
-        return self.problem.landmarks[landmarks - self.problem.orbits.count] / self.problem.scale
 
+def sighted_bodies(problem: RefineProblem) -> Index:
+    """Return (s, 2) what may come within range while circles move.
 
-def sighted_pairs(problem: RefineProblem) -> Sighted:
-    """Return the pairs and landmarks that may come within range."""
-    orbits, freedom = problem.orbits, problem.freedom
-    n = orbits.count
+    Pairs of vehicles a < b, then vehicles and landmarks, from n on; of either, first those whose
+    contact is kept.
+    """
+    freedom, count = problem.freedom, problem.orbits.count
     lower, upper = (
         np.nan_to_num(freedom.lower, neginf=-1e7),
         np.nan_to_num(freedom.upper, posinf=1e7),
@@ -109,19 +95,28 @@ def sighted_pairs(problem: RefineProblem) -> Sighted:
     moves = np.hypot(*(0.5 * (upper[:2] - lower[:2])))
     middle = 0.5 * (upper[:2] + lower[:2]).T
     reach = problem.sensors.ranges * (1.0 + _FAR)
-    a, b = np.triu_indices(n, 1)
+    a, b = np.triu_indices(count, 1)
     away = np.hypot(*(middle[a] - middle[b]).T) - moves[a] - moves[b]
     near = away - upper[2, a] - upper[2, b] <= np.maximum(reach[a], reach[b])
-    kept = {(int(i), int(j)) for i, j in problem.pairs}
-    others = [(int(i), int(j)) for i, j in zip(a[near], b[near], strict=True)]
-    pairs = [*map(tuple, problem.pairs.tolist()), *(one for one in others if one not in kept)]
-    vehicle, place = (index.ravel() for index in np.indices((n, len(problem.landmarks))))
+    vehicle, place = (index.ravel() for index in np.indices((count, len(problem.landmarks))))
     away = np.hypot(*(middle[vehicle] - problem.landmarks[place]).T) - moves[vehicle]
-    near = away - upper[2, vehicle] <= reach[vehicle]
-    held = {(int(i), int(j)) for i, j in problem.anchors}
-    seen = [(int(i), int(j) + n) for i, j in zip(vehicle[near], place[near], strict=True)]
-    anchors = [*map(tuple, problem.anchors.tolist()), *(one for one in seen if one not in held)]
-    return Sighted(as_pairs(pairs), as_pairs(anchors))
+    seen = away - upper[2, vehicle] <= reach[vehicle]
+    found: list[tuple[int, int]] = []
+    for kept, others in zip(
+        _pairs_and_anchors(problem.kept, count),
+        ((a[near], b[near]), (vehicle[seen], count + place[seen])),
+        strict=True,
+    ):
+        every = np.concatenate([kept, np.column_stack(others)])
+        # a mapping keeps the order in which its keys came
+        found += dict.fromkeys((i, j) for i, j in every.tolist())
+    return as_pairs(found)
+
+
+def _pairs_and_anchors(bodies: Index, count: int) -> tuple[Index, Index]:
+    """Those of (k, 2) bodies that are pairs of vehicles, and those with landmarks."""
+    to_landmark = bodies[:, 1] >= count
+    return bodies[~to_landmark], bodies[to_landmark]
 
 
 def _compasses(problem: RefineProblem) -> Index:
@@ -129,22 +124,23 @@ def _compasses(problem: RefineProblem) -> Index:
     return np.flatnonzero(COMPASS.sigmas(problem.sensors) < np.inf)
 
 
-def _places(sighted: Sighted, count: int, compasses: Index) -> tuple[ca.Sparsity, ca.DM]:
+def _places(sighted: Index, count: int, compasses: Index) -> tuple[ca.Sparsity, ca.DM]:
     """Sparsity of the information, and the matrix that adds all sums into its non-zeros.
 
     Sums are those of pairs, of landmarks, then one of each compass.
     """
-    pairs, anchors = len(sighted.pairs), len(sighted.anchors)
+    pairs, anchors = _pairs_and_anchors(sighted, count)
     entries: list[tuple[int, int, int, float]] = []
-    for k, (a, b) in enumerate((3 * sighted.pairs).tolist()):
+    for k, (a, b) in enumerate((3 * pairs).tolist()):
         entries += [
-            (row, column, pairs * one + k, sign) for row, column, one, sign in _pair_entries(a, b)
+            (row, column, len(pairs) * one + k, sign)
+            for row, column, one, sign in _pair_entries(a, b)
         ]
-    offset = PAIR_SUMS * pairs
-    for k, a in enumerate((3 * sighted.anchors[:, 0]).tolist()):
+    offset = PAIR_SUMS * len(pairs)
+    for k, a in enumerate((3 * anchors[:, 0]).tolist()):
         for one, (i, j) in enumerate(((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))):
-            entries.append((a + i, a + j, offset + anchors * one + k, 1.0))
-    offset += ANCHOR_SUMS * anchors
+            entries.append((a + i, a + j, offset + len(anchors) * one + k, 1.0))
+    offset += ANCHOR_SUMS * len(anchors)
     entries += [(3 * v + 2, 3 * v + 2, offset + k, 1.0) for k, v in enumerate(compasses.tolist())]
     mirrored = [(column, row, one, sign) for row, column, one, sign in entries if row != column]
     entries += mirrored

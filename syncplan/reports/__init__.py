@@ -3,11 +3,8 @@
 A module holds a document's parts with their descriptions, what makes them of a result, and the
 notes on them.
 
-document_base         what all documents share
-verdict_schemas       verdicts
 observability_report  what is determined of a team, and how well
 refinement_report     refinements
-flown_plan_schemas    what flying has found of a plan
 plan_report           plans
 sites_report          choices of landmark sites
 loss_report           what losses do to a plan

@@ -8,17 +8,17 @@ from pydantic import Field
 
 from syncplan import __version__
 from syncplan.arrays import Array
+from syncplan.documents import DocumentPart, finite_or_none
 from syncplan.estimation.considered_errors import neglected_errors
 from syncplan.flight.flight_options import AS_COMMANDED, GUIDANCES, FlightOptions
 from syncplan.flight.flying import Flight
 from syncplan.phrases import listed, percent
+from syncplan.planning.judged_team import PlanVerdict
 from syncplan.planning.lost_parts import phrase_of
 from syncplan.planning.planner import Plan
-from syncplan.reports.document_base import DocumentPart, finite_or_none
 from syncplan.reports.flight_series import FlightOverTime, flight_over_time
 from syncplan.reports.run_figures import Errors, FilterRecord, Spread, TrueWorldReport, spread_of
 from syncplan.reports.truth_report import expected_in_truth, keys_in_truth, truth_note
-from syncplan.reports.verdict_schemas import PlanVerdict, plan_verdict
 from syncplan.scenario.disturbances import ReadingsKind
 
 
@@ -213,7 +213,7 @@ def flight_document(flight: Flight) -> FlightDocument:
         name=plan.scenario.name,
         truth=keys_in_truth(plan),
         expected_rms_m=expected_in_truth(plan, flight.expected),
-        verdict=plan_verdict(plan.verdict),
+        verdict=plan.verdict,
         trials=result.trials,
         seed=found.seed,
         duration_s=run.duration,
@@ -222,7 +222,7 @@ def flight_document(flight: Flight) -> FlightDocument:
         vehicle_model=_model(flight),
         filter=_filter(flight),
         observable=plan.observable,
-        filter_lost_share=record.lost_share,
+        filter_lost_share=record.filter_lost_share,
         out_of_contact_share=record.out_of_contact_share,
         least_separation_m=_separation(flight),
         saturated_share=float(figures.saturated.mean()),
@@ -233,7 +233,7 @@ def flight_document(flight: Flight) -> FlightDocument:
         errors=_state_errors(flight),
         links=[
             FlownLink(between=one.between, meetings=one.meetings, kept_share=one.kept_share)
-            for one in record.pairs
+            for one in record.meetings_kept
         ],
         anees=spread_of(flight.anees),
         nis=spread_of(flight.nis),

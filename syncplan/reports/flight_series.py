@@ -7,11 +7,11 @@ import numpy as np
 from pydantic import Field
 
 from syncplan.arrays import Array
+from syncplan.documents import DocumentPart, Point
 from syncplan.flight.flight_records import RecordedSteps, Track
 from syncplan.flight.flight_series import mean_series
 from syncplan.flight.flying import Flight
 from syncplan.planning.planner import Plan
-from syncplan.reports.document_base import DocumentPart, Point
 
 Values = list[float | None]
 """Null where a vehicle is lost."""

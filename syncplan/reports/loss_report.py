@@ -5,8 +5,9 @@ from typing import ClassVar
 from pydantic import Field
 
 from syncplan import __version__
+from syncplan.documents import Document, VersionedDocument
+from syncplan.planning.judged_team import PlanVerdict
 from syncplan.planning.loss_study import LossOutcome, WhatIf
-from syncplan.reports.document_base import Document, VersionedDocument
 from syncplan.reports.observability_report import (
     ErrorPrediction,
     ExtendedRank,
@@ -15,7 +16,6 @@ from syncplan.reports.observability_report import (
     extended_rank_record,
     unobservable_motions,
 )
-from syncplan.reports.verdict_schemas import PlanVerdict, plan_verdict
 
 
 class RemainingTeam(Document):
@@ -81,5 +81,5 @@ def _remaining(outcome: LossOutcome) -> RemainingTeam:
         extended=extended_rank_record(outcome.error_verdict, outcome.vehicles),
         predicted_rms_m=error_prediction(outcome.predicted_rms, outcome.vehicles, outcome.note),
         worst_predicted_rms_m=outcome.worst_predicted_rms,
-        verdict=plan_verdict(outcome.verdict),
+        verdict=outcome.verdict,
     )

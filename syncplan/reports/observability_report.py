@@ -7,17 +7,17 @@ import numpy as np
 from pydantic import Field
 
 from syncplan.arrays import Array
-from syncplan.observability.error_modes import ErrorVerdict, ExtendedObservability
-from syncplan.observability.unobservable_modes import UnobservableMode
-from syncplan.orbits.error_states import ERROR_STATES
-from syncplan.planning.planner import Plan
-from syncplan.reports.document_base import (
+from syncplan.documents import (
     Document,
     DocumentPart,
     Point,
     finite_or_none,
     point_of,
 )
+from syncplan.observability.error_modes import ErrorVerdict, ExtendedObservability
+from syncplan.observability.unobservable_modes import UnobservableMode
+from syncplan.orbits.error_states import ERROR_STATES
+from syncplan.planning.planner import Plan
 
 
 class CertificateVerdict(DocumentPart):

@@ -8,12 +8,7 @@ from pydantic import Field
 
 from syncplan import __version__
 from syncplan.arrays import Array
-from syncplan.estimation.filters import FilterName
-from syncplan.observability.link_verdicts import LinkVerdict
-from syncplan.orbits.circles import heading, position
-from syncplan.planning.planner import Plan
-from syncplan.planning.start_up import StartTrials, StartUp
-from syncplan.reports.document_base import (
+from syncplan.documents import (
     Document,
     DocumentPart,
     Point,
@@ -22,7 +17,13 @@ from syncplan.reports.document_base import (
     finite_or_none,
     point_of,
 )
-from syncplan.reports.flown_plan_schemas import FlownPlan, flown_plan
+from syncplan.estimation.filters import FilterName
+from syncplan.observability.link_verdicts import LinkVerdict
+from syncplan.orbits.circles import heading, position
+from syncplan.planning.flight_record import FlownPlan
+from syncplan.planning.judged_team import PlanVerdict
+from syncplan.planning.planner import Plan
+from syncplan.planning.start_up import StartTrials, StartUp
 from syncplan.reports.observability_report import (
     ErrorPrediction,
     ObservabilityVerdict,
@@ -30,7 +31,6 @@ from syncplan.reports.observability_report import (
     observability_of,
 )
 from syncplan.reports.refinement_report import RefinementResult, refinement_result
-from syncplan.reports.verdict_schemas import PlanVerdict, plan_verdict
 from syncplan.scenario.specification import Scenario
 
 
@@ -243,7 +243,7 @@ def plan_document(plan: Plan) -> PlanDocument:
     names, landmarks = plan.scenario.vehicle_names, plan.scenario.landmark_names
     return PlanDocument(
         version=__version__,
-        verdict=plan_verdict(verdict),
+        verdict=verdict,
         scenario=plan.scenario,
         period_s=plan.orbits.period,
         vehicles=_vehicles(plan, names),
@@ -281,7 +281,7 @@ def plan_document(plan: Plan) -> PlanDocument:
             None if plan.start_up is None else start_up_record(plan.start_up, names, landmarks)
         ),
         refinement=None if plan.refinement is None else refinement_result(plan.refinement),
-        flight=None if plan.flight is None else flown_plan(plan.flight),
+        flight=plan.flight,
         notes=[one.message for one in verdict.findings],
     )
 

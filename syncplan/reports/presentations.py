@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from html import escape
 from typing import Any
 
+from syncplan.documents import Document
 from syncplan.errors import InputError
 from syncplan.estimation.replay_results import Replay
 from syncplan.flight.flying import Flight
@@ -13,7 +14,6 @@ from syncplan.planning.loss_study import WhatIf
 from syncplan.planning.planner import Plan
 from syncplan.planning.validation import Validation
 from syncplan.planning.variations import Sweep
-from syncplan.reports.document_base import Document
 from syncplan.reports.flight_report import FlightDocument, PhaseError, flight_document
 from syncplan.reports.loss_report import WhatIfDocument, what_if_document
 from syncplan.reports.plan_report import PlanDocument, plan_document

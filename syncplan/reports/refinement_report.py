@@ -4,9 +4,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import Field, create_model
 
-from syncplan.planning.refinement_record import RefinementRecord, StartRecord
-from syncplan.planning.start_up import StartBefore
-from syncplan.reports.document_base import Document, DocumentPart, finite_or_none
+from syncplan.documents import Document, DocumentPart, finite_or_none
+from syncplan.planning.refinement_record import RefinementRecord, StartResult
+from syncplan.planning.start_up import InputStart
 from syncplan.scenario.objectives import FIGURES, Figures
 
 
@@ -43,31 +43,6 @@ else:
     )
 
 
-class StartResult(DocumentPart):
-    """The result of one start of the solver."""
-
-    start: int = Field(description="0: the plan; 1: the rules desynchronised; then random ones")
-    status: str = Field(description="IPOPT's return status")
-    iterations: int
-    constraint_violation: float | None = Field(description="At the end, as IPOPT scales it")
-    dual_infeasibility: float | None = Field(description="At the end, as IPOPT scales it")
-    value: float | None = Field(description="Exact objective of the best candidate")
-    violations: list[str] = Field(
-        description="Constraints that the input met and the candidate violates"
-    )
-    unmet: list[str] = Field(description="Constraints that the solver could not meet")
-
-
-class InputStart(DocumentPart):
-    """How the plan starts that was refined; see `start_up` of plans."""
-
-    index: float
-    worst_rms_over_predicted: float | None = Field(
-        description="Of the pilot's worst vehicle: 1 where the index cleared the plan, null where "
-        "a filter broke down"
-    )
-
-
 class RefinementResult(Document):
     """How a plan was refined; `improved` says whether this is a better plan or the input."""
 
@@ -101,14 +76,10 @@ def refinement_result(record: RefinementRecord) -> RefinementResult:
         before=_figures(record.before),
         after=_figures(record.after),
         active_constraints=list(record.active),
-        starts=[_start(item) for item in record.starts],
-        start_up_before=None if record.start_before is None else _before(record.start_before),
+        starts=list(record.starts),
+        start_up_before=record.start_before,
         expected_rms_before_m=record.expected_before,
     )
-
-
-def _before(start: StartBefore) -> InputStart:
-    return InputStart(index=start.index, worst_rms_over_predicted=finite_or_none(start.worst_ratio))
 
 
 def _figures(figures: Figures) -> FiguresOfMerit:
@@ -117,16 +88,3 @@ def _figures(figures: Figures) -> FiguresOfMerit:
         value = getattr(figures, one.name)
         values[one.key] = value if one.finite else finite_or_none(value)
     return FiguresOfMerit(**values)
-
-
-def _start(item: StartRecord) -> StartResult:
-    return StartResult(
-        start=item.start,
-        status=item.status,
-        iterations=item.iterations,
-        constraint_violation=finite_or_none(item.violation),
-        dual_infeasibility=finite_or_none(item.dual_residual),
-        value=None if item.value is None else finite_or_none(item.value),
-        violations=list(item.violations),
-        unmet=list(item.unmet),
-    )

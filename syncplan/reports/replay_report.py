@@ -6,13 +6,13 @@ import numpy as np
 from pydantic import Field
 
 from syncplan import __version__
+from syncplan.documents import Document, DocumentPart
 from syncplan.estimation.filters import AUTO
 from syncplan.estimation.recorded_observability import SeenOverTime
 from syncplan.estimation.replay_results import ErrorsFromTruth, KindCounts, Replay
 from syncplan.estimation.replay_settings import ReplaySettings
 from syncplan.estimation.replay_tuning import Tuning
 from syncplan.estimation.trials import series
-from syncplan.reports.document_base import Document, DocumentPart
 from syncplan.reports.replay_notes import notes_of
 from syncplan.reports.run_figures import RunReport, Series, Spread, series_of, spread_of
 

@@ -7,10 +7,10 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
+from syncplan.documents import Document, DocumentPart, VersionedDocument, finite_or_none
 from syncplan.estimation.consistency import FEWEST_TRIALS, TOLERANCE, Consistency
 from syncplan.estimation.filters import FilterName, MotionName
 from syncplan.estimation.trials import MonteCarloResult, series
-from syncplan.reports.document_base import Document, DocumentPart, VersionedDocument, finite_or_none
 from syncplan.reports.truth_report import (
     ExpectedErrors,
     TrueKey,

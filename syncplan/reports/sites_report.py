@@ -3,8 +3,8 @@
 from pydantic import Field
 
 from syncplan import __version__
+from syncplan.documents import DocumentPart, Point, VersionedDocument, finite_or_none
 from syncplan.landmarks.site_choice import SiteChoice
-from syncplan.reports.document_base import DocumentPart, Point, VersionedDocument, finite_or_none
 from syncplan.reports.plan_report import PlanDocument, plan_document
 
 

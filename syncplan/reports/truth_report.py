@@ -6,9 +6,9 @@ import numpy as np
 from pydantic import Field, JsonValue
 
 from syncplan.arrays import Array
+from syncplan.documents import DocumentPart
 from syncplan.phrases import listed
 from syncplan.planning.planner import Plan
-from syncplan.reports.document_base import DocumentPart
 from syncplan.scenario.truths import changed_keys
 
 

@@ -8,16 +8,16 @@ from pydantic import AfterValidator, Field
 
 from syncplan import __version__
 from syncplan.arrays import Array
+from syncplan.documents import Document, DocumentPart, finite_or_none
 from syncplan.errors import InputError
 from syncplan.estimation.considered_errors import neglected_errors
 from syncplan.estimation.outlying_trials import TrialErrors
 from syncplan.estimation.trials import Accuracy, state_series
 from syncplan.orbits.error_states import layout_of
 from syncplan.phrases import listed
-from syncplan.planning.judged_team import Verdict
+from syncplan.planning.judged_team import PlanVerdict
 from syncplan.planning.validation import Validation
 from syncplan.planning.variations import StressTest, ValidatedRow
-from syncplan.reports.document_base import Document, DocumentPart, finite_or_none
 from syncplan.reports.run_figures import (
     ErrorFigures,
     FilterRecord,
@@ -32,7 +32,6 @@ from syncplan.reports.run_figures import (
     spread_of,
 )
 from syncplan.reports.truth_report import TrueKey, expected_in_truth, keys_in_truth, truth_note
-from syncplan.reports.verdict_schemas import PlanVerdict, plan_verdict
 from syncplan.scenario.dotted_keys import swept_key
 
 
@@ -144,7 +143,7 @@ def validation_document(validation: Validation) -> ValidationDocument:
         name=plan.scenario.name,
         truth=truth,
         expected_rms_m=expected,
-        verdict=plan_verdict(plan.verdict),
+        verdict=plan.verdict,
         trials=result.trials,
         seed=result.seed,
         duration_s=validation.duration,
@@ -172,7 +171,7 @@ def validation_document(validation: Validation) -> ValidationDocument:
 def stress_document(test: StressTest) -> ValidationDocument:
     """Return the report of a stress test: of the world as stated, with what others did."""
     report = validation_document(test.nominal)
-    verdict = Verdict((*test.nominal.plan.verdict.findings, *test.findings))
+    verdict = PlanVerdict.of((*test.nominal.plan.verdict.findings, *test.findings))
     worlds = [
         StressedWorld(
             world=row.world,
@@ -184,7 +183,7 @@ def stress_document(test: StressTest) -> ValidationDocument:
         )
         for row in test.rows
     ]
-    return report.model_copy(update={"verdict": plan_verdict(verdict), "stress": worlds})
+    return report.model_copy(update={"verdict": verdict, "stress": worlds})
 
 
 def sweep_document(

@@ -5,40 +5,48 @@ integrated from speed readings strays by the random walk times sqrt(t). A standa
 reading does: with half the sample time there are twice as many readings to average.
 """
 
-from collections.abc import Collection, Sequence
-from typing import Annotated, Any, Literal, Self, get_args
+from collections.abc import Collection, Mapping, Sequence
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_args
 
 from pydantic import BeforeValidator, Field, model_validator
 
 from syncplan.scenario.quantities import Many, Section, fault
 
 Sigma = Annotated[float, Field(ge=0, le=1e3)]
-Positive = Annotated[float, Field(gt=0, le=1e3)]
 
 ReadingsKind = Literal["commanded", "measured"]
 """What motion readings are in flight."""
 
-EstimableName = Literal[
-    "wind",
-    "speed_scale",
-    "turn_rate_bias",
-    "bearing_bias",
-    "gusts",
-    "bearing_walk",
-    "clock_offset",
-]
-"""An error that the filter can have as states."""
+ESTIMABLE: Mapping[str, str] = MappingProxyType(
+    {
+        "wind": "wind.sigma_mps",
+        "speed_scale": "motion.speed_scale_sigma",
+        "turn_rate_bias": "motion.turn_rate_bias_sigma_rad_s",
+        "bearing_bias": "sensor.bearing_bias_sigma_rad",
+        "gusts": "wind.gust_sigma_mps",
+        "bearing_walk": "sensor.bearing_walk.sigma_rad",
+        "clock_offset": "motion.clock_offset_sigma_s",
+    }
+)
+"""Errors that the filter can have as bias states, each with the key that says how large it is.
 
-ESTIMABLE: dict[EstimableName, str] = {
-    "wind": "wind.sigma_mps",
-    "speed_scale": "motion.speed_scale_sigma",
-    "turn_rate_bias": "motion.turn_rate_bias_sigma_rad_s",
-    "bearing_bias": "sensor.bearing_bias_sigma_rad",
-    "gusts": "wind.gust_sigma_mps",
-    "bearing_walk": "sensor.bearing_walk.sigma_rad",
-    "clock_offset": "motion.clock_offset_sigma_s",
-}
-"""The key that says how large each is."""
+A new one is a line here, the key in its section, and a line of ERROR_STATES in orbits."""
+
+if TYPE_CHECKING:
+    EstimableName = str
+else:
+    EstimableName = Literal[tuple(ESTIMABLE)]
+
+
+def error_sigma(sections: Any, path: Sequence[str]) -> float:
+    """Return the largest number at a path of keys, in a section or a list of them; 0 if none."""
+    if isinstance(sections, list):
+        return max(error_sigma(one, path) for one in sections)
+    if sections is None or not path:
+        return sections or 0.0
+    return error_sigma(getattr(sections, path[0]), path[1:])
+
 
 FilterKind = Literal["auto", "ekf", "second-order", "robust", "paper", "ideal"]
 """A name in syncplan.estimation.filters.FILTERS, or auto."""

@@ -5,7 +5,7 @@ All of it is read from the scenario's own models, so a key that is added there i
 
 import difflib
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from math import isclose
@@ -190,14 +190,12 @@ class SweptKey:
     key : where it stands in the scenario; its name ends with its unit
     unit : in symbols; empty where it has none
     one, many : a value and a list of values in words
-    change : sets it in the values of a scenario, given that scenario
     """
 
     key: str
     unit: str
     one: str
     many: str
-    change: Callable[[dict[str, Any], "Scenario", float], None]
 
     @property
     def name(self) -> str:
@@ -214,9 +212,18 @@ class SweptKey:
         from syncplan.scenario.loading import scenario_from
         from syncplan.scenario.models import MAX_VEHICLES
 
+        if self.key == "formation.spacing_m" and scenario.formation.shape is None:
+            raise InputError(
+                "the formation lists its centres; only a shape has a spacing to sweep", key=self.key
+            )
         document: dict[str, Any] = scenario.model_dump(exclude_none=True)
-        self.change(document, scenario, value)
-        return scenario_from(document, max_vehicles=max(scenario.size, MAX_VEHICLES))
+        if scenario.window_s is not None and isclose(
+            scenario.window_s, scenario.period, rel_tol=1e-5, abs_tol=1e-8
+        ):
+            # a window of one period stays one
+            document.pop("window_s")
+        varied = with_number(document, self.key, value)
+        return scenario_from(varied, max_vehicles=max(scenario.size, MAX_VEHICLES))
 
 
 @dataclass(frozen=True, slots=True)
@@ -251,50 +258,17 @@ class SweptOption(SweptKey):
         return self.name.replace("_", " ")
 
 
-def _change_rate(document: dict[str, Any], scenario: "Scenario", value: float) -> None:
-    """A speed gives way, and so does a window of one period."""
-    document["orbit"].pop("speed_mps", None)
-    document["orbit"]["angular_rate_rad_s"] = value
-    _leave_out_usual_window(document, scenario)
-
-
-def _leave_out_usual_window(document: dict[str, Any], scenario: "Scenario") -> None:
-    window = scenario.window_s
-    if window is not None and isclose(window, scenario.period, rel_tol=1e-5, abs_tol=1e-8):
-        document.pop("window_s")
-
-
-def _change_range(document: dict[str, Any], scenario: "Scenario", value: float) -> None:
-    sensors = document["sensor"]
-    for sensor in sensors if isinstance(sensors, list) else [sensors]:
-        sensor["range_m"] = value
-
-
-def _change_radius(document: dict[str, Any], scenario: "Scenario", value: float) -> None:
-    document["orbit"]["radius_m"] = value
-
-
-def _change_spacing(document: dict[str, Any], scenario: "Scenario", value: float) -> None:
-    if scenario.formation.shape is None:
-        raise InputError(
-            "the formation lists its centres; only a shape has a spacing to sweep",
-            key="formation.spacing_m",
-        )
-    document["formation"]["spacing_m"] = value
-
-
 _KEYS = (
     SweptOption(
         "orbit.angular_rate_rad_s",
         "rad/s",
         "angular rate",
         "Common angular rates",
-        _change_rate,
         example=(0.2, 0.4, 0.6),
     ),
-    SweptOption("sensor.range_m", "m", "sensor range", "Sensor ranges", _change_range),
-    SweptOption("orbit.radius_m", "m", "radius", "Radii of all circles", _change_radius),
-    SweptOption("formation.spacing_m", "m", "spacing", "Spacings of the shape", _change_spacing),
+    SweptOption("sensor.range_m", "m", "sensor range", "Sensor ranges"),
+    SweptOption("orbit.radius_m", "m", "radius", "Radii of all circles"),
+    SweptOption("formation.spacing_m", "m", "spacing", "Spacings of the shape"),
 )
 
 SWEPT_KEYS: Mapping[str, SweptOption] = MappingProxyType({one.name: one for one in _KEYS})
@@ -318,14 +292,4 @@ def swept_key(name: str) -> SweptKey:
         near = " or ".join(nearest_keys(name)[:_MOST_NEAR])
         hint = f"did you mean {near}?" if near else "'syncplan schema' lists all keys"
         raise InputError(f"{name!r} can't be swept: no such key holds a number; {hint}", key="name")
-    return SweptKey(found.key, found.unit, found.name, found.meaning, _change_of(found.key))
-
-
-def _change_of(key: str) -> Callable[[dict[str, Any], "Scenario", float], None]:
-    def change(document: dict[str, Any], scenario: "Scenario", value: float) -> None:
-
-        if key != "window_s":
-            _leave_out_usual_window(document, scenario)
-        document.update(with_number(document, key, value))
-
-    return change
+    return SweptKey(found.key, found.unit, found.name, found.meaning)

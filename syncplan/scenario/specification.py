@@ -8,12 +8,14 @@ from pydantic import Field, model_validator
 
 from syncplan.results import Result
 from syncplan.scenario.disturbances import (
+    ESTIMABLE,
     EstimableName,
     Filter,
     InitialSigma,
     Motion,
     Wind,
     check_estimated,
+    error_sigma,
 )
 from syncplan.scenario.formations import SHAPES
 from syncplan.scenario.models import (
@@ -271,16 +273,7 @@ class Scenario(Result, Section):
     @property
     def error_sigmas(self) -> dict[EstimableName, float]:
         """What errors there are beside noise, by name: the largest sigma of each."""
-        motion, wind = self.motion, self.wind or Wind()
-        sigmas: dict[EstimableName, float] = {
-            "wind": wind.sigma_mps,
-            "speed_scale": motion.speed_scale_sigma or 0.0,
-            "turn_rate_bias": motion.turn_rate_bias_sigma_rad_s or 0.0,
-            "bearing_bias": max(one.bearing_bias_sigma_rad or 0.0 for one in self.sensors),
-            "gusts": wind.gust_sigma_mps,
-            "bearing_walk": max(one.bearing_walk_sigma for one in self.sensors),
-            "clock_offset": motion.clock_offset_sigma_s or 0.0,
-        }
+        sigmas = {name: error_sigma(self, key.split(".")) for name, key in ESTIMABLE.items()}
         return {name: sigma for name, sigma in sigmas.items() if sigma > 0.0}
 
     @property

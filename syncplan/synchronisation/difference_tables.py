@@ -20,7 +20,7 @@ move at once on a grid of phases. What is made small is the sum of exp(-sharpnes
 pairs of a vehicle, ever sharper, so that in the end the smallest worth decides.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -68,6 +68,43 @@ def central_solution(
 
 _TURN = 2.0 * np.pi
 _BISECTIONS = 14
+
+
+def highest_level(
+    solved: Callable[[float], Array | None], low: float, high: float, halvings: int
+) -> tuple[Array, float] | None:
+    """Return what solves the highest level from `low` to `high` that has a solution, and that.
+
+    The level is found by bisection. None if not even the lowest has a solution.
+    """
+    theta = solved(low)
+    if theta is None:
+        return None
+    top = solved(high)
+    if top is not None:
+        return top, high
+    for _ in range(halvings):
+        middle = 0.5 * (low + high)
+        trial = solved(middle)
+        if trial is None:
+            high = middle
+        else:
+            low, theta = middle, trial
+    return theta, low
+
+
+def along_forest(
+    count: int, forest: Sequence[tuple[int, int, int]], first: Index, differences: Array
+) -> Array:
+    """Return time-phases (count,) with given theta_a - theta_b (e,) along a forest of links.
+
+    The forest is that of syncplan.orbits.graphs.traversal; a is the `first` (e,) of each link.
+    """
+    theta = np.zeros(count)
+    for parent, child, k in forest:
+        step = differences[k]
+        theta[child] = theta[parent] + (-step if first[k] == parent else step)
+    return theta
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,20 +179,14 @@ class DifferenceTables:
         fixed = np.full(len(self), -np.inf) if levels is None else levels
         low = float(np.min(self.at(start)[free], initial=np.inf))
         high = float(np.min(self.worth[free].max(axis=1), initial=np.inf))
-        theta = self.central(np.where(free, low, fixed), start)
-        if theta is None or not np.isfinite(high):
+
+        def central(level: float) -> Array | None:
+            return self.central(np.where(free, level, fixed), start)
+
+        if not np.isfinite(high):
+            theta = central(low)
             return None if theta is None else (theta, high)
-        top = self.central(np.where(free, high, fixed), start)
-        if top is not None:
-            return top, high
-        for _ in range(_BISECTIONS):
-            middle = 0.5 * (low + high)
-            trial = self.central(np.where(free, middle, fixed), start)
-            if trial is None:
-                high = middle
-            else:
-                low, theta = middle, trial
-        return theta, low
+        return highest_level(central, low, high, _BISECTIONS)
 
     def _intervals(self, levels: Array, start: Array) -> tuple[Array, Array] | None:
         """Low and high (e,) rad of the differences allowed around the start's."""
@@ -353,10 +384,5 @@ def _starts(
     sides += list(generator.integers(0, 2, (max(starts // 2 - len(sides), 0), len(tables))))
     found = [generator.uniform(0.0, _TURN, count) for _ in range(starts - len(sides) - 1)]
     for wanted in [offset, *(best[side, np.arange(len(tables))] for side in sides)]:
-        theta = np.zeros(count)
-        for parent, child, k in tree:
-            row = links[k]
-            step = wanted[row]
-            theta[child] = theta[parent] + (-step if tables.a[row] == parent else step)
-        found.append(theta)
+        found.append(along_forest(count, tree, tables.a[links], wanted[links]))
     return np.array(found)

@@ -27,10 +27,14 @@ from syncplan.arrays import Array, Index
 from syncplan.orbits.circles import wrap
 from syncplan.orbits.graphs import traversal
 from syncplan.runtime.numerics import has_solution, load_cvxpy
-from syncplan.synchronisation.difference_tables import MOST_VEHICLES, best_phases, most_served
+from syncplan.synchronisation.difference_tables import (
+    MOST_VEHICLES,
+    along_forest,
+    best_phases,
+    most_served,
+)
 from syncplan.synchronisation.phase_constraints import (
     PhaseConstraints,
-    ServedLinks,
     largest_margin,
     serve_greedily,
 )
@@ -182,12 +186,8 @@ class LargestMargin:
 
 def along_tree(rules: Rules, count: int, residual: Array | float = 0.0) -> Array:
     """Return time-phases (n,) with given residuals (e,) along a breadth-first spanning forest."""
-    difference = rules.offset + residual
-    theta = np.zeros(count)
-    for parent, child, link in traversal(count, rules.edges):
-        forward = rules.a[link] == parent
-        theta[child] = theta[parent] + (-1.0 if forward else 1.0) * difference[link]
-    return wrap(theta)
+    forest = traversal(count, rules.edges)
+    return wrap(along_forest(count, forest, rules.a, rules.offset + residual))
 
 
 def search_margins(
@@ -207,24 +207,24 @@ def search_margins(
     best = _search(rules, constraints, first, margin_bound, thorough)
     if best.margin >= 0.0:
         return best
-    served = _serve(constraints, best.theta, thorough)
-    unserved = np.setdiff1d(np.arange(len(rules)), served.links)
+    served, theta = _serve(constraints, best.theta, thorough)
+    unserved = np.setdiff1d(np.arange(len(rules)), served)
     if separation > 0.0:
         guards = guards.joined(rules.only(unserved))
-    rules = rules.only(served.links)
+    rules = rules.only(served)
     constraints = PhaseConstraints.of(rules, guards, kept_apart)
-    best = _search(rules, constraints, served.theta, margin_bound, thorough)
+    best = _search(rules, constraints, theta, margin_bound, thorough)
     return replace(best, unserved=unserved)
 
 
-def _serve(constraints: PhaseConstraints, theta: Array, thorough: bool) -> ServedLinks:
-    """As many links as can be served at once: by cell search, or else greedily."""
+def _serve(constraints: PhaseConstraints, theta: Array, thorough: bool) -> tuple[Index, Array]:
+    """As many links as can be served at once, and phases: by cell search, or else greedily."""
     if thorough:
         tables = constraints.over_differences()
         found, number = best_phases(tables, len(theta), most_served(0.0, _RAMP_M))
         links = np.flatnonzero(tables.at(found)[: constraints.links] >= 0.0)
         if number > -np.inf and len(links):
-            return ServedLinks(links, found)
+            return links, found
     return serve_greedily(constraints, theta)
 
 

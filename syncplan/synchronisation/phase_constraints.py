@@ -12,7 +12,11 @@ import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import wrap
-from syncplan.synchronisation.difference_tables import DifferenceTables, central_solution
+from syncplan.synchronisation.difference_tables import (
+    DifferenceTables,
+    central_solution,
+    highest_level,
+)
 from syncplan.synchronisation.phase_rules import Rules, closest_distance, residuals
 
 _SAMPLES, _SAMPLES_SEPARATED = 513, 2049
@@ -168,32 +172,14 @@ def largest_margin(
         else 0.0
     )
     low = min(float(np.min(reach - constraints.cost.max(axis=1), initial=0.0)), high)
-    theta = _feasible(constraints, low, start)
-    if theta is None:
-        return start, -np.inf
-    top = _feasible(constraints, high, start)
-    if top is not None:
-        return top, high
-    for _ in range(_BISECTIONS):
-        middle = 0.5 * (low + high)
-        trial = _feasible(constraints, middle, start)
-        if trial is None:
-            high = middle
-        else:
-            low, theta = middle, trial
-    return theta, low
+    found = highest_level(
+        lambda margin: _feasible(constraints, margin, start), low, high, _BISECTIONS
+    )
+    return (start, -np.inf) if found is None else found
 
 
-@dataclass(frozen=True, slots=True)
-class ServedLinks:
-    """Links (positions, ascending) that one choice of phases serves, and those time-phases."""
-
-    links: Index
-    theta: Array
-
-
-def serve_greedily(constraints: PhaseConstraints, start: Array) -> ServedLinks:
-    """Return a largest-first greedy choice of links that can be served at once.
+def serve_greedily(constraints: PhaseConstraints, start: Array) -> tuple[Index, Array]:
+    """Return a largest-first greedy choice of links (k,) that can be served at once, and phases.
 
     Links in contact over the widest range of residuals come first. Each is kept if some phases
     bring it within range together with all kept so far and all guarded pairs.
@@ -207,7 +193,7 @@ def serve_greedily(constraints: PhaseConstraints, start: Array) -> ServedLinks:
         if trial is not None:
             theta = trial
             kept.append(int(link))
-    return ServedLinks(np.sort(np.array(kept, dtype=np.int64)), theta)
+    return np.sort(np.array(kept, dtype=np.int64)), theta
 
 
 def _feasible(constraints: PhaseConstraints, margin: float, start: Array) -> Array | None:

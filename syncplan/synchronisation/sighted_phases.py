@@ -30,6 +30,7 @@ from syncplan.synchronisation.contact_tables import seen_when_shifted, tabulated
 from syncplan.synchronisation.difference_tables import (
     MOST_VEHICLES,
     DifferenceTables,
+    along_forest,
     best_phases,
     descended,
     most_served,
@@ -151,10 +152,8 @@ def _by_rule(part: DifferenceTables, offset: Array, count: int) -> Array | None:
     links = np.flatnonzero(part.links)
     if len(links) == 0:
         return None
-    theta = np.zeros(count)
-    for parent, child, k in traversal(count, [part.edges[k] for k in links.tolist()]):
-        row = links[k]
-        theta[child] = theta[parent] + (-offset[row] if part.a[row] == parent else offset[row])
+    forest = traversal(count, [part.edges[k] for k in links.tolist()])
+    theta = along_forest(count, forest, part.a[links], offset[links])
     residual = theta[part.a] - theta[part.b] - offset
     residual -= _TURN * np.rint(residual / _TURN)
     if np.any(np.abs(residual[links]) > _EXACT_RAD) or np.any(part.at(theta) == -np.inf):

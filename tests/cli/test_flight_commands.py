@@ -135,14 +135,14 @@ def test_a_plan_that_was_flown_says_what_was_found_in_a_line(run: Any) -> None:
     status, out, _ = run("plan", quick, "--fly", "1", "--format", "table")
     assert (status, out.splitlines()[0]) == (0, "GO")
     flown = fly(quick, trials=1, threads=1).record
-    worst = max(flown.vehicles, key=lambda one: one.phase_rms)
-    assert flown.separations is not None
+    worst = max(flown.vehicles, key=lambda one: one.phase_rms_s)
+    assert flown.least_separation_m is not None
     words = " ".join(out.split())
     for found in (
         "flown, 1 flight of 200 s: guidance track, ",
-        f"phase at most {worst.phase_rms:.3g} s off (RMS, {worst.name})",
+        f"phase at most {worst.phase_rms_s:.3g} s off (RMS, {worst.name})",
         "each pair keeps at least 100 % of its meetings",
-        f"closest two vehicles {flown.separations[1]:.3g} m",
+        f"closest two vehicles {flown.least_separation_m[1]:.3g} m",
         "filter lost in 0 %",
     ):
         assert found in words

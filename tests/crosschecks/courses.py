@@ -10,7 +10,7 @@ from syncplan.flight.flight_limits import FlightLimits, FlownWorld
 from syncplan.flight.flight_options import FlightOptions
 from syncplan.flight.flown_team import FlownTeam, team_in_flight
 from syncplan.orbits.contacts import find_windows
-from syncplan.orbits.error_states import ErrorSigmas
+from syncplan.orbits.noise import ErrorSigmas
 from syncplan.planning.planner import Plan, plan
 from syncplan.refinement.refiner import refine
 from syncplan.scenario.loading import load_scenario

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from syncplan.planning.judged_team import Finding
+from syncplan.planning.judged_team import PlanFinding
 from syncplan.planning.planner import judge, plan
 from syncplan.planning.verdict_checks import CHECKS
 from tests.tools.scenarios import example, small
@@ -19,7 +19,7 @@ def listed() -> dict[str, str]:
     return dict(ROW.findall((ROOT / "docs" / "verdict.md").read_text(encoding="utf-8")))
 
 
-def some_findings() -> list[Finding]:
+def some_findings() -> list[PlanFinding]:
     """Findings of two plans that break most of the rules there are."""
     square = [[-5.0, -5.0], [5.0, -5.0], [5.0, 5.0], [-5.0, 5.0]]
     broken = plan(

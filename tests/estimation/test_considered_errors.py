@@ -9,7 +9,8 @@ from syncplan.arrays import Array
 from syncplan.estimation.bounds import posterior_bound
 from syncplan.estimation.considered_errors import expected_errors, neglected_errors
 from syncplan.orbits.circles import position
-from syncplan.orbits.error_states import ERROR_STATES, ErrorSigmas, layout_of
+from syncplan.orbits.error_states import ERROR_STATES, layout_of
+from syncplan.orbits.noise import ErrorSigmas
 from syncplan.orbits.sightings import sample_sightings, steps_within
 from syncplan.orbits.team import Team
 from syncplan.planning.planner import Plan, plan

@@ -22,8 +22,8 @@ from syncplan.estimation.trial_readings import TrialReadings, possible_sightings
 from syncplan.estimation.trials import MonteCarloResult, merge, series, state_series
 from syncplan.orbits.circles import heading, position, wrap
 from syncplan.orbits.contacts import find_windows
-from syncplan.orbits.error_states import ERROR_STATES, ErrorSigmas, layout_of
-from syncplan.orbits.noise import Noise
+from syncplan.orbits.error_states import ERROR_STATES, layout_of
+from syncplan.orbits.noise import ErrorSigmas, Noise
 from syncplan.orbits.sighting_kinds import of_targets
 from syncplan.orbits.team import Team
 from tests.estimation.test_further_states import a_team

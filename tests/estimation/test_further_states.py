@@ -35,8 +35,8 @@ from syncplan.estimation.reference_states import (
 from syncplan.estimation.trial_readings import TrialReadings, possible_sightings
 from syncplan.orbits.circles import Orbits, wrap
 from syncplan.orbits.contacts import find_windows
-from syncplan.orbits.error_states import ERROR_STATES, ErrorSigmas, layout_of
-from syncplan.orbits.noise import Noise
+from syncplan.orbits.error_states import ERROR_STATES, layout_of
+from syncplan.orbits.noise import ErrorSigmas, Noise
 from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.team import Team
 

@@ -29,8 +29,8 @@ from syncplan.estimation.trial_readings import possible_sightings
 from syncplan.estimation.trials import MonteCarloResult, merge
 from syncplan.orbits.circles import unit, wrap
 from syncplan.orbits.contacts import find_windows
-from syncplan.orbits.error_states import ERROR_STATES, ErrorSigmas
-from syncplan.orbits.noise import Noise
+from syncplan.orbits.error_states import ERROR_STATES
+from syncplan.orbits.noise import ErrorSigmas, Noise
 from syncplan.orbits.team import Team
 from tests.estimation.test_further_states import CHOICES, Scene, a_team, derivative, scene_of
 from tests.estimation.test_montecarlo import bytes_of, paper_grid

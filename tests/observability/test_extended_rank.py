@@ -17,7 +17,7 @@ from syncplan.orbits.error_states import ERROR_STATES, StateLayout
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, measured_by_kind, sigmas_by_kind
 from syncplan.orbits.team import Team
 from syncplan.planning import planner
-from syncplan.planning.judged_team import Finding
+from syncplan.planning.judged_team import PlanFinding
 from syncplan.planning.planner import Plan, judge, plan
 from syncplan.reports.plan_report import plan_document
 from syncplan.scenario.specification import Scenario
@@ -71,7 +71,7 @@ def _extended(made: Plan) -> ExtendedObservability:
     return made.error_verdict.extended
 
 
-def _findings(made: Plan, code: str) -> list[Finding]:
+def _findings(made: Plan, code: str) -> list[PlanFinding]:
     return [one for one in made.verdict.findings if one.code == code]
 
 

@@ -9,7 +9,8 @@ from scipy.integrate import solve_ivp
 from syncplan.arrays import Array
 from syncplan.observability.referred_rows import dense_rows, sighting_rows, wide_rows
 from syncplan.orbits.circles import Orbits, heading, position, wrap
-from syncplan.orbits.error_states import ERROR_STATES, ErrorSigmas, layout_of
+from syncplan.orbits.error_states import ERROR_STATES, layout_of
+from syncplan.orbits.noise import ErrorSigmas
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
 from syncplan.orbits.sightings import Sightings
 from syncplan.orbits.team import Team

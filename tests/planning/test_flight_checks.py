@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,30 +11,44 @@ import pytest
 import syncplan
 from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.planning.flight_checks import LEAST_KEPT, MOST_SATURATED, MOST_SHARE
-from syncplan.planning.flight_record import FlightRecord, FlownPairRecord, FlownVehicleRecord
-from syncplan.planning.judged_team import Finding
+from syncplan.planning.flight_record import FlownPlan, MeetingsFlown, PhasesFlown
+from syncplan.planning.judged_team import PlanFinding
 from syncplan.planning.planner import Plan
 
 GRID = "examples/scenarios/paper-grid-same.yaml"
 HARD = Path(__file__).parents[1] / "data" / "hard"
 
-WELL = FlightRecord(
+WELL = FlownPlan(
     trials=50,
     seed=0,
-    duration=200.0,
+    duration_s=200.0,
     guidance="track",
     filter="robust",
-    events=(),
-    lost_share=0.0,
+    events=[],
+    filter_lost_share=0.0,
     out_of_contact_share=0.0,
-    separations=(25.0, 14.0),
+    least_separation_m=(25.0, 14.0),
     too_close_share=None,
-    vehicles=tuple(FlownVehicleRecord(f"v{k}", 0.2, 0.9, 1.2, (3.0, 5.0)) for k in range(1, 7)),
-    pairs=tuple(
-        FlownPairRecord(between, 5, 1.0)
+    vehicles=[
+        PhasesFlown(
+            name=f"v{k}",
+            phase_rms_s=0.2,
+            phase_worst_s=0.9,
+            tracking_rms_m=1.2,
+            speed_mps=(3.0, 5.0),
+        )
+        for k in range(1, 7)
+    ],
+    meetings_kept=[
+        MeetingsFlown(between=between, meetings=5, kept_share=1.0)
         for between in (("v1", "v2"), ("v2", "v3"), ("v3", "L1"), ("v4", "L2"))
-    ),
+    ],
 )
+
+
+def with_(part: Any, **changes: Any) -> Any:
+    """A part of a record with some keys replaced."""
+    return part.model_copy(update=changes)
 
 
 @pytest.fixture(scope="module")
@@ -41,12 +56,12 @@ def plan() -> Plan:
     return syncplan.plan(syncplan.load_scenario(GRID), pilot=False)
 
 
-def levels(plan: Plan, record: FlightRecord) -> dict[str, str]:
+def levels(plan: Plan, record: FlownPlan) -> dict[str, str]:
     """The level of each finding of a flight, by its code."""
     return {one.code: one.level for one in found_of(plan, record)}
 
 
-def found_of(plan: Plan, record: FlightRecord) -> list[Finding]:
+def found_of(plan: Plan, record: FlownPlan) -> list[PlanFinding]:
     """The findings of a flight."""
     codes = ["lost-in-flight", "too-close-in-flight", "phase-not-kept", "meetings-missed"]
     codes.append("commands-saturated")
@@ -54,12 +69,13 @@ def found_of(plan: Plan, record: FlightRecord) -> list[Finding]:
     return [one for one in found if one.code in codes]
 
 
-def flown_with(record: FlightRecord, **shares: float) -> FlightRecord:
+def flown_with(record: FlownPlan, **shares: float) -> FlownPlan:
     """The record with the shares of meetings that pairs kept, such as v1_v2=0.9."""
     own = {tuple(name.split("_")): share for name, share in shares.items()}
-    pairs = [replace(one, kept_share=own.get(one.between, 1.0)) for one in record.pairs]
+    pairs = [with_(one, kept_share=own.get(one.between, 1.0)) for one in record.meetings_kept]
     assert own.keys() <= {one.between for one in pairs}
-    return replace(record, pairs=tuple(pairs))
+    found: FlownPlan = with_(record, meetings_kept=pairs)
+    return found
 
 
 def test_a_flight_that_went_well_finds_nothing(plan: Plan) -> None:
@@ -67,19 +83,19 @@ def test_a_flight_that_went_well_finds_nothing(plan: Plan) -> None:
     assert replace(plan, flight=WELL).verdict.go == plan.verdict.go
 
 
-@pytest.mark.parametrize("name", ["lost_share", "out_of_contact_share"])
+@pytest.mark.parametrize("name", ["filter_lost_share", "out_of_contact_share"])
 def test_trials_that_are_lost_warn_and_many_of_them_stop(plan: Plan, name: str) -> None:
-    few = replace(WELL, **{name: MOST_SHARE})  # type: ignore[arg-type]
-    many = replace(WELL, **{name: MOST_SHARE + 0.01})  # type: ignore[arg-type]
+    few = with_(WELL, **{name: MOST_SHARE})
+    many = with_(WELL, **{name: MOST_SHARE + 0.01})
     assert levels(plan, few) == {"lost-in-flight": "warning"}
     assert levels(plan, many) == {"lost-in-flight": "stop"}
     assert not replace(plan, flight=many).verdict.go
 
 
 def test_vehicles_that_come_too_near_warn_where_a_separation_is_asked_for(plan: Plan) -> None:
-    assert levels(plan, replace(WELL, too_close_share=0.0)) == {}
-    assert levels(plan, replace(WELL, too_close_share=0.02)) == {"too-close-in-flight": "warning"}
-    assert levels(plan, replace(WELL, too_close_share=0.2)) == {"too-close-in-flight": "stop"}
+    assert levels(plan, with_(WELL, too_close_share=0.0)) == {}
+    assert levels(plan, with_(WELL, too_close_share=0.02)) == {"too-close-in-flight": "warning"}
+    assert levels(plan, with_(WELL, too_close_share=0.2)) == {"too-close-in-flight": "stop"}
 
 
 def expected(code: str, level: str | None) -> dict[str, str]:
@@ -98,20 +114,20 @@ def test_a_phase_is_kept_within_half_of_the_tolerance_of_its_meetings(
     tolerance = 1.0
     links = tuple(replace(one, tolerance=tolerance * plan.orbits.rate) for one in plan.links)
     first, *others = WELL.vehicles
-    vehicles = (replace(first, phase_rms=share * tolerance), *others)
+    vehicles = [with_(first, phase_rms_s=share * tolerance), *others]
     narrow = replace(plan, links=links)
-    found = levels(narrow, replace(WELL, vehicles=vehicles))
+    found = levels(narrow, with_(WELL, vehicles=vehicles))
     assert found == expected("phase-not-kept", PHASES[share])
     # those of vehicles that are gone are not asked for
-    assert levels(narrow, replace(WELL, vehicles=tuple(others))) == {}
+    assert levels(narrow, with_(WELL, vehicles=others)) == {}
 
 
 def test_a_phase_that_only_a_link_to_spare_cannot_bear_warns(plan: Plan) -> None:
     first, *others = plan.links
     assert (first.a, first.b) == (0, 1)
     narrow = replace(plan, links=(replace(first, tolerance=1.0 * plan.orbits.rate), *others))
-    off = (replace(WELL.vehicles[0], phase_rms=1.5), *WELL.vehicles[1:])
-    (found,) = found_of(narrow, replace(WELL, vehicles=off))
+    off = [with_(WELL.vehicles[0], phase_rms_s=1.5), *WELL.vehicles[1:]]
+    (found,) = found_of(narrow, with_(WELL, vehicles=off))
     assert (found.code, found.level) == ("phase-not-kept", "warning")
     assert "without v1-v2 the team is observable still, predicted RMS" in found.message
 
@@ -122,8 +138,8 @@ def test_no_phase_is_kept_that_is_half_as_spread_as_a_random_one(plan: Plan, sha
     half = 0.5 * float(np.sqrt(np.mean(anywhere**2)))
     assert half < min(one.tolerance for one in plan.links) / plan.orbits.rate
     first, *others = WELL.vehicles
-    vehicles = (replace(first, phase_rms=share * half), *others)
-    found = levels(plan, replace(WELL, vehicles=vehicles))
+    vehicles = [with_(first, phase_rms_s=share * half), *others]
+    found = levels(plan, with_(WELL, vehicles=vehicles))
     assert found == expected("phase-not-kept", PHASES[share])
 
 
@@ -133,16 +149,18 @@ def name_of(plan: Plan, link: LinkVerdict) -> str:
     return f"{names[link.a]}_{names[link.b]}"
 
 
-def kept_all(plan: Plan) -> FlightRecord:
+def kept_all(plan: Plan) -> FlownPlan:
     """The record of a flight in which all that meet are there, none of them missed."""
     links = (*plan.links, *plan.landmark_links)
     pairs = [name_of(plan, one).split("_") for one in links]
-    return replace(WELL, pairs=tuple(FlownPairRecord((a, b), 5, 1.0) for a, b in pairs))
+    kept = [MeetingsFlown(between=(a, b), meetings=5, kept_share=1.0) for a, b in pairs]
+    found: FlownPlan = with_(WELL, meetings_kept=kept)
+    return found
 
 
-def missing(record: FlightRecord, name: str, share: float) -> FlightRecord:
+def missing(record: FlownPlan, name: str, share: float) -> FlownPlan:
     """The record with that share of all meetings of one body."""
-    own = {"_".join(one.between): share for one in record.pairs if name in one.between}
+    own = {"_".join(one.between): share for one in record.meetings_kept if name in one.between}
     return flown_with(record, **own)
 
 
@@ -174,7 +192,7 @@ def test_meetings_that_the_team_needs_stop_where_most_are_missed(plan: Plan, bod
 
 def test_links_each_of_which_can_be_spared_are_judged_together(plan: Plan) -> None:
     record = kept_all(plan)
-    own = ["_".join(one.between) for one in record.pairs if "v1" in one.between]
+    own = ["_".join(one.between) for one in record.meetings_kept if "v1" in one.between]
     assert len(own) == 2
     for name in own:
         assert levels(plan, flown_with(record, **{name: 0.0})) == {"meetings-missed": "warning"}
@@ -193,9 +211,9 @@ def test_the_cost_of_a_missed_landmark_is_what_its_loss_costs() -> None:
 
 def test_meetings_by_the_way_and_those_of_older_files_are_not_judged(plan: Plan) -> None:
     assert (0, 2) not in {(one.a, one.b) for one in plan.links}
-    by_the_way = FlownPairRecord(("v1", "v3"), 5, 0.1)
-    assert levels(plan, replace(WELL, pairs=(by_the_way,))) == {}
-    assert levels(plan, replace(WELL, pairs=())) == {}
+    by_the_way = MeetingsFlown(between=("v1", "v3"), meetings=5, kept_share=0.1)
+    assert levels(plan, with_(WELL, meetings_kept=[by_the_way])) == {}
+    assert levels(plan, with_(WELL, meetings_kept=[])) == {}
 
 
 def test_meetings_that_a_slow_sensor_misses_on_the_circles_are_not_asked_for(plan: Plan) -> None:
@@ -203,45 +221,45 @@ def test_meetings_that_a_slow_sensor_misses_on_the_circles_are_not_asked_for(pla
     contact = max(float(np.diff(one).sum()) for one in (link.forward, link.backward))
     every = np.full(6, round(2.0 * contact / plan.sensors.sample_time))
     slow = replace(plan, team=replace(plan.team, sensors=replace(plan.sensors, every=every)))
-    only = replace(WELL, pairs=WELL.pairs[:1])
+    only = with_(WELL, meetings_kept=WELL.meetings_kept[:1])
     for share, level in {0.49: None, 0.4: "warning", 0.24: "stop"}.items():
         found = levels(slow, flown_with(only, v1_v2=share))
         assert found == expected("meetings-missed", level)
 
 
 def test_commands_at_their_limits_for_much_of_the_time_warn(plan: Plan) -> None:
-    assert levels(plan, replace(WELL, saturated_share=MOST_SATURATED)) == {}
-    (found,) = found_of(plan, replace(WELL, saturated_share=0.4))
+    assert levels(plan, with_(WELL, saturated_share=MOST_SATURATED)) == {}
+    (found,) = found_of(plan, with_(WELL, saturated_share=0.4))
     assert (found.code, found.level) == ("commands-saturated", "warning")
     assert "for 40 % of the time in 50 flights of 200 s" in found.message
 
 
 def test_shares_and_flights_are_worded_as_they_are(plan: Plan) -> None:
-    one = replace(WELL, trials=1, lost_share=1.0, events=("v3 is lost at 60 s",))
+    one = with_(WELL, trials=1, filter_lost_share=1.0, events=["v3 is lost at 60 s"])
     (found,) = found_of(plan, one)
     assert "lost in 100 % of 1 flight of 200 s (v3 is lost at 60 s): some" in found.message
     late = "sightings arrive 3 samples late"
-    (found,) = found_of(plan, replace(one, trials=3, events=(*one.events, late)))
+    (found,) = found_of(plan, with_(one, trials=3, events=[*one.events, late]))
     assert f"3 flights of 200 s (v3 is lost at 60 s, {late}): some" in found.message
 
 
 def test_no_cure_is_named_that_was_in_use(plan: Plan) -> None:
-    def cure(**changes: object) -> str:
-        (found,) = found_of(plan, replace(WELL, **changes))  # type: ignore[arg-type]
+    def cure(**changes: Any) -> str:
+        (found,) = found_of(plan, with_(WELL, **changes))
         assert found.cure is not None
         return found.cure.text
 
-    assert "robust" in cure(lost_share=0.1, filter="ekf")
-    assert "robust" not in cure(lost_share=0.1, filter="robust")
+    assert "robust" in cure(filter_lost_share=0.1, filter="ekf")
+    assert "robust" not in cure(filter_lost_share=0.1, filter="robust")
     assert "guidance mpc" in cure(too_close_share=0.1)
     assert "mpc" not in cure(too_close_share=0.1, guidance="mpc")
-    pairs = flown_with(WELL, v1_v2=0.4).pairs
-    assert "steer by the estimates" in cure(pairs=pairs, guidance="none")
-    assert "steer by" not in cure(pairs=pairs)
+    pairs = flown_with(WELL, v1_v2=0.4).meetings_kept
+    assert "steer by the estimates" in cure(meetings_kept=pairs, guidance="none")
+    assert "steer by" not in cure(meetings_kept=pairs)
 
 
 def test_a_plan_file_keeps_what_flying_has_found(plan: Plan, tmp_path: Path) -> None:
-    flown = replace(plan, flight=replace(WELL, lost_share=0.02, events=("v3 is lost at 60 s",)))
+    flown = replace(plan, flight=with_(WELL, filter_lost_share=0.02, events=["v3 is lost at 60 s"]))
     flown.save(tmp_path / "plan.json")
     read = syncplan.load_plan(tmp_path / "plan.json")
     assert read.flight == flown.flight
@@ -251,7 +269,7 @@ def test_a_plan_file_keeps_what_flying_has_found(plan: Plan, tmp_path: Path) -> 
     assert values["flight"]["meetings_kept"][2] == third
     # a file from before it had the time at limits; it has none when written again either
     assert "saturated_share" not in values["flight"]
-    replace(plan, flight=replace(WELL, saturated_share=0.25)).save(tmp_path / "newer.json")
+    replace(plan, flight=with_(WELL, saturated_share=0.25)).save(tmp_path / "newer.json")
     newer = syncplan.load_plan(tmp_path / "newer.json").flight
     assert newer is not None
     assert newer.saturated_share == 0.25
@@ -260,7 +278,7 @@ def test_a_plan_file_keeps_what_flying_has_found(plan: Plan, tmp_path: Path) -> 
     (tmp_path / "older.json").write_text(json.dumps(values))
     older = syncplan.load_plan(tmp_path / "older.json")
     assert flown.flight is not None
-    assert older.flight == replace(flown.flight, pairs=())
+    assert older.flight == with_(flown.flight, meetings_kept=[])
     plan.save(tmp_path / "other.json")
     assert "flight" not in json.loads((tmp_path / "other.json").read_text())
 

@@ -26,7 +26,7 @@ from syncplan.orbits.sightings import (
 )
 from syncplan.orbits.team import sensors_of
 from syncplan.planning import planner
-from syncplan.planning.judged_team import Finding
+from syncplan.planning.judged_team import PlanFinding
 from syncplan.planning.loss_study import WhatIf, what_if
 from syncplan.planning.lost_parts import (
     lost_together,
@@ -44,7 +44,7 @@ from tests.tools.scenarios import changed, example, small
 SEEDS = st.integers(0, 2**32 - 1)
 
 
-def single_points(judged: Plan) -> list[Finding]:
+def single_points(judged: Plan) -> list[PlanFinding]:
     return [one for one in judged.verdict.findings if one.code == "single-point-of-failure"]
 
 

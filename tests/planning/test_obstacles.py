@@ -9,7 +9,7 @@ import pytest
 from syncplan.landmarks.site_information import candidate_information
 from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.sightings import Loss, remainder_of
-from syncplan.planning.judged_team import Finding
+from syncplan.planning.judged_team import PlanFinding
 from syncplan.planning.planner import Plan, judge, plan
 from tests.tools.scenarios import small
 
@@ -21,7 +21,7 @@ def made(**changes: Any) -> Plan:
     return plan(small(**{"landmarks_m": LANDMARKS, **changes}), bound="never")
 
 
-def found(judged: Plan, code: str) -> list[Finding]:
+def found(judged: Plan, code: str) -> list[PlanFinding]:
     return [one for one in judged.verdict.findings if one.code == code]
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import syncplan
-from syncplan.planning.flight_record import FlightRecord
-from syncplan.planning.judged_team import Finding
+from syncplan.planning.flight_record import FlownPlan
+from syncplan.planning.judged_team import PlanFinding
 from syncplan.planning.path_checks import wind_made_up_for
 from syncplan.planning.planner import Plan, judge
 from tests.tools.scenarios import changed
@@ -30,7 +30,7 @@ def in_wind(plan: Plan, wind: dict[str, float], **keys: Any) -> Plan:
     return judge(scenario, plan.orbits, bound="never", single_points=False)
 
 
-def found(judged: Plan, code: str) -> list[Finding]:
+def found(judged: Plan, code: str) -> list[PlanFinding]:
     return [one for one in judged.verdict.findings if one.code == code]
 
 
@@ -84,7 +84,19 @@ def test_wind_over_half_the_ground_speed_warns_with_limits_and_without(plan: Pla
 
 def flown(plan: Plan) -> Plan:
     """The plan as flown, well."""
-    record = FlightRecord(9, 0, 90.0, "track", "robust", (), 0.0, 0.0, None, None, ())
+    record = FlownPlan(
+        trials=9,
+        seed=0,
+        duration_s=90.0,
+        guidance="track",
+        filter="robust",
+        events=[],
+        filter_lost_share=0.0,
+        out_of_contact_share=0.0,
+        least_separation_m=None,
+        too_close_share=None,
+        vehicles=[],
+    )
     return replace(plan, flight=record)
 
 

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from syncplan.planning import start_up
-from syncplan.planning.judged_team import Finding
+from syncplan.planning.judged_team import PlanFinding
 from syncplan.planning.plan_files import loaded_from, plan_of
 from syncplan.planning.planner import Plan, plan
 from syncplan.planning.start_up import (
     CLEARING_INDEX,
     SAFE_RATIO,
-    StartBefore,
+    InputStart,
     StartTrials,
     StartUp,
 )
@@ -42,7 +42,7 @@ def uncertain() -> Plan:
     return plan(grid())
 
 
-def found(judged: Plan, code: str = "start-up") -> list[Finding]:
+def found(judged: Plan, code: str = "start-up") -> list[PlanFinding]:
     return [one for one in judged.verdict.findings if one.code == code]
 
 
@@ -237,7 +237,7 @@ def test_a_refinement_that_starts_worse_says_so(
     assert refined.refinement is not None
     start = refined.refinement.start_before
     assert start is not None
-    given = StartBefore(1.0, before)
+    given = InputStart(index=1.0, worst_rms_over_predicted=before)
     record = replace(refined.refinement, improved=True, start_before=given)
     told = found(
         replace(refined, refinement=record, start_up=ratios(refined, after)), "start-up-worse"
@@ -245,7 +245,7 @@ def test_a_refinement_that_starts_worse_says_so(
     assert [one.level for one in told] == ([] if level is None else [level])
     for one in told:
         assert f"{after:.3g} times its prediction; it was {before:.3g} before" in one.message
-    cleared = replace(record, start_before=StartBefore(0.2, 1.0))
+    cleared = replace(record, start_before=InputStart(index=0.2, worst_rms_over_predicted=1.0))
     told = found(
         replace(refined, refinement=cleared, start_up=ratios(refined, after)), "start-up-worse"
     )
@@ -261,7 +261,11 @@ def test_a_plan_read_back_says_the_same_of_its_start_word_for_word(
     assert again.verdict == uncertain.verdict
     assert plan_document(again).as_json()["start_up"] == values["start_up"]
     assert refined.refinement is not None
-    record = replace(refined.refinement, improved=True, start_before=StartBefore(0.3, 1.0))
+    record = replace(
+        refined.refinement,
+        improved=True,
+        start_before=InputStart(index=0.3, worst_rms_over_predicted=1.0),
+    )
     worse = replace(refined, refinement=record, start_up=ratios(refined, 3.0))
     (told,) = found(worse, "start-up-worse")
     kept = plan_of(loaded_from(plan_document(worse).as_json()))

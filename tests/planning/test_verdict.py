@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from syncplan.orbits.circles import position
-from syncplan.planning.judged_team import Finding
+from syncplan.planning.judged_team import PlanFinding
 from syncplan.planning.plan_files import loaded_from, stated
 from syncplan.planning.planner import Plan, judge, plan
 from syncplan.planning.verdict_checks import CHECKS
@@ -26,7 +26,7 @@ def made(**changes: Any) -> Plan:
     return plan(small(**changes), bound="never")
 
 
-def found(judged: Plan, code: str) -> list[Finding]:
+def found(judged: Plan, code: str) -> list[PlanFinding]:
     return [one for one in judged.verdict.findings if one.code == code]
 
 

@@ -34,7 +34,7 @@ from syncplan.errors import InputError, NoSolutionError
 from syncplan.flight.flying import Flight, fly
 from syncplan.observability.rank import assess, assess_team, lone_rows
 from syncplan.planning.flight_checks import LEAST_KEPT, MOST_SHARE
-from syncplan.planning.judged_team import Verdict
+from syncplan.planning.judged_team import PlanVerdict
 from syncplan.planning.planner import Plan, plan
 from syncplan.scenario.loading import scenario_from
 from tests.tools.scenario_draws import draw_document
@@ -135,7 +135,7 @@ def _outcome(number: int, *, seed: int, trials: int) -> Outcome:
     )
 
 
-def _codes(verdict: Verdict, level: str) -> tuple[str, ...]:
+def _codes(verdict: PlanVerdict, level: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(one.code for one in verdict.findings if one.level == level))
 
 
@@ -147,10 +147,10 @@ def _spared(flight: Flight) -> bool:
     """Whether the team is observable without all links that it missed, whatever missed them."""
     made, record = flight.plan, flight.record
     names = [*made.scenario.vehicle_names, *made.scenario.landmark_names]
-    phases = {one.name: one.phase_rms for one in record.vehicles}
+    phases = {one.name: one.phase_rms_s for one in record.vehicles}
     if max(phases.values()) > made.orbits.period / (4.0 * np.sqrt(3.0)):
         return False
-    missed = {one.between for one in record.pairs if one.kept_share < LEAST_KEPT}
+    missed = {one.between for one in record.meetings_kept if one.kept_share < LEAST_KEPT}
     missed |= {
         (names[one.a], names[one.b])
         for one in made.links

@@ -15,8 +15,8 @@ from syncplan.observability.rank import (
 )
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import find_windows
-from syncplan.orbits.error_states import ERROR_STATES, ErrorSigmas
-from syncplan.orbits.noise import Noise
+from syncplan.orbits.error_states import ERROR_STATES
+from syncplan.orbits.noise import ErrorSigmas, Noise
 from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import Sightings, sample_sightings
 from syncplan.orbits.team import Team

@@ -2,9 +2,9 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from syncplan.arrays import Array
 from syncplan.scenario.specification import Scenario
@@ -14,6 +14,18 @@ Point = tuple[float, float]
 
 Window = tuple[float, float]
 """Begin and end in s."""
+
+LONGEST_WORDS = 2000
+
+
+def _short(text: str) -> str:
+    if len(text) > LONGEST_WORDS:
+        raise ValueError(f"is longer than {LONGEST_WORDS} characters")
+    return text
+
+
+Words = Annotated[str, AfterValidator(_short)]
+"""Words of a document that are read back."""
 
 
 class DocumentPart(BaseModel):
