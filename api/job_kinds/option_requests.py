@@ -17,20 +17,10 @@ from syncplan.scenario.truths import Truth, with_truth
 Request = TypeVar("Request", bound=JobRequest)
 
 
-def takes_options(
-    kind: type[RunOptions], *, without: tuple[str, ...] = (), **narrower: Any
-) -> Callable[[type[Request]], type[Request]]:
-    """Return what gives a request a key for each option of a kind, but for those in `without`.
+def with_keys(keys: dict[str, Any]) -> Callable[[type[Request]], type[Request]]:
+    """Return what gives a request further keys, each a type and a field by its name."""
 
-    `narrower` are the types of options, by name, that a request limits further than the library.
-    """
-
-    def with_keys(request: type[Request]) -> type[Request]:
-        keys: dict[str, Any] = {
-            one.key: (narrower.get(one.name, one.type), _field(one))
-            for one in options_of(kind)
-            if one.name not in without
-        }
+    def extended(request: type[Request]) -> type[Request]:
         return create_model(
             request.__name__,
             __base__=request,
@@ -39,7 +29,23 @@ def takes_options(
             **keys,
         )
 
-    return with_keys
+    return extended
+
+
+def takes_options(
+    kind: type[RunOptions], *, without: tuple[str, ...] = (), **narrower: Any
+) -> Callable[[type[Request]], type[Request]]:
+    """Return what gives a request a key for each option of a kind, but for those in `without`.
+
+    `narrower` are the types of options, by name, that a request limits further than the library.
+    """
+    return with_keys(
+        {
+            one.key: (narrower.get(one.name, one.type), _field(one))
+            for one in options_of(kind)
+            if one.name not in without
+        }
+    )
 
 
 def _field(one: Option) -> Any:

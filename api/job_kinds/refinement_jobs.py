@@ -1,9 +1,7 @@
 """Refinements: phases, centres and radii moved to a better plan."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Self
-
-from pydantic import Field
+from typing import Any, ClassVar, Self
 
 from api.documents import PlanText, as_plan_text, loaded_plan
 from api.job_kinds.job_kind import (
@@ -17,47 +15,19 @@ from api.job_kinds.job_kind import (
     Progress,
     WholeTask,
 )
+from api.job_kinds.option_requests import with_keys
 from api.limits import RequestLimits, check_at_most
 from syncplan.planning.plan_files import Loaded
 from syncplan.refinement.refiner import options_for
-from syncplan.scenario.models import Bounds, Variable
-from syncplan.scenario.objectives import ObjectiveName
-from syncplan.scenario.quantities import Many
+from syncplan.scenario.models import RefineOptions
+from syncplan.scenario.truths import optional_keys
 
 
+@with_keys(optional_keys(RefineOptions))
 class RefinementRequest(JobRequest):
     """What a refinement changes of the options in the plan's scenario; see its refine section."""
 
     limited: ClassVar[Mapping[str, str]] = {"time_limit_s": "refine_s"}
-
-    vary: Many[Variable] | None = Field(
-        default=None,
-        description="What may change: phases, centers, radii",
-        examples=[["phases", "centers"]],
-    )
-    center_box_m: Annotated[float, Field(gt=0, le=1e7)] | None = Field(
-        default=None, description="How far each centre may move each way", examples=[5.0]
-    )
-    radius_m: Bounds | None = Field(
-        default=None, description="Least and largest radius", examples=[[15.0, 25.0]]
-    )
-    objective: ObjectiveName | None = Field(
-        default=None, description="What is improved", examples=["predicted_rms"]
-    )
-    margin_m: Annotated[float, Field(ge=0, le=1e7)] | None = Field(
-        default=None, description="By how much meetings stay within range", examples=[1.0]
-    )
-    time_limit_s: Annotated[float, Field(gt=0, le=1e6)] | None = Field(
-        default=None,
-        description="Wall time after which the best plan so far is taken",
-        examples=[30.0],
-    )
-    starts: Annotated[int, Field(ge=1, le=1000)] | None = Field(
-        default=None, description="Starting points", examples=[4]
-    )
-    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] | None = Field(
-        default=None, description="Seed of the starting points", examples=[0]
-    )
 
     def work(self, subject: JobSubject, limits: RequestLimits) -> int:
         """Return the number of starts; raises InputError if the time exceeds the limit."""
@@ -70,7 +40,7 @@ class RefinementRequest(JobRequest):
         """Return the request, with the time this service allows where it names none of its own."""
         assert isinstance(subject, Loaded)
         planned = options_for(subject.scenario, None, {}).time_limit_s
-        if self.time_limit_s is not None or planned <= limits.refine_s:
+        if "time_limit_s" in self.changes() or planned <= limits.refine_s:
             return self
         return self.model_copy(update={"time_limit_s": limits.refine_s})
 

@@ -5,12 +5,12 @@ from contextlib import contextmanager
 from functools import lru_cache
 from typing import Annotated, Any, Self
 
-from pydantic import ConfigDict, Field, GetJsonSchemaHandler, create_model, model_validator
+from pydantic import ConfigDict, Field, GetJsonSchemaHandler, model_validator
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
 from api.job_kinds.job_kind import JobKind, JobOperation, JobReport, JobSpec, JobSubject, TrialTask
-from api.job_kinds.option_requests import TRUTH, TrialRequest, takes_options
+from api.job_kinds.option_requests import TRUTH, TrialRequest, takes_options, with_keys
 from api.job_kinds.validation_jobs import FILTER_TRIALS
 from api.limits import RequestLimits, check_at_most, check_size, check_trials
 from syncplan.errors import InputError
@@ -56,20 +56,18 @@ def _only_numeric_keys(schema: dict[str, Any]) -> None:
     schema["anyOf"][0]["enum"] = list(numeric_keys())
 
 
-def _with_lists(request: type[TrialRequest]) -> type[TrialRequest]:
-    """The request with a list of values for each key that has one of its own."""
-    lists: dict[str, Any] = {
-        name: (
-            Many[float] | None,
-            Field(
-                default=None,
-                description=one.many,
-                examples=[list(one.example)] if one.example else None,
-            ),
-        )
-        for name, one in _SWEPT.items()
-    }
-    return create_model(request.__name__, __base__=request, __doc__=request.__doc__, **lists)
+_LISTS: dict[str, Any] = {
+    name: (
+        Many[float] | None,
+        Field(
+            default=None,
+            description=one.many,
+            examples=[list(one.example)] if one.example else None,
+        ),
+    )
+    for name, one in _SWEPT.items()
+}
+"""A list of values for each key that has one of its own."""
 
 
 @takes_options(
@@ -77,7 +75,7 @@ def _with_lists(request: type[TrialRequest]) -> type[TrialRequest]:
     without=("substeps", "gate_probability", "with_series", "model"),
     truth=TRUTH,
 )
-@_with_lists
+@with_keys(_LISTS)
 class SweepRequest(TrialRequest):
     """One key of a scenario varied, each value planned and validated by the same trials."""
 

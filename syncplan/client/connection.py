@@ -117,13 +117,13 @@ class Remote:
             pause = min(2.0 * pause, _LONGEST_WAIT_S)
 
 
-def values_of(answer: "Response", key: str = "id") -> dict[str, Any]:
-    """Return the JSON object of an answer; raises RemoteError where there is none with that key."""
+def values_of(answer: "Response", key: str | None = "id") -> dict[str, Any]:
+    """Return the JSON object of an answer, which has that key; raises RemoteError otherwise."""
     try:
         values = answer.json()
     except ValueError:
         values = None
-    if not isinstance(values, dict) or key not in values:
+    if not isinstance(values, dict) or (key is not None and key not in values):
         raise RemoteError(f"{answer.url.path}: the answer is not one of syncplan's service")
     return values
 

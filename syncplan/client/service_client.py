@@ -227,6 +227,8 @@ class Client:
             raise error_of(failure, f"job {job.id} failed: {failure['detail']}", None)
         if job.state == "cancelled":
             raise RemoteError(f"job {job.id} was cancelled")
+        if job.kind not in _RESULTS:
+            return values_of(self._remote.send("GET", f"/v1/jobs/{job.id}/result"), None)
         return _RESULTS[job.kind](self, job, plan)
 
     def _refined(self, job: RemoteJob, _: RemotePlan | None) -> RemotePlan:
@@ -235,9 +237,6 @@ class Client:
     def _replayed(self, job: RemoteJob, _: RemotePlan | None) -> ReplayDocument:
         answer = self._remote.send("GET", f"/v1/jobs/{job.id}/result")
         return ReplayDocument.model_validate(values_of(answer, "position_rmse_m"))
-
-    def _rows(self, job: RemoteJob, _: RemotePlan | None) -> dict[str, Any]:
-        return values_of(self._remote.send("GET", f"/v1/jobs/{job.id}/result"), "rows")
 
     def _validation(self, job: RemoteJob, plan: RemotePlan | None) -> Validation:
         options = FilterOptions.of_request(job.document["request"])
@@ -265,10 +264,9 @@ _RESULTS: Mapping[JobKindName, Callable[[Client, RemoteJob, RemotePlan | None], 
     "refinement": Client._refined,
     "validation": Client._validation,
     "flight": Client._flight,
-    "sweep": Client._rows,
     "replay": Client._replayed,
 }
-"""What makes the result of a job that has succeeded, by the job's kind."""
+"""What makes the result of a job that has succeeded, by its kind; of others, its JSON values."""
 
 
 def _as_planned(subject: Scenario | Plan | Mapping[str, Any]) -> dict[str, Any]:

@@ -65,6 +65,9 @@ def _distinct(names: list[str], joint: str) -> list[str]:
     return distinct
 
 
+# --- files --------------------------------------------------------------------------------------
+
+
 EARLIEST = (1980, 1, 1, 0, 0, 0)
 """The time that every entry of an archive bears: the earliest that the format knows."""
 

@@ -82,6 +82,9 @@ AUTOPILOTS: Mapping[AutopilotName, Autopilot] = MappingProxyType(
 """All autopilots by name."""
 
 
+# --- options ------------------------------------------------------------------------------------
+
+
 HIGHEST_M = 100_000.0
 LONGEST_S = 1e7
 MOST_TURNS = 20_000
@@ -143,6 +146,9 @@ def _check_range(key: str, value: float | None, least: float, most: float) -> No
 def _check_choice(key: str, value: str, known: tuple[str, ...]) -> None:
     if value not in known:
         raise InputError(f"{value!r}: must be {' or '.join(known)}", key=key)
+
+
+# --- formats ------------------------------------------------------------------------------------
 
 
 ALL = "all"

@@ -70,6 +70,9 @@ def parted(places: Array) -> list[Array]:
     return [np.array(part) for part in parts]
 
 
+# --- GeoJSON ------------------------------------------------------------------------------------
+
+
 DIGITS = 9
 """Of degrees: a tenth of a millimetre."""
 
@@ -121,6 +124,9 @@ def _line_geometry(places: Array) -> dict[str, Any]:
 
 def _position(latitude: float, longitude: float) -> list[float]:
     return [round(longitude, DIGITS), round(latitude, DIGITS)]
+
+
+# --- KML ----------------------------------------------------------------------------------------
 
 
 KML = "http://www.opengis.net/kml/2.2"

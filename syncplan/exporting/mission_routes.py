@@ -112,6 +112,9 @@ def _placed(command: int, parameters: Parameters, place: Array, altitude: float)
     return MissionItem(command, FRAME_RELATIVE_ALTITUDE, parameters, latitude, longitude, altitude)
 
 
+# --- loiter turns -------------------------------------------------------------------------------
+
+
 WHOLE_METRES_UP_TO = 255.0
 TENS_UP_TO = 2550.0
 MOST_TURNS_PER_ITEM = 255
@@ -191,7 +194,7 @@ def _turns_per_item(turns: int) -> list[float]:
     return [float(MOST_TURNS_PER_ITEM)] * whole + ([float(rest)] if rest else [])
 
 
-# --- notes --------------------------------------------------------------------------------------
+# --- notes on loiter turns ----------------------------------------------------------------------
 
 
 def _radius_notes(flown: ScheduledPlan) -> list[str]:
@@ -256,6 +259,9 @@ def _too_large(radius: float) -> str:
     return (
         f"{radius:g}: ArduPilot's loiter turns have at most {TENS_UP_TO:g} m; fly waypoints instead"
     )
+
+
+# --- waypoints ----------------------------------------------------------------------------------
 
 
 FEWEST_LEGS = 6
@@ -348,7 +354,7 @@ def _corners(orbits: Orbits, k: int, legs: int, count: int) -> Array:
     return np.asarray(orbits.centers[k] + orbits.radii[k] * unit(phases))
 
 
-# --- notes --------------------------------------------------------------------------------------
+# --- notes on waypoints -------------------------------------------------------------------------
 
 
 def _pace_notes(flown: ScheduledPlan) -> list[str]:

@@ -98,6 +98,9 @@ def _waiting_notes(flown: ScheduledPlan) -> list[str]:
     ]
 
 
+# --- QGroundControl -----------------------------------------------------------------------------
+
+
 RELATIVE_TO_HOME = 1
 
 
@@ -154,6 +157,9 @@ def _qgc_item(item: MissionItem, number: int) -> dict[str, Any]:
         altitude = {"AMSLAltAboveTerrain": None, "AltitudeMode": RELATIVE_TO_HOME}
         values.update(altitude, Altitude=item.altitude)
     return values
+
+
+# --- ArduPilot ----------------------------------------------------------------------------------
 
 
 HEADER = "QGC WPL 110"

@@ -63,6 +63,9 @@ def ground_error(distance: float) -> float:
     return distance**3 / (3.0 * EARTH_RADIUS_M**2)
 
 
+# --- schedule -----------------------------------------------------------------------------------
+
+
 MOST_POINTS = 2_000_000
 """Most poses, waypoints or pieces of all vehicles together that are written."""
 

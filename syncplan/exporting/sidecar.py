@@ -128,6 +128,9 @@ class SyncDocument(VersionedDocument):
     notes: list[str]
 
 
+# --- how vehicles join their circles ------------------------------------------------------------
+
+
 def procedure(flown: ScheduledPlan, written: Written) -> list[str]:
     """Return the steps in order, for those who fly."""
     if written.kind in ("loiter_turns", "waypoints"):
@@ -265,6 +268,9 @@ def _check() -> str:
     )
 
 
+# --- the document of a plan ---------------------------------------------------------------------
+
+
 def sidecar_file(flown: ScheduledPlan, format_: str, written: Written) -> ExportedFile:
     """Return the sidecar `TITLE.FORMAT.sync.json` of what was written."""
     document = sync_document(flown, format_, written)
@@ -320,7 +326,9 @@ def _vehicles(flown: ScheduledPlan, written: Written) -> list[SyncedVehicle]:
     where, ahead = position(orbits, 0.0), heading(orbits, 0.0) % (2.0 * np.pi)
     entries = _degrees(flown, where)
     centers = _degrees(flown, orbits.centers)
-    separations, found = _separation_tolerances(flown), _found_in_flight(flown)
+    separations, flight = _separation_tolerances(flown), flown.plan.flight
+    in_flight = {} if flight is None else {one.name: one for one in flight.vehicles}
+    found = [in_flight.get(name) for name in flown.names]
     return [
         SyncedVehicle(
             name=name,
@@ -346,26 +354,15 @@ def _vehicles(flown: ScheduledPlan, written: Written) -> list[SyncedVehicle]:
             leg_speed_mps=written.leg_speeds[k] if written.leg_speeds else None,
             start_item=written.start_items[k] if written.start_items else None,
             autopilot_parameters=dict(written.parameters[k]) if written.parameters else {},
-            tolerance_s=_tolerance(flown, _meetings_of(flown, k)),
+            tolerance_s=_tolerance(
+                flown, [item for item in flown.plan.links if k in (item.a, item.b)]
+            ),
             separation_tolerance_s=separations[k],
-            phase_error_s=None if name not in found else found[name][0],
-            speed_needed_mps=None if name not in found else found[name][1],
+            phase_error_s=(one.phase_rms_s, one.phase_worst_s) if one else None,
+            speed_needed_mps=one.speed_mps if one else None,
         )
-        for k, name in enumerate(flown.names)
+        for k, (name, one) in enumerate(zip(flown.names, found, strict=True))
     ]
-
-
-def _found_in_flight(
-    flown: ScheduledPlan,
-) -> dict[str, tuple[tuple[float, float], tuple[float, float]]]:
-    """Of each vehicle that was flown: phase errors in s, RMS and worst; speeds in m/s it needed."""
-    flight = flown.plan.flight
-    vehicles = [] if flight is None else flight.vehicles
-    return {one.name: ((one.phase_rms_s, one.phase_worst_s), one.speed_mps) for one in vehicles}
-
-
-def _meetings_of(flown: ScheduledPlan, k: int) -> list[LinkVerdict]:
-    return [item for item in flown.plan.links if k in (item.a, item.b)]
 
 
 def _tolerance(flown: ScheduledPlan, meetings: Sequence[LinkVerdict]) -> float | None:

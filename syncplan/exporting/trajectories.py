@@ -58,6 +58,9 @@ def write_poses(flown: ScheduledPlan) -> Written:
     return Written(files=(ExportedFile(name, stream.getvalue().encode()),))
 
 
+# --- ROS 2 bags ---------------------------------------------------------------------------------
+
+
 FRAME = "map"
 BAG_VERSION: Literal[8] = 8
 """Of the bag's metadata: the oldest that rosbags writes, so that the most readers know it."""
@@ -150,6 +153,9 @@ def _path(store: "Typestore", poses: Poses, k: int, start: int, altitude: float)
             for (second, nano), (x, y), (cos, sin) in zip(stamps, positions, turns, strict=True)
         ],
     )
+
+
+# --- polynomials --------------------------------------------------------------------------------
 
 
 TOLERANCE_M = 1e-4

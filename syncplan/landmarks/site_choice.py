@@ -93,6 +93,9 @@ def new_sites(
     return sites
 
 
+# --- the choice ---------------------------------------------------------------------------------
+
+
 @dataclass(frozen=True, slots=True, repr=False)
 class SiteChoice(Result):
     """The chosen sites, what they reach, and what no choice can.

@@ -39,20 +39,16 @@ class SiteRelaxation:
     Attributes
     ----------
     shares : (S,) in [0, 1], adding up to k
-    precision : least precision at the shares, mean radii^-2
     ceiling : no choice of k sites has a least precision above it
     height, slopes : line above the least precision; its largest value is the ceiling
     cuts : all found
-    rounds : linear programs solved
     """
 
     shares: Array
-    precision: float
     ceiling: float
     height: float
     slopes: Array
     cuts: Cuts
-    rounds: int
 
     def ceilings_with(self, choose: int) -> Array:
         """Return (S,): no choice of `choose` sites that holds s has a precision above entry s."""
@@ -77,11 +73,11 @@ def relax(information: SiteInformation, choose: int) -> SiteRelaxation:
     count = information.site_count
     shares = np.full(count, choose / count)
     at = evaluate(information, shares)
-    cuts, best, rounds = at.cuts, at.least, 0
+    cuts, best = at.cuts, at.least
     line = _lowest_line(cuts, np.eye(len(cuts.heights)), choose)
-    while rounds < ROUNDS and line[0] > best * (1.0 + ACCURACY):
-        rounds += 1
-        proposal = _propose(cuts, choose, line[0])
+    for _ in range(ROUNDS):
+        settled = line[0] <= best * (1.0 + ACCURACY)
+        proposal = None if settled else _propose(cuts, choose, line[0])
         if proposal is None:
             break
         outer, weights = proposal
@@ -91,7 +87,7 @@ def relax(information: SiteInformation, choose: int) -> SiteRelaxation:
         cuts = cuts.joined(at.cuts)
         if at.least > best:
             shares, best = between, at.least
-    return SiteRelaxation(shares, best, *line, cuts, rounds)
+    return SiteRelaxation(shares, *line, cuts)
 
 
 def _lowest_line(cuts: Cuts, weights: Array, choose: int) -> tuple[float, float, Array]:
@@ -124,6 +120,9 @@ def _propose(cuts: Cuts, choose: int, ceiling: float) -> tuple[Array, Array] | N
     if not weights.sum() > 0.0:
         return None
     return np.clip(shares.value, 0.0, 1.0), weights / weights.sum()
+
+
+# --- search -------------------------------------------------------------------------------------
 
 
 MOST_LISTED = 50_000

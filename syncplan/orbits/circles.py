@@ -130,6 +130,9 @@ def transition(orbits: Orbits, time: float, start: float = 0.0) -> Array:
     return matrices
 
 
+# --- paths in time ------------------------------------------------------------------------------
+
+
 NO_LANDMARKS: Array = np.zeros((0, 2))
 """Of a team that is looked at by itself."""
 
@@ -210,6 +213,9 @@ def directions_at(orbits: Orbits, vehicles: Index, boresights: Array, tau: Array
 def _axes(orbits: Orbits, vehicles: Index, boresights: Array) -> Array:
     """(p,) rad: where the sensors look at time 0."""
     return np.asarray(heading(orbits, 0.0)[vehicles] + boresights)
+
+
+# --- trigonometric polynomials ------------------------------------------------------------------
 
 
 NEARLY_REAL = 1e-3

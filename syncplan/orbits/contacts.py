@@ -302,6 +302,9 @@ def merge_windows(windows: Array, period: float) -> Array:
     return np.array(merged)
 
 
+# --- least distances ----------------------------------------------------------------------------
+
+
 def outer_gaps(centers: Array, radii: Array, pairs: Index) -> Array:
     """Return (p,) m: D - R_a - R_b of each pair, negative where they cross or one holds the other.
 

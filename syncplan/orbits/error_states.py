@@ -111,10 +111,9 @@ class StateLayout:
     def units(self) -> list[str]:
         """Unit of each further state, in words."""
         found = [""] * len(self.sigmas)
-        for name in self.names:
-            for column in self.columns[name].ravel().tolist():
-                if column >= 0:
-                    found[column - 3 * self.count] = ERROR_STATES[name].unit
+        for name, columns in self.columns.items():
+            for column in columns[columns >= 0].tolist():
+                found[column - 3 * self.count] = ERROR_STATES[name].unit
         return found
 
     def labels(self, vehicles: Sequence[str]) -> list[str]:

@@ -15,16 +15,12 @@ _LARGEST_ENERGY_DRAWING = 120
 """Most vertices that Kamada-Kawai, cubic in their number, is asked to draw."""
 
 
-def rpmg_at(windows: Windows, period: float, time: float) -> Any:
-    """Return the relative position measurement graph at `time` s as a directed networkx graph.
-
-    An edge i -> j says that i sees j; nodes from the number of vehicles on are landmarks.
-    """
-    return union_over(windows, period, time, 0.0)
-
-
 def union_over(windows: Windows, period: float, start: float, length: float) -> Any:
-    """Return the union of the RPMG over [start, start + length] s."""
+    """Return the union of the RPMG over [start, start + length] s as a directed networkx graph.
+
+    The relative position measurement graph has an edge i -> j where i sees j; nodes from the number
+    of vehicles on are landmarks. A length of 0 gives the graph at that instant.
+    """
     pair = np.repeat(np.arange(len(windows.observers)), np.diff(windows.first))
     span = windows.ends - windows.starts
     since = (start - windows.starts) % period
@@ -97,14 +93,11 @@ def spanning_forest(count: int, edges: Sequence[Edge], weights: Sequence[float])
 
 def traversal(count: int, edges: Sequence[Edge]) -> list[tuple[int, int, int]]:
     """Return (parent, child, position in `edges`) breadth first, each component from its first."""
-    graph = nx.Graph()
-    graph.add_nodes_from(range(count))
-    for k, (a, b) in enumerate(edges):
-        graph.add_edge(a, b, position=k)
+    graph = _graph(count, ((a, b, {"position": k}) for k, (a, b) in enumerate(edges)))
     return [
         (parent, child, graph[parent][child]["position"])
-        for part in components(count, edges)
-        for parent, child in nx.bfs_edges(graph, part[0])
+        for root in sorted(min(part) for part in nx.connected_components(graph))
+        for parent, child in nx.bfs_edges(graph, root)
     ]
 
 
@@ -116,11 +109,8 @@ def bottleneck(lengths: Array) -> float:
     """
     a, b = np.triu_indices(len(lengths), 1)
     usable = np.isfinite(lengths[a, b])
-    graph = nx.Graph()
-    graph.add_nodes_from(range(len(lengths)))
-    graph.add_weighted_edges_from(
-        zip(a[usable].tolist(), b[usable].tolist(), lengths[a, b][usable].tolist(), strict=True)
-    )
+    known = zip(a[usable].tolist(), b[usable].tolist(), lengths[a, b][usable].tolist(), strict=True)
+    graph = _graph(len(lengths), ((a, b, {"weight": length}) for a, b, length in known))
     tree = nx.minimum_spanning_edges(graph, data=True)
     return max((float(data["weight"]) for *_, data in tree), default=0.0)
 
@@ -168,7 +158,8 @@ def drawings(count: int, edges: Iterable[Edge], amount: int, seed: int) -> Itera
         yield places + 0.01 / np.sqrt(count) * generator.standard_normal((count, 2))
 
 
-def _graph(count: int, edges: Iterable[Edge]) -> Any:
+def _graph(count: int, edges: Iterable[Edge | tuple[int, int, dict[str, Any]]]) -> Any:
+    """The undirected graph of edges, each of which may have attributes."""
     graph = nx.Graph()
     graph.add_nodes_from(range(count))
     graph.add_edges_from(edges)

@@ -96,6 +96,9 @@ class SightingKind:
         return found
 
 
+# --- bearings, distances, compasses -------------------------------------------------------------
+
+
 def _bearings(q: Array, heading: Array) -> Array:
     return np.asarray(np.arctan2(q[1], q[0]) - heading)
 
@@ -166,6 +169,9 @@ COMPASS = SightingKind(
     own_sensor=OwnSensor("compass", "heading_sigma_rad"),
 )
 """The vehicle's own heading, in rad."""
+
+
+# --- the table ----------------------------------------------------------------------------------
 
 
 SIGHTING_KINDS = {"bearing": BEARING, "distance": DISTANCE, "compass": COMPASS}

@@ -49,11 +49,9 @@ class Sightings:
     def until(self, last_step: int) -> "Sightings":
         """Return the sightings up to step `last_step`, included."""
         end = int(np.searchsorted(self.steps, last_step, side="right"))
-        return Sightings(
-            self.steps[:end], self.observers[:end], self.targets[:end], self.kinds[:end]
-        )
+        return self.only(slice(end))
 
-    def only(self, chosen: Flags) -> "Sightings":
+    def only(self, chosen: Flags | slice) -> "Sightings":
         """Return the chosen sightings."""
         return Sightings(
             self.steps[chosen], self.observers[chosen], self.targets[chosen], self.kinds[chosen]
@@ -126,6 +124,9 @@ def sample_sightings(
         ready = steps[order] % every[kinds, observers[order]] == 0
         order, kinds = order[ready], kinds[ready]
     return Sightings(steps[order], observers[order], targets[order], kinds)
+
+
+# --- losses -------------------------------------------------------------------------------------
 
 
 BLIND_RANGE_M = 1e-6

@@ -83,6 +83,9 @@ class WithTeam:
         return self.team.errors
 
 
+# --- of a scenario ------------------------------------------------------------------------------
+
+
 def radii_of(scenario: Scenario) -> Array:
     """Return (n,) m: the radius of each vehicle's circle."""
     return np.array(per_vehicle(scenario.orbit.radius_m, scenario.size), dtype=float)

@@ -15,5 +15,5 @@ accuracy_figures     errors vehicle by vehicle, and consistency
 comparison_figure    two plans, and a refinement
 figure_table         the table of figures; it names the module of each
 figures              the figures of a subject, also as Plotly's own objects: syncplan.figures
-figure_files         a page of figures that works offline, and PNG, SVG and PDF
+figure_files         a page of figures that works offline (figure_page.css, .js), and images
 """

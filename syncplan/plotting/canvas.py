@@ -18,6 +18,7 @@ legend, in columns
 import html
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -147,7 +148,7 @@ def message(title: str, text: str) -> Spec:
     """Return a figure that says why there is nothing to draw."""
     hidden = {"visible": False}
     note = {
-        "text": "<br>".join(_lines(escaped(text), _MESSAGE_LENGTH)),
+        "text": label(text, _MESSAGE_LENGTH),
         "x": 0.5,
         "y": 0.5,
         "xref": "paper",
@@ -258,18 +259,11 @@ def escaped(text: str) -> str:
 
 def label(text: str, most: int = _LINE_LENGTH) -> str:
     """Return an escaped text broken into lines of at most so many characters."""
-    return "<br>".join(_lines(escaped(text), most))
+    words = " ".join(escaped(text).split())
+    return "<br>".join(wrap(words, most, break_long_words=False, break_on_hyphens=False))
 
 
-def _lines(text: str, width: int) -> Iterable[str]:
-    line = ""
-    for word in text.split():
-        if line and len(line) + len(word) >= width:
-            yield line
-            line = ""
-        line = f"{line} {word}".strip()
-    yield line
-
+# --- fit to a width -----------------------------------------------------------------------------
 
 _EM = 0.53
 """Mean width of a character, of the font's size; somewhat generous."""
@@ -394,10 +388,10 @@ def _broken(text: str, room: float, size: float) -> list[str]:
     """An escaped text in lines that fit into `room` px, words longer than that cut."""
     most = max(8, int(room / (_EM * size)))
     plain = html.unescape(text.replace("<br>", " "))
-    return [html.escape(line, quote=False) for line in _cut_lines(plain, most)]
+    return [html.escape(line, quote=False) for line in _lines(plain, most)]
 
 
-def _cut_lines(text: str, width: int) -> Iterable[str]:
+def _lines(text: str, width: int) -> Iterable[str]:
     line = ""
     for word in text.split():
         rest = word

@@ -3,6 +3,7 @@
 import numpy as np
 
 from syncplan.errors import InputError
+from syncplan.phrases import listed
 from syncplan.planning.planner import Plan
 from syncplan.plotting.accuracy_figures import bars
 from syncplan.plotting.canvas import (
@@ -82,10 +83,15 @@ def comparison_spec(before: Plan, after: Plan, style: FigureStyle) -> Spec:
     """
     _refuse_other_vehicles(before, after)
     view, names = view_of(style, before, after), body_names(after)
-    traces = [*area_traces(after, view), _moves(before, after, view)]
+    moves = np.stack([before.orbits.centers, after.orbits.centers], axis=1)
+    x, y = gapped(moves, view.places)
+    line = {"color": MUTED, "width": 1.0, "dash": "dot"}
+    traces = [*area_traces(after, view), line_trace("moves", "move of the centre", x, y, line)]
     traces += _circles(before, "before", ORANGE, "dash", view)
     traces += _circles(after, "after", BLUE, "solid", view)
-    about = _obstructions(before, after)
+    both = (before.orbits, after.orbits)
+    centers = np.concatenate([orbits.centers for orbits in both])
+    about = Obstructions(moves, centers, np.concatenate([orbits.radii for orbits in both]))
     traces += landmark_trace(after, view, names, about)
     traces.append({**name_trace(after, view, names, about), "legendgroup": "after"})
     traces += _errors(before, after)
@@ -106,33 +112,14 @@ def comparison_spec(before: Plan, after: Plan, style: FigureStyle) -> Spec:
     return {"data": traces, "layout": drawn}
 
 
-def _obstructions(before: Plan, after: Plan) -> Obstructions:
-    """The moves and both plans' circles."""
-    moves = np.stack([before.orbits.centers, after.orbits.centers], axis=1)
-    return Obstructions(
-        moves,
-        np.concatenate([before.orbits.centers, after.orbits.centers]),
-        np.concatenate([before.orbits.radii, after.orbits.radii]),
-    )
-
-
 def _turned(before: Plan, after: Plan) -> str:
     """Which vehicles fly round the other way."""
     other = np.flatnonzero(before.orbits.senses != after.orbits.senses)
     names = [escaped(after.scenario.vehicle_names[k]) for k in other]
     if not names:
         return "all keep their direction"
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
     verb = "changes" if len(names) == 1 else "change"
-    return f"{', '.join(names[:_NAMED])}{more} {verb} direction"
-
-
-def _moves(before: Plan, after: Plan, view: MapView) -> Spec:
-    """Lines between the centres before and after."""
-    ends = np.stack([before.orbits.centers, after.orbits.centers], axis=1)
-    x, y = gapped(ends, view.places)
-    line = {"color": MUTED, "width": 1.0, "dash": "dot"}
-    return line_trace("moves", "move of the centre", x, y, line)
+    return f"{listed(names, _NAMED)} {verb} direction"
 
 
 def _refuse_other_vehicles(before: Plan, after: Plan) -> None:
@@ -165,28 +152,19 @@ def _circles(plan: Plan, side: str, color: str, dash: str, view: MapView) -> lis
     line = {"color": color, "dash": dash, "width": view.line_px(2.0), "simplify": False}
     everyone = np.ones(plan.orbits.count, dtype=bool)
     turns = ["counter-clockwise" if sense > 0.0 else "clockwise" for sense in plan.orbits.senses]
+    names = [escaped(name) for name in plan.scenario.vehicle_names]
+    texts = [f"{name} {side}, {turn}" for name, turn in zip(names, turns, strict=True)]
+    symbol = "circle" if side == "after" else "circle-open"
+    shown = {"type": "scatter", "uid": f"centers-{side}", "mode": "markers"}
     return [
         line_trace(f"circles-{side}", f"circles {side}", x, y, line, legendgroup=side),
+        {**sense_heads(plan, view, color, everyone), "uid": f"heads-{side}", "legendgroup": side},
         {
-            **sense_heads(plan, view, color, everyone),
-            "uid": f"heads-{side}",
-            "legendgroup": side,
-        },
-        {
-            "type": "scatter",
-            "uid": f"centers-{side}",
-            "mode": "markers",
+            **shown,
             "x": numbers(centers[:, 0], view.places),
             "y": numbers(centers[:, 1], view.places),
-            "text": [
-                f"{name} {side}, {turn}"
-                for name, turn in zip(body_names(plan), turns, strict=False)
-            ],
-            "marker": {
-                "symbol": "circle" if side == "after" else "circle-open",
-                "size": view.mark_px(5.0),
-                "color": color,
-            },
+            "text": texts,
+            "marker": {"symbol": symbol, "size": view.mark_px(5.0), "color": color},
             "hovertemplate": "%{text}: %{x} m, %{y} m<extra></extra>",
             "legendgroup": side,
             "showlegend": False,

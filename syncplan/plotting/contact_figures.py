@@ -278,6 +278,9 @@ def _union_traces(plan: Plan) -> list[Spec]:
     return traces
 
 
+# --- singular values ----------------------------------------------------------------------------
+
+
 _FLOOR = 1e-18
 """Share of the largest singular value below which one is drawn at the floor."""
 

@@ -58,6 +58,9 @@ def _may_hold_colors(values: list[Any]) -> bool:
     return any(isinstance(one, str | dict | list) for one in values)
 
 
+# --- size and theme -----------------------------------------------------------------------------
+
+
 THEMES: tuple[Theme, ...] = get_args(Theme)
 """What figures can be shown on."""
 

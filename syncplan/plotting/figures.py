@@ -38,6 +38,22 @@ else:
     Figure = Any
 
 
+__all__ = [
+    "FigureStyle",
+    "accuracy",
+    "animation",
+    "comparison",
+    "consistency",
+    "error_bands",
+    "figures_of",
+    "formation",
+    "prediction",
+    "refinement",
+    "spectrum",
+    "sweep_curves",
+    "timeline",
+]
+
 Run = Validation | ValidationDocument | Replay | ReplayDocument
 Subject = Plan | SweepReport | WhatIf | WhatIfDocument | Flight | FlightDocument | Run
 
@@ -110,23 +126,6 @@ def _why_not(name: str, of: SubjectKind, known: list[str]) -> str:
     figure = FIGURES[name]
     why = figure.why_not if figure.of == of else "this file has no such figure"
     return f"{why}; {choices}"
-
-
-__all__ = [
-    "FigureStyle",
-    "accuracy",
-    "animation",
-    "comparison",
-    "consistency",
-    "error_bands",
-    "figures_of",
-    "formation",
-    "prediction",
-    "refinement",
-    "spectrum",
-    "sweep_curves",
-    "timeline",
-]
 
 
 def formation(plan: Plan, *, theme: Theme | None = None, style: FigureStyle = PLAIN) -> Figure:

@@ -259,6 +259,9 @@ def _turning_arc(place: Array, radius: float, turn: float) -> Array:
     return np.asarray(place + radius * unit(angles))
 
 
+# --- one period ---------------------------------------------------------------------------------
+
+
 FRAMES = 60
 """Moments shown of one period."""
 

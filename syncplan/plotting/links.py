@@ -93,6 +93,9 @@ def hover(meeting: LinkVerdict, names: list[str], shown: Standing) -> str:
     return "<br>".join(lines)
 
 
+# --- where a link is drawn ----------------------------------------------------------------------
+
+
 _LENS = 1.25
 """Least distance of centres, in radii of the larger circle, at which a line fits into the lens."""
 

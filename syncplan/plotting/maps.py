@@ -47,6 +47,9 @@ class Mapped(Protocol):
         """What has the areas."""
 
 
+# --- the view -----------------------------------------------------------------------------------
+
+
 _ROOM = 0.06
 _ROOM_PX = 28
 """Space left around the formation: of its larger extent, and at least, for names of landmarks."""
@@ -162,6 +165,9 @@ def _view_box(mapped: Mapped) -> tuple[Array, Array]:
     return everything.min(axis=0), everything.max(axis=0)
 
 
+# --- layers -------------------------------------------------------------------------------------
+
+
 CIRCLE_POINTS = 72
 """Points of a circle; the chord is a thousandth of the radius inside it."""
 
@@ -232,12 +238,7 @@ def vehicle_marks(plan: Mapped, view: MapView, time: float, places: int) -> Spec
 
 def pointer(view: MapView, largest: float, angles: Any, color: str) -> Spec:
     """Return a marker: an arrow whose tip is the point, turned by Plotly's `angles`."""
-    return {
-        "symbol": "arrow",
-        "size": view.mark_px(largest),
-        "angle": angles,
-        "color": color,
-    }
+    return {"symbol": "arrow", "size": view.mark_px(largest), "angle": angles, "color": color}
 
 
 def pointer_entry(group: str, name: str, size: float) -> Spec:
@@ -250,11 +251,7 @@ def pointer_entry(group: str, name: str, size: float) -> Spec:
         "legendgroup": group,
         "x": [None],
         "y": [None],
-        "marker": {
-            "symbol": "triangle-up",
-            "size": 0.8 * size,
-            "color": INK,
-        },
+        "marker": {"symbol": "triangle-up", "size": 0.8 * size, "color": INK},
         "hoverinfo": "skip",
     }
 

@@ -259,6 +259,9 @@ def _check_cells(table: CsvTable, column: Column) -> None:
             raise table.fault(int(wrong.argmax()), column.name, problem)
 
 
+# --- the files of a recording -------------------------------------------------------------------
+
+
 _ROBOT = Column("robot", named=True)
 _TIME = Column("time_s")
 

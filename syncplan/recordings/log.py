@@ -90,6 +90,9 @@ def chosen_landmarks(known: Iterable[int | str], names: Iterable[int | str] | No
     return [place for place, name in enumerate(all_names) if name in wanted]
 
 
+# --- in short -----------------------------------------------------------------------------------
+
+
 @dataclass(frozen=True, slots=True)
 class Overview:
     """A recording in short.
@@ -126,6 +129,9 @@ def overview_of(log: Log) -> Overview:
         distances=sum(int(np.isfinite(robot.ranges).sum()) for robot in log.robots),
         has_truth=log.has_truth,
     )
+
+
+# --- as bytes -----------------------------------------------------------------------------------
 
 
 _NUMBERS = ("truth", "odometry", "times", "subjects", "bearings", "ranges")

@@ -54,6 +54,9 @@ def check_file(path: Path, *, kind: str = "text file", missing: str = "is missin
         raise InputError(f"is larger than {LARGEST_FILE_BYTES // 2**20} MiB", source=str(path))
 
 
+# --- archives -----------------------------------------------------------------------------------
+
+
 MOST_BYTES = 2**30
 """Of all files together, unpacked."""
 

@@ -146,6 +146,9 @@ TOPICS: Mapping[str, TopicKind] = MappingProxyType(
 """Topics that count, by the last part of their name."""
 
 
+# --- topics -------------------------------------------------------------------------------------
+
+
 SUFFIXES = (".mcap", ".db3")
 """Of files of bags."""
 
@@ -292,6 +295,9 @@ def _in_order(topic: Topic, readings: list[Reading], path: Path) -> TopicReading
         raise InputError(problem, source=f"{path}: {topic.name}")
     order = np.argsort(numbers[:, 0], kind="stable")
     return TopicReadings(numbers[order], tuple(readings[k][1] for k in order.tolist()))
+
+
+# --- recordings ---------------------------------------------------------------------------------
 
 
 SEEN = {"sightings": (True, True), "bearings": (True, False), "ranges": (False, True)}

@@ -48,6 +48,9 @@ def groups_of(proc: Path, controller: str) -> Iterator[Path]:
         yield from (one for one in folder.parents if one.is_relative_to(mount))
 
 
+# --- cores --------------------------------------------------------------------------------------
+
+
 def threads_for(asked: int | None) -> int:
     """Return how many threads to run: as many as are asked for, one for each core if None.
 
@@ -82,6 +85,9 @@ def _quotas(proc: Path) -> Iterator[float]:
             quota_us = int((folder / "cpu.cfs_quota_us").read_text())
             if quota_us > 0:
                 yield quota_us / int((folder / "cpu.cfs_period_us").read_text())
+
+
+# --- memory -------------------------------------------------------------------------------------
 
 
 def usable_memory(proc: Path = Path("/proc/self")) -> int | None:

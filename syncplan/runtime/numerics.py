@@ -42,6 +42,9 @@ def _libraries(modules: int) -> "ThreadpoolController":
     return ThreadpoolController()
 
 
+# --- convex problems ----------------------------------------------------------------------------
+
+
 def load_cvxpy() -> Any:
     """Return the module cvxpy; importing it takes most of a second."""
     import cvxpy

@@ -32,18 +32,23 @@ def _optional(annotation: Any) -> Any:
     return annotation
 
 
+def optional_keys(section: type[Section]) -> dict[str, Any]:
+    """Return type and field of each key of a section, as where any may be left out."""
+    keys: dict[str, Any] = {}
+    for name, field in section.model_fields.items():
+        kept = _optional(field.annotation)
+        if field.metadata:
+            kept = Annotated[(kept, *field.metadata)]
+        described = Field(default=None, description=field.description, examples=field.examples)
+        keys[name] = (kept | None, described)
+    return keys
+
+
 def _partial(section: type[Section]) -> type[Section]:
     """A section of which any keys may be left out: they are the scenario's."""
-    fields: dict[str, Any] = {}
-    for name, field in section.model_fields.items():
-        if name not in IN_BOTH:
-            kept = _optional(field.annotation)
-            if field.metadata:
-                kept = Annotated[(kept, *field.metadata)]
-            described = Field(default=None, description=field.description, examples=field.examples)
-            fields[name] = (kept | None, described)
+    keys = {name: one for name, one in optional_keys(section).items() if name not in IN_BOTH}
     words = f"{(section.__doc__ or '').strip()} As in the simulated world."
-    return create_model(f"True{section.__name__}", __base__=Section, __doc__=words, **fields)
+    return create_model(f"True{section.__name__}", __base__=Section, __doc__=words, **keys)
 
 
 if TYPE_CHECKING:

@@ -193,6 +193,9 @@ def contact_of_pairs(team: Team, pairs: Index) -> Array:
     return _time_in_either(windows, len(pairs)) / _TURN
 
 
+# --- tolerances ---------------------------------------------------------------------------------
+
+
 _SHIFTS = 64
 _BISECTIONS = 36
 
@@ -203,11 +206,7 @@ _RESOLUTION = 1e-6
 
 def rule_residuals(orbits: Orbits, pairs: Index) -> Array:
     """Return (e,) rad in [-pi, pi): how far the phases of the pairs (e, 2) are from their rules."""
-    return phase_residuals(_rules(orbits, np.zeros(orbits.count), pairs), orbits.phases)
-
-
-def _rules(orbits: Orbits, reach: Array, pairs: Index) -> Rules:
-    return rules_of(orbits.centers, orbits.radii, orbits.senses, reach, pairs)
+    return phase_residuals(rules_of(orbits, np.zeros(orbits.count), pairs), orbits.phases)
 
 
 def contact_tolerances(team: Team, pairs: Index) -> Array:
@@ -239,7 +238,7 @@ def _contact_when_shifted(team: Team, pairs: Index) -> Callable[[Array], Flags]:
     orbits, sensors = team.orbits, team.sensors
     if not np.all(sensors.fields_of_view >= 2.0 * np.pi):
         return lambda shift: seen_when_shifted(team, pairs, shift)
-    rules = _rules(orbits, sensors.ranges, pairs)
+    rules = rules_of(orbits, sensors.ranges, pairs)
     residual, reach = phase_residuals(rules, orbits.phases)[:, None], rules.reach[:, None]
     hindered = np.flatnonzero(obstructible(team, pairs[:, 0], pairs[:, 1]))
 
@@ -262,7 +261,7 @@ def separation_tolerances(orbits: Orbits, pairs: Index, distance: float) -> Arra
     """
     if len(pairs) == 0:
         return np.zeros(0)
-    rules = _rules(orbits, np.zeros(orbits.count), pairs)
+    rules = rules_of(orbits, np.zeros(orbits.count), pairs)
     residual = phase_residuals(rules, orbits.phases)[:, None]
     sides = np.array([1.0, -1.0])
     lever = np.minimum(rules.radius_a, rules.radius_b)[:, None]

@@ -222,6 +222,9 @@ def _extent(lack: Array) -> Array:
     return np.where(outside == 0, np.pi, np.minimum(reached, np.pi))
 
 
+# --- cell search --------------------------------------------------------------------------------
+
+
 MOST_VEHICLES = 4
 """More are left to local search: the cells grow as a power of their number."""
 
@@ -314,6 +317,9 @@ def _largest_within(worth: Array, widest: int) -> dict[int, Array]:
         width *= 2
         windows[width] = found
     return windows
+
+
+# --- coordinate descent -------------------------------------------------------------------------
 
 
 _GRID = 256

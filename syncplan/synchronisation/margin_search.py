@@ -145,6 +145,9 @@ def rounded(relaxation: PhaseRelaxation, generator: np.random.Generator, draws: 
     return [wrap(theta) for theta in found]
 
 
+# --- search -------------------------------------------------------------------------------------
+
+
 RELAXATION_LIMIT = 40
 """Largest team whose phases are bounded by the semidefinite relaxation."""
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
-from syncplan.orbits.circles import RelativeMotion, perpendicular, unit, wrap
+from syncplan.orbits.circles import Orbits, RelativeMotion, perpendicular, unit, wrap
 from syncplan.orbits.contacts import least_distances
 
 
@@ -61,8 +61,9 @@ class Rules:
         return list(zip(self.a.tolist(), self.b.tolist(), strict=True))
 
 
-def rules_of(centers: Array, radii: Array, senses: Array, reach: Array, pairs: Index) -> Rules:
-    """Return the rules of the (e, 2) `pairs`; `reach` is (n,) m of sensor range."""
+def rules_of(circles: Orbits, reach: Array, pairs: Index) -> Rules:
+    """Return the rules of the (e, 2) `pairs`, whatever the phases; `reach` is (n,) m of range."""
+    centers, radii, senses = circles.centers, circles.radii, circles.senses
     a, b = pairs.min(axis=1), pairs.max(axis=1)
     between = centers[b] - centers[a]
     bearing = np.arctan2(between[:, 1], between[:, 0])

@@ -114,6 +114,9 @@ def _local_cut(count: int, weight: Counter[Edge]) -> list[int]:
     return best
 
 
+# --- phases -------------------------------------------------------------------------------------
+
+
 EXACT_RAD = 1e-9
 """Residual up to which a rule counts as met."""
 
@@ -187,8 +190,8 @@ def synchronise(
     count = len(radii)
     pairs = np.asarray(pairs, dtype=np.int64).reshape(-1, 2)
     circles = Orbits(centers, radii, senses, np.zeros(count), 1.0)
-    rules = rules_of(centers, radii, senses, reach, pairs)
-    guards = _guards(centers, radii, senses, reach, pairs, min_separation)
+    rules = rules_of(circles, reach, pairs)
+    guards = _guards(circles, reach, pairs, min_separation)
     case = _PhaseProblem(
         circles, rules, guards, min_separation, tuple(odd_cycle(count, rules.edges))
     )
@@ -250,8 +253,7 @@ def _by_contact(
     case: _PhaseProblem, team: Team, first_phase: float, *, quick: bool
 ) -> Synchronisation:
     rules, guards, senses = case.rules, case.guards, case.circles.senses
-    sighted = phases_in_sight(rules, guards, team, case.separation, quick=quick)
-    found, most = sighted.phases, sighted.attainable
+    found, most = phases_in_sight(rules, guards, team, case.separation, quick=quick)
     kept = case.kept(found.unserved)
     phases = _anchored(found.theta, senses, kept.edges + guards.edges, first_phase)
     attainable = dict(zip(rules.edges, most.tolist(), strict=True))
@@ -282,19 +284,15 @@ def _by_contact(
     )
 
 
-def _guards(
-    centers: Array, radii: Array, senses: Array, reach: Array, pairs: Index, min_separation: float
-) -> Rules:
+def _guards(circles: Orbits, reach: Array, pairs: Index, min_separation: float) -> Rules:
     """Rules of the unlinked pairs whose circles come nearer than the separation."""
-    none = rules_of(centers, radii, senses, reach, np.zeros((0, 2), dtype=np.int64))
     if min_separation <= 0.0:
-        return none
-    a, b = np.triu_indices(len(radii), 1)
-    every = np.column_stack([a, b])
-    near = every[circle_gaps(centers, radii, every) < min_separation]
+        return rules_of(circles, reach, as_pairs([]))
+    every = np.column_stack(np.triu_indices(circles.count, 1))
+    near = every[circle_gaps(circles.centers, circles.radii, every) < min_separation]
     listed = {(min(i, j), max(i, j)) for i, j in pairs.tolist()}
     guarded = as_pairs([(i, j) for i, j in near.tolist() if (i, j) not in listed])
-    return rules_of(centers, radii, senses, reach, guarded)
+    return rules_of(circles, reach, guarded)
 
 
 def _meets(rules: Rules, guards: Rules, theta: Array, min_separation: float) -> bool:

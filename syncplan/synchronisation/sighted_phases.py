@@ -222,6 +222,9 @@ def _central(part: DifferenceTables, theta: Array, levels: Array) -> Array:
     return theta if central is None else central
 
 
+# --- phases in sight ----------------------------------------------------------------------------
+
+
 _SAMPLES, _SAMPLES_APART = 1024, 4096
 """Differences in a table, without and with distances to keep."""
 
@@ -237,21 +240,13 @@ _LOOKS = 8
 _MOST_NAMED = 3
 
 
-@dataclass(frozen=True, slots=True)
-class SightedPhases:
-    """Time-phases that maximise what is seen, and each link's attainable part of a period (e,)."""
-
-    phases: ContactPhases
-    attainable: Array
-
-
 def phases_in_sight(
     rules: Rules, guards: Rules, team: Team, separation: float, *, quick: bool = False
-) -> SightedPhases:
-    """Return the phases of largest smallest contact for the links of `rules`.
+) -> tuple[ContactPhases, Array]:
+    """Return phases of largest smallest contact, and each link's attainable part of a period (e,).
 
-    `guards` are pairs to be kept `separation` m apart, as linked pairs are; of the team's orbits
-    phases do not matter. `quick` tries fewer starts.
+    The links are those of `rules`; `guards` are pairs to be kept `separation` m apart, as linked
+    pairs are; of the team's orbits phases do not matter. `quick` tries fewer starts.
     """
     both, links = rules.joined(guards), len(rules)
     contact = tabulated_contact(rules, team)
@@ -272,14 +267,14 @@ def phases_in_sight(
     starts = _STARTS_QUICK if quick else _STARTS
     found = phases_of_most_contact(tables, both.offset, team.count, starts)
     unserved = np.union1d(found.unserved, np.flatnonzero(blind))
-    phases = ContactPhases(found.theta, found.by_rule and len(unserved) == 0, unserved)
-    return SightedPhases(phases, contact.attainable)
+    by_rule = found.by_rule and len(unserved) == 0
+    return ContactPhases(found.theta, by_rule, unserved), contact.attainable
 
 
 def attainable_contact(team: Team, pairs: Index) -> dict[tuple[int, int], float]:
     """Return for each pair of (e, 2) the longest contact of any phases, as a part of a period."""
     orbits = team.orbits
-    rules = rules_of(orbits.centers, orbits.radii, orbits.senses, team.sensors.ranges, pairs)
+    rules = rules_of(orbits, team.sensors.ranges, pairs)
     most = tabulated_contact(rules, team).attainable
     return dict(zip(rules.edges, most.tolist(), strict=True))
 

@@ -18,7 +18,7 @@ from syncplan.observability.rank import (
 from syncplan.observability.referred_rows import NEAREST, sighting_rows
 from syncplan.observability.unobservable_modes import name_modes
 from syncplan.orbits.circles import Orbits, heading, position
-from syncplan.orbits.graphs import rpmg_at, union_over
+from syncplan.orbits.graphs import union_over
 from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import sample_sightings
 from syncplan.orbits.team import Team
@@ -312,11 +312,11 @@ def _certified_from(made: Plan, start: int, length: float) -> bool:
 def test_the_rpmg_switches_and_its_union_grows(plans: dict[str, Plan]) -> None:
     made = plans["paper-grid-same"]
     period = made.orbits.period
-    at_start = rpmg_at(made.windows, period, 0.0)
+    at_start = union_over(made.windows, period, 0.0, 0.0)
     whole = union_over(made.windows, period, 0.0, period)
     assert set(at_start.edges) < set(whole.edges)
     assert whole.number_of_edges() == 16
-    later = rpmg_at(made.windows, period, 10.0)
+    later = union_over(made.windows, period, 10.0, 0.0)
     assert set(later.edges) != set(at_start.edges)
 
 

@@ -8,7 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 from syncplan.errors import InputError
-from syncplan.orbits.graphs import rpmg_at
+from syncplan.orbits.graphs import union_over
 from syncplan.planning.planner import plan
 from syncplan.planning.variations import connected_range, sweep
 from syncplan.plotting.study_figures import sweep_spec
@@ -38,12 +38,14 @@ def test_at_the_connected_range_the_team_is_connected_at_every_instant() -> None
     assert 340.0 < reach < 365.0
     wide = plan(SWEPT_KEYS["range"].varied(made.scenario, reach))
     for moment in np.linspace(0.0, wide.orbits.period, 50):
-        graph = rpmg_at(wide.windows, wide.orbits.period, float(moment)).to_undirected()
+        graph = union_over(wide.windows, wide.orbits.period, float(moment), 0.0).to_undirected()
         assert graph.number_of_nodes() == 4
         assert nx.is_connected(graph)
     narrow = plan(SWEPT_KEYS["range"].varied(made.scenario, 0.95 * reach))
     connected = [
-        nx.is_connected(rpmg_at(narrow.windows, narrow.orbits.period, float(t)).to_undirected())
+        nx.is_connected(
+            union_over(narrow.windows, narrow.orbits.period, float(t), 0.0).to_undirected()
+        )
         for t in np.linspace(0.0, narrow.orbits.period, 50)
     ]
     assert not all(connected)

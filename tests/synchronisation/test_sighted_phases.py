@@ -110,7 +110,7 @@ def test_the_contact_of_a_residual_is_what_sampled_sight_finds(seed: int) -> Non
         return
     pairs = team.pairs[:1]
     phases = generator.uniform(0.0, 2.0 * np.pi, team.count)
-    rules = rules_of(team.centers, team.radii, team.senses, team.sensors.ranges, pairs)
+    rules = rules_of(team.orbits(phases), team.sensors.ranges, pairs)
     table = tabulated_contact(rules, team.flown(np.zeros(team.count)))
     # at a sample of the table: between two, a degree apart, contact may begin like a square root
     off = residuals(rules, team.senses * phases)[0] - np.radians(generator.integers(360))

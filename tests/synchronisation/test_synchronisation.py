@@ -101,7 +101,7 @@ def test_three_phases_reach_what_a_grid_search_finds() -> None:
     made = plan(scenario)
     orbits, reach = made.orbits, np.full(3, 50.0)
     pairs = np.array([[0, 1], [1, 2], [0, 2]])
-    rules = rules_of(orbits.centers, orbits.radii, orbits.senses, reach, pairs)
+    rules = rules_of(orbits, reach, pairs)
     steps = np.linspace(0.0, 2.0 * np.pi, 240, endpoint=False)
     best = -np.inf
     for second in steps:
@@ -243,9 +243,10 @@ def test_the_least_distance_of_a_residual_is_that_of_the_orbits(seed: int) -> No
     senses = generator.choice([-1.0, 1.0], 2)
     phases = generator.uniform(0.0, 2.0 * np.pi, 2)
     pairs = np.array([[0, 1]])
-    rules = rules_of(centers, radii, senses, np.full(2, 50.0), pairs)
+    orbits = Orbits(centers, radii, senses, phases, 1.0)
+    rules = rules_of(orbits, np.full(2, 50.0), pairs)
     closed = float(closest_distance(rules, residuals(rules, senses * phases))[0])
-    exact = closest_approach(Orbits(centers, radii, senses, phases, 1.0))
+    exact = closest_approach(orbits)
     assert exact is not None
     tau = np.linspace(0.0, 2.0 * np.pi, 20001)[:, None]
     places = centers + radii[:, None] * np.stack(
@@ -497,7 +498,7 @@ def test_three_linked_vehicles_reach_brute_force_and_stay_below_the_bound(seed: 
     senses = generator.choice([-1.0, 1.0], 3)
     pairs, reach = np.array([[0, 1], [1, 2], [0, 2]]), np.full(3, 100.0)
     found = synchronise(centers, radii, senses, reach, pairs, 0.3)
-    rules = rules_of(centers, radii, senses, reach, pairs)
+    rules = rules_of(Orbits(centers, radii, senses, np.zeros(3), 1.0), reach, pairs)
     steps = np.linspace(-np.pi, np.pi, 90, endpoint=False)
     second, third = (grid.ravel() for grid in np.meshgrid(steps, steps))
     residual = np.stack(

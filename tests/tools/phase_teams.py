@@ -202,7 +202,7 @@ def largest_margin_apart(team: PhaseTeam) -> float:
     not be. Minus infinity if the grid has no such phases.
     """
     every = as_pairs(list(combinations(range(team.count), 2)))
-    rules = rules_of(team.centers, team.radii, team.senses, team.sensors.ranges, every)
+    rules = rules_of(team.orbits(np.zeros(team.count)), team.sensors.ranges, every)
     residual = np.linspace(-np.pi, np.pi, _SAMPLES + 1)
     least = closest_distance(rules, np.broadcast_to(residual, (len(every), _SAMPLES + 1)))
     linked = {(int(a), int(b)) for a, b in team.pairs}
