@@ -3,9 +3,9 @@
 Thin over syncplan, which does all the numbers. Modules, each using only those before it:
 
     keys, settings          keys as an operator lists them, what an operator can set
-    logs                    JSON lines; what every answer carries
+    logs                    JSON lines
     problems, failures      RFC 9457 documents; from exceptions to problems
-    metrics                 Prometheus
+    metrics, answering      Prometheus; every request answered, logged and counted
     security, telemetry     who may ask; OpenTelemetry
     limits, documents       the most a request may ask for; scenarios, plans, recordings as sent
     job_kinds.*             one table of job kinds: requests, tasks, results

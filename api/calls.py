@@ -21,7 +21,7 @@ from api.computing.child import ChildGoneError, OutOfMemoryError, TooSlowError
 from api.computing.turns import GivenUpError, OwnerBusyError, PoolFullError, Ticket
 from api.problems import KeyReused, ServiceError, TooManyRequests, TooMuchWork, Unavailable
 from api.security import CurrentOwner
-from api.service import CurrentService, Service
+from api.service import Service, service_of
 from api.storage.holdings import Answer, AnswerTakenError, find_answer, keep_answer
 
 # --- media types ----------------------------------------------------------------------------------
@@ -60,7 +60,8 @@ def accepts(*media: str) -> Callable[[Request], Awaitable[str]]:
         if _weight(best, ranges) > 0.0:
             return best
         raise ServiceError(
-            406, f"the Accept header excludes {' and '.join(media)}, which is all there is here"
+            f"the Accept header excludes {' and '.join(media)}, which is all there is here",
+            status=406,
         )
 
     return chosen
@@ -135,7 +136,7 @@ def check_archive(request: Request) -> None:
         what = ", ".join(given) or "no Content-Type"
         accepted = ", ".join(ARCHIVES)
         problem = f"{what[:100]}: the body must be a zip or tar archive, sent as one of {accepted}"
-        raise ServiceError(415, problem, headers={"Accept": accepted})
+        raise ServiceError(problem, status=415, headers={"Accept": accepted})
 
 
 def _check_coding(request: Request) -> None:
@@ -152,7 +153,9 @@ def _kind(medium: str) -> Literal["json", "yaml"] | None:
 
 def _unsupported(what: str, allowed: str) -> ServiceError:
     return ServiceError(
-        415, f"{what[:100]}: {allowed}", headers={"Accept": "application/json, application/yaml"}
+        f"{what[:100]}: {allowed}",
+        status=415,
+        headers={"Accept": "application/json, application/yaml"},
     )
 
 
@@ -168,13 +171,17 @@ _logger = logging.getLogger("syncplan.calls")
 class Caller:
     """An owner, and the request whose client waits for an answer."""
 
-    service: Service
-    owner: str
     request: Request
+    owner: str
+
+    @property
+    def service(self) -> Service:
+        """The service that is asked."""
+        return service_of(self.request)
 
 
-async def _caller(request: Request, service: CurrentService, owner: CurrentOwner) -> Caller:
-    return Caller(service, owner, request)
+async def _caller(request: Request, owner: CurrentOwner) -> Caller:
+    return Caller(request, owner)
 
 
 CurrentCaller = Annotated[Caller, Depends(_caller)]
@@ -262,7 +269,7 @@ IdempotencyKey = Annotated[
 
 
 @dataclass(frozen=True, slots=True)
-class Call:
+class Call(Caller):
     """A POST request.
 
     Attributes
@@ -271,27 +278,14 @@ class Call:
     digest : of all that makes two requests the same
     """
 
-    caller: Caller
     body: bytes
     syntax: Literal["json", "yaml"]
     key: str | None
     digest: str
 
-    @property
-    def service(self) -> Service:
-        """The service that is asked."""
-        return self.caller.service
-
-    @property
-    def owner(self) -> str:
-        """Whose request it is."""
-        return self.caller.owner
-
 
 async def call_of(
-    request: Request,
-    caller: CurrentCaller,
-    idempotency_key: IdempotencyKey = None,
+    request: Request, owner: CurrentOwner, idempotency_key: IdempotencyKey = None
 ) -> Call:
     """Return a POST request with its body, whatever that holds."""
     body = await request.body()
@@ -303,14 +297,17 @@ async def call_of(
         await run_in_threadpool(digest.update, body)
     else:
         digest.update(body)
-    return Call(caller, body, "json", idempotency_key, digest.hexdigest())
+    return Call(request, owner, body, "json", idempotency_key, digest.hexdigest())
 
 
 EmptyCall = Annotated[Call, Depends(call_of)]
 """Parameter type of a route that takes no body: one that is sent is ignored."""
 
 
-async def _call(request: Request, call: EmptyCall) -> Call:
+async def _call(
+    request: Request, owner: CurrentOwner, idempotency_key: IdempotencyKey = None
+) -> Call:
+    call = await call_of(request, owner, idempotency_key)
     return replace(call, syntax=body_kind(request))
 
 

@@ -7,24 +7,22 @@ import errno
 import json
 import logging
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any
 from urllib.parse import quote
 
-from fastapi import FastAPI
 from fastapi.exceptions import RequestValidationError
 from fastapi.routing import iter_route_contexts
 from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
-from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.types import Scope
 
-from api.logs import current_request_id, route_template
+from api.logs import REQUEST_ID
 from api.problems import (
     MEDIA_TYPE,
     FaultEntry,
@@ -32,7 +30,6 @@ from api.problems import (
     ServiceError,
     StorageFull,
     Unavailable,
-    document_problems,
     printable,
     shown,
     title_of,
@@ -107,18 +104,6 @@ def _input(error: InputError) -> FailedRequest:
     return FailedRequest(422, str(error), "invalid-input", errors=tuple(entries))
 
 
-def _no_solution(error: NoSolutionError) -> FailedRequest:
-    return FailedRequest(422, str(error), "no-solution", type=NO_SOLUTION, title="No solution")
-
-
-def _no_go(error: NoGoError) -> FailedRequest:
-    return FailedRequest(409, str(error), "no-go", type=NO_GO, title="No go")
-
-
-def _on_purpose(error: SyncplanError) -> FailedRequest:
-    return FailedRequest(500, str(error), "internal", logged=Logged.TRACE)
-
-
 def _invalid(error: RequestValidationError) -> FailedRequest:
     faults = error.errors()
     entries = tuple(_entry(fault) for fault in faults[:MOST_ERRORS])
@@ -160,10 +145,6 @@ def _http(error: HTTPException) -> FailedRequest:
     )
 
 
-def _gone(error: ClientDisconnect) -> FailedRequest:
-    return FailedRequest(400, "the client went away before its request was complete", "client-gone")
-
-
 def _database(error: DBAPIError) -> FailedRequest:
     state = getattr(error.orig, "sqlstate", None)
     if state == _DISK_FULL or "disk is full" in str(error.orig):
@@ -173,14 +154,6 @@ def _database(error: DBAPIError) -> FailedRequest:
     if isinstance(error, OperationalError | InterfaceError) or error.connection_invalidated:
         return _with_line(Unavailable(NO_DATABASE))
     return _unforeseen(error)
-
-
-def _no_connection(error: PoolTimeout) -> FailedRequest:
-    return _with_line(Unavailable(NO_DATABASE))
-
-
-def _no_memory(error: MemoryError) -> FailedRequest:
-    return _with_line(Unavailable(NO_MEMORY))
 
 
 def _system(error: OSError) -> FailedRequest:
@@ -207,15 +180,19 @@ def _named(error: ServiceError) -> str:
 TABLE: dict[type[Exception], Callable[[Any], FailedRequest]] = {
     ServiceError: _deliberate,
     InputError: _input,
-    NoGoError: _no_go,
-    NoSolutionError: _no_solution,
-    SyncplanError: _on_purpose,
+    NoGoError: lambda error: FailedRequest(409, str(error), "no-go", type=NO_GO, title="No go"),
+    NoSolutionError: lambda error: FailedRequest(
+        422, str(error), "no-solution", type=NO_SOLUTION, title="No solution"
+    ),
+    SyncplanError: lambda error: FailedRequest(500, str(error), "internal", logged=Logged.TRACE),
     RequestValidationError: _invalid,
     HTTPException: _http,
-    ClientDisconnect: _gone,
+    ClientDisconnect: lambda _: FailedRequest(
+        400, "the client went away before its request was complete", "client-gone"
+    ),
     DBAPIError: _database,
-    PoolTimeout: _no_connection,
-    MemoryError: _no_memory,
+    PoolTimeout: lambda _: _with_line(Unavailable(NO_DATABASE)),
+    MemoryError: lambda _: _with_line(Unavailable(NO_MEMORY)),
     OSError: _system,
     Exception: _unforeseen,
 }
@@ -230,104 +207,22 @@ def failure_of(error: Exception) -> FailedRequest:
 
 # --- answers --------------------------------------------------------------------------------------
 
-
-_MOST_DIGITS = 18
-"""Digits of a length beyond any limit, and short enough to be read."""
-
 _log = logging.getLogger("api.problems")
 
 
-def install_handlers(
-    app: FastAPI, body_limit_bytes: int, larger: Mapping[str, int] | None = None
-) -> None:
-    """Let `app` answer every failure with a problem document, and document them.
-
-    Call it before other middleware is added. It limits bodies, those at the paths of `larger` to
-    the figures there; FastAPI's own `max_body_size` answers in plain text.
-    """
-    for kind in TABLE:
-        if kind is not Exception:
-            app.add_exception_handler(kind, _answered)
-    # what fails outside Answered: the server logs it
-    app.add_exception_handler(Exception, _unlogged)
-    app.add_middleware(Answered, body_limit_bytes=body_limit_bytes, larger=larger or {})
-    document_problems(app)
-
-
-class Answered:
-    """ASGI middleware that lets no exception escape and no body exceed the limit."""
-
-    def __init__(self, app: ASGIApp, body_limit_bytes: int, larger: Mapping[str, int]) -> None:
-        self.app = app
-        self.limit = body_limit_bytes
-        self.larger = larger
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer one request, whatever happens inside."""
-        if scope["type"] != "http":
-            await self.app(scope, receive, send)
-            return
-        started = False
-
-        async def watched(message: Message) -> None:
-            nonlocal started
-            started = started or message["type"] == "http.response.start"
-            await send(message)
-
-        try:
-            limit = self.larger.get(scope["path"], self.limit)
-            self._check_announced(scope, limit)
-            await self.app(scope, self._limited(receive, limit), watched)
-        except Exception as error:
-            if started:
-                # the server sees an answer without its end and closes the connection
-                _log.error("answer cut short: %s", type(error).__name__, exc_info=error)
-                return
-            response = await _answered(Request(scope), error)
-            await response(scope, receive, send)
-
-    def _check_announced(self, scope: Scope, limit: int) -> None:
-        length = Headers(scope=scope).get("content-length", "")
-        if not length.isdecimal():
-            return
-        if len(length) > _MOST_DIGITS or int(length) > limit:
-            raise self._too_large(limit)
-
-    def _limited(self, receive: Receive, limit: int) -> Receive:
-        size = 0
-
-        async def limited() -> Message:
-            nonlocal size
-            message = await receive()
-            if message["type"] == "http.request":
-                size += len(message.get("body", b""))
-                if size > limit:
-                    raise self._too_large(limit)
-            return message
-
-        return limited
-
-    @staticmethod
-    def _too_large(limit: int) -> HTTPException:
-        # an HTTPException goes through the reading of bodies untouched
-        return HTTPException(413, f"the body is larger than {limit} bytes")
-
-
-async def _answered(request: Request, error: Exception) -> Response:
+async def answer_to(request: Request, error: Exception) -> Response:
+    """Return the problem to answer an exception with, and log what the log is to hold of it."""
     failure = failure_of(error)
     if failure.logged is Logged.TRACE:
         _log.error("unforeseen: %s", type(error).__name__, exc_info=error)
     elif failure.logged is Logged.LINE:
         cause = printable(str(getattr(error, "orig", None) or error))
         _log.warning("%s: %s", type(error).__name__, cause)
-    return _response(request, failure)
+    return problem_answer(request, failure)
 
 
-async def _unlogged(request: Request, error: Exception) -> Response:
-    return _response(request, failure_of(error))
-
-
-def _response(request: Request, failure: FailedRequest) -> Response:
+def problem_answer(request: Request, failure: FailedRequest) -> Response:
+    """Return the answer to a request that failed."""
     headers = failure.headers
     if failure.status >= 400:
         # for the metrics, which stand around the application
@@ -343,15 +238,18 @@ def _response(request: Request, failure: FailedRequest) -> Response:
         detail=printable(failure.detail),
         instance=quote(request.url.path),
         errors=list(failure.errors) or None,
-        request_id=_request_id(request.scope),
+        request_id=REQUEST_ID.get() or str(request.scope.get("state", {}).get("request_id", "")),
     )
     # in ASCII: a fault may hold what UTF-8 can't
     content = json.dumps(problem.model_dump(exclude_none=True)).encode()
     return Response(content, failure.status, headers=headers, media_type=MEDIA_TYPE)
 
 
-def _request_id(scope: Mapping[str, Any]) -> str:
-    return current_request_id() or str(scope.get("state", {}).get("request_id", ""))
+def route_template(scope: Scope) -> str:
+    """Return the path of the route that answers, like /v1/plans/{plan_id}; empty for none."""
+    context = scope.get("fastapi", {}).get("effective_route_context") or scope.get("route")
+    found = getattr(context, "path_format", None) or getattr(context, "path", None)
+    return str(found or "")
 
 
 def _methods(request: Request) -> list[str]:

@@ -1,23 +1,18 @@
 """Logs as JSON, one object a line on standard error; a request id ties lines to requests.
 
-The same middleware gives each answer its request id and its security headers.
+logging has no limit on how often a line is written; SeldomLog keeps what strangers can cause
+without end to a few (tests/attacks/test_edge_connections.py).
 """
 
 import json
 import logging
-import re
 import sys
 import time
 import traceback
-import uuid
-from collections.abc import Iterable
 from contextvars import ContextVar
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
-
-from starlette.datastructures import Headers
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 
 @dataclass(slots=True)
@@ -49,57 +44,18 @@ class SeldomLog:
         self._logger.warning(message, extra={"kind": kind, "cases": cases, **fields})
 
 
-# --- headers of every answer ----------------------------------------------------------------------
-
-
-HeaderPair = tuple[bytes, bytes]
-
-ALWAYS: tuple[HeaderPair, ...] = (
-    (b"x-content-type-options", b"nosniff"),
-    (b"referrer-policy", b"no-referrer"),
-    (b"cross-origin-opener-policy", b"same-origin"),
-    (b"cross-origin-resource-policy", b"same-origin"),
-    (b"permissions-policy", b"camera=(), geolocation=(), microphone=(), payment=(), usb=()"),
-)
-"""Of all answers. Strict-Transport-Security is the matter of the proxy that speaks TLS."""
-
-UNLESS_GIVEN: tuple[HeaderPair, ...] = (
-    (b"cache-control", b"private, no-cache"),
-    (b"content-security-policy", b"default-src 'none'; frame-ancestors 'none'"),
-)
-"""Of answers without a rule of their own: nothing in them is run, framed or kept by proxies."""
-
-
-def with_security(headers: Iterable[HeaderPair]) -> list[HeaderPair]:
-    """Return the headers of an answer, names in lower case, with those above."""
-    given = list(headers)
-    names = {name for name, _ in given}
-    return [*given, *ALWAYS, *(pair for pair in UNLESS_GIVEN if pair[0] not in names)]
-
-
 # --- JSON lines -----------------------------------------------------------------------------------
 
 
-REQUEST_LOGGER = "api.requests"
-PROBES = frozenset({"/healthz", "/readyz", "/metrics"})
-"""Paths that machines poll: logged only at level debug while they succeed."""
+REQUEST_ID: ContextVar[str] = ContextVar("request_id", default="")
+"""The id of the request that code runs for, empty outside of requests."""
 
-_HEADER = b"x-request-id"
-_SANE = re.compile(r"[A-Za-z0-9._-]{1,64}")
-_REQUEST_ID: ContextVar[str] = ContextVar("request_id", default="")
 _ORDINARY = frozenset(vars(logging.makeLogRecord({}))) | {
     "asctime",
     "color_message",
     "message",
     "taskName",
 }
-
-_log = logging.getLogger(REQUEST_LOGGER)
-
-
-def current_request_id() -> str:
-    """Return the id of the request this code runs for, empty outside of requests."""
-    return _REQUEST_ID.get()
 
 
 class JsonLines(logging.Formatter):
@@ -114,7 +70,7 @@ class JsonLines(logging.Formatter):
             "logger": record.name,
             "message": _message(record),
         }
-        request_id = current_request_id()
+        request_id = REQUEST_ID.get()
         if request_id:
             line["request_id"] = request_id
         for name, value in vars(record).items():
@@ -148,7 +104,7 @@ def configure_logs(level: str) -> None:
     """Send every logger's lines of `level` and above to standard error, as JSON.
 
     Call it before uvicorn and DBOS start, uvicorn with `log_config=None, access_log=False`: the
-    requests are logged by RequestLog.
+    requests are logged by api.answering.
     """
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(JsonLines())
@@ -167,82 +123,3 @@ def configure_logs(level: str) -> None:
     # and logs every migration and connection
     durable.setLevel(logging.getLogger().level if level == "debug" else logging.WARNING)
     logging.captureWarnings(True)
-
-
-def route_template(scope: Scope) -> str:
-    """Return the path of the route that answers, like /v1/plans/{plan_id}; empty for none."""
-    context = scope.get("fastapi", {}).get("effective_route_context") or scope.get("route")
-    found = getattr(context, "path_format", None) or getattr(context, "path", None)
-    return str(found or "")
-
-
-class RequestLog:
-    """ASGI middleware, outermost: gives each request its id and logs one line when it ends.
-
-    A sane X-Request-ID of the client is kept; the answer carries the id under the same name. It
-    also carries the headers of api.logs.
-    """
-
-    def __init__(self, app: ASGIApp) -> None:
-        self.app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer one request; anything but HTTP goes through untouched."""
-        if scope["type"] != "http":
-            await self.app(scope, receive, send)
-            return
-        given = Headers(scope=scope).get("x-request-id", "")
-        request_id = given if _SANE.fullmatch(given) else uuid.uuid4().hex
-        entry = _Entry(request_id.encode(), send)
-        scope.setdefault("state", {})["request_id"] = request_id
-        token = _REQUEST_ID.set(request_id)
-        try:
-            await self.app(scope, receive, entry.send)
-        finally:
-            entry.log(scope)
-            _REQUEST_ID.reset(token)
-
-
-class _Entry:
-    """What is seen of one answer while it is sent."""
-
-    def __init__(self, request_id: bytes, send: Send) -> None:
-        self.request_id = request_id
-        self.forward = send
-        self.started = time.perf_counter()
-        self.status: int | None = None
-        self.bytes = 0
-        self.complete = False
-
-    async def send(self, message: Message) -> None:
-        if message["type"] == "http.response.start":
-            self.status = message["status"]
-            headers = [pair for pair in message.get("headers", ()) if pair[0] != _HEADER]
-            headers.append((_HEADER, self.request_id))
-            message = {**message, "headers": with_security(headers)}
-            await self.forward(message)
-            return
-        await self.forward(message)
-        if message["type"] == "http.response.body":
-            self.bytes += len(message.get("body", b""))
-            self.complete = not message.get("more_body", False)
-
-    def log(self, scope: Scope) -> None:
-        quiet = scope["path"] in PROBES and self.status is not None and self.status < 400
-        level = logging.DEBUG if quiet else logging.INFO
-        if self.status is not None and self.status >= 500:
-            level = logging.WARNING
-        if not _log.isEnabledFor(level):
-            return
-        fields = {
-            "method": scope["method"],
-            "path": scope["path"],
-            "route": route_template(scope) or None,
-            "status": self.status,
-            "duration_ms": round(1000.0 * (time.perf_counter() - self.started), 3),
-            "bytes": self.bytes,
-            "owner": scope.get("state", {}).get("owner"),
-            "cut": None if self.complete else True,
-        }
-        present = {name: value for name, value in fields.items() if value is not None}
-        _log.log(level, "%s %s", scope["method"], self.status or "unanswered", extra=present)

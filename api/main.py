@@ -11,15 +11,14 @@ from typing import Any
 from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
 
+from api.answering import answer_requests
 from api.computing.pool import Pool, PoolDepth
-from api.failures import install_handlers
 from api.following import JobWatch
 from api.jobs.guard import Guard
 from api.jobs.job_counts import JobCounts
 from api.jobs.queue import JobQueue
 from api.jobs.worker import Worker
-from api.logs import RequestLog
-from api.metrics import JobTally, Metrics, RequestMetrics
+from api.metrics import JobTally, Metrics
 from api.openapi import document_operations
 from api.readings import Cached, job_readings, pool_readings
 from api.routes import (
@@ -62,11 +61,12 @@ def without_routes(settings: Settings, *, tally: JobTally | None = None, **optio
     if not settings.asks_for_keys:
         names = names_here((settings.host, settings.worker_host), settings.allowed_hosts)
         app.add_middleware(LocalOnly, names=names)
-    install_handlers(
-        app, settings.body_limit_bytes, larger={UPLOADS: settings.recording_limit_bytes}
+    answer_requests(
+        app,
+        app.state.metrics,
+        settings.body_limit_bytes,
+        larger={UPLOADS: settings.recording_limit_bytes},
     )
-    app.add_middleware(RequestMetrics, metrics=app.state.metrics)
-    app.add_middleware(RequestLog)
     return app
 
 

@@ -10,7 +10,6 @@ database is read by the process that is scraped.
 import logging
 import os
 import threading
-import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal
@@ -20,9 +19,6 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metri
 from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4, generate_latest
 from prometheus_client.multiprocess import MultiProcessCollector, mark_process_dead
 from prometheus_client.registry import Collector
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
-
-from api.logs import route_template
 
 REQUEST_S = (
     0.001,
@@ -377,46 +373,3 @@ def _family(name: str, values: Mapping[tuple[str, ...], float]) -> Metric:
     for labels, value in values.items():
         family.add_metric(labels, value)
     return family
-
-
-# --- requests -------------------------------------------------------------------------------------
-
-
-class RequestMetrics:
-    """ASGI middleware that counts and times requests.
-
-    A stream counts when it begins to answer, and stays in flight until it ends.
-    """
-
-    def __init__(self, app: ASGIApp, metrics: Metrics) -> None:
-        self.app = app
-        self.metrics = metrics
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer one request; anything but HTTP goes through untouched."""
-        if scope["type"] != "http":
-            await self.app(scope, receive, send)
-            return
-        started = time.perf_counter()
-        answered = False
-
-        async def watched(message: Message) -> None:
-            nonlocal answered
-            if message["type"] == "http.response.start" and not answered:
-                answered = True
-                self._observe(scope, str(message["status"]), started)
-            await send(message)
-
-        with self.metrics.in_flight.track_inprogress():
-            try:
-                await self.app(scope, receive, watched)
-            finally:
-                if not answered:
-                    self._observe(scope, "unanswered", started)
-
-    def _observe(self, scope: Scope, status: str, started: float) -> None:
-        elapsed = time.perf_counter() - started
-        self.metrics.observe(scope["method"], route_template(scope), status, elapsed)
-        reason = scope.get("state", {}).get("reason")
-        if reason is not None:
-            self.metrics.refused(status, reason)

@@ -17,7 +17,7 @@ from pydantic.json_schema import models_json_schema
 
 from api.calls import ARCHIVES
 from api.job_kinds.job_table import JOB_KINDS
-from api.problems import REFERENCE, problem_responses
+from api.problems import REFERENCE, extend_document, problem_responses
 from api.responses import JobEvent, StoredPlan
 from api.service import limits_of
 from api.settings import Settings
@@ -175,17 +175,8 @@ _DONE = {"200", "201", "202", "204"}
 
 
 def document_operations(app: FastAPI) -> None:
-    """Complete the OpenAPI document of `app`; it is made when it is first requested."""
-    plain = app.openapi
-    made: list[Tree] = []
-
-    def openapi() -> Tree:
-        if not made:
-            made.append(_completed(plain(), app.state.settings))
-        return made[0]
-
-    # FastAPI's documented way to extend the document
-    setattr(app, "openapi", openapi)  # noqa: B010
+    """Let the OpenAPI document of `app` hold what FastAPI can't know of its operations."""
+    extend_document(app, lambda document: _completed(document, app.state.settings))
 
 
 def operations(document: Tree) -> Iterator[Tree]:

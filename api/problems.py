@@ -7,7 +7,8 @@ of its status.
 import json
 import math
 import reprlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from http import HTTPStatus
 from typing import Any
 
@@ -103,19 +104,21 @@ def shown(value: Any) -> Any:
 
 
 class ServiceError(Exception):
-    """A request that is not served: the status, why in one line, headers and faults to send."""
+    """A request that is not served: why in one line, the status, headers and faults to send."""
+
+    status = 500
 
     def __init__(
         self,
-        status: int,
         detail: str,
         *,
+        status: int | None = None,
         headers: Mapping[str, str] | None = None,
         errors: Sequence[FaultEntry] = (),
     ) -> None:
         super().__init__(detail)
-        self.status = status
         self.detail = detail
+        self.status = self.status if status is None else status
         self.headers = dict(headers or {})
         self.errors = tuple(errors)
 
@@ -123,54 +126,56 @@ class ServiceError(Exception):
 class NotFound(ServiceError):
     """404: there is no such resource, or it is another owner's."""
 
-    def __init__(self, detail: str) -> None:
-        super().__init__(404, detail)
+    status = 404
 
 
 class Conflict(ServiceError):
     """409: the request does not fit the state of the resource."""
 
-    def __init__(self, detail: str) -> None:
-        super().__init__(409, detail)
+    status = 409
 
 
 class PreconditionFailed(ServiceError):
     """412: the resource is not the one that If-Match names."""
 
-    def __init__(self, detail: str) -> None:
-        super().__init__(412, detail)
+    status = 412
 
 
 class KeyReused(ServiceError):
     """422: an Idempotency-Key that was used for another request."""
 
-    def __init__(
-        self, detail: str = "this Idempotency-Key came with another request; take a new one"
-    ) -> None:
-        super().__init__(422, detail)
+    status = 422
 
 
 class TooMuchWork(ServiceError):
     """422: the request is sound, but beyond a limit of this service, `path` the key at fault."""
 
+    status = 422
+
     def __init__(self, detail: str, *, path: str = "", value: object = None) -> None:
-        super().__init__(
-            422, detail, errors=[FaultEntry(path=path, value=shown(value), message=detail)]
-        )
+        fault = FaultEntry(path=path, value=shown(value), message=detail)
+        super().__init__(detail, errors=[fault])
 
 
 class Unauthorized(ServiceError):
     """401: no key, or one that is not known."""
 
-    def __init__(self, detail: str = "send a known key as 'Authorization: Bearer KEY'") -> None:
-        super().__init__(401, detail, headers={"WWW-Authenticate": "Bearer"})
+    status = 401
+
+    def __init__(self) -> None:
+        super().__init__(
+            "send a known key as 'Authorization: Bearer KEY'",
+            headers={"WWW-Authenticate": "Bearer"},
+        )
 
 
 class TooManyRequests(ServiceError):
     """429: the owner has as much in work as allowed; try again after `retry_after_s`."""
 
+    status = 429
+
     def __init__(self, detail: str, *, retry_after_s: float) -> None:
-        super().__init__(429, detail, headers=_retry_after(retry_after_s))
+        super().__init__(detail, headers=_retry_after(retry_after_s))
 
 
 class KeysThrottled(TooManyRequests):
@@ -180,29 +185,31 @@ class KeysThrottled(TooManyRequests):
 class WrongHost(ServiceError):
     """421: a service without keys does not answer under this name."""
 
-    def __init__(self, detail: str) -> None:
-        super().__init__(421, detail)
+    status = 421
 
 
 class ForeignPage(ServiceError):
     """403: a service without keys is not for another's page to ask."""
 
-    def __init__(self, detail: str) -> None:
-        super().__init__(403, detail)
+    status = 403
 
 
 class Unavailable(ServiceError):
     """503: the service can't answer now; try again after `retry_after_s`."""
 
+    status = 503
+
     def __init__(self, detail: str, *, retry_after_s: float = 2.0) -> None:
-        super().__init__(503, detail, headers=_retry_after(retry_after_s))
+        super().__init__(detail, headers=_retry_after(retry_after_s))
 
 
 class StorageFull(ServiceError):
     """507: nothing more can be stored until the operator makes room."""
 
+    status = 507
+
     def __init__(self, detail: str = "the storage is full; nothing was stored") -> None:
-        super().__init__(507, detail)
+        super().__init__(detail)
 
 
 def _retry_after(seconds: float) -> dict[str, str]:
@@ -257,10 +264,8 @@ def document_problems(app: FastAPI) -> None:
 
     The answer 422 that FastAPI documents on its own gives way to the problem that is sent.
     """
-    plain = app.openapi
 
-    def openapi() -> dict[str, Any]:
-        document = plain()
+    def change(document: dict[str, Any]) -> dict[str, Any]:
         schemas = document.setdefault("components", {}).setdefault("schemas", {})
         for name in ("HTTPValidationError", "ValidationError"):
             schemas.pop(name, None)
@@ -273,8 +278,14 @@ def document_problems(app: FastAPI) -> None:
                 _mend(operation.get("responses", {}))
         return document
 
+    extend_document(app, change)
+
+
+def extend_document(app: FastAPI, change: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
+    """Complete the OpenAPI document of `app`; it is made when it is first requested."""
+    plain = app.openapi
     # FastAPI's documented way to extend the document
-    setattr(app, "openapi", openapi)  # noqa: B010
+    setattr(app, "openapi", cache(lambda: change(plain())))  # noqa: B010
 
 
 def _mend(responses: dict[str, Any]) -> None:

@@ -20,8 +20,8 @@ from uvicorn.protocols.http.httptools_impl import (
     RequestResponseCycle,
 )
 
+from api.answering import with_security
 from api.connections import NEVER, ConnectionLimits, Connections
-from api.logs import with_security
 from api.problems import MEDIA_TYPE, Problem, title_of
 from api.security import network_of
 

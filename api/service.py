@@ -1,6 +1,5 @@
 """What the routes work with: the database, processes for plans, the queue of jobs."""
 
-import threading
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -27,31 +26,26 @@ _RETRY_AFTER_S = 5.0
 
 
 class Uploads:
-    """The recordings that are taken in just now, by owner."""
+    """The recordings that are taken in just now, by owner; used on the event loop alone."""
 
     def __init__(self) -> None:
         self._held: Counter[str] = Counter()
-        self._lock = threading.Lock()
 
     @contextmanager
     def one_of(self, owner: str) -> Iterator[None]:
         """Take part while one recording is taken in; raises TooManyRequests if there are enough."""
-        with self._lock:
-            if self._held[owner] >= MOST_OF_OWNER or self._held.total() >= MOST:
-                raise TooManyRequests(
-                    f"{self._held[owner]} of your recordings are being taken in, "
-                    f"{self._held.total()} of all; allowed are {MOST_OF_OWNER} and {MOST}; send "
-                    "one after the other",
-                    retry_after_s=_RETRY_AFTER_S,
-                )
-            self._held[owner] += 1
+        if self._held[owner] >= MOST_OF_OWNER or self._held.total() >= MOST:
+            raise TooManyRequests(
+                f"{self._held[owner]} of your recordings are being taken in, "
+                f"{self._held.total()} of all; allowed are {MOST_OF_OWNER} and {MOST}; send "
+                "one after the other",
+                retry_after_s=_RETRY_AFTER_S,
+            )
+        self._held[owner] += 1
         try:
             yield
         finally:
-            with self._lock:
-                self._held[owner] -= 1
-                if not self._held[owner]:
-                    del self._held[owner]
+            self._held -= Counter([owner])
 
 
 Ending = Event

@@ -20,7 +20,7 @@ from opentelemetry.trace import NonRecordingSpan, SpanContext, StatusCode, Trace
 from opentelemetry.trace.propagation.tracecontext import TraceContextTextMapPropagator
 from opentelemetry.util.types import AttributeValue
 
-from api.logs import PROBES
+from api.answering import PROBES
 from api.settings import Settings
 from syncplan.errors import InputError
 

@@ -78,9 +78,9 @@ def _works(count: int) -> dict[str, Callable[[], Any]]:
     from api.documents import as_plan_text
     from api.limits import RequestLimits
     from syncplan.estimation.bounds import posterior_bound
-    from syncplan.observability.connectivity import connectivity_period
     from syncplan.observability.loss_ranks import decisive_losses
     from syncplan.observability.rank import assess_team
+    from syncplan.observability.sliding_windows import connectivity_period
     from syncplan.orbits.sightings import single_losses
     from syncplan.planning.planner import plan
     from syncplan.runtime.numerics import single_threaded_blas

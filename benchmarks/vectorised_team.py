@@ -16,7 +16,7 @@ from scipy.special import expit, logsumexp
 
 from syncplan.arrays import Array, Flags, Index
 from syncplan.observability.referred_rows import NEAREST
-from syncplan.refinement.nlp import CONTACT_SAMPLES
+from syncplan.refinement.constraints import CONTACT_SAMPLES
 from syncplan.refinement.problem import RefineProblem, Stage, samples_of
 from syncplan.refinement.smooth_team import sighted_bodies
 

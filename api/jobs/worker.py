@@ -6,7 +6,7 @@ import secrets
 import socket
 import threading
 
-from dbos import DBOS, DBOSConfig
+from dbos import DBOS
 
 import api.jobs.workflows  # noqa: F401
 from api.computing.pool import Pool
@@ -91,7 +91,18 @@ class Worker:
         self._runtime.database.check_writing()
         # first: others take over what a process that is not on the list has begun
         self.guard.start()
-        DBOS(config=_config(settings, self.executor_id))
+        DBOS(
+            config={
+                "name": APPLICATION,
+                "system_database_url": settings.database,
+                "sys_db_pool_size": _DBOS_CONNECTIONS,
+                "executor_id": self.executor_id,
+                "application_version": VERSION,
+                "serializer": JSON_ROWS,
+                "log_level": "WARNING",
+                "enable_otlp": False,
+            }
+        )
         DBOS.listen_queues([PARTS_QUEUE])
         DBOS.launch()
         DBOS.register_queue(
@@ -115,16 +126,3 @@ class Worker:
         self.guard.close()
         self.queue.close()
         parts.use(None)
-
-
-def _config(settings: Settings, executor_id: str) -> DBOSConfig:
-    return {
-        "name": APPLICATION,
-        "system_database_url": settings.database,
-        "sys_db_pool_size": _DBOS_CONNECTIONS,
-        "executor_id": executor_id,
-        "application_version": VERSION,
-        "serializer": JSON_ROWS,
-        "log_level": "WARNING",
-        "enable_otlp": False,
-    }

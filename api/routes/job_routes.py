@@ -250,7 +250,7 @@ async def _submit(
             )
             overview = found.overview
         asked = (kind.name, call.body, call.syntax, service.limits, text, overview)
-        request, work = await computed(call.caller, "checked_request", *asked)
+        request, work = await computed(call, "checked_request", *asked)
         return NewJob(kind.name, request, work, plan_id, text, current_traceparent(), recording_id)
 
     def store(connection: Connection, new: NewJob) -> Answer:

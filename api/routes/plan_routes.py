@@ -80,7 +80,7 @@ async def create_plan(
 
     async def compute() -> PlanText:
         made: PlanText = await computed(
-            call.caller, "made_plan", call.body, call.syntax, call.service.limits, steady
+            call, "made_plan", call.body, call.syntax, call.service.limits, steady
         )
         return made
 

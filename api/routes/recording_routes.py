@@ -39,7 +39,7 @@ async def _upload(
     check_archive(request)
     # before the body is read, which is large
     with caller.service.uploads.one_of(caller.owner):
-        yield await call_of(request, caller, idempotency_key)
+        yield await call_of(request, caller.owner, idempotency_key)
 
 
 CurrentUpload = Annotated[Call, Depends(_upload)]
@@ -68,7 +68,7 @@ async def create_recording(
 
     async def compute() -> PackedRecording:
         await run_in_threadpool(_refuse_more, call)
-        packed: PackedRecording = await computed(call.caller, "packed_recording", call.body, name)
+        packed: PackedRecording = await computed(call, "packed_recording", call.body, name)
         return packed
 
     def store(connection: Connection, packed: PackedRecording) -> Answer:

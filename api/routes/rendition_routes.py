@@ -72,7 +72,7 @@ async def create_preview(
         names = list(dict.fromkeys(figure or ()))
         limits = call.service.limits
         made: str = await computed(
-            call.caller, "previewed", call.body, call.syntax, limits, quick, names, theme
+            call, "previewed", call.body, call.syntax, limits, quick, names, theme
         )
         return made
 

@@ -4,8 +4,7 @@ referred_rows        how each sighting changes with the state at time 0
 rank                 rank and certificate of one window, link by link
 loss_ranks           losses that end observability
 unobservable_modes   null vectors named, with a cure
-error_modes          rank with errors that last as states, its null vectors named
-sliding_windows      rank and certificate along any paths, such as recorded ones
-connectivity         the shortest window that certifies the team
+error_modes          rank with bias states beside the poses, its null vectors named
+sliding_windows      the shortest window that certifies the team; windows along recorded paths
 link_verdicts        each link: when it meets, its rank, why it falls short
 """

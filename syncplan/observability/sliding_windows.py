@@ -1,30 +1,255 @@
-"""Rank and certificate of what was seen in windows that slide along any paths.
-
-The closed form of `referred_rows` holds for whatever path a vehicle took: with the slope g of a
-sighting by the target's place, and the ways d that both have gone since the window began, a row is
-
-    target    g, g . J d_target              observer    -g, -g . J d_observer + dz / dpsi
-
-with J a quarter turn counter-clockwise. Paths are to be those of odometry, which are smooth: places
-from motion capture tremble, and a tremble turns lines of sight that never turned.
-"""
+"""Windows that slide: the shortest that certifies a team, and what was seen in recorded ones."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from syncplan.arrays import Array, Index
+from syncplan.arrays import Array, Flags, Index
 from syncplan.observability.rank import (
+    DISTINCT_LANDMARKS,
+    LINK_TOLERANCE,
+    Assessment,
     Certificate,
     Observability,
     certify,
     judged_rank,
     link_of,
+    pair_rows,
     rows_by_pair,
 )
 from syncplan.orbits.circles import perpendicular
+from syncplan.orbits.graphs import disjoint_sets
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
+from syncplan.orbits.sightings import sample_sightings, steps_within
+
+# --- the shortest window --------------------------------------------------------------------------
+
+
+SEARCHED_PERIODS = 2
+
+CLEARLY = 30.0
+"""Factor above the tolerance of a link's rank from which on rounding cannot matter."""
+
+_NEVER = np.iinfo(np.int64).max // 4
+_BATCH = 20_000
+
+
+def connectivity_period(assessed: Assessment) -> float | None:
+    """Return the connectivity period in s, or None if no window of two periods certifies.
+
+    To count for the certificate, a link must not drown beside the largest singular value of the
+    team's matrix over the window assessed.
+
+    For every start just after a sample, each pair's earliest sample is found by which its
+    sightings since the start have the rank that the certificate asks for; the certificate then
+    holds as soon as those pairs hold together and to two distinct landmarks. The worst start is
+    the answer. From a start to the next where no pair's earliest sample jumps, the window only
+    shrinks: the graph is examined only where one jumps.
+    """
+    team = assessed.team
+    orbits, sample_time = team.orbits, team.sensors.sample_time
+    samples = steps_within(orbits.period, sample_time) + 1
+    ready = _ready_steps(assessed, samples)
+    if not ready:
+        return None
+    table = np.array(list(ready.values()))
+    jumps = np.flatnonzero(np.r_[True, (np.diff(table, axis=1) >= 2).any(axis=0)])
+    distinct = _distinct_landmarks(team.landmarks, DISTINCT_LANDMARKS * float(orbits.radii.mean()))
+    worst = 0
+    for start in jumps:
+        end = _first_certified(list(ready), table[:, start], orbits.count, distinct)
+        if end is None or end - start + 1 > SEARCHED_PERIODS * samples:
+            return None
+        worst = max(worst, end - int(start) + 1)
+    return round(worst * sample_time, 9)
+
+
+def _ready_steps(assessed: Assessment, samples: int) -> dict[tuple[int, int], Index]:
+    """For each pair (a, b): the step by which it certifies when watched from step k on, (k,)."""
+    team, period = assessed.team, assessed.team.orbits.period
+    last = (1 + SEARCHED_PERIODS) * samples
+    sightings = sample_sightings(assessed.windows, period, team.sensors, 0, last)
+    pairs = list(pair_rows(team, sightings))
+    starts = [np.searchsorted(pair.steps, np.arange(samples)) for pair in pairs]
+    used = [np.unique(of[of < len(pair.steps)]) for pair, of in zip(pairs, starts, strict=True)]
+    needed = [2 if pair.b >= team.count else 3 for pair in pairs]
+    lengths = _shortest_certified([pair.rows for pair in pairs], used, needed, assessed.largest)
+    ready = {}
+    for pair, of, row, length in zip(pairs, starts, used, lengths, strict=True):
+        end = pair.steps[np.minimum(row + length - 1, len(pair.steps) - 1)]
+        table = np.full(len(pair.steps) + 1, _NEVER, dtype=np.int64)
+        table[row] = np.where(length > 0, end, _NEVER)
+        ready[pair.a, pair.b] = table[of]
+    return ready
+
+
+@dataclass(frozen=True, slots=True)
+class _Starts:
+    """The rows of all pairs, one pair after another, and where windows of them may start."""
+
+    rows: Array  # (k, 6)
+    pair: Index  # (s,) ascending
+    row: Index  # (s,) the first of the window
+    room: Index  # (s,) rows from there to the pair's last
+    needed: Index  # (s,) rank asked for
+
+    def only(self, chosen: Flags | Index) -> "_Starts":
+        """Return the chosen starts."""
+        return _Starts(
+            self.rows, self.pair[chosen], self.row[chosen], self.room[chosen], self.needed[chosen]
+        )
+
+
+def _shortest_certified(
+    rows: list[Array], starts: list[Index], needed: list[int], largest: float
+) -> list[Index]:
+    """For each pair, the fewest consecutive rows from each start whose rank is `needed`.
+
+    0 where none suffice. All pairs are searched at once: lengths are doubled until the rank is
+    there, then bisected. A pair whose first window falls short, as do all its rows together beside
+    `largest`, is given up: fewer rows have no larger singular value.
+    """
+    if not rows:
+        return []
+    number = [len(of) for of in starts]
+    begin = np.cumsum([0] + [len(of) for of in rows])
+    pair = np.repeat(np.arange(len(rows)), number)
+    row = np.concatenate(starts) + begin[pair]
+    all_ = _Starts(np.concatenate(rows), pair, row, begin[pair + 1] - row, np.array(needed)[pair])
+    high = np.where(all_.room >= all_.needed, all_.needed, 0)
+    lead = np.cumsum([0, *number[:-1]])
+    lead = lead[high[lead] > 0]
+    for k in pair[lead[~_certified(all_.only(lead), high[lead], largest)]].tolist():
+        value = np.linalg.svd(rows[k], compute_uv=False)[needed[k] - 1]
+        if value <= LINK_TOLERANCE * largest:
+            high[pair == k] = 0
+    short = high > 0
+    short[short] = ~_certified(all_.only(short), high[short], largest)
+    high[short] = _searched(all_.only(short), largest)
+    return np.split(high, np.cumsum(number)[:-1])
+
+
+def _searched(starts: _Starts, largest: float) -> Index:
+    """Fewest rows, more than `needed`, from each start; 0 where none suffice."""
+    low, high = starts.needed, np.minimum(2 * starts.needed, starts.room)
+    high = np.where(high > low, high, 0)
+    open_ = high > 0
+    while open_.any():
+        fails = open_.copy()
+        fails[open_] = ~_certified(starts.only(open_), high[open_], largest)
+        low = np.where(fails, high, low)
+        open_ = fails & (high < starts.room)
+        high = np.where(fails, 0, high)
+        high[open_] = np.minimum(2 * low[open_], starts.room[open_])
+    while True:
+        wide = (high > 0) & (high - low > 1)
+        if not wide.any():
+            return high
+        middle = (low + high) // 2
+        full = np.zeros(len(high), dtype=bool)
+        full[wide] = _certified(starts.only(wide), middle[wide], largest)
+        high = np.where(full, middle, high)
+        low = np.where(wide & ~full, middle, low)
+
+
+def _certified(starts: _Starts, lengths: Index, largest: float) -> Flags:
+    """Whether the windows of these lengths have the rank, many at once by length."""
+    result = np.ones(len(lengths), dtype=bool)
+    squares = np.cumsum(np.concatenate([[0.0], np.einsum("sc,sc->s", starts.rows, starts.rows)]))
+    for length in np.unique(lengths):
+        same = np.flatnonzero(lengths == length)
+        for whole in np.array_split(same, 1 + len(same) * int(length) // _BATCH):
+            part = whole[~_clearly_certified(starts.only(whole), squares, int(length), largest)]
+            if not len(part):
+                continue
+            blocks = starts.rows[starts.row[part, None] + np.arange(length)]
+            values = np.linalg.svd(blocks, compute_uv=False)
+            counted = values[np.arange(len(part)), starts.needed[part] - 1]
+            result[part] = counted > LINK_TOLERANCE * np.maximum(values[:, 0], largest)
+    return result
+
+
+def _clearly_certified(starts: _Starts, squares: Array, length: int, largest: float) -> Flags:
+    """Whether windows of `length` rows have the rank beyond doubt, without singular values.
+
+    Three of the rows, or two, have no larger singular values than all. Of their products G,
+    det G = s1^2 s2^2 s3^2 and s1^2 + s2^2 <= tr G, so s3^2 >= det G / (tr G / 2)^2; of two rows
+    s2^2 >= det G / tr G. What exceeds the tolerance by CLEARLY is no rounding error. `squares`
+    are the rows' sums of squares up to each.
+    """
+    first, middle, last = (starts.rows[starts.row + k] for k in (0, length // 2, length - 1))
+    aa, cc, ac = (
+        np.einsum("sc,sc->s", *of) for of in ((first, first), (last, last), (first, last))
+    )
+    bb, ab, bc = (
+        np.einsum("sc,sc->s", *of) for of in ((middle, middle), (first, middle), (middle, last))
+    )
+    two = aa * cc - ac * ac
+    three = aa * (bb * cc - bc * bc) - ab * (ab * cc - bc * ac) + ac * (ab * bc - bb * ac)
+    trace = aa + cc
+    with np.errstate(divide="ignore", invalid="ignore"):
+        least = np.where(starts.needed == 2, two / trace, three / (0.5 * (trace + bb)) ** 2)
+    # of all rows, of which no singular value is larger
+    of_all = squares[starts.row + length] - squares[starts.row]
+    largest_square = np.maximum(of_all, largest**2)
+    return np.asarray(least > (CLEARLY * LINK_TOLERANCE) ** 2 * largest_square)
+
+
+def _distinct_landmarks(landmarks: Array, distance: float) -> Flags:
+    """(m, m) whether two landmarks count as distinct."""
+    apart = landmarks[:, None] - landmarks[None]
+    return np.asarray(np.hypot(apart[..., 0], apart[..., 1]) > distance)
+
+
+def _first_certified(
+    pairs: list[tuple[int, int]], ready: Index, count: int, distinct: Flags
+) -> int | None:
+    """The step by which the certificate holds when each pair counts from its own step on."""
+    merged = disjoint_sets(count)
+    anchors: dict[int, set[int]] = {k: set() for k in range(count)}
+    held = [False] * count
+    unheld = count
+    for k in np.argsort(ready, kind="stable"):
+        if ready[k] >= _NEVER:
+            return None
+        a, b = pairs[k]
+        if b >= count:
+            root = merged[a]
+            anchors[root].add(b - count)
+            if not held[root] and _hold(anchors[root], distinct):
+                held[root] = True
+                unheld -= 1
+        elif merged[a] != merged[b]:
+            parts = merged[a], merged[b]
+            merged.union(a, b)
+            root = merged[a]
+            unheld -= sum(not held[part] for part in parts)
+            anchors[root] = anchors[parts[0]] | anchors[parts[1]]
+            held[root] = any(held[part] for part in parts) or _hold(anchors[root], distinct)
+            unheld += not held[root]
+        if unheld == 0:
+            return int(ready[k])
+    return None
+
+
+def _hold(anchors: set[int], distinct: Flags) -> bool:
+    """Whether two of the landmarks are distinct."""
+    numbers = list(anchors)
+    return len(numbers) > 1 and bool(distinct[np.ix_(numbers, numbers)].any())
+
+
+# --- windows along any paths ----------------------------------------------------------------------
+#
+# The closed form of `referred_rows` holds for whatever path a vehicle took: with the slope g of a
+# sighting by the target's place, and the ways d that both have gone since the window began, a row
+# is
+#
+#     target    g, g . J d_target              observer    -g, -g . J d_observer + dz / dpsi
+#
+# with J a quarter turn counter-clockwise. Paths are to be those of odometry, which are smooth:
+# places from motion capture tremble, and a tremble turns lines of sight that never turned.
+
 
 Placed = Callable[[int, slice], tuple[Array, Array]]
 """Of a window and its sightings (s,): the places (n, 2) m of vehicles when it begins, and (s, 2, 2)

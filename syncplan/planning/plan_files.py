@@ -293,15 +293,18 @@ def planned(subject: PlanSubject, *, bound: BoundChoice = "auto", pilot: bool = 
     if isinstance(subject, Plan):
         return subject
     if isinstance(subject, Scenario):
-        return plan_of(Loaded(subject, None), bound=bound, pilot=pilot)
-    if isinstance(subject, str | Path):
-        return plan_of(load(subject), bound=bound, pilot=pilot)
-    if isinstance(subject, Mapping):
-        return plan_of(loaded_from(subject), bound=bound, pilot=pilot)
-    raise InputError(
-        f"is a {type(subject).__name__}; give a Plan, a Scenario, the path of a file or a mapping",
-        key="subject",
-    )
+        loaded = Loaded(subject, None)
+    elif isinstance(subject, str | Path):
+        loaded = load(subject)
+    elif isinstance(subject, Mapping):
+        loaded = loaded_from(subject)
+    else:
+        raise InputError(
+            f"is a {type(subject).__name__}; give a Plan, a Scenario, the path of a file or a "
+            "mapping",
+            key="subject",
+        )
+    return plan_of(loaded, bound=bound, pilot=pilot)
 
 
 def in_world(plan: Plan, truth: Mapping[str, Any] | None) -> Plan:

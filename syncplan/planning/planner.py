@@ -15,11 +15,11 @@ from syncplan.arrays import Array, Index, as_pairs
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.bounds import posterior_bound, steady_bound, window_bound
 from syncplan.estimation.referred_system import PosteriorBound
-from syncplan.observability.connectivity import connectivity_period
 from syncplan.observability.error_modes import judge_errors
 from syncplan.observability.link_verdicts import landmark_verdicts, vehicle_verdicts
 from syncplan.observability.loss_ranks import decisive_losses
 from syncplan.observability.rank import Assessment, assess_team
+from syncplan.observability.sliding_windows import connectivity_period
 from syncplan.observability.unobservable_modes import name_modes
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import (

@@ -195,7 +195,7 @@ def _piloted(
         return None
     squares = pilot_squares(thin, windows, length, model)
     if bound.errors is not None:
-        # the pilot leaves out errors that last, and so does what stands beside it
+        # the pilot leaves out bias states, and so does what stands beside it
         bound = posterior_bound(replace(team, errors=NO_ERRORS), windows, length)
     return StartTrials(
         trials=PILOT_TRIALS,

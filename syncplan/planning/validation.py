@@ -98,9 +98,9 @@ class Validation(Result):
     result : per trial figures, and the series where asked for
     accuracy : RMS errors by vehicle
     predicted : (n,) m, the bound's RMS over the second half; None where not computed
-    predicted_errors : the same of the filter's further states; empty where there are none, or it is
+    predicted_errors : the same of the filter's bias states; empty where there are none, or it is
         not computed
-    predicted_over_time : (steps + 1, e) the bound of each further state, in its unit; None where
+    predicted_over_time : (steps + 1, e) the bound of each bias state, in its unit; None where
         there are none, no series was asked for, or it is not computed
     expected : (n,) m, what the filter is expected to make of it, as it does not estimate errors
         that the scenario names, or the world differs from it; None otherwise, or not computed

@@ -3,9 +3,8 @@
 problem              variables, objective and constraints as arrays; samples and stages
 measures             exact figures of merit, and the margin of each constraint
 problem_setup        the problem that a plan and options pose
-clearances           separation, landmarks and areas, smooth, with their sparse Jacobian
 smooth_sightings     the information of sightings past obstacles, smooth
-smooth_contacts      contacts kept, smooth
+constraints          contacts, separation, landmarks and areas, smooth, with their sparse Jacobian
 smooth_team          information of the whole team, its determinants
 smooth_bound         the posterior bound with bias states, smooth, and its slopes
 nlp                  each objective, and the nonlinear program of one stage

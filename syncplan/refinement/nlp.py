@@ -9,18 +9,9 @@ import casadi as ca
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.refinement.clearances import (
-    Blocks,
-    area_clearances,
-    landmark_clearances,
-    separations,
-    side_count,
-    sides_of,
-    stacked_blocks,
-)
+from syncplan.refinement.constraints import constraints_of, side_count, sides_of
 from syncplan.refinement.problem import WINDOW_BOUND, RefineProblem, Stage, samples_in, step_width
 from syncplan.refinement.smooth_bound import coarse_run, smooth_rms
-from syncplan.refinement.smooth_contacts import contacts_kept
 from syncplan.refinement.smooth_team import (
     RELATIVE_SHIFT,
     SmoothTeam,
@@ -315,7 +306,7 @@ def nlp_of(problem: RefineProblem, stage: Stage) -> StageNlp:
     variables = chosen if objective.extra is None else ca.vertcat(chosen, objective.extra)
     # constraints
     sides = ca.MX.sym("p", side_count(problem))
-    limits = _constraints(problem, stage, circles, sides)
+    limits = constraints_of(problem, stage, circles, sides)
     constraints, jacobian, labels = limits.values, limits.jacobian[:, free.tolist()], limits.labels
     if np.isfinite(problem.window_limit):
         excess = window_excess(team.sparsity, information, problem)
@@ -382,28 +373,3 @@ def _circles(problem: RefineProblem, chosen: ca.MX, free: Index) -> ca.MX:
         free.tolist(), list(range(len(free))), ca.DM.ones(len(free)), len(fixed), len(free)
     )
     return ca.reshape(ca.DM(fixed) + spread @ chosen, 4, problem.orbits.count)
-
-
-_CONTACT_WIDTH = 0.25
-"""Contact's step is narrower than that of information by this factor."""
-
-_SAFETY_WIDTHS = 3.0
-"""Steps of contact by which kept links stay inside their margin in the last stage."""
-
-CONTACT_SAMPLES = 96
-"""Contact needs few samples; near its minimum the distance hardly changes between them."""
-
-
-def _constraints(problem: RefineProblem, stage: Stage, circles: ca.MX, sides: ca.MX) -> Blocks:
-    """Contacts kept, separation, landmarks, areas."""
-    width = _CONTACT_WIDTH * stage.width
-    safety = _SAFETY_WIDTHS * width * float(problem.sensors.ranges.mean())
-    most = min(stage.samples, CONTACT_SAMPLES)
-    times = samples_in(problem, problem.contact_span, most)
-    contacts = contacts_kept(problem, circles, times, width, safety if stage.last else 0.0)
-    distances = [
-        separations(problem, circles),
-        landmark_clearances(problem, circles, sides),
-        area_clearances(problem, circles, sides),
-    ]
-    return stacked_blocks([contacts, *distances], problem.orbits.count)

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import httpx2
 import pytest
 
-from api.logs import ALWAYS, UNLESS_GIVEN
+from api.answering import ALWAYS, UNLESS_GIVEN
 from tests.tools.processes import PATIENCE_S, memory_given_back, wait_until
 from tests.tools.raw_connections import connected, holds, said_to
 from tests.tools.scenarios import document

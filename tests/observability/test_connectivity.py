@@ -6,18 +6,18 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from syncplan.observability.connectivity import (
-    SEARCHED_PERIODS,
-    _clearly_certified,
-    _Starts,
-    connectivity_period,
-)
 from syncplan.observability.rank import (
     LINK_TOLERANCE,
     Assessment,
     assess_team,
     certify,
     link_information,
+)
+from syncplan.observability.sliding_windows import (
+    SEARCHED_PERIODS,
+    _clearly_certified,
+    _Starts,
+    connectivity_period,
 )
 from syncplan.orbits.sightings import Sightings, sample_sightings, steps_within
 from syncplan.orbits.team import Team

@@ -15,7 +15,7 @@ from syncplan.orbits.contacts import landmark_gaps
 from syncplan.planning.judged_team import landmark_limit
 from syncplan.planning.plan_files import loaded_from, plan_of
 from syncplan.planning.planner import Plan, plan
-from syncplan.refinement.clearances import (
+from syncplan.refinement.constraints import (
     area_clearances,
     kept_landmarks,
     landmark_clearances,

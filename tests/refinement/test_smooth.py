@@ -12,7 +12,7 @@ from syncplan.estimation.bounds import posterior_bound
 from syncplan.orbits.circles import relative_motion
 from syncplan.orbits.contacts import find_windows, least_distances
 from syncplan.planning.planner import Plan, judge, plan
-from syncplan.refinement.clearances import separations
+from syncplan.refinement.constraints import separations
 from syncplan.refinement.nlp import StageNlp, nlp_of
 from syncplan.refinement.problem import RefineProblem, Stage, circles_of, orbits_of
 from syncplan.refinement.problem_setup import problem_of

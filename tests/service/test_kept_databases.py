@@ -1,18 +1,13 @@
-"""Databases that released versions have left: all that was there is served, what waited is done.
+"""Databases that released versions have left: all that was there is served, what waited is done."""
 
-`tests.tools.record_database` has made them.
-"""
-
-import gzip
 import json
 from pathlib import Path
 from typing import Any
 
-import psycopg
 import pytest
 
+from tests.tools.kept_databases import kept, restore_postgresql, restore_sqlite
 from tests.tools.record_database import ASKED, HALF_DONE, IDEMPOTENCY, QUEUED, states_of
-from tests.tools.serving import ROOT
 from tests.tools.survival import (
     Site,
     quick,
@@ -20,13 +15,6 @@ from tests.tools.survival import (
     sweep_of_ranges,
     validation,
 )
-
-KEPT = ROOT / "tests" / "data" / "version-1"
-
-
-def kept(name: str) -> bytes:
-    """A file that was kept."""
-    return gzip.decompress((KEPT / name).read_bytes())
 
 
 def restored(kind: str, tmp_path: Path, request: pytest.FixtureRequest) -> Site:
@@ -41,13 +29,10 @@ def restored(kind: str, tmp_path: Path, request: pytest.FixtureRequest) -> Site:
     if kind == "sqlite":
         data = tmp_path / "data"
         data.mkdir()
-        data.joinpath("syncplan.db").write_bytes(kept("sqlite.db.gz"))
+        restore_sqlite(data / "syncplan.db")
         return quick(tmp_path, **settings)
     address = request.getfixturevalue("postgres").new_database()
-    lines = kept("postgresql.sql.gz").decode().splitlines()
-    with psycopg.connect(address, autocommit=True) as connection:
-        # those that begin so are for psql
-        connection.execute("\n".join(one for one in lines if not one.startswith("\\")).encode())
+    restore_postgresql(address)
     return quick(tmp_path, address, **settings)
 
 

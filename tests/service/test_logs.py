@@ -19,7 +19,9 @@ from fastapi.responses import StreamingResponse
 from fastapi.testclient import TestClient
 from starlette.types import Receive, Scope, Send
 
-from api.logs import JsonLines, RequestLog, configure_logs, current_request_id
+from api.answering import Answering
+from api.logs import REQUEST_ID, JsonLines, configure_logs
+from api.metrics import Metrics
 from tests.tools.api_apps import ask, bare_app, served
 from tests.tools.processes import wait_until
 
@@ -59,7 +61,7 @@ def _app() -> FastAPI:
     def plan(plan_id: str, request: Request) -> str:
         request.state.owner = "ops"
         logging.getLogger("api.other").warning("inside")
-        return current_request_id()
+        return REQUEST_ID.get()
 
     @router.get("/crash")
     def crash() -> None:
@@ -206,7 +208,7 @@ def test_lines_inside_a_request_carry_its_id(lines: Lines) -> None:
     response = TestClient(_app()).get("/v1/plans/7")
     (inside,) = [line for line in lines() if line["logger"] == "api.other"]
     assert inside["request_id"] == response.headers["x-request-id"]
-    assert current_request_id() == ""
+    assert REQUEST_ID.get() == ""
 
 
 def test_a_path_without_route_has_no_template(lines: Lines) -> None:
@@ -235,14 +237,14 @@ def test_any_other_request_id_is_replaced(given: str) -> None:
 
 def test_the_id_ends_with_its_request() -> None:
     async def app(scope: Scope, receive: Receive, send: Send) -> None:
-        assert current_request_id()
+        assert REQUEST_ID.get()
 
     async def nobody(*_: Any) -> Any: ...
 
     async def call() -> str:
         scope = {"type": "http", "method": "GET", "path": "/", "headers": []}
-        await RequestLog(app)(scope, nobody, nobody)
-        return current_request_id()
+        await Answering(app, Metrics(), 1000, {})(scope, nobody, nobody)
+        return REQUEST_ID.get()
 
     assert asyncio.run(call()) == ""
 

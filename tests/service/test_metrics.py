@@ -1,16 +1,21 @@
 """Metrics: counts by route and status, gauges that are asked for, nothing shared by two apps."""
 
+import asyncio
 import threading
 import time
 from functools import partial
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from fastapi import APIRouter, FastAPI
 from fastapi.testclient import TestClient
 from prometheus_client.parser import text_string_to_metric_families
+from starlette.types import Receive, Scope, Send
 
+from api.answering import Answering
 from api.computing.pool import PoolDepth
-from api.metrics import Metrics, Readings, RequestMetrics
+from api.metrics import Metrics, Readings
 from api.problems import TooManyRequests
 from api.readings import Cached, pool_readings
 from tests.tools.api_apps import bare_app
@@ -38,7 +43,7 @@ def _requests(metrics: Metrics) -> dict[tuple[str, ...], float]:
 
 
 def _app(metrics: Metrics) -> FastAPI:
-    app = bare_app()
+    app = bare_app(metrics=metrics)
     router = APIRouter()
 
     @router.get("/plans/{plan_id}")
@@ -50,7 +55,6 @@ def _app(metrics: Metrics) -> FastAPI:
         raise RuntimeError
 
     app.include_router(router, prefix="/v1")
-    app.add_middleware(RequestMetrics, metrics=metrics)
     return app
 
 
@@ -99,14 +103,19 @@ def test_requests_in_flight_rise_and_fall() -> None:
 
 def test_a_request_that_gets_no_answer_is_counted() -> None:
     metrics = Metrics()
-    app = FastAPI()
 
-    @app.get("/")
-    def crash() -> None:
-        raise RuntimeError
+    async def given_up(scope: Scope, receive: Receive, send: Send) -> None:
+        raise asyncio.CancelledError
 
-    app.add_middleware(RequestMetrics, metrics=metrics)
-    TestClient(app, raise_server_exceptions=False).get("/")
+    async def nothing(*_: Any) -> Any: ...
+
+    async def call() -> None:
+        route = SimpleNamespace(path="/")
+        scope = {"type": "http", "method": "GET", "path": "/", "headers": [], "route": route}
+        await Answering(given_up, metrics, 1000, {})(scope, nothing, nothing)
+
+    with pytest.raises(asyncio.CancelledError):
+        asyncio.run(call())
     assert _requests(metrics) == {("GET", "/", "unanswered"): 1}
     assert _samples(metrics)["syncplan_http_requests_in_flight", ()] == 0
 

@@ -4,12 +4,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from sqlalchemy import Connection, create_engine, insert, inspect, select
+from sqlalchemy import Connection, MetaData, create_engine, insert, inspect, select
 from sqlalchemy.pool import NullPool
 
 from api.settings import load_settings
-from api.storage.migrations import FIRST_METADATA, MIGRATIONS, upgrade
+from api.storage.migrations import NEWEST, upgrade
 from api.storage.tables import METADATA, schema_version
+from tests.tools.kept_databases import restore_postgresql, restore_sqlite
 from tests.tools.schemas import schema_of
 
 EACH = pytest.mark.parametrize(
@@ -26,21 +27,46 @@ def empty(address: str | None, tmp_path: Path) -> Iterator[Connection]:
         yield connection
 
 
+@pytest.fixture
+def first(address: str | None, tmp_path: Path) -> Iterator[Connection]:
+    """A transaction on a database that version 1 has left."""
+    if address is None:
+        restore_sqlite(tmp_path / "syncplan.db")
+    else:
+        restore_postgresql(address)
+    url = load_settings(data_dir=tmp_path, database_url=address).database
+    engine = create_engine(url, poolclass=NullPool)
+    with engine.connect() as connection:
+        yield connection
+
+
 @EACH
-def test_migrations_end_with_the_tables_of_today(empty: Connection) -> None:
+def test_an_empty_database_gets_the_tables_of_today(empty: Connection) -> None:
     names = [*METADATA.tables]
     upgrade(empty)
     assert sorted(inspect(empty).get_table_names()) == sorted(names)
-    migrated = schema_of(empty, *names)
+    upgraded = schema_of(empty, *names)
     METADATA.drop_all(empty)
     METADATA.create_all(empty)
-    assert migrated == schema_of(empty, *names)
+    assert upgraded == schema_of(empty, *names)
 
 
 @EACH
-def test_a_database_of_the_first_version_keeps_its_rows(empty: Connection) -> None:
-    FIRST_METADATA.create_all(empty)
-    old = FIRST_METADATA.tables
+def test_a_database_of_the_first_version_gets_the_tables_of_today(first: Connection) -> None:
+    names = [*METADATA.tables]
+    assert not set(names) <= set(inspect(first).get_table_names())
+    upgrade(first)
+    upgraded = schema_of(first, *names)
+    METADATA.drop_all(first)
+    METADATA.create_all(first)
+    assert upgraded == schema_of(first, *names)
+
+
+@EACH
+def test_a_database_of_the_first_version_keeps_its_rows(first: Connection) -> None:
+    reflected = MetaData()
+    reflected.reflect(first)
+    old = reflected.tables
     job = {
         "id": "j",
         "owner": "ann",
@@ -53,21 +79,23 @@ def test_a_database_of_the_first_version_keeps_its_rows(empty: Connection) -> No
         "events": 1,
     }
     part = {"job_id": "j", "number": 0, "run": 0, "first_trial": 0, "trials": 9, "done": 3}
-    empty.execute(insert(old["syncplan_schema"]).values(version=1))
-    empty.execute(insert(old["jobs"]).values(job))
-    empty.execute(insert(old["job_parts"]).values(part))
-    empty.execute(insert(old["executors"]).values(id="one", beats=7))
-    upgrade(empty)
+    first.execute(insert(old["jobs"]).values(job))
+    first.execute(insert(old["job_parts"]).values(part))
+    first.execute(insert(old["executors"]).values(id="one", beats=7))
+    upgrade(first)
     new = METADATA.tables
-    assert empty.execute(select(schema_version)).all() == [(len(MIGRATIONS), 1)]
-    found = empty.execute(select(new["jobs"])).mappings().one()
+    assert first.execute(select(schema_version)).all() == [(NEWEST, 1)]
+    mine = select(new["jobs"]).where(new["jobs"].c.id == "j")
+    found = first.execute(mine).mappings().one()
     assert job.items() <= dict(found).items()
     assert (found["version"], found["computed_s"]) == (None, 0.0)
-    kept = empty.execute(select(new["job_parts"])).mappings().one()
+    parts = select(new["job_parts"]).where(new["job_parts"].c.job_id == "j")
+    kept = first.execute(parts).mappings().one()
     assert part.items() <= dict(kept).items()
     assert (kept["attempts"], kept["deaths"]) == (0, 0)
-    assert empty.execute(select(new["executors"])).all() == [("one", 7, None, None)]
+    living = first.execute(select(new["executors"])).all()
+    assert ("one", 7, None, None) in living
     # a process of the version before, which knows no more columns than it had
-    empty.execute(insert(old["jobs"]).values({**job, "id": "k"}))
-    empty.execute(insert(old["job_parts"]).values({**part, "job_id": "k"}))
-    empty.execute(insert(old["executors"]).values(id="two", beats=0))
+    first.execute(insert(old["jobs"]).values({**job, "id": "k"}))
+    first.execute(insert(old["job_parts"]).values({**part, "job_id": "k"}))
+    first.execute(insert(old["executors"]).values(id="two", beats=0))

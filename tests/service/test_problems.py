@@ -81,7 +81,7 @@ RAISED: dict[str, tuple[Exception, int]] = {
     "precondition": (problems.PreconditionFailed("the plan is another"), 412),
     "many": (problems.TooManyRequests("20 jobs are unfinished", retry_after_s=1.2), 429),
     "unavailable": (problems.Unavailable("starting", retry_after_s=0.0), 503),
-    "reused": (problems.KeyReused(), 422),
+    "reused": (problems.KeyReused("the key was used for another request"), 422),
     "unauthorized": (problems.Unauthorized(), 401),
     "storage": (problems.StorageFull(), 507),
     "work": (problems.TooMuchWork("1e6: at most 100", path="trials", value=10**6), 422),

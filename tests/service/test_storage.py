@@ -8,7 +8,17 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from sqlalchemy import Connection, create_engine, event, insert, select, update
+from sqlalchemy import (
+    Column,
+    Connection,
+    MetaData,
+    Text,
+    create_engine,
+    event,
+    insert,
+    select,
+    update,
+)
 from sqlalchemy.exc import IntegrityError, OperationalError
 
 from api.documents import PlanText
@@ -38,8 +48,17 @@ from api.storage.holdings import (
     list_plans,
 )
 from api.storage.job_records import delete_jobs, ended_before
-from api.storage.migrations import MIGRATIONS
-from api.storage.tables import answers, earlier, job_parts, moment, new_id, plans, schema_version
+from api.storage.migrations import NEWEST
+from api.storage.tables import (
+    METADATA,
+    answers,
+    earlier,
+    job_parts,
+    moment,
+    new_id,
+    plans,
+    schema_version,
+)
 from api.storage.tables import executors as executor_rows
 from syncplan.errors import InputError
 
@@ -291,14 +310,12 @@ def test_a_database_opens_again_with_what_it_held(tmp_path: Path) -> None:
     second = open_database(url)
     with second.reading() as connection:
         assert find_plans(connection, [("ann", row.id)]) == [row]
-        assert connection.execute(select(schema_version.c.version)).scalars().all() == [
-            len(MIGRATIONS)
-        ]
+        assert connection.execute(select(schema_version.c.version)).scalars().all() == [NEWEST]
         assert connection.exec_driver_sql("PRAGMA journal_mode").scalar() == "wal"
     second.close()
 
 
-@pytest.mark.parametrize("usable_from", [99, len(MIGRATIONS) + 1])
+@pytest.mark.parametrize("usable_from", [99, NEWEST + 1])
 def test_a_database_of_a_newer_version_is_refused(tmp_path: Path, usable_from: int) -> None:
     url = f"sqlite:///{tmp_path / 'syncplan.db'}"
     database = open_database(url)
@@ -312,7 +329,7 @@ def test_a_database_of_a_newer_version_is_refused(tmp_path: Path, usable_from: i
 def test_a_newer_database_is_opened_as_it_is_where_it_says_so(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'syncplan.db'}"
     database = open_database(url)
-    newer = {"version": 99, "usable_from": len(MIGRATIONS)}
+    newer = {"version": 99, "usable_from": NEWEST}
     with database.writing() as connection:
         connection.execute(update(schema_version).values(newer))
     database.close()
@@ -328,16 +345,18 @@ def test_an_older_database_is_brought_up_to_date(
     url = f"sqlite:///{tmp_path / 'syncplan.db'}"
     open_database(url).close()
 
-    def another(connection: Connection) -> None:
-        connection.exec_driver_sql("ALTER TABLE plans ADD COLUMN note TEXT")
-
-    monkeypatch.setattr("api.storage.migrations.MIGRATIONS", (*MIGRATIONS, another))
+    newer = MetaData()
+    for table in METADATA.tables.values():
+        table.to_metadata(newer)
+    newer.tables["plans"].append_column(Column("note", Text))
+    monkeypatch.setattr("api.storage.migrations.METADATA", newer)
+    monkeypatch.setattr("api.storage.migrations.NEWEST", NEWEST + 1)
     for _ in range(2):
         database = open_database(url)
         with database.reading() as connection:
             connection.exec_driver_sql("SELECT note FROM plans")
             found = connection.execute(select(schema_version.c.version)).scalars().all()
-            assert found == [len(MIGRATIONS) + 1]
+            assert found == [NEWEST + 1]
         database.close()
 
 

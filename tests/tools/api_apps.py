@@ -11,16 +11,16 @@ from typing import Any
 import uvicorn
 from fastapi import FastAPI
 
+from api.answering import answer_requests
 from api.connections import ConnectionLimits
-from api.failures import install_handlers
-from api.logs import RequestLog
+from api.metrics import Metrics
 from api.server import LimitedServer
 from tests.tools.processes import PATIENCE_S, wait_until
 
 BODY_LIMIT = 1000
 
 
-def bare_app(inner: Any = None, **options: Any) -> FastAPI:
+def bare_app(inner: Any = None, metrics: Metrics | None = None, **options: Any) -> FastAPI:
     """Return an application without routes that answers and logs as the service does.
 
     `inner` is a middleware to add inside, with its options.
@@ -28,8 +28,7 @@ def bare_app(inner: Any = None, **options: Any) -> FastAPI:
     app = FastAPI()
     if inner is not None:
         app.add_middleware(inner, **options)
-    install_handlers(app, BODY_LIMIT)
-    app.add_middleware(RequestLog)
+    answer_requests(app, metrics or Metrics(), BODY_LIMIT)
     return app
 
 

@@ -1,0 +1,231 @@
+"""Every request is answered, limited, logged and counted: one middleware around all the others.
+
+    request id --> size of the body --> the application --> headers, counts, a line
+                                             |
+                                   any exception: a problem
+
+One that hands on every message takes the place of three. FastAPI's `max_body_size` answers in plain
+text, not with a problem (tests/service/test_problems.py).
+"""
+
+import logging
+import re
+import time
+import uuid
+from collections.abc import Iterable, Mapping
+
+from fastapi import FastAPI
+from starlette.datastructures import Headers
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from api.failures import TABLE, answer_to, failure_of, problem_answer, route_template
+from api.logs import REQUEST_ID
+from api.metrics import Metrics
+from api.problems import document_problems
+
+REQUEST_LOGGER = "api.requests"
+PROBES = frozenset({"/healthz", "/readyz", "/metrics"})
+"""Paths that machines poll: logged only at level debug while they succeed."""
+
+_ID_HEADER = b"x-request-id"
+_SANE = re.compile(r"[A-Za-z0-9._-]{1,64}")
+_MOST_DIGITS = 18
+"""Digits of a length beyond any limit, and short enough to be read."""
+
+_log = logging.getLogger(REQUEST_LOGGER)
+_failures = logging.getLogger("api.problems")
+
+
+# --- headers of every answer ----------------------------------------------------------------------
+
+
+HeaderPair = tuple[bytes, bytes]
+
+ALWAYS: tuple[HeaderPair, ...] = (
+    (b"x-content-type-options", b"nosniff"),
+    (b"referrer-policy", b"no-referrer"),
+    (b"cross-origin-opener-policy", b"same-origin"),
+    (b"cross-origin-resource-policy", b"same-origin"),
+    (b"permissions-policy", b"camera=(), geolocation=(), microphone=(), payment=(), usb=()"),
+)
+"""Of all answers. Strict-Transport-Security is the matter of the proxy that speaks TLS."""
+
+UNLESS_GIVEN: tuple[HeaderPair, ...] = (
+    (b"cache-control", b"private, no-cache"),
+    (b"content-security-policy", b"default-src 'none'; frame-ancestors 'none'"),
+)
+"""Of answers without a rule of their own: nothing in them is run, framed or kept by proxies."""
+
+
+def with_security(headers: Iterable[HeaderPair]) -> list[HeaderPair]:
+    """Return the headers of an answer, names in lower case, with those above."""
+    given = list(headers)
+    names = {name for name, _ in given}
+    return [*given, *ALWAYS, *(pair for pair in UNLESS_GIVEN if pair[0] not in names)]
+
+
+# --- the middleware -------------------------------------------------------------------------------
+
+
+def answer_requests(
+    app: FastAPI,
+    metrics: Metrics,
+    body_limit_bytes: int,
+    larger: Mapping[str, int] | None = None,
+) -> None:
+    """Let `app` answer every failure with a problem, and log and count all it answers.
+
+    Call it after other middleware is added. It limits bodies, those at the paths of `larger` to
+    the figures there.
+    """
+    for kind in TABLE:
+        if kind is not Exception:
+            app.add_exception_handler(kind, answer_to)
+    # what fails outside the middleware: the server logs it
+    app.add_exception_handler(Exception, _unlogged)
+    app.add_middleware(
+        Answering, metrics=metrics, body_limit_bytes=body_limit_bytes, larger=larger or {}
+    )
+    document_problems(app)
+
+
+async def _unlogged(request: Request, error: Exception) -> Response:
+    return problem_answer(request, failure_of(error))
+
+
+class Answering:
+    """ASGI middleware, outermost: no exception escapes it, no body exceeds the limit.
+
+    A sane X-Request-ID of the client is kept; the answer carries the id under the same name, and
+    the headers above. A line is logged when the request ends. It counts when it begins to be
+    answered, and a stream stays in flight until it ends.
+    """
+
+    def __init__(
+        self, app: ASGIApp, metrics: Metrics, body_limit_bytes: int, larger: Mapping[str, int]
+    ) -> None:
+        self.app = app
+        self.metrics = metrics
+        self.limit = body_limit_bytes
+        self.larger = larger
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer one request, whatever happens inside; anything but HTTP goes through untouched."""
+        if scope["type"] != "http":
+            await self.app(scope, receive, send)
+            return
+        given = Headers(scope=scope).get("x-request-id", "")
+        request_id = given if _SANE.fullmatch(given) else uuid.uuid4().hex
+        scope.setdefault("state", {})["request_id"] = request_id
+        token = REQUEST_ID.set(request_id)
+        limit = self.larger.get(scope["path"], self.limit)
+        exchange = _Exchange(scope, receive, send, self.metrics, request_id.encode(), limit)
+        with self.metrics.in_flight.track_inprogress():
+            try:
+                await exchange.run(self.app)
+            finally:
+                exchange.over()
+                REQUEST_ID.reset(token)
+
+
+class _Exchange:
+    """A request and its answer, as they pass."""
+
+    def __init__(
+        self,
+        scope: Scope,
+        receive: Receive,
+        send: Send,
+        metrics: Metrics,
+        request_id: bytes,
+        limit: int,
+    ) -> None:
+        self.scope = scope
+        self._receive = receive
+        self._send = send
+        self._metrics = metrics
+        self._request_id = request_id
+        self._limit = limit
+        self._started = time.perf_counter()
+        self._taken = 0
+        self._status: int | None = None
+        self._sent = 0
+        self._complete = False
+
+    async def run(self, app: ASGIApp) -> None:
+        """Answer with what the application sends, or the problem that it has."""
+        try:
+            self._check_announced()
+            await app(self.scope, self.receive, self.send)
+        except Exception as error:
+            if self._status is not None:
+                # the server sees an answer without its end and closes the connection
+                _failures.error("answer cut short: %s", type(error).__name__, exc_info=error)
+                return
+            response = await answer_to(Request(self.scope), error)
+            await response(self.scope, self._receive, self.send)
+
+    async def receive(self) -> Message:
+        message = await self._receive()
+        if message["type"] == "http.request":
+            self._taken += len(message.get("body", b""))
+            if self._taken > self._limit:
+                raise self._too_large()
+        return message
+
+    async def send(self, message: Message) -> None:
+        if message["type"] == "http.response.start":
+            self._status = message["status"]
+            self._count(str(self._status))
+            headers = [pair for pair in message.get("headers", ()) if pair[0] != _ID_HEADER]
+            headers.append((_ID_HEADER, self._request_id))
+            message = {**message, "headers": with_security(headers)}
+        await self._send(message)
+        if message["type"] == "http.response.body":
+            self._sent += len(message.get("body", b""))
+            self._complete = not message.get("more_body", False)
+
+    def over(self) -> None:
+        """Log the request, and count it if nothing was answered."""
+        scope, status = self.scope, self._status
+        if status is None:
+            self._count("unanswered")
+        quiet = scope["path"] in PROBES and status is not None and status < 400
+        level = logging.DEBUG if quiet else logging.INFO
+        if status is not None and status >= 500:
+            level = logging.WARNING
+        if not _log.isEnabledFor(level):
+            return
+        fields = {
+            "method": scope["method"],
+            "path": scope["path"],
+            "route": route_template(scope) or None,
+            "status": status,
+            "duration_ms": round(1000.0 * (time.perf_counter() - self._started), 3),
+            "bytes": self._sent,
+            "owner": scope.get("state", {}).get("owner"),
+            "cut": None if self._complete else True,
+        }
+        present = {name: value for name, value in fields.items() if value is not None}
+        _log.log(level, "%s %s", scope["method"], status or "unanswered", extra=present)
+
+    def _count(self, status: str) -> None:
+        elapsed = time.perf_counter() - self._started
+        self._metrics.observe(self.scope["method"], route_template(self.scope), status, elapsed)
+        reason = self.scope.get("state", {}).get("reason")
+        if reason is not None:
+            self._metrics.refused(status, reason)
+
+    def _check_announced(self) -> None:
+        length = Headers(scope=self.scope).get("content-length", "")
+        if not length.isdecimal():
+            return
+        if len(length) > _MOST_DIGITS or int(length) > self._limit:
+            raise self._too_large()
+
+    def _too_large(self) -> HTTPException:
+        # an HTTPException goes through the reading of bodies untouched
+        return HTTPException(413, f"the body is larger than {self._limit} bytes")
