@@ -84,7 +84,7 @@ def solve(
     missed, are what is read in them. `start` is (3n + e, lanes), the mean of the prior if
     None. Less than `close_enough` is then to be gained by another step.
     """
-    K = len(speeds)
+    K, width = len(speeds), prior.mean.shape[1]
     path = _still(prior.mean if start is None else start, setup, K)
     window = Window(begin, speeds, turn_rates, sightings, np.ones(width))
     thin, kept = _thinned(setup, begin, begin + K)

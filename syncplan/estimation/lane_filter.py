@@ -174,7 +174,7 @@ def _carry_off(
     slopes: Array,
     lanes: Lanes,
 ) -> None:
-    """Carry the error of vehicle i, whose readings (n, lanes) are off the true ones, through a step."""
+    """Carry the error of vehicle i through a step, with the errors of its readings (n, lanes)."""
     r = 3 * i
     for m in range(states.first[i] + 1, states.first[i + 1]):
         act, column = states.acts[m], states.columns[m]
