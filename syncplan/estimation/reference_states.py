@@ -160,16 +160,15 @@ def update_state(
 
     A reading that is NaN is a missed one: both stay, and so they do where the gate rejects it.
     """
-    poses = setup.poses
-    kind = int(poses.kinds[s])
-    o, t = int(poses.observers[s]), int(poses.targets[s])
+    kind = int(setup.kinds[s])
+    o, t = int(setup.observers[s]), int(setup.targets[s])
     expected, h = sighted(state, kind, o, t, setup, read)
     u = P @ h
-    variance = max(float(h @ u), 0.0) + float(poses.variances[s])
+    variance = max(float(h @ u), 0.0) + float(setup.variances[s])
     innovation = reading - expected
     if list(SIGHTING_KINDS.values())[kind].unit == "rad":
         innovation = float(wrap(innovation))
-    if math.isnan(reading) or not innovation**2 <= poses.gate * variance:
+    if math.isnan(reading) or not innovation**2 <= setup.gate * variance:
         return state, P, innovation, variance
     return state + u * (innovation / variance), P - np.outer(u, u) / variance, innovation, variance
 
