@@ -72,6 +72,7 @@ def bytes_of(result: MonteCarloResult) -> list[bytes]:
     arrays = [value.tobytes() for value in values if isinstance(value, np.ndarray)]
     for branch in result.branches:
         arrays += [bytes([branch.level, branch.index]), branch.sums.tobytes()]
+        arrays.append(branch.error_sums.tobytes())
     return arrays
 
 
