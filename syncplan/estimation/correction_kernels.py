@@ -122,7 +122,7 @@ def correction_of(states: States, size: int, width: int) -> Correction:
     )
 
 
-@inner
+@kernel
 def most_entries(states: States) -> int:
     """Return how many entries a row may have: three of each pose, and a row of States each."""
     most = 0
