@@ -17,8 +17,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks import Figure
 from syncplan.arrays import Array
-from syncplan.estimation.extended_filter import EXTENDED
 from syncplan.estimation.filter_options import FilterOptions
+from syncplan.estimation.lane_filter import EXTENDED
 from syncplan.estimation.montecarlo import run_trials
 from syncplan.orbits.circles import Orbits, heading, position, wrap
 from syncplan.orbits.contacts import find_windows

@@ -19,7 +19,6 @@ def filters() -> None:
     for vehicles in SIZES:
         for one in FILTERS.values():
             one.lane_filter.compile(vehicles)
-            one.augmented_lane_filter.compile(vehicles)
 
 
 def flights() -> None:

@@ -14,7 +14,6 @@ import pytest
 from syncplan.cli import command_line
 from syncplan.cli.plan_commands import VARIABLES
 from syncplan.errors import InputError
-from syncplan.estimation.augmented_filter import AUGMENTED
 from syncplan.estimation.lane_filter import LaneFilter
 from syncplan.exporting.format_table import ALL, FORMATS
 from syncplan.plotting.figure_table import FIGURES
@@ -333,18 +332,18 @@ def test_a_sweep_announces_the_kernels_of_all_its_values(
     def unready(*_: object, **__: object) -> None:
         raise InputError("not today")
 
-    def uncompiled(kernel: LaneFilter, count: int) -> bool:
-        asked.append((kernel is AUGMENTED, count))
-        return kernel is not AUGMENTED
+    def compiled(_: LaneFilter, count: int) -> bool:
+        asked.append(count)
+        return count == 6
 
-    monkeypatch.setattr(LaneFilter, "is_compiled", uncompiled)
+    monkeypatch.setattr(LaneFilter, "is_compiled", compiled)
     monkeypatch.setattr("syncplan.planning.variations.validate", unready)
     short = ("--trials", "1", "--duration", "2")
-    varied = ("--key", "sensor.detection_probability", "--values")
-    _, _, said = run("sweep", GRID, *varied, "1", *short)
+    varied = (str(FILES / "biased-grid.yaml"), "--key", "formation.count", "--values")
+    _, _, said = run("sweep", *varied, "6", *short)
     assert "compiling" not in said
-    assert asked == [(False, 6)]
-    _, _, said = run("sweep", GRID, *varied, "1,0.9", *short)
+    assert asked == [6]
+    _, _, said = run("sweep", *varied, "6,7", *short)
     assert said.count("compiling") == 1
 
 

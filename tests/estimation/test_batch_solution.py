@@ -1,14 +1,12 @@
 """The batch solution against dense least squares in NumPy, differentiated by differences."""
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
 from syncplan.arrays import Array, Flags
-from syncplan.estimation.augmented_frame import CLOCK
-from syncplan.estimation.augmented_setup import AugmentedSetup
 from syncplan.estimation.batch_linearisation import linear_pass
 from syncplan.estimation.batch_problem import FAR, Prior, Trajectory, Window, trajectory_cost
 from syncplan.estimation.batch_smoother import smooth
@@ -19,31 +17,31 @@ from syncplan.estimation.batch_solution import (
     _thinned,
     solve,
 )
-from syncplan.estimation.filter_setup import DISTANCE_KIND
+from syncplan.estimation.filter_setup import DELAY, DISTANCE_KIND, FilterSetup
+from syncplan.estimation.kernels import lanes_of
 from syncplan.estimation.reference_states import moved_state, sighted
 from syncplan.estimation.start_search import is_credible
 from syncplan.orbits.circles import wrap
-from syncplan.orbits.error_states import ERROR_STATES
-from tests.estimation.test_further_states import Scene, a_team, scene_of
+from tests.estimation.test_filter import in_step
+from tests.tools.filter_scenes import ALL, BUT_CLOCKS, Scene, a_team, scene_of
 
-ALL = tuple(ERROR_STATES)
-BUT_CLOCKS = tuple(name for name in ALL if name != "clock_offset")
-BEGIN, SAMPLES = 5, 12
+BEGIN, SAMPLES = 5, 6
+LANES = lanes_of(3, 2)
 
 
 class Case(NamedTuple):
     """A window of a set-up, with two lanes, and a trajectory in it that is not the best."""
 
-    setup: AugmentedSetup
+    setup: FilterSetup
     window: Window
     prior: Prior
     path: Trajectory
 
 
-def scene(estimated: tuple[str, ...], **changes: object) -> Scene:
+def scene(estimated: tuple[str, ...], **changes: Any) -> Scene:
     """Two trials of three vehicles; gusts pass within a few samples."""
     team = a_team(estimated)
-    team = replace(team, errors=replace(team.errors, gust_time=0.25))
+    team = replace(team, errors=replace(team.errors, gust_time=0.12))
     return scene_of(team, BEGIN + SAMPLES, 2, **changes)
 
 
@@ -52,29 +50,27 @@ def case_of(given: Scene, temper: tuple[float, float] = (1.0, 7.0)) -> Case:
 
     Rows by clock offsets are exact about offsets of 0 alone, so the trajectory has none.
     """
-    setup, readings = given
-    random, n, e = np.random.default_rng(4), 3, len(setup.variances)
-    poses, changing = setup.poses, slice(setup.first_changing - 3 * n, None)
-    gained = setup.variances[changing] * (1.0 - setup.decays[changing] ** 2)
-    variances = np.concatenate([poses.initial_variances.ravel(), setup.variances])
-    off = np.sqrt(variances)[:, None] * random.normal(size=(2, 3 * n + e, 2))
-    about = poses.truth[BEGIN].reshape(-1, 1) + off[0, : 3 * n]
-    prior = Prior(about.reshape(n, 3, 2), off[0, 3 * n :], variances)
-    speed, turn = np.sqrt([poses.motion.speed_variance, poses.motion.turn_rate_variance])
+    setup, readings, truth = given
+    random, states, n = np.random.default_rng(4), setup.states, setup.count
+    changing = slice(states.first_changing - 3 * n, None)
+    gained = states.variances[changing] * (1.0 - states.decays[changing] ** 2)
+    variances = setup.initial_variances
+    off = np.sqrt(variances)[:, None] * random.normal(size=(2, len(variances), 2))
+    prior = Prior(off[0], variances)
+    prior.mean[: 3 * n] += truth.poses[BEGIN, ..., :1].reshape(-1, 1)
+    speed, turn = np.sqrt([setup.motion.speed_variance, setup.motion.turn_rate_variance])
     path = Trajectory(
-        poses=prior.poses + off[1, : 3 * n].reshape(n, 3, 2),
-        errors=prior.errors + off[1, 3 * n :],
+        start=prior.mean + off[1],
         speeds=speed * random.normal(size=(SAMPLES, n, 2)),
         turn_rates=turn * random.normal(size=(SAMPLES, n, 2)),
         changes=np.sqrt(gained)[:, None] * random.normal(size=(SAMPLES, len(gained), 2)),
     )
-    clocks = setup.columns[:, CLOCK]
-    path.errors[clocks[clocks >= 0] - 3 * n] = 0.0
+    path.start[states.columns[states.acts == DELAY]] = 0.0
     window = Window(
         BEGIN,
         readings.speeds[BEGIN:],
         readings.turn_rates[BEGIN:],
-        readings.sightings[poses.first[BEGIN + 1] :],
+        readings.sightings[setup.first[BEGIN + 1] :],
         np.array(temper),
     )
     return Case(setup, window, prior, path)
@@ -82,18 +78,16 @@ def case_of(given: Scene, temper: tuple[float, float] = (1.0, 7.0)) -> Case:
 
 def unequal(given: Scene) -> Scene:
     """The same with steps of unequal length."""
-    setup, readings = given
-    spans = np.random.default_rng(5).uniform(0.02, 0.4, len(setup.poses.spans))
-    return Scene(setup._replace(poses=setup.poses._replace(spans=spans)), readings)
+    spans = np.random.default_rng(5).uniform(0.02, 0.4, len(given.setup.spans))
+    return given._replace(setup=given.setup._replace(spans=spans))
 
 
 def certain(given: Scene) -> Scene:
     """The same with places known at the start, and readings without noise."""
-    setup, readings = given
-    motion = setup.poses.motion._replace(speed_variance=0.0, turn_rate_variance=0.0)
-    starts = setup.poses.initial_variances * [0.0, 0.0, 1.0]
-    poses = setup.poses._replace(motion=motion, initial_variances=starts)
-    return Scene(setup._replace(poses=poses), readings)
+    motion = given.setup.motion._replace(speed_variance=0.0, turn_rate_variance=0.0)
+    starts = given.setup.initial_variances.copy()
+    starts[:9].reshape(3, 3)[:, :2] = 0.0
+    return given._replace(setup=given.setup._replace(motion=motion, initial_variances=starts))
 
 
 CASES = {
@@ -117,51 +111,43 @@ def stacked(path: Trajectory, lane: int) -> Array:
     return np.concatenate([one[..., lane].ravel() for one in path])
 
 
-def variances_of(case: Case) -> Array:
-    """The prior variance of each of these; 0 where it is known."""
-    setup, n = case.setup, len(case.setup.columns)
-    motion = setup.poses.motion
-    shares = motion.time / setup.poses.spans[BEGIN:]
-    changing = slice(setup.first_changing - 3 * n, None)
-    lasting = setup.decays[changing] ** (2.0 / shares[:, None])
-    return np.concatenate(
+def known(case: Case, lane: int) -> tuple[Array, Array]:
+    """The expectation and the variance of each of these; a variance of 0 where it is known."""
+    setup, states, n = case.setup, case.setup.states, case.setup.count
+    motion, changing = setup.motion, slice(states.first_changing - 3 * n, None)
+    shares = motion.time / setup.spans[BEGIN:]
+    lasting = states.decays[changing] ** (2.0 / shares[:, None])
+    variances = np.concatenate(
         [
             case.prior.variances,
             np.repeat(motion.speed_variance * shares, n),
             np.repeat(motion.turn_rate_variance * shares, n),
-            (setup.variances[changing] * (1.0 - lasting)).ravel(),
+            (states.variances[changing] * (1.0 - lasting)).ravel(),
         ]
     )
+    mean = np.zeros(len(variances))
+    mean[: len(case.prior.mean)] = case.prior.mean[:, lane]
+    return mean, variances
 
 
 def rolled_out(case: Case, lane: int, flat: Array) -> tuple[Array, Array]:
     """Innovations of the window's sightings over their sigmas, and the state at its end."""
     setup, window = case.setup, case.window
-    n, e, g = len(setup.columns), len(setup.variances), case.path.changes.shape[1]
-    sizes = [3 * n + e, SAMPLES * n, SAMPLES * n]
+    n, g = setup.count, case.path.changes.shape[1]
+    sizes = [len(case.prior.mean), SAMPLES * n, SAMPLES * n]
     state, speeds, turns, gains = np.split(flat, np.cumsum(sizes))
     speeds, turns, gains = (one.reshape(SAMPLES, -1) for one in (speeds, turns, gains))
-    innovations, first = [], setup.poses.first
+    innovations, first = [], setup.first
     for k in range(SAMPLES):
-        span = float(setup.poses.spans[BEGIN + k])
-        motion = setup.poses.motion._replace(time=span)
-        step = setup._replace(
-            poses=setup.poses._replace(motion=motion),
-            decays=setup.decays ** (span / setup.poses.motion.time),
-        )
-        read, turned = window.speeds[k, :, lane], window.turn_rates[k, :, lane]
-        state = moved_state(state, read + speeds[k], turned + turns[k], step)
+        made = window.speeds[k, :, lane] + speeds[k], window.turn_rates[k, :, lane] + turns[k]
+        state = moved_state(state, *made, in_step(setup, BEGIN + k + 1))
         state[len(state) - g :] += gains[k]
         for s in range(first[BEGIN + k + 1], first[BEGIN + k + 2]):
-            kind, o, t = (
-                int(one[s])
-                for one in (setup.poses.kinds, setup.poses.observers, setup.poses.targets)
-            )
-            made = read + speeds[k], turned + turns[k]
+            kind, o, t = (int(one[s]) for one in (setup.kinds, setup.observers, setup.targets))
             expected = sighted(state, kind, o, t, setup, made)[0]
             nu = window.sightings[s - first[BEGIN + 1], lane] - expected
             nu = nu if kind == DISTANCE_KIND else float(wrap(nu))
-            innovations.append(nu / np.sqrt(setup.poses.variances[s] * window.temper[lane]))
+            innovations.append(nu / np.sqrt(setup.variances[s] * window.temper[lane]))
     return np.array(innovations), state
 
 
@@ -195,7 +181,7 @@ def counted(case: Case, lane: int, innovations: Array) -> tuple[Array, Array]:
 
     With a gate, a tempered sighting beyond FAR has the slope of one at FAR.
     """
-    gate, made = case.setup.poses.gate, ~np.isnan(innovations)
+    gate, made = case.setup.gate, ~np.isnan(innovations)
     squares = np.where(made, innovations**2, 0.0)
     if np.isinf(gate) or case.window.temper[lane] == 1.0:
         return np.minimum(squares, gate), np.asarray(made & (squares <= gate), dtype=float)
@@ -205,9 +191,7 @@ def counted(case: Case, lane: int, innovations: Array) -> tuple[Array, Array]:
 
 def dense(case: Case, lane: int, path: Trajectory) -> Dense:
     """The problem about a trajectory."""
-    flat, variances = stacked(path, lane), variances_of(case)
-    prior = np.concatenate([case.prior.poses[..., lane].ravel(), case.prior.errors[:, lane]])
-    known = np.concatenate([prior, np.zeros(len(flat) - len(prior))])
+    flat, (mean, variances) = stacked(path, lane), known(case, lane)
     free = variances > 0.0
     scale = np.sqrt(variances[free])
     innovations, end = rolled_out(case, lane, flat)
@@ -222,7 +206,7 @@ def dense(case: Case, lane: int, path: Trajectory) -> Dense:
         slopes.append(weights * (above[0] - below[0])[made] / (2e-4 * size))
         ends.append((above[1] - below[1]) / (2e-4 * size))
     return Dense(
-        residuals=np.concatenate([(flat - known)[free] / scale, weights * innovations[made]]),
+        residuals=np.concatenate([(flat - mean)[free] / scale, weights * innovations[made]]),
         rows=np.concatenate([np.diag(1.0 / scale), np.array(slopes).T]),
         free=free,
         ends=np.array(ends).T,
@@ -235,7 +219,7 @@ def dense(case: Case, lane: int, path: Trajectory) -> Dense:
 def test_a_step_is_that_of_dense_least_squares(name: str) -> None:
     case = case_of(CASES[name]())
     problem = _Problem.of(case.setup, case.window, case.prior, SAMPLES)
-    x, errors, P = linear_pass(*case, problem.found, problem.lanes)
+    x, P = linear_pass(*case, problem.found, problem.lanes)
     smooth(case.setup, case.window, case.prior, problem.found, problem.best, problem.lanes)
     assert ("gusts" in name or "all" in name) <= (problem.found.ended.sum() >= 2)
     for lane in (0, 1) if name in ("all states", "with a gate") else (1,):
@@ -246,12 +230,11 @@ def test_a_step_is_that_of_dense_least_squares(name: str) -> None:
         spread = np.linalg.inv(plain.rows.T @ plain.rows)
         sigmas = np.sqrt(np.diag(spread))
         np.testing.assert_allclose((best - flat)[plain.free] / sigmas, step / sigmas, atol=2e-5)
-        end = np.concatenate([x[..., lane].ravel(), errors[:, lane]])
         covariance = plain.ends @ spread @ plain.ends.T
         expected = plain.end + plain.ends @ step
         ending = np.sqrt(np.diag(covariance))
-        np.testing.assert_allclose((end - expected) / ending, 0.0, atol=2e-5)
-        lower = np.tril_indices(len(end))
+        np.testing.assert_allclose((x[:, lane] - expected) / ending, 0.0, atol=2e-5)
+        lower = np.tril_indices(len(x))
         scales = np.outer(ending, ending)[lower]
         np.testing.assert_allclose(
             P[..., lane][lower] / scales, covariance[lower] / scales, atol=1e-6
@@ -267,14 +250,12 @@ def test_a_step_is_that_of_dense_least_squares(name: str) -> None:
 @pytest.mark.parametrize("name", CASES)
 def test_the_cost_of_a_trajectory_is_a_plain_sum(name: str) -> None:
     case = case_of(CASES[name]())
-    found = trajectory_cost(*case, np.zeros(2, dtype=np.int8))
+    found = trajectory_cost(*case, LANES)
     assert np.isnan(case.window.sightings).any()
     for lane in range(2):
         innovations, _ = rolled_out(case, lane, stacked(case.path, lane))
-        prior = np.concatenate([case.prior.poses[..., lane].ravel(), case.prior.errors[:, lane]])
-        off, variances = stacked(case.path, lane), variances_of(case)
-        off[: len(prior)] -= prior
-        free = variances > 0.0
+        mean, variances = known(case, lane)
+        off, free = stacked(case.path, lane) - mean, variances > 0.0
         costs, _ = counted(case, lane, innovations)
         expected = np.sum(off[free] ** 2 / variances[free]) + np.sum(costs)
         np.testing.assert_allclose(found[lane], expected, rtol=1e-12)
@@ -288,11 +269,7 @@ def solved(case: Case, lanes: list[int], close_enough: float = 0.01) -> BatchSol
         np.ascontiguousarray(window.speeds[..., lanes]),
         np.ascontiguousarray(window.turn_rates[..., lanes]),
         np.ascontiguousarray(window.sightings[..., lanes]),
-        Prior(
-            np.ascontiguousarray(prior.poses[..., lanes]),
-            np.ascontiguousarray(prior.errors[..., lanes]),
-            prior.variances,
-        ),
+        Prior(np.ascontiguousarray(prior.mean[:, lanes]), prior.variances),
         BEGIN,
         close_enough=close_enough,
     )
@@ -309,13 +286,12 @@ def test_the_gradient_vanishes_at_a_solution(name: str) -> None:
     gradient = plain.rows.T @ plain.residuals
     np.testing.assert_allclose(gradient * sigmas, 0.0, atol=1e-5)
     np.testing.assert_allclose(found.cost[0], plain.residuals @ plain.residuals, rtol=1e-12)
-    end = np.concatenate([found.poses[..., 0].ravel(), found.errors[:, 0]])
-    np.testing.assert_allclose(end, plain.end, atol=1e-5)
+    np.testing.assert_allclose(found.state[:, 0], plain.end, atol=1e-5)
 
 
 def parts(found: BatchSolution, lane: int) -> list[Array]:
     """All that a solution has of a lane."""
-    arrays = (*found.path, found.cost, found.sightings, found.poses, found.errors, found.covariance)
+    arrays = (*found.path, found.cost, found.sightings, found.state, found.covariance)
     return [np.asarray(one[..., lane], dtype=float) for one in (*arrays, found.steps)]
 
 
@@ -333,31 +309,35 @@ def test_a_lane_does_not_depend_on_those_beside_it(name: str) -> None:
 def test_what_is_certain_stays_as_it_is() -> None:
     case = case_of(CASES["a start and readings without noise"]())
     found = solved(case, [0, 1])
-    np.testing.assert_array_equal(found.path.poses[:, :2], case.prior.poses[:, :2])
+    sure = case.prior.variances == 0.0
+    assert sure.sum() == 6
+    np.testing.assert_array_equal(found.path.start[sure], case.prior.mean[sure])
     assert np.all(found.path.speeds == 0.0)
     assert np.all(found.path.turn_rates == 0.0)
-    for one in (found.cost, found.poses, found.errors, found.covariance):
+    for one in (found.cost, found.state, found.covariance):
         assert np.all(np.isfinite(one))
 
 
 def test_a_thinned_problem_has_the_same_information_of_every_pair() -> None:
     setup = scene_of(a_team(()), 90, 1).setup
     thin, kept = _thinned(setup, 30, 80)
-    whole, window = setup.poses, slice(setup.poses.first[31], setup.poses.first[81])
+    whole, window = setup, slice(setup.first[31], setup.first[81])
     step = np.repeat(np.arange(len(whole.first) - 1), np.diff(whole.first))[window]
-    few = thin.poses
-    np.testing.assert_array_equal(few.kinds, whole.kinds[window][kept])
-    assert few.first[31] == 0
-    assert few.first[81] == len(kept) < len(step)
+    np.testing.assert_array_equal(thin.kinds, whole.kinds[window][kept])
+    assert thin.first[31] == 0
+    assert thin.first[81] == len(kept) < len(step)
     np.testing.assert_array_equal(
-        np.repeat(np.arange(31, 81), np.diff(few.first[31:82])), step[kept]
+        np.repeat(np.arange(31, 81), np.diff(thin.first[31:82])), step[kept]
     )
-    pairs = np.stack([whole.kinds, whole.observers, whole.targets], axis=1)[window]
+    pairs, few = (
+        np.stack([one.kinds, one.observers, one.targets], axis=1) for one in (whole, thin)
+    )
+    pairs = pairs[window]
     for pair in np.unique(pairs, axis=0):
         own = np.all(pairs == pair, axis=1)
-        stands = np.all(np.stack([few.kinds, few.observers, few.targets], axis=1) == pair, axis=1)
+        stands = np.all(few == pair, axis=1)
         information = np.sum(1.0 / whole.variances[window][own])
-        np.testing.assert_allclose(np.sum(1.0 / few.variances[stands]), information)
+        np.testing.assert_allclose(np.sum(1.0 / thin.variances[stands]), information)
         assert stands.sum() == -(-own.sum() // THINNING)
 
 

@@ -17,6 +17,7 @@ from syncplan.estimation.filter_setup import (
     DISTANCE_KIND,
     FilterSetup,
     Readings,
+    Truth,
     start_of,
 )
 from syncplan.estimation.filter_statistics import (
@@ -253,9 +254,9 @@ def test_second_order_noise_is_the_variance_of_the_second_order_term(kind: int) 
             # about the line of sight, where no branch is cut
             return float(np.arctan2(q[0] * place[1] - q[1] * place[0], q @ place))  # noqa: B023
 
-        H = derivative(lambda one: derivative(seen, one, 1e-3)[0], q, 1e-3)  # noqa: B023
+        H = derivative(lambda one: derivative(seen, one, 1e-3)[0], q, 1e-3)
         P = root @ root.T
-        found = variance(kind, *q.tolist(), P[0, 0], P[0, 1], P[1, 1])
+        found = variance(kind, q[0], q[1], P[0, 0], P[0, 1], P[1, 1])
         np.testing.assert_allclose(found, 0.5 * np.trace(H @ P @ H @ P), rtol=1e-4)
     assert np.isfinite(variance(kind, 0.0, 0.0, 1.0, 0.2, 2.0))
 
@@ -282,11 +283,10 @@ def filtered(
 def of_lanes(given: Scene, lanes: slice) -> Scene:
     """The same of some lanes; in moving air, the truth is theirs, too."""
 
-    def part(one: Any) -> Any:
-        wide = one.shape[-1] > 1
-        return np.ascontiguousarray(one[..., lanes]) if wide else one
+    def part(one: Array) -> Array:
+        return np.ascontiguousarray(one[..., lanes]) if one.shape[-1] > 1 else one
 
-    readings, truth = (type(one)(*map(part, one)) for one in (given.readings, given.truth))
+    readings, truth = Readings(*map(part, given.readings)), Truth(*map(part, given.truth))
     return Scene(given.setup, readings, truth)
 
 
@@ -313,7 +313,7 @@ CASES: list[tuple[str, tuple[str, ...], dict[str, object]]] = [
 def test_compiled_trials_are_those_of_the_plain_filter(
     name: str, estimated: tuple[str, ...], changes: dict[str, object], with_series: bool
 ) -> None:
-    team, options = a_team(estimated), dict(changes)
+    team, options = a_team(estimated), dict[str, Any](changes)
     cut = options.pop("unequal", False)
     if name == "second-order":
         noise = replace(team.noise, position_sigma=8.0, heading_sigma=0.3)
@@ -421,11 +421,9 @@ def test_a_missed_or_rejected_sighting_leaves_its_lane_as_if_there_were_none(val
     first = setup.first.copy()
     first[np.searchsorted(first, s, side="right") :] -= 1
     names = ("observers", "targets", "kinds", "variances")
-    cut = setup._replace(
-        first=first, **{name: np.delete(getattr(setup, name), s) for name in names}
-    )
+    others: dict[str, Any] = {name: np.delete(getattr(setup, name), s) for name in names}
     rest = given.readings._replace(sightings=np.delete(spoilt, s, axis=0))
-    without = filtered(Scene(cut, rest, given.truth))
+    without = filtered(Scene(setup._replace(first=first, **others), rest, given.truth))
     # sightings are taken off the covariance in other groups
     np.testing.assert_allclose(x[:, 1], without[0][:, 1], rtol=1e-10)
     np.testing.assert_allclose(P[..., 1], without[1][..., 1], rtol=1e-7, atol=1e-12)
@@ -478,7 +476,7 @@ def test_a_large_team_in_one_lane_has_the_bytes_of_many_lanes() -> None:
     shapes = [(n, 3), (steps, n), (steps, n), (seen,)]
     readings = Readings(*(random.uniform(0.1, 1.0, (*shape, 4)) for shape in shapes))
     poses = random.uniform(0.0, 500.0, (steps + 1, n, 3, 1))
-    truth = type(specimen(n)[2])(poses, np.zeros((0, 4)), np.zeros((steps + 1, 0, 4)))
+    truth = Truth(poses, np.zeros((0, 4)), np.zeros((steps + 1, 0, 4)))
     given = Scene(setup, readings, truth)
     assert EXTENDED.lanes_for(n) == 1
     one = of_lanes(given, slice(2, 3))
@@ -509,7 +507,8 @@ def test_a_singular_covariance_counts_no_nees_sample() -> None:
 def test_kernels_are_not_compiled_anew_for_some_number_of_trials(
     estimated: tuple[str, ...], lanes: int
 ) -> None:
-    given, typeof = scene_of(a_team(estimated), 5, lanes), numba.typeof
+    typeof: Any = numba.typeof
+    given = scene_of(a_team(estimated), 5, lanes)
     assert [typeof(one) for one in given] == [typeof(one) for one in specimen(3)[:3]]
 
 

@@ -9,6 +9,7 @@ import pytest
 from syncplan.arrays import Array, Index
 from syncplan.estimation import pilot_batch
 from syncplan.estimation.bounds import posterior_bound
+from syncplan.estimation.correction_kernels import second_order_variance
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.filters import FILTERS
 from syncplan.estimation.montecarlo import run_trials
@@ -17,10 +18,10 @@ from syncplan.estimation.pilot_batch import _linear, _Path, batch_start
 from syncplan.estimation.pilot_filter import PilotFilter
 from syncplan.estimation.pilot_model import Seen
 from syncplan.estimation.pilot_readings import PilotReadings, thinned
-from syncplan.estimation.second_order import second_order_variance
 from syncplan.estimation.start_search import ROUNDS, search_further
 from syncplan.orbits.sightings import sample_sightings
 from syncplan.planning.planner import Plan, plan
+from tests.tools.inner_kernels import called_alone
 from tests.tools.scenarios import changed, small
 
 KINDS: dict[str, Any] = {"sensor": {"range_sigma_m": 1.0}, "heading_sigma_rad": 0.2}
@@ -127,7 +128,7 @@ def test_second_order_noise_is_that_of_the_compiled_filter(
         gone[:, observers],
         gone[:, moving],
     )
-    found = seen.second_order(P)
+    found, variance = seen.second_order(P), called_alone(second_order_variance)
     # the positions' own rows, then the difference of the two bodies
     rows = np.zeros((2, 4, 2, 9))
     for lane in range(2):
@@ -138,7 +139,7 @@ def test_second_order_noise_is_that_of_the_compiled_filter(
             apart = rows[lane, moving[k]] - rows[lane, observers[k]]
             C = apart @ P[lane] @ apart.T
             dx, dy = seen.q[lane, k].tolist()
-            expected = second_order_variance(place, dx, dy, C[0, 0], C[0, 1], C[1, 1])
+            expected = variance(place, dx, dy, C[0, 0], C[0, 1], C[1, 1])
             assert found[lane, k] == pytest.approx(expected, rel=1e-9)
 
 

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from syncplan.estimation.filter_options import FilterOptions
-from syncplan.estimation.lane_filter import start_of
-from syncplan.estimation.montecarlo import _setup, run_trials
+from syncplan.estimation.filter_setup import start_of
+from syncplan.estimation.montecarlo import run_trials
 from syncplan.estimation.rivals import CLEARLY, Rivals, State
-from syncplan.estimation.trial_readings import TrialReadings, possible_sightings
+from syncplan.estimation.trial_readings import possible_sightings
 from syncplan.estimation.trials import MonteCarloResult
-from syncplan.orbits.error_states import layout_of
 from syncplan.planning.planner import plan
 from syncplan.planning.validation import validate
 from syncplan.scenario.loading import load_scenario
 from tests.searches.search_thrown import FAR, THROWS, WITHIN, throw, thrown_draw
+from tests.tools.filter_scenes import scene_of
 from tests.tools.scenarios import example
 
 HARD = Path(__file__).parents[1] / "data" / "hard"
@@ -71,9 +71,7 @@ def rivals_of(trials: int, known: Callable[[State], None]) -> Rivals:
     noise = replace(made.noise, position_sigma=1.0, heading_sigma=0.03)
     team = replace(made.team, noise=noise)
     steps = round(0.5 * team.orbits.period / 0.1)
-    seen = possible_sightings(team, made.windows, steps)
-    setup = _setup(team, seen, steps, FilterOptions(filter="ekf"))
-    readings = TrialReadings.of(team, setup, layout_of(team), 5).of_poses(range(trials))
+    setup, readings, _ = scene_of(team, steps, trials, seed=5, filter="ekf")
     present, rival = (start_of(setup, readings) for _ in range(2))
     known(rival)
     rivals = Rivals.of(np.arange(trials), present, rival, 0)
@@ -84,7 +82,7 @@ def rivals_of(trials: int, known: Callable[[State], None]) -> Rivals:
 
 def test_the_ratio_of_likelihoods_has_expectation_one_while_the_estimate_is_right() -> None:
     def less_sure(state: State) -> None:
-        state[0][:, 0] += 0.5
+        state[0][::3] += 0.5
         state[1][:] *= 1.1
 
     leads = rivals_of(2000, less_sure).lead
@@ -95,7 +93,7 @@ def test_the_ratio_of_likelihoods_has_expectation_one_while_the_estimate_is_righ
 
 def test_of_two_estimates_the_one_that_is_off_loses() -> None:
     def off(state: State) -> None:
-        state[0][0, 0, ::2] += 40.0
+        state[0][0, ::2] += 40.0
 
     rivals = rivals_of(32, off)
     assert np.all(rivals.lead[::2] < -CLEARLY)
@@ -110,7 +108,7 @@ def test_of_two_estimates_the_one_that_is_off_loses() -> None:
 
 def test_a_rival_that_has_broken_down_is_dropped() -> None:
     def broken(state: State) -> None:
-        state[0][0, 0, 0] = np.nan
+        state[0][0, 0] = np.nan
 
     assert rivals_of(2, broken).lead[0] == -np.inf
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from syncplan.arrays import Array
-from syncplan.estimation.batched_filter import sighting_lanes
+from syncplan.estimation.correction_kernels import sight_poses
 from syncplan.observability.referred_rows import sighting_rows
 from syncplan.orbits.circles import heading, position, wrap
 from syncplan.orbits.contacts import find_windows
@@ -21,6 +21,7 @@ from syncplan.orbits.sighting_kinds import (
 from syncplan.orbits.sightings import sample_sightings
 from syncplan.orbits.team import Team
 from tests.tools.draws import draw_team, sightings_of
+from tests.tools.inner_kernels import called_alone
 
 
 @pytest.mark.parametrize("name", SIGHTING_KINDS)
@@ -158,13 +159,15 @@ def test_the_compiled_filter_has_every_kind(name: str, target: int) -> None:
     lanes, landmarks = 5, np.array([[3.0, -4.0]])
     x, measured = random.normal(size=(2, 3, lanes)), random.normal(size=lanes)
     row, innovation = np.full((3, lanes), np.nan), np.full(lanes, np.nan)
-    sighting_lanes(
+    called_alone(sight_poses)(
         place_of(kind),
-        x,
+        x.reshape(6, lanes),
         0,
         target,
+        2,
         landmarks,
-        measured,
+        measured[None],
+        0,
         row,
         innovation,
         np.zeros(lanes, dtype=np.int8),

@@ -20,20 +20,13 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.errors import InputError, NoSolutionError
-from syncplan.estimation.augmented_setup import (
-    AugmentedReadings,
-    AugmentedSetup,
-    augmented_setup_of,
-)
 from syncplan.estimation.batch_problem import Prior
 from syncplan.estimation.batch_solution import BatchSolution, solve
-from syncplan.estimation.filter_options import FilterOptions
-from syncplan.estimation.montecarlo import _setup
-from syncplan.estimation.trial_readings import TrialReadings, possible_sightings
+from syncplan.estimation.filter_setup import start_of
 from syncplan.orbits.circles import wrap
-from syncplan.orbits.error_states import layout_of
 from syncplan.planning.planner import Plan, plan
 from syncplan.scenario.loading import scenario_from
+from tests.tools.filter_scenes import Scene, scene_of
 from tests.tools.scenario_draws import draw_document, with_world
 
 __all__ = ["Compared", "batch_of", "compare", "compare_drawn", "main"]
@@ -73,38 +66,34 @@ class Compared:
         return max(self.start, self.end, self.sigma) <= SAME
 
 
-def batch_of(setup: AugmentedSetup, readings: AugmentedReadings, steps: int) -> BatchSolution:
+def batch_of(given: Scene, steps: int) -> BatchSolution:
     """Return our solution over the first samples, from the prior, to convergence."""
-    starts = [setup.poses.initial_variances.ravel(), setup.variances]
-    none = np.zeros((len(setup.variances), readings.initial.shape[-1]))
-    made = readings.sightings[: setup.poses.first[steps + 1]]
+    setup, readings, _ = given
+    mean, _ = start_of(setup, readings)
     return solve(
         setup,
         readings.speeds[:steps],
         readings.turn_rates[:steps],
-        made,
-        Prior(readings.initial, none, np.concatenate(starts)),
+        readings.sightings[: setup.first[steps + 1]],
+        Prior(mean, setup.initial_variances),
         0,
         close_enough=CONVERGED,
     )
 
 
-def compare(name: str, setup: AugmentedSetup, readings: AugmentedReadings, steps: int) -> Compared:
+def compare(name: str, given: Scene, steps: int) -> Compared:
     """Return how far the solutions of the first trial differ."""
     from tests.tools.factor_graphs import solve_graph
 
-    theirs, ours = solve_graph(setup, readings, 0, steps), batch_of(setup, readings, steps)
-    n, e = len(setup.columns), len(setup.variances)
-    started = np.concatenate([ours.path.poses[..., 0].ravel(), ours.path.errors[:, 0]])
-    ended = np.concatenate([ours.poses[..., 0].ravel(), ours.errors[:, 0]])
-    sigmas = np.sqrt(np.diagonal(ours.covariance[..., 0]))
+    theirs, ours = solve_graph(given, 0, steps), batch_of(given, steps)
+    n, sigmas = given.setup.count, np.sqrt(np.diagonal(ours.covariance[..., 0]))
     return Compared(
         name=name,
         vehicles=n,
-        errors=e,
+        errors=len(given.setup.states.variances),
         samples=steps,
-        start=_apart(started, theirs.start, theirs.start_sigmas, n),
-        end=_apart(ended, theirs.end, theirs.end_sigmas, n),
+        start=_apart(ours.path.start[:, 0], theirs.start, theirs.start_sigmas, n),
+        end=_apart(ours.state[:, 0], theirs.end, theirs.end_sigmas, n),
         sigma=float(np.max(np.abs(sigmas / theirs.end_sigmas - 1.0))),
         cost=float(ours.cost[0]) - theirs.cost,
     )
@@ -121,10 +110,8 @@ def compare_drawn(number: int, *, seed: int) -> Compared:
     made = _draw_plan(number, seed)
     team, sample = made.team, made.team.sensors.sample_time
     steps = int(np.ceil(team.orbits.period / sample - 1e-9))
-    seen, options = possible_sightings(team, made.windows, steps), FilterOptions(filter="robust")
-    poses, layout = _setup(team, seen, steps, options), layout_of(team)
-    readings = TrialReadings.of(team, poses, layout, seed + number).disturbed(range(1))
-    return compare(str(number), augmented_setup_of(poses, layout), readings, steps)
+    given = scene_of(team, steps, 1, seed=seed + number, filter="robust")
+    return compare(str(number), given, steps)
 
 
 def _draw_plan(number: int, seed: int) -> Plan:

@@ -24,10 +24,11 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.estimation.bounds import posterior_bound
-from syncplan.estimation.extended_filter import EXTENDED
 from syncplan.estimation.filter_options import FilterOptions
+from syncplan.estimation.filter_setup import poses_of
 from syncplan.estimation.filter_statistics import empty_series, empty_statistics
-from syncplan.estimation.montecarlo import _setup
+from syncplan.estimation.lane_filter import EXTENDED
+from syncplan.estimation.montecarlo import _setup, poses_over
 from syncplan.estimation.robust_filter import RobustRun
 from syncplan.estimation.trial_readings import TrialReadings, possible_sightings
 from syncplan.orbits.error_states import layout_of
@@ -89,10 +90,10 @@ def thrown_draw(number: int, *, seed: int, trials: int, throws: Sequence[str]) -
     # as the filter counts periods
     middle = int(np.ceil(passed * period / sample - 1e-9))
     steps = int(np.ceil((passed + LATER) * period / sample - 1e-9))
-    seen = possible_sightings(team, made.windows, steps)
-    setup = _setup(team, seen, steps, FilterOptions(filter="robust"))
-    trial_readings = TrialReadings.of(team, setup, layout_of(team), seed + 1)
-    readings, n = trial_readings.of_poses(range(trials)), team.count
+    seen, layout, n = possible_sightings(team, made.windows, steps), layout_of(team), team.count
+    setup = _setup(team, layout, seen, steps, FilterOptions(filter="robust"))
+    trial_readings = TrialReadings.of(team, poses_over(team, steps), setup, layout, seed + 1)
+    readings, truth = trial_readings.drawn(range(trials))
     streams = [trial_readings.stream(trial) for trial in range(trials)]
     least = posterior_bound(team, made.windows, (steps + 0.5) * sample).position_variance[-1]
     reach, turned = np.sqrt(setup.lost_variances[0, [0, 2]]).tolist()
@@ -102,14 +103,14 @@ def thrown_draw(number: int, *, seed: int, trials: int, throws: Sequence[str]) -
     bound = posterior_bound(lost, made.windows, since).position_variance[-1]
     found = []
     for name in throws:
-        counted = empty_statistics(n, trials, empty_series(n, steps, wanted=False))
-        run = RobustRun.begun(EXTENDED, setup, readings, counted, streams)
+        counted = empty_statistics(trials, empty_series(layout.size, steps, wanted=False))
+        run = RobustRun.begun(EXTENDED, setup, readings, truth, counted, streams)
         run.advance(middle)
         off = throw(name, n, trials, generator)
-        run.state[0][:] += off
-        run.began[0][:] += off
+        for state in (run.state[0], run.began[0]):
+            poses_of(state, n)[:] += off
         run.advance(steps)
-        off = run.state[0] - setup.truth[-1, ..., None]
+        off = poses_of(run.state[0], n) - truth.poses[-1]
         found.append(Thrown(number, name, _over(off, bound), _over(off, least)))
     return found
 

@@ -17,9 +17,15 @@ import gtsam
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.estimation import augmented_frame as frame
-from syncplan.estimation.augmented_setup import AugmentedReadings, AugmentedSetup
-from syncplan.estimation.filter_setup import COMPASS_KIND, DISTANCE_KIND
+from syncplan.estimation.filter_setup import (
+    COMPASS_KIND,
+    DISTANCE_KIND,
+    DRIFT,
+    SHIFT,
+    SPEED,
+    TURN,
+)
+from tests.tools.filter_scenes import Scene, true_state
 from tests.tools.linear_systems import CONSTANT, GUST, POSE, WALK, LinearSystem
 
 __all__ = ["GraphSolution", "TrialGraph", "solve_graph"]
@@ -27,8 +33,8 @@ __all__ = ["GraphSolution", "TrialGraph", "solve_graph"]
 Factor = Callable[[gtsam.Values], tuple[Array, list[Array]]]
 """Of values: errors, and their derivatives by each of the factor's variables."""
 
-CONSTANTS = ("wind x", "wind y", "scale", "turn-rate bias")
-"""Of AugmentedSetup.columns, those that move a vehicle and are constant."""
+MOVING = {DRIFT: ("wind x", "wind y"), SPEED: ("scale",), TURN: ("turn-rate bias",)}
+"""What constants are that move a vehicle, of each act by axis."""
 
 NEAR, MOST_STEPS = 1e-3, 60
 """m and rad that a step of GTSAM moves at most once it has come near; steps."""
@@ -64,23 +70,22 @@ class GraphSolution:
     moved: float
 
 
-def solve_graph(
-    setup: AugmentedSetup, readings: AugmentedReadings, lane: int, steps: int
-) -> GraphSolution:
+def solve_graph(given: Scene, lane: int, steps: int) -> GraphSolution:
     """Return GTSAM's solution over the first samples of a trial."""
-    return TrialGraph(setup, readings, lane, steps).solved()
+    return TrialGraph(given, lane, steps).solved()
 
 
 class TrialGraph:
     """A factor graph, and values of its variables."""
 
-    def __init__(
-        self, setup: AugmentedSetup, readings: AugmentedReadings, lane: int, steps: int
-    ) -> None:
-        self.setup, self.readings, self.lane, self.steps = setup, readings, lane, steps
-        self.n, self.e = len(setup.columns), len(setup.variances)
-        self.constants = setup.first_changing - 3 * self.n
-        self.gusts = int(np.sum(setup.columns[:, frame.GUST] >= 0))
+    def __init__(self, given: Scene, lane: int, steps: int) -> None:
+        self.given, self.lane, self.steps = given, lane, steps
+        self.setup, self.readings, _ = given
+        states = self.setup.states
+        self.n, self.e = self.setup.count, len(states.variances)
+        self.constants = states.first_changing - 3 * self.n
+        changing = states.columns >= states.first_changing
+        self.gusts = int(np.sum(changing & (states.acts == DRIFT))) // 2
         self.walks = self.e - self.constants - 2 * self.gusts
         self.graph, self.values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         self._add_errors()
@@ -177,22 +182,22 @@ class TrialGraph:
 
     def _add_errors(self) -> None:
         """Constants and gusts, their priors, and how gusts go on."""
-        setup, readings, lane = self.setup, self.readings, self.lane
-        sigmas = np.sqrt(setup.variances)
+        states, truth, lane = self.setup.states, self.given.truth, self.lane
+        sigmas = np.sqrt(states.variances)
         for c in range(self.constants):
             key = self._key(CONSTANT, c)
-            self.values.insert(key, readings.constants[c : c + 1, lane])
+            self.values.insert(key, truth.constants[c : c + 1, lane])
             self.graph.add(gtsam.PriorFactorVector(key, np.zeros(1), _noise([sigmas[c]])))
         begin = 0
         each = [(GUST, g, 2) for g in range(self.gusts)] + [(WALK, w, 1) for w in range(self.walks)]
         for letter, place, size in each:
             own = slice(begin, begin + size)
             for k in range(self.steps + 1):
-                self.values.insert(self._key(letter, place, k), readings.changing[k, own, lane])
+                self.values.insert(self._key(letter, place, k), truth.changing[k, own, lane])
             prior = sigmas[self.constants :][own]
             key = self._key(letter, place)
             self.graph.add(gtsam.PriorFactorVector(key, np.zeros(size), _noise(prior.tolist())))
-            decay = float(setup.decays[self.constants :][begin])
+            decay = float(states.decays[self.constants :][begin])
             for k in range(self.steps):
                 keys = [self._key(letter, place, step) for step in (k, k + 1)]
                 self._add_decay(keys, decay, prior * np.sqrt(1.0 - decay**2))
@@ -208,13 +213,11 @@ class TrialGraph:
 
     def _add_vehicle(self, i: int) -> None:
         """The poses of a vehicle, their prior, and its steps."""
-        poses, lane = self.setup.poses, self.lane
         for k in range(self.steps + 1):
-            x, y = poses.truth[k, i, :2].tolist()
-            ahead = float(self.readings.headings[k, i, lane])
+            x, y, ahead = true_state(self.given.truth, k, self.lane)[3 * i : 3 * i + 3].tolist()
             self.values.insert(self._key(POSE, i, k), gtsam.Pose2(x, y, ahead + SIDEWAYS))
-        x, y, heading = self.readings.initial[i, :, lane].tolist()
-        east, north, about = np.sqrt(poses.initial_variances[i]).tolist()
+        x, y, heading = self.readings.initial[i, :, self.lane].tolist()
+        east, north, about = np.sqrt(self.setup.initial_variances[3 * i : 3 * i + 3]).tolist()
         # translation's noise is along the axes of the pose: the same where both sigmas are
         assert east == north
         key = self._key(POSE, i)
@@ -226,19 +229,20 @@ class TrialGraph:
 
     def _add_step(self, i: int, k: int) -> None:
         """Add that two poses imply the speed and turn rate read, and lie on an arc."""
-        motion, own = self.setup.poses.motion, (self.setup.columns[i] - 3 * self.n).tolist()
+        motion = self.setup.motion
         step = _Step(
             time=motion.time,
             speed=float(self.readings.speeds[k, i, self.lane]),
             turn_rate=float(self.readings.turn_rates[k, i, self.lane]),
         )
-        constants = [(name, c) for name, c in zip(CONSTANTS, own, strict=False) if c >= 0]
-        keys = [self._key(POSE, i, k), self._key(POSE, i, k + 1)]
-        keys += [self._key(CONSTANT, c) for _, c in constants]
-        names = [name for name, _ in constants]
-        if own[5] >= 0:
-            keys.append(self._key(GUST, (own[5] - self.constants) // 2, k))
-            names.append("gust")
+        keys, names = [self._key(POSE, i, k), self._key(POSE, i, k + 1)], []
+        for act, c, axis, _ in self._acts_on(i):
+            if c < self.constants and act in MOVING:
+                keys.append(self._key(CONSTANT, c))
+                names.append(MOVING[act][axis if act == DRIFT else 0])
+            elif act == DRIFT and axis == 0:
+                keys.append(self._key(GUST, (c - self.constants) // 2, k))
+                names.append("gust")
 
         def error(values: gtsam.Values) -> tuple[Array, list[Array]]:
             a, b = values.atPose2(keys[0]), values.atPose2(keys[1])
@@ -249,35 +253,41 @@ class TrialGraph:
         sigmas = np.sqrt([motion.speed_variance, motion.turn_rate_variance]).tolist()
         self._add(keys, [*sigmas, 0.0], error)
 
+    def _acts_on(self, i: int) -> list[tuple[int, int, int, int]]:
+        """Act, place among the bias states, first axis and kind of each of vehicle i."""
+        states = self.setup.states
+        own = slice(states.first[i] + 1, states.first[i + 1])
+        columns = states.columns[own] - 3 * self.n
+        each = states.acts[own], columns, states.axes[own, 0], states.kinds[own]
+        return list(zip(*(one.tolist() for one in each), strict=True))
+
     def _add_sightings(self) -> None:
-        poses = self.setup.poses
+        first = self.setup.first
         for k in range(1, self.steps + 1):
-            for s in range(int(poses.first[k]), int(poses.first[k + 1])):
+            for s in range(int(first[k]), int(first[k + 1])):
                 reading = float(self.readings.sightings[s, self.lane])
                 if not np.isnan(reading):
                     self._add_sighting(s, k, reading)
 
     def _add_sighting(self, s: int, k: int, reading: float) -> None:
-        poses, n = self.setup.poses, self.n
-        o, t, kind = int(poses.observers[s]), int(poses.targets[s]), int(poses.kinds[s])
-        keys, sigma = [self._key(POSE, o, k)], float(np.sqrt(poses.variances[s]))
+        setup, n = self.setup, self.n
+        o, t, kind = int(setup.observers[s]), int(setup.targets[s]), int(setup.kinds[s])
+        keys, sigma = [self._key(POSE, o, k)], float(np.sqrt(setup.variances[s]))
         if kind == COMPASS_KIND:
             pose = gtsam.Pose2(0.0, 0.0, reading + SIDEWAYS)
             self.graph.add(gtsam.PoseRotationPrior2D(keys[0], pose, _noise([sigma])))
             return
-        landmark = poses.landmarks[t - n] if t >= n else None
+        landmark = setup.landmarks[t - n] if t >= n else None
         if landmark is None:
             keys.append(self._key(POSE, t, k))
         if kind == DISTANCE_KIND:
             self._add(keys, [sigma], _distance(keys, landmark, reading))
             return
         shifts = []
-        bias, walk = (int(one) - 3 * n for one in self.setup.columns[o, [frame.BIAS, frame.WALK]])
-        if bias >= 0:
-            shifts.append(self._key(CONSTANT, bias))
-        if walk >= 0:
-            before = self.constants + 2 * self.gusts
-            shifts.append(self._key(WALK, walk - before, k))
+        for act, c, _, shifted in self._acts_on(o):
+            if act == SHIFT and shifted == kind:
+                walk = c - self.constants - 2 * self.gusts
+                shifts.append(self._key(CONSTANT, c) if walk < 0 else self._key(WALK, walk, k))
         keys += shifts
         made = _bearing(keys, landmark, shifts, gtsam.Rot2(reading - SIDEWAYS))
         self._add(keys, [sigma], made)

@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from syncplan.arrays import Array
 from syncplan.estimation.filter_options import FilterOptions
@@ -105,13 +106,13 @@ def quiet(team: Team, errors: ErrorSigmas | None = None) -> Team:
     return replace(team, sensors=sensors, errors=errors or ErrorSigmas())
 
 
-def scene_of(team: Team, steps: int, lanes: int, **changes: object) -> Scene:
+def scene_of(team: Team, steps: int, lanes: int, *, seed: int = 3, **changes: object) -> Scene:
     """Return the first trials of a team; changes are of FilterOptions."""
     options = FilterOptions(**changes)  # type: ignore[arg-type]
     seen, layout = possible_sightings(team, find_windows(team), steps), layout_of(team)
     setup = _setup(team, layout, seen, steps, options)
-    drawn = TrialReadings.of(team, poses_over(team, steps), setup, layout, 3).drawn(range(lanes))
-    return Scene(setup, *drawn)
+    trials = TrialReadings.of(team, poses_over(team, steps), setup, layout, seed)
+    return Scene(setup, *trials.drawn(range(lanes)))
 
 
 def true_state(truth: Truth, sample: int, lane: int) -> Array:
@@ -121,7 +122,7 @@ def true_state(truth: Truth, sample: int, lane: int) -> Array:
     return np.concatenate([poses.ravel(), *errors])
 
 
-def derivative(function: Callable[[Array], object], x: Array, step: float = 1e-6) -> Array:
+def derivative(function: Callable[[Array], ArrayLike], x: Array, step: float = 1e-6) -> Array:
     """Return the central differences of a vector function, (outputs, inputs)."""
     columns = [
         np.atleast_1d(np.subtract(function(x + step * one), function(x - step * one)))
