@@ -15,7 +15,7 @@ import scipy.linalg.cython_blas  # noqa: F401 - what np.dot calls in a kernel
 from numpy.typing import NDArray
 
 from syncplan.arrays import Array, Index
-from syncplan.estimation.lane_filter import compiled
+from syncplan.estimation.kernels import kernel
 from syncplan.estimation.referred_run import Run
 
 BLOCK = 24
@@ -42,7 +42,7 @@ def compiled_variances_along(run: Run, covariance: Array) -> Array:
     return found
 
 
-@compiled
+@kernel
 def _grow(covariance: Array, noise: Array) -> None:
     """Add a step's noise, (n, 6), to the vehicles' blocks."""
     for k in range(len(noise)):
@@ -59,7 +59,7 @@ def _grow(covariance: Array, noise: Array) -> None:
         covariance[turn, turn] += pp
 
 
-@compiled
+@kernel
 def _project(
     covariance: Array, rows: Array, observers: Index, targets: Index, halves: Array, inner: Array
 ) -> None:
@@ -85,7 +85,7 @@ def _project(
         inner[r, r] += 1.0
 
 
-@compiled
+@kernel
 def _factor(inner: Array, halves: Array, size: int) -> bool:
     """Bring `halves` to L^-1 of itself; False where S is not positive definite."""
     for r in range(size):
@@ -105,7 +105,7 @@ def _factor(inner: Array, halves: Array, size: int) -> bool:
     return True
 
 
-@compiled
+@kernel
 def _reduce(covariance: Array, halves: Array, taken: Array) -> None:
     """Take what the halves (m, 3 n) of a block explain from the covariance, by way of `taken`."""
     np.dot(halves.T, halves, taken)
@@ -114,7 +114,7 @@ def _reduce(covariance: Array, halves: Array, taken: Array) -> None:
             covariance[i, j] -= taken[i, j]
 
 
-@compiled
+@kernel
 def _along(
     noise: Array,
     rows: Array,
