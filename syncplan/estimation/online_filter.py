@@ -306,7 +306,7 @@ def _rivals(kept: Mapping[str, Array | Index], run: RobustRun) -> Rivals:
         np.array(kept["rivals_lanes"], dtype=np.int64),
         present,
         rival,
-        np.concatenate([began.reshape(-1, began.shape[-1]), present[0][3 * len(began) :]]),
+        np.concatenate([began.reshape(3 * len(began), -1), present[0][3 * len(began) :]]),
         np.array(kept["rivals_lead"], dtype=float),
         int(kept["rivals_at"]),
     )
@@ -315,7 +315,7 @@ def _rivals(kept: Mapping[str, Array | Index], run: RobustRun) -> Rivals:
 def _joined(name: str, kept: Mapping[str, Array | Index]) -> State:
     """A state of its parts, as they are kept."""
     poses, errors, P = (np.array(kept[f"{name}_{k}"], dtype=float) for k in range(3))
-    return np.concatenate([poses.reshape(-1, poses.shape[-1]), errors]), P
+    return np.concatenate([poses.reshape(3 * len(poses), -1), errors]), P
 
 
 def grown(array: Kept, used: int, size: int) -> Kept:
