@@ -275,7 +275,7 @@ def _document(recording: "Log", asked: ReplayOptions) -> "ReplayDocument":
 
     settings, options = asked.settings, asked.filter_options
     check_start(settings, recording.name, has_truth=recording.has_truth)
-    announce_compilation(options, [(len(recording.robots), settings.has_lasting_errors)])
+    announce_compilation(options, [len(recording.robots)])
     tuning = None
     if asked.tune:
         with progress_bar("filter runs", MOST_RUNS) as progress:
