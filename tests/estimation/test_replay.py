@@ -16,10 +16,11 @@ from hypothesis import strategies as st
 from typer.main import get_command
 
 from syncplan import figures
+from syncplan.arrays import Array
 from syncplan.cli import command_line
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.consistency import gate_threshold
-from syncplan.estimation.filter_setup import FilterSetup, MotionModel, Readings
+from syncplan.estimation.filter_setup import MotionModel
 from syncplan.estimation.filter_statistics import FilterStatistics
 from syncplan.estimation.lane_filter import LaneFilter
 from syncplan.estimation.recorded_readings import longest_gap
@@ -385,15 +386,10 @@ def test_a_whole_number_of_samples_is_not_lost_to_rounding() -> None:
 
 
 def test_a_filter_that_diverges_is_no_result(monkeypatch: pytest.MonkeyPatch) -> None:
-    def diverge(
-        one: LaneFilter,
-        setup: FilterSetup,
-        readings: Readings,
-        statistics: FilterStatistics,
-        streams: object,
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def diverge(*arguments: Any) -> tuple[Array, Array]:
+        statistics = next(one for one in arguments if isinstance(one, FilterStatistics))
         statistics.squares[:] = np.nan
-        return np.zeros((2, 3, 1)), np.zeros((6, 6, 1))
+        return np.zeros((6, 1)), np.zeros((6, 6, 1))
 
     monkeypatch.setattr(LaneFilter, "run", diverge)
     with pytest.raises(NoSolutionError, match="the filter diverged"):
@@ -465,7 +461,7 @@ def test_files_of_other_editors_are_read(noisy: Path, tmp_path: Path) -> None:
 INTERRUPTED = """
 import os, signal, threading, time
 import numpy as np
-from syncplan.estimation.extended_filter import EXTENDED
+from syncplan.estimation.lane_filter import EXTENDED
 from syncplan.estimation.replays import replay
 from syncplan.recordings.log import Log, RobotLog
 none = np.zeros(0)

@@ -1,12 +1,11 @@
 """Meetings, separation and phase, on cases made by hand."""
 
-from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from syncplan.arrays import Array
 from syncplan.flight.flight_measures import (
     Meetings,
     kept_meetings,
@@ -61,28 +60,14 @@ def test_a_team_that_meets_nobody_has_no_meetings() -> None:
     assert found.pairs.shape == (0, 2)
 
 
-@dataclass
-class _Poses:
-    first: Array
-    observers: Array
-    targets: Array
-
-
-@dataclass
-class _Setup:
-    poses: _Poses
-
-
 def _recorded(steps: int, *made: tuple[int, int, int]) -> Any:
     """A set-up that records sightings of step, observer and target."""
     count = np.bincount([step for step, _, _ in made], minlength=steps + 1)
     ordered = sorted(made)
-    return _Setup(
-        _Poses(
-            np.concatenate([[0], np.cumsum(count)]),
-            np.array([o for _, o, _ in ordered]),
-            np.array([t for _, _, t in ordered]),
-        )
+    return SimpleNamespace(
+        first=np.concatenate([[0], np.cumsum(count)]),
+        observers=np.array([o for _, o, _ in ordered]),
+        targets=np.array([t for _, _, t in ordered]),
     )
 
 
