@@ -9,7 +9,7 @@ from syncplan.estimation.bounds import posterior_bound, steady_bound, window_bou
 from syncplan.estimation.referred_system import PosteriorBound, arc_noise_gain
 from syncplan.observability.rank import assess, link_information
 from syncplan.observability.referred_rows import sighting_rows
-from syncplan.orbits.circles import Orbits, heading, position
+from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.noise import Noise
 from syncplan.orbits.sightings import sample_sightings, steps_within
@@ -23,60 +23,6 @@ NOISE = Noise(speed_sigma=0.1, turn_rate_sigma=0.01, position_sigma=5.0, heading
 @pytest.fixture(scope="module")
 def grid() -> Plan:
     return plan(example("paper-grid-same"))
-
-
-def _local_information_recursion(made: Plan, duration: float) -> np.ndarray:
-    """(steps + 1, n) position variance by the information filter in each moment's own state."""
-    orbits, sensors, noise = made.orbits, made.sensors, made.noise
-    n, dt = orbits.count, sensors.sample_time
-    steps = steps_within(duration, dt)
-    sightings = sample_sightings(made.windows, orbits.period, sensors, 1, steps)
-    first = sightings.first_of_steps(steps)
-    sigma = [noise.position_sigma, noise.position_sigma, noise.heading_sigma]
-    information: np.ndarray = np.diag(1.0 / np.tile(np.square(sigma), n))
-    variance = np.empty((steps + 1, n))
-    w, v = orbits.turn_rates, orbits.speeds
-    for k in range(steps + 1):
-        if k:
-            moved = position(orbits, k * dt) - position(orbits, (k - 1) * dt)
-            start = heading(orbits, (k - 1) * dt)
-            phi, process = np.eye(3 * n), np.zeros((3 * n, 3 * n))
-            for i in range(n):
-                rows = slice(3 * i, 3 * i + 3)
-                phi[3 * i : 3 * i + 2, 3 * i + 2] = -moved[i, 1], moved[i, 0]
-                end = start[i] + w[i] * dt
-                chord = np.array([np.sin(end) - np.sin(start[i]), np.cos(start[i]) - np.cos(end)])
-                gain = np.zeros((3, 2))
-                gain[:2, 0] = chord / w[i]
-                along = np.array([np.cos(end), np.sin(end)])
-                gain[:2, 1] = v[i] * (dt * along / w[i] - chord / w[i] ** 2)
-                gain[2, 1] = dt
-                scaled = gain * [noise.speed_sigma, noise.turn_rate_sigma]
-                process[rows, rows] = scaled @ scaled.T
-            information = np.linalg.inv(phi @ np.linalg.inv(information) @ phi.T + process)
-            places = position(orbits, k * dt)
-            for s in range(first[k], first[k + 1]):
-                a, b = int(sightings.observers[s]), int(sightings.targets[s])
-                target = places[b] if b < n else made.landmarks[b - n]
-                q = target - places[a]
-                row = np.zeros(3 * n)
-                slope = np.array([-q[1], q[0]]) / (q @ q)
-                row[3 * a : 3 * a + 2] = -slope
-                row[3 * a + 2] = -1.0
-                if b < n:
-                    row[3 * b : 3 * b + 2] = slope
-                information += np.outer(row, row) / sensors.bearing_sigmas[a] ** 2
-        covariance = np.linalg.inv(information)
-        variance[k] = np.diag(covariance).reshape(n, 3)[:, :2].sum(axis=1)
-    return variance
-
-
-@pytest.mark.parametrize("name", ["paper-grid-same", "mixed-radii-camera", "landmark-bridge"])
-def test_the_posterior_bound_equals_the_information_recursion(name: str) -> None:
-    made = plan(example(name), bound="never")
-    ours = posterior_bound(made.team, made.windows, 60.0)
-    other = _local_information_recursion(made, 60.0)
-    np.testing.assert_allclose(ours.position_variance, other, rtol=1e-6)
 
 
 def test_the_bound_starts_at_the_initial_sigmas(grid: Plan) -> None:

@@ -12,7 +12,7 @@ import pytest
 from syncplan.cli.arguments import poses_of
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import FilterOptions
-from syncplan.estimation.recorded_readings import clock_of, mean_odometry, true_poses
+from syncplan.estimation.recorded_readings import clock_of, true_poses
 from syncplan.estimation.recorded_run import filtered, run_of
 from syncplan.estimation.replay_results import Replay
 from syncplan.estimation.replay_settings import ReplaySettings
@@ -46,57 +46,6 @@ def changed(log: Log, change: Callable[[RobotLog], RobotLog]) -> Log:
 
 def position_of(found: Replay) -> float:
     return float(found.accuracy.overall().position)
-
-
-# --- times ----------------------------------------------------------------------------------------
-
-
-def test_each_sighting_ends_a_step_at_its_own_time(log: Log) -> None:
-    settings = ReplaySettings(sample_time=0.5, delay=0.02)
-    run = run_of(log, settings, FilterOptions(trials=1))
-    ends = np.concatenate([[0.0], np.cumsum(run.setup.spans)])
-    assert (run.setup.spans > 0.0).all()
-    step = np.repeat(np.arange(len(run.setup.first) - 1), np.diff(run.setup.first))
-    np.testing.assert_allclose(ends[step], run.sightings.times, atol=1e-9)
-    at = run.setup.compared
-    np.testing.assert_allclose(ends[at >= 0], run.clock.times, atol=1e-9)
-    robot = log.robots[0]
-    first = np.flatnonzero((run.sightings.observers == 0) & (run.sightings.kinds == 0))[0]
-    taken = robot.times - run.clock.begin - 0.02
-    assert run.sightings.times[first] == pytest.approx(taken[taken > 0.0][0], abs=1e-6)
-    assert run.sightings.values[first] == robot.bearings[taken > 0.0][0]
-
-
-def test_odometry_is_held_and_averaged_over_each_step(log: Log) -> None:
-    clock = clock_of(log, 0.5)
-    robot = log.robots[1]
-    at = robot.odometry[:, 0] - clock.begin
-    inside = np.flatnonzero(at > 1.0)[:3]
-    ends = np.array([at[inside[0]], at[inside[1]], at[inside[2]]])
-    means = mean_odometry(log, clock, ends, 1)[:, 1]
-    np.testing.assert_allclose(means, robot.odometry[inside[:2], 1], rtol=1e-9)
-    middle = np.array([ends[0], 0.5 * (ends[0] + ends[1]), 0.5 * (ends[1] + ends[2])])
-    second = mean_odometry(log, clock, middle, 1)[1, 1]
-    spans = np.array([ends[1] - middle[1], middle[2] - ends[1]])
-    held = robot.odometry[inside[:2], 1]
-    assert second == pytest.approx(float(spans @ held / spans.sum()))
-
-
-def test_samples_far_apart_find_the_same_as_samples_close_together(tmp_path: Path) -> None:
-    exact = load_log(write_recording(tmp_path / "exact", Recipe(jitter=0.8)))
-    sparse = replay(exact, sample_time=1.0, noise=Noise(0.02, 0.02, 0.01, 0.01))
-    # a sighting at the nearest sample would be off by up to half a second's way, 4 m
-    assert position_of(sparse) < 0.01
-
-
-def test_a_stated_delay_of_sightings_is_taken_off(log: Log) -> None:
-    late = changed(log, lambda robot: replace(robot, times=robot.times + 0.3))
-    prompt = replay(log, **SIGMAS)
-    found = replay(late, delay=0.3, **SIGMAS)
-    assert position_of(found) == pytest.approx(position_of(prompt), rel=1e-3)
-    assert position_of(replay(late, **SIGMAS)) > 3.0 * position_of(prompt)
-    with pytest.raises(InputError, match="delay: 61 given; allowed is -60 to 60"):
-        replay(log, delay=61.0)
 
 
 # --- distances and lasting errors -----------------------------------------------------------------
@@ -330,9 +279,3 @@ def test_a_far_start_is_found_among_wild_readings(
 def _after_a_minute(found: Replay) -> float:
     errors = series(found.result).position_rms[round(60.0 / found.sample_time) :]
     return float(np.sqrt(np.mean(errors**2)))
-
-
-def test_a_recording_without_sightings_is_odometry_alone(long: Log) -> None:
-    alone = replay(long, landmarks=[], meetings=False)
-    assert alone.bearings.used == 0
-    assert position_of(alone) > 1.0

@@ -523,6 +523,7 @@ def test_what_can_not_be_run_is_refused(noisy: Path, tmp_path: Path) -> None:
         ({"bearing_sigma": 0.0}, "bearing_sigma: 0 given; allowed is 1e-06 to 1e+06"),
         ({"bearing_sigma": 1e200}, "bearing_sigma: 1e+200 given; allowed is 1e-06 to 1e+06"),
         ({"sample_time": float("nan")}, "sample_time: nan given; allowed is 1e-06 to 1e+06"),
+        ({"delay": 61.0}, "delay: 61 given; allowed is -60 to 60"),
         ({"sample_time": 1e-6}, "sample_time: 39.9 s at a sample time of 1e-06 s makes more than"),
         ({"sample_time": 100.0}, "recording: the truth of all robots is known together for 39.9"),
         ({"gate_probability": 0.0}, "gate_probability: 0 given; allowed is more than 0, up to 1"),

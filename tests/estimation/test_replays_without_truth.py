@@ -96,16 +96,6 @@ def test_estimates_and_innovations_are_those_of_the_same_with_truth(
     assert found.lasting_errors == wanted.lasting_errors
 
 
-@pytest.mark.parametrize("filter_", ["ekf", "second-order", "paper"])
-def test_every_filter_runs_without_truth(filter_: str, known: Log, start: Array) -> None:
-    given: dict[str, Any] = {"start": "given", "start_poses": start, "filter": filter_}
-    # poses alone have kernels of their own
-    given |= {"speed_scale_sigma": 0.0, "turn_rate_bias_sigma": 0.0}
-    one, other = (replay(log, **KEPT, **given) for log in (without(known), known))
-    np.testing.assert_allclose(one.estimates[..., :2], other.estimates[..., :2], atol=1e-9)
-    assert one.nis == other.nis
-
-
 def test_windows_are_judged_along_estimates(known: Log, start: Array) -> None:
     given: dict[str, Any] = {"start": "given", "start_poses": start, "window": 8.0}
     wanted = replay(known, **given).seen
@@ -165,20 +155,6 @@ def test_fitted_sigmas_begin_the_rest_where_the_filter_was(known: Log, has_truth
     document = replay_document(replayed)
     assert document.filter.position_sigma_m == replayed.noise.position_sigma
     assert "the rest starts where the filter was at the end" in "; ".join(document.notes)
-
-
-def test_real_robots_are_found_without_their_truth(real: Log) -> None:
-    chosen: dict[str, Any] = {"landmarks": [7, 15]}
-    wanted = replay(real, **chosen).accuracy.overall().position
-    blind = without(real)
-    clock = clock_of(blind, 0.05)
-    start = true_poses(real, replace(clock, samples=1))[0] + [0.3, -0.3, 0.1]
-    found = replay(blind, start="given", start_poses=start, **chosen)
-    assert found.clock == clock
-    end = min(robot.truth[-1, 0] for robot in real.robots)
-    watched = (clock.times > 60.0) & (clock.begin + clock.times < end)
-    off = (found.estimates - true_poses(real, clock))[watched]
-    assert np.sqrt(np.mean(np.sum(off[..., :2] ** 2, axis=-1))) < 1.1 * wanted < 0.15
 
 
 # --- what is refused ------------------------------------------------------------------------------

@@ -7,20 +7,19 @@ import numpy as np
 import pytest
 
 from syncplan.arrays import Array
+from syncplan.estimation import covariances
 from syncplan.estimation.bounds import posterior_bound, steady_bound
 from syncplan.estimation.loss_bounds import LossBounds
-from syncplan.estimation.referred_system import ReferredSystem
 from syncplan.estimation.wide_covariances import carried_along
 from syncplan.estimation.wide_system import WideSystem
 from syncplan.orbits.circles import position
-from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.error_states import ERROR_STATES, layout_of
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
 from syncplan.orbits.sightings import Loss, remainder_of
 from syncplan.orbits.team import Team
 from syncplan.planning.planner import Plan, plan
 from tests.tools.dense_models import dense_covariances, dense_run, start_of
-from tests.tools.scenarios import EVERYTHING, changed, small
+from tests.tools.scenarios import EVERYTHING, changed, example, small
 
 SCALES_AND_BIASES = {"speed_scale_sigma": 0.02, "turn_rate_bias_sigma_rad_s": 0.005}
 STATES = [(), *((name,) for name in ERROR_STATES), tuple(ERROR_STATES)]
@@ -48,8 +47,17 @@ def _assert_close(found: Array, expected: Array) -> None:
 def test_the_posterior_bound_equals_the_recursion_of_the_filters_model(
     grid: Plan, names: tuple[str, ...]
 ) -> None:
-    team, steps = _estimating(grid.team, names), 400
-    found = posterior_bound(team, grid.windows, steps * 0.1)
+    _assert_bound_of_the_model(grid, names, 400)
+
+
+@pytest.mark.parametrize("name", ["mixed-radii-camera", "landmark-bridge"])
+def test_it_does_so_where_vehicles_differ_and_where_they_are_not_observable(name: str) -> None:
+    _assert_bound_of_the_model(plan(example(name), bound="never"), (), 300)
+
+
+def _assert_bound_of_the_model(made: Plan, names: tuple[str, ...], steps: int) -> None:
+    team = _estimating(made.team, names)
+    found = posterior_bound(team, made.windows, steps * team.sensors.sample_time)
     layout, n = layout_of(team), team.count
     variances = np.array([np.diag(P) for P in dense_covariances(team, layout, steps)])
     poses = variances[:, : 3 * n].reshape(-1, n, 3)
@@ -61,69 +69,6 @@ def test_the_posterior_bound_equals_the_recursion_of_the_filters_model(
         _assert_close(found.errors, variances[:, 3 * n :])
     else:
         assert found.errors is None
-
-
-def test_a_bearing_walk_that_lasts_for_ever_is_a_bearing_bias(grid: Plan) -> None:
-    bias = _estimating(grid.team, ("bearing_bias",))
-    sigmas = grid.sensors.bearing_bias_sigmas
-    lasting = replace(
-        grid.sensors, bearing_walk_sigmas=sigmas, bearing_walk_times=np.full(len(sigmas), 1e15)
-    )
-    walk = replace(_estimating(grid.team, ("bearing_walk",)), sensors=lasting)
-    expected, found = (posterior_bound(team, grid.windows, 40.0) for team in (bias, walk))
-    _assert_close(found.position_variance, expected.position_variance)
-    _assert_close(found.heading_variance, expected.heading_variance)
-    assert found.errors is not None
-    assert expected.errors is not None
-    _assert_close(found.errors, expected.errors)
-
-
-def test_a_bearing_walk_of_the_moment_is_noise_of_bearings(grid: Plan) -> None:
-    # one target at a sample: of two, it would be common to both
-    time, n = grid.sensors.sample_time, grid.team.count
-    observers, first = np.unique(grid.windows.observers, return_index=True)
-    alone = find_windows(grid.team, (observers, grid.windows.targets[first]))
-    # and each made: of one that is made now and then, the bound takes a part, of its walk too
-    plain = replace(grid.sensors, detection=np.ones(n), range_sigmas=np.full(n, np.inf))
-    walking = replace(
-        plain, bearing_walk_sigmas=np.full(n, 0.04), bearing_walk_times=np.full(n, time / 800.0)
-    )
-    noisier = replace(
-        plain,
-        bearing_sigmas=np.hypot(plain.bearing_sigmas, 0.04),
-        bearing_walk_sigmas=np.zeros(n),
-    )
-    team = _estimating(grid.team, ("bearing_walk",))
-    found, expected = (
-        posterior_bound(replace(team, sensors=one), alone, 40.0) for one in (walking, noisier)
-    )
-    _assert_close(found.position_variance, expected.position_variance)
-
-
-def test_a_bearing_walk_of_nothing_changes_nothing(grid: Plan) -> None:
-    n = grid.team.count
-    still = replace(
-        grid.sensors, bearing_walk_sigmas=np.zeros(n), bearing_walk_times=np.full(n, 3.0)
-    )
-    team = _estimating(grid.team, tuple(ERROR_STATES))
-    without = replace(grid.sensors, bearing_walk_sigmas=np.zeros(n))
-    found, expected = (
-        posterior_bound(replace(team, sensors=one), grid.windows, 40.0) for one in (still, without)
-    )
-    np.testing.assert_array_equal(found.position_variance, expected.position_variance)
-
-
-def test_without_errors_the_wide_bound_is_that_of_poses_alone(grid: Plan) -> None:
-    alone = ReferredSystem.along(grid.team, grid.windows, 300)
-    wide = WideSystem.widened(alone, layout_of(grid.team, []))
-    expected, found = alone.from_start(alone.with_index), wide.from_start(wide.with_index)
-    np.testing.assert_allclose(found.position_variance, expected.position_variance, rtol=1e-9)
-    np.testing.assert_allclose(found.heading_variance, expected.heading_variance, rtol=1e-9)
-    assert found.start_up is not None
-    assert expected.start_up is not None
-    assert found.start_up.value == pytest.approx(expected.start_up.value, rel=1e-9)
-    assert found.start_up.observer == expected.start_up.observer
-    assert found.start_up.time == expected.start_up.time
 
 
 def test_many_samples_are_as_good_as_few_at_once(
@@ -140,20 +85,6 @@ def test_many_samples_are_as_good_as_few_at_once(
     assert parts.start_up == whole.start_up
 
 
-def test_states_that_are_known_change_nothing(grid: Plan) -> None:
-    errors = replace(
-        grid.team.errors,
-        wind=1e-9,
-        gust=1e-9,
-        speed_scale=1e-9,
-        turn_rate_bias=1e-9,
-        estimated=("wind", "speed_scale", "turn_rate_bias", "gusts"),
-    )
-    known = posterior_bound(replace(grid.team, errors=errors), grid.windows, 40.0)
-    alone = posterior_bound(_estimating(grid.team, ()), grid.windows, 40.0)
-    np.testing.assert_allclose(known.position_variance, alone.position_variance, rtol=1e-6)
-
-
 def test_scales_and_biases_as_states_raise_the_bound_of_the_grid_as_found_before() -> None:
     # design.md, 6.2: 1.40 to 1.88 m in an independent prototype
     made = plan_of_changed("paper-grid-same", motion=SCALES_AND_BIASES, duration_s=200.0)
@@ -161,14 +92,18 @@ def test_scales_and_biases_as_states_raise_the_bound_of_the_grid_as_found_before
     assert np.sqrt(np.mean(found**2)) == pytest.approx(1.88, abs=0.005)
 
 
-def test_the_start_up_index_is_that_of_the_filters_model_with_every_state_and_kind() -> None:
+@pytest.mark.parametrize(("names", "grouped"), [((), 0), ((), 20), (tuple(ERROR_STATES), 20)])
+def test_the_start_up_index_is_that_of_the_filters_model_with_every_state_and_kind(
+    names: tuple[str, ...], grouped: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(covariances, "GROUPED_VEHICLES", grouped)
     made = plan_of_changed(
         "mixed-radii-camera",
         heading_sigma_rad=0.2,
         initial_sigma={"position_m": 8.0, "heading_rad": 0.2},
         **EVERYTHING,
     )
-    team, steps = _estimating(made.team, tuple(ERROR_STATES)), 60
+    team, steps = _estimating(made.team, names), 60
     layout = layout_of(team)
     found = posterior_bound(team, made.windows, steps * team.sensors.sample_time, start_up=True)
     best, where = 0.0, (0, 0, 0.0)
@@ -240,14 +175,16 @@ def test_vehicles_without_an_error_have_no_state_of_it(grid: Plan, names: tuple[
     _assert_close(found.position_variance, poses[..., :2].sum(axis=-1))
 
 
-def test_a_team_that_sees_nothing_has_a_bound_and_an_index() -> None:
+@pytest.mark.parametrize("sigmas", [{}, SCALES_AND_BIASES])
+def test_a_team_that_sees_nothing_has_a_bound_and_an_index(sigmas: dict[str, float]) -> None:
     formation = {"centers_m": [[0.0, 0.0], [500.0, 0.0]], "links": []}
-    blind = plan(small(formation=formation, motion=SCALES_AND_BIASES), bound="never")
+    blind = plan(small(formation=formation, motion=sigmas), bound="never")
     found = posterior_bound(blind.team, blind.windows, 20.0, start_up=True)
     assert found.start_up is not None
     assert found.start_up.value == 0.0
     assert np.all(found.position_variance[1:] > 50.0)
-    np.testing.assert_allclose(found.errors_second_half(), [0.02, 0.02, 0.005, 0.005])
+    if sigmas:
+        np.testing.assert_allclose(found.errors_second_half(), [0.02, 0.02, 0.005, 0.005])
 
 
 @pytest.fixture(scope="module")
