@@ -9,23 +9,24 @@ from typing import Any
 import numpy as np
 import pytest
 
-from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.estimation import montecarlo
 from syncplan.estimation.consistency import anees, coverage, nis
 from syncplan.estimation.filter_options import FilterOptions
-from syncplan.estimation.filter_setup import MotionModel
 from syncplan.estimation.montecarlo import run_trials
-from syncplan.estimation.reference_filter import predict, update
 from syncplan.estimation.trial_chunks import StoppedError
+from syncplan.estimation.trial_readings import TrialReadings
 from syncplan.estimation.trials import MonteCarloResult, accuracy, merge, series
-from syncplan.orbits.circles import Orbits, heading, position, wrap
+from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import find_windows
+from syncplan.orbits.error_states import layout_of
 from syncplan.orbits.noise import Noise
 from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import Sightings, sample_sightings
 from syncplan.orbits.team import Team
+from tests.estimation.test_filter import filtered
 from tests.searches.search_consistency import believing
+from tests.tools.filter_scenes import scene_of
 
 Scene = tuple[Team, Sightings, int]
 
@@ -81,11 +82,10 @@ def run() -> MonteCarloResult:
     return flown(paper_grid(60), 150, 5, with_series=True, threads=1)
 
 
-@pytest.mark.parametrize("threads", [2, 3])
 def test_the_same_seed_gives_the_same_bytes_on_any_number_of_threads(
-    run: MonteCarloResult, threads: int
+    run: MonteCarloResult,
 ) -> None:
-    again = flown(paper_grid(60), 150, 5, with_series=True, threads=threads)
+    again = flown(paper_grid(60), 150, 5, with_series=True, threads=3)
     assert bytes_of(again) == bytes_of(run)
 
 
@@ -101,12 +101,6 @@ def test_parts_run_elsewhere_merge_to_the_bytes_of_the_whole(
     assert bytes_of(merge([merge(parts[:-1]), parts[-1]])) == bytes_of(run)
 
 
-def test_a_shorter_run_is_the_beginning_of_a_longer_one(run: MonteCarloResult) -> None:
-    short = flown(paper_grid(60), 37, 5)
-    assert short.final_errors.tobytes() == run.final_errors[:37].tobytes()
-    assert short.nees.tobytes() == run.nees[:37].tobytes()
-
-
 def test_parts_that_do_not_follow_each_other_are_refused() -> None:
     scene = paper_grid(5)
     first, other = flown(scene, 20, 5), flown(scene, 4, 5, first_trial=32)
@@ -118,58 +112,44 @@ def test_parts_that_do_not_follow_each_other_are_refused() -> None:
         flown(scene, 4, 5, first_trial=20)
 
 
-def plain_trial(scene: Scene, seed: int, trial: int, substeps: int) -> tuple[Array, Array]:
-    """Errors (steps, n, 3) and sampled NEES of one trial, drawn and filtered plainly."""
-    team, sightings, steps = scene
-    orbits, landmarks, sensors, noise = team.orbits, team.landmarks, team.sensors, team.noise
-    random = np.random.Generator(
-        np.random.PCG64(np.random.SeedSequence(seed).spawn(trial + 1)[trial])
-    )
-    n, dt = orbits.count, sensors.sample_time
+def test_a_trial_is_drawn_from_the_seeds_child_in_the_documented_order() -> None:
+    team, _, steps = paper_grid(55)
+    setup, readings, truth = scene_of(team, steps, 19, seed=11)
+    child, n = np.random.SeedSequence(11).spawn(18)[17], team.count
+    random, noise = np.random.Generator(np.random.PCG64(child)), team.noise
+    poses = truth.poses[..., 0]
     sigmas = np.array([noise.position_sigma, noise.position_sigma, noise.heading_sigma])
-    times = np.arange(steps + 1) * dt
-    truth = np.concatenate([position(orbits, times), heading(orbits, times)[..., None]], axis=2)
-    x = truth[0] + sigmas * random.standard_normal((n, 3))
-    speeds = orbits.speeds + noise.speed_sigma * random.standard_normal((steps, n))
-    turns = orbits.turn_rates + noise.turn_rate_sigma * random.standard_normal((steps, n))
-    slips = random.standard_normal(len(sightings.steps))
-    motion = MotionModel(dt, substeps, noise.speed_sigma**2, noise.turn_rate_sigma**2)
-    P = np.diag(np.tile(sigmas**2, n))
-    errors, nees = [], []
-    for k in range(1, steps + 1):
-        x, P = predict(x, P, speeds[k - 1], turns[k - 1], motion)
-        for s in np.flatnonzero(sightings.steps == k):
-            o, t = sightings.observers[s], sightings.targets[s]
-            place = truth[k, t, :2] if t < n else landmarks[t - n]
-            away = place - truth[k, o, :2]
-            sigma = sensors.bearing_sigmas[o]
-            z = np.arctan2(away[1], away[0]) - truth[k, o, 2] + sigma * slips[s]
-            x, P, _, _ = update(x, P, o, t, z, sigma, landmarks)
-        error = x - truth[k]
-        error[:, 2] = wrap(error[:, 2])
-        errors.append(error)
-        if k % 10 == 0 or k == steps:
-            nees.append(error.ravel() @ np.linalg.solve(P, error.ravel()))
-    return np.array(errors), np.array(nees)
+    initial = poses[0] + sigmas * random.standard_normal((n, 3))
+    speeds = team.orbits.speeds + noise.speed_sigma * random.standard_normal((steps, n))
+    turns = team.orbits.turn_rates + noise.turn_rate_sigma * random.standard_normal((steps, n))
+    slips = np.sqrt(setup.variances) * random.standard_normal(len(setup.variances))
+    for found, expected in zip(readings[:3], (initial, speeds, turns), strict=True):
+        np.testing.assert_allclose(found[..., 17], expected, atol=1e-12)
+    exact = TrialReadings.of(team, poses, setup, layout_of(team), 11).sightings
+    np.testing.assert_allclose(readings.sightings[:, 17], exact + slips, atol=1e-12)
 
 
-@pytest.mark.parametrize(("model", "substeps"), [("ekf", 0), ("paper", 4)])
-def test_a_trial_is_drawn_from_the_seeds_child_in_the_documented_order(
-    model: str, substeps: int
-) -> None:
+def test_figures_of_a_trial_are_means_of_its_statistics() -> None:
     scene = paper_grid(55)
-    result = flown(scene, 19, 11, filter=model, substeps=max(substeps, 1))
-    errors, nees = plain_trial(scene, 11, 17, substeps)
-    np.testing.assert_allclose(result.final_errors[17], errors[-1], atol=1e-9)
-    np.testing.assert_allclose(result.mean_squares[17], (errors**2).mean(axis=0), atol=1e-9)
-    late = errors[[k - 1 for k in range(1, 56) if 2 * k > 55]]
-    np.testing.assert_allclose(result.late_mean_squares[17], (late**2).mean(axis=0), atol=1e-9)
-    assert len(nees) == result.nees_samples[17] == 6
+    result = flown(scene, 19, 11, gate_probability=0.9)
+    given = scene_of(scene[0], 55, 19, seed=11, gate_probability=0.9)
+    *_, found = filtered(given)
+    means = (
+        (result.final_errors, found.final),
+        (result.mean_squares, found.squares / 55),
+        (result.late_mean_squares, found.late_squares / 28),
+    )
+    for one, other in means:
+        np.testing.assert_allclose(one, np.moveaxis(other.reshape(6, 3, 19), -1, 0), rtol=1e-12)
+    np.testing.assert_allclose(result.nees, found.nees / 6, rtol=1e-12)
+    assert np.all(result.nees_samples == 6)
     assert result.coverage_samples == 3 * 6
-    assert result.nees[17] == pytest.approx(nees.mean(), rel=1e-9)
+    np.testing.assert_array_equal(result.covered, found.covered.reshape(6, 3, 19).sum(axis=1).T)
+    counts = result.nis_sums, result.accepted, result.gated
+    np.testing.assert_array_equal(counts, (found.nis, found.accepted, found.gated))
 
 
-def test_series_and_totals_tell_the_same_errors(run: MonteCarloResult) -> None:
+def test_series_and_totals_state_the_same_errors(run: MonteCarloResult) -> None:
     over_time, total = series(run), accuracy(run)
     assert over_time.position_rms.shape == (61, 6)
     rms = np.sqrt((over_time.position_rms[1:] ** 2).mean(axis=0))
@@ -219,12 +199,6 @@ def test_sigmas_that_are_all_believed_too_small_scale_nees_and_leave_the_errors(
     assert bytes_of(same) == bytes_of(true)
 
 
-def test_believed_sigmas_are_checked_too() -> None:
-    team, sightings, steps = paper_grid(5)
-    with pytest.raises(InputError, match="must be positive"):
-        run_trials(team, sightings, steps, FilterOptions(), believed=believing(team, 0.0))
-
-
 def test_a_gate_turns_away_its_share_of_good_bearings() -> None:
     noise = Noise(0.1, 0.01, position_sigma=0.5, heading_sigma=0.1)
     scene = paper_grid(300, bearing_sigma=0.01, noise=noise)
@@ -265,14 +239,9 @@ def test_progress_counts_up_to_the_number_of_trials() -> None:
     ("key", "value"),
     [
         ("steps", 0),
-        ("trials", 0),
         ("threads", 0),
-        ("seed", -1),
-        ("substeps", 0),
         ("first_trial", 8),
         ("first_trial", -16),
-        ("model", "midpoint"),
-        ("gate_probability", 1.0),
     ],
 )
 def test_arguments_out_of_range_are_named(key: str, value: Any) -> None:
@@ -284,9 +253,12 @@ def test_arguments_out_of_range_are_named(key: str, value: Any) -> None:
     assert caught.value.key == key
 
 
-def test_a_bearing_sigma_of_zero_is_refused() -> None:
+def test_sigmas_of_zero_are_refused() -> None:
     with pytest.raises(InputError, match="must be positive"):
         flown(paper_grid(5, bearing_sigma=0.0), 4, 1)
+    team, sightings, steps = paper_grid(5)
+    with pytest.raises(InputError, match="must be positive"):
+        run_trials(team, sightings, steps, FilterOptions(), believed=believing(team, 0.0))
 
 
 def test_sightings_of_bodies_that_do_not_exist_are_refused() -> None:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from syncplan.arrays import Array
 from syncplan.estimation.bounds import posterior_bound
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.filters import FILTERS
@@ -17,15 +18,19 @@ from syncplan.planning.planner import Plan, plan
 from tests.tools.scenarios import changed, example, small
 
 
-def compiled_squares(made: Plan, duration: float, trials: int, seed: int) -> np.ndarray:
+def compiled_squares(
+    made: Plan, duration: float, trials: int, seed: int, name: str = "ekf"
+) -> Array:
     """What the compiled filter makes of the same trials, (trials, n) m^2."""
     steps = round(duration / made.sensors.sample_time)
     seen = sample_sightings(made.windows, made.orbits.period, made.sensors, 1, steps)
-    found = run_trials(made.team, seen, steps, FilterOptions(trials=trials, seed=seed), threads=1)
+    options = FilterOptions(trials=trials, seed=seed, filter=name)
+    found = run_trials(made.team, seen, steps, options, threads=1)
     return np.asarray(found.late_mean_squares[..., :2].sum(axis=-1))
 
 
-def test_with_one_sighting_an_instant_it_is_the_compiled_filter() -> None:
+@pytest.mark.parametrize(("name", "off"), [("ekf", 1e-6), ("second-order", 1e-6), ("robust", 0.02)])
+def test_with_one_sighting_an_instant_it_is_the_compiled_filter(name: str, off: float) -> None:
     # far apart, each sees but a landmark of its own: nothing is taken in at once
     made = plan(
         small(
@@ -36,8 +41,8 @@ def test_with_one_sighting_an_instant_it_is_the_compiled_filter() -> None:
         ),
         bound="never",
     )
-    found = pilot_squares(made.team, made.windows, 40.0, FILTERS["ekf"], trials=5, seed=3)
-    np.testing.assert_allclose(found, compiled_squares(made, 40.0, 5, 3), rtol=1e-6)
+    found = pilot_squares(made.team, made.windows, 80.0, FILTERS[name], trials=5, seed=3)
+    np.testing.assert_allclose(found, compiled_squares(made, 80.0, 5, 3, name), rtol=off)
 
 
 def test_with_many_sightings_an_instant_it_is_near_the_compiled_filter() -> None:
@@ -76,14 +81,6 @@ def test_few_samples_a_period_are_all_kept() -> None:
     rare = replace(made.team, sensors=replace(made.sensors, sample_time=1.0))
     assert thinned(rare).sensors.sample_time == 1.0
     np.testing.assert_array_equal(thinned(rare).sensors.bearing_sigmas, rare.sensors.bearing_sigmas)
-
-
-def test_from_a_well_known_start_it_finds_the_bound() -> None:
-    made = plan(example("paper-grid-same"))
-    found = pilot_squares(thinned(made.team), made.windows, 200.0, FILTERS["ekf"], trials=200)
-    assert made.prediction.rms is not None
-    ratio = np.sqrt(found.mean(axis=0)) / made.prediction.rms
-    assert np.all((ratio > 0.85) & (ratio < 1.15))
 
 
 KINDS: dict[str, Any] = {

@@ -10,19 +10,16 @@ from syncplan.arrays import Array, Index
 from syncplan.estimation import pilot_batch
 from syncplan.estimation.bounds import posterior_bound
 from syncplan.estimation.correction_kernels import second_order_variance
-from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.filters import FILTERS
-from syncplan.estimation.montecarlo import run_trials
 from syncplan.estimation.pilot import pilot_squares, pilot_work
 from syncplan.estimation.pilot_batch import _linear, _Path, batch_start
 from syncplan.estimation.pilot_filter import PilotFilter
 from syncplan.estimation.pilot_model import Seen
 from syncplan.estimation.pilot_readings import PilotReadings, thinned
 from syncplan.estimation.start_search import ROUNDS, search_further
-from syncplan.orbits.sightings import sample_sightings
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.planner import plan
 from tests.tools.inner_kernels import called_alone
-from tests.tools.scenarios import changed, small
+from tests.tools.scenarios import changed
 
 KINDS: dict[str, Any] = {"sensor": {"range_sigma_m": 1.0}, "heading_sigma_rad": 0.2}
 """Every kind of sighting."""
@@ -141,30 +138,6 @@ def test_second_order_noise_is_that_of_the_compiled_filter(
             dx, dy = seen.q[lane, k].tolist()
             expected = variance(place, dx, dy, C[0, 0], C[0, 1], C[1, 1])
             assert found[lane, k] == pytest.approx(expected, rel=1e-9)
-
-
-def compiled(made: Plan, name: str, duration: float, trials: int, seed: int) -> Array:
-    """What the compiled filter makes of the same trials, (trials, n) m^2."""
-    steps = round(duration / made.sensors.sample_time)
-    seen = sample_sightings(made.windows, made.orbits.period, made.sensors, 1, steps)
-    options = FilterOptions(trials=trials, seed=seed, filter=name)
-    found = run_trials(made.team, seen, steps, options, threads=1)
-    return np.asarray(found.late_mean_squares[..., :2].sum(axis=-1))
-
-
-@pytest.mark.parametrize(("name", "off"), [("second-order", 1e-6), ("robust", 0.02)])
-def test_with_one_sighting_an_instant_it_is_the_compiled_filter(name: str, off: float) -> None:
-    made = plan(
-        small(
-            formation={"centers_m": [[0.0, 0.0]]},
-            landmarks_m=[[0.0, 45.0]],
-            motion={"speed_sigma_mps": 0.2, "turn_rate_sigma_rad_s": 0.05},
-            initial_sigma={"position_m": 3.0, "heading_rad": 0.1},
-        ),
-        bound="never",
-    )
-    found = pilot_squares(made.team, made.windows, 80.0, FILTERS[name], trials=5, seed=3)
-    np.testing.assert_allclose(found, compiled(made, name, 80.0, 5, 3), rtol=off)
 
 
 @pytest.mark.parametrize(("position", "heading"), [(15.0, 0.3), (30.0, 0.6)])
