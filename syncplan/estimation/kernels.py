@@ -75,5 +75,16 @@ def lanes_of(n: int, width: int) -> Lanes:
 
 
 def has_compiled(kernel: Any, arguments: tuple[Any, ...]) -> bool:
+    """Return whether a kernel for arguments of these types is in memory or in numba's disk cache.
+
+    False where numba's cache has another layout than the one read here.
+    """
     typeof: Any = numba.typeof
-    return tuple(typeof(argument) for argument in arguments) in kernel.overloads
+    types = tuple(typeof(argument) for argument in arguments)
+    if types in kernel.overloads:
+        return True
+    try:
+        index = kernel._cache._cache_file._load_index()
+        return any(tuple(key[0]) == types for key in index)
+    except (AttributeError, TypeError, IndexError, OSError):
+        return False
