@@ -10,7 +10,6 @@ from syncplan.estimation.referred_system import PosteriorBound, arc_noise_gain
 from syncplan.observability.rank import assess, link_information
 from syncplan.observability.referred_rows import sighting_rows
 from syncplan.orbits.circles import Orbits
-from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.noise import Noise
 from syncplan.orbits.sightings import sample_sightings, steps_within
 from syncplan.planning.planner import Plan, plan
@@ -23,12 +22,6 @@ NOISE = Noise(speed_sigma=0.1, turn_rate_sigma=0.01, position_sigma=5.0, heading
 @pytest.fixture(scope="module")
 def grid() -> Plan:
     return plan(example("paper-grid-same"))
-
-
-def test_the_bound_starts_at_the_initial_sigmas(grid: Plan) -> None:
-    run = posterior_bound(grid.team, grid.windows, 10.0)
-    np.testing.assert_allclose(run.position_variance[0], 50.0)
-    np.testing.assert_allclose(run.heading_variance[0], 0.01)
 
 
 def test_a_long_run_settles_at_the_steady_bound(grid: Plan) -> None:
@@ -86,14 +79,6 @@ def test_the_noise_gain_is_the_derivative_of_a_step() -> None:
         by_speed = (step(v + h, w) - step(v - h, w)) / (2 * h)
         by_rate = (step(v, w + h) - step(v, w - h)) / (2 * h)
         np.testing.assert_allclose(gain[k], np.column_stack([by_speed, by_rate]), atol=1e-7)
-
-
-def test_a_better_sensor_never_raises_the_bound(grid: Plan) -> None:
-    sharper = replace(grid.sensors, bearing_sigmas=0.5 * grid.sensors.bearing_sigmas)
-    better = replace(grid.team, sensors=sharper, noise=NOISE)
-    before = posterior_bound(replace(grid.team, noise=NOISE), grid.windows, 100.0)
-    after = posterior_bound(better, find_windows(better), 100.0)
-    assert np.all(after.position_variance <= before.position_variance * (1.0 + 1e-9))
 
 
 def test_the_second_half_is_the_samples_with_twice_their_number_past_the_end() -> None:

@@ -28,7 +28,7 @@ from syncplan.estimation.filter_statistics import (
     empty_statistics,
 )
 from syncplan.estimation.filters import FILTERS
-from syncplan.estimation.kernels import WIDE_UP_TO
+from syncplan.estimation.kernels import WIDE_UP_TO, has_compiled, kernel
 from syncplan.estimation.lane_filter import EXTENDED, IDEAL, LaneFilter, specimen
 from syncplan.estimation.reference_filter import displacement, displacement_jacobian
 from syncplan.estimation.reference_states import (
@@ -517,3 +517,7 @@ def test_kernels_count_as_compiled_once_they_are(lane_filter: LaneFilter) -> Non
     lane_filter.compile(3)
     assert lane_filter.is_compiled(3)
     assert lane_filter.is_compiled(WIDE_UP_TO)
+    # as another process finds it, from the disk cache
+    again = kernel(lane_filter.kernel.py_func)
+    assert not again.overloads
+    assert has_compiled(again, specimen(3))

@@ -224,7 +224,8 @@ def test_errors_are_those_of_the_numpy_filter(
     late = errors[len(errors) // 2 :]
     assert document.heading_rmse_rad == pytest.approx(np.sqrt(np.mean(errors[..., 2] ** 2)))
     for k, robot in enumerate(document.robots):
-        assert robot.rms_second_half_m == pytest.approx(_rms(late[:, k]))
+        squares = np.sum(late[:, k, :2] ** 2, axis=-1)
+        assert robot.rms_second_half_m == pytest.approx(np.sqrt(np.mean(squares)))
         assert robot.rms_x_m == pytest.approx(np.sqrt(np.mean(errors[:, k, 0] ** 2)))
         assert robot.coverage_3sigma == pytest.approx(found.covered[k])
     assert document.coverage_3sigma == pytest.approx(np.mean(found.covered))
@@ -233,10 +234,6 @@ def test_errors_are_those_of_the_numpy_filter(
     assert document.anees.count == 9
     below = _mean_below(gate_threshold(0.99))
     assert document.nis.value == pytest.approx(found.nis / below)
-
-
-def _rms(errors: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(np.sum(errors[..., :2] ** 2, axis=-1))))
 
 
 def _mean_below(gate: float) -> float:
@@ -250,10 +247,10 @@ def _mean_below(gate: float) -> float:
 class _Found:
     """errors (steps, n, 3); bearings; shares (n,) within 3 sigma, mean NEES, mean NIS."""
 
-    errors: np.ndarray
+    errors: Array
     used: int
     rejected: int
-    covered: np.ndarray
+    covered: Array
     nees: float
     nis: float
 
@@ -282,7 +279,7 @@ def _by_numpy(log: Log, landmarks: list[int] | None, *, meetings: bool) -> _Foun
     readings.sort()
     x = _truth(truths, 0.0)
     P = np.diag(np.tile([1e-4, 1e-4, 1e-4], n))
-    errors: list[np.ndarray] = []
+    errors: list[Array] = []
     squares, rejected, nees, covered = [], 0, [], []
     ends = [step * time for step in range(1, steps + 1)]
     now = 0.0
@@ -297,8 +294,7 @@ def _by_numpy(log: Log, landmarks: list[int] | None, *, meetings: bool) -> _Foun
             motion = MotionModel(
                 at - now, 0, noise.speed_sigma**2 * share, noise.turn_rate_sigma**2 * share
             )
-            speeds = np.array([_held_mean(one, 1, now, at) for one in odometry])
-            turns = np.array([_held_mean(one, 2, now, at) for one in odometry])
+            speeds, turns = _held_means(odometry, now, at)
             x, P = predict(x, P, speeds, turns, motion)
             now = at
         if seen is not None:
@@ -327,25 +323,20 @@ def _by_numpy(log: Log, landmarks: list[int] | None, *, meetings: bool) -> _Foun
     )
 
 
-def _truth(truths: list[np.ndarray], at: float) -> np.ndarray:
-    poses = []
-    for truth in truths:
-        after = max(int(np.searchsorted(truth[:, 0], at)), 1)
-        (t0, *a), (t1, *b) = truth[after - 1], truth[after]
-        share = (at - t0) / (t1 - t0)
-        turn = wrap(np.array(b[2] - a[2]))
-        poses.append(
-            [a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), a[2] + share * float(turn)]
-        )
-    return np.array(poses)
+def _truth(truths: list[Array], at: float) -> Array:
+    """(n, 3) straight between what is recorded."""
+    whole = [np.column_stack([one[:, :3], np.unwrap(one[:, 3])]) for one in truths]
+    return np.array([[np.interp(at, one[:, 0], one[:, k]) for k in (1, 2, 3)] for one in whole])
 
 
-def _held_mean(odometry: np.ndarray, column: int, begin: float, end: float) -> float:
-    """Mean over a time of what was last read, piece by piece."""
-    total = 0.0
-    for (since, *_), (until, *_), values in zip(odometry, odometry[1:], odometry, strict=False):
-        total += max(0.0, min(until, end) - max(since, begin)) * values[column]
-    return total / (end - begin)
+def _held_means(odometry: list[Array], begin: float, end: float) -> Array:
+    """(2, n) means over a time of what was last read, by the way and the turn until then."""
+    until = []
+    for one in odometry:
+        gone = np.cumsum(np.diff(one[:, 0])[:, None] * one[:-1, 1:], axis=0)
+        gone = np.concatenate([np.zeros((1, 2)), gone])
+        until.append([np.diff(np.interp((begin, end), one[:, 0], each))[0] for each in gone.T])
+    return np.array(until).T / (end - begin)
 
 
 def test_a_gap_of_the_truth_is_told(noisy: Path, tmp_path: Path) -> None:
@@ -594,10 +585,7 @@ def test_at_a_terminal_there_is_a_table(noisy: Path, run: Any) -> None:
     ("options", "told"),
     [
         (["--landmarks", "six"], "--landmarks: no landmark 'six'; there are 8, 6, 7"),
-        (["--landmarks", "6, 99"], "--landmarks: no landmark '99'; there are 8, 6, 7"),
-        (["--gate", "2"], "--gate: 2 given"),
         (["--filter", "ideal"], "'ideal' is not one of 'ekf', 'second-order', 'robust', 'paper'"),
-        (["--sample-time-s", "0"], "--sample-time-s: 0 given"),
     ],
 )
 def test_options_that_can_not_be_are_refused(

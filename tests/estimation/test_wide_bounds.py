@@ -47,24 +47,24 @@ def _assert_close(found: Array, expected: Array) -> None:
 def test_the_posterior_bound_equals_the_recursion_of_the_filters_model(
     grid: Plan, names: tuple[str, ...]
 ) -> None:
-    _assert_bound_of_the_model(grid, names, 400)
+    _assert_bound_of_the_model(_estimating(grid.team, names), grid, 400)
 
 
 @pytest.mark.parametrize("name", ["mixed-radii-camera", "landmark-bridge"])
 def test_it_does_so_where_vehicles_differ_and_where_they_are_not_observable(name: str) -> None:
-    _assert_bound_of_the_model(plan(example(name), bound="never"), (), 300)
+    made = plan(example(name), bound="never")
+    _assert_bound_of_the_model(made.team, made, 300)
 
 
-def _assert_bound_of_the_model(made: Plan, names: tuple[str, ...], steps: int) -> None:
-    team = _estimating(made.team, names)
+def _assert_bound_of_the_model(team: Team, made: Plan, steps: int) -> None:
     found = posterior_bound(team, made.windows, steps * team.sensors.sample_time)
     layout, n = layout_of(team), team.count
     variances = np.array([np.diag(P) for P in dense_covariances(team, layout, steps)])
     poses = variances[:, : 3 * n].reshape(-1, n, 3)
     _assert_close(found.position_variance, poses[..., :2].sum(axis=-1))
     _assert_close(found.heading_variance, poses[..., 2])
-    assert sorted(layout.names) == sorted(names)
-    if names:
+    assert sorted(layout.names) == sorted(team.errors.estimated)
+    if layout.names:
         assert found.errors is not None
         _assert_close(found.errors, variances[:, 3 * n :])
     else:
@@ -164,15 +164,9 @@ def test_bounds_after_losses_are_those_of_the_team_that_is_left(grid: Plan, loss
 def test_vehicles_without_an_error_have_no_state_of_it(grid: Plan, names: tuple[str, ...]) -> None:
     biases = np.array([0.0, 0.02, 0.0, 0.0, 0.05, 0.0])
     sensors = replace(grid.team.sensors, bearing_bias_sigmas=biases)
-    team, steps = replace(_estimating(grid.team, names), sensors=sensors), 200
-    found = posterior_bound(team, grid.windows, steps * 0.1)
-    layout = layout_of(team)
-    assert list(layout.columns["bearing_bias"][:, 0] >= 0) == list(biases > 0.0)
-    variances = np.array([np.diag(P) for P in dense_covariances(team, layout, steps)])
-    assert found.errors is not None
-    _assert_close(found.errors, variances[:, 18:])
-    poses = variances[:, :18].reshape(-1, 6, 3)
-    _assert_close(found.position_variance, poses[..., :2].sum(axis=-1))
+    team = replace(_estimating(grid.team, names), sensors=sensors)
+    assert list(layout_of(team).columns["bearing_bias"][:, 0] >= 0) == list(biases > 0.0)
+    _assert_bound_of_the_model(team, grid, 200)
 
 
 @pytest.mark.parametrize("sigmas", [{}, SCALES_AND_BIASES])
