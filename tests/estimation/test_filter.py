@@ -56,7 +56,7 @@ from tests.tools.filter_scenes import (
 )
 from tests.tools.inner_kernels import called_alone
 
-STEPS = 45
+STEPS = 42
 BOTH = pytest.mark.parametrize("lane_filter", [EXTENDED, IDEAL])
 
 # --- the plain filters --------------------------------------------------------------------------
