@@ -22,8 +22,8 @@ from syncplan.estimation.kernels import lanes_of
 from syncplan.estimation.reference_states import moved_state, sighted
 from syncplan.estimation.start_search import is_credible
 from syncplan.orbits.circles import wrap
-from tests.estimation.test_filter import in_step
 from tests.tools.filter_scenes import ALL, BUT_CLOCKS, Scene, a_team, scene_of
+from tests.tools.plain_filters import in_step
 
 BEGIN, SAMPLES = 5, 6
 LANES = lanes_of(3, 2)

@@ -28,7 +28,8 @@ from syncplan.flight.flying import FlightRun
 from syncplan.flight.reference_tracking import tracking_commands, tracking_gains
 from syncplan.orbits.circles import wrap
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
-from tests.tools.plain_truth import COMPASS, DISTANCE, PlainTruth, Sighting, planned, steps_until
+from tests.tools.plain_filters import beyond_tangent
+from tests.tools.plain_truth import PlainTruth, Sighting, planned, steps_until
 
 __all__ = ["PlainFlight", "fly_plainly"]
 
@@ -192,30 +193,11 @@ class _Filter:
     def correct(self, sightings: list[Sighting]) -> None:
         """Take in sightings."""
         for one in sightings:
-            variance = _variance(one, self.team) + self._curvature(one)
-            setup = _with(self.setup, one, variance)
+            setup = _with(self.setup, one, _variance(one, self.team))
+            setup.variances[0] += beyond_tangent(self.state, self.P, 0, setup)
             self.state, self.P, *_ = update_state(
                 self.state, self.P, 0, one.reading, setup, self.read
             )
-
-    def _curvature(self, one: Sighting) -> float:
-        """Variance of the second-order term of normal errors a along and b across the line."""
-        if one.kind == COMPASS or not self.setup.second_order:
-            return 0.0
-        n, o, t = self.team.count, 3 * one.observer, 3 * one.target
-        relative, place = np.zeros((2, len(self.state))), self.state[t : t + 2]
-        relative[:, o : o + 2] = -np.eye(2)
-        if one.target < n:
-            relative[:, t : t + 2] = np.eye(2)
-        else:
-            place = self.team.landmarks[one.target - n]
-        q = place - self.state[o : o + 2]
-        rho = np.hypot(*q)
-        axes = np.array([[q[0], q[1]], [-q[1], q[0]]]) / rho
-        (aa, ab), (_, bb) = axes @ relative @ self.P @ relative.T @ axes.T
-        if one.kind == DISTANCE:
-            return float(bb**2 / (2.0 * rho**2))
-        return float((aa * bb + ab**2) / rho**4)
 
     def lose(self, step: int, truth: PlainTruth) -> None:
         """Go on without what is lost at a step."""
