@@ -6,7 +6,7 @@ from syncplan.arrays import Array
 from syncplan.flight.flight_limits import FlightLimits
 from syncplan.flight.reference_tracking import tracking_commands, tracking_gains
 from syncplan.orbits.circles import Orbits, heading, position, unit
-from tests.tools.exact_flights import fly, paper_grid, tracking
+from tests.tools.exact_flights import paper_grid
 
 TIME = 12.3
 
@@ -14,13 +14,6 @@ TIME = 12.3
 def _commands(poses: Array, orbits: Orbits, limits: FlightLimits) -> Array:
     gains = tracking_gains(orbits, limits)
     return tracking_commands(orbits, limits, gains, TIME, poses, np.zeros((orbits.count, 2)))
-
-
-def test_a_vehicle_in_place_is_given_what_the_plan_flies() -> None:
-    orbits, limits = paper_grid()
-    poses = np.column_stack([position(orbits, TIME), heading(orbits, TIME)])
-    expected = np.column_stack([orbits.speeds, orbits.turn_rates])
-    np.testing.assert_allclose(_commands(poses, orbits, limits), expected, rtol=1e-12)
 
 
 def test_near_the_plan_it_is_the_law_of_kanayama() -> None:
@@ -59,11 +52,3 @@ def test_commands_stay_within_limits_wherever_a_vehicle_is() -> None:
         speeds, turn_rates = _commands(poses, orbits, limits).T
         assert np.all((limits.least_speeds <= speeds) & (speeds <= limits.most_speeds))
         assert np.all(np.abs(turn_rates) <= limits.most_turn_rates)
-
-
-def test_in_a_wind_that_is_known_the_circle_is_kept() -> None:
-    """Commands held for 0.1 s lag the wanted heading a little, so not to rounding."""
-    orbits, limits = paper_grid()
-    wind = np.array([1.0, 0.5])
-    flight = fly(orbits, limits, tracking(orbits, limits, wind), 1, 0.0, 40.0, wind=wind)
-    assert flight.off().max() < 0.005 * orbits.radii.min()

@@ -11,7 +11,6 @@ from syncplan.orbits.circles import position
 from syncplan.orbits.sight_lines import crosses_interior
 from syncplan.orbits.sightings import sample_sightings
 from syncplan.planning.planner import plan
-from tests.flight.test_true_motion import QUIET
 from tests.tools.flown_trials import FlownTrials, flown
 from tests.tools.inner_kernels import called_alone
 from tests.tools.scenarios import changed
@@ -22,6 +21,11 @@ HORSESHOE = np.array(
 SQUARE = np.array([[8.0, 0.0], [12.0, 0.0], [12.0, 4.0], [8.0, 4.0]])
 
 is_hidden = called_alone(true_sightings._is_hidden)
+
+QUIET = {
+    "motion": {"speed_sigma_mps": 0.0, "turn_rate_sigma_rad_s": 0.0},
+    "initial_sigma": {"position_m": 1e-6, "heading_rad": 1e-6},
+}
 
 ON_PLAN = {
     "paper-grid-same": 70.0,
@@ -110,51 +114,3 @@ def _behind(*obstacles: np.ndarray[Any, np.dtype[np.float64]]) -> Eyes:
         corners=corners,
         first_corner=np.cumsum([0, *(len(one) for one in obstacles)]),
     )
-
-
-def test_what_is_lost_is_seen_by_nobody_from_then_on() -> None:
-    made = plan(changed("boats"), bound="never", pilot=False)
-    lose = ("v2@30", "sensor:v4@30", "lighthouse@30", "compass:v6@30", "distance:v7@30")
-    found = flown(made, range(1), duration=130.0, filter="second-order", lose=lose)
-    before, after = (
-        [one for one in _of(found) if (one[0] < 60) == early] for early in (True, False)
-    )
-
-    def some(among: list[tuple[int, int, int, int]], **wanted: int) -> bool:
-        names = ("step", "observer", "target", "kind")
-        return any(
-            all(one[names.index(name)] == value for name, value in wanted.items()) for one in among
-        )
-
-    lost: list[dict[str, int]] = [
-        {"observer": 1},
-        {"target": 1},
-        {"target": 20},
-        {"observer": 3, "kind": 0},
-        {"observer": 3, "kind": 1},
-        {"observer": 5, "kind": 2},
-        {"observer": 6, "kind": 1},
-    ]
-    assert [some(before, **one) for one in lost] == [True] * len(lost)
-    assert [some(after, **one) for one in lost] == [False] * len(lost)
-    kept: list[dict[str, int]] = [
-        {"observer": 3, "kind": 2},
-        {"target": 3, "kind": 0},
-        {"observer": 5, "kind": 0},
-        {"observer": 6, "kind": 0},
-    ]
-    assert [some(after, **one) for one in kept] == [True] * len(kept)
-
-
-def test_sightings_are_missed_as_often_as_asked_for() -> None:
-    """Those of detection and dropout together; bearing and distance are missed together."""
-    keys: dict[str, Any] = {**QUIET, "sensor": {"detection_probability": 0.9, "range_sigma_m": 1.0}}
-    made = plan(changed("paper-grid-same", **keys), bound="never", pilot=False)
-    found = flown(made, range(16), duration=70.0, filter="ekf", dropout=0.2)
-    planned = sample_sightings(made.windows, made.orbits.period, made.sensors, 1, 700)
-    share = found.figures.sightings.mean() / len(planned.steps)
-    total = 16 * len(planned.steps) / 2.0
-    assert abs(share - 0.72) < 4.0 * np.sqrt(0.72 * 0.28 / total)
-    for step in found.sightings(3):
-        of = [{(s.observer, s.target) for s in step if s.kind == kind} for kind in (0, 1)]
-        assert of[0] == of[1]
