@@ -221,27 +221,22 @@ def test_who_is_in_view_is_decided_by_the_true_heading() -> None:
     assert np.any(missed[seen].any(axis=1) & ~missed[seen].all(axis=1))
 
 
-def run(team: Team, trials: int, **changes: object) -> MonteCarloResult:
+def run(team: Team, trials: int) -> MonteCarloResult:
     seen = possible_sightings(team, find_windows(team), 40)
-    first = int(changes.pop("first_trial", 0))  # type: ignore[call-overload]
-    options = FilterOptions(trials=trials, seed=5, with_series=True)
-    return run_trials(team, seen, 40, options, first_trial=first, **changes)  # type: ignore[arg-type]
+    return run_trials(team, seen, 40, FilterOptions(trials=trials, seed=5, with_series=True))
 
 
-def test_parts_merge_to_the_bytes_of_the_whole_and_survive_the_archive() -> None:
+def test_states_have_a_series_that_sums_up_to_their_errors() -> None:
     team = a_team(ALL)
-    whole, sigmas = run(team, 40, threads=1), layout_of(team).sigmas
-    parts = [run(team, 16, threads=2), run(team, 24, first_trial=16)]
-    again = merge([unpack(pack(part)) for part in parts])
-    assert bytes_of(again) == bytes_of(whole)
+    whole, sigmas = run(team, 40), layout_of(team).sigmas
     assert whole.state_squares.shape == whole.states_covered.shape == (40, len(sigmas))
-    over_time = state_series(again)
+    over_time = state_series(whole)
     assert over_time.rms.shape == (41, len(sigmas))
     np.testing.assert_allclose(
         np.mean(over_time.rms[1:] ** 2, axis=0), whole.state_squares.mean(axis=0)
     )
     np.testing.assert_allclose(over_time.sigma[0], sigmas)
-    assert series(again).position_rms.shape == (41, 3)
+    assert series(whole).position_rms.shape == (41, 3)
 
 
 def test_an_archive_from_before_there_were_further_states_loads() -> None:

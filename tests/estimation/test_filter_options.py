@@ -130,8 +130,8 @@ def test_choices_everywhere_are_the_table_of_filters(run: Any) -> None:
     assert all(name in shown for name in ("auto", *names))
     asked = ValidationRequest.model_json_schema()["properties"]["filter"]
     assert asked["enum"] == ["auto", *names]
-    told = FilterRecord.model_json_schema()["properties"]["kind"]["anyOf"][0]
-    assert told["enum"] == names
+    reported = FilterRecord.model_json_schema()["properties"]["kind"]["anyOf"][0]
+    assert reported["enum"] == names
     assert get_args(FilterKind) == ("auto", *names)
     recorded = ReplayRequest.model_json_schema()["properties"]["filter"]["enum"]
     assert recorded == list(FOR_RECORDINGS) == names[:-1]

@@ -256,7 +256,8 @@ def test_a_fit_that_is_no_better_is_refused_and_said_to_be(
     refused = "the fit is refused, the rest runs with those that were given: with it, sightings of"
     assert any(note.startswith(refused) for note in report["notes"])
     status, out, _ = run("replay", str(folder), *words, "--format", "table")
-    assert "s, and refused" in " ".join(out.split())
+    assert "fitted to the first 39.9 s, and refused" in " ".join(out.split())
+    assert "bearing_sigma_rad" in out
 
 
 def test_lasting_errors_are_named_in_place_of_smaller_sigmas(white: Log, lasting: Log) -> None:

@@ -324,10 +324,13 @@ def test_a_report_without_truth_is_drawn(found: Replay, tmp_path: Path, run: Any
     report.write_text(json.dumps(document.as_json()))
     assert run("plot", str(report), "-o", str(page))[0] == 0
     assert "odd: the filter" in page.read_text()
-    for name, told in (("accuracy", "has no truth, so errors are"), ("errors", "--series keeps")):
+    for name, problem in (
+        ("accuracy", "has no truth, so errors are"),
+        ("errors", "--series keeps"),
+    ):
         status, _, err = run("plot", str(report), "--figure", name, "-o", str(page))
         assert status == 2
-        assert told in err
+        assert problem in err
     with pytest.raises(InputError, match="series: the recording has no truth, so errors are not"):
         figures.error_bands(found)
 

@@ -16,7 +16,7 @@ from tests.tools.scenarios import document, example
 
 @pytest.mark.parametrize("with_series", [False, True])
 def test_a_run_in_parts_gives_the_report_of_the_whole_to_the_byte(with_series: bool) -> None:
-    flown = plan(example("paper-grid-same"))
+    flown = plan(example("biased-grid"))
     whole = validate(flown, trials=70, seed=3, duration=20.0, with_series=with_series)
     run = trial_run(flown, trials=70, seed=3, duration=20.0, with_series=with_series)
     cuts = [(0, 16), (16, 48), (64, 6)]

@@ -191,7 +191,7 @@ def test_circles_stay_where_places_are_known() -> None:
 
 
 def test_a_circle_moves_to_its_anchor_by_what_is_not_sure() -> None:
-    """Four standard deviations, less the slack; back when a sighting has told where it is."""
+    """Four standard deviations, less the slack; back when a sighting has shown where it is."""
     found = Seeking()
     leaf = found.leaf()
     slack = found.contact.slacks[leaf]

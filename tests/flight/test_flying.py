@@ -102,7 +102,7 @@ def test_another_seed_is_another_flight(made: Plan, flight: Flight) -> None:
     assert not np.any(other.result.figures.separations == first)
 
 
-def test_progress_is_told_of_all_trials(made: Plan) -> None:
+def test_progress_counts_all_trials(made: Plan) -> None:
     done: list[int] = []
     fly(made, trials=20, duration=2.0, threads=1, progress=done.append)
     assert done == [16, 20]
