@@ -251,10 +251,7 @@ def sight(
     states, n = setup.states, len(speeds)
     kind, o, t = setup.kinds[s], setup.observers[s], setup.targets[s]
     begin, end = states.first[o] + 1, states.first[o + 1]
-    clock = -1
-    for m in range(begin, end):
-        if states.acts[m] == DELAY:
-            clock = states.columns[m]
+    clock = states.clocks[o]
     if clock >= 0:
         _sight_later(kind, x, o, t, measured, row, clock, setup, speeds, turn_rates, work, lanes)
     else:
@@ -689,7 +686,7 @@ def correct_covariance(P: Array, u: Array, g: Array, pending: int, lanes: Lanes)
                     P[i, j, lane] -= g[done, i, lane] * u[done, j, lane]
 
 
-@inner
+@kernel
 def correct(
     x: Array,
     P: Array,
@@ -708,10 +705,12 @@ def correct(
     `about` (3n + e, lanes) is the state at which they are linearised. It is x itself, or, where
     `is_off`, x is what the state is off it.
     """
-    pending, columns, h = 0, work.columns, work.entries
+    columns, h = work.columns, work.entries
     seen, innovation, halves, gains = work.seen, work.innovation, work.halves, work.gains
     speeds, turn_rates = readings.speeds[step - 1], readings.turn_rates[step - 1]
-    for s in range(setup.first[step], setup.first[step + 1]):
+    first, end = setup.first[step], setup.first[step + 1]
+    for s in range(first, end):
+        pending = (s - first) % AT_ONCE
         if setup.second_order and setup.kinds[s] != COMPASS_KIND:
             _curve(s, x, P, pending, setup, frame, work, lanes)
         else:
@@ -735,11 +734,8 @@ def correct(
             for lane in range(len(lanes)):
                 gains[pending, k, lane] = halves[pending, k, lane] * seen[0, lane]
         correct_state(x, gains, pending, innovation, setup.states, frame, lanes)
-        pending += 1
-        if pending == AT_ONCE:
-            correct_covariance(P, halves, gains, pending, lanes)
-            pending = 0
-    correct_covariance(P, halves, gains, pending, lanes)
+        if pending == AT_ONCE - 1 or s == end - 1:
+            correct_covariance(P, halves, gains, pending + 1, lanes)
 
 
 @inner

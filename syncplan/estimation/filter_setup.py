@@ -67,6 +67,7 @@ class States(NamedTuple):
     first : (n + 1,) rows of vehicle i are first[i] to first[i + 1]
     acts : (m,) HEADING, SPEED, TURN, DRIFT, SHIFT or DELAY
     columns : (m,) place in the state vector
+    clocks : (n,) place of the delay of each vehicle's stamps, -1 for none
     axes : (m, 2) first and end of the axes of the pose that it moves
     kinds : (m,) kind of sighting that it shifts, -1 for none
     common : (m,) whether all vehicles share it
@@ -80,6 +81,7 @@ class States(NamedTuple):
     first: Index
     acts: Index
     columns: Index
+    clocks: Index
     axes: Index
     kinds: Index
     common: Flags
@@ -188,10 +190,15 @@ def states_of(layout: StateLayout, sample_time: float) -> States:
                     rows.append((act, column, *axes, kind, int(state.common)))
         first.append(len(rows))
     table = np.array(rows, dtype=np.int64)
+    clocks = np.full(layout.count, -1)
+    for (act, column, *_), i in zip(rows, np.repeat(np.arange(layout.count), np.diff(first)), strict=True):
+        if act == DELAY:
+            clocks[i] = column
     return States(
         first=np.array(first, dtype=np.int64),
         acts=table[:, 0].copy(),
         columns=table[:, 1].copy(),
+        clocks=clocks,
         axes=table[:, 2:4].copy(),
         kinds=table[:, 4].copy(),
         common=table[:, 5] > 0,

@@ -75,7 +75,7 @@ from syncplan.estimation.statistics_kernels import (
 )
 
 
-@inner
+@kernel
 def step_filter(
     x: Array,
     P: Array,
@@ -357,6 +357,7 @@ def specimen(n: int) -> tuple[Any, ...]:
             first=np.arange(n + 1),
             acts=np.zeros(n, dtype=np.int64),
             columns=3 * rows + 2,
+            clocks=np.full(n, -1),
             axes=np.tile([0, 2], (n, 1)),
             kinds=np.full(n, -1),
             common=np.zeros(n, dtype=bool),

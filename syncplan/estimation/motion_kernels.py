@@ -262,7 +262,7 @@ def add_reading_noise(
         P[r + 2, r + 2, lane] += turn_variance * time * time
 
 
-@inner
+@kernel
 def predict(
     x: Array,
     P: Array,

@@ -93,7 +93,7 @@ def takes_covariance(setup: FilterSetup, sample: int, statistics: FilterStatisti
     return is_sampled(setup, sample) or len(statistics.series) > 0
 
 
-@inner
+@kernel
 def record(
     P: Array,
     setup: FilterSetup,
@@ -119,7 +119,7 @@ def record(
         _record_spread(P, setup, sample, work, statistics, lanes)
 
 
-@kernel
+@inner
 def _record_spread(
     P: Array,
     setup: FilterSetup,
