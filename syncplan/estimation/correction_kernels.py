@@ -58,7 +58,7 @@ from syncplan.estimation.filter_setup import (
     States,
 )
 from syncplan.estimation.filter_statistics import FilterStatistics
-from syncplan.estimation.kernels import Lanes, inner, kernel
+from syncplan.estimation.kernels import Lanes, inner, kernel, part
 from syncplan.estimation.motion_kernels import Frame
 
 SMALLEST_SQUARE = 1e-300
@@ -67,7 +67,10 @@ SMALLEST_SQUARE = 1e-300
 NEAREST_SQUARE = 1e-12
 """m^2: nearer bodies count as this far apart, which leaves finite second-order variances."""
 
-AT_ONCE = 8
+NONE = np.int64(0)
+"""A count of 0 that is no literal: numba compiles a kernel again for each literal integer."""
+
+AT_ONCE = 2
 """Sightings that P is corrected by in one sweep."""
 
 
@@ -82,6 +85,7 @@ class Correction(NamedTuple):
     innovation, curvature : (lanes,)
     halves, gains : (AT_ONCE, 3n + e, lanes) u and u / S of a step's corrections
     axis_columns, axis_entries : (2, most), (2, most, lanes) of rows of an axis each
+    counts : (2,) of their entries
     sums : (7, lanes)
     places : (2, 3, lanes), rates : (2, 3, lanes) of observer and target when a late stamp was made
     """
@@ -96,12 +100,13 @@ class Correction(NamedTuple):
     gains: Array
     axis_columns: Index
     axis_entries: Array
+    counts: Index
     sums: Array
     places: Array
     rates: Array
 
 
-@kernel
+@part
 def correction_of(states: States, size: int, width: int) -> Correction:
     """Return scratch for corrections of a state of so many entries and lanes."""
     most = most_entries(states)
@@ -116,13 +121,14 @@ def correction_of(states: States, size: int, width: int) -> Correction:
         np.empty((AT_ONCE, size, width)),
         np.zeros((2, most), dtype=np.int64),
         np.zeros((2, most, width)),
+        np.zeros(2, dtype=np.int64),
         np.empty((7, width)),
         np.zeros((2, 3, width)),
         np.zeros((2, 3, width)),
     )
 
 
-@kernel
+@part
 def most_entries(states: States) -> int:
     """Return how many entries a row may have: three of each pose, and a row of States each."""
     most = 0
@@ -205,7 +211,7 @@ def _headings(
         innovation[lane] = turn - 2.0 * math.pi * math.floor((turn + math.pi) / (2.0 * math.pi))
 
 
-@inner
+@part
 def sight_poses(
     kind: int,
     x: Array,
@@ -232,7 +238,7 @@ def sight_poses(
         _headings(x, observer, measured, s, row, innovation, lanes)
 
 
-@inner
+@part
 def sight(
     s: int,
     row: int,
@@ -295,9 +301,10 @@ def _sight_later(
             _go_on(x, i, x[clock], setup.states, speeds, turn_rates, work, place, lanes)
     # there are but these two; landmarks follow
     target = 1 if t < n else 2 + t - n
+    own, bodies = NONE, NONE + 2
     poses = work.places.reshape(6, len(lanes))
     landmarks, innovation = setup.landmarks, work.innovation
-    sight_poses(kind, poses, 0, target, 2, landmarks, measured, row, seen, innovation, lanes)
+    sight_poses(kind, poses, own, target, bodies, landmarks, measured, row, seen, innovation, lanes)
     for lane in range(len(lanes)):
         along = seen[0, lane] * (rates[0, 0, lane] - rates[1, 0, lane])
         across = seen[1, lane] * (rates[0, 1, lane] - rates[1, 1, lane])
@@ -347,7 +354,7 @@ def _go_on(
 # --- rows in the frame of the covariance --------------------------------------------------------
 
 
-@inner
+@part
 def refer(s: int, setup: FilterSetup, frame: Frame, work: Correction, lanes: Lanes) -> int:
     """Fill in the row of sighting s in P's frame; return how many entries it has, in threes.
 
@@ -357,7 +364,7 @@ def refer(s: int, setup: FilterSetup, frame: Frame, work: Correction, lanes: Lan
     kind, o, t = setup.kinds[s], setup.observers[s], setup.targets[s]
     n = len(states.first) - 1
     apart = t >= n or t == o
-    count = _refer_vehicle(o, 1.0, apart, states, frame, work, 0, lanes)
+    count = _refer_vehicle(o, 1.0, apart, states, frame, work, NONE, lanes)
     for m in range(states.first[o] + 1, states.first[o + 1]):
         act, column = states.acts[m], states.columns[m]
         if act == SHIFT and states.kinds[m] == kind:
@@ -426,50 +433,44 @@ def refer_place(
     apart: bool,
     states: States,
     frame: Frame,
-    columns: Index,
-    entries: Array,
+    work: Correction,
     count: int,
     lanes: Lanes,
-) -> int:
-    """Add the entries, in P's frame, of an axis of a vehicle's place; return how many there are.
-
-    `columns` (2, most) and `entries` (2, most, lanes) are rows of both axes.
-    """
+) -> None:
+    """Add the entries, in P's frame, of an axis of a vehicle's place to `count` of them."""
+    columns, entries, counts = work.axis_columns, work.axis_entries, work.counts
     columns[axis, count] = 3 * i + axis
     for lane in range(len(lanes)):
         entries[axis, count, lane] = sign
-    count += 1
+    counts[axis] = count + 1
     if frame.fresh[0]:
-        return count
+        return
     for m in range(states.first[i], states.first[i + 1]):
         if not states.axes[m, 0] <= axis < states.axes[m, 1]:
             continue
         if states.acts[m] == DRIFT and states.common[m] and not apart:
             continue
-        columns[axis, count] = states.columns[m]
+        columns[axis, counts[axis]] = states.columns[m]
         for lane in range(len(lanes)):
-            entries[axis, count, lane] = sign * frame.ways[m, axis, lane]
-        count += 1
-    return count
+            entries[axis, counts[axis], lane] = sign * frame.ways[m, axis, lane]
+        counts[axis] += 1
 
 
 @inner
 def spread(
     P: Array,
-    columns: Index,
-    h: Array,
-    axes: tuple[int, int],
-    counts: tuple[int, int],
-    sums: Array,
+    a: int,
+    b: int,
+    work: Correction,
     row: int,
     lanes: Lanes,
 ) -> None:
-    """Fill in h_a' P h_b, sums[row] (lanes,), of the rows of two axes with so many entries."""
-    (a, b), (count, other_count) = axes, counts
+    """Fill in h_a' P h_b, sums[row] (lanes,), of the rows of two axes."""
+    columns, h, sums = work.axis_columns, work.axis_entries, work.sums
     for lane in range(len(lanes)):
         sums[row, lane] = 0.0
-    for p in range(count):
-        for q in range(p + 1 if a == b else other_count):
+    for p in range(work.counts[a]):
+        for q in range(p + 1 if a == b else work.counts[b]):
             i, j = columns[a, p], columns[b, q]
             i, j = max(i, j), min(i, j)
             share = 2.0 if a == b and q < p else 1.0
@@ -499,7 +500,7 @@ def _share(
             sums[row, lane] += h[axis, c, lane] * halves[place, k, lane]
 
 
-@inner
+@part
 def _curve(
     s: int,
     x: Array,
@@ -517,19 +518,16 @@ def _curve(
     kind, o, t = setup.kinds[s], setup.observers[s], setup.targets[s]
     n, states = len(setup.states.first) - 1, setup.states
     columns, h, sums, apart = work.axis_columns, work.axis_entries, work.sums, t >= n
-    e = refer_place(o, 0, -1.0, apart, states, frame, columns, h, 0, lanes)
-    w = refer_place(o, 1, -1.0, apart, states, frame, columns, h, 0, lanes)
-    if not apart:
-        e = refer_place(t, 0, 1.0, apart, states, frame, columns, h, e, lanes)
-        w = refer_place(t, 1, 1.0, apart, states, frame, columns, h, w, lanes)
-    spread(P, columns, h, (0, 0), (e, e), sums, 0, lanes)
-    spread(P, columns, h, (0, 1), (e, w), sums, 1, lanes)
-    spread(P, columns, h, (1, 1), (w, w), sums, 2, lanes)
+    for axis in range(2):
+        refer_place(o, axis, -1.0, apart, states, frame, work, NONE, lanes)
+        if not apart:
+            refer_place(t, axis, 1.0, apart, states, frame, work, work.counts[axis], lanes)
+    for row in range(3):
+        spread(P, row // 2, (row + 1) // 2, work, row, lanes)
     for j in range(pending):
-        _share(columns, h, 0, e, work.halves, j, sums, 3, lanes)
-        _share(columns, h, 1, w, work.halves, j, sums, 4, lanes)
-        _share(columns, h, 0, e, work.gains, j, sums, 5, lanes)
-        _share(columns, h, 1, w, work.gains, j, sums, 6, lanes)
+        for axis in range(2):
+            _share(columns, h, axis, work.counts[axis], work.halves, j, sums, 3 + axis, lanes)
+            _share(columns, h, axis, work.counts[axis], work.gains, j, sums, 5 + axis, lanes)
         for lane in range(len(lanes)):
             sums[0, lane] -= sums[5, lane] * sums[3, lane]
             mixed = sums[5, lane] * sums[4, lane] + sums[6, lane] * sums[3, lane]

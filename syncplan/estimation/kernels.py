@@ -64,6 +64,12 @@ def inner(function: Function) -> Function:
     return compiled(function)
 
 
+def part(function: Function) -> Function:
+    """Return a kernel that is inlined before types are inferred."""
+    compiled: Any = numba.njit(nogil=True, error_model="numpy", inline="always")
+    return compiled(function)
+
+
 def lanes_for(n: int) -> int:
     """Return how many trials of n vehicles it is best to filter side by side."""
     return WIDE_LANES if n <= WIDE_UP_TO else 1

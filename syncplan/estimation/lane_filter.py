@@ -53,7 +53,7 @@ from syncplan.estimation.filter_setup import (
     start_of,
 )
 from syncplan.estimation.filter_statistics import FilterStatistics, empty_series, empty_statistics
-from syncplan.estimation.kernels import Lanes, has_compiled, inner, kernel, lanes_for, lanes_of
+from syncplan.estimation.kernels import Lanes, has_compiled, inner, kernel, part, lanes_for, lanes_of
 from syncplan.estimation.motion_kernels import (
     Frame,
     add_reading_noise,
@@ -75,7 +75,7 @@ from syncplan.estimation.statistics_kernels import (
 )
 
 
-@kernel
+@part
 def step_filter(
     x: Array,
     P: Array,

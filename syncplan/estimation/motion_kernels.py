@@ -35,7 +35,7 @@ from syncplan.estimation.filter_setup import (
     MotionModel,
     States,
 )
-from syncplan.estimation.kernels import Lanes, inner, kernel
+from syncplan.estimation.kernels import Lanes, inner, kernel, part
 
 LEAST_LEFT = 0.1
 """Share left of a state below which P is brought to the present.
@@ -66,7 +66,7 @@ class Frame(NamedTuple):
     turned: Array
 
 
-@kernel
+@part
 def frame_of(states: States, width: int) -> Frame:
     """Return the frame of the present step."""
     m = len(states.acts)
@@ -282,16 +282,14 @@ def predict(
     pass_step(x, P, setup, motion.time, frame, lanes)
 
 
-@inner
+@part
 def pass_step(
     x: Array, P: Array, setup: FilterSetup, time: float, frame: Frame, lanes: Lanes
 ) -> None:
     """Let bias states that change decay for `time` s and gain noise."""
-    if not len(frame.left):
+    if grow_older(setup, time, frame) < LEAST_LEFT or not len(frame.left):
         bring_to_now(P, setup.states, frame, lanes)
     if setup.states.first_changing < len(P):
-        if grow_older(setup, time, frame) < LEAST_LEFT:
-            bring_to_now(P, setup.states, frame, lanes)
         first = len(P) - len(frame.left)
         for c in range(setup.states.first_changing, len(P)):
             decay = kept(setup, c - first, time)
@@ -335,7 +333,7 @@ def add_changes(P: Array, setup: FilterSetup, time: float, frame: Frame, lanes: 
                     P[r, r, lane] += noise * ways[m, axis, lane] * ways[m, axis, lane]
 
 
-@kernel
+@part
 def bring_to_now(P: Array, states: States, frame: Frame, lanes: Lanes) -> None:
     """Bring P into the frame of the present step: P = F P F' for the product F since."""
     for i in range(len(states.first) - 1):

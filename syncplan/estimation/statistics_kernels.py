@@ -11,7 +11,7 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.estimation.filter_setup import FilterSetup, Truth
 from syncplan.estimation.filter_statistics import ERROR, SQUARE, VARIANCE, FilterStatistics
-from syncplan.estimation.kernels import Lanes, inner, kernel
+from syncplan.estimation.kernels import Lanes, inner, kernel, part
 
 SMALLEST_PIVOT = 1e-13
 """Share of a variance below which its remainder, given the other states, is rounding."""
@@ -34,7 +34,7 @@ class Comparison(NamedTuple):
     factor: Array
 
 
-@kernel
+@part
 def comparison_of(n: int, size: int, width: int) -> Comparison:
     """Return scratch for n vehicles and a state of so many entries."""
     return Comparison(
@@ -80,14 +80,14 @@ def fill_errors(x: Array, true: Array, n: int, errors: Array, lanes: Lanes) -> N
             errors[3 * i + 2, lane] = off - 2.0 * math.pi * turns
 
 
-@inner
+@part
 def is_sampled(setup: FilterSetup, sample: int) -> bool:
     """Return whether NEES and coverage are taken at a sample."""
     taken = sample % setup.sample_every == 0 or sample == setup.samples
     return bool(taken and sample > setup.judged_from)
 
 
-@inner
+@part
 def takes_covariance(setup: FilterSetup, sample: int, statistics: FilterStatistics) -> bool:
     """Return whether the statistics of a sample take the covariance, as it is then."""
     return is_sampled(setup, sample) or len(statistics.series) > 0
@@ -119,7 +119,7 @@ def record(
         _record_spread(P, setup, sample, work, statistics, lanes)
 
 
-@inner
+@part
 def _record_spread(
     P: Array,
     setup: FilterSetup,
