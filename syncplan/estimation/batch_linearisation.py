@@ -74,6 +74,7 @@ def linear_pass(
     x, P, mean = path.start.copy(), np.zeros((size, size, width)), np.empty((1, size, width))
     frame, work = frame_of(setup.states, width), correction_of(setup.states, size, width)
     speeds, turn_rates, ones = np.empty((n, width)), np.empty((n, width)), np.ones(width)
+    now = np.empty((size, width))
     found.cost[:], found.linear_cost[:] = 0.0, 0.0
     add_prior_cost(prior, path, found.cost, lanes)
     for k in range(size):
@@ -90,7 +91,7 @@ def linear_pass(
             _expect_noise(mean, i, k, motion, path, work.slopes, found.ways, lanes)
         if grow_older(setup, motion.time, frame) < LEAST_LEFT:
             found.frames[left], found.frame_lefts[left] = frame.ways, frame.left
-            _carry_mean(mean, setup, frame, lanes)
+            _carry_mean(mean, now, ones, setup, frame, lanes)
             bring_to_now(P, setup.states, frame, lanes)
             left += 1
             found.ended[k] = 1.0
@@ -157,9 +158,13 @@ def _expect_changes(
 
 
 @inner
-def _carry_mean(mean: Array, setup: FilterSetup, frame: Frame, lanes: Lanes) -> None:
-    """Bring the mean (1, 3n + e, lanes) from P's frame to the present."""
-    now, ones = np.zeros(mean.shape[1:]), np.ones(len(lanes))
+def _carry_mean(
+    mean: Array, now: Array, ones: Array, setup: FilterSetup, frame: Frame, lanes: Lanes
+) -> None:
+    """Bring the mean (1, 3n + e, lanes) from P's frame to the present; `now` is scratch."""
+    for k in range(len(now)):
+        for lane in range(len(lanes)):
+            now[k, lane] = 0.0
     correct_state(now, mean, 0, ones, setup.states, frame, lanes)
     for k in range(len(now)):
         for lane in range(len(lanes)):

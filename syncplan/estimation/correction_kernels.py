@@ -58,7 +58,7 @@ from syncplan.estimation.filter_setup import (
     States,
 )
 from syncplan.estimation.filter_statistics import FilterStatistics
-from syncplan.estimation.kernels import Lanes, inner, kernel, part
+from syncplan.estimation.kernels import Lanes, inner, lean, part
 from syncplan.estimation.motion_kernels import Frame
 
 SMALLEST_SQUARE = 1e-300
@@ -68,10 +68,13 @@ NEAREST_SQUARE = 1e-12
 """m^2: nearer bodies count as this far apart, which leaves finite second-order variances."""
 
 NONE = np.int64(0)
-"""A count of 0 that is no literal: numba compiles a kernel again for each literal integer."""
+"""A count of 0 that is no literal: numba compiles a kernel again for each literal."""
+
+WHOLE, OFF = np.bool_(False), np.bool_(True)
+"""Whether `correct` is given a state, or what it is off the one at which it is linearised."""
 
 AT_ONCE = 2
-"""Sightings that P is corrected by in one sweep."""
+"""Sightings that P is corrected by in one sweep; more cost more than they save."""
 
 
 class Correction(NamedTuple):
@@ -278,7 +281,7 @@ def _expect_shift(x: Array, column: int, kind: int, innovation: Array, lanes: La
         innovation[lane] = off
 
 
-@kernel
+@lean
 def _sight_later(
     kind: int,
     x: Array,
@@ -658,33 +661,19 @@ def correct_state(
 
 @inner
 def correct_covariance(P: Array, u: Array, g: Array, pending: int, lanes: Lanes) -> None:
-    """P -= sum of g u' over the pending sightings, on the lower triangle."""
-    done = 0
-    while pending - done >= 4:
-        a, b, c, d = done, done + 1, done + 2, done + 3
-        for i in range(len(P)):
-            for j in range(i + 1):
+    """P -= sum of g u' over the pending sightings, one or two, on the lower triangle."""
+    for i in range(len(P)):
+        for j in range(i + 1):
+            if pending == AT_ONCE:
                 for lane in range(len(lanes)):
-                    first = g[a, i, lane] * u[a, j, lane] + g[b, i, lane] * u[b, j, lane]
-                    last = g[c, i, lane] * u[c, j, lane] + g[d, i, lane] * u[d, j, lane]
-                    P[i, j, lane] -= first + last
-        done += 4
-    while pending - done >= 2:
-        a, b = done, done + 1
-        for i in range(len(P)):
-            for j in range(i + 1):
-                for lane in range(len(lanes)):
-                    both = g[a, i, lane] * u[a, j, lane] + g[b, i, lane] * u[b, j, lane]
+                    both = g[0, i, lane] * u[0, j, lane] + g[1, i, lane] * u[1, j, lane]
                     P[i, j, lane] -= both
-        done += 2
-    if done < pending:
-        for i in range(len(P)):
-            for j in range(i + 1):
+            else:
                 for lane in range(len(lanes)):
-                    P[i, j, lane] -= g[done, i, lane] * u[done, j, lane]
+                    P[i, j, lane] -= g[0, i, lane] * u[0, j, lane]
 
 
-@kernel
+@lean
 def correct(
     x: Array,
     P: Array,

@@ -191,7 +191,9 @@ def states_of(layout: StateLayout, sample_time: float) -> States:
         first.append(len(rows))
     table = np.array(rows, dtype=np.int64)
     clocks = np.full(layout.count, -1)
-    for (act, column, *_), i in zip(rows, np.repeat(np.arange(layout.count), np.diff(first)), strict=True):
+    for (act, column, *_), i in zip(
+        rows, np.repeat(np.arange(layout.count), np.diff(first)), strict=True
+    ):
         if act == DELAY:
             clocks[i] = column
     return States(

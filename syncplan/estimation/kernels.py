@@ -47,11 +47,21 @@ def kernel(function: Function) -> Function:
     return compiled(function)
 
 
-def inner(function: Function) -> Function:
-    """Return a kernel that is built into the kernels that call it.
+def lean(function: Function) -> Function:
+    """Return a kernel that creates no arrays, so that references to arrays are not counted.
 
-    No array that it writes to may overlap another of its arrays. So the compiler need not find that
-    out before each loop over lanes, which are short, nor count references at each call.
+    Counting takes about as long as the arithmetic of a sighting: a record that is passed on has
+    dozens of arrays.
+    """
+    compiled: Any = numba.njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
+    return compiled(function)
+
+
+def inner(function: Function) -> Function:
+    """Return a kernel with loops over lanes that is built into the kernels that call it.
+
+    It creates no arrays, and no array that it writes to may overlap another of its arrays: so the
+    compiler need not find that out before each loop, which is short.
     """
     compiled: Any = numba.njit(
         nogil=True,
@@ -60,12 +70,16 @@ def inner(function: Function) -> Function:
         pipeline_class=_Apart,
         no_cpython_wrapper=True,
         no_cfunc_wrapper=True,
+        _nrt=False,
     )
     return compiled(function)
 
 
 def part(function: Function) -> Function:
-    """Return a kernel that is inlined before types are inferred."""
+    """Return a kernel whose statements become those of the kernels that call it.
+
+    For what calls others: each level of calls that is compiled for itself is optimised once more.
+    """
     compiled: Any = numba.njit(nogil=True, error_model="numpy", inline="always")
     return compiled(function)
 

@@ -39,7 +39,7 @@ from typing import Any
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.estimation.correction_kernels import Correction, correct, correction_of
+from syncplan.estimation.correction_kernels import OFF, WHOLE, Correction, correct, correction_of
 from syncplan.estimation.filter_setup import (
     DRIFT,
     SAMPLE_EVERY,
@@ -53,11 +53,20 @@ from syncplan.estimation.filter_setup import (
     start_of,
 )
 from syncplan.estimation.filter_statistics import FilterStatistics, empty_series, empty_statistics
-from syncplan.estimation.kernels import Lanes, has_compiled, inner, kernel, part, lanes_for, lanes_of
+from syncplan.estimation.kernels import (
+    Lanes,
+    has_compiled,
+    inner,
+    kernel,
+    lanes_for,
+    lanes_of,
+    part,
+)
 from syncplan.estimation.motion_kernels import (
     Frame,
     add_reading_noise,
     bring_to_now,
+    copy,
     frame_of,
     kept,
     motion_in,
@@ -90,7 +99,7 @@ def step_filter(
     """Take x (3n + e, lanes) and P, which stays in its frame, through a step."""
     speeds, turn_rates = readings.speeds[step - 1], readings.turn_rates[step - 1]
     predict(x, P, speeds, turn_rates, setup, step, frame, work.slopes, lanes)
-    correct(x, P, step, setup, readings, x, False, frame, work, statistics, lanes)
+    correct(x, P, step, setup, readings, x, WHOLE, frame, work, statistics, lanes)
 
 
 @kernel
@@ -194,13 +203,6 @@ def _carry_off(
 
 
 @inner
-def _copy(x: Array, into: Array, lanes: Lanes) -> None:
-    for k in range(len(x)):
-        for lane in range(len(lanes)):
-            into[k, lane] = x[k, lane]
-
-
-@inner
 def _add(x: Array, other: Array, share: float, lanes: Lanes) -> None:
     for k in range(len(x)):
         for lane in range(len(lanes)):
@@ -244,7 +246,7 @@ def _predict_ideal(
         decay = kept(setup, c - first, motion.time)
         for lane in range(len(lanes)):
             off[c, lane] -= after[c, lane] - decay * true[c, lane]
-    _copy(after, true, lanes)
+    copy(after, true, lanes)
 
 
 @kernel
@@ -274,12 +276,12 @@ def _filter_ideally(
             _predict_ideal(
                 true, after, x, P, setup, readings, step, frame, work, speeds, turn_rates, lanes
             )
-            correct(x, P, step, setup, readings, true, True, frame, work, statistics, lanes)
+            correct(x, P, step, setup, readings, true, OFF, frame, work, statistics, lanes)
         elif begin > 0:
             continue
         if step == end or takes_covariance(setup, step, statistics):
             bring_to_now(P, setup.states, frame, lanes)
-        _copy(x, compared.errors, lanes)
+        copy(x, compared.errors, lanes)
         record(P, setup, step, compared, statistics, lanes)
     _add(x, true, 1.0, lanes)
 

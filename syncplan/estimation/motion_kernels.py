@@ -35,7 +35,7 @@ from syncplan.estimation.filter_setup import (
     MotionModel,
     States,
 )
-from syncplan.estimation.kernels import Lanes, inner, kernel, part
+from syncplan.estimation.kernels import Lanes, inner, lean, part
 
 LEAST_LEFT = 0.1
 """Share left of a state below which P is brought to the present.
@@ -80,6 +80,14 @@ def frame_of(states: States, width: int) -> Frame:
 
 
 # --- the motion of poses ------------------------------------------------------------------------
+
+
+@inner
+def copy(x: Array, into: Array, lanes: Lanes) -> None:
+    """Copy a state (3n + e, lanes)."""
+    for k in range(len(x)):
+        for lane in range(len(lanes)):
+            into[k, lane] = x[k, lane]
 
 
 @inner
@@ -262,7 +270,7 @@ def add_reading_noise(
         P[r + 2, r + 2, lane] += turn_variance * time * time
 
 
-@kernel
+@lean
 def predict(
     x: Array,
     P: Array,

@@ -11,7 +11,7 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.estimation.filter_setup import FilterSetup, Truth
 from syncplan.estimation.filter_statistics import ERROR, SQUARE, VARIANCE, FilterStatistics
-from syncplan.estimation.kernels import Lanes, inner, kernel, part
+from syncplan.estimation.kernels import Lanes, inner, lean, part
 
 SMALLEST_PIVOT = 1e-13
 """Share of a variance below which its remainder, given the other states, is rounding."""
@@ -25,6 +25,7 @@ class Comparison(NamedTuple):
     true, errors : (3n + e, lanes) states, and what the estimate is off them
     block : (3n, 3n, lanes) covariance of poses, to be factorised
     column, factor : (3n, lanes) of the factorisation
+    total, valid : (lanes,) NEES, and whether it counts
     """
 
     true: Array
@@ -32,6 +33,8 @@ class Comparison(NamedTuple):
     block: Array
     column: Array
     factor: Array
+    total: Array
+    valid: Array
 
 
 @part
@@ -43,6 +46,8 @@ def comparison_of(n: int, size: int, width: int) -> Comparison:
         np.empty((3 * n, 3 * n, width)),
         np.empty((3 * n, width)),
         np.empty((3 * n, width)),
+        np.empty(width),
+        np.empty(width),
     )
 
 
@@ -93,7 +98,7 @@ def takes_covariance(setup: FilterSetup, sample: int, statistics: FilterStatisti
     return is_sampled(setup, sample) or len(statistics.series) > 0
 
 
-@kernel
+@lean
 def record(
     P: Array,
     setup: FilterSetup,
@@ -143,7 +148,17 @@ def _record_spread(
             for lane in range(len(lanes)):
                 e = errors[k, lane]
                 statistics.covered[k, lane] += 1.0 if e * e <= 9.0 * P[k, k, lane] else 0.0
-        _add_nees(P, errors, work.block, work.column, work.factor, statistics, lanes)
+        _add_nees(
+            P,
+            errors,
+            work.block,
+            work.column,
+            work.factor,
+            work.total,
+            work.valid,
+            statistics,
+            lanes,
+        )
 
 
 @inner
@@ -153,6 +168,8 @@ def _add_nees(
     A: Array,
     u: Array,
     factor: Array,
+    total: Array,
+    valid: Array,
     sums: FilterStatistics,
     lanes: Lanes,
 ) -> None:
@@ -162,7 +179,8 @@ def _add_nees(
     errors of the poses are overwritten.
     """
     size = len(A)
-    total, valid = np.zeros(len(lanes)), np.ones(len(lanes))
+    for lane in range(len(lanes)):
+        total[lane], valid[lane] = 0.0, 1.0
     for i in range(size):
         for j in range(i + 1):
             for lane in range(len(lanes)):

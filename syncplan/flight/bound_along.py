@@ -14,7 +14,14 @@ nonlinear filtering; Taylor (1979).
 import numpy as np
 
 from syncplan.arrays import Array, Flags
-from syncplan.estimation.correction_kernels import correct, correction_of, refer_place, spread
+from syncplan.estimation.correction_kernels import (
+    NONE,
+    OFF,
+    correct,
+    correction_of,
+    refer_place,
+    spread,
+)
 from syncplan.estimation.filter_setup import FilterSetup, Readings, Truth
 from syncplan.estimation.filter_statistics import FilterStatistics
 from syncplan.estimation.kernels import Lanes, kernel
@@ -46,8 +53,7 @@ def bound_lanes(
     """
     n, size, width, steps = len(squares), len(P), len(lanes), len(readings.speeds)
     frame, work = frame_of(setup.states, width), correction_of(setup.states, size, width)
-    states, columns, entries = setup.states, work.axis_columns, work.axis_entries
-    true, sums = np.empty_like(x), work.sums
+    states, true, sums = setup.states, np.empty_like(x), work.sums
     for i in range(n if len(along) else 0):
         for lane in range(width):
             along[0, i, lane] = P[3 * i, 3 * i, lane] + P[3 * i + 1, 3 * i + 1, lane]
@@ -57,15 +63,13 @@ def bound_lanes(
         predict(true, P, speeds, turn_rates, setup, step, frame, work.slopes, lanes)
         fill_truth(true, truth, step, lanes)
         x[:] = 0.0
-        correct(x, P, step, setup, readings, true, True, frame, work, statistics, lanes)
+        correct(x, P, step, setup, readings, true, OFF, frame, work, statistics, lanes)
         kept = len(along) > 0 and step % every == 0
         for i in range(n):
             if counted[step, i] or kept:
                 for axis in range(2):
-                    count = refer_place(
-                        i, axis, 1.0, True, states, frame, columns, entries, 0, lanes
-                    )
-                    spread(P, columns, entries, (axis, axis), (count, count), sums, axis, lanes)
+                    refer_place(i, axis, 1.0, True, states, frame, work, NONE, lanes)
+                    spread(P, axis, axis, work, axis, lanes)
                 for lane in range(width):
                     here = sums[0, lane] + sums[1, lane]
                     if counted[step, i]:

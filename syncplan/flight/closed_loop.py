@@ -19,9 +19,9 @@ from syncplan.arrays import Array, Index
 from syncplan.estimation.correction_kernels import correction_of
 from syncplan.estimation.filter_setup import COMPASS_KIND, FilterSetup, Readings, Truth
 from syncplan.estimation.filter_statistics import FilterStatistics
-from syncplan.estimation.kernels import Lanes, inner, kernel
+from syncplan.estimation.kernels import Lanes, inner, kernel, lean
 from syncplan.estimation.lane_filter import step_filter
-from syncplan.estimation.motion_kernels import bring_to_now, frame_of, move
+from syncplan.estimation.motion_kernels import bring_to_now, copy, frame_of, move
 from syncplan.estimation.statistics_kernels import (
     Comparison,
     comparison_of,
@@ -38,22 +38,25 @@ from syncplan.flight.true_motion import move_truly
 from syncplan.flight.true_sightings import sight_truly
 
 
-@kernel
+@lean
 def carry_on(
-    x: Array, speeds: Array, turn_rates: Array, setup: FilterSetup, slopes: Array, lanes: Lanes
-) -> Array:
-    """Return the estimate (3n + e, lanes) after further samples' readings (k, n, lanes)."""
-    if len(speeds) == 0:
-        return x
-    x = x.copy()
+    x: Array,
+    ahead: Array,
+    speeds: Array,
+    turn_rates: Array,
+    setup: FilterSetup,
+    slopes: Array,
+    lanes: Lanes,
+) -> None:
+    """Fill in the estimate `ahead` (3n + e, lanes), after further readings (k, n, lanes)."""
+    copy(x, ahead, lanes)
     for k in range(len(speeds)):
         read, turned = speeds[k], turn_rates[k]
         for i in range(len(read)):
-            move(x, i, read, turned, setup.motion, setup.states, slopes, lanes)
-    return x
+            move(ahead, i, read, turned, setup.motion, setup.states, slopes, lanes)
 
 
-@kernel
+@lean
 def fly_to(
     target: int,
     at: int,
@@ -68,15 +71,14 @@ def fly_to(
     """Fly until step `target` by the filter's estimate, which is that of step `at`."""
     while flown.places[0] < target:
         step = flown.places[0]
-        read = readings.speeds[at:step], readings.turn_rates[at:step]
-        now = carry_on(x, read[0], read[1], setup, slopes, lanes)
+        speeds, turn_rates = readings.speeds[at:step], readings.turn_rates[at:step]
+        carry_on(x, flown.ahead, speeds, turn_rates, setup, slopes, lanes)
         if flight.law.mode == TRACKING:
-            moved, commands, time = flown.moved, flown.commands, step * flight.time
-            track(flight.circles, flight.law, time, now, setup.states, moved, commands, lanes)
+            time, now, moved = step * flight.time, flown.ahead, flown.moved
+            track(flight.circles, flight.law, time, now, setup.states, moved, flown.commands, lanes)
         elif flight.law.mode == OPEN_LOOP:
             command_plan(flight.circles, flown.commands, lanes)
-        speeds, turn_rates = readings.speeds[step], readings.turn_rates[step]
-        move_truly(flight, flown, step, speeds, turn_rates, lanes)
+        move_truly(flight, flown, step, readings.speeds[step], readings.turn_rates[step], lanes)
         sight_truly(flight, flown, step + 1, setup, readings.sightings, lanes)
         flown.places[0] += 1
 
@@ -145,8 +147,8 @@ def fly_lanes(
     frame, work = frame_of(setup.states, width), correction_of(setup.states, size, width)
     compared = comparison_of(n, size, width)
     if begin == 0:
-        _compare(x, flight, truth, 0, compared, lanes)
-        record(P, setup, 0, compared, statistics, lanes)
+        _compare(x, flight, truth, begin, compared, lanes)
+        record(P, setup, begin, compared, statistics, lanes)
     for step in range(begin + 1, end + 1):
         ahead = min(step + flight.mishaps.late, flight.steps)
         fly_to(ahead, step - 1, x, flight, flown, setup, readings, work.slopes, lanes)

@@ -186,6 +186,7 @@ class Flown(NamedTuple):
     saturated : (n, lanes) steps at which a command was at a limit, none of them in a hold
     sought : (n, lanes) steps at which a vehicle was not sure to meet its anchor
     places : (2,) steps flown, and sightings recorded so far
+    ahead : (3n + e, lanes) estimate that steers, away : (3, lanes) way to a target; scratch
     """
 
     path: Array
@@ -208,3 +209,5 @@ class Flown(NamedTuple):
     saturated: Index
     sought: Index
     places: Index
+    ahead: Array
+    away: Array

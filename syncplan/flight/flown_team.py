@@ -169,6 +169,8 @@ class FlownTeam:
             saturated=np.zeros((n, lanes), dtype=np.int64),
             sought=np.zeros((n, lanes), dtype=np.int64),
             places=np.zeros(2, dtype=np.int64),
+            ahead=np.zeros((self.size, lanes)),
+            away=np.zeros((3, lanes)),
         )
         readings = Readings(
             initial=np.ascontiguousarray(np.repeat(planned, lanes, axis=2)),

@@ -50,10 +50,11 @@ class LaneGuidance:
         step, n = int(flown.places[0]), len(flown.scales)
         (setup, readings), slopes = filtered, np.empty((12, len(lanes)))
         read = readings.speeds[at:step], readings.turn_rates[at:step]
-        x = carry_on(x, *read, setup, slopes, lanes)
+        carry_on(x, flown.ahead, *read, setup, slopes, lanes)
         mishaps = flight.mishaps
         gone = mishaps.gone_from[:n] <= step
         held = gone | ((mishaps.held_from <= step) & (step < mishaps.held_until)).any(axis=1)
+        x = flown.ahead
         places = poses_of(x, n).copy()
         places[gone, :2] = FAR * (1.0 + np.arange(n)[gone])[:, None, None]
         for lane, guidance in enumerate(self._guidances):

@@ -252,7 +252,9 @@ class Navigator:
         if not len(self._arrivals):
             return x
         speeds, turn_rates = (one[..., None] for one in self._arrivals.readings)
-        return carry_on(x, speeds, turn_rates, self._setup, self._slopes, self._lanes)
+        ahead = np.empty_like(x)
+        carry_on(x, ahead, speeds, turn_rates, self._setup, self._slopes, self._lanes)
+        return ahead
 
     def _steer(self, x: Array) -> None:
         """Write the commands of the sample that begins now."""

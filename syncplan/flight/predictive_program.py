@@ -134,7 +134,7 @@ def cost_of(
     return total + weights.shortfall * lack / near, most
 
 
-@inner
+@kernel
 def _slopes_of(commands: Array, poses: Array, step: float) -> tuple[Array, Array, Array]:
     """Return g (N + 1, 2) m, a (N, 2) s and b - h J g_k+1 (N, 2) m s of a flight."""
     steps = len(commands)

@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.estimation.correction_kernels import most_entries
+from syncplan.estimation.correction_kernels import NONE, most_entries
 from syncplan.estimation.filter_setup import DRIFT, States
 from syncplan.estimation.kernels import Lanes, inner, kernel
 from syncplan.flight.flight_setup import Contact
@@ -75,7 +75,7 @@ def move_circles(
             moved[i] = 0.0
             continue
         apart = anchor >= n
-        count = _add_place(i, 1.0, apart, states, leads, toward, columns, entries, 0)
+        count = _add_place(i, 1.0, apart, states, leads, toward, columns, entries, NONE)
         if not apart:
             count = _add_place(anchor, -1.0, apart, states, leads, toward, columns, entries, count)
         for lane in range(len(lanes)):

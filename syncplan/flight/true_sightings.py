@@ -23,7 +23,7 @@ from syncplan.estimation.filter_setup import (
     DISTANCE_KIND,
     FilterSetup,
 )
-from syncplan.estimation.kernels import Lanes, inner, kernel
+from syncplan.estimation.kernels import Lanes, inner, lean
 from syncplan.flight.flight_setup import Eyes, FlightSetup, Flown
 from syncplan.flight.keyed_noise import Word, normal_pair, uniform, words_at
 from syncplan.orbits.contacts import BOUNDARY_SLACK
@@ -32,7 +32,7 @@ HALF_WORD = np.uint64(32)
 LOW_HALF = np.uint64(0xFFFFFFFF)
 
 
-@kernel
+@lean
 def sight_truly(
     flight: FlightSetup,
     flown: Flown,
@@ -43,11 +43,10 @@ def sight_truly(
 ) -> None:
     """Record the sightings of a step: of what, in `setup`, and what they read, in `sightings`."""
     eyes, mishaps = flight.eyes, flight.mishaps
-    # whole records are costly to hand on: of each of their arrays, the users are counted
     ranges, landmarks, gone = eyes.ranges, eyes.landmarks, mishaps.gone_from
     every, sigmas, blind = eyes.every, eyes.sigmas, mishaps.blind_from
     path, first, n = flown.path, setup.first, len(ranges)
-    pose, away = path[step], np.empty((3, len(lanes)))
+    pose, away = path[step], flown.away
     for o in range(n):
         if gone[o] <= step:
             continue
@@ -182,7 +181,7 @@ def _new_row(flown: Flown, setup: FilterSetup, kind: int, o: int, t: int, sigma:
     return int(s)
 
 
-@kernel
+@lean
 def _read(
     flight: FlightSetup,
     flown: Flown,
