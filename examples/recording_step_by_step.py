@@ -44,7 +44,7 @@ def main(recording: str | None = None) -> Found:
     for step in steps_of(run):
         online.step(step.speeds, step.turn_rates, step.arrived, step.span)
         if step.sample >= 0:
-            off = online.poses[:, :2] - run.setup.truth[step.sample, :, :2]
+            off = online.poses[:, :2] - run.truth[step.sample, :, :2]
             squares.append(np.square(off).sum(axis=1).mean())
     error = float(np.sqrt(np.mean(squares)))
     return Found(error, float(whole.accuracy.overall().position), online.steps)

@@ -128,7 +128,7 @@ def _specimen(n: int) -> "_Problem":
 
 def _still(start: Array, setup: FilterSetup, K: int) -> Trajectory:
     """Trajectories from `start` without any noise in K samples."""
-    n, width = setup.count, start.shape[1]
+    n, width = setup.vehicles, start.shape[1]
     return Trajectory(
         start=start.copy(),
         speeds=np.zeros((K, n, width)),
@@ -187,7 +187,7 @@ class _Problem:
             prior=prior,
             found=_empty(setup, window.begin, K, sightings, width),
             best=_still(prior.mean, setup, K),
-            lanes=lanes_of(setup.count, width),
+            lanes=lanes_of(setup.vehicles, width),
             ended=(np.zeros((0, 0)), np.zeros((0, 0, 0))),
         )
 
@@ -236,7 +236,7 @@ def _searched(problem: _Problem, path: Trajectory, moving: Flags) -> Flags:
 
 
 def _empty(setup: FilterSetup, begin: int, K: int, sightings: int, width: int) -> Linearised:
-    n, size, e = setup.count, len(setup.initial_variances), len(setup.states.variances)
+    n, size, e = setup.vehicles, len(setup.initial_variances), len(setup.states.variances)
     m, most, frames = (
         len(setup.states.acts),
         most_entries(setup.states),

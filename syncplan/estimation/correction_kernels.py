@@ -39,7 +39,7 @@ Source: Bar-Shalom, Li, Kirubarajan (2001), 10.3, and 10.3.2 (second-order exten
 """
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -67,10 +67,10 @@ SMALLEST_SQUARE = 1e-300
 NEAREST_SQUARE = 1e-12
 """m^2: nearer bodies count as this far apart, which leaves finite second-order variances."""
 
-NONE = np.int64(0)
+NONE = cast(int, np.int64(0))
 """A count of 0 that is no literal: numba compiles a kernel again for each literal."""
 
-WHOLE, OFF = np.bool_(False), np.bool_(True)
+WHOLE, OFF = cast(bool, np.bool_(False)), cast(bool, np.bool_(True))
 """Whether `correct` is given a state, or what it is off the one at which it is linearised."""
 
 AT_ONCE = 2

@@ -138,7 +138,7 @@ class FilterSetup(NamedTuple):
     noise_known: bool
 
     @property
-    def count(self) -> int:
+    def vehicles(self) -> int:
         """Number of vehicles."""
         return len(self.lost_variances)
 
@@ -177,7 +177,7 @@ class Truth(NamedTuple):
 def states_of(layout: StateLayout, sample_time: float) -> States:
     """Return how the states of a layout act, with samples of `sample_time` s."""
     rows: list[tuple[int, ...]] = []
-    first = [0]
+    first, clocks = [0], np.full(layout.count, -1)
     for i in range(layout.count):
         rows.append((HEADING, 3 * i + 2, *_MOVED[HEADING], -1, 0))
         for name, columns in layout.columns.items():
@@ -188,14 +188,9 @@ def states_of(layout: StateLayout, sample_time: float) -> States:
                 axes = (axis, axis + 1) if act == DRIFT else _MOVED[act]
                 if column >= 0:
                     rows.append((act, column, *axes, kind, int(state.common)))
+                    clocks[i] = column if act == DELAY else clocks[i]
         first.append(len(rows))
     table = np.array(rows, dtype=np.int64)
-    clocks = np.full(layout.count, -1)
-    for (act, column, *_), i in zip(
-        rows, np.repeat(np.arange(layout.count), np.diff(first)), strict=True
-    ):
-        if act == DELAY:
-            clocks[i] = column
     return States(
         first=np.array(first, dtype=np.int64),
         acts=table[:, 0].copy(),
@@ -284,7 +279,7 @@ def start_of(setup: FilterSetup, readings: Readings) -> tuple[Array, Array]:
     """
     size, width = len(setup.initial_variances), readings.initial.shape[-1]
     x, P = np.zeros((size, width)), np.zeros((size, size, width))
-    x[: 3 * setup.count] = readings.initial.reshape(-1, width)
+    x[: 3 * setup.vehicles] = readings.initial.reshape(-1, width)
     P[np.arange(size), np.arange(size)] = setup.initial_variances[:, None]
     return x, P
 

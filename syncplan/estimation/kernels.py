@@ -5,9 +5,14 @@ vector registers. Lanes are independent and no sum is reordered, so a trial's fi
 neither on the lanes beside it nor on their number.
 """
 
+import hashlib
+import os
+import shutil
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any, TypeVar
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar, cast
 
 import numba
 import numpy as np
@@ -30,6 +35,8 @@ loop over lanes vectorises.
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
+_njit: Any = partial(numba.njit, nogil=True, error_model="numpy")
+
 
 class _Apart(CompilerBase):
     """Numba's compiler, for functions whose arrays do not overlap."""
@@ -41,10 +48,44 @@ class _Apart(CompilerBase):
         return [passes.define_nopython_pipeline(self.state)]
 
 
+def _folder() -> str:
+    """Return the folder of compiled kernels, named by a digest of the sources; "" for numba's own.
+
+    numba compiles a kernel again where its own file has changed, not where one has that it calls.
+    An installation that cannot be written to does not change.
+    """
+    package = Path(__file__).parents[1]
+    asked: Any = numba.config
+    if not asked.CACHE_DIR and not os.access(package, os.W_OK):
+        return ""
+    digest = hashlib.sha256()
+    for path in sorted(package.glob("estimation/*.py")) + sorted(package.glob("flight/*.py")):
+        digest.update(path.read_bytes())
+    own = package / "__pycache__" / f"kernels-{digest.hexdigest()[:16]}"
+    if asked.CACHE_DIR:
+        return str(Path(asked.CACHE_DIR) / own.name)
+    for other in own.parent.glob("kernels-*"):
+        if other != own:
+            shutil.rmtree(other, ignore_errors=True)
+    return str(own)
+
+
+_FOLDER = _folder()
+
+
+def _kept(function: Function, **options: Any) -> Function:
+    """Return the function compiled where it is first called, and kept in the folder."""
+    config: Any = numba.config
+    before, config.CACHE_DIR = config.CACHE_DIR, _FOLDER
+    try:
+        return cast(Function, _njit(cache=True, **options)(function))
+    finally:
+        config.CACHE_DIR = before
+
+
 def kernel(function: Function) -> Function:
     """Return the function compiled where it is first called, and kept on disk."""
-    compiled: Any = numba.njit(cache=True, nogil=True, error_model="numpy")
-    return compiled(function)
+    return _kept(function)
 
 
 def lean(function: Function) -> Function:
@@ -53,8 +94,7 @@ def lean(function: Function) -> Function:
     Counting takes about as long as the arithmetic of a sighting: a record that is passed on has
     dozens of arrays.
     """
-    compiled: Any = numba.njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
-    return compiled(function)
+    return _kept(function, _nrt=False)
 
 
 def inner(function: Function) -> Function:
@@ -63,16 +103,14 @@ def inner(function: Function) -> Function:
     It creates no arrays, and no array that it writes to may overlap another of its arrays: so the
     compiler need not find that out before each loop, which is short.
     """
-    compiled: Any = numba.njit(
-        nogil=True,
-        error_model="numpy",
+    compiled = _njit(
         forceinline=True,
         pipeline_class=_Apart,
         no_cpython_wrapper=True,
         no_cfunc_wrapper=True,
         _nrt=False,
     )
-    return compiled(function)
+    return cast(Function, compiled(function))
 
 
 def part(function: Function) -> Function:
@@ -80,8 +118,7 @@ def part(function: Function) -> Function:
 
     For what calls others: each level of calls that is compiled for itself is optimised once more.
     """
-    compiled: Any = numba.njit(nogil=True, error_model="numpy", inline="always")
-    return compiled(function)
+    return cast(Function, _njit(inline="always")(function))
 
 
 def lanes_for(n: int) -> int:

@@ -126,12 +126,12 @@ class OnlineFilter:
     @property
     def poses(self) -> Array:
         """(n, 3) m, m, rad: the estimate; a view."""
-        return poses_of(self.state[0], self.setup.count)[..., 0]
+        return poses_of(self.state[0], self.setup.vehicles)[..., 0]
 
     @property
     def errors(self) -> Array:
         """(e,) the bias states; a view."""
-        return self.state[0][3 * self.setup.count :, 0]
+        return self.state[0][3 * self.setup.vehicles :, 0]
 
     @property
     def covariance(self) -> Array:
@@ -166,7 +166,7 @@ class OnlineFilter:
             found |= self._parts("began", run.began)
             found |= {name: getattr(run, name) for name in _LOOKED_BACK}
             found |= {f"rivals_{name}": np.asarray(getattr(run.rivals, name)) for name in _RIVALS}
-            found["rivals_began"] = poses_of(run.rivals.began, setup.count)
+            found["rivals_began"] = poses_of(run.rivals.began, setup.vehicles)
             found |= self._parts("present", run.rivals.present)
             found |= self._parts("rival", run.rivals.rival)
             found |= {name: getattr(setup, name)[:used] for name in _ROWS}
@@ -210,7 +210,7 @@ class OnlineFilter:
 
     def _parts(self, name: str, state: State) -> dict[str, Array | Index]:
         """A state as it is kept: poses (n, 3, k), bias states (e, k) and covariance."""
-        (x, P), n = state, self.setup.count
+        (x, P), n = state, self.setup.vehicles
         return {f"{name}_0": poses_of(x, n), f"{name}_1": x[3 * n :], f"{name}_2": P}
 
     def step(

@@ -1,6 +1,6 @@
 """The filter in plain NumPy, one trial at a time: arcs by readings, corrected by bearings.
 
-This is the filter to read; `batched_filter` computes the same, compiled, and is tested against it.
+This is the filter to read; `lane_filter` computes the same, compiled, and is tested against it.
 The state is (x, y, heading) of each of n vehicles; its covariance runs over the 3n stacked.
 
 Turning at w while driving v for a time T moves a vehicle along a chord,

@@ -33,7 +33,7 @@ def covariance_at_start(setup: FilterSetup) -> Array:
 
 def moved_state(state: Array, speeds: Array, turn_rates: Array, setup: FilterSetup) -> Array:
     """Return the state (3n + e,) one sample later, from the readings (n,) m/s, rad/s."""
-    n, motion = setup.count, setup.motion
+    n, motion = setup.vehicles, setup.motion
     x, after = state[: 3 * n].reshape(n, 3), state.copy()
     drift, scale, bias = _errors_of(state, setup)
     turns = turn_rates + bias
@@ -46,7 +46,7 @@ def moved_state(state: Array, speeds: Array, turn_rates: Array, setup: FilterSet
 
 def transition_of(state: Array, speeds: Array, turn_rates: Array, setup: FilterSetup) -> Array:
     """Return F, the derivative (3n + e, 3n + e) of `moved_state` by the state."""
-    n, time, substeps = setup.count, setup.motion.time, setup.motion.substeps
+    n, time, substeps = setup.vehicles, setup.motion.time, setup.motion.substeps
     _, scale, bias = _errors_of(state, setup)
     ahead, grown, turns = state[2 : 3 * n : 3], (1.0 + scale) * speeds, turn_rates + bias
     way = displacement(ahead, grown, turns, time, substeps)
@@ -71,7 +71,7 @@ def predict_state(
     state: Array, P: Array, speeds: Array, turn_rates: Array, setup: FilterSetup
 ) -> tuple[Array, Array]:
     """Return state and covariance one sample later."""
-    n, motion = setup.count, setup.motion
+    n, motion = setup.vehicles, setup.motion
     F = transition_of(state, speeds, turn_rates, setup)
     _, scale, bias = _errors_of(state, setup)
     slopes = displacement_jacobian(
@@ -106,7 +106,7 @@ def sighted(
     `kind` is its place in SIGHTING_KINDS; targets from n on are landmarks. Angles are not wrapped.
     `read`, speeds and turn rates (n,) at the time, is needed where a clock offset is a state.
     """
-    n, o, t = setup.count, 3 * observer, 3 * target
+    n, o, t = setup.vehicles, 3 * observer, 3 * target
     what = list(SIGHTING_KINDS.values())[kind]
     clock = max([-1, *(c for act, c, _ in _acts_on(observer, setup) if act == DELAY)])
     span = float(state[clock]) if clock >= 0 else 0.0
@@ -188,7 +188,7 @@ def _kinds_of(i: int, setup: FilterSetup) -> list[int]:
 
 def _errors_of(state: Array, setup: FilterSetup) -> tuple[Array, Array, Array]:
     """Velocity of the air at each vehicle (n, 2), its speed scale and its turn-rate bias (n,)."""
-    n = setup.count
+    n = setup.vehicles
     drift, scale, bias = np.zeros((n, 2)), np.zeros(n), np.zeros(n)
     for i in range(n):
         for act, column, axis in _acts_on(i, setup):

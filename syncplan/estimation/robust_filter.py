@@ -251,14 +251,14 @@ class RobustRun:
         variances = setup.initial_variances.copy()
         lost = setup.lost_variances.ravel()
         variances[: len(lost)] = np.maximum(variances[: len(lost)], lost)
-        found = self._best(poses_of(self.began[0], setup.count), variances, lanes, begin, end)
+        found = self._best(poses_of(self.began[0], setup.vehicles), variances, lanes, begin, end)
         self.limit[lanes] = GROWTH * (cost / count)[lanes]
         none = np.zeros(len(lanes), dtype=bool)
         self._pit(found, none, ~none)
 
     def _agrees(self, found: Solved) -> Flags:
         """(k,) whether solutions are within AGREES standard deviations of the filter's."""
-        n = self.setup.count
+        n = self.setup.vehicles
         off = poses_of(found.state - self.state[0][..., found.lanes], n)
         variances = np.einsum("kkl->kl", self.state[-1])[: 3 * n, found.lanes].reshape(n, 3, -1)
         place = np.sum(off[:, :2] ** 2, axis=1) <= AGREES**2 * variances[:, :2].sum(axis=1)

@@ -237,7 +237,7 @@ def write_program(
     _scale(steps, program)
 
 
-@inner
+@kernel
 def _nearest(i: int, m: int, own: Array, poses: Array, weights: Weights, chosen: Index) -> None:
     """Fill in who comes least above the distance asked of flight `own` at step m; -1 for nobody."""
     chosen[:] = -1

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from syncplan.arrays import Array, Flags
-from syncplan.estimation.kernels import inner, kernel
+from syncplan.estimation.kernels import kernel
 from syncplan.flight.predictive_model import (
     Bounds,
     Course,
@@ -47,7 +47,7 @@ class TeamState(NamedTuple):
     later: float
 
 
-@inner
+@kernel
 def _foresee_decided(
     i: int, state: TeamState, course: Course, laws: Laws, bounds: Bounds, seen: Predicted
 ) -> None:

@@ -51,7 +51,7 @@ def case_of(given: Scene, temper: tuple[float, float] = (1.0, 7.0)) -> Case:
     Rows by clock offsets are exact about offsets of 0 alone, so the trajectory has none.
     """
     setup, readings, truth = given
-    random, states, n = np.random.default_rng(4), setup.states, setup.count
+    random, states, n = np.random.default_rng(4), setup.states, setup.vehicles
     changing = slice(states.first_changing - 3 * n, None)
     gained = states.variances[changing] * (1.0 - states.decays[changing] ** 2)
     variances = setup.initial_variances
@@ -113,7 +113,7 @@ def stacked(path: Trajectory, lane: int) -> Array:
 
 def known(case: Case, lane: int) -> tuple[Array, Array]:
     """The expectation and the variance of each of these; a variance of 0 where it is known."""
-    setup, states, n = case.setup, case.setup.states, case.setup.count
+    setup, states, n = case.setup, case.setup.states, case.setup.vehicles
     motion, changing = setup.motion, slice(states.first_changing - 3 * n, None)
     shares = motion.time / setup.spans[BEGIN:]
     lasting = states.decays[changing] ** (2.0 / shares[:, None])
@@ -133,7 +133,7 @@ def known(case: Case, lane: int) -> tuple[Array, Array]:
 def rolled_out(case: Case, lane: int, flat: Array) -> tuple[Array, Array]:
     """Innovations of the window's sightings over their sigmas, and the state at its end."""
     setup, window = case.setup, case.window
-    n, g = setup.count, case.path.changes.shape[1]
+    n, g = setup.vehicles, case.path.changes.shape[1]
     sizes = [len(case.prior.mean), SAMPLES * n, SAMPLES * n]
     state, speeds, turns, gains = np.split(flat, np.cumsum(sizes))
     speeds, turns, gains = (one.reshape(SAMPLES, -1) for one in (speeds, turns, gains))

@@ -59,7 +59,7 @@ BOTH = pytest.mark.parametrize("lane_filter", [EXTENDED, IDEAL])
 
 def some_state(given: Scene) -> Array:
     x, random = true_state(given.truth, 7, 0), np.random.default_rng(1)
-    x[: 3 * given.setup.count] += random.normal(size=3 * given.setup.count)
+    x[: 3 * given.setup.vehicles] += random.normal(size=3 * given.setup.vehicles)
     return x
 
 

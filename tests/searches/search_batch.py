@@ -86,7 +86,7 @@ def compare(name: str, given: Scene, steps: int) -> Compared:
     from tests.tools.factor_graphs import solve_graph
 
     theirs, ours = solve_graph(given, 0, steps), batch_of(given, steps)
-    n, sigmas = given.setup.count, np.sqrt(np.diagonal(ours.covariance[..., 0]))
+    n, sigmas = given.setup.vehicles, np.sqrt(np.diagonal(ours.covariance[..., 0]))
     return Compared(
         name=name,
         vehicles=n,

@@ -82,7 +82,7 @@ class TrialGraph:
         self.given, self.lane, self.steps = given, lane, steps
         self.setup, self.readings, _ = given
         states = self.setup.states
-        self.n, self.e = self.setup.count, len(states.variances)
+        self.n, self.e = self.setup.vehicles, len(states.variances)
         self.constants = states.first_changing - 3 * self.n
         changing = states.columns >= states.first_changing
         self.gusts = int(np.sum(changing & (states.acts == DRIFT))) // 2

@@ -65,11 +65,11 @@ def beyond_tangent(x: Array, P: Array, s: int, setup: FilterSetup) -> float:
     relative = np.zeros((2, len(x)))
     relative[:, o : o + 2] = -np.eye(2)
     q = -x[o : o + 2]
-    if t < 3 * setup.count:
+    if t < 3 * setup.vehicles:
         relative[:, t : t + 2] = np.eye(2)
         q = q + x[t : t + 2]
     else:
-        q = q + setup.landmarks[t // 3 - setup.count]
+        q = q + setup.landmarks[t // 3 - setup.vehicles]
     rho = np.hypot(*q)
     axes = np.array([[q[0], q[1]], [-q[1], q[0]]]) / rho @ relative
     (aa, ab), (_, bb) = axes @ P @ axes.T
@@ -79,7 +79,7 @@ def beyond_tangent(x: Array, P: Array, s: int, setup: FilterSetup) -> float:
 def extended_steps(given: Scene, lane: int) -> Iterator[Plain]:
     """The filter to read, of `reference_states`."""
     setup, readings, truth = given
-    n, C = setup.count, covariance_at_start(setup)
+    n, C = setup.vehicles, covariance_at_start(setup)
     x = start_of(setup, readings)[0][:, lane]
     for k in range(1, len(setup.spans) + 1):
         step, sample = in_step(setup, k), int(setup.compared[k])
@@ -100,7 +100,7 @@ def true_readings(given: Scene, k: int, lane: int) -> Array:
     """Speeds and turn rates (2n,) that lead along arcs through the air to the truth at sample k."""
     setup, _, truth = given
     before, after = (true_state(truth, one, lane) for one in (k - 1, k))
-    n, time = setup.count, setup.motion.time
+    n, time = setup.vehicles, setup.motion.time
     drift, scale, bias = _errors_of(before, setup)
     way, turn = np.split((after - before)[: 3 * n].reshape(n, 3), [2], axis=1)
     turn, ahead = wrap(turn[:, 0]), before[2 : 3 * n : 3]
@@ -112,7 +112,7 @@ def true_readings(given: Scene, k: int, lane: int) -> Array:
 def ideal_steps(given: Scene, lane: int) -> Iterator[Plain]:
     """A linear filter along the truth."""
     setup, readings, truth = given
-    n, P = setup.count, covariance_at_start(setup)
+    n, P = setup.vehicles, covariance_at_start(setup)
     off = start_of(setup, readings)[0][:, lane] - true_state(truth, 0, lane)
     for k in range(1, len(setup.spans) + 1):
         before, after = true_state(truth, k - 1, lane), true_state(truth, k, lane)
