@@ -120,7 +120,7 @@ def compile_solver(n: int) -> None:
 
 def _specimen(n: int) -> "_Problem":
     """A problem of n vehicles and no sample."""
-    setup, readings, *_ = specimen(n)
+    setup, readings, *_ = specimen(n)[0]
     window = Window(0, readings.speeds, readings.turn_rates, readings.sightings, np.ones(1))
     prior = Prior(np.zeros((3 * n, 1)), np.ones(3 * n))
     return _Problem.of(setup, window, prior, 0)

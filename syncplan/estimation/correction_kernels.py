@@ -54,10 +54,9 @@ from syncplan.estimation.filter_setup import (
     SPEED,
     TURN,
     FilterSetup,
-    Readings,
     States,
 )
-from syncplan.estimation.filter_statistics import FilterStatistics
+from syncplan.estimation.filter_statistics import FilterRun, FilterStatistics
 from syncplan.estimation.kernels import Lanes, inner, lean, part
 from syncplan.estimation.motion_kernels import Frame
 
@@ -678,13 +677,11 @@ def correct(
     x: Array,
     P: Array,
     step: int,
-    setup: FilterSetup,
-    readings: Readings,
+    run: FilterRun,
     about: Array,
     is_off: bool,
     frame: Frame,
     work: Correction,
-    statistics: FilterStatistics,
     lanes: Lanes,
 ) -> None:
     """Correct state and P by the sightings of a step, one after another, and count them.
@@ -692,6 +689,7 @@ def correct(
     `about` (3n + e, lanes) is the state at which they are linearised. It is x itself, or, where
     `is_off`, x is what the state is off it.
     """
+    setup, readings, statistics = run.setup, run.readings, run.statistics
     columns, h = work.columns, work.entries
     seen, innovation, halves, gains = work.seen, work.innovation, work.halves, work.gains
     speeds, turn_rates = readings.speeds[step - 1], readings.turn_rates[step - 1]

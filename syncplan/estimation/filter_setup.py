@@ -90,6 +90,10 @@ class States(NamedTuple):
     decays: Array
 
 
+State = tuple[Array, Array]
+"""State (3n + e, lanes) and covariance (3n + e, 3n + e, lanes), whose lower triangle counts."""
+
+
 class FilterSetup(NamedTuple):
     """What all trials of a run share.
 
@@ -272,11 +276,8 @@ def judged_from(samples: int, sample_time: float, period: float, options: Filter
     return found if found < samples else 0
 
 
-def start_of(setup: FilterSetup, readings: Readings) -> tuple[Array, Array]:
-    """Return the state (3n + e, lanes) and covariance of each lane at step 0, in arrays of its own.
-
-    Of the covariance (3n + e, 3n + e, lanes) the lower triangle counts.
-    """
+def start_of(setup: FilterSetup, readings: Readings) -> State:
+    """Return the state of each lane at step 0, in arrays of its own."""
     size, width = len(setup.initial_variances), readings.initial.shape[-1]
     x, P = np.zeros((size, width)), np.zeros((size, size, width))
     x[: 3 * setup.vehicles] = readings.initial.reshape(-1, width)

@@ -1,10 +1,11 @@
-"""Statistics of a filter run: squared errors, coverage, NEES, innovations and a series."""
+"""A filter run, and its statistics: squared errors, coverage, NEES, innovations and a series."""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from syncplan.arrays import Array
+from syncplan.estimation.filter_setup import FilterSetup, Readings, Truth
 
 ERROR, SQUARE, VARIANCE = range(3)
 """Quantities that a series sums over trials, of each state."""
@@ -39,6 +40,23 @@ class FilterStatistics(NamedTuple):
     gated: Array
     innovations: Array
     series: Array
+
+
+class FilterRun(NamedTuple):
+    """What a filter of lanes is given, and the statistics that it adds to.
+
+    Fields
+    ------
+    setup : what all lanes share
+    readings : of each lane
+    truth : that its estimates are compared with
+    statistics : of the comparison
+    """
+
+    setup: FilterSetup
+    readings: Readings
+    truth: Truth
+    statistics: FilterStatistics
 
 
 def empty_series(states: int, samples: int, *, wanted: bool) -> Array:

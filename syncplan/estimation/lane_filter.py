@@ -33,8 +33,8 @@ ideal filter : Taylor (1979), The Cramer-Rao estimation error lower bound comput
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, Protocol, Self
 
 import numpy as np
 
@@ -48,11 +48,17 @@ from syncplan.estimation.filter_setup import (
     FilterSetup,
     MotionModel,
     Readings,
+    State,
     States,
     Truth,
     start_of,
 )
-from syncplan.estimation.filter_statistics import FilterStatistics, empty_series, empty_statistics
+from syncplan.estimation.filter_statistics import (
+    FilterRun,
+    FilterStatistics,
+    empty_series,
+    empty_statistics,
+)
 from syncplan.estimation.kernels import (
     Lanes,
     has_compiled,
@@ -76,6 +82,7 @@ from syncplan.estimation.motion_kernels import (
     shortening,
 )
 from syncplan.estimation.statistics_kernels import (
+    Comparison,
     comparison_of,
     fill_errors,
     fill_truth,
@@ -85,50 +92,45 @@ from syncplan.estimation.statistics_kernels import (
 
 
 @part
+def scratch_of(setup: FilterSetup, width: int) -> tuple[Frame, Correction, Comparison]:
+    """Return what a kernel that runs a filter works in."""
+    states, size = setup.states, len(setup.initial_variances)
+    work = correction_of(states, size, width)
+    return frame_of(states, width), work, comparison_of(len(setup.lost_variances), size, width)
+
+
+@part
 def step_filter(
     x: Array,
     P: Array,
     step: int,
-    setup: FilterSetup,
-    readings: Readings,
+    run: FilterRun,
     frame: Frame,
     work: Correction,
-    statistics: FilterStatistics,
     lanes: Lanes,
 ) -> None:
     """Take x (3n + e, lanes) and P, which stays in its frame, through a step."""
-    speeds, turn_rates = readings.speeds[step - 1], readings.turn_rates[step - 1]
-    predict(x, P, speeds, turn_rates, setup, step, frame, work.slopes, lanes)
-    correct(x, P, step, setup, readings, x, WHOLE, frame, work, statistics, lanes)
+    speeds, turn_rates = run.readings.speeds[step - 1], run.readings.turn_rates[step - 1]
+    predict(x, P, speeds, turn_rates, run.setup, step, frame, work.slopes, lanes)
+    correct(x, P, step, run, x, WHOLE, frame, work, lanes)
 
 
 @kernel
-def _filter(
-    setup: FilterSetup,
-    readings: Readings,
-    truth: Truth,
-    statistics: FilterStatistics,
-    lanes: Lanes,
-    x: Array,
-    P: Array,
-    begin: int,
-    end: int,
-) -> None:
+def _filter(run: FilterRun, lanes: Lanes, x: Array, P: Array, begin: int, end: int) -> None:
     """Take x and P, lower triangle, from step `begin` to step `end`."""
-    n, size, width = len(setup.lost_variances), len(P), len(lanes)
-    frame, work = frame_of(setup.states, width), correction_of(setup.states, size, width)
-    compared = comparison_of(n, size, width)
+    setup, statistics = run.setup, run.statistics
+    frame, work, compared = scratch_of(setup, len(lanes))
     for step in range(begin, end + 1):
         if step > begin:
-            step_filter(x, P, step, setup, readings, frame, work, statistics, lanes)
+            step_filter(x, P, step, run, frame, work, lanes)
         elif begin > 0:
             continue
         at = setup.compared[step]
         if step == end or (at >= 0 and takes_covariance(setup, at, statistics)):
             bring_to_now(P, setup.states, frame, lanes)
         if at >= 0:
-            fill_truth(compared.true, truth, at, lanes)
-            fill_errors(x, compared.true, n, compared.errors, lanes)
+            fill_truth(compared.true, run.truth, at, lanes)
+            fill_errors(x, compared.true, len(setup.lost_variances), compared.errors, lanes)
             record(P, setup, at, compared, statistics, lanes)
 
 
@@ -250,21 +252,11 @@ def _predict_ideal(
 
 
 @kernel
-def _filter_ideally(
-    setup: FilterSetup,
-    readings: Readings,
-    truth: Truth,
-    statistics: FilterStatistics,
-    lanes: Lanes,
-    x: Array,
-    P: Array,
-    begin: int,
-    end: int,
-) -> None:
+def _filter_ideally(run: FilterRun, lanes: Lanes, x: Array, P: Array, begin: int, end: int) -> None:
     """Take x and P, lower triangle, from step `begin` to step `end`."""
-    n, size, width = len(setup.lost_variances), len(P), len(lanes)
-    frame, work = frame_of(setup.states, width), correction_of(setup.states, size, width)
-    compared, after = comparison_of(n, size, width), np.empty((size, width))
+    setup, readings, truth, statistics = run.setup, run.readings, run.truth, run.statistics
+    frame, work, compared = scratch_of(setup, len(lanes))
+    after, (n, width) = np.empty_like(x), readings.speeds.shape[1:]
     speeds, turn_rates = np.empty((n, width)), np.empty((n, width))
     # the kernel takes and leaves a whole state, and holds what it is off the truth meanwhile
     true = compared.true
@@ -276,7 +268,7 @@ def _filter_ideally(
             _predict_ideal(
                 true, after, x, P, setup, readings, step, frame, work, speeds, turn_rates, lanes
             )
-            correct(x, P, step, setup, readings, true, OFF, frame, work, statistics, lanes)
+            correct(x, P, step, run, true, OFF, frame, work, lanes)
         elif begin > 0:
             continue
         if step == end or takes_covariance(setup, step, statistics):
@@ -289,15 +281,70 @@ def _filter_ideally(
 # --- filters as they are run --------------------------------------------------------------------
 
 
+class Stepped(Protocol):
+    """What takes a filter from step to step: a LaneFilter, or what flies as it does."""
+
+    def lanes_for(self, n: int) -> int:
+        """Return how many trials of n vehicles it is best to filter side by side."""
+
+    def advance(self, run: FilterRun, state: State, begin: int, end: int) -> None:
+        """Take a state from step `begin` to step `end`, in place."""
+
+
+@dataclass(slots=True)
+class LaneRun:
+    """A filter on its way; its lanes may be looked at, and moved, between steps.
+
+    Attributes
+    ----------
+    base : what steps
+    given : what it is given; may be replaced by one with room for more
+    state : at present
+    at : steps taken in
+    """
+
+    base: Stepped
+    given: FilterRun
+    state: State
+    at: int = field(default=0, kw_only=True)
+
+    @classmethod
+    def begun(
+        cls, base: Stepped, given: FilterRun, streams: Sequence[np.random.SeedSequence] = ()
+    ) -> Self:
+        """Return a filter at step 0; `streams` are for filters that draw numbers."""
+        return cls(base, given, start_of(given.setup, given.readings))
+
+    def advance(self, end: int) -> None:
+        """Take in all steps up to `end`."""
+        self.base.advance(self.given, self.state, self.at, end)
+        self.at = end
+
+    @property
+    def setup(self) -> FilterSetup:
+        """The filter's set-up."""
+        return self.given.setup
+
+    @property
+    def readings(self) -> Readings:
+        """What the filter reads."""
+        return self.given.readings
+
+    @property
+    def statistics(self) -> FilterStatistics:
+        """What the filter has counted."""
+        return self.given.statistics
+
+
 @dataclass(frozen=True, slots=True)
 class LaneFilter:
     """A compiled filter whose trials are lanes.
 
     Attributes
     ----------
-    kernel : compiled, of (FilterSetup, Readings, Truth, FilterStatistics, Lanes), the state
-        (3n + e, lanes) and covariance (3n + e, 3n + e, lanes), which it takes on in place from one
-        step to another, both given last
+    kernel : compiled, of (FilterRun, Lanes), the state (3n + e, lanes) and covariance
+        (3n + e, 3n + e, lanes), which it takes on in place from one step to another, both given
+        last
     """
 
     kernel: Any
@@ -307,36 +354,20 @@ class LaneFilter:
         """Return how many trials of n vehicles it is best to filter side by side."""
         return lanes_for(n)
 
-    def run(
-        self,
-        setup: FilterSetup,
-        readings: Readings,
-        truth: Truth,
-        statistics: FilterStatistics,
-        streams: Sequence[np.random.SeedSequence] = (),
-    ) -> tuple[Array, Array]:
-        """Return the state (3n + e, lanes) and the covariance (3n + e, 3n + e, lanes) at the end.
+    def run(self, run: FilterRun, streams: Sequence[np.random.SeedSequence] = ()) -> State:
+        """Return the state at the end, and add to the statistics on the way.
 
-        Of the covariance only the lower triangle counts. Adds to the statistics on the way. Any
-        number of lanes will do. `streams` are for filters that draw numbers, which these do not.
+        Any number of lanes will do. `streams` are for filters that draw numbers, which these do
+        not.
         """
-        state = start_of(setup, readings)
-        self.advance(setup, readings, truth, statistics, state, 0, len(readings.speeds))
+        state = start_of(run.setup, run.readings)
+        self.advance(run, state, 0, len(run.readings.speeds))
         return state
 
-    def advance(
-        self,
-        setup: FilterSetup,
-        readings: Readings,
-        truth: Truth,
-        statistics: FilterStatistics,
-        state: tuple[Array, Array],
-        begin: int,
-        end: int,
-    ) -> None:
+    def advance(self, run: FilterRun, state: State, begin: int, end: int) -> None:
         """Take a state, as `run` returns it, from step `begin` to step `end`, in place."""
-        n, _, width = readings.initial.shape
-        self.kernel(setup, readings, truth, statistics, lanes_of(n, width), *state, begin, end)
+        n, _, width = run.readings.initial.shape
+        self.kernel(run, lanes_of(n, width), *state, begin, end)
 
     def is_compiled(self, n: int) -> bool:
         """Return whether the kernel for n vehicles is in memory or in the disk cache.
@@ -390,7 +421,8 @@ def specimen(n: int) -> tuple[Any, ...]:
     readings = Readings(np.zeros((n, 3, 1)), still, still, np.zeros((0, 1)))
     truth = Truth(np.zeros((1, n, 3, 1)), np.zeros((0, 1)), np.zeros((1, 0, 1)))
     statistics = empty_statistics(1, empty_series(3 * n, 0, wanted=False))
-    return setup, readings, truth, statistics, lanes_of(n, 1), *start_of(setup, readings), 0, 0
+    run = FilterRun(setup, readings, truth, statistics)
+    return run, lanes_of(n, 1), *start_of(setup, readings), 0, 0
 
 
 EXTENDED, IDEAL = LaneFilter(_filter), LaneFilter(_filter_ideally)

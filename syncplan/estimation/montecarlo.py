@@ -17,7 +17,7 @@ from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.filter_setup import FilterSetup, build_setup
-from syncplan.estimation.filter_statistics import empty_series, empty_statistics
+from syncplan.estimation.filter_statistics import FilterRun, empty_series, empty_statistics
 from syncplan.estimation.trial_chunks import StoppedError, chunks_in_order
 from syncplan.estimation.trial_readings import TrialReadings
 from syncplan.estimation.trials import (
@@ -181,7 +181,7 @@ def _chunk(run: _Run, chunk: range, stopped: threading.Event) -> MonteCarloResul
         trials = range(first, min(first + lanes, chunk.stop))
         counted = empty_statistics(len(trials), series)
         streams = [readings.stream(trial) for trial in trials]
-        lane_filter.run(readings.setup, *readings.drawn(trials), counted, streams)
+        lane_filter.run(FilterRun(readings.setup, *readings.drawn(trials), counted), streams)
         found.append(counted)
     return result_of(
         found,

@@ -9,28 +9,16 @@ Source: as of `augmented_filter` and `robust_filter`.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.estimation.filter_setup import (
-    FilterSetup,
-    Readings,
-    Truth,
-    poses_of,
-    start_of,
-)
-from syncplan.estimation.filter_statistics import (
-    FilterStatistics,
-    empty_series,
-    empty_statistics,
-)
+from syncplan.estimation.filter_setup import FilterSetup, Readings, State, Truth, poses_of
+from syncplan.estimation.filter_statistics import FilterRun, empty_series, empty_statistics
 from syncplan.estimation.filters import FilterModel
-from syncplan.estimation.kernels import lanes_of
-from syncplan.estimation.lane_filter import LaneFilter
-from syncplan.estimation.rivals import LOOKS, Rivals, State
+from syncplan.estimation.lane_filter import LaneRun
+from syncplan.estimation.rivals import LOOKS, Rivals
 from syncplan.estimation.robust_filter import RobustFilter, RobustRun, steps_passing
 
 Kept = TypeVar("Kept", Array, Index)
@@ -59,17 +47,6 @@ class Arrived(NamedTuple):
     kinds: Index
     variances: Array
     values: Array
-
-
-@dataclass(slots=True)
-class _Steps:
-    """A filter without memory: each step is the second of a run of two."""
-
-    base: LaneFilter
-    setup: FilterSetup
-    readings: Readings
-    statistics: FilterStatistics
-    state: State
 
 
 class OnlineFilter:
@@ -101,19 +78,15 @@ class OnlineFilter:
             turn_rates=np.zeros((2, n, 1)),
             sightings=np.zeros((FIRST_ROOM, 1)),
         )
-        self._truth = Truth(np.zeros((1, n, 3, 1)), np.zeros((0, 1)), np.zeros((1, 0, 1)))
-        given = _without_steps(setup._replace(judged_from=0))
-        statistics = empty_statistics(1, empty_series(size, 0, wanted=False))
-        found: Any = model.lane_filter
-        self._lanes = lanes_of(n, 1)
-        self._run: RobustRun | _Steps
+        truth = Truth(np.zeros((1, n, 3, 1)), np.zeros((0, 1)), np.zeros((1, 0, 1)))
+        own = _without_steps(setup._replace(judged_from=0))
+        counted = empty_statistics(1, empty_series(size, 0, wanted=False))
+        given, found = FilterRun(own, readings, truth, counted), model.lane_filter
+        self._run: LaneRun
         if isinstance(found, RobustFilter):
-            self._run = RobustRun.begun(
-                found.base, given, readings, self._truth, statistics, [stream]
-            )
+            self._run = RobustRun.begun(found.base, given, [stream])
         else:
-            self._run = _Steps(found, given, readings, statistics, start_of(given, readings))
-        self._kernel: Any = (found.base if isinstance(found, RobustFilter) else found).kernel
+            self._run = LaneRun.begun(found, given)
 
     @property
     def state(self) -> State:
@@ -230,7 +203,7 @@ class OnlineFilter:
         self.time += span
 
     def _forget(self, speeds: Array, turn_rates: Array, arrived: Arrived, span: float) -> None:
-        """Take in a step in the place of the last one."""
+        """Take in a step in the place of the last one: the second of a run of two."""
         run = self._run
         count = len(arrived.values)
         if count > len(run.readings.sightings):
@@ -240,7 +213,8 @@ class OnlineFilter:
         setup.spans[1] = span
         setup.first[3] = count
         self._write(0, arrived)
-        self._kernel(setup, readings, self._truth, run.statistics, self._lanes, *run.state, 1, 2)
+        run.at = 1
+        run.advance(2)
 
     def _look_back(self, speeds: Array, turn_rates: Array, arrived: Arrived, span: float) -> None:
         """Take in a step after all others."""
@@ -271,28 +245,23 @@ class OnlineFilter:
 
     def _make_room(self, used: int, rows: int) -> None:
         """Let set-up and readings hold so many sightings."""
-        setup, readings = self.setup, self._run.readings
-        self._run.setup = setup._replace(
-            observers=grown(setup.observers, used, rows),
-            targets=grown(setup.targets, used, rows),
-            kinds=grown(setup.kinds, used, rows),
-            variances=grown(setup.variances, used, rows),
-        )
-        self._run.readings = readings._replace(sightings=grown(readings.sightings, used, rows))
+        self._run.given = with_room(self._run.given, used, rows)
 
     def _lengthen(self, steps: int) -> None:
         """Let set-up and readings hold so many steps."""
         setup, readings, k = self.setup, self._run.readings, self.steps
         first = grown(setup.first, k + 2, steps + 2)
         first[k + 2 :] = first[k + 1]
-        self._run.setup = setup._replace(
-            spans=grown(setup.spans, k, steps),
-            compared=np.full(steps + 1, -1),
-            first=first,
-        )
-        self._run.readings = readings._replace(
-            speeds=grown(readings.speeds, k, steps),
-            turn_rates=grown(readings.turn_rates, k, steps),
+        self._run.given = self._run.given._replace(
+            setup=setup._replace(
+                spans=grown(setup.spans, k, steps),
+                compared=np.full(steps + 1, -1),
+                first=first,
+            ),
+            readings=readings._replace(
+                speeds=grown(readings.speeds, k, steps),
+                turn_rates=grown(readings.turn_rates, k, steps),
+            ),
         )
 
 
@@ -323,6 +292,15 @@ def grown(array: Kept, used: int, size: int) -> Kept:
     larger: Any = np.zeros((size, *array.shape[1:]), dtype=array.dtype)
     larger[:used] = array[:used]
     return cast(Kept, larger)
+
+
+def with_room(run: FilterRun, used: int, rows: int) -> FilterRun:
+    """Return the run with room for so many sightings; the first `used` are kept."""
+    setup, readings = run.setup, run.readings
+    return run._replace(
+        setup=setup._replace(**{name: grown(getattr(setup, name), used, rows) for name in _ROWS}),
+        readings=readings._replace(sightings=grown(readings.sightings, used, rows)),
+    )
 
 
 def _without_steps(setup: FilterSetup) -> FilterSetup:

@@ -20,6 +20,7 @@ from syncplan.errors import NoSolutionError
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.filter_setup import FilterSetup, Readings, Truth, build_setup
 from syncplan.estimation.filter_statistics import (
+    FilterRun,
     FilterStatistics,
     empty_series,
     empty_statistics,
@@ -208,7 +209,7 @@ def _run(
     )
     streams = [np.random.SeedSequence(options.seed)]
     filter_ = options.filter_model.lane_filter
-    return filter_.run(run.setup, run.readings, truth, counted, streams)
+    return filter_.run(FilterRun(run.setup, run.readings, truth, counted), streams)
 
 
 def _layout(count: int, settings: ReplaySettings) -> StateLayout:

@@ -29,8 +29,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
-from syncplan.estimation.filter_setup import FilterSetup, Readings, Truth
-from syncplan.estimation.filter_statistics import empty_series, empty_statistics
+from syncplan.estimation.filter_setup import FilterSetup, Readings, State, Truth
+from syncplan.estimation.filter_statistics import FilterRun, empty_series, empty_statistics
 from syncplan.estimation.lane_filter import EXTENDED
 
 CLEARLY = math.log(1e6)
@@ -38,9 +38,6 @@ CLEARLY = math.log(1e6)
 
 LOOKS = 8
 """In a period, at which leads are looked at."""
-
-State = tuple[Array, Array]
-"""State (3n + e, lanes) and covariance, as LaneFilter.run returns them."""
 
 
 @dataclass(slots=True)
@@ -171,7 +168,7 @@ def _likelihood(setup: FilterSetup, readings: Readings, state: State) -> Array:
     series = empty_series(len(state[0]), 0, wanted=False)
     counted = empty_statistics(lanes, series, len(setup.kinds))
     nothing = Truth(np.zeros((0, n, 3, 1)), np.zeros((0, lanes)), np.zeros((0, 0, lanes)))
-    EXTENDED.advance(setup, readings, nothing, counted, state, 0, len(setup.spans))
+    EXTENDED.advance(FilterRun(setup, readings, nothing, counted), state, 0, len(setup.spans))
     innovations, weights = counted.innovations[:, 0], counted.innovations[:, 1]
     taken = weights > 0.0
     cost = np.square(innovations) * weights - np.log(np.where(taken, weights, 1.0))

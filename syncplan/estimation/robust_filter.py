@@ -17,17 +17,17 @@ What a trial does depends on that trial alone; starts are drawn from its own str
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Self
 
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
 from syncplan.estimation.batch_solution import compile_solver, solver_is_compiled
-from syncplan.estimation.filter_setup import FilterSetup, Readings, Truth, poses_of, start_of
-from syncplan.estimation.filter_statistics import FilterStatistics
-from syncplan.estimation.lane_filter import EXTENDED, LaneFilter
+from syncplan.estimation.filter_setup import State, poses_of, start_of
+from syncplan.estimation.filter_statistics import FilterRun
+from syncplan.estimation.lane_filter import EXTENDED, LaneFilter, LaneRun, Stepped
 from syncplan.estimation.lane_solver import LaneSolver, Solved
-from syncplan.estimation.rivals import LOOKS, Rivals, State, lanes_of_state
+from syncplan.estimation.rivals import LOOKS, Rivals, lanes_of_state
 from syncplan.estimation.start_search import DOUBT, STARTS
 from syncplan.orbits.circles import wrap
 
@@ -71,47 +71,20 @@ class RobustFilter:
         self.base.compile(n)
         compile_solver(n)
 
-    def run(
-        self,
-        setup: FilterSetup,
-        readings: Readings,
-        truth: Truth,
-        statistics: FilterStatistics,
-        streams: Sequence[np.random.SeedSequence],
-    ) -> State:
+    def run(self, run: FilterRun, streams: Sequence[np.random.SeedSequence]) -> State:
         """Return what LaneFilter.run does; starts of a lane are drawn from its stream."""
-        run = RobustRun.begun(self.base, setup, readings, truth, statistics, streams)
-        run.advance(len(readings.speeds))
-        return run.state
-
-
-class Stepped(Protocol):
-    """What takes a filter from sample to sample: a LaneFilter, or what flies as it does."""
-
-    def lanes_for(self, n: int) -> int:
-        """Return how many trials of n vehicles it is best to filter side by side."""
-
-    def advance(
-        self,
-        setup: FilterSetup,
-        readings: Readings,
-        truth: Truth,
-        statistics: FilterStatistics,
-        state: State,
-        begin: int,
-        end: int,
-    ) -> None:
-        """Take a state from sample `begin` to sample `end`, in place."""
+        own = RobustRun.begun(self.base, run, streams)
+        own.advance(len(run.readings.speeds))
+        return own.state
 
 
 @dataclass(slots=True)
-class RobustRun:
-    """A robust filter on its way; its lanes may be looked at, and moved, between samples.
+class RobustRun(LaneRun):
+    """A robust filter on its way.
 
     Attributes
     ----------
-    base, setup, readings, truth, statistics, streams : as RobustFilter.run has them
-    state : as LaneFilter.run returns it
+    streams : of the lanes
     began : the state as the present period began
     counted : (3, lanes) sum of innovation^2 / variance, number of accepted and of rejected
         sightings until then
@@ -119,16 +92,9 @@ class RobustRun:
     doubtful : (lanes,) whether the start is looked for again over more periods
     looks, ends : steps at which a share of a period ends, and a whole one
     rivals : of lanes that have an alternative to their estimate
-    at : steps taken in
     """
 
-    base: Stepped
-    setup: FilterSetup
-    readings: Readings
-    truth: Truth
-    statistics: FilterStatistics
     streams: Sequence[np.random.SeedSequence]
-    state: State
     began: State
     counted: Array
     limit: Array
@@ -136,31 +102,21 @@ class RobustRun:
     looks: Index
     ends: Index
     rivals: Rivals
-    at: int = 0
 
     @classmethod
     def begun(
-        cls,
-        base: Stepped,
-        setup: FilterSetup,
-        readings: Readings,
-        truth: Truth,
-        statistics: FilterStatistics,
-        streams: Sequence[np.random.SeedSequence],
-    ) -> "RobustRun":
-        """Return a filter at sample 0."""
+        cls, base: Stepped, given: FilterRun, streams: Sequence[np.random.SeedSequence] = ()
+    ) -> Self:
+        """Return a filter at step 0; starts of a lane are drawn from its stream."""
+        setup, readings = given.setup, given.readings
         state, lanes = start_of(setup, readings), readings.initial.shape[-1]
-        began, counted = (state[0].copy(), state[1].copy()), np.zeros((3, lanes))
         return cls(
             base,
-            setup,
-            readings,
-            truth,
-            statistics,
-            streams,
+            given,
             state,
-            began,
-            counted,
+            streams,
+            began=(state[0].copy(), state[1].copy()),
+            counted=np.zeros((3, lanes)),
             limit=np.zeros(lanes),
             doubtful=np.ones(lanes, dtype=bool),
             looks=steps_passing(setup.spans, setup.period, LOOKS),
@@ -174,10 +130,7 @@ class RobustRun:
             place = int(self.looks.searchsorted(self.at, side="right"))
             look = int(self.looks[place]) if place < len(self.looks) else end + 1
             until = min(end, look)
-            self.base.advance(
-                self.setup, self.readings, self.truth, self.statistics, self.state, self.at, until
-            )
-            self.at = until
+            LaneRun.advance(self, until)
             if until == look:
                 self._decide(until)
                 place = int(self.ends.searchsorted(until))

@@ -22,8 +22,7 @@ from syncplan.estimation.correction_kernels import (
     refer_place,
     spread,
 )
-from syncplan.estimation.filter_setup import FilterSetup, Readings, Truth
-from syncplan.estimation.filter_statistics import FilterStatistics
+from syncplan.estimation.filter_statistics import FilterRun
 from syncplan.estimation.kernels import Lanes, kernel
 from syncplan.estimation.motion_kernels import frame_of, predict
 from syncplan.estimation.statistics_kernels import fill_truth
@@ -31,10 +30,7 @@ from syncplan.estimation.statistics_kernels import fill_truth
 
 @kernel
 def bound_lanes(
-    setup: FilterSetup,
-    readings: Readings,
-    truth: Truth,
-    statistics: FilterStatistics,
+    run: FilterRun,
     squares: Array,
     state_squares: Array,
     counted: Flags,
@@ -49,8 +45,9 @@ def bound_lanes(
     Those of bias states go to `state_squares` (e, lanes), over the second half of the run. Every
     few steps, from step 0 on, each place's variance goes to `along` (k, n, lanes), if k > 0.
 
-    x and P are the state at the start, and scratch; `statistics` is scratch.
+    x and P are the state at the start, and scratch; so are the run's statistics.
     """
+    setup, readings, truth = run.setup, run.readings, run.truth
     n, size, width, steps = len(squares), len(P), len(lanes), len(readings.speeds)
     frame, work = frame_of(setup.states, width), correction_of(setup.states, size, width)
     states, true, sums = setup.states, np.empty_like(x), work.sums
@@ -63,7 +60,7 @@ def bound_lanes(
         predict(true, P, speeds, turn_rates, setup, step, frame, work.slopes, lanes)
         fill_truth(true, truth, step, lanes)
         x[:] = 0.0
-        correct(x, P, step, setup, readings, true, OFF, frame, work, statistics, lanes)
+        correct(x, P, step, run, true, OFF, frame, work, lanes)
         kept = len(along) > 0 and step % every == 0
         for i in range(n):
             if counted[step, i] or kept:

@@ -16,15 +16,13 @@ The filter is that of `lane_filter`, and so is the state.
 import math
 
 from syncplan.arrays import Array, Index
-from syncplan.estimation.correction_kernels import correction_of
 from syncplan.estimation.filter_setup import COMPASS_KIND, FilterSetup, Readings, Truth
-from syncplan.estimation.filter_statistics import FilterStatistics
+from syncplan.estimation.filter_statistics import FilterRun
 from syncplan.estimation.kernels import Lanes, inner, kernel, lean
-from syncplan.estimation.lane_filter import step_filter
-from syncplan.estimation.motion_kernels import bring_to_now, copy, frame_of, move
+from syncplan.estimation.lane_filter import scratch_of, step_filter
+from syncplan.estimation.motion_kernels import bring_to_now, copy, move
 from syncplan.estimation.statistics_kernels import (
     Comparison,
-    comparison_of,
     fill_errors,
     fill_truth,
     record,
@@ -132,10 +130,7 @@ def _compare(
 def fly_lanes(
     flight: FlightSetup,
     flown: Flown,
-    setup: FilterSetup,
-    readings: Readings,
-    truth: Truth,
-    statistics: FilterStatistics,
+    run: FilterRun,
     lanes: Lanes,
     x: Array,
     P: Array,
@@ -143,16 +138,15 @@ def fly_lanes(
     end: int,
 ) -> None:
     """Take x and P, lower triangle, from step `begin` to step `end`, flying on the way."""
-    n, size, width = len(setup.lost_variances), len(P), len(lanes)
-    frame, work = frame_of(setup.states, width), correction_of(setup.states, size, width)
-    compared = comparison_of(n, size, width)
+    setup, readings, truth, statistics = run.setup, run.readings, run.truth, run.statistics
+    frame, work, compared = scratch_of(setup, len(lanes))
     if begin == 0:
         _compare(x, flight, truth, begin, compared, lanes)
         record(P, setup, begin, compared, statistics, lanes)
     for step in range(begin + 1, end + 1):
         ahead = min(step + flight.mishaps.late, flight.steps)
         fly_to(ahead, step - 1, x, flight, flown, setup, readings, work.slopes, lanes)
-        step_filter(x, P, step, setup, readings, frame, work, statistics, lanes)
+        step_filter(x, P, step, run, frame, work, lanes)
         _hear(setup, readings.sightings, step, flown.heard, lanes)
         looks = step % flight.contact.look_every == 0
         if step == end or looks or takes_covariance(setup, step, statistics):

@@ -119,10 +119,7 @@ def _bounds(team: FlownTeam, lanes: FlownLanes, counted: Flags) -> tuple[Array, 
     side_by_side, records = lanes_of(n, width), lanes.records
     along = np.zeros((0, n, width)) if records is None else records.bounds
     bound_lanes(
-        setup,
-        lanes.readings,
-        lanes.run.truth,
-        scratch,
+        lanes.run.given._replace(setup=setup, statistics=scratch),
         squares,
         of_states,
         counted,

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from syncplan.arrays import Array
-from syncplan.estimation.filter_setup import FilterSetup, Readings, Truth, start_of
-from syncplan.estimation.filter_statistics import FilterStatistics
+from syncplan.estimation.filter_setup import FilterSetup, Readings, State, start_of
+from syncplan.estimation.filter_statistics import FilterRun, FilterStatistics
 from syncplan.estimation.kernels import Lanes, lanes_for, lanes_of
-from syncplan.estimation.online_filter import grown
+from syncplan.estimation.lane_filter import LaneRun
+from syncplan.estimation.online_filter import with_room
 from syncplan.estimation.robust_filter import RobustRun
 from syncplan.estimation.trial_readings import filter_stream
 from syncplan.flight.closed_loop import fly_lanes, fly_to
@@ -58,39 +58,10 @@ class ClosedLoop:
         except (AttributeError, TypeError, OSError):
             return False
 
-    def advance(
-        self,
-        setup: FilterSetup,
-        readings: Readings,
-        truth: Truth,
-        statistics: FilterStatistics,
-        state: tuple[Array, Array],
-        begin: int,
-        end: int,
-    ) -> None:
-        """Take a state from sample `begin` to sample `end`, in place, and fly on the way."""
-        n, _, width = readings.initial.shape
-        flight, lanes = (self.flight, self.flown), lanes_of(n, width)
-        fly_lanes(*flight, setup, readings, truth, statistics, lanes, *state, begin, end)
-
-
-@dataclass(slots=True)
-class PlainRun:
-    """A filter on its way that goes on from sample to sample; attributes are as of RobustRun."""
-
-    base: ClosedLoop
-    setup: FilterSetup
-    readings: Readings
-    truth: Truth
-    statistics: FilterStatistics
-    state: tuple[Array, Array]
-    at: int = 0
-
-    def advance(self, end: int) -> None:
-        """Take in all samples up to `end`."""
-        run = self.setup, self.readings, self.truth, self.statistics
-        self.base.advance(*run, self.state, self.at, end)
-        self.at = end
+    def advance(self, run: FilterRun, state: State, begin: int, end: int) -> None:
+        """Take a state from step `begin` to step `end`, in place, and fly on the way."""
+        n, _, width = run.readings.initial.shape
+        fly_lanes(self.flight, self.flown, run, lanes_of(n, width), *state, begin, end)
 
 
 @dataclass(slots=True)
@@ -108,7 +79,7 @@ class FlownLanes:
 
     team: FlownTeam
     flown: Flown
-    run: PlainRun | RobustRun
+    run: LaneRun
     guidance: LaneGuidance | None = None
     records: LaneRecords | None = None
 
@@ -120,16 +91,14 @@ class FlownLanes:
         loop = ClosedLoop(team.setup_from(0), flown)
         decides = team.setup.law.mode == AS_COMMANDED
         guidance = LaneGuidance(team, len(trials)) if decides else None
-        start = start_of(setup, readings)
         records = _records(team, trials)
         if records is not None:
-            records.take(0, start, flown.path)
-        if team.options.filter_model.finds_start:
-            streams = [filter_stream(team.options.seed, trial) for trial in trials]
-            robust = RobustRun.begun(loop, setup, readings, truth, statistics, streams)
-            return cls(team, flown, robust, guidance, records)
-        plain = PlainRun(loop, setup, readings, truth, statistics, start)
-        return cls(team, flown, plain, guidance, records)
+            records.take(0, start_of(setup, readings), flown.path)
+        robust = team.options.filter_model.finds_start
+        streams = [filter_stream(team.options.seed, trial) for trial in trials] if robust else []
+        given = FilterRun(setup, readings, truth, statistics)
+        run = (RobustRun if robust else LaneRun).begun(loop, given, streams)
+        return cls(team, flown, run, guidance, records)
 
     def advance(self, end: int) -> None:
         """Fly until the filter is at step `end`."""
@@ -207,15 +176,7 @@ class FlownLanes:
         used, have = int(self.flown.places[1]), len(self.readings.sightings)
         if used + further <= have:
             return
-        size, setup = max(used + further, 2 * have), self.setup
-        self.run.setup = setup._replace(
-            observers=grown(setup.observers, used, size),
-            targets=grown(setup.targets, used, size),
-            kinds=grown(setup.kinds, used, size),
-            variances=grown(setup.variances, used, size),
-        )
-        sightings = grown(self.readings.sightings, used, size)
-        self.run.readings = self.readings._replace(sightings=sightings)
+        self.run.given = with_room(self.run.given, used, max(used + further, 2 * have))
 
 
 def _records(team: FlownTeam, trials: range) -> LaneRecords | None:

@@ -21,6 +21,7 @@ from syncplan.estimation.filter_setup import (
 from syncplan.estimation.filter_statistics import (
     SQUARE,
     VARIANCE,
+    FilterRun,
     FilterStatistics,
     empty_series,
     empty_statistics,
@@ -157,7 +158,7 @@ def filtered(
 ) -> tuple[Array, Array, FilterStatistics]:
     """Final state (3n + e, lanes), full covariance and statistics of all lanes."""
     statistics = statistics_of(given, with_series=with_series)
-    x, P = lane_filter.run(*given, statistics)
+    x, P = lane_filter.run(FilterRun(*given, statistics))
     lower = np.tril(np.ones(P.shape[:2], dtype=bool))[..., None]
     return x, np.where(lower, P, P.transpose(1, 0, 2)), statistics
 
@@ -334,7 +335,7 @@ def test_a_run_may_stop_on_its_way(lane_filter: LaneFilter) -> None:
     x, P, statistics = filtered(given, lane_filter)
     again, reached = statistics_of(given), start_of(given.setup, given.readings)
     for begin, end in ((0, 13), (13, STEPS)):
-        lane_filter.advance(*given, again, reached, begin, end)
+        lane_filter.advance(FilterRun(*given, again), reached, begin, end)
     np.testing.assert_allclose(reached[0], x, rtol=1e-7, atol=1e-10)
     lower = np.tril_indices(len(P))
     np.testing.assert_allclose(reached[1][lower], P[lower], rtol=1e-6, atol=1e-10)
@@ -344,7 +345,7 @@ def test_a_run_may_stop_on_its_way(lane_filter: LaneFilter) -> None:
 def test_a_large_team_in_one_lane_has_the_bytes_of_many_lanes() -> None:
     n, steps, random = WIDE_UP_TO + 1, 12, np.random.default_rng(3)
     seen = 3 * steps + 3
-    setup = specimen(n)[0]._replace(
+    setup = specimen(n)[0].setup._replace(
         spans=np.full(steps, 0.1),
         compared=np.arange(steps + 1),
         samples=steps,
@@ -391,7 +392,7 @@ def test_kernels_are_not_compiled_anew_for_some_number_of_trials(
 ) -> None:
     typeof: Any = numba.typeof
     given = scene_of(a_team(estimated), 5, lanes)
-    assert [typeof(one) for one in given] == [typeof(one) for one in specimen(3)[:3]]
+    assert [typeof(one) for one in given] == [typeof(one) for one in specimen(3)[0][:3]]
 
 
 @BOTH

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from syncplan.estimation.filter_options import FilterOptions
-from syncplan.estimation.filter_setup import start_of
+from syncplan.estimation.filter_setup import State, start_of
 from syncplan.estimation.montecarlo import run_trials
-from syncplan.estimation.rivals import CLEARLY, Rivals, State
+from syncplan.estimation.rivals import CLEARLY, Rivals
 from syncplan.estimation.trial_readings import possible_sightings
 from syncplan.estimation.trials import MonteCarloResult
 from syncplan.planning.planner import plan

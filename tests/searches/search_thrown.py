@@ -26,7 +26,7 @@ from syncplan.arrays import Array
 from syncplan.estimation.bounds import posterior_bound
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.filter_setup import poses_of
-from syncplan.estimation.filter_statistics import empty_series, empty_statistics
+from syncplan.estimation.filter_statistics import FilterRun, empty_series, empty_statistics
 from syncplan.estimation.lane_filter import EXTENDED
 from syncplan.estimation.montecarlo import _setup, poses_over
 from syncplan.estimation.robust_filter import RobustRun
@@ -104,7 +104,7 @@ def thrown_draw(number: int, *, seed: int, trials: int, throws: Sequence[str]) -
     found = []
     for name in throws:
         counted = empty_statistics(trials, empty_series(layout.size, steps, wanted=False))
-        run = RobustRun.begun(EXTENDED, setup, readings, truth, counted, streams)
+        run = RobustRun.begun(EXTENDED, FilterRun(setup, readings, truth, counted), streams)
         run.advance(middle)
         off = throw(name, n, trials, generator)
         for state in (run.state[0], run.began[0]):
