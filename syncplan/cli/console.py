@@ -119,7 +119,7 @@ def announce_compilation(options: "FilterOptions", counts: Iterable[int]) -> Non
     """Announce that the kernels of the filter are compiled first, for teams of so many vehicles."""
     filter_ = options.filter_model.lane_filter
     if not all(filter_.is_compiled(count) for count in set(counts)):
-        say("compiling the filter's kernels, once; this takes some seconds ...")
+        say("compiling the filter's kernels, once; this takes about half a minute ...")
 
 
 def announce_flight() -> None:
@@ -127,7 +127,7 @@ def announce_flight() -> None:
     from syncplan.flight.flown_lanes import ClosedLoop
 
     if not ClosedLoop.is_compiled():
-        say("compiling the kernels of flight, once; this takes up to a minute ...")
+        say("compiling the kernels of flight, once; this takes about a minute ...")
 
 
 def say_notes(notes: list[str]) -> None:

@@ -21,7 +21,6 @@ from syncplan.orbits.sighting_kinds import (
 from syncplan.orbits.sightings import sample_sightings
 from syncplan.orbits.team import Team
 from tests.tools.draws import draw_team, sightings_of
-from tests.tools.inner_kernels import called_alone
 
 
 @pytest.mark.parametrize("name", SIGHTING_KINDS)
@@ -159,7 +158,7 @@ def test_the_compiled_filter_has_every_kind(name: str, target: int) -> None:
     lanes, landmarks = 5, np.array([[3.0, -4.0]])
     x, measured = random.normal(size=(2, 3, lanes)), random.normal(size=lanes)
     row, innovation = np.full((3, lanes), np.nan), np.full(lanes, np.nan)
-    called_alone(sight_poses)(
+    sight_poses(
         place_of(kind),
         x.reshape(6, lanes),
         0,
