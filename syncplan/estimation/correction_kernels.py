@@ -143,6 +143,17 @@ def most_entries(states: States) -> int:
 
 
 @inner
+def _way(
+    x: Array, observer: int, target: int, n: int, landmarks: Array, lane: int
+) -> tuple[float, float]:
+    """Return the way from an observer to its target, x and y in m; landmarks follow vehicles."""
+    o, t = 3 * observer, 3 * target
+    if target < n:
+        return x[t, lane] - x[o, lane], x[t + 1, lane] - x[o + 1, lane]
+    return landmarks[target - n, 0] - x[o, lane], landmarks[target - n, 1] - x[o + 1, lane]
+
+
+@inner
 def _bearings(
     x: Array,
     observer: int,
@@ -159,17 +170,11 @@ def _bearings(
 
     The target's part is the negative of the first two.
     """
-    o, t = 3 * observer, 3 * target
     for lane in range(len(lanes)):
-        if target < n:
-            dx, dy = x[t, lane], x[t + 1, lane]
-        else:
-            dx, dy = landmarks[target - n, 0], landmarks[target - n, 1]
-        dx -= x[o, lane]
-        dy -= x[o + 1, lane]
+        dx, dy = _way(x, observer, target, n, landmarks, lane)
         square = max(dx * dx + dy * dy, SMALLEST_SQUARE)
         row[0, lane], row[1, lane], row[2, lane] = dy / square, -dx / square, -1.0
-        innovation[lane] = bearings[s, lane] - (math.atan2(dy, dx) - x[o + 2, lane])
+        innovation[lane] = bearings[s, lane] - (math.atan2(dy, dx) - x[3 * observer + 2, lane])
     for lane in range(len(lanes)):
         turns = np.floor((innovation[lane] + math.pi) / (2.0 * math.pi))
         innovation[lane] -= 2.0 * math.pi * turns
@@ -189,14 +194,8 @@ def _distances(
     lanes: Lanes,
 ) -> None:
     """Fill in a distance's innovation and row, as `_bearings` does a bearing's."""
-    o, t = 3 * observer, 3 * target
     for lane in range(len(lanes)):
-        if target < n:
-            dx, dy = x[t, lane], x[t + 1, lane]
-        else:
-            dx, dy = landmarks[target - n, 0], landmarks[target - n, 1]
-        dx -= x[o, lane]
-        dy -= x[o + 1, lane]
+        dx, dy = _way(x, observer, target, n, landmarks, lane)
         rho = math.sqrt(max(dx * dx + dy * dy, SMALLEST_SQUARE))
         row[0, lane], row[1, lane], row[2, lane] = -dx / rho, -dy / rho, 0.0
         innovation[lane] = distances[s, lane] - rho
@@ -536,12 +535,7 @@ def _curve(
             sums[1, lane] -= 0.5 * mixed
             sums[2, lane] -= sums[6, lane] * sums[4, lane]
     for lane in range(len(lanes)):
-        if t < n:
-            dx, dy = x[3 * t, lane], x[3 * t + 1, lane]
-        else:
-            dx, dy = setup.landmarks[t - n, 0], setup.landmarks[t - n, 1]
-        dx -= x[3 * o, lane]
-        dy -= x[3 * o + 1, lane]
+        dx, dy = _way(x, o, t, n, setup.landmarks, lane)
         xx, xy, yy = sums[0, lane], sums[1, lane], sums[2, lane]
         work.curvature[lane] = second_order_variance(kind, dx, dy, xx, xy, yy)
 

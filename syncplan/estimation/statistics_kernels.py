@@ -120,21 +120,6 @@ def record(
             statistics.final[k, lane] = e
             statistics.squares[k, lane] += share * e * e
             statistics.late_squares[k, lane] += late * e * e
-    if takes_covariance(setup, sample, statistics):
-        _record_spread(P, setup, sample, work, statistics, lanes)
-
-
-@part
-def _record_spread(
-    P: Array,
-    setup: FilterSetup,
-    sample: int,
-    work: Comparison,
-    statistics: FilterStatistics,
-    lanes: Lanes,
-) -> None:
-    """Add errors and covariance at a sample to series, coverage and NEES."""
-    errors = work.errors
     if len(statistics.series):
         for k in range(len(errors)):
             sums = statistics.series[sample, k]
