@@ -21,7 +21,7 @@ from syncplan.cli import command_line
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.consistency import gate_threshold
 from syncplan.estimation.filter_setup import MotionModel
-from syncplan.estimation.filter_statistics import FilterStatistics
+from syncplan.estimation.filter_statistics import FilterRun
 from syncplan.estimation.lane_filter import LaneFilter
 from syncplan.estimation.recorded_readings import longest_gap
 from syncplan.estimation.reference_filter import predict, update
@@ -378,7 +378,7 @@ def test_a_whole_number_of_samples_is_not_lost_to_rounding() -> None:
 
 def test_a_filter_that_diverges_is_no_result(monkeypatch: pytest.MonkeyPatch) -> None:
     def diverge(*arguments: Any) -> tuple[Array, Array]:
-        statistics = next(one for one in arguments if isinstance(one, FilterStatistics))
+        (statistics,) = (one.statistics for one in arguments if isinstance(one, FilterRun))
         statistics.squares[:] = np.nan
         return np.zeros((6, 1)), np.zeros((6, 6, 1))
 
