@@ -31,14 +31,6 @@ def _fault(**overrides: object) -> str:
     return text
 
 
-def _refused(monkeypatch: pytest.MonkeyPatch, name: str, value: str) -> str:
-    """The fault of one setting, which it names."""
-    monkeypatch.setenv(name, value)
-    text = _fault()
-    assert text.startswith(f"{name}: ")
-    return text
-
-
 def test_defaults_listen_here_and_keep_data_in_the_users_folder(tmp_path: Path) -> None:
     settings = load_settings()
     assert (settings.host, settings.port) == ("127.0.0.1", 8000)
@@ -56,51 +48,81 @@ def test_a_relative_data_home_is_passed_over(monkeypatch: pytest.MonkeyPatch) ->
     assert load_settings().data_dir == Path("/home/pilot/.local/share/syncplan")
 
 
-def test_every_field_is_a_variable_and_described() -> None:
+def test_every_field_is_described_and_settings_are_frozen() -> None:
     for name, field in Settings.model_fields.items():
         assert field.description, name
+    with pytest.raises(ValidationError):
+        load_settings().port = 1
 
 
 def test_the_environment_sets_and_overrides_come_before_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SYNCPLAN_PORT", "9000")
     monkeypatch.setenv("SYNCPLAN_PROCESSES", "3")
     monkeypatch.setenv("SYNCPLAN_LOG_LEVEL", "WARNING")
+    # empty, it counts as not set
+    monkeypatch.setenv("SYNCPLAN_DATABASE_URL", "")
+    assert load_settings().database_url is None
     assert load_settings(host=None).port == 9000
     assert load_settings().process_count == 3
     assert load_settings().log_level == "warning"
     assert load_settings(port=9001).port == 9001
 
 
-def test_an_empty_variable_counts_as_not_set(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("SYNCPLAN_DATABASE_URL", "")
-    monkeypatch.setenv("SYNCPLAN_PORT", "")
-    assert load_settings().port == 8000
-    assert load_settings().database_url is None
-
-
-def test_settings_are_frozen() -> None:
-    with pytest.raises(ValidationError):
-        load_settings().port = 1
+FAULTS = {
+    "PORT": [
+        ("99999", "'99999': must be less than or equal to 65535"),
+        ("1\n2", "'1\\n2': must be a valid integer"),
+    ],
+    "INSECURE": [("perhaps", "'perhaps': must be a valid boolean")],
+    "LOG_LEVEL": [("loud", "'debug', 'info', 'warning' or 'error'")],
+    "PLAN_TIMEOUT_S": [("inf", "'inf': must be a finite number")],
+    "MAX_VEHICLES": [("0", "'0': must be greater than or equal to 1")],
+    "DATA_DIR": [("~nobody-at-all/x", "'~nobody-at-all/x': has no home")],
+    "ALLOWED_HOSTS": [
+        (given, "must be a name or an address")
+        for given in ("http://plans.example", "plans.example:8000", "*", "a b")
+    ],
+    "API_KEYS": [
+        ("ops:hush-hush", "the key of entry 1 must be 16 or more printable ASCII characters"),
+        (f"ops:{KEY},hush-hush", "the key of entry 2 must be 16 or more"),
+        (f"ops:{KEY},lab:{OTHER},{KEY}", "entry 1 and entry 3 have the same key and other names"),
+        (f":{KEY}", "the name of entry 1 must be"),
+        (f"o p:{KEY}", "the name of entry 1 must be"),
+        (f"{KEY}:ops", "the key of entry 1 must be 16 or more"),
+        (f"ops:{KEY}\u00e9", "the key of entry 1 must be 16 or more"),
+        (f"ops:{KEY} {KEY}", "the key of entry 1 must be 16 or more"),
+    ],
+    "DATABASE_URL": [
+        ("mysql://u:hush-hush@h/x", "is neither SQLite nor PostgreSQL"),
+        ("postgresql+psycopg2://u:hush-hush@h/x", "is neither SQLite nor PostgreSQL"),
+        ("postgresql://u:hush-hush@h", "names no database"),
+        ("postgresql://u:hush-hush/@@h:port/x", "can't be read as an address"),
+        ("hush-hush@h", "can't be read as an address"),
+        ("postgresql://h?password=hush-hush", "names no database"),
+        ("sqlite://", "names no file"),
+        ("sqlite:///:memory:", "names no file"),
+        ("sqlite:///x?mode=memory", "names no file, or more than a file"),
+    ],
+}
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "told"),
-    [
-        ("PORT", "99999", "SYNCPLAN_PORT: '99999': must be less than or equal to 65535"),
-        ("PORT", "1\n2", "SYNCPLAN_PORT: '1\\n2': must be a valid integer"),
-        ("INSECURE", "perhaps", "SYNCPLAN_INSECURE: 'perhaps': must be a valid boolean"),
-        ("LOG_LEVEL", "loud", "'debug', 'info', 'warning' or 'error'"),
-        ("PLAN_TIMEOUT_S", "inf", "SYNCPLAN_PLAN_TIMEOUT_S: 'inf': must be a finite number"),
-        ("MAX_VEHICLES", "0", "SYNCPLAN_MAX_VEHICLES: '0': must be greater than or equal to 1"),
-        ("HEARTBEAT_S", "5", "SYNCPLAN_DEAD_AFTER_S: '8.0': must be at least two heartbeats"),
-        ("DATA_DIR", "~nobody-at-all/x", "SYNCPLAN_DATA_DIR: '~nobody-at-all/x': has no home"),
-    ],
+    ("name", "value", "told"), [(name, *one) for name, rows in FAULTS.items() for one in rows]
 )
-def test_a_bad_value_is_told_in_one_line(
+def test_a_bad_value_is_reported_in_one_line_without_its_secrets(
     monkeypatch: pytest.MonkeyPatch, name: str, value: str, told: str
 ) -> None:
     monkeypatch.setenv(f"SYNCPLAN_{name}", value)
-    assert told in _fault()
+    text = _fault()
+    assert text.startswith(f"SYNCPLAN_{name}: ")
+    assert told in text
+    assert KEY not in text
+    assert "hush-hush" not in text
+
+
+def test_what_spans_two_settings_names_one_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SYNCPLAN_HEARTBEAT_S", "5")
+    assert _fault().startswith("SYNCPLAN_DEAD_AFTER_S: '8.0': must be at least two heartbeats")
 
 
 def test_all_faults_are_told_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -130,28 +152,6 @@ def test_keys_have_names_and_a_bare_key_keeps_its_name_for_good(
     assert second.key.get_secret_value() == OTHER
     monkeypatch.setenv("SYNCPLAN_API_KEYS", OTHER)
     assert load_settings().api_keys == (second,)
-
-
-@pytest.mark.parametrize(
-    ("keys", "told"),
-    [
-        ("ops:short-secre", "the key of entry 1 must be 16 or more printable ASCII characters"),
-        (f"ops:{KEY},short-secre", "the key of entry 2 must be 16 or more"),
-        (f"ops:{KEY},lab:{OTHER},{KEY}", "entry 1 and entry 3 have the same key and other names"),
-        (f":{KEY}", "the name of entry 1 must be"),
-        (f"o p:{KEY}", "the name of entry 1 must be"),
-        (f"{KEY}:ops", "the key of entry 1 must be 16 or more"),
-        (f"ops:{KEY}\u00e9", "the key of entry 1 must be 16 or more"),
-        (f"ops:{KEY} {KEY}", "the key of entry 1 must be 16 or more"),
-    ],
-)
-def test_keys_that_can_not_serve_are_refused_and_never_shown(
-    monkeypatch: pytest.MonkeyPatch, keys: str, told: str
-) -> None:
-    text = _refused(monkeypatch, "SYNCPLAN_API_KEYS", keys)
-    assert told in text
-    assert KEY not in text
-    assert "short-secre" not in text
 
 
 def test_nothing_secret_is_in_the_representation(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -186,28 +186,6 @@ def test_a_relative_sqlite_file_is_made_absolute(
 
 
 @pytest.mark.parametrize(
-    ("url", "told"),
-    [
-        ("mysql://u:hush-hush@h/x", "is neither SQLite nor PostgreSQL"),
-        ("postgresql+psycopg2://u:hush-hush@h/x", "is neither SQLite nor PostgreSQL"),
-        ("postgresql://u:hush-hush@h", "names no database"),
-        ("postgresql://u:hush-hush/@@h:port/x", "can't be read as an address"),
-        ("hush-hush@h", "can't be read as an address"),
-        ("postgresql://h?password=hush-hush", "names no database"),
-        ("sqlite://", "names no file"),
-        ("sqlite:///:memory:", "names no file"),
-        ("sqlite:///x?mode=memory", "names no file, or more than a file"),
-    ],
-)
-def test_other_databases_are_refused_without_their_passwords(
-    monkeypatch: pytest.MonkeyPatch, url: str, told: str
-) -> None:
-    text = _refused(monkeypatch, "SYNCPLAN_DATABASE_URL", url)
-    assert told in text
-    assert "hush-hush" not in text
-
-
-@pytest.mark.parametrize(
     ("given", "hosts"),
     [
         ("", ()),
@@ -220,12 +198,3 @@ def test_further_hosts_are_names_separated_by_commas(
 ) -> None:
     monkeypatch.setenv("SYNCPLAN_ALLOWED_HOSTS", given)
     assert load_settings().allowed_hosts == hosts
-
-
-@pytest.mark.parametrize("given", ["http://plans.example", "plans.example:8000", "*", "a b"])
-def test_a_host_with_more_than_a_name_is_refused(
-    monkeypatch: pytest.MonkeyPatch, given: str
-) -> None:
-    monkeypatch.setenv("SYNCPLAN_ALLOWED_HOSTS", given)
-    with pytest.raises(InputError, match=r"SYNCPLAN_ALLOWED_HOSTS: .*must be a name or an address"):
-        load_settings()
