@@ -3,16 +3,10 @@
 import os
 from pathlib import Path
 
-from tests.tools.api_servers import key_of, serving, speaking
+from tests.attacks.conftest import SECRETS
+from tests.tools.api_servers import key_of
 from tests.tools.processes import family
-from tests.tools.scenarios import document
-
-SECRETS = {
-    "PGPASSWORD": "not-for-children-1",
-    "PGPASSFILE": "/not-for-children-2",
-    "OTEL_EXPORTER_OTLP_HEADERS": "authorization=not-for-children-3",
-    "AWS_SECRET_ACCESS_KEY": "not-for-children-4",
-}
+from tests.tools.serving import Server
 
 
 def _environment(process: int) -> dict[str, str]:
@@ -27,25 +21,19 @@ def _open_files(process: int) -> list[str]:
     return [os.readlink(folder / number) for number in os.listdir(folder)]
 
 
-def test_no_child_inherits_a_key_a_password_or_an_open_file(tmp_path: Path) -> None:
-    address = f"sqlite:///{tmp_path}/plans.db"
-    with (
-        serving(tmp_path, "ann", SYNCPLAN_DATABASE_URL=address, **SECRETS) as server,
-        speaking(server, "ann") as http,
-    ):
-        plan = http.post("/v1/plans", json=document()).json()["id"]
-        assert http.get(f"/v1/plans/{plan}").status_code == 200
-        parent, *children = family(server.popen.pid)
-        assert _environment(parent)["PGPASSWORD"] == SECRETS["PGPASSWORD"]
-        assert len(children) >= 2
-        for child in children:
-            environment = _environment(child)
-            held = [value for value in environment.values() if "not-for-children" in value]
-            assert not held
-            assert key_of("ann") not in str(environment)
-            assert not [name for name in environment if name.startswith(("SYNCPLAN_", "PG"))]
-            assert environment["PATH"] == _environment(parent)["PATH"]
-            files = _open_files(child)
-            assert not [one for one in files if str(tmp_path / "plans.db") in one]
-            # the pipe to its parent; everything else of the parent's stays there
-            assert len([one for one in files if one.startswith("socket:")]) == 1, files
+def test_no_child_inherits_a_key_a_password_or_an_open_file(server: Server) -> None:
+    parent, *children = family(server.popen.pid)
+    assert _environment(parent)["PGPASSWORD"] == SECRETS["PGPASSWORD"]
+    assert any("syncplan.db" in one for one in _open_files(parent))
+    assert len(children) >= 2
+    for child in children:
+        environment = _environment(child)
+        held = [value for value in environment.values() if "not-for-children" in value]
+        assert not held
+        assert key_of("ann") not in str(environment)
+        assert not [name for name in environment if name.startswith(("SYNCPLAN_", "PG"))]
+        assert environment["PATH"] == _environment(parent)["PATH"]
+        files = _open_files(child)
+        assert not [one for one in files if "syncplan.db" in one]
+        # the pipe to its parent; everything else of the parent's stays there
+        assert len([one for one in files if one.startswith("socket:")]) == 1, files

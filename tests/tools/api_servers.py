@@ -13,17 +13,6 @@ from api.problems import Problem
 from tests.tools.processes import PATIENCE_S, wait_until
 from tests.tools.serving import Server, running, settings_of
 
-__all__ = [
-    "Event",
-    "done",
-    "events_of",
-    "key_of",
-    "operations_of",
-    "problem",
-    "serving",
-    "speaking",
-]
-
 _METHODS = {"delete", "get", "head", "options", "patch", "post", "put", "trace"}
 
 
@@ -58,15 +47,21 @@ def operations_of(document: Mapping[str, Any]) -> list[tuple[str, str]]:
     ]
 
 
-def done(http: httpx2.Client, at: str) -> dict[str, Any]:
-    """Return the job at a path once it has ended, as it must have: in success."""
+def ended(http: httpx2.Client, at: str) -> dict[str, Any]:
+    """Return the job at a path once it has ended."""
     last: dict[str, Any] = {}
 
-    def ended() -> bool:
+    def over() -> bool:
         last.update(http.get(at).json())
         return last["ended_at"] is not None
 
-    wait_until(ended)
+    wait_until(over)
+    return last
+
+
+def done(http: httpx2.Client, at: str) -> dict[str, Any]:
+    """Return the job at a path once it has ended, as it must have: in success."""
+    last = ended(http, at)
     assert last["state"] == "succeeded", last
     return last
 
