@@ -302,7 +302,9 @@ def test_a_stress_test_leaves_the_report_of_the_library_to_the_byte(ann: httpx2.
     assert ann.get(f"{at}/result").text == as_text(stress_document(test).as_json())
 
 
-def test_a_refinement_leaves_a_plan_that_names_its_parent(ann: httpx2.Client) -> None:
+def test_a_refinement_leaves_its_owner_a_plan_that_names_its_parent(
+    ann: httpx2.Client, server: Server
+) -> None:
     plan = planned(ann, landmarks_m=LANDMARKS)["id"]
     options = {"starts": 1, "objective": "logdet", "time_limit_s": 20}
     at = ann.post(f"/v1/plans/{plan}/refinements", json=options).headers["location"]
@@ -314,6 +316,9 @@ def test_a_refinement_leaves_a_plan_that_names_its_parent(ann: httpx2.Client) ->
     assert result.headers["content-location"] == f"/v1/plans/{job.result_plan_id}"
     assert stored.json()["parent_id"] == plan
     problem(ann.get(f"{at}/trials"), 409)
+    with speaking(server, "bob") as bob:
+        problem(bob.get(f"/v1/plans/{job.result_plan_id}"), 404)
+        problem(bob.delete(f"/v1/plans/{job.result_plan_id}"), 404)
     assert ann.delete(f"/v1/plans/{job.result_plan_id}").status_code == 204
     problem(ann.get(f"{at}/result"), 404)
 
