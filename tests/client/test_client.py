@@ -1,7 +1,6 @@
 """The client: the library's results from a real service, its errors, and requests repeated."""
 
 import json
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -25,21 +24,19 @@ from syncplan.reports.loss_report import what_if_document
 from syncplan.reports.plan_report import plan_document
 from syncplan.reports.validation_report import sweep_document, validation_document
 from syncplan.runtime.files import as_text
+from tests.tools.api_servers import key_of, serving, speaking
 from tests.tools.processes import PATIENCE_S
 from tests.tools.scenarios import document, example, small
-from tests.tools.serving import Server, free_port, running, settings_of
+from tests.tools.serving import Server, free_port
 
-KEY = "ann-0123456789abcdef"
+KEY = key_of("ann")
 LANDMARKS = [[190.0, 0.0], [190.0, 70.0]]
 
 
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     """A service that asks for a key."""
-    folder = tmp_path_factory.mktemp("client")
-    settings = {"SYNCPLAN_API_KEYS": f"ann:{KEY}", **settings_of(folder / "data")}
-    one = Server(folder / "log", port=None, **settings)
-    with running(one):
+    with serving(tmp_path_factory.mktemp("client"), "ann") as one:
         yield one
 
 
@@ -47,6 +44,13 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
 def client(server: Server) -> Iterator[Client]:
     """A client with its key."""
     with Client(server.url, KEY, timeout_s=PATIENCE_S, patience_s=PATIENCE_S) as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def http(server: Server) -> Iterator[httpx2.Client]:
+    """A connection without the client in between."""
+    with speaking(server, "ann") as one:
         yield one
 
 
@@ -60,11 +64,6 @@ def stored(client: Client) -> RemotePlan:
 def made() -> syncplan.Plan:
     """The grid as the library plans it."""
     return syncplan.plan(example("paper-grid-alternate"))
-
-
-def http_of(server: Server) -> httpx2.Client:
-    """A connection without the client in between."""
-    return httpx2.Client(base_url=server.url, headers={"authorization": f"Bearer {KEY}"})
 
 
 # --- the library's results ----------------------------------------------------------------------
@@ -87,18 +86,15 @@ def test_a_plan_is_the_librarys(stored: RemotePlan, made: syncplan.Plan) -> None
 ADDED = {"id", "created_at", "parent_id"}
 
 
-def test_a_mapping_is_planned_as_a_scenario_is(client: Client) -> None:
-    given = document(landmarks_m=LANDMARKS)
-    plan = client.plan(given, steady=True)
-    assert plan.document["steady_rms_m"] is not None
-    assert client.plan(small(landmarks_m=LANDMARKS)).document["steady_rms_m"] is None
-
-
 def test_a_stored_plan_is_read_and_deleted(client: Client) -> None:
-    plan = client.plan(small())
+    plan = client.plan(document(landmarks_m=LANDMARKS), steady=True)
+    assert plan.document["steady_rms_m"] is not None
     again = client.stored(plan.id)
     assert again.document == plan.document
+    job = client.validate(plan, trials=16, seed=1)
     client.delete(again)
+    # it outlives the plan that it is about
+    assert client.wait(job).result.trials == 16
     with pytest.raises(RemoteError, match=f"404: there is no plan {plan.id}") as caught:
         client.stored(plan.id)
     assert caught.value.status == 404
@@ -122,50 +118,41 @@ def test_a_refinement_is_the_librarys_and_names_its_parent(
 
 
 @pytest.mark.parametrize(
-    "options",
+    ("kind", "options"),
     [
-        {"trials": 50, "seed": 5},
-        {"trials": 20, "seed": 1, "duration": 50.0, "with_series": True},
-        {"trials": 20, "filter": "paper", "substeps": 3, "gate_probability": 0.99},
+        ("validate", {"trials": 50, "seed": 5}),
+        ("validate", {"trials": 20, "seed": 1, "duration": 50.0, "with_series": True}),
+        ("validate", {"trials": 20, "filter": "paper", "substeps": 3, "gate_probability": 0.99}),
+        (
+            "fly",
+            {
+                "trials": 20,
+                "seed": 2,
+                "duration": 10.0,
+                "lose": ("v6@6",),
+                "hold": ("v2@2:3",),
+                "wind": (0.5, 0.0),
+                "with_series": True,
+            },
+        ),
     ],
 )
-def test_a_validation_is_the_librarys_to_the_last_byte(
+def test_a_report_is_the_librarys_to_the_last_byte(
     client: Client,
-    server: Server,
+    http: httpx2.Client,
     stored: RemotePlan,
     made: syncplan.Plan,
+    kind: str,
     options: dict[str, Any],
 ) -> None:
-    job = client.validate(stored, **options)
-    report = client.wait(job)
-    assert isinstance(report, syncplan.Validation)
-    text = as_text(validation_document(report).as_json())
-    assert text == as_text(validation_document(syncplan.validate(made, **options)).as_json())
-    with http_of(server) as http:
-        assert http.get(f"/v1/jobs/{job.id}/result").text == text
-
-
-def test_a_flight_is_the_librarys_to_the_last_byte(
-    client: Client, server: Server, stored: RemotePlan, made: syncplan.Plan
-) -> None:
-    options: dict[str, Any] = {
-        "trials": 20,
-        "seed": 2,
-        "duration": 10.0,
-        "lose": ("v6@6",),
-        "hold": ("v2@2:3",),
-        "wind": (0.5, 0.0),
-        "with_series": True,
-    }
-    job = client.fly(stored.id, **options)
-    flight = client.wait(job)
-    assert isinstance(flight, syncplan.Flight)
-    text = as_text(flight_document(flight).as_json())
-    assert text == as_text(flight_document(syncplan.fly(made, **options)).as_json())
-    with http_of(server) as http:
-        assert http.get(f"/v1/jobs/{job.id}/result").text == text
-    with pytest.raises(InputError, match="v9@3:4: no vehicle is named v9"):
-        client.fly(stored, hold=("v9@3:4",))
+    ask, here, document_of = {
+        "validate": (client.validate, syncplan.validate, validation_document),
+        "fly": (client.fly, syncplan.fly, flight_document),
+    }[kind]
+    job = ask(stored, **options)
+    text = as_text(document_of(client.wait(job)).as_json())
+    assert text == as_text(document_of(here(made, **options)).as_json())
+    assert http.get(f"/v1/jobs/{job.id}/result").text == text
 
 
 def test_a_sweep_is_the_librarys(client: Client) -> None:
@@ -199,6 +186,9 @@ def test_progress_is_told_whenever_it_changes(client: Client, stored: RemotePlan
     assert {one.state for one in told[1:-1]} <= {"queued", "running"}
     last = told[-1]
     assert (last.state, last.done, last.ended) == ("succeeded", 1500, True)
+    with pytest.raises(RemoteError, match="409: the job has already ended") as caught:
+        client.cancel(job)
+    assert caught.value.status == 409
 
 
 def test_waiting_ends_in_time_and_the_job_goes_on_until_it_is_cancelled(
@@ -212,14 +202,6 @@ def test_waiting_ends_in_time_and_the_job_goes_on_until_it_is_cancelled(
     assert client.cancel(job.id).state == "cancelled"
     with pytest.raises(RemoteError, match=f"job {job.id} was cancelled"):
         client.wait(job)
-
-
-def test_a_job_that_has_succeeded_is_not_cancelled(client: Client, stored: RemotePlan) -> None:
-    job = client.validate(stored, trials=1, duration=1.0)
-    client.wait(job)
-    with pytest.raises(RemoteError, match="409: the job has already ended") as caught:
-        client.cancel(job)
-    assert caught.value.status == 409
 
 
 def test_a_job_without_solution_says_why(client: Client, stored: RemotePlan) -> None:
@@ -252,6 +234,8 @@ def test_a_bad_scenario_is_refused_before_it_is_sent() -> None:
 def test_what_the_service_refuses_is_an_input_error_with_its_faults(
     client: Client, stored: RemotePlan
 ) -> None:
+    with pytest.raises(InputError, match="v9@3:4: no vehicle is named v9"):
+        client.fly(stored.id, hold=("v9@3:4",))
     with pytest.raises(syncplan.InputError) as caught:
         client.refine(stored, starts=0, seeds=1)
     assert [fault.key for fault in caught.value.faults] == ["seeds", "starts"]
@@ -292,34 +276,22 @@ def test_an_unknown_identifier_is_not_found_whatever_it_looks_like(client: Clien
         assert isinstance(refused.value, syncplan.InputError) or "404" in str(refused.value)
 
 
-def test_a_plan_of_the_librarys_is_not_known_to_the_service(
-    client: Client, made: syncplan.Plan
+def test_what_can_not_be_sent_is_an_input_error(
+    client: Client, stored: RemotePlan, made: syncplan.Plan
 ) -> None:
     with pytest.raises(syncplan.InputError, match="a Plan is not known to the service"):
         client.validate(made)  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize("value", [float("nan"), object()])
-def test_what_is_no_json_is_an_input_error(
-    client: Client, stored: RemotePlan, value: object
-) -> None:
-    with pytest.raises(syncplan.InputError, match="can't be sent as JSON"):
-        client.refine(stored, center_box_m=value)
-
-
-@pytest.mark.parametrize(
-    "url", ["127.0.0.1:8000", "ftp://here", "", "http://", "http://[::1", None]
-)
-def test_an_address_that_is_none_is_an_input_error(url: Any) -> None:
-    with pytest.raises(syncplan.InputError, match="url: "):
-        Client(url)
-
-
-@pytest.mark.parametrize("key", ["two\nlines", "schlüssel"])
-def test_a_key_that_can_not_be_sent_is_an_input_error(key: str) -> None:
-    with pytest.raises(syncplan.InputError, match="api_key: must be printable ASCII") as caught:
-        Client("http://127.0.0.1:9", key)
-    assert key not in str(caught.value)
+    for value in (float("nan"), object()):
+        with pytest.raises(syncplan.InputError, match="can't be sent as JSON"):
+            client.refine(stored, center_box_m=value)
+    addresses: list[Any] = ["127.0.0.1:8000", "ftp://here", "", "http://", "http://[::1", None]
+    for url in addresses:
+        with pytest.raises(syncplan.InputError, match="url: "):
+            Client(url)
+    for key in ("two\nlines", "schlüssel"):
+        with pytest.raises(syncplan.InputError, match="api_key: must be printable") as caught:
+            Client("http://127.0.0.1:9", key)
+        assert key not in str(caught.value)
 
 
 def test_a_missing_library_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -332,11 +304,6 @@ def test_a_missing_library_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> N
     assert str(caught.value) == (
         "the client: needs httpx2; install the extra: pip install 'syncplan[client]'"
     )
-
-
-def test_importing_syncplan_needs_nothing_of_the_client() -> None:
-    assert "syncplan.client.service_client" in sys.modules
-    assert syncplan.Client is Client
 
 
 def test_a_service_that_is_away_is_told_in_one_line_within_patience() -> None:
@@ -352,6 +319,7 @@ def test_a_service_that_is_away_is_told_in_one_line_within_patience() -> None:
 
 
 def test_a_closed_client_is_closed(server: Server) -> None:
+    assert syncplan.Client is Client
     with Client(server.url, KEY) as one:
         one.plan(small())
     with pytest.raises(RuntimeError, match="closed"):
@@ -443,9 +411,10 @@ def saying(status: int, body: bytes = b"", **headers: str) -> Turn:
     return lambda stand: stand.reply(status, body, **headers)
 
 
-def test_a_post_whose_answer_is_lost_is_done_once(server: Server, stored: RemotePlan) -> None:
+def test_a_post_whose_answer_is_lost_is_done_once(
+    server: Server, http: httpx2.Client, stored: RemotePlan
+) -> None:
     with (
-        http_of(server) as http,
         standing(saying(503), cut_off, cut_off, behind=server.url) as stands,
         Client(stands.url, KEY) as client,
     ):
@@ -455,6 +424,9 @@ def test_a_post_whose_answer_is_lost_is_done_once(server: Server, stored: Remote
         assert after - before == {plan.id}
         assert len(stands.seen) == 4
         assert len(set(stands.seen)) == 1
+        # each has a key of its own
+        assert client.plan(small(name="done once")).id != plan.id
+        assert len({key for _, _, key in stands.seen} - {None}) == 2
 
         stands.seen.clear()
         stands.turns[:] = [cut_off]
@@ -472,22 +444,16 @@ def test_a_post_whose_answer_is_lost_is_done_once(server: Server, stored: Remote
             client.delete(plan)
 
 
-def test_each_post_has_a_key_of_its_own(server: Server) -> None:
-    with standing(behind=server.url) as stands, Client(stands.url, KEY) as client:
-        first, second = client.plan(small()), client.plan(small())
-    assert first.id != second.id
-    keys = [key for _, _, key in stands.seen]
-    assert len(set(keys)) == 2
-    assert None not in keys
-
-
 def test_a_busy_service_is_asked_again_when_it_says(server: Server, stored: RemotePlan) -> None:
-    busy = saying(429, retry_after="1")
-    with standing(busy, behind=server.url) as stands, Client(stands.url, KEY) as client:
-        began = time.monotonic()
-        assert client.stored(stored.id).id == stored.id
-        assert time.monotonic() - began >= 1.0
-    assert len(stands.seen) == 2
+    with standing(behind=server.url) as stands, Client(stands.url, KEY) as client:
+        # odd times are passed over
+        for when in ("1", "soon", "-3", "Wed, 21 Oct 2026 07:28:00 GMT", "nan"):
+            stands.turns[:] = [saying(429 if when == "1" else 503, retry_after=when)]
+            stands.seen.clear()
+            began = time.monotonic()
+            assert client.stored(stored.id).id == stored.id
+            assert len(stands.seen) == 2
+            assert when != "1" or time.monotonic() - began >= 1.0
 
 
 def test_a_wait_beyond_patience_is_not_begun() -> None:
@@ -504,15 +470,6 @@ def test_a_wait_beyond_patience_is_not_begun() -> None:
     assert time.monotonic() - began < 300.0
 
 
-@pytest.mark.parametrize("when", ["soon", "-3", "Wed, 21 Oct 2026 07:28:00 GMT", "nan"])
-def test_an_odd_time_to_wait_is_passed_over(server: Server, stored: RemotePlan, when: str) -> None:
-    with (
-        standing(saying(503, retry_after=when), behind=server.url) as stands,
-        Client(stands.url, KEY) as client,
-    ):
-        assert client.stored(stored.id).id == stored.id
-
-
 def test_a_request_that_is_refused_is_not_repeated() -> None:
     refused = saying(500, b"<h1>no</h1>", content_type="text/html")
     with (
@@ -524,14 +481,14 @@ def test_a_request_that_is_refused_is_not_repeated() -> None:
     assert len(stands.seen) == 1
 
 
-@pytest.mark.parametrize("body", [b"<h1>Welcome</h1>", b"[]", b"{}", b""])
-def test_a_server_of_something_else_is_told(body: bytes) -> None:
-    with (
-        standing(saying(200, body)) as stands,
-        Client(stands.url) as client,
-        pytest.raises(RemoteError, match="the answer is not one of syncplan's service"),
-    ):
-        client.plan(small())
+def test_a_server_of_something_else_is_reported() -> None:
+    with standing() as stands, Client(f"{stands.url}/planner/") as client:
+        for body in (b"<h1>Welcome</h1>", b"[]", b"{}", b""):
+            stands.turns[:] = [saying(200, body)]
+            with pytest.raises(RemoteError, match="the answer is not one of syncplan's service"):
+                client.plan(small())
+    # a path before the service's own is kept
+    assert stands.seen[0][1] == "/planner/v1/plans"
 
 
 def test_a_slow_answer_is_given_up_after_the_time_for_one_request() -> None:
@@ -541,23 +498,6 @@ def test_a_slow_answer_is_given_up_after_the_time_for_one_request() -> None:
         pytest.raises(RemoteError, match=r"can't be reached.*timed out"),
     ):
         client.job("any")
-
-
-def test_a_path_before_the_services_own_is_kept(server: Server) -> None:
-    with (
-        standing(saying(404, b"{}")) as stands,
-        Client(f"{stands.url}/planner/") as client,
-        pytest.raises(RemoteError),
-    ):
-        client.job("any")
-    assert stands.seen[0][1] == "/planner/v1/jobs/any"
-
-
-def test_a_validation_outlives_the_plan_it_is_about(client: Client) -> None:
-    plan = client.plan(example("paper-grid-same"))
-    job = client.validate(plan, trials=16, seed=1)
-    client.delete(plan)
-    assert client.wait(job).result.trials == 16
 
 
 def test_the_name_and_password_of_an_address_stay_out_of_errors() -> None:
