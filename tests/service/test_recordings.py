@@ -46,15 +46,14 @@ PACKED = PackedRecording(b"0123", '{"name": "hall"}')
 
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    """A service that takes archives of up to 100 kB, more than it does of other bodies."""
+    """A service that takes archives of up to 1 MB, more than it does of other bodies."""
     folder = tmp_path_factory.mktemp("recordings")
     limits = {
-        "SYNCPLAN_RECORDING_LIMIT_BYTES": "100000",
+        "SYNCPLAN_RECORDING_LIMIT_BYTES": "1000000",
         "SYNCPLAN_BODY_LIMIT_BYTES": "50000",
         "SYNCPLAN_MAX_RECORDINGS": "5",
-        "SYNCPLAN_PROCESSES": "1",
     }
-    with serving(folder, "ann bob", "--no-worker", **limits) as one:
+    with serving(folder, "ann bob", **limits) as one:
         yield one
 
 
@@ -97,33 +96,16 @@ def test_what_is_sent_is_kept_in_short_and_whole(
 
 def test_a_recording_may_be_named(ann: httpx2.Client) -> None:
     content = zipped({name: text.encode() for name, text in RECORDED.items()})
-    answer = ann.post("/v1/recordings", content=content, headers=ZIP)
-    assert answer.json()["name"] == "recording"
-    answer = ann.post("/v1/recordings?name=field%203", content=content, headers=ZIP)
-    assert answer.json()["name"] == "field 3"
+    for query, name in (("", "recording"), ("?name=field%203", "field 3")):
+        answer = ann.post(f"/v1/recordings{query}", content=content, headers=ZIP)
+        assert answer.json()["name"] == name
     told = problem(ann.post("/v1/recordings?name=%00", content=content, headers=ZIP), 422)
     assert told.errors is not None
     assert told.errors[0].path == "query.name"
-
-
-def test_a_request_that_is_repeated_keeps_one(ann: httpx2.Client) -> None:
+    # under one key, other bytes are another request
     headers = {**ZIP, "idempotency-key": "one"}
-    first = ann.post("/v1/recordings", content=SMALL, headers=headers)
-    again = ann.post("/v1/recordings", content=SMALL, headers=headers)
-    assert (again.status_code, again.content) == (201, first.content)
-    assert len(ann.get("/v1/recordings").json()["items"]) == 1
-    problem(ann.post("/v1/recordings", content=SMALL + b"\0", headers=headers), 422)
-
-
-def test_what_is_anothers_is_not_there(ann: httpx2.Client, server: Server) -> None:
-    at = ann.post("/v1/recordings", content=SMALL, headers=ZIP).headers["location"]
-    with speaking(server, "bob") as bob:
-        for method in ("GET", "DELETE"):
-            told = problem(bob.request(method, at), 404)
-            assert told.detail == f"there is no recording {at.rpartition('/')[2]}"
-        assert bob.get("/v1/recordings").json()["items"] == []
-    assert ann.delete(at).status_code == 204
-    problem(ann.get(at), 404)
+    assert ann.post("/v1/recordings", content=SMALL, headers=headers).status_code == 201
+    problem(ann.post("/v1/recordings", content=content, headers=headers), 422)
 
 
 BROKEN = RECORDED["odometry.csv"].replace("60,0.8", "60,fast")
@@ -139,19 +121,15 @@ BROKEN = RECORDED["odometry.csv"].replace("60,0.8", "60,fast")
         ),
         (zipped({"../odometry.csv": b""}), "", "'../odometry.csv' would be written elsewhere"),
         (zipped({"words.txt": b""}), "", "holds none of *.dat, *.csv"),
-        (zipped({"odometry.csv": bytes(2**30 + 1)})[: 2**21], "", ""),
         (EMPTY, "", "holds at least 2001 files and folders; allowed is up to 2000; leave out"),
         (b"no archive", "", "can't be unpacked"),
         (b"", "", "can't be unpacked"),
     ],
-    ids=["fault", "traversal", "words", "bomb", "empty", "bytes", "nothing"],
+    ids=["fault", "traversal", "words", "empty", "bytes", "nothing"],
 )
 def test_bad_archives_are_refused_and_nothing_is_kept(
     content: bytes, path: str, told: str, ann: httpx2.Client
 ) -> None:
-    if len(content) > 100_000:
-        problem(ann.post("/v1/recordings", content=content, headers=ZIP), 413)
-        return
     found = problem(ann.post("/v1/recordings", content=content, headers=ZIP), 422)
     assert found.errors is not None
     assert [one.path for one in found.errors] == [path]
@@ -161,11 +139,11 @@ def test_bad_archives_are_refused_and_nothing_is_kept(
 
 
 def test_archives_have_their_own_limit_and_types(ann: httpx2.Client) -> None:
-    for size, status in ((60_000, 422), (100_001, 413)):
+    for size, status in ((60_000, 422), (1_000_001, 413)):
         answer = ann.post("/v1/recordings", content=b"x" * size, headers=ZIP)
-        assert problem(answer, status).detail.count("100000") == (status == 413)
+        assert problem(answer, status).detail.count("1000000") == (status == 413)
     # a body that does not say how long it is
-    problem(ann.post("/v1/recordings", content=iter([b"x" * 60_000] * 2), headers=ZIP), 413)
+    problem(ann.post("/v1/recordings", content=iter([b"x" * 60_000] * 20), headers=ZIP), 413)
     problem(ann.post("/v1/plans", json={"name": "x" * 60_000}), 413)
     answer = ann.post("/v1/recordings", content=SMALL, headers={"content-type": "text/plain"})
     assert problem(answer, 415).detail.startswith("text/plain: the body must be a zip or tar")
@@ -185,28 +163,14 @@ def test_an_owner_has_room_for_so_many(ann: httpx2.Client) -> None:
 
 
 @pytest.fixture(scope="module")
-def worker(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    """A service that does its jobs."""
-    with serving(tmp_path_factory.mktemp("replays"), "ann bob") as one:
-        yield one
-
-
-@pytest.fixture
-def http(worker: Server) -> Iterator[httpx2.Client]:
-    """An owner whose jobs are done."""
-    with speaking(worker, "ann") as one:
-        yield one
-
-
-@pytest.fixture(scope="module")
 def noisy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A recording of a while."""
     recipe = Recipe(duration=20.0, jitter=0.5, bearing_sigma=0.05, speed_sigma=0.1)
     return write_recording(tmp_path_factory.mktemp("noisy") / "hall", recipe, seed=5)
 
 
-def _kept(http: httpx2.Client, content: bytes) -> str:
-    at: str = http.post("/v1/recordings", content=content, headers=ZIP).headers["location"]
+def _kept(ann: httpx2.Client, content: bytes) -> str:
+    at: str = ann.post("/v1/recordings", content=content, headers=ZIP).headers["location"]
     return at
 
 
@@ -230,24 +194,24 @@ def test_a_replay_is_the_command_lines_to_the_byte(
     asked: dict[str, Any],
     options: list[str],
     noisy: Path,
-    http: httpx2.Client,
+    ann: httpx2.Client,
     tmp_path: Path,
     run: Any,
 ) -> None:
     report = tmp_path / "report.json"
     assert run("replay", str(noisy), *options, "-o", str(report))[0] == 0
-    at = _kept(http, _folder_zipped(noisy))
-    answer = http.post(f"{at}/replays", json=asked)
+    at = _kept(ann, _folder_zipped(noisy))
+    answer = ann.post(f"{at}/replays", json=asked)
     assert answer.status_code == 202, answer.text
     assert answer.json()["recording_id"] == at.rpartition("/")[2]
-    ended = done(http, answer.headers["location"])
+    ended = done(ann, answer.headers["location"])
     assert ended["progress"]["done"] == ended["progress"]["total"] > 100
-    assert http.get(ended["result"]).content == report.read_bytes()
-    figure = http.get(f"{answer.headers['location']}/figures/accuracy")
+    assert ann.get(ended["result"]).content == report.read_bytes()
+    figure = ann.get(f"{answer.headers['location']}/figures/accuracy")
     assert figure.status_code == 200
-    assert http.get("/v1/jobs?limit=1").json()["items"][0]["kind"] == "replay"
-    assert http.delete(at).status_code == 204
-    assert http.get(ended["result"]).status_code == 200
+    assert ann.get("/v1/jobs?limit=1").json()["items"][0]["kind"] == "replay"
+    assert ann.delete(at).status_code == 204
+    assert ann.get(ended["result"]).status_code == 200
 
 
 @pytest.mark.parametrize(
@@ -263,22 +227,22 @@ def test_a_replay_is_the_command_lines_to_the_byte(
     ],
 )
 def test_faults_of_a_request_name_its_keys(
-    asked: dict[str, Any], path: str, told: str, noisy: Path, http: httpx2.Client
+    asked: dict[str, Any], path: str, told: str, noisy: Path, ann: httpx2.Client
 ) -> None:
-    at = _kept(http, _folder_zipped(noisy))
-    found = problem(http.post(f"{at}/replays", json=asked), 422)
+    at = _kept(ann, _folder_zipped(noisy))
+    found = problem(ann.post(f"{at}/replays", json=asked), 422)
     assert found.errors is not None
     assert found.errors[0].path == path
     assert told in found.errors[0].message
-    assert http.delete(at).status_code == 204
+    assert ann.delete(at).status_code == 204
 
 
-def test_a_replay_that_can_not_be_says_why(http: httpx2.Client) -> None:
-    at = _kept(http, SMALL)
+def test_a_replay_that_can_not_be_says_why(ann: httpx2.Client) -> None:
+    at = _kept(ann, SMALL)
     poses = {"start": "given", "start_poses": [[0, 0, 0], [1, 1, 1]]}
-    job = http.post(f"{at}/replays", json=poses).headers["location"]
-    wait_until(lambda: http.get(job).json()["ended_at"] is not None)
-    ended = http.get(job).json()
+    job = ann.post(f"{at}/replays", json=poses).headers["location"]
+    wait_until(lambda: ann.get(job).json()["ended_at"] is not None)
+    ended = ann.get(job).json()
     assert ended["state"] == "failed"
     (fault,) = ended["error"]["errors"]
     assert (fault["path"], fault["message"].partition(";")[0]) == (
@@ -288,16 +252,16 @@ def test_a_replay_that_can_not_be_says_why(http: httpx2.Client) -> None:
 
 
 def test_a_recording_without_truth_is_replayed_from_a_given_start(
-    noisy: Path, worker: Server, http: httpx2.Client, tmp_path: Path, run: Any
+    noisy: Path, server: Server, ann: httpx2.Client, tmp_path: Path, run: Any
 ) -> None:
     log = load_log(noisy)
     poses = true_poses(log, clock_of(log, 0.05))[0].tolist()
     blind = replace(log, robots=tuple(replace(one, truth=np.zeros((0, 4))) for one in log.robots))
     folder = write_csv(blind, tmp_path / "hall")
-    at = _kept(http, _folder_zipped(folder))
-    assert http.get(at).json()["has_truth"] is False
+    at = _kept(ann, _folder_zipped(folder))
+    assert ann.get(at).json()["has_truth"] is False
     for asked in ({}, {"start": "prior", "tune": True}):
-        found = problem(http.post(f"{at}/replays", json=asked), 422)
+        found = problem(ann.post(f"{at}/replays", json=asked), 422)
         assert found.errors is not None
         assert found.errors[0].path == "start"
         assert (
@@ -308,13 +272,13 @@ def test_a_recording_without_truth_is_replayed_from_a_given_start(
     words = ("--start", "given", "--start-poses", text, "--series", "-o", str(report))
     assert run("replay", str(folder), *words)[0] == 0
     asked = {"start": "given", "start_poses": poses, "series": True}
-    job = http.post(f"{at}/replays", json=asked).headers["location"]
-    ended = done(http, job)
-    assert http.get(ended["result"]).content == report.read_bytes()
-    drawn = {one: http.get(f"{job}/figures/{one}") for one in ("sigmas", "estimates", "accuracy")}
+    job = ann.post(f"{at}/replays", json=asked).headers["location"]
+    ended = done(ann, job)
+    assert ann.get(ended["result"]).content == report.read_bytes()
+    drawn = {one: ann.get(f"{job}/figures/{one}") for one in ("sigmas", "estimates", "accuracy")}
     assert [answer.status_code for answer in drawn.values()] == [200, 200, 404]
     assert "has no truth, so errors are not known" in problem(drawn["accuracy"], 404).detail
-    with Client(worker.url, key_of("ann"), timeout_s=PATIENCE_S) as client:
+    with Client(server.url, key_of("ann"), timeout_s=PATIENCE_S) as client:
         kept = client.upload(folder)
         document = client.wait(client.replay(kept, **asked))
         assert document == ReplayDocument.model_validate_json(report.read_text())
@@ -324,17 +288,17 @@ def test_a_recording_without_truth_is_replayed_from_a_given_start(
 
 
 def test_a_recording_stays_until_its_job_has_ended(
-    noisy: Path, worker: Server, http: httpx2.Client
+    noisy: Path, server: Server, ann: httpx2.Client
 ) -> None:
-    at = _kept(http, _folder_zipped(noisy))
-    with speaking(worker, "bob") as bob:
+    at = _kept(ann, _folder_zipped(noisy))
+    with speaking(server, "bob") as bob:
         problem(bob.post(f"{at}/replays", json={}), 404)
-    job = http.post(f"{at}/replays", json={"tune": True}).headers["location"]
-    told = problem(http.delete(at), 409)
+    job = ann.post(f"{at}/replays", json={"tune": True}).headers["location"]
+    told = problem(ann.delete(at), 409)
     assert told.detail.startswith("a job about the recording has not ended; wait for it, or")
-    assert http.post(f"{job}/cancel").json()["state"] == "cancelled"
-    assert http.delete(at).status_code == 204
-    problem(http.post(f"{at}/replays", json={}), 404)
+    assert ann.post(f"{job}/cancel").json()["state"] == "cancelled"
+    assert ann.delete(at).status_code == 204
+    problem(ann.post(f"{at}/replays", json={}), 404)
 
 
 @pytest.mark.long
@@ -354,8 +318,9 @@ def test_a_replay_outlives_the_processes_at_work_on_it(noisy: Path, tmp_path: Pa
         assert one.content == other.content
 
 
-def test_a_client_replays(noisy: Path, worker: Server, tmp_path: Path) -> None:
-    with Client(worker.url, key_of("ann"), timeout_s=PATIENCE_S) as client:
+@pytest.mark.usefixtures("ann")
+def test_a_client_replays(noisy: Path, server: Server, tmp_path: Path) -> None:
+    with Client(server.url, key_of("ann"), timeout_s=PATIENCE_S) as client:
         kept = client.upload(noisy, name="field 3")
         assert (kept.name, kept.landmarks) == ("field 3", (8, 6, 7))
         seen: list[int] = []
