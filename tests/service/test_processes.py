@@ -130,43 +130,30 @@ def test_counts_and_gauges_of_processes_add_up_and_those_of_the_service_are_take
         assert found[REQUESTS] == 7.0
         assert found[SECONDS] == 7 * 0.25
         assert found["syncplan_processes_busy"] == 3.0
+        assert found['syncplan_pool_processes{pool="requests"}'] == 8.0
+        assert found['syncplan_pool_tasks{pool="requests",state="running"}'] == 3.0
         assert found['syncplan_pool_tasks{pool="requests",state="waiting"}'] == 4.0
+        assert found['syncplan_pool_owners_waiting{pool="requests"}'] == 2.0
         assert found['syncplan_pool_children_started_total{pool="requests"}'] == 18.0
         assert found['syncplan_jobs{state="queued"}'] == 7.0
-
-
-def test_the_longest_wait_of_processes_is_that_of_the_service(
-    publishers: tuple[Publisher, Publisher],
-) -> None:
-    """Other figures of processes add up."""
-    found = publishers[1].scrape()
-    assert found['syncplan_pool_oldest_waiting_seconds{pool="requests"}'] == 7.5
-
-
-def test_the_service_began_with_its_first_process_and_takes_the_memory_of_all(
-    publishers: tuple[Publisher, Publisher],
-) -> None:
-    found = publishers[0].scrape()
-    assert found["process_start_time_seconds"] <= time.time()
-    assert found["process_resident_memory_bytes"] > 2**25
-    assert found["process_open_fds"] >= 2 * 3
-    assert found["process_cpu_seconds_total"] > 0.0
-
-
-def test_a_process_that_does_not_answer_counts_with_what_it_published_last(
-    publishers: tuple[Publisher, Publisher],
-) -> None:
-    one, other = publishers
-    other.popen.send_signal(signal.SIGSTOP)
-    found = one.scrape()
-    assert found[REQUESTS] == 7.0
-    assert found["syncplan_processes_busy"] == 3.0
+        # other figures add up
+        assert found['syncplan_pool_oldest_waiting_seconds{pool="requests"}'] == 7.5
+        # the service began with its first process and takes the memory of all
+        assert found["process_start_time_seconds"] <= time.time()
+        assert found["process_resident_memory_bytes"] > 2**25
+        assert found["process_open_fds"] >= 2 * 3
+        assert found["process_cpu_seconds_total"] > 0.0
 
 
 def test_what_a_process_counted_stays_when_it_has_ended_and_what_it_did_does_not(
     publishers: tuple[Publisher, Publisher], tmp_path: Path
 ) -> None:
     one, other = publishers
+    # while it does not answer, it counts with what it published last
+    other.popen.send_signal(signal.SIGSTOP)
+    found = one.scrape()
+    assert found[REQUESTS] == 7.0
+    assert found["syncplan_processes_busy"] == 3.0
     other.kill()
     forget_process(other.popen.pid, str(tmp_path))
     found = one.scrape()
