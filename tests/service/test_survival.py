@@ -1,4 +1,4 @@
-"""Jobs that survive: processes killed, stopped and frozen, the database away, the disk full.
+"""Jobs that survive: processes killed, stopped and frozen, the database away.
 
 Real servers, real workers and a real PostgreSQL; see tests.searches.search_survival for more
 moments. `make check` kills a server, worker and all, on SQLite; `make check-all` does all this.
@@ -10,22 +10,20 @@ import signal
 import sqlite3
 import threading
 import time
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import count
 from pathlib import Path
 from typing import Any, Literal
 
-import httpx2
 import pytest
 from sqlalchemy.engine import make_url
 
 import syncplan
+from tests.tools.api_servers import problem
 from tests.tools.busy_children import at_work, busy, on_duty
-from tests.tools.full_disk import fill, small_disk
 from tests.tools.processes import PATIENCE_S, wait_until
 from tests.tools.scenarios import example
-from tests.tools.serving import Postgres, Process, own_postgres
+from tests.tools.serving import Postgres, Process
 from tests.tools.survival import (
     Site,
     flight,
@@ -44,12 +42,6 @@ EACH = pytest.mark.parametrize(
 )
 
 
-def warm(site: Site, process: Process) -> None:
-    """Wait until the children of a process have got ready and compute no more."""
-    wait_until(lambda: len(site.family(process)) >= 2, otherwise=site.logs)
-    wait_until(lambda: not at_work(site, process), otherwise=site.logs)
-
-
 # --- killed -------------------------------------------------------------------------------------
 
 
@@ -62,32 +54,10 @@ def test_jobs_come_to_their_bytes_once_whoever_is_killed(
 ) -> None:
     moments = random.Random(f"{seed} {address is None}")
     orders = [validation(800, 1), refinement(0), sweep_of_ranges(100, 3)]
+    if victim == "worker":
+        orders.append(flight(320, 1, 100.0))
     with quick(tmp_path, address) as site:
         kill_at(site, orders, [moments.uniform(0.0, 1.5), moments.uniform(0.0, 3.0)], victim)
-
-
-@pytest.mark.long
-def test_a_server_killed_right_after_it_accepted_a_job_has_accepted_it(tmp_path: Path) -> None:
-    with quick(tmp_path) as site:
-        kill_at(site, [validation(600, 2)], [0.0, 0.0], "server")
-
-
-def test_a_flight_whose_workers_are_killed_comes_to_its_bytes(tmp_path: Path) -> None:
-    trials = 320
-    with quick(tmp_path) as site:
-        site.serve("--no-worker")
-        worker = site.work()
-        job_id = site.hand_in(flight(trials, 1, 100.0))
-
-        def under_way() -> bool:
-            done: int = site.job(job_id)["progress"]["done"]
-            return 0 < done < trials
-
-        wait_until(under_way, otherwise=site.logs)
-        site.kill(worker)
-        site.work()
-        assert site.job(job_id)["state"] == "running"
-        site.see_all_done()
 
 
 @pytest.mark.long
@@ -236,7 +206,9 @@ def test_a_cancelled_job_stops_long_before_its_end_and_stays_cancelled(tmp_path:
     with quick(tmp_path) as site:
         site.serve("--no-worker")
         worker = site.work()
-        warm(site, worker)
+        # its children have got ready, and compute no more
+        wait_until(lambda: len(site.family(worker)) >= 2, otherwise=site.logs)
+        wait_until(lambda: not at_work(site, worker), otherwise=site.logs)
         plan_id = site.hand_in_plan()
         body = {"trials": LONG, "seed": 0}
         path = f"/v1/plans/{plan_id}/validations"
@@ -282,15 +254,6 @@ def test_processes_that_start_on_nothing_at_the_same_moment_all_come_up(
 
 
 # --- the database away --------------------------------------------------------------------------
-
-
-def problem(answer: httpx2.Response, *statuses: int) -> dict[str, Any]:
-    """The problem document of an answer with one of the statuses."""
-    assert answer.status_code in statuses, f"{answer.status_code} {answer.text}"
-    assert answer.headers["content-type"] == "application/problem+json"
-    found: dict[str, Any] = answer.json()
-    assert found["status"] == answer.status_code
-    return found
 
 
 def every_request(plan_id: str, job_id: str) -> list[tuple[str, str, dict[str, Any]]]:
@@ -352,88 +315,3 @@ def test_the_database_away_for_ten_seconds_costs_nothing_but_time(
         # the one that ended could not say so, and nobody else was taken for dead
         found_dead = [line for line in site.log_lines() if "is dead" in line]
         assert all(f"-{ending.popen.pid}-" in line for line in found_dead)
-
-
-# --- the disk full ------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def disk() -> Iterator[Path]:
-    with small_disk() as folder:
-        yield folder
-
-
-def see_full_disk_told(site: Site, plan_id: str, job_id: str) -> None:
-    """Fail unless what stores is refused with 507, and everything else goes on."""
-    scenario = example("paper-grid-same").model_dump(mode="json", exclude_none=True)
-
-    def refused() -> bool:
-        answer = site.ask("POST", "/v1/plans", json=scenario)
-        if answer.status_code == 201:
-            site.plans[answer.json()["id"]] = answer.text
-            return False
-        assert "storage is full" in problem(answer, 507)["detail"]
-        return True
-
-    # what room is left inside the files is used up first
-    wait_until(refused)
-    order = validation(10, 5)
-    answer = site.ask("POST", f"/v1/plans/{plan_id}/validations", json=order.body)
-    if answer.status_code == 202:
-        site.jobs[answer.json()["id"]] = order
-    else:
-        problem(answer, 507)
-    wait_until(lambda: site.ask("GET", "/readyz").status_code == 503)
-    for path in ("/healthz", "/v1/plans", f"/v1/plans/{plan_id}", f"/v1/jobs/{job_id}"):
-        assert site.ask("GET", path).status_code == 200, path
-
-
-def see_full_disk_waited_out(site: Site, disk: Path) -> None:
-    """Fail unless jobs that a full disk meets wait until there is room, and then go on."""
-    server = site.serve()
-    plan_id = site.hand_in_plan()
-    job_id = site.hand_in(validation(2400, 1), plan_id)
-    site.hand_in(refinement(0))
-    busy(site, server, 2)
-    ballast = fill(disk)
-    see_full_disk_told(site, plan_id, job_id)
-    # long enough for what was under way to want to be stored
-    time.sleep(5.0)
-    assert server.popen.poll() is None
-    ballast.unlink()
-    site.see_all_done()
-
-
-@pytest.mark.long
-def test_a_full_disk_under_sqlite_is_told_and_waited_out(tmp_path: Path, disk: Path) -> None:
-    with quick(tmp_path, SYNCPLAN_DATA_DIR=str(disk / "data")) as site:
-        see_full_disk_waited_out(site, disk)
-
-
-@pytest.mark.long
-def test_a_full_disk_under_postgresql_is_told_and_waited_out(tmp_path: Path, disk: Path) -> None:
-    # a server of its own: its tables go with the small disk
-    with own_postgres() as postgres:
-        # the tables alone are there: a server that can't write its log stops by itself
-        address = postgres.new_database(postgres.folder_for(disk / "tables"))
-        with quick(tmp_path, address) as site:
-            see_full_disk_waited_out(site, disk)
-
-
-@pytest.mark.long
-def test_a_store_on_a_full_disk_opens_again_once_there_is_room(tmp_path: Path, disk: Path) -> None:
-    with quick(tmp_path, SYNCPLAN_DATA_DIR=str(disk / "data")) as site:
-        server = site.serve()
-        plan_id = site.hand_in_plan()
-        job_id = site.hand_in(validation(1200, 1), plan_id)
-        busy(site, server)
-        ballast = fill(disk)
-        see_full_disk_told(site, plan_id, job_id)
-        site.kill(server)
-        # a start without any room may fail or wait, and spoils nothing
-        starting = site.begin("serve", "--port", "0")
-        time.sleep(4.0)
-        site.kill(starting)
-        ballast.unlink()
-        site.serve()
-        site.see_all_done()
