@@ -145,10 +145,11 @@ def test_a_report_is_the_librarys_to_the_last_byte(
     kind: str,
     options: dict[str, Any],
 ) -> None:
-    ask, here, document_of = {
+    calls: dict[str, tuple[Any, Any, Any]] = {
         "validate": (client.validate, syncplan.validate, validation_document),
         "fly": (client.fly, syncplan.fly, flight_document),
-    }[kind]
+    }
+    ask, here, document_of = calls[kind]
     job = ask(stored, **options)
     text = as_text(document_of(client.wait(job)).as_json())
     assert text == as_text(document_of(here(made, **options)).as_json())

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from fastapi import Request, Response
+from fastapi import FastAPI, Request, Response
 
 from api.connections import ConnectionLimits
 from api.protocol import LARGEST_HEAD_BYTES
@@ -17,20 +17,35 @@ from tests.tools.api_apps import bare_app, served
 from tests.tools.processes import PATIENCE_S, wait_until
 
 HOST = b"Host: here\r\n"
+GET = b"GET / HTTP/1.1\r\n" + HOST + b"\r\n"
 
 
-@pytest.fixture(scope="module")
-def port() -> Iterator[int]:
+def _app() -> FastAPI:
     app = bare_app()
 
     @app.get("/")
+    @app.get("/healthz")
     def nothing() -> None: ...
 
     @app.post("/")
     async def read(body: dict[str, int]) -> int:
         return len(body)
 
-    with served(app, ConnectionLimits(), ws="none") as number:
+    @app.post("/refused")
+    async def refused() -> Response:
+        return Response(status_code=403)
+
+    @app.post("/headers")
+    async def names(request: Request) -> list[str]:
+        await request.body()
+        return [name.decode() for name, _ in request.scope["headers"]]
+
+    return app
+
+
+@pytest.fixture(scope="module")
+def port() -> Iterator[int]:
+    with served(_app(), ConnectionLimits(), ws="none") as number:
         yield number
 
 
@@ -98,30 +113,22 @@ def test_a_request_for_a_websocket_is_answered_as_a_plain_one(port: int) -> None
     assert said.startswith(b"HTTP/1.1 200 OK")
 
 
-def test_what_was_asked_before_the_nonsense_is_answered(port: int) -> None:
-    said = _said(port, b"GET / HTTP/1.1\r\n" + HOST + b"\r\nnonsense\r\n\r\n")
-    assert said.startswith(b"HTTP/1.1 200 OK")
-    assert said.count(b"HTTP/1.1") == 1
-
-
 EXCHANGES = {
-    "plain": (b"GET / HTTP/1.1\r\n" + HOST + b"\r\n", [200]),
+    "plain": (GET, [200]),
     "head": (b"HEAD /nowhere HTTP/1.1\r\n" + HOST + b"\r\n", [404]),
-    "pipelined": (3 * (b"GET / HTTP/1.1\r\n" + HOST + b"\r\n"), [200, 200, 200]),
+    "pipelined": (3 * GET, [200, 200, 200]),
     "body": (
         b"POST / HTTP/1.1\r\nContent-Type: application/json\r\n"
         + HOST
-        + b'Content-Length: 8\r\n\r\n{"a": 1}GET / HTTP/1.1\r\n'
-        + HOST
-        + b"\r\n",
+        + b'Content-Length: 8\r\n\r\n{"a": 1}'
+        + GET,
         [200, 200],
     ),
     "trailers": (
         b"POST / HTTP/1.1\r\nContent-Type: application/json\r\nTransfer-Encoding: chunked\r\n"
         + HOST
-        + b'\r\n4;x=y\r\n{"a"\r\n4\r\n: 1}\r\n0\r\nX-Trailer: z\r\n\r\nGET / HTTP/1.1\r\n'
-        + HOST
-        + b"\r\n",
+        + b'\r\n4;x=y\r\n{"a"\r\n4\r\n: 1}\r\n0\r\nX-Trailer: z\r\n\r\n'
+        + GET,
         [200, 200],
     ),
     "continue": (
@@ -130,7 +137,8 @@ EXCHANGES = {
         + b'Content-Length: 8\r\n\r\n{"a": 1}',
         [100, 200],
     ),
-    "nonsense": (b"GET / HTTP/1.1\r\n" + HOST + b"\r\nnonsense\r\n\r\n", [200]),
+    # what was asked before the nonsense is answered
+    "nonsense": (GET + b"nonsense\r\n\r\n", [200]),
 }
 """Bytes and the statuses they are answered with."""
 
@@ -153,48 +161,19 @@ def test_what_is_read_byte_by_byte_is_the_same(port: int) -> None:
         assert _statuses(_said(port, *pieces, answers=len(statuses))) == statuses
 
 
-def test_trailers_are_no_headers_of_the_request(seen: int) -> None:
+def test_trailers_are_no_headers_of_the_request(port: int) -> None:
     trailer = b"X-Late: yes\r\nAuthorization: Bearer late\r\n"
     head = b"POST /headers HTTP/1.1\r\nTransfer-Encoding: chunked\r\n" + HOST
-    said = _said(seen, head + b"\r\n2\r\n{}\r\n0\r\n" + trailer + b"\r\n", answers=1)
+    said = _said(port, head + b"\r\n2\r\n{}\r\n0\r\n" + trailer + b"\r\n", answers=1)
     assert json.loads(said.partition(b"\r\n\r\n")[2]) == ["transfer-encoding", "host"]
-
-
-@pytest.fixture(scope="module")
-def seen() -> Iterator[int]:
-    app = bare_app()
-
-    @app.post("/headers")
-    async def names(request: Request) -> list[str]:
-        await request.body()
-        return [name.decode() for name, _ in request.scope["headers"]]
-
-    with served(app, ConnectionLimits(), ws="none") as number:
-        yield number
 
 
 @contextlib.contextmanager
 def _limited(**limits: float) -> Iterator[int]:
     """A port where the limits are these, and else beyond what a busy machine takes."""
-    app = bare_app()
-
-    @app.get("/")
-    def nothing() -> None: ...
-
-    @app.get("/healthz")
-    def health() -> None: ...
-
-    @app.post("/")
-    async def read(body: dict[str, int]) -> int:
-        return len(body)
-
-    @app.post("/refused")
-    async def refused() -> Response:
-        return Response(status_code=403)
-
     patient = dict.fromkeys(("head_s", "body_s", "answer_s", "idle_s"), PATIENCE_S)
     given: dict[str, Any] = {**patient, **limits}
-    with served(app, ConnectionLimits(**given), ws="none") as number:
+    with served(_app(), ConnectionLimits(**given), ws="none") as number:
         yield number
 
 
@@ -209,8 +188,8 @@ def hurried() -> Iterator[int]:
     [
         (b"", []),
         (b"G", [408]),
-        (b"GET / HTTP/1.1\r\n" + HOST + b"\r\n", [200]),
-        (b"GET / HTTP/1.1\r\n" + HOST + b"\r\nGET", [200]),
+        (GET, [200]),
+        (GET + b"GET", [200]),
         (b"POST / HTTP/1.1\r\n" + HOST + b"Content-Length: 9\r\n\r\n{", [408]),
         (b"POST /refused HTTP/1.1\r\n" + HOST + b"Content-Length: 9\r\n\r\n{", [403]),
     ],
@@ -222,14 +201,13 @@ def test_what_does_not_come_in_time_is_answered_once(
 
 
 def test_a_head_that_comes_later_has_its_own_time() -> None:
-    whole = b"GET / HTTP/1.1\r\n" + HOST + b"\r\n"
     with (
         _limited(head_s=0.2) as number,
         socket.create_connection(("127.0.0.1", number), timeout=PATIENCE_S) as connection,
     ):
-        connection.sendall(whole)
+        connection.sendall(GET)
         assert connection.recv(65536).startswith(b"HTTP/1.1 200 ")
-        connection.sendall(whole[:9])
+        connection.sendall(GET[:9])
         assert connection.recv(65536).startswith(b"HTTP/1.1 408 ")
 
 
@@ -263,8 +241,7 @@ def test_what_waits_behind_an_answer_ends_with_the_nonsense_after_it(
         ended.append(1)
 
     with served(app, ConnectionLimits(), ws="none") as number:
-        two = 2 * (b"GET / HTTP/1.1\r\n" + HOST + b"\r\n")
-        assert _statuses(_said(number, two + b"nonsense\r\n\r\n")) == []
+        assert _statuses(_said(number, 2 * GET + b"nonsense\r\n\r\n")) == []
         wait_until(lambda: bool(ended))
         assert _statuses(_said(number, b"GET /no HTTP/1.1\r\n" + HOST + b"\r\n", answers=1)) == [
             404
