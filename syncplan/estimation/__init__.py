@@ -24,8 +24,7 @@ pilot_model        their arcs, and rows of their sightings
 pilot_filter       their filter in plain NumPy
 pilot_batch        their batch solution
 pilot              errors of a filter from a few such trials
-reference_filter   the filter in plain NumPy, one trial
-reference_states   the same with bias states, and sightings of every kind
+reference_filter   the filter in plain NumPy, one trial, to read
 kernels            how compiled functions are compiled, and their lanes
 motion_kernels     prediction, and the frame that the covariance is in
 correction_kernels  correction by sightings

@@ -1,9 +1,13 @@
-"""The filter in plain NumPy, one trial at a time: arcs by readings, corrected by bearings.
+"""The filter in plain NumPy, one trial at a time, with sightings of every kind.
 
-This is the filter to read; `lane_filter` computes the same, compiled, and is tested against it.
-The state is (x, y, heading) of each of n vehicles; its covariance runs over the 3n stacked.
+This is the one to read; `lane_filter` computes the same, compiled, and is tested against it. The
+state stacks the poses of n vehicles, (x, y, heading) each, and the bias states of a FilterSetup,
+3 n + e in all. A vehicle that reads v and w moves in a time T by
 
-Turning at w while driving v for a time T moves a vehicle along a chord,
+    (displacement((1 + scale) v, w + bias) + T drift, T (w + bias))
+
+and bias states that are no constants decay as they go. Turning at w while driving v moves it along
+a chord,
 
     displacement = v T s(a) e(heading + c w T),      a = w T / 2
 
@@ -12,9 +16,10 @@ Turning at w while driving v for a time T moves a vehicle along a chord,
 
 The second line is the closed form of the paper's Algorithm 1, the sum over k < N of
 (v T / N) e(heading + k w T / N); it tends to the first as N grows. Here the sum itself is computed.
+What is sighted is that of syncplan.orbits.sighting_kinds, with the shifts of its observer.
 
-Source of predict and update: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking
-and Navigation, 2001, 10.3 (extended Kalman filter).
+Source: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001,
+10.3 (extended Kalman filter).
 """
 
 import math
@@ -22,9 +27,12 @@ import math
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.estimation.filter_setup import MotionModel
+from syncplan.estimation.filter_setup import DELAY, DRIFT, SHIFT, SPEED, TURN, FilterSetup
 from syncplan.orbits.circles import perpendicular, unit, wrap
-from syncplan.orbits.sighting_kinds import BEARING
+from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
+
+Read = tuple[Array, Array]
+"""Speeds and turn rates (n,) that are read, m/s and rad/s."""
 
 
 def displacement(
@@ -61,64 +69,179 @@ def displacement_jacobian(
     return np.stack([by_speed, speed[:, None] * time * by_turn], axis=-1)
 
 
-def predict(
-    x: Array, P: Array, speeds: Array, turn_rates: Array, motion: MotionModel
-) -> tuple[Array, Array]:
-    """Return state (n, 3) and covariance (3n, 3n) one sample later.
+def covariance_at_start(setup: FilterSetup) -> Array:
+    """Return the covariance (3n + e, 3n + e) at time 0."""
+    return np.diag(setup.initial_variances)
 
-    `speeds` (n,) m/s and `turn_rates` (n,) rad/s are the readings of that sample.
-    """
-    time, substeps = motion.time, motion.substeps
-    moved = displacement(x[:, 2], speeds, turn_rates, time, substeps)
-    by_reading = displacement_jacobian(x[:, 2], speeds, turn_rates, time, substeps)
-    n = len(x)
-    F, G = np.eye(3 * n), np.zeros((3 * n, 2 * n))
+
+def moved_state(state: Array, speeds: Array, turn_rates: Array, setup: FilterSetup) -> Array:
+    """Return the state (3n + e,) one sample later, from the readings (n,) m/s, rad/s."""
+    n, motion = setup.vehicles, setup.motion
+    x, after = state[: 3 * n].reshape(n, 3), state.copy()
+    drift, scale, bias = _errors_of(state, setup)
+    turns = turn_rates + bias
+    way = displacement(x[:, 2], (1.0 + scale) * speeds, turns, motion.time, motion.substeps)
+    way += motion.time * drift
+    after[: 3 * n] += np.column_stack([way, motion.time * turns]).ravel()
+    after[3 * n :] *= setup.states.decays
+    return after
+
+
+def transition_of(state: Array, speeds: Array, turn_rates: Array, setup: FilterSetup) -> Array:
+    """Return F, the derivative (3n + e, 3n + e) of `moved_state` by the state."""
+    n, time, substeps = setup.vehicles, setup.motion.time, setup.motion.substeps
+    _, scale, bias = _errors_of(state, setup)
+    ahead, grown, turns = state[2 : 3 * n : 3], (1.0 + scale) * speeds, turn_rates + bias
+    way = displacement(ahead, grown, turns, time, substeps)
+    slopes = displacement_jacobian(ahead, grown, turns, time, substeps)
+    F = np.eye(len(state))
     for i in range(n):
-        F[3 * i : 3 * i + 2, 3 * i + 2] = perpendicular(moved[i])
-        G[3 * i : 3 * i + 2, 2 * i : 2 * i + 2] = by_reading[i]
-        G[3 * i + 2, 2 * i + 1] = time
+        r = 3 * i
+        F[r : r + 2, r + 2] = perpendicular(way[i])
+        for act, column, axis in _acts_on(i, setup):
+            if act == SPEED:
+                F[r : r + 2, column] = slopes[i, :, 0] * speeds[i]
+            elif act == TURN:
+                F[r : r + 2, column], F[r + 2, column] = slopes[i, :, 1], time
+            elif act == DRIFT:
+                F[r + axis, column] = time
+    further = range(3 * n, len(state))
+    F[further, further] = setup.states.decays
+    return F
+
+
+def predict_state(
+    state: Array, P: Array, speeds: Array, turn_rates: Array, setup: FilterSetup
+) -> tuple[Array, Array]:
+    """Return state and covariance one sample later."""
+    n, motion = setup.vehicles, setup.motion
+    F = transition_of(state, speeds, turn_rates, setup)
+    _, scale, bias = _errors_of(state, setup)
+    slopes = displacement_jacobian(
+        state[2 : 3 * n : 3],
+        (1.0 + scale) * speeds,
+        turn_rates + bias,
+        motion.time,
+        motion.substeps,
+    )
+    G = np.zeros((len(state), 2 * n))
+    for i in range(n):
+        G[3 * i : 3 * i + 2, 2 * i] = slopes[i, :, 0] * (1.0 + scale[i])
+        G[3 * i : 3 * i + 2, 2 * i + 1] = slopes[i, :, 1]
+        G[3 * i + 2, 2 * i + 1] = motion.time
     Q = np.diag(np.tile([motion.speed_variance, motion.turn_rate_variance], n))
-    return x + np.column_stack([moved, turn_rates * time]), F @ P @ F.T + G @ Q @ G.T
+    after = F @ P @ F.T + G @ Q @ G.T
+    further = range(3 * n, len(state))
+    after[further, further] += setup.states.variances * (1.0 - setup.states.decays**2)
+    return moved_state(state, speeds, turn_rates, setup), after
 
 
-def predict_bearing(x: Array, observer: int, target: int, landmarks: Array) -> tuple[float, Array]:
-    """Return the bearing in rad (not wrapped) and its derivative (3n,) by the state (n, 3).
-
-    Targets from n on are landmarks (m, 2).
-    """
-    n = len(x)
-    q = (x[target, :2] if target < n else landmarks[target - n]) - x[observer, :2]
-    slope = BEARING.slopes(q[:, None], np.ones(1))[:, 0]
-    row = np.zeros((n, 3))
-    row[observer, :2] = -slope
-    row[observer, 2] = BEARING.by_heading
-    if target < n:
-        row[target, :2] = slope
-    return float(BEARING.measured(q, x[observer, 2])), row.ravel()
-
-
-def update(
-    x: Array,
-    P: Array,
+def sighted(
+    state: Array,
+    kind: int,
     observer: int,
     target: int,
-    bearing: float,
-    sigma: float,
-    landmarks: Array,
-    gate: float = math.inf,
-) -> tuple[Array, Array, float, float]:
-    """Return state, covariance, innovation in rad and its variance after one bearing.
+    setup: FilterSetup,
+    read: Read | None = None,
+) -> tuple[float, Array]:
+    """Return what a sighting is expected to be and its derivative (3n + e,) by the state.
 
-    The bearing counts only while innovation^2 <= gate * variance. `sigma` is in rad.
+    `kind` is its place in SIGHTING_KINDS; targets from n on are landmarks. Angles are not wrapped.
+    `read`, speeds and turn rates (n,) at the time, is needed where a clock offset is a state.
     """
-    expected, h = predict_bearing(x, observer, target, landmarks)
-    innovation = float(wrap(bearing - expected))
+    n, o, t = setup.vehicles, 3 * observer, 3 * target
+    what = list(SIGHTING_KINDS.values())[kind]
+    clock = max([-1, *(c for act, c, _ in _acts_on(observer, setup) if act == DELAY)])
+    span = float(state[clock]) if clock >= 0 else 0.0
+    here, own_rate = _later(state, observer, span, setup, read)
+    there, rate = here, own_rate
+    if target < n:
+        there, rate = _later(state, target, span, setup, read)
+    place = there[:2] if target < n else setup.landmarks[target - n]
+    q = place - here[:2]
+    value, row = float(what.measured(q, here[2])), np.zeros(len(state))
+    slope = what.slopes(q[:, None], np.ones(1))[:, 0]
+    row[o : o + 2] -= slope
+    if target < n:
+        row[t : t + 2] += slope
+    row[o + 2] = what.by_heading
+    if clock >= 0:
+        gone = (rate[:2] if target < n else 0.0) - own_rate[:2]
+        row[clock] = slope @ gone + what.by_heading * own_rate[2]
+    shifts = zip(_acts_on(observer, setup), _kinds_of(observer, setup), strict=True)
+    for (act, column, _), shifted in shifts:
+        if act == SHIFT and shifted == kind:
+            value, row[column] = value + float(state[column]), 1.0
+    return value, row
+
+
+def _later(
+    state: Array, i: int, span: float, setup: FilterSetup, read: Read | None
+) -> tuple[Array, Array]:
+    """Vehicle i's pose (3,) a short while later, by what it reads, and how it changes then."""
+    pose = state[3 * i : 3 * i + 3]
+    if read is None:
+        return pose, np.zeros(3)
+    air, scale, bias = (one[i] for one in _errors_of(state, setup))
+    speed, turn = (1.0 + scale) * read[0][i], read[1][i] + bias
+    halfway, then = unit(pose[2] + 0.5 * turn * span), unit(pose[2] + turn * span)
+    return (
+        np.append(pose[:2] + span * (speed * halfway + air), pose[2] + turn * span),
+        np.append(speed * then + air, turn),
+    )
+
+
+def update_state(
+    state: Array,
+    P: Array,
+    s: int,
+    reading: float,
+    setup: FilterSetup,
+    read: Read | None = None,
+) -> tuple[Array, Array, float, float]:
+    """Return state, covariance, innovation and its variance after sighting s of the set-up.
+
+    A reading that is NaN is a missed one: both stay, and so they do where the gate rejects it.
+    """
+    kind = int(setup.kinds[s])
+    o, t = int(setup.observers[s]), int(setup.targets[s])
+    expected, h = sighted(state, kind, o, t, setup, read)
     u = P @ h
-    variance = max(float(h @ u), 0.0) + sigma**2
-    if not innovation**2 <= gate * variance:
-        return x, P, innovation, variance
-    gained = (u * (innovation / variance)).reshape(x.shape)
-    return x + gained, P - np.outer(u, u) / variance, innovation, variance
+    variance = max(float(h @ u), 0.0) + float(setup.variances[s])
+    innovation = reading - expected
+    if list(SIGHTING_KINDS.values())[kind].unit == "rad":
+        innovation = float(wrap(innovation))
+    if math.isnan(reading) or not innovation**2 <= setup.gate * variance:
+        return state, P, innovation, variance
+    return state + u * (innovation / variance), P - np.outer(u, u) / variance, innovation, variance
+
+
+def _acts_on(i: int, setup: FilterSetup) -> list[tuple[int, int, int]]:
+    """Act, place in the state and first moved axis of each bias state of vehicle i."""
+    states = setup.states
+    own = slice(states.first[i] + 1, states.first[i + 1])
+    return list(zip(states.acts[own], states.columns[own], states.axes[own, 0], strict=True))
+
+
+def _kinds_of(i: int, setup: FilterSetup) -> list[int]:
+    states = setup.states
+    kinds: list[int] = states.kinds[states.first[i] + 1 : states.first[i + 1]].tolist()
+    return kinds
+
+
+def _errors_of(state: Array, setup: FilterSetup) -> tuple[Array, Array, Array]:
+    """Velocity of the air at each vehicle (n, 2), its speed scale and its turn-rate bias (n,)."""
+    n = setup.vehicles
+    drift, scale, bias = np.zeros((n, 2)), np.zeros(n), np.zeros(n)
+    for i in range(n):
+        for act, column, axis in _acts_on(i, setup):
+            if act == DRIFT:
+                drift[i, axis] += state[column]
+            elif act == SPEED:
+                scale[i] += state[column]
+            elif act == TURN:
+                bias[i] += state[column]
+    return drift, scale, bias
 
 
 def _sinc_slope(angle: Array) -> Array:

@@ -18,7 +18,7 @@ from syncplan.errors import InputError
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.filter_setup import FilterSetup
 from syncplan.estimation.montecarlo import _setup
-from syncplan.estimation.reference_states import (
+from syncplan.estimation.reference_filter import (
     covariance_at_start,
     predict_state,
     update_state,

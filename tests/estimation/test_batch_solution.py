@@ -19,7 +19,7 @@ from syncplan.estimation.batch_solution import (
 )
 from syncplan.estimation.filter_setup import DELAY, DISTANCE_KIND, FilterSetup
 from syncplan.estimation.kernels import lanes_of
-from syncplan.estimation.reference_states import moved_state, sighted
+from syncplan.estimation.reference_filter import moved_state, sighted
 from syncplan.estimation.start_search import is_credible
 from syncplan.orbits.circles import wrap
 from tests.tools.filter_scenes import ALL, BUT_CLOCKS, Scene, a_team, scene_of

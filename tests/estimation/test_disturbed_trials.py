@@ -11,8 +11,7 @@ from syncplan.estimation.consistency import anees
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.filter_setup import DISTANCE_KIND
 from syncplan.estimation.montecarlo import run_trials
-from syncplan.estimation.reference_filter import displacement
-from syncplan.estimation.reference_states import moved_state, sighted
+from syncplan.estimation.reference_filter import displacement, moved_state, sighted
 from syncplan.estimation.trial_archive import pack, unpack
 from syncplan.estimation.trial_readings import possible_sightings
 from syncplan.estimation.trials import MonteCarloResult, merge, series, state_series

@@ -29,8 +29,9 @@ from syncplan.estimation.filter_statistics import (
 from syncplan.estimation.filters import FILTERS
 from syncplan.estimation.kernels import WIDE_UP_TO, has_compiled, kernel
 from syncplan.estimation.lane_filter import EXTENDED, IDEAL, LaneFilter, specimen
-from syncplan.estimation.reference_filter import displacement, displacement_jacobian
-from syncplan.estimation.reference_states import (
+from syncplan.estimation.reference_filter import (
+    displacement,
+    displacement_jacobian,
     moved_state,
     predict_state,
     sighted,

@@ -22,9 +22,9 @@ from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.consistency import gate_threshold
 from syncplan.estimation.filter_setup import MotionModel
 from syncplan.estimation.filter_statistics import FilterRun
-from syncplan.estimation.lane_filter import LaneFilter
+from syncplan.estimation.lane_filter import LaneFilter, specimen
 from syncplan.estimation.recorded_readings import longest_gap
-from syncplan.estimation.reference_filter import predict, update
+from syncplan.estimation.reference_filter import predict_state, update_state
 from syncplan.estimation.replay_settings import GROUND_ROBOTS, START_SIGMAS, ReplaySettings
 from syncplan.estimation.replays import OPTIONS, replay
 from syncplan.orbits.circles import wrap
@@ -277,7 +277,10 @@ def _by_numpy(log: Log, landmarks: list[int] | None, *, meetings: bool) -> _Foun
             # recorded 0.03 s late
             readings.append((at - begin - 0.03, observer, target, bearing))
     readings.sort()
-    x = _truth(truths, 0.0)
+    x = _truth(truths, 0.0).ravel()
+    plain = specimen(n)[0].setup._replace(
+        landmarks=places, gate=gate_threshold(0.99), kinds=np.zeros(1, dtype=int), variances=[0.01]
+    )
     P = np.diag(np.tile([1e-4, 1e-4, 1e-4], n))
     errors: list[Array] = []
     squares, rejected, nees, covered = [], 0, [], []
@@ -295,19 +298,19 @@ def _by_numpy(log: Log, landmarks: list[int] | None, *, meetings: bool) -> _Foun
                 at - now, 0, noise.speed_sigma**2 * share, noise.turn_rate_sigma**2 * share
             )
             speeds, turns = _held_means(odometry, now, at)
-            x, P = predict(x, P, speeds, turns, motion)
+            x, P = predict_state(x, P, speeds, turns, plain._replace(motion=motion))
             now = at
         if seen is not None:
             _, observer, target, bearing = seen
-            gate = gate_threshold(0.99)
-            x, P, nu, variance = update(x, P, observer, target, bearing, 0.1, places, gate)
-            if nu**2 <= gate * variance:
+            one = plain._replace(observers=[observer], targets=[target])
+            x, P, nu, variance = update_state(x, P, 0, bearing, one)
+            if nu**2 <= plain.gate * variance:
                 squares.append(nu**2 / variance)
             else:
                 rejected += 1
             continue
         step = len(errors) + 1
-        error = x - _truth(truths, at)
+        error = x.reshape(n, 3) - _truth(truths, at)
         error[:, 2] = wrap(error[:, 2])
         errors.append(error)
         if step % 10 == 0 or step == steps:

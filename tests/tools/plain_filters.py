@@ -1,4 +1,4 @@
-"""Filters in plain NumPy, one trial at a time: steps by `reference_states` and along the truth."""
+"""Filters in plain NumPy, one trial at a time: steps by `reference_filter` and along the truth."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -12,7 +12,7 @@ from syncplan.estimation.filter_setup import (
     FilterSetup,
     start_of,
 )
-from syncplan.estimation.reference_states import (
+from syncplan.estimation.reference_filter import (
     _errors_of,
     covariance_at_start,
     moved_state,
@@ -77,7 +77,7 @@ def beyond_tangent(x: Array, P: Array, s: int, setup: FilterSetup) -> float:
 
 
 def extended_steps(given: Scene, lane: int) -> Iterator[Plain]:
-    """The filter to read, of `reference_states`."""
+    """The filter to read, of `reference_filter`."""
     setup, readings, truth = given
     n, C = setup.vehicles, covariance_at_start(setup)
     x = start_of(setup, readings)[0][:, lane]

@@ -1,6 +1,6 @@
 """The closed loop of a flight in plain NumPy, one trial at a time: to read, and to compare with.
 
-Of the package it takes what is tested by itself: the filter to read of `reference_states`, the
+Of the package it takes what is tested by itself: the filter to read of `reference_filter`, the
 tracking law to read of `reference_tracking` and the tree of anchors. All else is written again from
 its description: `plain_truth`, late sightings, losses, circles that move to their anchors, the
 bound along the path.
@@ -15,7 +15,7 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.estimation.filter_setup import FilterSetup
-from syncplan.estimation.reference_states import (
+from syncplan.estimation.reference_filter import (
     covariance_at_start,
     moved_state,
     predict_state,
