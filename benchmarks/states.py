@@ -1,9 +1,9 @@
 """How long the posterior bound takes with errors beside the poses as states.
 
 Processor time of the bound with its start-up index on grids of 6, 12 and 24 vehicles over 2,000
-samples: poses alone, by the recursion for them and by the one with further states, wind, every
-error there is, and what errors cost that the filter leaves out. The two recursions with poses alone
-must agree to 1e-9 before anything is reported.
+samples: poses alone, by groups of rows and sample by sample, wind, every error there is, and what
+errors cost that the filter leaves out. The two ways with poses alone must agree to 1e-9 before
+anything is reported; teams of more than 20 vehicles go sample by sample in both.
 
     python benchmarks/states.py
 """
@@ -14,18 +14,19 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks import Figure, print_figures
+from syncplan.estimation import covariances
 from syncplan.estimation.bounds import posterior_bound
 from syncplan.estimation.considered_errors import expected_errors
-from syncplan.estimation.referred_system import PosteriorBound, ReferredSystem
-from syncplan.estimation.wide_system import WideSystem
+from syncplan.estimation.referred_system import PosteriorBound
 from syncplan.orbits.contacts import Windows
-from syncplan.orbits.error_states import ERROR_STATES, layout_of
+from syncplan.orbits.error_states import ERROR_STATES
 from syncplan.orbits.team import Team
 from syncplan.planning.planner import plan
 from syncplan.runtime.numerics import single_threaded_blas
@@ -42,7 +43,7 @@ TARGET_S = 1.0
 
 LABELS = {
     "poses": "posterior bound, poses alone",
-    "none": "posterior bound, poses alone, by the recursion for further states",
+    "none": "posterior bound, poses alone, sample by sample",
     "wind": "posterior bound, wind as states",
     "all": "posterior bound, every error as states",
     "neglected": "cost of every error, all left out",
@@ -78,14 +79,13 @@ def _works(team: Team, windows: Windows) -> dict[str, Callable[[], PosteriorBoun
     def bound(names: tuple[str, ...]) -> PosteriorBound:
         return posterior_bound(estimating(names), windows, DURATION_S, start_up=True)
 
-    def poses_as_wide() -> PosteriorBound:
-        poses = ReferredSystem.along(team, windows, STEPS)
-        system = WideSystem.widened(poses, layout_of(team, []))
-        return system.from_start(system.with_index)
+    def by_samples() -> PosteriorBound:
+        with mock.patch.object(covariances, "GROUPED_VEHICLES", 0):
+            return bound(())
 
     return {
         "poses": lambda: bound(()),
-        "none": poses_as_wide,
+        "none": by_samples,
         "wind": lambda: bound(("wind",)),
         "all": lambda: bound(tuple(ERROR_STATES)),
         "neglected": lambda: expected_errors(estimating(()), windows, DURATION_S),

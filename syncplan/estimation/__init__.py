@@ -5,8 +5,6 @@ foreseen_sightings what is known before sightings
 covariances        covariance along a run, referred to time 0
 start_up_index     how far sightings are from linear at the start
 referred_system    a team's run, referred to time 0, and its posterior bound
-wide_covariances   covariance along a run whose state has errors beside the poses
-wide_system        a team's run with such errors, and its posterior bound
 considered_errors  what errors cost that the filter does not estimate
 periodic_limit     the covariance once it has become periodic
 bounds             Cramer-Rao bounds

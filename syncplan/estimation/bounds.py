@@ -25,9 +25,8 @@ from math import lcm
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.estimation.periodic_limit import settled_covariance, settled_from_start
+from syncplan.estimation.periodic_limit import settled_covariance
 from syncplan.estimation.referred_system import PosteriorBound, ReferredSystem
-from syncplan.estimation.wide_system import WideSystem
 from syncplan.observability.rank import Observability
 from syncplan.orbits.contacts import Windows
 from syncplan.orbits.error_states import layout_of
@@ -63,9 +62,8 @@ def posterior_bound(
     covariance stops being positive definite in floating point: sigmas that span too many orders
     of magnitude.
     """
-    poses = ReferredSystem.along(team, windows, steps_within(duration, team.sensors.sample_time))
-    layout = layout_of(team)
-    system = WideSystem.widened(poses, layout) if layout.names else poses
+    steps = steps_within(duration, team.sensors.sample_time)
+    system = ReferredSystem.along(team, windows, steps, layout_of(team))
     return system.from_start(system.with_index if start_up else system.bound)
 
 
@@ -83,8 +81,10 @@ def steady_bound(team: Team, windows: Windows) -> Array:
     of them: there the sigmas of the start remain.
     """
     even, samples = _repeating(team)
+    system = ReferredSystem.along(even, windows, samples, layout_of(even))
     try:
-        bound = _settled(ReferredSystem.along(even, windows, samples))
+        settled = settled_covariance(system)
+        bound = None if settled is None else system.bound(settled)
     except np.linalg.LinAlgError:
         return np.full(team.count, np.inf)
     if bound is None:
@@ -92,16 +92,6 @@ def steady_bound(team: Team, windows: Windows) -> Array:
     variance = bound.position_variance[1:].mean(axis=0)
     with np.errstate(invalid="ignore"):
         return np.where(variance >= 0.0, np.sqrt(variance), np.inf)
-
-
-def _settled(poses: ReferredSystem) -> PosteriorBound | None:
-    layout = layout_of(poses.team)
-    if not layout.names:
-        covariance = settled_covariance(poses)
-        return None if covariance is None else poses.bound(covariance)
-    system = WideSystem.widened(poses, layout)
-    covariance = settled_from_start(system, system.with_errors(poses.start))
-    return None if covariance is None else system.bound(covariance)
 
 
 def _repeating(team: Team) -> tuple[Team, int]:

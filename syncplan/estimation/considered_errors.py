@@ -1,25 +1,41 @@
 """What a filter is truly off by where the world is not as it takes it to be, along the circles.
 
 It may leave out errors that there are, or take noise, errors and sensors for others than they are.
-The filter's gains come from its own recursion, which knows nothing of that; its true covariance
-from syncplan.estimation.wide_covariances with all that there is. Both are linear: they hold while
-errors stay small beside the distances to what is seen. Where a filter is so wrong that it is off
-by a large part of those, its tangents are taken elsewhere and its gate rejects sightings; the true
-error can then be larger or smaller, and only trials show it.
+The filter's gain K comes from its own recursion, which knows nothing of that; what its errors truly
+are, with those of the whole state and rows H of all of it, is
+
+    C <- (1 - K H) C (1 - K H)^T + K K^T
+
+for any gain (Joseph): the consider analysis of Schmidt, with the filter's gains instead of others.
+Where rows are noisier than the filter takes them for, K K^T has the noise's variances between. What
+changes in another way than the filter takes it to, as gusts of another strength or memory, stands
+there twice: as it truly is and, as the filter goes on with it, as estimated.
+
+Both recursions are linear: they hold while errors stay small beside the distances to what is seen.
+Where a filter is so wrong that it is off by a large part of those, its tangents are taken elsewhere
+and its gate rejects sightings; the true error can then be larger or smaller, and only trials show
+it.
 
 A share p of bearings that are false, anywhere within the half view b, has the mean square error of
 a bearing thrown, b^2 / 3, and that of the bearing that it is not, as much: 2 p b^2 / 3; all round,
 where angles are wrapped, p pi^2 / 3.
+
+Sources
+-------
+errors that are considered : Schmidt, "Application of state-space methods to navigation problems",
+    Advances in Control Systems 3, 1966; Bierman, "Factorization Methods for Discrete Sequential
+    Estimation", 1977, VIII.2 and IX (errors of a filter with the wrong model)
 """
 
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from syncplan.arrays import Array
+from syncplan.arrays import Array, Index
+from syncplan.estimation.covariances import factored, solved
+from syncplan.estimation.referred_run import GaussMarkov, Run
 from syncplan.estimation.referred_system import PosteriorBound, ReferredSystem
-from syncplan.estimation.wide_covariances import TrueRun, considered_along
-from syncplan.estimation.wide_system import WideSystem
 from syncplan.orbits.contacts import Windows
 from syncplan.orbits.error_states import ERROR_STATES, StateLayout, layout_of
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, sigmas_by_kind
@@ -28,6 +44,48 @@ from syncplan.orbits.team import Team
 
 _SEEN = ("ranges", "fields_of_view", "boresights", "every", "compass_every", "detection")
 """Attributes of sensors that say what is sighted: the world decides, whatever the filter knows."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrueRun:
+    """What truly happens along a filter's run.
+
+    Attributes
+    ----------
+    run : noise, rows and errors that there are, rows over the sigmas that the filter takes for true
+    variances : (s,) of each row's noise
+    held : (size of the filter's state,) where in the true covariance each of its states is
+    followed : states of the filter that stand, as estimated, behind those of `run`
+    estimates : how these are carried; None where there are none
+    """
+
+    run: Run
+    variances: Array
+    held: Index
+    followed: Index
+    estimates: GaussMarkov | None
+
+    @property
+    def size(self) -> int:
+        """Size of the true covariance."""
+        return self.run.size + len(self.followed)
+
+    def predict(self, covariance: Array, noise: Array) -> None:
+        """Carry the true covariance to the next sample with its noise, in place."""
+        self.run.predict(covariance, noise)
+        if self.estimates is not None:
+            self.estimates.predict(covariance)
+
+    def rows(self, true: Array, own: Array) -> Array:
+        """Return rows (m, size) of true errors, those of the true run and of the filter's given."""
+        return np.hstack([true, -own[:, self.followed]]) if len(self.followed) else true
+
+    def gains(self, own: Array) -> Array:
+        """Return the filter's gains (m, its size) for the true errors: estimates grow by them."""
+        gains = np.zeros((len(own), self.size))
+        gains[:, self.held] = own
+        gains[:, self.run.size :] *= -1.0
+        return gains
 
 
 def neglected_errors(team: Team) -> tuple[str, ...]:
@@ -50,27 +108,25 @@ def expected_errors(
     seen = {name: getattr(world.sensors, name) for name in _SEEN}
     filtered = replace(team, sensors=replace(team.sensors, **seen))
     steps = steps_within(duration, team.sensors.sample_time)
-    poses = ReferredSystem.along(filtered, windows, steps)
-    own = WideSystem.widened(poses, layout_of(filtered))
+    own = ReferredSystem.along(filtered, windows, steps, layout_of(filtered))
     there = replace(filtered, noise=world.noise, errors=world.errors)
-    true_poses = ReferredSystem.along(there, windows, steps)
     layout = layout_of(world, tuple(ERROR_STATES), filtered=filtered)
-    whole = WideSystem.widened(true_poses, layout)
-    truth = _true_run(own, whole, _variances(poses.sightings, filtered, world))
+    whole = ReferredSystem.along(there, windows, steps, layout)
+    truth = _true_run(own, whole, _variances(own.sightings, filtered, world))
     start = np.zeros((truth.size, truth.size))
     size = layout.size
-    start[:size, :size] = whole.with_errors(true_poses.start)
+    start[:size, :size] = whole.start
     place = np.arange(3 * team.count, size)
     start[place, place] = _shares(world, layout) ** 2
 
     def carried(covariance: Array) -> PosteriorBound:
-        along = considered_along(own.run, truth, (own.with_errors(covariance), start))
+        along = _considered_along(own.run, truth, (covariance, start))
         return whole.carried(one[:size, :size] for one in along)
 
-    return poses.from_start(carried)
+    return own.from_start(carried)
 
 
-def _true_run(own: WideSystem, whole: WideSystem, variances: Array) -> TrueRun:
+def _true_run(own: ReferredSystem, whole: ReferredSystem, variances: Array) -> TrueRun:
     """The true run of a filter; what changes otherwise than it takes it to is followed."""
     changing, layout = own.run.changing, own.layout
     alike = all(_changes_alike(layout, whole.layout, name) for name in layout.names)
@@ -126,3 +182,41 @@ def _shares(world: Team, layout: StateLayout) -> Array:
         true = np.broadcast_to(ERROR_STATES[name].sigma(world)[:, None], columns.shape)
         sigmas[columns[has]] = true[has]
     return sigmas / layout.sigmas
+
+
+def _considered_along(
+    own: Run, truth: TrueRun, covariances: tuple[Array, Array]
+) -> Iterator[Array]:
+    """Yield the true covariance after each sample of a filter whose run is `own`.
+
+    `covariances` are the filter's and the true one at time 0. What is yielded is changed in place
+    with the next sample. Raises LinAlgError as carried_along.
+    """
+    trusted, true = (one.copy() for one in covariances)
+    whole = truth.run
+    for start in range(0, own.steps + 1, whole.at_once):
+        end = min(start + whole.at_once, own.steps + 1)
+        rows, each, noise = own.laid_out(start, end)
+        wide, _, true_noise = whole.laid_out(start, end)
+        wide, variances = truth.rows(wide, rows), truth.variances[int(own.first[start]) :]
+        for k, sighted in enumerate(each, start):
+            if k:
+                own.predict(trusted, noise[k - start])
+                truth.predict(true, true_noise[k - start])
+            if sighted.stop > sighted.start:
+                factor, gain = factored(rows[sighted], trusted)
+                half = solved(factor, gain)
+                trusted -= half.T @ half
+                gains = truth.gains(solved(factor.T, half))
+                _take_in(true, wide[sighted], gains, variances[sighted])
+            yield true
+
+
+def _take_in(covariance: Array, rows: Array, gains: Array, variances: Array) -> None:
+    """C <- (1 - K H) C (1 - K H)^T + K R K^T in place, with the transposed gain K^T (m, size)."""
+    seen = rows @ covariance
+    innovation = seen @ rows.T
+    innovation.reshape(-1)[:: len(rows) + 1] += variances
+    taken = gains.T @ (seen - 0.5 * innovation @ gains)
+    covariance -= taken
+    covariance -= taken.T

@@ -22,7 +22,7 @@ BLOCK = 24
 
 
 def compiled_variances_along(run: Run, covariance: Array) -> Array:
-    """Return what syncplan.estimation.covariances.variances_along does, to rounding.
+    """Return the same as syncplan.estimation.covariances.variances_by_groups, to rounding.
 
     Raises LinAlgError where an innovation covariance is not positive definite.
     """
@@ -30,9 +30,9 @@ def compiled_variances_along(run: Run, covariance: Array) -> Array:
     found = np.empty((4, run.count, len(noise)))
     positive = _along(
         noise,
-        np.ascontiguousarray(run.rows),
-        np.ascontiguousarray(3 * run.observers),
-        np.ascontiguousarray(3 * run.targets),
+        np.ascontiguousarray(run.rows.entries),
+        np.ascontiguousarray(run.rows.columns[:, 0]),
+        np.ascontiguousarray(run.rows.columns[:, 3]),
         np.ascontiguousarray(run.first),
         covariance.copy(),
         found,

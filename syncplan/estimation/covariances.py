@@ -1,31 +1,39 @@
 """Covariance along a run with all errors referred to time 0, where prediction only adds noise.
 
-Noise is block diagonal, one 3 x 3 block a vehicle, and a whitened row h of a sighting is wide as
-the state, with six non-zeros. Rows come in by groups of consecutive rows: let P be the covariance
-where a group starts and N_j the noise added since, up to the sample of its row j. Then
+The recursion goes sample by sample (Tichavsky, Muravchik, Nehorai 1998, Proposition 1). With the
+rows H of a sample in full, since BLAS takes them in faster than elements can be gathered, it is
+
+    P <- P + N, and what changes (syncplan.estimation.referred_run)
+    S  = H P H^T + 1 = L L^T,  half = L^-1 H P
+    P <- P - half^T half
+
+Where poses are all, rows of several samples are taken in together. Noise is block diagonal then,
+one 3 x 3 block a vehicle, and a whitened row h has six non-zeros. Rows come in by groups of
+consecutive rows: let P be the covariance where a group starts and N_j the noise added since, up to
+the sample of its row j. Then
 
     g_j  = (P + N_j) h_j                     of the state with row j: noise after j is not in it
     S_kj = h_k . g_j + (1 if j = k)          of the rows, for j <= k; S = L L^T
     half = L^-1 G^T
     P_s  = P + N_s - sum of half_k half_k^T over the rows k up to sample s
 
-which is the recursion sample by sample (Tichavsky, Muravchik, Nehorai 1998, Proposition 1), term by
-term, in a few matrix operations a group. Only P + N_j matters, so N is summed from the start of a
-batch of groups, and P is kept without it. The factor of S bordered by G has `half` in its border,
-so no triangular system is solved; its corner is not used and only has to be large enough for the
-whole to be positive definite:
+which is the same recursion, term by term, in a few matrix operations a group. Only P + N_j matters,
+so N is summed from the start of a batch of groups, and P is kept without it. The factor of S
+bordered by G has `half` in its border, so no triangular system is solved; its corner is not used
+and only has to be large enough for the whole to be positive definite:
 
     [ S    ]   [ L      ] [ L^T  half^T ]
     [ G  c ] = [ half . ] [      .      ]
 
-The border is as long as the state. In larger teams it costs more than it saves: there, and where
-the sigmas span many orders of magnitude, rows are processed sample by sample.
+The border is as long as the state. In larger teams it costs more than it saves, and where the
+sigmas span many orders of magnitude, rounding grows.
 
 On the way, the recursion holds what a filter knows just before it takes in a row:
 syncplan.estimation.foreseen_sightings.
 """
 
-from collections.abc import Callable
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -34,7 +42,7 @@ from syncplan.estimation.foreseen_sightings import Asked, Foreseen, Groups
 from syncplan.estimation.referred_run import GROUP_ROWS, SYMMETRIC, UPPER, Run, grouped
 
 GROUPED_VEHICLES = 20
-"""Up to this many vehicles, rows are processed by groups, above by samples."""
+"""Up to this many vehicles, rows of poses are processed by groups."""
 
 GROUPED_INNOVATION = 1e8
 """Up to this variance of an innovation, in whitened units, rows are processed by groups.
@@ -46,100 +54,132 @@ GROUPS_AT_ONCE = 24
 """Groups that are prepared together, as many as fit into the processor's cache."""
 
 
-def variances_along(run: Run, covariance: Array) -> Array:
+# --- sample by sample ---------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """A sample of a run, its rows taken in.
+
+    Attributes
+    ----------
+    number : of the sample
+    rows : its rows, counted through the run
+    covariance : (size, size) after them, changed in place with the next sample
+    before : (size, size) the one before; None where it has no rows, or it was not asked for
+    halves : (m, size) L^-1 H P of its rows, S = L L^T; empty where it has none
+    innovation : (m,) variance of each row's own innovation, the earlier ones taken in
+    """
+
+    number: int
+    rows: slice
+    covariance: Array
+    before: Array | None
+    halves: Array
+    innovation: Array
+
+
+def carried_along(run: Run, covariance: Array, *, keep_until: int = -1) -> Iterator[Sample]:
+    """Yield the samples of a run from 0 on, with `covariance` (size, size) at time 0.
+
+    Up to sample `keep_until` each has the covariance from before its rows. Raises LinAlgError where
+    an innovation covariance is not positive definite in floating point.
+    """
+    covariance = covariance.copy()
+    none = np.zeros((0, run.size))
+    for start in range(0, run.steps + 1, run.at_once):
+        end = min(start + run.at_once, run.steps + 1)
+        rows, each, noise = run.laid_out(start, end)
+        offset = int(run.first[start])
+        for k, own in enumerate(each, start):
+            if k:
+                run.predict(covariance, noise[k - start])
+            before, half, innovation = None, none, none[:, 0]
+            if own.stop > own.start:
+                before = covariance.copy() if k <= keep_until else None
+                factor, gain = factored(rows[own], covariance)
+                half = solved(factor, gain)
+                covariance -= half.T @ half
+                innovation = np.diagonal(factor) ** 2
+            counted = slice(own.start + offset, own.stop + offset)
+            yield Sample(k, counted, covariance, before, half, innovation)
+
+
+def foreseen_along(
+    run: Run, covariance: Array, functions: Array, until: int
+) -> tuple[Iterator[Array], Foreseen]:
+    """Return the covariances of carried_along, and what is known before each row of two functions.
+
+    `functions` is (2, s, size), of the first s rows, those up to sample `until`. The answers are
+    filled in on the way.
+    """
+    number = functions.shape[1]
+    foreseen = Foreseen(np.zeros((2, 2, number)), np.ones(number))
+
+    def covariances() -> Iterator[Array]:
+        for sample in carried_along(run, covariance, keep_until=until):
+            if sample.before is not None:
+                foreseen.of_sample(
+                    sample.rows,
+                    functions[:, sample.rows],
+                    sample.before,
+                    sample.halves,
+                    sample.innovation,
+                )
+            yield sample.covariance
+
+    return covariances(), foreseen
+
+
+def factored(rows: Array, covariance: Array) -> tuple[Array, Array]:
+    """Return the factor (m, m) of the innovation of m rows, and H P (m, size)."""
+    gain = rows @ covariance
+    innovation = gain @ rows.T
+    innovation.reshape(-1)[:: len(rows) + 1] += 1.0
+    return np.asarray(np.linalg.cholesky(innovation), dtype=float), gain
+
+
+def solved(factor: Array, sides: Array) -> Array:
+    """Return the solution for the factor of an innovation."""
+    return np.asarray(np.linalg.solve(factor, sides), dtype=float)
+
+
+# --- group by group -----------------------------------------------------------------------------
+
+
+def suits_groups(run: Run, covariance: Array) -> bool:
+    """Return whether groups are possible, and faster without loss of accuracy."""
+    if not run.poses_alone or run.count > GROUPED_VEHICLES:
+        return False
+    steepest = float(np.max(np.einsum("sc,sc->s", run.rows.entries, run.rows.entries), initial=0.0))
+    return steepest * _sum_of_variances(run, covariance) <= GROUPED_INNOVATION
+
+
+def variances_by_groups(run: Run, covariance: Array) -> Array:
     """Return (4, n, steps + 1) of each vehicle's block after each sample's sightings.
 
     The four are xx + yy, x psi, y psi and psi psi. `covariance` is (3 n, 3 n) at time 0. Raises
     LinAlgError where an innovation covariance is not positive definite in floating point.
     """
-    return _method(run, covariance)(run, covariance.copy(), None)
+    return _by_groups(run, covariance.copy(), None)
 
 
-def foreseen_along(
+def foreseen_by_groups(
     run: Run, covariance: Array, functions: Array, weights: Array
 ) -> tuple[Array, Foreseen]:
-    """Return the same as variances_along, and what is known before each row of two functions.
+    """Return the same as variances_by_groups, and what is known before each row of two functions.
 
     `functions` is (2, s, 6), of the states that the first s rows concern, s whole samples. Rows
     that cannot have the largest moment of the two, over the innovation's variance and times their
     `weights` (s,), are passed over.
     """
     asked = Asked(functions, weights, _sum_of_variances(run, covariance))
-    return _method(run, covariance)(run, covariance.copy(), asked), asked.found
-
-
-def _method(run: Run, covariance: Array) -> Callable[[Run, Array, Asked | None], Array]:
-    return _by_groups if _suits_groups(run, covariance) else _by_samples
-
-
-def _suits_groups(run: Run, covariance: Array) -> bool:
-    """Whether groups are faster without loss of accuracy."""
-    if run.count > GROUPED_VEHICLES:
-        return False
-    steepest = float(np.max(np.einsum("sc,sc->s", run.rows, run.rows), initial=0.0))
-    return steepest * _sum_of_variances(run, covariance) <= GROUPED_INNOVATION
+    return _by_groups(run, covariance.copy(), asked), asked.found
 
 
 def _sum_of_variances(run: Run, covariance: Array) -> float:
     """Return what no variance along the run is above: those at the start with all noise."""
     return float(np.trace(covariance) + run.noise[[0, 3, 5]].sum())
-
-
-def _four(blocks: Array) -> Array:
-    """(4, ...) xx + yy, x psi, y psi and psi psi of (6, ...) blocks."""
-    return np.stack([blocks[0] + blocks[3], blocks[2], blocks[4], blocks[5]])
-
-
-def _blocks(count: int) -> tuple[Index, Index]:
-    """(3, 3, n) rows and columns of all vehicles' blocks in the covariance."""
-    first, axis = 3 * np.arange(count), np.arange(3)
-    rows, columns = np.broadcast_arrays(first + axis[:, None, None], first + axis[:, None])
-    return rows, columns
-
-
-# --- sample by sample ---------------------------------------------------------------------------
-
-
-def _by_samples(run: Run, covariance: Array, asked: Asked | None) -> Array:
-    noise, columns, first = run.noise_blocks, run.columns, run.first.tolist()
-    # a view: each vehicle's own block
-    own = np.einsum("iaib->iab", covariance.reshape(run.count, 3, run.count, 3))
-    vehicles = np.column_stack([run.observers, run.targets])
-    found = np.empty_like(noise)
-    for k in range(len(noise)):
-        own += noise[k]
-        begin, end = first[k], first[k + 1]
-        if asked is not None and begin < asked.size:
-            asked.look_ahead(run, own, k)
-        if begin < end:
-            sighted = slice(begin, end)
-            factors = _factors(covariance, run.rows[sighted], vehicles[sighted], columns[sighted])
-            if asked is not None and begin < asked.size:
-                asked.of_sample(begin, columns[sighted], covariance, factors)
-            half = factors[1]
-            covariance -= half.T @ half
-        found[k] = own
-    four = np.empty((4, *found.shape[:2]))
-    np.add(found[..., 0, 0], found[..., 1, 1], out=four[0])
-    four[1], four[2], four[3] = found[..., 0, 2], found[..., 1, 2], found[..., 2, 2]
-    return np.swapaxes(four, 1, 2)
-
-
-def _factors(
-    covariance: Array, rows: Array, vehicles: Index, columns: Index
-) -> tuple[Array, Array]:
-    """The factor of the innovation of m rows, (m, m), and their halves, (m, 3 n)."""
-    number, width = len(rows), len(covariance)
-    # whole blocks of three lines each
-    lines = covariance.reshape(-1, 3 * width).take(vehicles, axis=0).reshape(number, 6, width)
-    gain = np.matmul(rows[:, None, :], lines)[:, 0]
-    innovation = np.einsum("mc,mcl->ml", rows, gain.T.take(columns, axis=0))
-    innovation.reshape(-1)[:: number + 1] += 1.0
-    factor = np.linalg.cholesky(innovation)
-    return factor, np.linalg.solve(factor, gain)
-
-
-# --- group by group -----------------------------------------------------------------------------
 
 
 def _by_groups(run: Run, covariance: Array, asked: Asked | None) -> Array:
@@ -162,7 +202,7 @@ def _by_groups(run: Run, covariance: Array, asked: Asked | None) -> Array:
         noise = np.cumsum(noise, axis=-1)
         own = slice(begin, end)
         since = sample[own] - start
-        rows, noisy = grouped(run, np.arange(begin, end), run.rows[own], noise, since)
+        rows, noisy = grouped(run, np.arange(begin, end), run.rows.entries[own], noise, since)
         ceiling = float(np.trace(covariance) + noise[[0, 3, 5], :, -1].sum())
         groups = _brought_in(covariance, rows, noisy, ceiling)
         if asked is not None:
@@ -222,3 +262,15 @@ def _reductions(halves: Array, row: Index) -> Array:
         taken[k] += taken[k - 1]
     group, within = np.divmod(row, size)
     return np.moveaxis(taken[within, :, group], 0, -1)
+
+
+def _four(blocks: Array) -> Array:
+    """(4, ...) xx + yy, x psi, y psi and psi psi of (6, ...) blocks."""
+    return np.stack([blocks[0] + blocks[3], blocks[2], blocks[4], blocks[5]])
+
+
+def _blocks(count: int) -> tuple[Index, Index]:
+    """(3, 3, n) rows and columns of all vehicles' blocks in the covariance."""
+    first, axis = 3 * np.arange(count), np.arange(3)
+    rows, columns = np.broadcast_arrays(first + axis[:, None, None], first + axis[:, None])
+    return rows, columns

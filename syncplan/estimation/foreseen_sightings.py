@@ -13,7 +13,8 @@ by Cauchy and Schwarz, m_k <= 2 cov(a, a) cov(b, b), and with o and t for the tw
 
     cov(a, a) <= (sqrt(a_o . P_oo a_o) + sqrt(a_t . P_tt a_t))^2
 
-for any earlier P with the noise since, as rows only reduce it.
+for any earlier P with the noise since, as rows only reduce it. Where rows are taken in sample by
+sample, all are computed.
 """
 
 from dataclasses import dataclass, field
@@ -21,10 +22,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.estimation.referred_run import GROUP_ROWS, UPPER, Run, grouped
-
-SAMPLES_AT_ONCE = 16
-"""Samples whose ceilings are computed together."""
+from syncplan.estimation.referred_run import GROUP_ROWS, Run, grouped
 
 MARGIN, ROUNDING = 1.0 + 1e-6, 1e-12
 """By how much a ceiling has to be missed; share of `most` that rounding may add."""
@@ -42,6 +40,21 @@ class Foreseen:
 
     pairs: Array
     innovation: Array
+
+    def of_sample(
+        self, rows: slice, functions: Array, before: Array, halves: Array, innovation: Array
+    ) -> None:
+        """Fill in the rows of a sample from their functions, (2, m, size) of the whole state.
+
+        `before` is the covariance that has none of the rows, `halves` (m, size) what they take.
+        """
+        number = rows.stop - rows.start
+        earlier = np.tril(np.ones((number, number)), -1)
+        # of each function, by how much each earlier row of the sample reduced it
+        reduced = (functions @ halves.T) * earlier
+        self.pairs[..., rows] = np.einsum("amc,bmc->abm", functions @ before, functions)
+        self.pairs[..., rows] -= np.einsum("amj,bmj->abm", reduced, reduced)
+        self.innovation[rows] = innovation
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,52 +107,6 @@ class Asked:
         """Number of rows asked for."""
         return len(self.weights)
 
-    # --- sample by sample -----------------------------------------------------------------------
-
-    def look_ahead(self, run: Run, own: Array, sample: int) -> None:
-        """Find the ceilings of the next samples, if `sample` is one in SAMPLES_AT_ONCE.
-
-        `own` are the vehicles' blocks (n, 3, 3) with the noise of `sample`, but not its rows.
-        """
-        if sample % SAMPLES_AT_ONCE:
-            return
-        last = min(sample + SAMPLES_AT_ONCE, len(run.first) - 1)
-        rows = slice(run.first[sample], min(run.first[last], self.size))
-        if rows.start >= rows.stop:
-            return
-        noise = run.noise[..., sample:last].copy()
-        noise[..., 0] = 0.0
-        noise = np.cumsum(noise, axis=-1)
-        since = np.repeat(np.arange(last - sample), np.diff(run.first[sample : last + 1]))
-        blocks = own[:, UPPER[0], UPPER[1]].T[..., None]
-        self._bound(run, rows, (blocks, np.zeros_like(since)), (noise, since))
-
-    def of_sample(
-        self, begin: int, columns: Index, covariance: Array, factors: tuple[Array, Array]
-    ) -> None:
-        """Answer for the rows of a sample from `begin` on, before the covariance takes them in.
-
-        `factors` are the innovation's, and the halves of the rows.
-        """
-        factor, half = factors
-        own = slice(begin, begin + len(columns))
-        innovation = np.einsum("ii->i", factor) ** 2
-        self.found.innovation[own] = innovation
-        if np.all(self.ceilings[own] * MARGIN < self.largest * innovation):
-            return
-        functions = self.functions[:, own]
-        blocks = covariance[columns[:, :, None], columns[:, None, :]]
-        earlier = np.tril(np.ones((len(columns), len(columns))), -1)
-        # of each function, by how much each earlier row of the sample reduced it
-        told = np.einsum("amc,jmc->amj", functions, half[:, columns]) * earlier
-        self._found(
-            own,
-            np.einsum("amc,mcd,bmd->abm", functions, blocks, functions)
-            - np.einsum("amj,bmj->abm", told, told),
-        )
-
-    # --- group by group -------------------------------------------------------------------------
-
     def of_groups(self, run: Run, noise: Array, sample: Index, begin: int, groups: Groups) -> None:
         """Answer for groups of rows from `begin` on.
 
@@ -173,8 +140,6 @@ class Asked:
             known = _known_before(groups.before[chosen], groups.halves[:, chosen], probes)
             self._found(begin + which, known.reshape(2, 2, -1)[..., : len(which)])
 
-    # --- both -----------------------------------------------------------------------------------
-
     def _bound(
         self, run: Run, rows: slice, known: tuple[Array, Index], noise: tuple[Array, Index]
     ) -> None:
@@ -184,7 +149,10 @@ class Asked:
         """
         functions = np.ascontiguousarray(np.swapaxes(self.functions[:, rows], 1, 2))
         spread = np.zeros((2, rows.stop - rows.start))
-        for vehicles, columns in ((run.observers, slice(0, 3)), (run.targets, slice(3, 6))):
+        for vehicles, columns in (
+            (run.rows.observers, slice(0, 3)),
+            (run.rows.targets, slice(3, 6)),
+        ):
             own, added = (
                 blocks[:, vehicles[rows], place[: len(spread[0])]]
                 for blocks, place in (known, noise)
@@ -215,11 +183,11 @@ def _known_before(before: Array, halves: Array, probes: list[tuple[Array, Array]
     earlier = np.triu(np.ones((len(halves), len(halves))), 1)
     # in one piece: of a mere view the products take several times as long
     by_group = np.ascontiguousarray(np.swapaxes(halves, 0, 1))
-    told = [by_group @ one * earlier for one, _ in probes]
+    reduced = [by_group @ one * earlier for one, _ in probes]
     grown = [before @ one + noisy for one, noisy in probes]
     known = np.empty((2, 2, *probes[0][0].shape[::2]))
     for a, b in ((0, 0), (0, 1), (1, 1)):
         known[a, b] = known[b, a] = np.einsum("gkm,gkm->gm", probes[a][0], grown[b]) - np.einsum(
-            "gjm,gjm->gm", told[a], told[b]
+            "gjm,gjm->gm", reduced[a], reduced[b]
         )
     return known

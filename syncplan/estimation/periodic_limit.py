@@ -21,7 +21,6 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.estimation.referred_system import ReferredSystem
-from syncplan.estimation.wide_system import WideSystem
 
 _DOUBLINGS = 60
 _SETTLED, _SETTLED_BY_ROUNDING = 1e-12, 1e-8
@@ -29,7 +28,7 @@ _SETTLED, _SETTLED_BY_ROUNDING = 1e-12, 1e-8
 _LARGEST = 1e12
 """Of a covariance that still may settle."""
 
-_WIDE_DOUBLINGS, _WIDE_SETTLED = 24, 1e-6
+_DOUBLINGS_FROM_START, _SETTLED_FROM_START = 24, 1e-6
 """With constant errors: more doublings would drown what is not determined in rounding."""
 
 Riccati = tuple[Array, Array, Array]
@@ -37,12 +36,22 @@ Riccati = tuple[Array, Array, Array]
 
 
 def settled_covariance(system: ReferredSystem) -> Array | None:
-    """Fixed point of one period's map P -> A P (I + C P)^-1 A^T + B, by structured doubling.
+    """Return the covariance at the beginning of a period once it has become periodic.
+
+    None where it does not settle. The run of the system has to be one of whole periods.
+    """
+    once = _period_map(system)
+    if system.run.poses_alone:
+        return _fixed_point(once)
+    return _settled_from(system.start, once)
+
+
+def _fixed_point(once: Riccati) -> Array | None:
+    """The fixed point of a map, by structured doubling.
 
     After k doublings B is the covariance 2^k periods after an exact start.
     """
-    size = 3 * system.run.count
-    a, b, c = _period_map(system, size)
+    a, b, c = once
     last = np.inf
     for _ in range(_DOUBLINGS):
         grown = _composed((a, b, c), (a, b, c))
@@ -57,27 +66,23 @@ def settled_covariance(system: ReferredSystem) -> Array | None:
     return None
 
 
-def settled_from_start(system: WideSystem, start: Array) -> Array | None:
-    """The covariance at the beginning of a period, long after the covariance `start` at time 0.
-
-    None where it does not settle. The run of the system has to be one of whole periods.
-    """
-    once = _wide_period_map(system)
+def _settled_from(start: Array, once: Riccati) -> Array | None:
+    """The covariance long after the covariance `start` at time 0."""
     before, settled = start, None
-    for _ in range(_WIDE_DOUBLINGS):
+    for _ in range(_DOUBLINGS_FROM_START):
         a, b, c = once
         now = a @ start @ np.linalg.inv(np.eye(len(start)) + c @ start) @ a.T + b
         last, settled = settled, 2.0 * now - before
         largest = float(np.max(np.abs(settled)))
         if not largest <= _LARGEST:
             return None
-        if last is not None and np.max(np.abs(settled - last)) <= _WIDE_SETTLED * largest:
+        if last is not None and np.max(np.abs(settled - last)) <= _SETTLED_FROM_START * largest:
             return 0.5 * (settled + settled.T)
         before, once = now, _composed(once, once)
     return None
 
 
-def _wide_period_map(system: WideSystem) -> Riccati:
+def _period_map(system: ReferredSystem) -> Riccati:
     """Changes and noise, then rows, of each sample; in the end time 0 is moved to the period's."""
     run = system.run
     identity, zero = np.eye(run.size), np.zeros((run.size, run.size))
@@ -97,26 +102,6 @@ def _wide_period_map(system: WideSystem) -> Riccati:
             seen = rows[each[k]]
             total = _composed(total, (identity, zero, seen.T @ seen))
     return _composed(total, (system.moved_on(), zero, zero))
-
-
-def _period_map(system: ReferredSystem, size: int) -> Riccati:
-    run = system.run
-    vehicles = np.arange(run.count)
-    noise, columns = run.noise_blocks, run.columns
-    identity, zero = np.eye(size), np.zeros((size, size))
-    total = (identity, zero, zero)
-    for k in range(1, len(noise)):
-        added = np.zeros((size, size))
-        added.reshape(run.count, 3, run.count, 3)[vehicles, :, vehicles, :] = noise[k]
-        total = _composed(total, (identity, added, zero))
-        begin, end = run.first[k], run.first[k + 1]
-        if begin < end:
-            dense = np.zeros((end - begin, size))
-            np.add.at(
-                dense, (np.arange(end - begin)[:, None], columns[begin:end]), run.rows[begin:end]
-            )
-            total = _composed(total, (identity, zero, dense.T @ dense))
-    return total
 
 
 def _composed(first: Riccati, then: Riccati) -> Riccati:

@@ -1,10 +1,20 @@
-"""A run with all errors referred to time 0: noise that is added, and rows of sightings."""
+"""A run with all errors referred to time 0: noise that is added, rows of sightings, and changes.
+
+Errors that are constant need no prediction: how they move a vehicle stands in the rows. Gusts and
+other Gauss-Markov processes do, since they change. With each, g, in units of its own sigma, at each
+sample
+
+    p <- p + Ts sigma g          the place, at time 0 as now, where it is a gust
+    g <- a g + noise             a = exp(-Ts / its correlation time), variance 1 - a^2
+"""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from syncplan.arrays import Array, Index
+from syncplan.observability.referred_rows import SightingRows, dense_rows
 
 GROUP_ROWS = 64
 """Rows of a group, where rows are processed by groups."""
@@ -15,6 +25,48 @@ SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 UPPER = np.triu_indices(3)
 """The rows and columns of these six in the block."""
 
+_SAMPLES_AT_ONCE, _ELEMENTS_AT_ONCE = 128, 4e6
+"""Samples whose rows are laid out together, and elements of these at most."""
+
+
+@dataclass(frozen=True, slots=True)
+class GaussMarkov:
+    """How errors that change are carried from sample to sample.
+
+    Attributes
+    ----------
+    columns : (g,) their own
+    kept : (g,) share of each that is left after a sample
+    places, drifting : (2 n,) columns of the coordinates that some of them move, and of these; none
+        where none does
+    push : (2 n,) how far a unit moves a coordinate in a sample
+    driven : whether noise keeps their variance up; estimates of them just decay
+    """
+
+    columns: Index
+    kept: Array
+    places: Index
+    drifting: Index
+    push: Array
+    driven: bool = True
+
+    def transition(self, size: int) -> tuple[Array, Array]:
+        """Return the (size, size) matrix of a prediction, and the noise that comes with it."""
+        matrix, noise = np.eye(size), np.zeros((size, size))
+        matrix[self.places, self.drifting] = self.push
+        matrix[self.columns, self.columns] = self.kept
+        noise[self.columns, self.columns] = 1.0 - self.kept**2
+        return matrix, noise
+
+    def predict(self, covariance: Array) -> None:
+        """Carry a covariance over one sample, in place."""
+        covariance[self.places] += self.push[:, None] * covariance[self.drifting]
+        covariance[self.columns] *= self.kept[:, None]
+        covariance[:, self.places] += self.push * covariance[:, self.drifting]
+        covariance[:, self.columns] *= self.kept
+        if self.driven:
+            covariance[self.columns, self.columns] += 1.0 - self.kept**2
+
 
 @dataclass(frozen=True, slots=True)
 class Run:
@@ -24,16 +76,17 @@ class Run:
     ----------
     noise : (6, n, steps + 1) of the step that ends at k, nothing at 0: the upper triangle of each
         vehicle's block, (xx, xy, x psi, yy, y psi, psi psi)
-    rows : (s, 6) whitened rows in order of time, observer's three, target's three
-    observers, targets : (s,) vehicles; any for a landmark, whose three are zero
+    rows : whitened, in order of time
     first : (steps + 2,) rows of sample k are first[k] to first[k + 1]
+    size : of the state; poses come first
+    changing : its errors that change; None where there are none
     """
 
     noise: Array
-    rows: Array
-    observers: Index
-    targets: Index
+    rows: SightingRows
     first: Index
+    size: int
+    changing: GaussMarkov | None = None
 
     @property
     def count(self) -> int:
@@ -41,16 +94,37 @@ class Run:
         return int(self.noise.shape[1])
 
     @property
-    def columns(self) -> Index:
-        """(s, 6) columns of the rows' elements in the team's state."""
-        vehicles = np.column_stack([self.observers, self.targets])
-        return (3 * vehicles[:, :, None] + np.arange(3)).reshape(-1, 6)
+    def steps(self) -> int:
+        """Number of samples after time 0."""
+        return int(self.noise.shape[-1]) - 1
 
     @property
-    def noise_blocks(self) -> Array:
-        """(steps + 1, n, 3, 3) the noise as blocks."""
-        by_step = np.ascontiguousarray(np.moveaxis(self.noise, (2, 1), (0, 1)))
-        return np.asarray(by_step.take(SYMMETRIC, axis=2))
+    def poses_alone(self) -> bool:
+        """Whether the state has nothing beside the poses."""
+        return self.size == 3 * self.count
+
+    def predict(self, covariance: Array, noise: Array) -> None:
+        """Carry a covariance to the next sample with its noise (n, 3, 3), in place."""
+        if self.changing is not None:
+            self.changing.predict(covariance)
+        poses = covariance[: 3 * self.count, : 3 * self.count]
+        # a view: each vehicle's own block
+        own = np.einsum("iaib->iab", poses.reshape(self.count, 3, self.count, 3))
+        own += noise
+
+    @property
+    def at_once(self) -> int:
+        """Samples whose rows are laid out together."""
+        each = max(self.size * len(self.rows.entries) / (self.steps + 1), 1.0)
+        return max(min(_SAMPLES_AT_ONCE, int(_ELEMENTS_AT_ONCE / each)), 1)
+
+    def laid_out(self, first: int, end: int) -> tuple[Array, list[slice], Array]:
+        """Return samples `first` to `end`: rows in full, those of each sample, and its noise."""
+        begin, until = int(self.first[first]), int(self.first[end])
+        edges = (self.first[first : end + 1] - begin).tolist()
+        each = [slice(a, b) for a, b in pairwise(edges)]
+        noise = np.moveaxis(self.noise[..., first:end], (2, 1), (0, 1)).take(SYMMETRIC, axis=2)
+        return dense_rows(self.rows.of(slice(begin, until)), self.size), each, noise
 
 
 def grouped(run: Run, which: Index, six: Array, noise: Array, sample: Index) -> tuple[Array, Array]:
@@ -65,7 +139,7 @@ def grouped(run: Run, which: Index, six: Array, noise: Array, sample: Index) -> 
     place = group * (3 * run.count * GROUP_ROWS) + within
     axes = GROUP_ROWS * np.arange(3)[:, None]
     # targets first: in place of a landmark is a vehicle, which may be the observer itself
-    for vehicles, columns in ((run.targets, slice(3, 6)), (run.observers, slice(0, 3))):
+    for vehicles, columns in ((run.rows.targets, slice(3, 6)), (run.rows.observers, slice(0, 3))):
         who, own = vehicles[which], six[:, columns].T
         at = place + 3 * GROUP_ROWS * who + axes
         grown = noise.reshape(6, -1).take(who * noise.shape[-1] + sample, axis=1)

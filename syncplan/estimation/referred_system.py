@@ -6,28 +6,48 @@ Errors are referred to time 0 by the closed-form transition, so that prediction 
     P <- P - P H^T (H P H^T + 1)^-1 H P         H: the rows of the windowed matrix, sigma = 1
 
 Positions are in mean radii until the end. syncplan.estimation.covariances brings the rows in.
+The state is the poses at time 0 and the errors that a layout names.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from syncplan.arrays import Array
+from syncplan.arrays import Array, Index
 from syncplan.errors import NoSolutionError
-from syncplan.estimation.covariances import foreseen_along, variances_along
-from syncplan.estimation.referred_run import Run
+from syncplan.estimation.covariances import (
+    carried_along,
+    foreseen_along,
+    foreseen_by_groups,
+    suits_groups,
+    variances_by_groups,
+)
+from syncplan.estimation.referred_run import GaussMarkov, Run
 from syncplan.estimation.start_up_index import (
     StartUpIndex,
     first_samples,
     index_of_run,
     second_order_terms,
 )
-from syncplan.observability.referred_rows import sighting_rows
+from syncplan.observability.referred_rows import (
+    SightingRows,
+    dense_rows,
+    error_moves,
+    pose_columns,
+    state_rows,
+)
 from syncplan.orbits.circles import Orbits, perpendicular, phase, unit
 from syncplan.orbits.contacts import Windows
-from syncplan.orbits.sightings import Sightings, sample_sightings
+from syncplan.orbits.error_states import ERROR_STATES, StateLayout
+from syncplan.orbits.sightings import Remainder, Sightings, sample_sightings
 from syncplan.orbits.team import Team
+
+_SAMPLES_AT_ONCE = 128
+"""Samples whose blocks of the covariance are kept until their quadratic forms are taken."""
+
+SAME_SCALE = 1e-12
+"""Relative difference up to which two mean radii are the same."""
 
 _INDEFINITE = (
     "no posterior bound: the sigmas span too many orders of magnitude for its covariance to stay "
@@ -97,14 +117,15 @@ def arc_noise_gain(orbits: Orbits, sample_time: float) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class ReferredSystem:
-    """A run with all errors referred to time 0: noise added per step, whitened rows.
+    """A team's run with all errors referred to time 0.
 
     Attributes
     ----------
-    run : noise and rows, positions in `scale` m
+    run : noise and rows with the columns of the layout, positions in `scale` m
     moved : (2, n, steps + 1) displacement since time 0, in `scale` m
     scale : m, the mean radius
     team, sightings : in the order of the rows
+    layout : of the state
     """
 
     run: Run
@@ -112,38 +133,60 @@ class ReferredSystem:
     scale: float
     team: Team
     sightings: Sightings
+    layout: StateLayout
 
     @classmethod
     def along(
-        cls,
-        team: Team,
-        windows: Windows,
-        steps: int,
+        cls, team: Team, windows: Windows, steps: int, layout: StateLayout
     ) -> "ReferredSystem":
         """Return the run of a team over so many steps."""
         orbits, sample_time = team.orbits, team.sensors.sample_time
         sightings = sample_sightings(windows, orbits.period, team.sensors, 1, steps)
-        targets = sightings.targets
         scale = float(orbits.radii.mean())
         angle = phase(orbits, np.arange(steps + 1) * sample_time).T
         arm = np.stack([np.cos(angle), np.sin(angle)])
         moved = (orbits.radii / scale)[:, None] * (arm - arm[..., :1])
         run = Run(
             noise=_referred_noise(team, arm, moved, scale),
-            rows=sighting_rows(team, sightings),
-            observers=sightings.observers,
-            targets=np.where(targets < orbits.count, targets, 0),
+            rows=state_rows(team, sightings, layout, scale),
             first=sightings.first_of_steps(steps),
+            size=layout.size,
+            changing=_changing(team, layout, scale),
         )
-        return cls(run, moved, scale, team, sightings)
+        return cls(run, moved, scale, team, sightings, layout)
+
+    def left_by(self, left: Remainder, layout: StateLayout) -> "ReferredSystem":
+        """Return the run of what a loss leaves of the team; its state has the given layout."""
+        team = left.team
+        sightings, kept = left.sightings(self.sightings)
+        mean = float(team.orbits.radii.mean())
+        if layout.names or abs(mean - self.scale) > SAME_SCALE * mean:
+            # near passes take their weights from the mean radius
+            rows = state_rows(team, sightings, layout, self.scale)
+        else:
+            rows = SightingRows(
+                self.run.rows.entries[kept][:, :6], pose_columns(sightings, team.count)
+            )
+        run = Run(
+            noise=self.run.noise[:, left.vehicles],
+            rows=rows,
+            first=sightings.first_of_steps(self.run.steps),
+            size=layout.size,
+            changing=_changing(team, layout, self.scale),
+        )
+        moved = self.moved[:, left.vehicles]
+        return ReferredSystem(run, moved, self.scale, team, sightings, layout)
 
     @property
     def start(self) -> Array:
-        """(3 n, 3 n) covariance of the initial sigmas."""
+        """(size, size) covariance of the initial sigmas; errors are in units of their own."""
         noise = self.team.noise
         sigma = np.array([noise.position_sigma, noise.position_sigma, noise.heading_sigma])
         sigma[:2] /= self.scale
-        return np.diag(np.tile(sigma**2, self.run.count))
+        covariance = np.eye(self.run.size)
+        poses = np.arange(3 * self.run.count)
+        covariance[poses, poses] = np.tile(sigma**2, self.run.count)
+        return covariance
 
     def from_start(self, bound: Callable[[Array], PosteriorBound]) -> PosteriorBound:
         """Return what `bound` makes of the covariance of the start.
@@ -160,22 +203,116 @@ class ReferredSystem:
 
     def bound(self, covariance: Array) -> PosteriorBound:
         """Return the bound along the run."""
-        return self.carried(variances_along(self.run, covariance))
+        if suits_groups(self.run, covariance):
+            return self.of_poses(variances_by_groups(self.run, covariance))
+        return self.carried(one.covariance for one in carried_along(self.run, covariance))
 
     def with_index(self, covariance: Array) -> PosteriorBound:
         """Return the bound along the run with its start-up index."""
-        seen = self.sightings.until(first_samples(self.team))
+        last = first_samples(self.team)
+        seen = self.sightings.until(last)
         terms = second_order_terms(self.team, seen, self.scale)
-        variances, foreseen = foreseen_along(self.run, covariance, terms.functions, terms.weights)
-        index = index_of_run(self.team, seen, foreseen)
-        return replace(self.carried(variances), start_up=index)
+        if suits_groups(self.run, covariance):
+            variances, foreseen = foreseen_by_groups(
+                self.run, covariance, terms.functions, terms.weights
+            )
+            bound = self.of_poses(variances)
+        else:
+            functions = self._in_full(seen, terms.functions)
+            covariances, foreseen = foreseen_along(self.run, covariance, functions, last)
+            bound = self.carried(covariances)
+        return replace(bound, start_up=index_of_run(self.team, seen, foreseen))
 
-    def carried(self, variances: Array) -> PosteriorBound:
-        """Return the bound that variances of errors referred to time 0, (4, n, steps + 1), mean."""
+    def of_poses(self, variances: Array) -> PosteriorBound:
+        """Return the bound that variances of poses referred to time 0, (4, n, steps + 1), mean."""
         position_, x_turn, y_turn, turn = variances
         east, north = self.moved
         spread = position_ + 2.0 * (east * y_turn - north * x_turn) + (east**2 + north**2) * turn
         return PosteriorBound(self.scale**2 * spread.T, turn.T)
+
+    def carried(self, covariances: Iterable[Array]) -> PosteriorBound:
+        """Return the bound that the covariances (size, size) of each sample mean.
+
+        A vehicle is off by its pose at time 0, carried by the closed-form transition, and by what
+        each constant error has moved it since; gusts act through the pose, and a bearing walk not
+        at all. So its variance is a quadratic form of the covariance of these few states.
+        """
+        steps, count = self.run.steps, self.run.count
+        columns = self._columns
+        place, heading = np.empty((2, steps + 1, count))
+        errors = np.empty((steps + 1, self.layout.size - 3 * count))
+        blocks = np.empty((_SAMPLES_AT_ONCE, count, columns.shape[1], columns.shape[1]))
+        lines, across = columns[:, :, None], columns[:, None, :]
+        for k, covariance in enumerate(covariances):
+            blocks[k % _SAMPLES_AT_ONCE] = covariance[lines, across]
+            errors[k] = np.diagonal(covariance)[3 * count :]
+            if (k + 1) % _SAMPLES_AT_ONCE and k < steps:
+                continue
+            known = slice(k - k % _SAMPLES_AT_ONCE, k + 1)
+            moves = self._moves(np.arange(known.start, known.stop))
+            spread = np.einsum("knvw,knaw->knva", blocks[: len(moves)], moves)
+            variances = np.einsum("knav,knva->kna", moves, spread)
+            place[known] = variances[..., 0] + variances[..., 1]
+            heading[known] = variances[..., 2]
+        return PosteriorBound(
+            self.scale**2 * place,
+            heading,
+            errors=errors * self.layout.sigmas**2 if self.layout.names else None,
+        )
+
+    def moved_on(self) -> Array:
+        """Return the (size, size) change of the state when time 0 is moved to the end of the run.
+
+        The end has to be whole periods later: vehicles are where they were.
+        """
+        matrix, columns = np.eye(self.layout.size), self._columns
+        moves = self._moves(np.array([self.run.steps]))[0]
+        for vehicle, (own, moved) in enumerate(zip(columns[:, 3:], moves[..., 3:], strict=True)):
+            for column, effect in zip(own, moved.T, strict=True):
+                matrix[3 * vehicle : 3 * vehicle + 3, column] += effect
+        return matrix
+
+    def _in_full(self, seen: Sightings, functions: Array) -> Array:
+        """(2, s, size) functions of six poses with the columns of the errors."""
+        found = []
+        for six in functions:
+            ways = six[:, :2].T / -self.scale
+            rows = error_moves(self.team, seen, self.layout, ways, six)
+            found.append(dense_rows(rows, self.run.size))
+        return np.stack(found)
+
+    @property
+    def _columns(self) -> Index:
+        """(n, 3 + e) columns of each vehicle's pose and of the constant errors that move it."""
+        own = 3 * np.arange(self.layout.count)[:, None] + np.arange(3)
+        others = [self.layout.columns[name] for name in _constant(self.layout)]
+        # where a vehicle has no such error, any column will do
+        return np.concatenate([own, *(np.where(one >= 0, one, 0) for one in others)], axis=1)
+
+    def _moves(self, steps: Index) -> Array:
+        """(k, n, 3, 3 + e) how much the columns move each vehicle's place, in `scale`, and heading.
+
+        Those of its pose at time 0, then those of each constant error.
+        """
+        team, count = self.team, self.run.count
+        found = np.zeros((len(steps), count, 3, self._columns.shape[1]))
+        found[..., :3] = np.eye(3)
+        east, north = self.moved[..., steps]
+        found[:, :, 0, 2], found[:, :, 1, 2] = -north.T, east.T
+        times = np.repeat(steps * team.sensors.sample_time, count)
+        vehicles = np.tile(np.arange(count), len(steps))
+        place = 3
+        for name in _constant(self.layout):
+            columns = self.layout.columns[name]
+            moves = ERROR_STATES[name].moves(team.orbits, vehicles, times)
+            moves[:, :2] /= self.scale
+            has = columns >= 0
+            sigmas = np.where(has, self.layout.sigmas[np.where(has, columns - 3 * count, 0)], 0.0)
+            axes = columns.shape[1]
+            by_vehicle = np.moveaxis(moves.reshape(axes, 3, len(steps), count), (0, 1), (3, 2))
+            found[..., place : place + axes] = by_vehicle * sigmas[:, None]
+            place += axes
+        return found
 
 
 def _referred_noise(team: Team, arm: Array, moved: Array, scale: float) -> Array:
@@ -201,6 +338,28 @@ def _referred_noise(team: Team, arm: Array, moved: Array, scale: float) -> Array
             total[place] += product
     total[..., 0] = 0.0
     return total
+
+
+def _changing(team: Team, layout: StateLayout, scale: float) -> GaussMarkov | None:
+    """How the errors of a layout that change are carried."""
+    columns = np.arange(layout.first_changing, layout.size)
+    if not len(columns):
+        return None
+    drifting = [layout.columns[name] for name in layout.names if ERROR_STATES[name].drifts]
+    places = 3 * np.arange(team.count)[:, None] + np.arange(2)
+    time, own = team.sensors.sample_time, columns - 3 * team.count
+    moving = np.concatenate([np.zeros((0, 2), dtype=np.int64), *drifting])
+    return GaussMarkov(
+        columns=columns,
+        kept=np.exp(-time / layout.times[own]),
+        places=np.concatenate([places[:0], *(places for _ in drifting)]).ravel(),
+        drifting=moving.ravel(),
+        push=time * layout.sigmas[moving.ravel() - 3 * team.count] / scale,
+    )
+
+
+def _constant(layout: StateLayout) -> list[str]:
+    return [name for name in layout.names if ERROR_STATES[name].constant]
 
 
 def _nonzero(value: Array) -> Array:

@@ -17,7 +17,7 @@ from syncplan.observability.rank import (
     matrix_rank,
     rank_gap,
 )
-from syncplan.observability.referred_rows import WideRows, wide_rows
+from syncplan.observability.referred_rows import SightingRows, state_rows
 from syncplan.orbits.circles import perpendicular, position
 from syncplan.orbits.error_states import ERROR_STATES, StateLayout, layout_of
 from syncplan.orbits.sightings import Sightings
@@ -107,7 +107,7 @@ def assess_extended(
     layout = layout_of(team, [name for name in wanted if ERROR_STATES[name].constant])
     if not layout.names:
         return None
-    rows = wide_rows(team, assessed.sightings, layout)
+    rows = state_rows(team, assessed.sightings, layout)
     matrix = _triangle(_blocks(rows, assessed.sightings), layout.size)
     values, null_space = _spectrum(matrix, layout.size)
     rank = matrix_rank(values, RANK_TOLERANCE)
@@ -143,7 +143,7 @@ def _null_space(matrix: Array, rank: int) -> Array:
     return np.asarray(np.linalg.qr(null)[0].T)
 
 
-def _blocks(rows: WideRows, sightings: Sightings) -> Iterator[tuple[Index, Array]]:
+def _blocks(rows: SightingRows, sightings: Sightings) -> Iterator[tuple[Index, Array]]:
     """The rows of each pair, reduced, and the columns (c,) that they have, (r, c)."""
     low = np.minimum(sightings.observers, sightings.targets)
     high = np.maximum(sightings.observers, sightings.targets)

@@ -43,7 +43,7 @@ NEAREST = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
-class WideRows:
+class SightingRows:
     """Rows of sightings by poses and errors.
 
     A column may stand twice in a row, as does that of a wind common to both vehicles: the entries
@@ -57,6 +57,20 @@ class WideRows:
 
     entries: Array
     columns: Index
+
+    @property
+    def observers(self) -> Index:
+        """(s,) vehicle of the first three entries."""
+        return self.columns[:, 0] // 3
+
+    @property
+    def targets(self) -> Index:
+        """(s,) vehicle of the next three; any, if the target is a landmark."""
+        return self.columns[:, 3] // 3
+
+    def of(self, which: Index | slice) -> "SightingRows":
+        """Return some of the rows."""
+        return SightingRows(self.entries[which], self.columns[which])
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,10 +94,10 @@ def sighting_rows(team: Team, sightings: Sightings, scale: float | None = None) 
     return _pose_rows(team, sightings, _slopes(team, sightings), scale)
 
 
-def wide_rows(
+def state_rows(
     team: Team, sightings: Sightings, layout: StateLayout, scale: float | None = None
-) -> WideRows:
-    """Return the rows of `sighting_rows` with the columns of the errors in a layout.
+) -> SightingRows:
+    """Return the rows of `sighting_rows`, and the columns of the errors in a layout.
 
     Gusts act through the poses and have none.
     """
@@ -93,7 +107,7 @@ def wide_rows(
 
 def error_moves(
     team: Team, sightings: Sightings, layout: StateLayout, ways: Array, six: Array
-) -> WideRows:
+) -> SightingRows:
     """Return functions of poses with the columns of the constant errors in a layout.
 
     They are the target's place relative to the observer along `ways`, (2, s) 1/m; `six`, (s, 6),
@@ -104,7 +118,14 @@ def error_moves(
     return _wide(team, sightings, layout, slopes, six)
 
 
-def dense_rows(rows: WideRows, size: int) -> Array:
+def pose_columns(sightings: Sightings, count: int) -> Index:
+    """Return (s, 6) columns of the poses of observer and target, of a landmark any vehicle's."""
+    targets = np.where(sightings.targets < count, sightings.targets, sightings.observers)
+    bodies = np.column_stack([sightings.observers, targets])
+    return (3 * bodies[:, :, None] + np.arange(3)).reshape(-1, 6)
+
+
+def dense_rows(rows: SightingRows, size: int) -> Array:
     """Return (s, size) the rows in full."""
     dense = np.zeros((len(rows.entries), size))
     np.add.at(dense, (np.arange(len(dense))[:, None], rows.columns), rows.entries)
@@ -113,12 +134,10 @@ def dense_rows(rows: WideRows, size: int) -> Array:
 
 def _wide(
     team: Team, sightings: Sightings, layout: StateLayout, slopes: _Slopes, six: Array
-) -> WideRows:
-    entries = [six]
+) -> SightingRows:
+    entries, columns = [six], [pose_columns(sightings, team.count)]
     observers, targets, count = sightings.observers, sightings.targets, team.count
     among = np.where(targets < count, targets, observers)
-    bodies = np.column_stack([observers, among])
-    columns = [(3 * bodies[:, :, None] + np.arange(3)).reshape(-1, 6)]
     times = np.asarray(sightings.steps * team.sensors.sample_time, dtype=float)
     kinds, none = np.array(list(SIGHTING_KINDS)), np.zeros(len(sightings.steps))
     # what is no sighting has no weights, and is not read by any clock
@@ -144,7 +163,7 @@ def _wide(
             entry *= np.where(has, layout.sigmas[np.where(has, own - 3 * count, 0)], 0.0)
             entries.append(entry)
             columns.append(np.where(has, own, 3 * vehicles[:, None]))
-    return WideRows(np.concatenate(entries, axis=1), np.concatenate(columns, axis=1))
+    return SightingRows(np.concatenate(entries, axis=1), np.concatenate(columns, axis=1))
 
 
 def _rates(team: Team, sightings: Sightings, slopes: _Slopes) -> Array:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from syncplan.estimation import covariances, foreseen_sightings
+from syncplan.estimation import foreseen_sightings
 from syncplan.estimation.bounds import posterior_bound
 from syncplan.estimation.foreseen_sightings import Asked, Foreseen
 from syncplan.estimation.start_up_index import index_of_run, lines_of_sight, second_order_terms
@@ -66,13 +66,10 @@ def test_the_bound_is_the_same_with_and_without_its_index() -> None:
     np.testing.assert_array_equal(plain.position_variance, indexed.position_variance)
 
 
-@pytest.mark.parametrize("grouped", [True, False])
 @pytest.mark.parametrize("name", ["paper-grid-same", "mixed-radii-camera", "four-ground-robots"])
 def test_sightings_are_passed_over_only_where_none_of_them_has_the_index(
-    name: str, grouped: bool, monkeypatch: pytest.MonkeyPatch
+    name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    if not grouped:
-        monkeypatch.setattr(covariances, "GROUPED_VEHICLES", 0)
     made = plan(example(name), bound="never")
     answered = []
     found = Asked._found

@@ -9,9 +9,9 @@ import pytest
 from syncplan.arrays import Array
 from syncplan.estimation import covariances
 from syncplan.estimation.bounds import posterior_bound, steady_bound
+from syncplan.estimation.covariances import carried_along
 from syncplan.estimation.loss_bounds import LossBounds
-from syncplan.estimation.wide_covariances import carried_along
-from syncplan.estimation.wide_system import WideSystem
+from syncplan.estimation.referred_system import ReferredSystem
 from syncplan.orbits.circles import position
 from syncplan.orbits.error_states import ERROR_STATES, layout_of
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
@@ -74,12 +74,12 @@ def _assert_bound_of_the_model(team: Team, made: Plan, steps: int) -> None:
 def test_many_samples_are_as_good_as_few_at_once(
     grid: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from syncplan.estimation import wide_covariances, wide_system
+    from syncplan.estimation import referred_run, referred_system
 
     team = _estimating(grid.team, tuple(ERROR_STATES))
     whole = posterior_bound(team, grid.windows, 15.0, start_up=True)
-    monkeypatch.setattr(wide_system, "_SAMPLES_AT_ONCE", 7)
-    monkeypatch.setattr(wide_covariances, "_ELEMENTS_AT_ONCE", 900.0)
+    monkeypatch.setattr(referred_system, "_SAMPLES_AT_ONCE", 7)
+    monkeypatch.setattr(referred_run, "_ELEMENTS_AT_ONCE", 900.0)
     parts = posterior_bound(team, grid.windows, 15.0, start_up=True)
     np.testing.assert_allclose(parts.position_variance, whole.position_variance, rtol=1e-12)
     assert parts.start_up == whole.start_up
@@ -238,9 +238,8 @@ def test_a_run_goes_on_from_its_end_with_time_0_moved_there(coarse: Plan) -> Non
     team = replace(_estimating(coarse.team, tuple(ERROR_STATES)), sensors=even)
     layout = layout_of(team)
     twice = posterior_bound(team, coarse.windows, 2.0 * period)
-    system = WideSystem.along(team, coarse.windows, samples, layout)
-    start = system.with_errors(system.poses.start)
-    *_, last = carried_along(system.run, start)
+    system = ReferredSystem.along(team, coarse.windows, samples, layout)
+    *_, last = carried_along(system.run, system.start)
     moved = system.moved_on()
     second = system.bound(moved @ last.covariance @ moved.T)
     _assert_close(second.position_variance, twice.position_variance[samples:])

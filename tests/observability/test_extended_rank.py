@@ -349,10 +349,10 @@ def test_poses_are_determined_where_the_errors_cannot_make_up_for_them() -> None
 
 def _without_errors(assessed: Assessment, found: ExtendedObservability) -> Array:
     """The columns of poses, with all that the errors' columns span taken out."""
-    from syncplan.observability.referred_rows import dense_rows, wide_rows
+    from syncplan.observability.referred_rows import dense_rows, state_rows
 
     layout = found.layout
-    rows = dense_rows(wide_rows(assessed.team, assessed.sightings, layout), layout.size)
+    rows = dense_rows(state_rows(assessed.team, assessed.sightings, layout), layout.size)
     errors = rows[:, 3 * layout.count :]
     left, values, _ = np.linalg.svd(errors, full_matrices=False)
     span = left[:, values > 1e-10 * values[0]] if values.size and values[0] else left[:, :0]

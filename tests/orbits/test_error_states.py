@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from syncplan.arrays import Array
-from syncplan.observability.referred_rows import dense_rows, sighting_rows, wide_rows
+from syncplan.observability.referred_rows import dense_rows, sighting_rows, state_rows
 from syncplan.orbits.circles import Orbits, heading, position, wrap
 from syncplan.orbits.error_states import ERROR_STATES, layout_of
 from syncplan.orbits.noise import ErrorSigmas
@@ -66,7 +66,7 @@ def test_columns_of_errors_are_the_derivatives_of_sightings_along_an_integrated_
     team = _disturbed(seed)
     orbits, layout = team.orbits, layout_of(team)
     seen = sightings_of(team, round(0.8 * orbits.period / team.sensors.sample_time))
-    wide = wide_rows(team, seen, layout)
+    wide = state_rows(team, seen, layout)
     dense, rows = dense_rows(wide, layout.size), sighting_rows(team, seen)
     labels = layout.labels([str(k) for k in range(team.count)])
     random = np.random.default_rng(seed)
@@ -107,9 +107,9 @@ def test_columns_of_errors_are_the_derivatives_of_sightings_along_an_integrated_
 def test_rows_by_poses_are_those_of_a_team_without_errors() -> None:
     team = _disturbed(2)
     seen = sightings_of(team, 40)
-    wide = wide_rows(team, seen, layout_of(team))
+    wide = state_rows(team, seen, layout_of(team))
     np.testing.assert_array_equal(wide.entries[:, :6], sighting_rows(team, seen))
-    alone = wide_rows(team, seen, layout_of(team, []))
+    alone = state_rows(team, seen, layout_of(team, []))
     assert alone.entries.shape[1] == 6
 
 
@@ -134,7 +134,7 @@ def test_a_sensor_without_a_bias_has_no_state_and_no_column() -> None:
     team = _disturbed(2)
     layout = layout_of(team, ["bearing_bias"])
     seen = sightings_of(team, 40)
-    dense = dense_rows(wide_rows(team, seen, layout), layout.size)
+    dense = dense_rows(state_rows(team, seen, layout), layout.size)
     unbiased = seen.observers % 2 == 0
     assert np.all(dense[unbiased, 3 * team.count :] == 0.0)
     assert np.any(dense[~unbiased, 3 * team.count :] != 0.0)
