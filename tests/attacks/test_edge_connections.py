@@ -63,6 +63,7 @@ def _health(server: Server) -> float:
     return time.monotonic() - started
 
 
+@pytest.mark.long
 def test_silent_sockets_leave_room_for_probes_and_no_memory(server: Server) -> None:
     with crowd_of(server, SILENT):
         _health(server)
@@ -117,6 +118,7 @@ def test_wrong_keys_are_throttled_and_logged_with_their_address(server: Server) 
     assert any('"key refused"' in one and '"address": "127.0.0.1"' in one for one in lines)
 
 
+@pytest.mark.long
 def test_slow_bodies_do_not_hold_up_the_end(tmp_path_factory: pytest.TempPathFactory) -> None:
     took = []
     for number in (0, SLOW):
@@ -130,6 +132,7 @@ def test_slow_bodies_do_not_hold_up_the_end(tmp_path_factory: pytest.TempPathFac
     assert crowded < alone + GRACE_S
 
 
+@pytest.mark.long
 def test_without_file_descriptors_it_goes_on(tmp_path_factory: pytest.TempPathFactory) -> None:
     with serving(tmp_path_factory.mktemp("files"), "ann", SYNCPLAN_MAX_CONNECTIONS="2000") as one:
         _health(one)

@@ -66,6 +66,7 @@ def test_what_comes_around_a_chunked_body_is_bounded(server: Server, endless: ob
     assert json.loads(said.body)["status"] == 431
 
 
+@pytest.mark.long
 def test_many_requests_at_once_wait_as_bytes(server: Server) -> None:
     many = b"GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n" * 3000
 

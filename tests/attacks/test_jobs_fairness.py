@@ -35,6 +35,7 @@ def succeeded(http: httpx2.Client, job: str) -> bool:
 @pytest.mark.parametrize(
     "address", ["sqlite", pytest.param("postgresql", marks=pytest.mark.long)], indirect=True
 )
+@pytest.mark.long
 def test_twenty_long_jobs_do_not_hold_up_a_short_one_of_another(
     address: str | None, tmp_path: Path
 ) -> None:

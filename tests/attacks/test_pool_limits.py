@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import httpx2
+import pytest
 
 from tests.attacks.conftest import TASK_MEMORY_MIB
 from tests.tools.api_servers import done, ended, problem, serving, speaking
@@ -21,6 +22,7 @@ def _largest(processes: list[int]) -> int:
     return max(peaks)
 
 
+@pytest.mark.long
 def test_a_plan_that_needs_too_much_memory_is_refused_with_the_limit(
     server: Server, ann: httpx2.Client
 ) -> None:
@@ -32,6 +34,7 @@ def test_a_plan_that_needs_too_much_memory_is_refused_with_the_limit(
     assert _largest(family(server.popen.pid)) < 1.2 * TASK_MEMORY_MIB
 
 
+@pytest.mark.long
 def test_a_row_of_a_sweep_that_takes_too_long_fails_with_the_limit(tmp_path: Path) -> None:
     sweep = {"scenario": shared_circles(8), "range_m": [50.0], "trials": 1}
     with (

@@ -3,6 +3,7 @@
 import time
 
 import httpx2
+import pytest
 
 from tests.tools.api_servers import problem
 from tests.tools.processes import memory_given_back
@@ -19,6 +20,7 @@ ATTACKS = {
 }
 
 
+@pytest.mark.long
 def test_yaml_that_would_take_long_is_refused_at_once(server: Server, ann: httpx2.Client) -> None:
     kind = {"content-type": "application/yaml"}
     assert len(NESTED) < 469

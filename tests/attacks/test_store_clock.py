@@ -23,6 +23,7 @@ def change(site: Site, statement: str, job_id: str) -> int:
 
 
 @pytest.mark.parametrize("ahead_s", [AHEAD_S, pytest.param(-AHEAD_S, marks=pytest.mark.long)])
+@pytest.mark.long
 def test_lists_are_in_order_though_a_worker_has_a_wrong_clock(
     tmp_path: Path, ahead_s: float
 ) -> None:

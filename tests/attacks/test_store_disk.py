@@ -48,6 +48,7 @@ def see_all_served(site: Site) -> None:
     site.see_all_done()
 
 
+@pytest.mark.long
 def test_readiness_says_that_nothing_can_be_stored(tmp_path: Path) -> None:
     with quick(tmp_path) as site:
         server = site.serve()

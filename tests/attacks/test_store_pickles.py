@@ -81,6 +81,7 @@ def _plant_inputs(connection: Connection, schema: str, job_id: str, pickled: str
     ],
     indirect=["address"],
 )
+@pytest.mark.long
 def test_a_row_that_holds_a_pickle_runs_nothing(
     address: str | None, who: Literal["server", "worker"], tmp_path: Path
 ) -> None:

@@ -80,6 +80,7 @@ async def answered(streams: list[Stream], with_: bytes) -> None:
     await asyncio.gather(*(one.read_until(with_) for one in streams))
 
 
+@pytest.mark.long
 def test_every_follower_gets_every_event_and_memory_is_given_back(
     site: tuple[Server, Database], ann: httpx2.Client, job: str
 ) -> None:
@@ -110,6 +111,7 @@ def test_every_follower_gets_every_event_and_memory_is_given_back(
     wait_until(lambda: memory(process) < 1.1 * after)
 
 
+@pytest.mark.long
 def test_an_owner_has_so_many_streams_and_takes_none_from_others(
     tmp_path: Path,
 ) -> None:
@@ -136,6 +138,7 @@ def test_an_owner_has_so_many_streams_and_takes_none_from_others(
         asyncio.run(full())
 
 
+@pytest.mark.long
 def test_followers_cost_no_processor_time_and_health_is_answered_as_ever(
     server: Server, job: str
 ) -> None:

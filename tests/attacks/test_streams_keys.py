@@ -4,6 +4,7 @@ import asyncio
 from pathlib import Path
 
 import httpx2
+import pytest
 
 from tests.tools.followers import connected
 from tests.tools.processes import PATIENCE_S, wait_until
@@ -21,6 +22,7 @@ def listed(path: Path, *entries: str) -> None:
     beside.replace(path)
 
 
+@pytest.mark.long
 def test_a_key_is_changed_without_downtime_and_the_old_one_ends_with_its_streams(
     tmp_path: Path,
 ) -> None:

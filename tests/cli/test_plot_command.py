@@ -278,6 +278,7 @@ def test_without_a_browser_the_remedy_is_named(
 
 @needs_browser
 @pytest.mark.parametrize("ending", ["png", "svg", "pdf"])
+@pytest.mark.long
 def test_images_are_what_their_names_say_and_the_same_each_time(
     run: Run, ending: str, tmp_path: Path
 ) -> None:
@@ -342,6 +343,7 @@ def test_what_the_library_of_the_browser_logs_is_not_shown(
 
 
 @needs_browser
+@pytest.mark.long
 def test_an_image_has_the_colours_of_its_theme(run: Run, tmp_path: Path) -> None:
     for theme, paper, other in (
         ("light", "rgb(255, 255, 255)", "rgb(22, 22, 26)"),
@@ -382,6 +384,7 @@ def test_a_page_takes_a_theme_and_a_width(run: Run) -> None:
 
 
 @needs_browser
+@pytest.mark.long
 def test_a_narrow_page_shows_figures_laid_out_for_a_column(run: Run, tmp_path: Path) -> None:
     target = tmp_path / "plan.html"
     assert run("plot", GRID, "--figure", "formation", "-o", str(target))[0] == 0
@@ -442,6 +445,7 @@ def _dumped(page: Path, work: Path, *more: str) -> str:
     return done.stdout
 
 
+@pytest.mark.long
 def test_a_flight_is_flown_and_drawn(run: Run, tmp_path: Path) -> None:
     flight, page = tmp_path / "flight.json", tmp_path / "flight.html"
     grid = str(FILES / "paper-grid-same.yaml")

@@ -168,6 +168,7 @@ def test_what_can_not_be_bettered_comes_back_with_the_reason_and_is_not_written(
     assert output.read_text() == "kept"
 
 
+@pytest.mark.long
 def test_interrupting_a_refinement_writes_the_best_so_far(tmp_path: Path) -> None:
     output = tmp_path / "best.json"
     starts = ("--starts", "200", "--time-limit-s", "500", "--processes", "2")
@@ -229,6 +230,7 @@ def test_landmarks_chooses_among_the_candidates_of_a_file(run: Any, tmp_path: Pa
     assert "--choose: 9" in err
 
 
+@pytest.mark.long
 def test_children_take_modules_from_where_their_parent_does(tmp_path: Path) -> None:
     """A file named like a standard module in the working directory is none of theirs."""
     (tmp_path / "queue.py").write_text("raise RuntimeError('not this one')")

@@ -80,6 +80,7 @@ def test_help_ends_with_an_example(run: Any, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["serve", "worker"])
+@pytest.mark.long
 def test_a_port_in_use_is_named(name: str, tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
@@ -174,6 +175,7 @@ def test_a_database_that_is_none_is_one_line(tmp_path: Path) -> None:
     assert "not a database" in line
 
 
+@pytest.mark.long
 def test_a_start_that_fails_further_in_is_no_success(tmp_path: Path) -> None:
     break_it = (
         "import api.main\n"
@@ -201,6 +203,7 @@ def said_address(log: Path) -> str:
     return lines()[0]
 
 
+@pytest.mark.long
 def test_port_0_takes_a_free_one_and_insecure_lets_others_in(tmp_path: Path) -> None:
     log = tmp_path / "log"
     settings = settings_of(tmp_path / "data")
@@ -218,6 +221,7 @@ def test_port_0_takes_a_free_one_and_insecure_lets_others_in(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.long
 def test_a_signal_ends_the_server_with_a_job_at_work(
     tmp_path: Path, number: signal.Signals
 ) -> None:
@@ -240,6 +244,7 @@ def test_a_signal_ends_the_server_with_a_job_at_work(
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.long
 def test_a_signal_ends_a_worker(tmp_path: Path, number: signal.Signals) -> None:
     log = tmp_path / "log"
     settings = {**settings_of(tmp_path / "data"), "SYNCPLAN_JOB_NICENESS": "3"}
@@ -298,6 +303,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
         ("triangle-lattice", "yaml", 40),
     ],
 )
+@pytest.mark.long
 def test_library_command_line_and_service_give_the_same_bytes(
     tmp_path: Path, run: Any, server: Server, name: str, syntax: str, trials: int
 ) -> None:

@@ -100,6 +100,7 @@ def test_a_stored_plan_is_read_and_deleted(client: Client) -> None:
     assert caught.value.status == 404
 
 
+@pytest.mark.long
 def test_a_refinement_is_the_librarys_and_names_its_parent(
     client: Client, stored: RemotePlan, made: syncplan.Plan
 ) -> None:
@@ -176,6 +177,7 @@ def test_losses_are_the_librarys(client: Client, stored: RemotePlan, made: syncp
         client.what_if(stored, ["v9"])
 
 
+@pytest.mark.long
 def test_progress_is_told_whenever_it_changes(client: Client, stored: RemotePlan) -> None:
     told: list[RemoteJob] = []
     job = client.validate(stored.id, trials=1500)

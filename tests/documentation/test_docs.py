@@ -58,6 +58,7 @@ def database() -> Iterator[str]:
 @pytest.mark.parametrize(
     "page", [one if one in FIRST else pytest.param(one, marks=pytest.mark.long) for one in PAGES]
 )
+@pytest.mark.long
 def test_a_page_does_what_it_says(
     page: str, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
@@ -243,6 +244,7 @@ def test_pages_are_accessible_but_for_their_theme(site: Path) -> None:
             assert [fault for fault in faults if not fault.startswith(OF_THE_THEME)] == []
 
 
+@pytest.mark.long
 def test_captions_state_what_the_figures_show() -> None:
     """The line of sight of mirror motion never turns, and the filter's sigma does not notice."""
     _, turn, length = sight_direction(studies.pair("alternate", 20.0, 0.0))

@@ -41,46 +41,39 @@ DISTURBED = {
 
 CASES = {
     "paper": Case("paper-grid-same", {"duration": 40.0}),
-    "open loop": Case("paper-grid-same", {"duration": 20.0, "guidance": "none"}),
-    "wind": Case("windy-grid", {"duration": 40.0}),
+    "open loop, held on the spot": Case(
+        "paper-grid-same", {"duration": 20.0, "guidance": "none", "hold": ("v2@5:8",)}
+    ),
     "given wind, second-order": Case(
         "windy-grid", {"duration": 20.0, "wind": (1.5, 0.0), "filter": "second-order"}
     ),
-    "gusts": Case("windy-grid", {"duration": 40.0}, {"wind": {"gust_sigma_mps": 0.2}}),
-    "all errors": Case("paper-grid-same", {"duration": 40.0}, DISTURBED),
-    "measured": Case(
+    "all errors, lost and held": Case(
         "paper-grid-same",
-        {"duration": 20.0},
+        {"duration": 30.0, "lose": ("v2@4", "sensor:v5@12"), "hold": ("v1@5:8", "v3@2:3")},
+        DISTURBED,
+    ),
+    "measured, dropout, outliers": Case(
+        "paper-grid-same",
+        {"duration": 40.0, "dropout": 0.3, "outliers": 0.1},
         {"motion": {"readings": "measured", "lag_s": 0.3}},
     ),
-    "cameras": Case("camera-pair", {"duration": 60.0}),
+    "cameras, outliers in view": Case("camera-pair", {"duration": 60.0, "outliers": 0.3}),
     "cameras, late": Case("camera-pair", {"duration": 70.0, "late": 300}),
     "obstacles": Case("shelves", {"duration": 40.0}),
-    "distances, compasses": Case("boats", {"duration": 60.0, "filter": "second-order"}),
-    "a vehicle is lost": Case("windy-grid", {"duration": 45.0, "lose": ("v4@16.3", "v6@30")}),
-    "sensors and a landmark are lost": Case(
-        "windy-grid", {"duration": 45.0, "lose": ("sensor:v3@5", "L1@20")}
-    ),
-    "all landmarks are lost": Case("windy-grid", {"duration": 45.0, "lose": ("L1@10", "L2@10")}),
-    "lost, with all errors": Case(
-        "paper-grid-same", {"duration": 30.0, "lose": ("v2@4", "sensor:v5@12")}, DISTURBED
-    ),
-    "sensors of one kind are lost": Case(
+    "distances, compasses, sensors of one kind are lost": Case(
         "boats",
         {"duration": 40.0, "filter": "second-order", "lose": ("compass:v3@10", "distance:v4@20")},
     ),
-    "lost at the start": Case("windy-grid", {"duration": 40.0, "lose": ("v3@0",)}),
-    "held": Case("windy-grid", {"duration": 30.0, "hold": ("v2@5:8", "v3@2:3")}, DISTURBED),
-    "held on the spot": Case("paper-grid-same", {"duration": 30.0, "hold": ("v2@5:8",)}),
-    "dropout": Case("paper-grid-same", {"duration": 40.0, "dropout": 0.3}),
-    "outliers": Case("paper-grid-same", {"duration": 40.0, "outliers": 0.1}),
-    "outliers in view": Case("camera-pair", {"duration": 60.0, "outliers": 0.3}),
+    "gusts": Case("windy-grid", {"duration": 30.0}, {"wind": {"gust_sigma_mps": 0.2}}),
+    "late, lost at the start, all landmarks lost": Case(
+        "windy-grid",
+        {"duration": 40.0, "late": 7, "lose": ("v3@0", "v4@16.3", "L1@20", "L2@20")},
+    ),
     "mistaken": Case(
         "triangle-lattice",
         {"duration": 40.0, "mistaken": 0.2, "lose": ("v2@15",)},
         {"sensor": {"range_m": 70.0, "fov_deg": 200.0}},
     ),
-    "late": Case("windy-grid", {"duration": 40.0, "late": 7, "lose": ("v4@16.3",)}),
 }
 
 

@@ -36,6 +36,7 @@ def _blocked(scenario: Tree) -> list[str]:
     ],
     ids=["landmarks", "areas", "one vehicle"],
 )
+@pytest.mark.long
 def test_vehicles_that_are_added_lie_in_free_space_and_are_selected(
     visit: Visit, changes: Tree
 ) -> None:
@@ -80,6 +81,7 @@ def test_where_there_is_no_room_none_is_added_and_the_page_says_so(visit: Visit)
     assert len(downloaded(page)["formation"]["centers_m"]) == 2
 
 
+@pytest.mark.long
 def test_landmarks_that_are_added_keep_clear_of_the_circles_and_are_selected(visit: Visit) -> None:
     page = visit.page
     for k in range(2, 5):

@@ -23,6 +23,7 @@ ALTERNATE = "paper-grid-alternate"
 SAME = "paper-grid-same"
 
 
+@pytest.mark.long
 def test_a_lost_motion_is_drawn_and_its_cure_told_and_cures_it(
     visit: Visit,
 ) -> None:
@@ -48,6 +49,7 @@ def test_a_lost_motion_is_drawn_and_its_cure_told_and_cures_it(
     expect(page.locator(".finding.stop")).to_have_count(0)
 
 
+@pytest.mark.long
 def test_a_cure_is_told_in_words_and_has_a_button(visit: Visit) -> None:
     page = visit.page
     visit.choose(ALTERNATE)
@@ -66,6 +68,7 @@ def test_a_cure_is_told_in_words_and_has_a_button(visit: Visit) -> None:
     expect(page.get_by_role("button", name="Desynchronise by 0.2")).to_have_count(0)
 
 
+@pytest.mark.long
 def test_vehicles_nearer_than_asked_for_are_told_in_a_line_of_their_own(visit: Visit) -> None:
     page = visit.page
     told = page.locator(".finding[data-code=vehicles-too-close]")
@@ -81,6 +84,7 @@ def test_vehicles_nearer_than_asked_for_are_told_in_a_line_of_their_own(visit: V
     expect(told).to_have_count(0)
 
 
+@pytest.mark.long
 def test_a_landmark_moves_by_mouse_and_the_view_stays_while_it_does(visit: Visit) -> None:
     page = visit.page
     before = page.evaluate("document.getElementById('map-plot').layout.xaxis.range")
@@ -120,6 +124,7 @@ def test_a_quick_plan_says_what_follows_until_the_whole_one_is_there(visit: Visi
     expect(predicted).not_to_contain_text("follows")
 
 
+@pytest.mark.long
 def test_the_map_shows_all_of_what_was_opened_and_no_more_than_that(visit: Visit) -> None:
     page = visit.page
     ranges = "(l => [l.xaxis.range, l.yaxis.range])(document.getElementById('map-plot').layout)"
@@ -158,6 +163,7 @@ def test_everything_can_be_done_by_keyboard(visit: Visit) -> None:
     expect(page.locator("#moment-text")).not_to_have_text("0 s")
 
 
+@pytest.mark.long
 def test_senses_radii_ranges_and_fields_of_view_of_one_vehicle_and_of_all(visit: Visit) -> None:
     page = visit.page
     visit.choose(ALTERNATE)
@@ -196,6 +202,7 @@ def test_vehicles_and_landmarks_come_and_go(visit: Visit) -> None:
     expect(page.locator("#handles button.vehicle")).to_have_count(5)
 
 
+@pytest.mark.long
 def test_a_fault_is_told_next_to_its_field(visit: Visit) -> None:
     visit.expect_complaints("422")
     page = visit.page
@@ -225,6 +232,7 @@ def dimmed(page: Page) -> bool:
     return bool(shown[0])
 
 
+@pytest.mark.long
 def test_a_number_half_typed_leaves_no_verdict_that_looks_current(visit: Visit) -> None:
     visit.expect_complaints("422")
     page = visit.page
@@ -246,6 +254,7 @@ def test_a_number_half_typed_leaves_no_verdict_that_looks_current(visit: Visit) 
 
 
 @pytest.mark.parametrize("name", ["misspelt-key", "not-yaml", "nan-rate"])
+@pytest.mark.long
 def test_a_bad_file_is_refused_in_words(visit: Visit, name: str) -> None:
     visit.expect_complaints("422")
     page = visit.page
@@ -256,6 +265,7 @@ def test_a_bad_file_is_refused_in_words(visit: Visit, name: str) -> None:
     visit.verdict("Observable: rank 18 of 18")
 
 
+@pytest.mark.long
 def test_a_file_of_a_scenario_or_of_a_plan_opens(visit: Visit, server: Server) -> None:
     page = visit.page
     page.get_by_label("Open a file").set_input_files(FILES / "four-ground-robots.yaml")
@@ -275,6 +285,7 @@ def test_a_click_by_an_unsteady_hand_chooses_and_moves_nothing(visit: Visit) -> 
     expect(page.get_by_role("button", name="Undo")).to_have_attribute("aria-disabled", "true")
 
 
+@pytest.mark.long
 def test_a_field_that_is_typed_anew_moves_nothing_meanwhile(visit: Visit) -> None:
     page = visit.page
     handle(page, "v4").click()
@@ -287,6 +298,7 @@ def test_a_field_that_is_typed_anew_moves_nothing_meanwhile(visit: Visit) -> Non
     expect(handle(page, "v4")).to_have_attribute("aria-label", "Circle of v4, centre at 141, 70 m")
 
 
+@pytest.mark.long
 def test_what_is_typed_at_one_go_is_one_step_to_undo(visit: Visit) -> None:
     page = visit.page
     # circles of 1 m are out of each other's range
@@ -301,6 +313,7 @@ def test_what_is_typed_at_one_go_is_one_step_to_undo(visit: Visit) -> None:
     expect(page.get_by_role("button", name="Undo")).to_have_attribute("aria-disabled", "true")
 
 
+@pytest.mark.long
 def test_escape_takes_a_drag_back(visit: Visit) -> None:
     page = visit.page
     # on its way v4 may lose the link it needs, if a preview is as quick as that
@@ -320,6 +333,7 @@ def test_escape_takes_a_drag_back(visit: Visit) -> None:
     expect(page.get_by_role("button", name="Undo")).to_have_attribute("aria-disabled", "true")
 
 
+@pytest.mark.long
 def test_keys_undo_and_redo_and_arrows_in_a_row_are_one_step(visit: Visit) -> None:
     page = visit.page
     moved = handle(page, "v4")
@@ -364,6 +378,7 @@ def test_the_chosen_one_of_two_on_one_place_lies_above(visit: Visit) -> None:
         assert page.evaluate(top) == name
 
 
+@pytest.mark.long
 def test_half_an_origin_is_no_fault_and_its_altitude_stays(visit: Visit) -> None:
     page = visit.page
     page.locator("summary", has_text="Place and time").click()
@@ -390,6 +405,7 @@ def test_half_an_origin_is_no_fault_and_its_altitude_stays(visit: Visit) -> None
     expect(altitude).to_have_value("")
 
 
+@pytest.mark.long
 def test_vehicles_named_by_numbers_keep_their_order(visit: Visit) -> None:
     page = visit.page
     scenario = document(
@@ -406,6 +422,7 @@ def test_vehicles_named_by_numbers_keep_their_order(visit: Visit) -> None:
     assert found["orbit"]["radius_m"] == [20, 15]
 
 
+@pytest.mark.long
 def test_a_window_that_was_given_stays_and_one_of_a_period_follows_it(visit: Visit) -> None:
     page = visit.page
     for window, kept in ((60.0, 60), (None, None)):

@@ -47,6 +47,7 @@ def sidecar_of(archive: bytes) -> dict[str, Any]:
     ],
     ids=lambda value: value["name"] if isinstance(value, dict) else "",
 )
+@pytest.mark.long
 def test_findings_are_the_same_word_for_word_everywhere(
     scenario: dict[str, Any],
     codes: set[str],

@@ -63,6 +63,7 @@ def _center(page: Page) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("by", [(600.0, 300.0), (-500.0, -400.0), (0.0, 2000.0)])
+@pytest.mark.long
 def test_a_circle_that_is_dragged_beyond_the_map_stops_at_its_edge_with_its_ring(
     visit: Visit, by: tuple[float, float]
 ) -> None:
@@ -104,6 +105,7 @@ def test_a_landmark_that_is_dragged_beyond_the_map_stops_at_its_edge(visit: Visi
     assert _is_within(page, "L1")
 
 
+@pytest.mark.long
 def test_a_typed_place_beyond_the_map_comes_into_view_though_it_is_at_fault(visit: Visit) -> None:
     page = visit.page
     visit.expect_complaints("422")
@@ -133,6 +135,7 @@ def test_keys_move_a_circle_no_farther_than_the_map_goes(visit: Visit) -> None:
 
 
 @pytest.mark.parametrize("size", [DESKTOP, (900, 900), (720, 450), PHONE])
+@pytest.mark.long
 def test_handles_stay_on_their_circles_when_the_window_changes(
     tabs: Tabs, server: Server, size: tuple[int, int]
 ) -> None:

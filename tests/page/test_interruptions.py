@@ -23,6 +23,7 @@ def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
         yield one
 
 
+@pytest.mark.long
 def test_a_server_that_dies_in_mid_job_and_returns_costs_nothing_but_time(
     tabs: Tabs, tmp_path: Path
 ) -> None:
@@ -42,6 +43,7 @@ def test_a_server_that_dies_in_mid_job_and_returns_costs_nothing_but_time(
             expect(page.locator(".outcome")).to_contain_text("of 1500 trials")
 
 
+@pytest.mark.long
 def test_a_service_with_keys_asks_for_one(tabs: Tabs, guarded: Server) -> None:
     with visiting(tabs, guarded.url) as visit:
         page = visit.page
@@ -63,6 +65,7 @@ def test_a_service_with_keys_asks_for_one(tabs: Tabs, guarded: Server) -> None:
         expect(page.locator("#notice")).to_be_empty()
 
 
+@pytest.mark.long
 def test_a_key_with_a_character_that_nobody_sees_is_refused_at_its_field(
     tabs: Tabs, guarded: Server
 ) -> None:
@@ -85,6 +88,7 @@ def test_a_key_with_a_character_that_nobody_sees_is_refused_at_its_field(
         visit.verdict("Observable: rank 18 of 18")
 
 
+@pytest.mark.long
 def test_a_key_can_be_changed_and_others_plans_are_not_told_from_none(
     tabs: Tabs, guarded: Server
 ) -> None:
@@ -117,6 +121,7 @@ def test_a_key_can_be_changed_and_others_plans_are_not_told_from_none(
             )
 
 
+@pytest.mark.long
 def test_while_a_request_is_tried_again_the_page_says_so(visit: Visit) -> None:
     page = visit.page
     visit.expect_complaints("net::ERR")
@@ -129,6 +134,7 @@ def test_while_a_request_is_tried_again_the_page_says_so(visit: Visit) -> None:
     expect(told).to_have_count(0)
 
 
+@pytest.mark.long
 def test_of_two_that_are_opened_at_once_the_later_one_stays(visit: Visit) -> None:
     page = visit.page
     held: list[Route] = []
@@ -144,6 +150,7 @@ def test_of_two_that_are_opened_at_once_the_later_one_stays(visit: Visit) -> Non
     visit.verdict("rank 12 of 12")
 
 
+@pytest.mark.long
 def test_an_edit_while_the_service_is_away_is_planned_once_it_is_back(visit: Visit) -> None:
     page = visit.page
     visit.expect_complaints("net::ERR")
@@ -162,6 +169,7 @@ def test_an_edit_while_the_service_is_away_is_planned_once_it_is_back(visit: Vis
     expect(page.get_by_label("Desynchronise by")).to_have_value("0.2")
 
 
+@pytest.mark.long
 def test_an_edit_that_waits_for_a_key_is_not_lost(tabs: Tabs, guarded: Server) -> None:
     with visiting(tabs, guarded.url) as visit:
         page = visit.page
@@ -180,6 +188,7 @@ def test_an_edit_that_waits_for_a_key_is_not_lost(tabs: Tabs, guarded: Server) -
         expect(page.get_by_label("Desynchronise by")).to_have_value("0.2")
 
 
+@pytest.mark.long
 def test_a_refined_plan_opens_though_its_parent_was_deleted(visit: Visit, server: Server) -> None:
     page = visit.page
     visit.choose(ALTERNATE)
@@ -195,6 +204,7 @@ def test_a_refined_plan_opens_though_its_parent_was_deleted(visit: Visit, server
     expect(page.locator("#notice.bad")).to_have_count(0)
 
 
+@pytest.mark.long
 def test_the_focus_stays_where_it_was_over_undo_and_cancel(visit: Visit) -> None:
     page = visit.page
     undo = page.get_by_role("button", name="Undo")

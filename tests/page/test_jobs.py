@@ -4,6 +4,7 @@ import re
 from typing import Any
 
 import httpx2
+import pytest
 from playwright.sync_api import Page, expect
 
 from syncplan.scenario.loading import load_scenario
@@ -21,6 +22,7 @@ def _past_a_mast(name: str) -> dict[str, Any]:
     return {**scenario, "name": "mast", "landmarks_m": [[190.0, 0.0], [190.0, 70.0], [-21.0, 0.0]]}
 
 
+@pytest.mark.long
 def test_refine_compare_validate_and_open_the_link_again(
     visit: Visit, tabs: Tabs, server: Server
 ) -> None:
@@ -55,6 +57,7 @@ def test_refine_compare_validate_and_open_the_link_again(
         assert plan_id_of(again.page) == plan["id"]
 
 
+@pytest.mark.long
 def test_what_refinement_may_move_by_suits_the_team_that_was_opened(visit: Visit) -> None:
     page = visit.page
     box, least, most = (
@@ -82,6 +85,7 @@ def test_what_refinement_may_move_by_suits_the_team_that_was_opened(visit: Visit
     expect(most).to_have_value("20")
 
 
+@pytest.mark.long
 def test_refining_tells_what_it_costs_in_separation(visit: Visit) -> None:
     page = visit.page
     refine(page)
@@ -97,6 +101,7 @@ def test_refining_tells_what_it_costs_in_separation(visit: Visit) -> None:
     expect(page.locator(".outcome .badge")).to_have_class("badge good")
 
 
+@pytest.mark.long
 def test_a_refined_plan_that_is_not_to_be_flown_is_no_success(visit: Visit) -> None:
     page = visit.page
     opened(page, _past_a_mast(ALTERNATE))
@@ -109,6 +114,7 @@ def test_a_refined_plan_that_is_not_to_be_flown_is_no_success(visit: Visit) -> N
     expect(badge).not_to_have_class("badge good")
 
 
+@pytest.mark.long
 def test_a_validation_is_no_proof_where_the_plan_is_unobservable_or_trials_are_few(
     visit: Visit,
 ) -> None:
@@ -143,6 +149,7 @@ def test_a_validation_is_no_proof_where_the_plan_is_unobservable_or_trials_are_f
     assert accessibility_faults(page) == []
 
 
+@pytest.mark.long
 def test_a_job_can_be_cancelled(visit: Visit, server: Server) -> None:
     page = visit.page
     page.get_by_label("Trials").fill("100000")
@@ -156,6 +163,7 @@ def test_a_job_can_be_cancelled(visit: Visit, server: Server) -> None:
     assert found["state"] == "cancelled"
 
 
+@pytest.mark.long
 def test_wrong_numbers_of_a_job_are_told_next_to_their_fields(visit: Visit) -> None:
     page = visit.page
     visit.expect_complaints("422")
@@ -171,6 +179,7 @@ def test_wrong_numbers_of_a_job_are_told_next_to_their_fields(visit: Visit) -> N
     assert accessibility_faults(page) == []
 
 
+@pytest.mark.long
 def test_a_plan_that_was_deleted_is_stored_anew(visit: Visit, server: Server) -> None:
     page = visit.page
     visit.expect_complaints("404")
@@ -184,6 +193,7 @@ def test_a_plan_that_was_deleted_is_stored_anew(visit: Visit, server: Server) ->
     expect(page.locator(".outcome")).to_contain_text("of 10 trials")
 
 
+@pytest.mark.long
 def test_what_is_edited_while_a_job_runs_stays(visit: Visit) -> None:
     page = visit.page
     page.get_by_label("Trials").fill("1500")
@@ -200,6 +210,7 @@ def test_what_is_edited_while_a_job_runs_stays(visit: Visit) -> None:
     expect(page.locator(".outcome")).to_be_empty()
 
 
+@pytest.mark.long
 def test_a_reload_goes_on_following_the_job(visit: Visit) -> None:
     page = visit.page
     page.get_by_label("Trials").fill("1500")
@@ -217,6 +228,7 @@ def fly(page: Page, flights: int, **fields: str) -> None:
     page.get_by_role("button", name="Fly").click()
 
 
+@pytest.mark.long
 def test_a_flight_tells_what_it_came_to_and_plays_on_the_map(visit: Visit, server: Server) -> None:
     page = visit.page
     page.get_by_label("Duration (s)").fill("40")
@@ -262,6 +274,7 @@ def test_a_flight_tells_what_it_came_to_and_plays_on_the_map(visit: Visit, serve
     expect(played).to_be_hidden()
 
 
+@pytest.mark.long
 def test_an_event_that_can_not_happen_is_told_next_to_its_field(visit: Visit) -> None:
     page = visit.page
     visit.expect_complaints("422")

@@ -72,6 +72,7 @@ def phases_of(plan: Tree) -> list[float]:
     return [one["phase_rad"] for one in plan["vehicles"]]
 
 
+@pytest.mark.long
 def test_an_edit_that_moves_nothing_keeps_a_refined_plan(
     at_refined: Visit, server: Server, refined: Tree
 ) -> None:
@@ -93,6 +94,7 @@ def test_an_edit_that_moves_nothing_keeps_a_refined_plan(
     assert kept["scenario"]["name"] == "another name"
 
 
+@pytest.mark.long
 def test_a_value_typed_again_is_the_plan_that_was_stored(at_refined: Visit, refined: Tree) -> None:
     page = at_refined.page
     field = page.get_by_label("Duration")
@@ -103,6 +105,7 @@ def test_a_value_typed_again_is_the_plan_that_was_stored(at_refined: Visit, refi
     expect(predicted(page)).to_contain_text(error_of(refined))
 
 
+@pytest.mark.long
 def test_undo_and_redo_bring_a_refined_plan_back_under_its_address(
     at_refined: Visit, refined: Tree
 ) -> None:
@@ -134,6 +137,7 @@ def test_undo_and_redo_bring_a_refined_plan_back_under_its_address(
     assert "plan=" not in page.url
 
 
+@pytest.mark.long
 def test_what_is_put_back_by_hand_is_the_refined_plan_again(
     at_refined: Visit, refined: Tree
 ) -> None:
@@ -149,6 +153,7 @@ def test_what_is_put_back_by_hand_is_the_refined_plan_again(
     assert plan_id_of(page) == refined["id"]
 
 
+@pytest.mark.long
 def test_an_export_after_its_origin_was_entered_is_of_the_refined_plan(
     at_refined: Visit, server: Server, refined: Tree
 ) -> None:
@@ -176,6 +181,7 @@ def test_an_export_after_its_origin_was_entered_is_of_the_refined_plan(
     assert told["vehicles"]
 
 
+@pytest.mark.long
 def test_a_plan_file_opens_as_that_plan_and_is_stored_as_that(
     visit: Visit, server: Server, refined: Tree, tmp_path: Path
 ) -> None:
@@ -209,6 +215,7 @@ def test_a_fault_in_a_plan_file_is_told_by_its_path(
     visit.verdict("Observable: rank 18 of 18")
 
 
+@pytest.mark.long
 def test_the_scenario_of_a_refined_plan_is_told_to_lack_its_phases(at_refined: Visit) -> None:
     page = at_refined.page
     downloaded(page)
@@ -219,6 +226,7 @@ def test_the_scenario_of_a_refined_plan_is_told_to_lack_its_phases(at_refined: V
     expect(phases(page)).to_have_text("from a file")
 
 
+@pytest.mark.long
 def test_back_leads_from_a_refined_plan_to_the_one_before_it(visit: Visit) -> None:
     page = visit.page
     visit.choose(ALTERNATE)

@@ -1,5 +1,6 @@
 """The links of a formation: listed ones that come out of reach, and those that follow it."""
 
+import pytest
 from playwright.sync_api import Page, expect
 
 from tests.page.gestures import downloaded, drag, handle
@@ -12,6 +13,7 @@ def _links(page: Page) -> list[str]:
     return page.get_by_role("list", name="Links").get_by_role("listitem").all_inner_texts()
 
 
+@pytest.mark.long
 def test_a_link_dragged_out_of_reach_is_told_in_its_group_and_cured_there(visit: Visit) -> None:
     page = visit.page
     visit.expect_complaints("422")
@@ -47,6 +49,7 @@ def test_a_link_dragged_out_of_reach_is_told_in_its_group_and_cured_there(visit:
     ]
 
 
+@pytest.mark.long
 def test_links_follow_reach_or_are_fixed_by_keyboard(visit: Visit) -> None:
     page = visit.page
     visit.expect_complaints("422")
@@ -74,6 +77,7 @@ def test_links_follow_reach_or_are_fixed_by_keyboard(visit: Visit) -> None:
     expect(fix).to_be_visible()
 
 
+@pytest.mark.long
 def test_a_link_is_added_to_the_selected_vehicle_by_keyboard(visit: Visit) -> None:
     page = visit.page
     # of the diagonals only those within reach are offered, and no link twice
@@ -101,6 +105,7 @@ def test_a_link_is_added_to_the_selected_vehicle_by_keyboard(visit: Visit) -> No
     assert len(downloaded(page)["formation"]["links"]) == 7
 
 
+@pytest.mark.long
 def test_links_that_follow_reach_are_named_and_none_can_be_added(visit: Visit) -> None:
     page = visit.page
     page.locator("summary", has_text="Links").press("Enter")

@@ -17,6 +17,7 @@ NO_PLAN = "There is no such plan, or it belongs to another key."
 
 
 @pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
+@pytest.mark.long
 def test_a_confirmation_is_seen_wherever_one_has_scrolled(
     tabs: Tabs, server: Server, size: tuple[int, int]
 ) -> None:
@@ -45,6 +46,7 @@ def test_a_confirmation_is_seen_wherever_one_has_scrolled(
         expect(dismiss).to_be_hidden()
 
 
+@pytest.mark.long
 def test_a_confirmation_goes_with_the_next_edit_and_a_fault_stays_until_it_is_mended(
     visit: Visit,
 ) -> None:
@@ -67,6 +69,7 @@ def test_a_confirmation_goes_with_the_next_edit_and_a_fault_stays_until_it_is_me
 
 @pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+@pytest.mark.long
 def test_a_link_to_no_plan_says_so_and_leads_on(
     tabs: Tabs, server: Server, size: tuple[int, int], dark: bool
 ) -> None:
@@ -97,6 +100,7 @@ def _choose_example(page: Page) -> None:
 
 
 @pytest.mark.parametrize("way", [_open_example, _choose_example])
+@pytest.mark.long
 def test_a_link_to_no_plan_leads_to_an_example(
     tabs: Tabs, server: Server, way: Callable[[Page], None]
 ) -> None:
@@ -107,6 +111,7 @@ def test_a_link_to_no_plan_leads_to_an_example(
         expect(visit.page.locator("#dead-link")).to_be_hidden()
 
 
+@pytest.mark.long
 def test_a_link_to_no_plan_leads_back_to_what_was_being_edited(
     visit: Visit, server: Server
 ) -> None:
@@ -120,6 +125,7 @@ def test_a_link_to_no_plan_leads_back_to_what_was_being_edited(
     visit.verdict("Observable: rank 18 of 18")
 
 
+@pytest.mark.long
 def test_back_to_a_plan_that_was_deleted_keeps_the_one_on_show(
     visit: Visit, server: Server
 ) -> None:
@@ -136,6 +142,7 @@ def test_back_to_a_plan_that_was_deleted_keeps_the_one_on_show(
     assert plan_id_of(page) == kept
 
 
+@pytest.mark.long
 def test_the_badge_of_a_plan_from_before_there_were_verdicts_is_the_verdicts(
     tabs: Tabs, server: Server
 ) -> None:
@@ -160,6 +167,7 @@ def test_the_badge_of_a_plan_from_before_there_were_verdicts_is_the_verdicts(
         expect(page.locator("#verdict")).to_contain_text("v1 passes L2 at 1 m")
 
 
+@pytest.mark.long
 def test_while_a_scenario_is_at_fault_no_findings_are_said_to_go_with_its_files(
     visit: Visit,
 ) -> None:

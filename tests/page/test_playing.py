@@ -18,6 +18,7 @@ SAME = "paper-grid-same"
 ALTERNATE = "paper-grid-alternate"
 
 
+@pytest.mark.long
 def test_the_animation_moves_vehicles_sightings_and_a_line_in_the_timeline(visit: Visit) -> None:
     page = visit.page
     play = page.get_by_role("button", name="Play")
@@ -42,6 +43,7 @@ def test_the_animation_moves_vehicles_sightings_and_a_line_in_the_timeline(visit
     expect(page.locator("#moment-text")).to_have_text("0 s")
 
 
+@pytest.mark.long
 def test_time_0_is_the_plans_own_figure_and_the_legend_stays_as_it_is_while_time_goes_on(
     visit: Visit,
 ) -> None:
@@ -81,6 +83,7 @@ def test_time_0_is_the_plans_own_figure_and_the_legend_stays_as_it_is_while_time
     assert page.evaluate(uids) == plan
 
 
+@pytest.mark.long
 def test_playing_can_be_paused_however_fast_it_was_begun_and_shows_the_newest_plan(
     visit: Visit,
 ) -> None:
@@ -104,6 +107,7 @@ def test_playing_can_be_paused_however_fast_it_was_begun_and_shows_the_newest_pl
     assert page.evaluate(circles) == pytest.approx(19.0)
 
 
+@pytest.mark.long
 def test_what_a_chosen_sensor_covers_is_shaded_and_holds_what_it_sees_at_each_moment(
     visit: Visit, server: Server
 ) -> None:
@@ -143,6 +147,7 @@ def test_what_a_chosen_sensor_covers_is_shaded_and_holds_what_it_sees_at_each_mo
     assert {True, False} == set(found)
 
 
+@pytest.mark.long
 def test_plans_and_exports_are_saved_and_an_export_says_what_it_lacks(
     visit: Visit, server: Server
 ) -> None:
@@ -183,6 +188,7 @@ def test_plans_and_exports_are_saved_and_an_export_says_what_it_lacks(
     expect(page.get_by_label("For", exact=True)).to_be_hidden()
 
 
+@pytest.mark.long
 def test_a_plan_that_is_no_go_is_exported_only_when_forced(visit: Visit) -> None:
     page = visit.page
     visit.expect_complaints("409")

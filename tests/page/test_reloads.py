@@ -3,6 +3,7 @@
 import json
 
 import httpx2
+import pytest
 from playwright.sync_api import Route, expect
 
 from tests.page.gestures import handle, opened, phases, plan_id_of, saved
@@ -13,6 +14,7 @@ from tests.tools.serving import Server
 ALTERNATE = "paper-grid-alternate"
 
 
+@pytest.mark.long
 def test_a_reload_goes_on_with_what_was_being_edited(visit: Visit) -> None:
     page = visit.page
     visit.choose(ALTERNATE)
@@ -24,6 +26,7 @@ def test_a_reload_goes_on_with_what_was_being_edited(visit: Visit) -> None:
     expect(page.get_by_label("Desynchronise by")).to_have_value("0.2")
 
 
+@pytest.mark.long
 def test_a_reload_goes_on_with_a_fault_and_undo_leads_out_of_it(visit: Visit) -> None:
     visit.expect_complaints("422")
     page = visit.page
@@ -37,6 +40,7 @@ def test_a_reload_goes_on_with_a_fault_and_undo_leads_out_of_it(visit: Visit) ->
     visit.verdict("Not observable: rank 16 of 18")
 
 
+@pytest.mark.long
 def test_a_reload_keeps_phases_that_were_given_and_the_way_back_to_them(
     visit: Visit, server: Server
 ) -> None:
@@ -64,6 +68,7 @@ def test_a_reload_keeps_phases_that_were_given_and_the_way_back_to_them(
     expect(phases(page)).to_have_text("from a file")
 
 
+@pytest.mark.long
 def test_an_address_that_names_a_plan_comes_before_what_was_edited(
     visit: Visit, server: Server
 ) -> None:
@@ -75,6 +80,7 @@ def test_an_address_that_names_a_plan_comes_before_what_was_edited(
     expect(page.locator("#map-name")).to_have_text("named")
 
 
+@pytest.mark.long
 def test_what_the_tab_kept_and_can_not_be_planned_any_more_is_forgotten(visit: Visit) -> None:
     visit.expect_complaints("422")
     page = visit.page
@@ -87,6 +93,7 @@ def test_what_the_tab_kept_and_can_not_be_planned_any_more_is_forgotten(visit: V
     page.close()
 
 
+@pytest.mark.long
 def test_a_reload_shows_the_outcome_of_a_validation_again_with_its_report(
     visit: Visit, server: Server
 ) -> None:

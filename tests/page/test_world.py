@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import pytest
 from playwright.sync_api import expect
 
 from tests.page.gestures import downloaded, opened
@@ -23,6 +24,7 @@ WORLD: dict[str, Any] = {
 }
 
 
+@pytest.mark.long
 def test_fields_of_the_world_are_folded_until_used(visit: Visit) -> None:
     page = visit.page
     visit.choose("paper-grid-same")
@@ -44,6 +46,7 @@ def test_fields_of_the_world_are_folded_until_used(visit: Visit) -> None:
     assert accessibility_faults(page) == []
 
 
+@pytest.mark.long
 def test_a_scenario_of_the_world_opens_its_groups_and_keeps_its_keys(visit: Visit) -> None:
     page = visit.page
     opened(page, WORLD)

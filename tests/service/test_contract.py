@@ -23,6 +23,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
         yield server
 
 
+@pytest.mark.long
 def test_every_answer_is_as_the_document_says(server: Server) -> None:
     # the search of `make check-all` has the thousands of edge cases as well, which take minutes
     outcome = search(server.url, CASES, 1, phases="examples,fuzzing,stateful")

@@ -96,6 +96,7 @@ def test_figures_of_the_service_are_not_added_up(query: str) -> None:
             assert not re.search(rf"\bsum\b[^(]*(by \([^)]*\) )?\({name}", query)
 
 
+@pytest.mark.long
 def test_a_running_server_exposes_all_of_it(ann: httpx2.Client) -> None:
     text = ann.get("/metrics").text
     types = dict(re.findall(r"^# TYPE (\S+) (\S+)$", text, re.MULTILINE))

@@ -27,6 +27,7 @@ def server(tmp_path: Path) -> Iterator[Server]:
         yield one
 
 
+@pytest.mark.long
 def test_no_request_breaks_the_service(server: Server) -> None:
     assert search(server, 60, seed=3, warm_up=6, passes=0).faults == []
 

@@ -76,6 +76,7 @@ def count(http: httpx2.Client, name: str, **labels: str) -> float:
     return 0.0
 
 
+@pytest.mark.long
 def test_a_job_is_counted_and_traced_where_it_ends(
     clients: tuple[httpx2.Client, httpx2.Client], collector: SpanCollector
 ) -> None:

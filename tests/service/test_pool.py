@@ -130,6 +130,7 @@ def test_a_task_given_up_stops_at_once_or_is_never_begun(pool: Pool) -> None:
             end_of(ticket)
 
 
+@pytest.mark.long
 def test_a_task_that_takes_too_long_is_stopped(pool: Pool) -> None:
     with pytest.raises(TooSlowError):
         pool.call(*LONG, timeout_s=0.5)
@@ -174,6 +175,7 @@ def test_more_tasks_than_may_wait_are_refused() -> None:
             end_of(ticket)
 
 
+@pytest.mark.long
 def test_children_die_with_a_parent_that_is_killed() -> None:
     code = (
         "from tests.service.test_pool import *; p = Pool(1, background=True); at_work(p); "
@@ -252,6 +254,7 @@ def test_a_pool_closes_though_a_caller_went_away_and_starts_no_process() -> None
     assert pool.depth().started == 1
 
 
+@pytest.mark.long
 def test_a_task_that_waited_too_long_for_its_turn_is_refused(pool: Pool) -> None:
     first = at_work(pool)
     waiting = pool.submit(*SHORT, deadline_s=0.2)
@@ -263,6 +266,7 @@ def test_a_task_that_waited_too_long_for_its_turn_is_refused(pool: Pool) -> None
     first.cancel()
 
 
+@pytest.mark.long
 def test_a_task_past_its_deadline_is_not_begun_again(monkeypatch: pytest.MonkeyPatch) -> None:
     begun: list[str] = []
 
@@ -320,6 +324,7 @@ def test_a_long_task_that_a_caller_leaves_is_killed(pool: Pool) -> None:
     wait_until(lambda: not begun(ticket))
 
 
+@pytest.mark.long
 def test_long_tasks_of_one_owner_never_block_another(pool: Pool) -> None:
     before = processes_of(os.getpid())
     long = [at_work(pool, "busy"), *(pool.submit(*LONG, owner="busy") for _ in range(2))]

@@ -205,6 +205,7 @@ def counted(server: Server) -> float:
     return next((float(line.split()[-1]) for line in text.splitlines() if COUNTER in line), 0.0)
 
 
+@pytest.mark.long
 def test_connections_that_stay_are_spread_evenly(pair: Server) -> None:
     before = {one: sockets_of(one) for one in members_of(pair)}
     connections = [
@@ -248,6 +249,7 @@ def test_a_process_that_is_killed_is_replaced_while_the_other_answers(pair: Serv
     assert "HTTP process 1 ended" in pair.log.read_text()
 
 
+@pytest.mark.long
 def test_told_to_end_the_service_ends_in_order_and_leaves_nothing(tmp_path: Path) -> None:
     with serving(tmp_path, "ann", "--http-processes", "2", "--no-worker") as server:
         everyone = family(server.popen.pid)

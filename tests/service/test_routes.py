@@ -291,6 +291,7 @@ def test_a_validation_leaves_a_report_and_its_trials(ann: httpx2.Client) -> None
     assert "succeeded" in told.detail
 
 
+@pytest.mark.long
 def test_a_stress_test_leaves_the_report_of_the_library_to_the_byte(ann: httpx2.Client) -> None:
     made = planned(ann, landmarks_m=LANDMARKS)["id"]
     asked: dict[str, Any] = {"trials": 2, "truth": {"sensor": {"bearing_sigma_rad": 0.15}}}

@@ -49,6 +49,7 @@ EACH = pytest.mark.parametrize(
 @pytest.mark.parametrize(
     ("victim", "seed"), [("server", 1), pytest.param("worker", 2, marks=pytest.mark.long)]
 )
+@pytest.mark.long
 def test_jobs_come_to_their_bytes_once_whoever_is_killed(
     address: str | None, tmp_path: Path, victim: Literal["server", "worker"], seed: int
 ) -> None:

@@ -45,6 +45,7 @@ def http(folder: Path) -> Iterator[httpx2.Client]:
         assert worker.stop() == 0
 
 
+@pytest.mark.long
 def test_a_worker_answers_machines_and_nobody_else(http: httpx2.Client) -> None:
     assert http.get("/healthz").json() == {"status": "ok"}
     problem(http.get("/metrics"), 401)
