@@ -1,6 +1,6 @@
-"""A team of processes that steers by what its navigator tells it, over JSON lines.
+"""A team of processes that steers by the commands of its navigator, over JSON lines.
 
-Each vehicle is a process of its own: it obeys commands, drifts with a wind that nobody told it of,
+Each vehicle is a process of its own: it obeys commands, drifts with a wind that it does not know,
 and measures bearings. This program stands for the radio and the ground station: it carries lines
 between the vehicles and runs the navigator, which knows nothing but what the vehicles have read.
 

@@ -14,7 +14,7 @@ export class Refusal extends Error {
   }
 }
 
-/** There is no plan by an identifier, as far as the service tells. */
+/** There is no plan by an identifier, as far as the service reports. */
 export class NoPlan extends Refusal {}
 
 /** No answer: the service is away, or the connection is. */

@@ -213,7 +213,7 @@ function validated(report, lost) {
 }
 
 function consistencyOf(anees) {
-  if (anees.verdict === "unknown") return "Too few trials to tell whether the filter is consistent: run more.";
+  if (anees.verdict === "unknown") return "Too few trials to show whether the filter is consistent: run more.";
   const [low, high] = anees.band.map((end) => shown(end));
   return `The filter is ${anees.verdict}: ANEES ${shown(anees.value)}, 95 % interval ${low} to ${high}.`;
 }

@@ -78,7 +78,7 @@ def _serve(
 
 
 def _server_for(settings: "Settings") -> Callable[[socket.socket], bool]:
-    """What serves on a socket until told to end, and returns whether it could start."""
+    """Callback that serves on a socket until it is stopped, and returns whether it could start."""
     if settings.http_processes > 1:
         from api.processes import serve_by_processes
         from api.telemetry import telemetry_options

@@ -44,7 +44,7 @@ LOOK_EVERY_S = 0.1
 """How often a run's progress is looked at."""
 
 Seen = Callable[[int], None]
-"""Is told how many sightings the filter has taken."""
+"""Callback that receives the number of sightings processed so far."""
 
 PERIOD = 59.9
 """s of a recording that a batch solution covers: what it finds counts from one minute on."""

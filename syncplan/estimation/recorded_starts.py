@@ -1,4 +1,4 @@
-"""Where the filter starts on a recording: at the truth, drawn about it, or where it is told."""
+"""Where the filter starts on a recording: at the truth, drawn about it, or at given poses."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

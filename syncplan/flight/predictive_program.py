@@ -11,7 +11,7 @@ Objective, of the exact flight as of the program that is its model:
 
 e_m is the error of place after m steps, along and across the circle alike; dev is off what the
 plan needs in this air, in units of V and rate. f counts near errors by their square and hardly
-tells far ones apart, so the sum is about the time that is spent away from the plan's place, and
+distinguishes far ones, so the sum is about the time that is spent away from the plan's place, and
 its least a return in little more than the least time. In the program it is f's quadratic majorant
 at the guess, |e_m|^2 / 2 with the weight 1 / (near^2 + |guessed e_m|^2).
 

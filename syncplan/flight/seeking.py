@@ -4,7 +4,7 @@ A vehicle is sure to meet its anchor while its place relative to it, in the dire
 stays known to some standard deviations within the slack of their meeting. Where it is not, its
 circle is moved towards the anchor by what is missing, and so is every circle that is anchored in
 it: a part of the team that has lost its landmarks moves as one and stays together. As soon as a
-sighting has told where vehicles are, their circles are back in their places.
+sighting has shown where vehicles are, their circles are back in their places.
 
 It takes time to move. So what counts is how well the place would be known `lead` s from now without
 a sighting, with the air's velocity as unsure as it is.

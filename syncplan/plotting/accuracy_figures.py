@@ -38,7 +38,7 @@ from syncplan.reports.run_figures import Spread, interval_words, verdict_words
 from syncplan.reports.validation_report import ValidationDocument
 
 _LEAST_BAR_PX = 5.0
-"""Width below which bars become marks: their patterns could not be told apart."""
+"""Width below which bars become marks: their patterns could not be distinguished."""
 
 _MARKS = {"predicted": "line-ew-open", "late": "circle", "whole": "circle-open"}
 _MARK_PX = 6

@@ -338,9 +338,9 @@ def _heading(layout: Spec, style: FigureStyle) -> int:
     note = title.get("subtitle")
     if note:
         size = note["font"]["size"]
-        told = _broken(note["text"], room, size)[:_NOTE_LINES]
-        title["subtitle"] = {**note, "text": "<br>".join(told)}
-        height += _LINE * size * len(told) + (1.2 * size if len(told) == 1 else 0.6 * size)
+        lines = _broken(note["text"], room, size)[:_NOTE_LINES]
+        title["subtitle"] = {**note, "text": "<br>".join(lines)}
+        height += _LINE * size * len(lines) + (1.2 * size if len(lines) == 1 else 0.6 * size)
     return int(height + 0.5 * _SIDE_PX) + style.px(layout["meta"]["above_px"])
 
 

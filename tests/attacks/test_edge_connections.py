@@ -90,7 +90,7 @@ def speaks(server: Server) -> bool:
 def test_the_reserve_is_held_by_nobody(server: Server, greeting: bytes) -> None:
     with crowd_of(server, 300), crowd_of(server, 200, greeting) as beyond:
         _health(server)
-        # beyond the limit, all are closed by and by, and each is told why
+        # beyond the limit, all are closed by and by, and each with its reason
         for one in beyond:
             one.settimeout(PATIENCE_S)
             assert one.recv(65536).startswith(b"HTTP/1.1 503 ")
@@ -100,15 +100,15 @@ def test_wrong_keys_are_throttled_and_logged_with_their_address(server: Server) 
     wait_until(lambda: speaks(server))
     with speaking(server, "ann") as http:
         assert http.get("/v1/plans").status_code == 200
-        told = []
+        reported = []
         with httpx2.Client(base_url=server.url, timeout=PATIENCE_S) as guesser:
             for number in range(30):
                 headers = {"authorization": f"Bearer guess-{number:020d}"}
-                told.append(guesser.get("/v1/plans", headers=headers))
-        statuses = [one.status_code for one in told]
+                reported.append(guesser.get("/v1/plans", headers=headers))
+        statuses = [one.status_code for one in reported]
         assert statuses[0] == 401
         assert statuses.count(429) >= 5
-        late = next(one for one in told if one.status_code == 429)
+        late = next(one for one in reported if one.status_code == 429)
         assert int(late.headers["retry-after"]) >= 1
         # who was at work here before is not stopped by that, and who is new has to wait
         assert http.get("/v1/plans").status_code == 200

@@ -20,7 +20,7 @@ from tests.tools.survival import Site, quick, refinement, validation
 
 def see_only_reads_served(site: Site, plan_id: str, *statuses: int) -> None:
     """Fail unless nothing can be stored and readiness says so, and what is stored can be read."""
-    told: list[str] = []
+    reported: list[str] = []
 
     def nothing_stored() -> bool:
         # what room is left inside the files is used up first
@@ -29,13 +29,14 @@ def see_only_reads_served(site: Site, plan_id: str, *statuses: int) -> None:
             site.plans[answer.json()["id"]] = answer.text
             return False
         assert answer.status_code in statuses
-        told.append(problem(answer, answer.status_code).detail)
+        reported.append(problem(answer, answer.status_code).detail)
         return site.ask("GET", "/readyz").status_code == 503
 
     wait_until(nothing_stored, otherwise=site.logs)
-    assert "storage is full" in told[-1] or 503 in statuses
+    assert "storage is full" in reported[-1] or 503 in statuses
     assert (
-        problem(site.ask("GET", "/readyz"), 503).detail == f"{told[-1]}; what is stored can be read"
+        problem(site.ask("GET", "/readyz"), 503).detail
+        == f"{reported[-1]}; what is stored can be read"
     )
     for path in ("/v1/plans", f"/v1/plans/{plan_id}", "/v1/jobs", "/healthz"):
         assert site.ask("GET", path).status_code == 200, path

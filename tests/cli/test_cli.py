@@ -195,7 +195,7 @@ def test_of_faults_of_options_each_is_named_by_its_option(run: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "reported"),
     [
         (("plan",), "SCENARIO"),
         (("plan", "none.yaml"), "none.yaml"),
@@ -226,11 +226,11 @@ def test_of_faults_of_options_each_is_named_by_its_option(run: Any) -> None:
     ],
 )
 def test_bad_arguments_exit_with_2_and_one_line(
-    arguments: tuple[str, ...], told: str, run: Any
+    arguments: tuple[str, ...], reported: str, run: Any
 ) -> None:
     status, out, err = run(*arguments)
     assert (status, out) == (2, "")
-    assert told in err
+    assert reported in err
     assert err.count("\n") == 1
 
 

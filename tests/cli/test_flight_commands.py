@@ -103,7 +103,7 @@ def test_what_is_wrong_is_said_in_one_line_and_nothing_is_written(
     assert len(err.strip().splitlines()) == 1 or "guidance" in message
 
 
-def test_links_are_told_from_others_only_where_there_are_others() -> None:
+def test_links_are_distinguished_from_others_only_where_there_are_others() -> None:
     def said(shares: list[float]) -> str:
         links = [
             FlownLink(between=("v1", f"v{k + 2}"), meetings=4, kept_share=share)

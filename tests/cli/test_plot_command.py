@@ -168,7 +168,7 @@ def test_a_refined_plan_file_keeps_its_before_and_after(run: Run, tmp_path: Path
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "reported"),
     [
         (
             ("-o", "plan.gif"),
@@ -187,12 +187,16 @@ def test_a_refined_plan_file_keeps_its_before_and_after(run: Run, tmp_path: Path
     ],
 )
 def test_what_can_not_be_drawn_is_said_in_one_line(
-    run: Run, arguments: tuple[str, ...], told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    run: Run,
+    arguments: tuple[str, ...],
+    reported: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     status, out, err = run("plot", GRID, *arguments)
     assert (status, out) == (2, "")
-    assert told in err
+    assert reported in err
     assert err.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
 
@@ -204,7 +208,7 @@ def test_at_a_terminal_a_file_is_asked_for(run: Run, monkeypatch: pytest.MonkeyP
     assert "--output: give the file to write, such as -o figures.html" in err
 
 
-def test_a_damaged_report_is_told_by_file_and_key(run: Run, tmp_path: Path) -> None:
+def test_a_damaged_report_is_refused_by_file_and_key(run: Run, tmp_path: Path) -> None:
     report = tmp_path / "report.json"
     assert run("validate", GRID, "--trials", "2", "--duration", "2", "-o", str(report))[0] == 0
     values = json.loads(report.read_text())

@@ -76,7 +76,7 @@ def test_plan_with_refine_gives_what_refine_gives(run: Any, tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "reported"),
     [
         (("--objective", "best"), "--objective: 'best': must be 'predicted_rms'"),
         (("--center-box-m", "0"), "--center-box-m: 0.0: must be greater than 0"),
@@ -89,19 +89,19 @@ def test_plan_with_refine_gives_what_refine_gives(run: Any, tmp_path: Path) -> N
     ],
 )
 def test_bad_options_are_one_clear_line(
-    run: Any, tmp_path: Path, arguments: tuple[str, ...], told: str
+    run: Any, tmp_path: Path, arguments: tuple[str, ...], reported: str
 ) -> None:
     output = tmp_path / "kept.json"
     output.write_text("kept")
     status, out, err = run("refine", GRID, *arguments, "-o", str(output))
     assert (status, out) == (2, "")
     assert err.count("\n") == 1
-    assert told in err
+    assert reported in err
     assert output.read_text() == "kept"
 
 
 @pytest.mark.parametrize(
-    ("changes", "told"),
+    ("changes", "reported"),
     [
         ({"refine": {"objective": "best"}}, "refine.objective: 'best': must be"),
         ({"refine": {"center_box_m": 0}}, "refine.center_box_m: 0: must be greater than 0"),
@@ -117,16 +117,16 @@ def test_bad_options_are_one_clear_line(
     ],
 )
 def test_bad_sections_are_one_clear_line(
-    run: Any, written: Any, changes: dict[str, Any], told: str
+    run: Any, written: Any, changes: dict[str, Any], reported: str
 ) -> None:
     status, out, err = run("refine", written(**changes))
     assert (status, out) == (2, "")
     assert err.count("\n") == 1
-    assert told in err
+    assert reported in err
 
 
 @pytest.mark.parametrize(
-    ("changes", "options", "told"),
+    ("changes", "options", "reported"),
     [
         (
             {"min_separation_m": 40.0, "sensor": {"range_m": 30.0}},
@@ -142,11 +142,11 @@ def test_bad_sections_are_one_clear_line(
     ],
 )
 def test_constraints_that_conflict_are_named(
-    run: Any, written: Any, changes: dict[str, Any], options: tuple[str, ...], told: str
+    run: Any, written: Any, changes: dict[str, Any], options: tuple[str, ...], reported: str
 ) -> None:
     status, out, err = run("refine", written(landmarks_m=LANDMARKS, **changes), *options)
     assert (status, out) == (4, "")
-    assert told in err
+    assert reported in err
     assert err.count("\n") == 1
 
 
@@ -182,12 +182,12 @@ def test_interrupting_a_refinement_writes_the_best_so_far(tmp_path: Path) -> Non
         wait_until(lambda: worked(process.pid) > 8.0)
         assert process.poll() is None
         os.killpg(process.pid, signal.SIGINT)
-        told = process.communicate(timeout=PATIENCE_S)[1]
-    assert process.returncode == 0, told
+        reported = process.communicate(timeout=PATIENCE_S)[1]
+    assert process.returncode == 0, reported
     record = json.loads(output.read_text())["refinement"]
     assert record["cut_short"]
     assert record["improved"]
-    assert "cut short" in told
+    assert "cut short" in reported
     assert list(tmp_path.iterdir()) == [output]
 
 

@@ -90,17 +90,17 @@ def test_a_port_in_use_is_named(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "setting", "value", "told"),
+    ("name", "setting", "value", "reported"),
     [
         ("serve", "SYNCPLAN_PORT", "eighty", "valid integer"),
         ("worker", "SYNCPLAN_HEARTBEAT_S", "-1", "greater than 0"),
         ("worker", "SYNCPLAN_DATABASE_URL", "mysql://h/d", "neither SQLite nor PostgreSQL"),
     ],
 )
-def test_a_bad_setting_is_one_line(name: str, setting: str, value: str, told: str) -> None:
+def test_a_bad_setting_is_one_line(name: str, setting: str, value: str, reported: str) -> None:
     line = refused(command(name, **{setting: value}))
     assert f"{setting}: " in line
-    assert told in line
+    assert reported in line
 
 
 @pytest.mark.parametrize(
@@ -196,8 +196,8 @@ def said_address(log: Path) -> str:
     """The address that a server says it is at, once it does."""
 
     def lines() -> list[str]:
-        told = [json.loads(line)["message"] for line in log.read_text().splitlines()]
-        return [one.removeprefix("serving at ") for one in told if one.startswith("serving at")]
+        reported = [json.loads(line)["message"] for line in log.read_text().splitlines()]
+        return [one.removeprefix("serving at ") for one in reported if one.startswith("serving at")]
 
     wait_until(lambda: bool(lines()))
     return lines()[0]

@@ -178,16 +178,16 @@ def test_losses_are_the_librarys(client: Client, stored: RemotePlan, made: syncp
 
 
 @pytest.mark.long
-def test_progress_is_told_whenever_it_changes(client: Client, stored: RemotePlan) -> None:
-    told: list[RemoteJob] = []
+def test_progress_is_reported_whenever_it_changes(client: Client, stored: RemotePlan) -> None:
+    reported: list[RemoteJob] = []
     job = client.validate(stored.id, trials=1500)
     assert (job.kind, job.total, job.ended) == ("validation", 1500, False)
-    client.wait(job, progress=told.append)
-    assert all(one != other for one, other in pairwise(told))
-    assert [one.done for one in told] == sorted(one.done for one in told)
-    assert len({one.done for one in told}) > 2
-    assert {one.state for one in told[1:-1]} <= {"queued", "running"}
-    last = told[-1]
+    client.wait(job, progress=reported.append)
+    assert all(one != other for one, other in pairwise(reported))
+    assert [one.done for one in reported] == sorted(one.done for one in reported)
+    assert len({one.done for one in reported}) > 2
+    assert {one.state for one in reported[1:-1]} <= {"queued", "running"}
+    last = reported[-1]
     assert (last.state, last.done, last.ended) == ("succeeded", 1500, True)
     with pytest.raises(RemoteError, match="409: the job has already ended") as caught:
         client.cancel(job)
@@ -260,7 +260,7 @@ SHORT = {"range_m": 10.0, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1}
 
 
 @pytest.mark.parametrize("key", [None, "bob-0123456789abcdef"])
-def test_a_key_that_is_not_known_is_told_at_once(server: Server, key: str | None) -> None:
+def test_a_key_that_is_not_known_is_reported_at_once(server: Server, key: str | None) -> None:
     with (
         Client(server.url, key) as stranger,
         pytest.raises(RemoteError, match="401: send a known key") as caught,
@@ -309,7 +309,7 @@ def test_a_missing_library_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> N
     )
 
 
-def test_a_service_that_is_away_is_told_in_one_line_within_patience() -> None:
+def test_a_service_that_is_away_is_reported_in_one_line_within_patience() -> None:
     began = time.monotonic()
     with (
         pytest.raises(RemoteError, match="can't be reached") as caught,

@@ -106,7 +106,7 @@ def test_a_short_trajectory_is_still_a_table() -> None:
     assert all(_rows(text).shape == (2, 33) for text in contents(made, ".csv").values())
 
 
-def test_more_pieces_than_a_crazyflie_holds_are_told_or_refused() -> None:
+def test_more_pieces_than_a_crazyflie_holds_are_reported_or_refused() -> None:
     assert any(
         "a Crazyflie holds 31" in one for one in export(team(duration_s=500.0), "crazyswarm").notes
     )

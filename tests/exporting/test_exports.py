@@ -198,10 +198,10 @@ def test_columns_that_nothing_is_known_for_are_left_out() -> None:
 
 
 def test_the_sidecar_says_where_when_and_how_fast_each_vehicle_joins() -> None:
-    plan, told = mixed_team(), _sidecar(altitude_m=40.0)
-    assert told["start_time"] == "2026-05-01T09:00:00.250000Z"
-    assert told["period_s"] == pytest.approx(10.0 * math.pi)
-    for k, vehicle in enumerate(told["vehicles"]):
+    plan, reported = mixed_team(), _sidecar(altitude_m=40.0)
+    assert reported["start_time"] == "2026-05-01T09:00:00.250000Z"
+    assert reported["period_s"] == pytest.approx(10.0 * math.pi)
+    for k, vehicle in enumerate(reported["vehicles"]):
         entry = vehicle["entry"]
         assert np.allclose(entry["position_m"], position(plan.orbits, 0.0)[k])
         assert np.allclose(
@@ -215,10 +215,10 @@ def test_the_sidecar_says_where_when_and_how_fast_each_vehicle_joins() -> None:
         assert moved / 1e-4 == pytest.approx(
             vehicle["speed_mps"] * np.array([east, north]), abs=1e-3
         )
-        assert (entry["time_s"], entry["time"]) == (0.0, told["start_time"])
+        assert (entry["time_s"], entry["time"]) == (0.0, reported["start_time"])
         assert entry["altitude_m"] == 40.0
         assert vehicle["direction"] == plan.scenario.orbit.direction[k]
-    assert [one["file"] for one in told["vehicles"]] == [
+    assert [one["file"] for one in reported["vehicles"]] == [
         "team-left.plan",
         "team-mid.plan",
         "team-far_out.plan",
@@ -227,28 +227,28 @@ def test_the_sidecar_says_where_when_and_how_fast_each_vehicle_joins() -> None:
 
 
 def test_the_sidecar_says_who_meets_whom_and_when() -> None:
-    plan, told = mixed_team(), _sidecar()
+    plan, reported = mixed_team(), _sidecar()
     links = [*plan_document(plan).links, *plan_document(plan).incidental_links]
-    assert told["meetings"]
-    assert [(one["a"], one["b"], one["windows_s"]) for one in told["meetings"]] == [
+    assert reported["meetings"]
+    assert [(one["a"], one["b"], one["windows_s"]) for one in reported["meetings"]] == [
         (one.a, one.b, [list(window) for window in one.windows_s]) for one in links
     ]
-    for meeting, link in zip(told["meetings"], links, strict=True):
+    for meeting, link in zip(reported["meetings"], links, strict=True):
         assert meeting["tolerance_s"] == pytest.approx(link.phase_tolerance_s)
     least = min(link.phase_tolerance_s for link in links if "left" in (link.a, link.b))
-    assert told["vehicles"][0]["tolerance_s"] == pytest.approx(least)
-    assert {(one["vehicle"], one["landmark"]) for one in told["landmark_sightings"]} == {
+    assert reported["vehicles"][0]["tolerance_s"] == pytest.approx(least)
+    assert {(one["vehicle"], one["landmark"]) for one in reported["landmark_sightings"]} == {
         (one.vehicle, one.landmark) for one in plan_document(plan).landmark_links
     }
 
 
 def test_the_time_lost_is_made_up_as_the_sidecar_says() -> None:
-    told = _sidecar("csv")
-    (rule,) = [step for step in told["procedure"] if "late by s seconds" in step]
+    reported = _sidecar("csv")
+    (rule,) = [step for step in reported["procedure"] if "late by s seconds" in step]
     assert "speed_mps period_s / (period_s - s)" in rule
-    period, late = told["period_s"], 3.0
-    length = told["vehicles"][0]["speed_mps"] * period
-    faster = told["vehicles"][0]["speed_mps"] * period / (period - late)
+    period, late = reported["period_s"], 3.0
+    length = reported["vehicles"][0]["speed_mps"] * period
+    faster = reported["vehicles"][0]["speed_mps"] * period / (period - late)
     assert length / faster == pytest.approx(period - late)
 
 
@@ -270,11 +270,11 @@ def test_the_procedure_is_one_that_can_be_followed_with_these_files(
     assert sum("separation_tolerance_s" in step for step in steps) == 1
 
 
-def test_without_a_start_time_a_copter_waits_to_be_told() -> None:
+def test_without_a_start_time_a_copter_waits_for_its_command() -> None:
     made = export(team(start_time=None), "qgc")
-    told = json.loads(contents(made, ".sync.json")["team.qgc.sync.json"])
-    assert any("make start_item the current item of all" in step for step in told["procedure"])
-    assert {one["start_item"] for one in told["vehicles"]} == {3}
+    reported = json.loads(contents(made, ".sync.json")["team.qgc.sync.json"])
+    assert any("make start_item the current item of all" in step for step in reported["procedure"])
+    assert {one["start_item"] for one in reported["vehicles"]} == {3}
 
 
 @pytest.mark.parametrize("direction", ["ccw", ["ccw", "cw", "ccw"]], ids=["same", "mixed"])
@@ -284,8 +284,8 @@ def test_the_sidecar_says_how_late_is_too_near(direction: Any) -> None:
         formation={"centers_m": [[0, 0], [25, 0], [90, 40]]},
         min_separation_m=5.0,
     )
-    told = json.loads(contents(export(plan, "csv", FORCED), ".sync.json")["team.csv.sync.json"])
-    first, second, third = (one["separation_tolerance_s"] for one in told["vehicles"])
+    reported = json.loads(contents(export(plan, "csv", FORCED), ".sync.json")["team.csv.sync.json"])
+    first, second, third = (one["separation_tolerance_s"] for one in reported["vehicles"])
     assert first == second
     assert third is None  # its circle is 28 m from the others
     time = np.linspace(0.0, plan.orbits.period, 4001)
@@ -302,8 +302,8 @@ def test_the_sidecar_says_how_late_is_too_near(direction: Any) -> None:
 def test_formats_in_one_folder_keep_a_sidecar_each(tmp_path: Path) -> None:
     for name in FORMATS:
         write_files(export(mixed_team(), name), tmp_path)
-    told = {path.name for path in tmp_path.glob("*.sync.json")}
-    assert told == {f"team.{name}.sync.json" for name in FORMATS}
+    reported = {path.name for path in tmp_path.glob("*.sync.json")}
+    assert reported == {f"team.{name}.sync.json" for name in FORMATS}
 
 
 def test_all_goes_without_missions_where_circles_are_too_small_for_them() -> None:
@@ -321,17 +321,17 @@ def test_all_goes_without_missions_where_circles_are_too_small_for_them() -> Non
 def test_every_sidecar_fits_its_schema(name: str, run: Any) -> None:
     status, out, _ = run("schema", "sync")
     assert status == 0
-    told = _sidecar(name)
-    jsonschema_rs.validator_for(json.loads(out)).validate(told)
-    assert SyncDocument.model_validate(told).as_json() == told
-    assert told["format"] == name
+    reported = _sidecar(name)
+    jsonschema_rs.validator_for(json.loads(out)).validate(reported)
+    assert SyncDocument.model_validate(reported).as_json() == reported
+    assert reported["format"] == name
 
 
-def test_the_sidecar_tells_planned_meetings_from_others() -> None:
+def test_the_sidecar_separates_planned_meetings_from_others() -> None:
     places = {"left": [-40, 10], "mid": [30, 0], "right": [90, 40]}
     plan = team(formation={"centers_m": places, "links": [["left", "mid"]]})
-    told = json.loads(contents(export(plan, "csv"), ".sync.json")["team.csv.sync.json"])
-    assert [(one["a"], one["b"], one["planned"]) for one in told["meetings"]] == [
+    reported = json.loads(contents(export(plan, "csv"), ".sync.json")["team.csv.sync.json"])
+    assert [(one["a"], one["b"], one["planned"]) for one in reported["meetings"]] == [
         ("left", "mid", True),
         ("mid", "right", False),
     ]
@@ -345,8 +345,8 @@ def test_one_vehicle_without_landmarks_goes_out_in_every_format() -> None:
     )
     made = export(alone, ALL, FORCED)
     assert {file.name.split("/")[0] for file in made.files} == set(FORMATS)
-    told = json.loads(contents(made, ".sync.json")["qgc/team.qgc.sync.json"])
-    assert (told["meetings"], told["vehicles"][0]["tolerance_s"]) == ([], None)
+    reported = json.loads(contents(made, ".sync.json")["qgc/team.qgc.sync.json"])
+    assert (reported["meetings"], reported["vehicles"][0]["tolerance_s"]) == ([], None)
 
 
 # --- the scenario's key -------------------------------------------------------------------------

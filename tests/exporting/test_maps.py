@@ -17,7 +17,7 @@ def _collection(plan: Any) -> Any:
     import geojson
 
     (text,) = contents(export(plan, "geojson", FORCED), ".geojson").values()
-    # the reader rounds to a decimetre if not told otherwise
+    # the reader rounds to a decimetre if not asked otherwise
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("geojson.geometry.DEFAULT_PRECISION", 9)
         collection = geojson.loads(text.decode())

@@ -53,7 +53,7 @@ def flown_circle(items: list[Any], time: Any, origin: dict[str, float] = ORIGIN)
 
 
 def flown_legs(items: list[Any], time: Any) -> Any:
-    """Where a vehicle is that flies the waypoints in straight legs at the speed it was told."""
+    """Where a vehicle is that flies the waypoints in straight legs at the speed it was given."""
     speed = next(item for item in items if item.command == CHANGE_SPEED).param2
     corners = to_plane([[one.x, one.y] for one in items[1:] if one.command == WAYPOINT])
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
@@ -158,13 +158,13 @@ def test_px4_gets_no_loiter_turns() -> None:
         export(mixed_team(), "ardupilot", ExportOptions(autopilot="px4"))
 
 
-def test_radii_that_ardupilot_cuts_off_are_told() -> None:
+def test_radii_that_ardupilot_cuts_off_are_reported() -> None:
     made = export(team(**LARGE), "ardupilot")
-    told = " ".join(made.notes)
-    assert "v1, v2, v3 would fly smaller circles (v1 20 m instead of 20.6 m)" in told
-    assert "0.19 rad ahead after each turn" in told  # 2 pi 0.6 / 20
-    assert "v3: older ArduPilot stores no radius above 255 m" in told
-    assert "CIRCLE_RATE to 2.86479" in told
+    reported = " ".join(made.notes)
+    assert "v1, v2, v3 would fly smaller circles (v1 20 m instead of 20.6 m)" in reported
+    assert "0.19 rad ahead after each turn" in reported  # 2 pi 0.6 / 20
+    assert "v3: older ArduPilot stores no radius above 255 m" in reported
+    assert "CIRCLE_RATE to 2.86479" in reported
     assert not [note for note in export(mixed_team(), "qgc").notes if "smaller" in note]
 
 
@@ -195,8 +195,8 @@ def test_meetings_of_snapped_circles_are_judged_afresh() -> None:
     snapped = export(team(**LARGE), "ardupilot", ExportOptions(snap_radius=True))
     plain = export(team(**LARGE), "ardupilot")
     name = "team.ardupilot.sync.json"
-    told = [json.loads(contents(made, name)[name])["meetings"][0] for made in (plain, snapped)]
-    assert told[0]["min_distance_m"] != pytest.approx(told[1]["min_distance_m"], abs=1e-3)
+    reported = [json.loads(contents(made, name)[name])["meetings"][0] for made in (plain, snapped)]
+    assert reported[0]["min_distance_m"] != pytest.approx(reported[1]["min_distance_m"], abs=1e-3)
 
 
 def test_snapping_that_loses_a_meeting_says_so() -> None:
@@ -248,7 +248,7 @@ def test_more_turns_than_a_byte_holds_become_several_items(tmp_path: Path) -> No
     assert sum(stored_loiter(item.param1, item.param3).turns for item in circles) == 600
 
 
-def test_long_missions_of_waypoints_are_told_or_refused() -> None:
+def test_long_missions_of_waypoints_are_reported_or_refused() -> None:
     many = export(mixed_team(), "qgc", ExportOptions(waypoints=True, turns=50))
     assert any("items: some autopilots hold fewer" in note for note in many.notes)
     with pytest.raises(InputError, match="65,535") as caught:
@@ -264,7 +264,7 @@ def test_a_scenario_without_a_geo_origin_is_refused_where_it_is_needed(name: str
     assert "\n" not in str(caught.value)
 
 
-def test_far_from_the_origin_the_reader_is_told_and_further_refused() -> None:
+def test_far_from_the_origin_the_reader_is_warned_and_further_refused() -> None:
     far = team(formation={"centers_m": [[0, 0], [60e3, 0], [0, 60e3]]})
     assert "60.03 km from geo_origin, where plane and ground differ by 1.8 m" in " ".join(
         export(far, "geojson", ExportOptions(force=True)).notes
@@ -294,8 +294,8 @@ def test_copters_wait_at_the_entry_for_the_first_whole_second_of_the_plan(waypoi
     assert (wait["frame"], wait["params"][:4]) == (2, [-1.0, 9.0, 0.0, 1.0])
     made = export(mixed_team(), "qgc", ExportOptions(waypoints=waypoints))
     assert any("all vehicles begin 0.75 s after start_time" in note for note in made.notes)
-    told = json.loads(contents(made, ".sync.json")["team.qgc.sync.json"])["vehicles"]
-    assert {one["start_item"] for one in told} == {items[3]["doJumpId"]} == {4}
+    reported = json.loads(contents(made, ".sync.json")["team.qgc.sync.json"])["vehicles"]
+    assert {one["start_item"] for one in reported} == {items[3]["doJumpId"]} == {4}
     whole = team(start_time="2026-05-01T23:59:59Z")
     assert items_of(plan=whole)[2]["params"][:4] == [-1.0, 23.0, 59.0, 59.0]
     assert not any("whole seconds" in note for note in export(whole, "qgc").notes)
@@ -318,15 +318,15 @@ def test_others_do_not_wait(options: Any) -> None:
 def test_the_rate_of_each_copter_has_the_sign_of_its_radius() -> None:
     plan = mixed_team()
     made = export(plan, "qgc")
-    told = json.loads(contents(made, ".sync.json")["team.qgc.sync.json"])["vehicles"]
-    for vehicle, text in zip(told, contents(made, ".plan").values(), strict=True):
+    reported = json.loads(contents(made, ".sync.json")["team.qgc.sync.json"])["vehicles"]
+    for vehicle, text in zip(reported, contents(made, ".plan").values(), strict=True):
         radius = json.loads(text)["mission"]["items"][-1]["params"][2]
         rate = vehicle["autopilot_parameters"]["CIRCLE_RATE"]
         assert rate == pytest.approx(math.copysign(math.degrees(0.2), radius))
-    assert [one["direction"] for one in told] == ["ccw", "cw", "ccw"]
+    assert [one["direction"] for one in reported] == ["ccw", "cw", "ccw"]
     planes = export(plan, "qgc", ExportOptions(vehicle="fixed_wing"))
-    told = json.loads(contents(planes, ".sync.json")["team.qgc.sync.json"])["vehicles"]
-    assert [one["autopilot_parameters"] for one in told] == [{}, {}, {}]
+    reported = json.loads(contents(planes, ".sync.json")["team.qgc.sync.json"])["vehicles"]
+    assert [one["autopilot_parameters"] for one in reported] == [{}, {}, {}]
 
 
 @pytest.mark.parametrize(
@@ -337,13 +337,13 @@ def test_the_rate_of_each_copter_has_the_sign_of_its_radius() -> None:
         (0.4, ": left, mid, far out would turn too slowly at its default of 2.5 m/s^2; set 9.6"),
     ],
 )
-def test_circles_that_take_more_than_half_a_copters_acceleration_are_told(
+def test_circles_that_take_more_than_half_a_copters_acceleration_are_reported(
     rate: float, words: str
 ) -> None:
     orbit = {"radius_m": [20, 30, 25], "angular_rate_rad_s": rate, "direction": "ccw"}
-    told = [one for one in export(team(orbit=orbit), "qgc").notes if "WPNAV_ACCEL" in one]
-    assert [words in one for one in told] == [True] * bool(words)
-    assert ("its range ends at 5" in " ".join(told)) == (rate == 0.4)
+    reported = [one for one in export(team(orbit=orbit), "qgc").notes if "WPNAV_ACCEL" in one]
+    assert [words in one for one in reported] == [True] * bool(words)
+    assert ("its range ends at 5" in " ".join(reported)) == (rate == 0.4)
 
 
 @given(st.floats(1.0, 500.0), st.integers(6, 400))
@@ -359,24 +359,25 @@ def test_px4_passes_corners_within_its_limits(radius: float, legs: int) -> None:
     assert max(limits) == pytest.approx(1.0, rel=1e-9)
 
 
-def test_a_px4_that_is_told_more_than_it_dares_is_told_of() -> None:
+def test_commands_beyond_what_a_px4_dares_are_reported() -> None:
     slow = {"radius_m": 20.0, "angular_rate_rad_s": 0.1, "direction": "ccw"}
     fast = {**slow, "angular_rate_rad_s": 0.4}
     px4 = ExportOptions(autopilot="px4")
     assert not any("corners" in one for one in export(team(orbit=slow), "qgc", px4).notes)
-    (told,) = [one for one in export(team(orbit=fast), "qgc", px4).notes if "corners" in one]
-    assert "turns take longer than planned and meetings are lost" in told
+    (reported,) = [one for one in export(team(orbit=fast), "qgc", px4).notes if "corners" in one]
+    assert "turns take longer than planned and meetings are lost" in reported
     copter = export(team(orbit=slow), "qgc", ExportOptions(waypoints=True))
     assert any("Copter slows down for corners" in one for one in copter.notes)
 
 
-def test_planes_are_told_their_airspeeds_and_steep_banks() -> None:
+def test_planes_are_given_their_airspeeds_and_steep_banks() -> None:
     plane = ExportOptions(vehicle="fixed_wing")
-    told = " ".join(export(mixed_team(), "qgc", plane).notes)
+    reported = " ".join(export(mixed_team(), "qgc", plane).notes)
     assert (
-        "missions command airspeeds from 4 to 6 m/s; Plane ignores one outside AIRSPEED_MIN" in told
+        "missions command airspeeds from 4 to 6 m/s; Plane ignores one outside AIRSPEED_MIN"
+        in reported
     )
-    assert "would bank" not in told
+    assert "would bank" not in reported
     steep = {"radius_m": 40.0, "angular_rate_rad_s": 0.55, "direction": "ccw"}
     # 22 m/s on 40 m: atan(22^2 / (9.81 40)) = 51 deg
     notes = export(team(orbit=steep), "qgc", plane).notes
@@ -387,8 +388,8 @@ def test_vehicles_fly_one_above_the_other_where_that_is_asked_for() -> None:
     options = ExportOptions(altitude_m=40.0, altitude_step_m=5.0)
     for name in ("qgc", "csv", "kml", "geojson", "crazyswarm"):
         made = export(mixed_team(), name, options)
-        told = json.loads(contents(made, ".sync.json")[f"team.{name}.sync.json"])["vehicles"]
-        assert [one["entry"]["altitude_m"] for one in told] == [40.0, 45.0, 50.0]
+        reported = json.loads(contents(made, ".sync.json")[f"team.{name}.sync.json"])["vehicles"]
+        assert [one["entry"]["altitude_m"] for one in reported] == [40.0, 45.0, 50.0]
     for k, text in enumerate(contents(export(mixed_team(), "qgc", options), ".plan").values()):
         items = json.loads(text)["mission"]["items"]
         assert [one["Altitude"] for one in items if "Altitude" in one] == [40.0 + 5.0 * k] * 2

@@ -41,7 +41,7 @@ def plan_id_of(page: Page) -> str:
 
 
 def phases(page: Page) -> Locator:
-    """Where the verdict tells whence the phases are."""
+    """Where the verdict shows where the phases come from."""
     return page.get_by_role("row", name="Phases").get_by_role("cell")
 
 

@@ -24,7 +24,7 @@ SAME = "paper-grid-same"
 
 
 @pytest.mark.long
-def test_a_lost_motion_is_drawn_and_its_cure_told_and_cures_it(
+def test_a_lost_motion_is_drawn_and_its_cure_reported_and_cures_it(
     visit: Visit,
 ) -> None:
     page = visit.page
@@ -50,7 +50,7 @@ def test_a_lost_motion_is_drawn_and_its_cure_told_and_cures_it(
 
 
 @pytest.mark.long
-def test_a_cure_is_told_in_words_and_has_a_button(visit: Visit) -> None:
+def test_a_cure_is_reported_in_words_and_has_a_button(visit: Visit) -> None:
     page = visit.page
     visit.choose(ALTERNATE)
     motion = page.locator(".finding.stop").first
@@ -69,19 +69,19 @@ def test_a_cure_is_told_in_words_and_has_a_button(visit: Visit) -> None:
 
 
 @pytest.mark.long
-def test_vehicles_nearer_than_asked_for_are_told_in_a_line_of_their_own(visit: Visit) -> None:
+def test_vehicles_nearer_than_asked_for_are_reported_in_a_line_of_their_own(visit: Visit) -> None:
     page = visit.page
-    told = page.locator(".finding[data-code=vehicles-too-close]")
-    expect(told).to_have_count(0)
+    reported = page.locator(".finding[data-code=vehicles-too-close]")
+    expect(reported).to_have_count(0)
     page.get_by_label("Least separation").fill("95")
     visit.verdict("rank 18 of 18")
-    expect(told.first).to_contain_text("below min_separation_m 95")
-    expect(told.last).to_contain_text("more pairs of vehicles come below min_separation_m 95")
+    expect(reported.first).to_contain_text("below min_separation_m 95")
+    expect(reported.last).to_contain_text("more pairs of vehicles come below min_separation_m 95")
     expect(page.locator("#badge")).to_have_class("badge bad")
     expect(page.locator("#badge")).to_contain_text("✗ NO-GO")
     assert accessibility_faults(page) == []
     page.get_by_label("Least separation").fill("10")
-    expect(told).to_have_count(0)
+    expect(reported).to_have_count(0)
 
 
 @pytest.mark.long
@@ -203,22 +203,22 @@ def test_vehicles_and_landmarks_come_and_go(visit: Visit) -> None:
 
 
 @pytest.mark.long
-def test_a_fault_is_told_next_to_its_field(visit: Visit) -> None:
+def test_a_fault_is_reported_next_to_its_field(visit: Visit) -> None:
     visit.expect_complaints("422")
     page = visit.page
     visit.choose(SAME)
     field = page.get_by_label("Range (m)", exact=True)
     field.fill("-5")
     expect(field).to_have_attribute("aria-invalid", "true")
-    told = page.locator("#field-sensor-range-m-fault")
-    expect(told).to_contain_text("must be greater than 0")
-    expect(told).to_have_attribute("role", "alert")
+    reported = page.locator("#field-sensor-range-m-fault")
+    expect(reported).to_contain_text("must be greater than 0")
+    expect(reported).to_have_attribute("role", "alert")
     visit.doubt("Before the fault: ✓ GO · Observable: rank 18 of 18")
     expect(page.locator("#verdict")).to_contain_text("of the scenario before the fault")
     assert dimmed(page)
     assert accessibility_faults(page) == []
     field.fill("50")
-    expect(told).to_be_empty()
+    expect(reported).to_be_empty()
     visit.verdict("Observable: rank 18 of 18")
     expect(page.locator("#workspace")).not_to_contain_class("doubtful")
     assert not dimmed(page)
@@ -259,9 +259,9 @@ def test_a_bad_file_is_refused_in_words(visit: Visit, name: str) -> None:
     visit.expect_complaints("422")
     page = visit.page
     page.get_by_label("Open a file").set_input_files(BAD_FILES / f"{name}.yaml")
-    told = page.locator("#notice.bad")
-    expect(told).not_to_be_empty()
-    assert "Traceback" not in (told.text_content() or "")
+    reported = page.locator("#notice.bad")
+    expect(reported).not_to_be_empty()
+    assert "Traceback" not in (reported.text_content() or "")
     visit.verdict("Observable: rank 18 of 18")
 
 

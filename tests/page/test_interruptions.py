@@ -73,14 +73,14 @@ def test_a_key_with_a_character_that_nobody_sees_is_refused_at_its_field(
         page = visit.page
         visit.expect_complaints("401")
         key = key_of("ann")
-        for wrong, told in (
+        for wrong, reported in (
             (f"{key[:3]}\u200b{key[3:]}", "character 4 is U+200B"),
             ("", "Enter the key"),
             ("two words", "character 4 is U+0020"),
         ):
             page.get_by_label("API key").fill(wrong)
             page.keyboard.press("Enter")
-            expect(page.locator("#key-fault")).to_contain_text(told)
+            expect(page.locator("#key-fault")).to_contain_text(reported)
             expect(page.get_by_label("API key")).to_have_attribute("aria-invalid", "true")
         assert accessibility_faults(page) == []
         page.get_by_label("API key").fill(f"  {key}\n")
@@ -89,9 +89,7 @@ def test_a_key_with_a_character_that_nobody_sees_is_refused_at_its_field(
 
 
 @pytest.mark.long
-def test_a_key_can_be_changed_and_others_plans_are_not_told_from_none(
-    tabs: Tabs, guarded: Server
-) -> None:
+def test_a_key_can_be_changed_and_others_plans_look_like_none(tabs: Tabs, guarded: Server) -> None:
     with visiting(tabs, guarded.url) as visit:
         page = visit.page
         visit.expect_complaints("401", "404", "422")
@@ -127,11 +125,11 @@ def test_while_a_request_is_tried_again_the_page_says_so(visit: Visit) -> None:
     visit.expect_complaints("net::ERR")
     page.route("**/v1/plans", lambda route: route.abort())
     page.get_by_role("button", name="Copy link").click()
-    told = page.locator("#notice.bad")
-    expect(told).to_have_text("the service can't be reached; trying again …")
+    reported = page.locator("#notice.bad")
+    expect(reported).to_have_text("the service can't be reached; trying again …")
     page.unroute("**/v1/plans")
     expect(page.locator("#notice")).to_contain_text("Link copied")
-    expect(told).to_have_count(0)
+    expect(reported).to_have_count(0)
 
 
 @pytest.mark.long

@@ -86,18 +86,18 @@ def test_what_refinement_may_move_by_suits_the_team_that_was_opened(visit: Visit
 
 
 @pytest.mark.long
-def test_refining_tells_what_it_costs_in_separation(visit: Visit) -> None:
+def test_refining_shows_what_it_costs_in_separation(visit: Visit) -> None:
     page = visit.page
     refine(page)
-    told = page.locator(".outcome .remark")
-    expect(told).to_contain_text(re.compile(r"Least separation 30 → [\d.]+ m"))
-    expect(told).to_contain_text("“Least separation” in the scenario limits this")
+    reported = page.locator(".outcome .remark")
+    expect(reported).to_contain_text(re.compile(r"Least separation 30 → [\d.]+ m"))
+    expect(reported).to_contain_text("“Least separation” in the scenario limits this")
     visit.choose("paper-grid-same")
     page.get_by_label("Least separation").fill("29")
     visit.settle()
     refine(page)
     expect(page.locator(".outcome")).to_contain_text("Least separation 30 → 29")
-    expect(told).to_have_count(0)
+    expect(reported).to_have_count(0)
     expect(page.locator(".outcome .badge")).to_have_class("badge good")
 
 
@@ -132,7 +132,7 @@ def test_a_validation_is_no_proof_where_the_plan_is_unobservable_or_trials_are_f
     expect(outcome).to_contain_text("Median trial")
     expect(badge).to_have_class("badge good")
     validate("1")
-    expect(outcome).to_contain_text("of 1 trial. Too few trials to tell")
+    expect(outcome).to_contain_text("of 1 trial. Too few trials to show")
     expect(outcome).not_to_contain_text("The filter is")
     expect(badge).not_to_have_class("badge good")
     # nor is what is not to be flown, however well its filter knows where it is
@@ -164,13 +164,13 @@ def test_a_job_can_be_cancelled(visit: Visit, server: Server) -> None:
 
 
 @pytest.mark.long
-def test_wrong_numbers_of_a_job_are_told_next_to_their_fields(visit: Visit) -> None:
+def test_wrong_numbers_of_a_job_are_reported_next_to_their_fields(visit: Visit) -> None:
     page = visit.page
     visit.expect_complaints("422")
     page.get_by_label("Trials").fill("0")
     page.get_by_role("button", name="Validate").click()
-    told = page.locator("#validate-trials-fault")
-    expect(told).to_have_text("must be greater than or equal to 1")
+    reported = page.locator("#validate-trials-fault")
+    expect(reported).to_have_text("must be greater than or equal to 1")
     expect(page.get_by_label("Trials")).to_have_attribute("aria-invalid", "true")
     page.get_by_label("Time limit (s)").fill("")
     page.get_by_role("button", name="Refine").click()
@@ -229,7 +229,7 @@ def fly(page: Page, flights: int, **fields: str) -> None:
 
 
 @pytest.mark.long
-def test_a_flight_tells_what_it_came_to_and_plays_on_the_map(visit: Visit, server: Server) -> None:
+def test_a_flight_shows_what_it_came_to_and_plays_on_the_map(visit: Visit, server: Server) -> None:
     page = visit.page
     page.get_by_label("Duration (s)").fill("40")
     visit.settle()
@@ -275,7 +275,7 @@ def test_a_flight_tells_what_it_came_to_and_plays_on_the_map(visit: Visit, serve
 
 
 @pytest.mark.long
-def test_an_event_that_can_not_happen_is_told_next_to_its_field(visit: Visit) -> None:
+def test_an_event_that_can_not_happen_is_reported_next_to_its_field(visit: Visit) -> None:
     page = visit.page
     visit.expect_complaints("422")
     fly(page, 2, lose="v9@30")

@@ -119,7 +119,7 @@ def test_undo_and_redo_bring_a_refined_plan_back_under_its_address(
     expect(phases(page)).to_contain_text("synchronised")
     expect(phases(page)).to_contain_text("Undo brings the refined plan back")
     expect(predicted(page)).not_to_contain_text(error_of(refined))
-    page.get_by_label("Name").fill("still told")
+    page.get_by_label("Name").fill("still reported")
     at_refined.settle()
     expect(phases(page)).to_contain_text("Undo brings the refined plan back")
     assert "plan=" not in page.url
@@ -173,12 +173,12 @@ def test_an_export_after_its_origin_was_entered_is_of_the_refined_plan(
         page.get_by_role("button", name="Export").click()
     archive = zipfile.ZipFile(io.BytesIO(saved(waiting.value)))
     sidecar = next(one for one in archive.namelist() if one.endswith(".sync.json"))
-    told = json.loads(archive.read(sidecar))
+    reported = json.loads(archive.read(sidecar))
     assert re.search(r"qgc", waiting.value.suggested_filename)
     exported = httpx2.get(f"{server.url}/v1/plans/{plan_id_of(page)}").json()
     assert phases_of(exported) == phases_of(refined)
     assert exported["predicted_rms_m"] == refined["predicted_rms_m"]
-    assert told["vehicles"]
+    assert reported["vehicles"]
 
 
 @pytest.mark.long
@@ -201,7 +201,7 @@ def test_a_plan_file_opens_as_that_plan_and_is_stored_as_that(
     expect(predicted(page)).to_contain_text(error_of(refined))
 
 
-def test_a_fault_in_a_plan_file_is_told_by_its_path(
+def test_a_fault_in_a_plan_file_is_reported_by_its_path(
     visit: Visit, refined: Tree, tmp_path: Path
 ) -> None:
     visit.expect_complaints("422")
@@ -216,7 +216,7 @@ def test_a_fault_in_a_plan_file_is_told_by_its_path(
 
 
 @pytest.mark.long
-def test_the_scenario_of_a_refined_plan_is_told_to_lack_its_phases(at_refined: Visit) -> None:
+def test_the_scenario_of_a_refined_plan_is_said_to_lack_its_phases(at_refined: Visit) -> None:
     page = at_refined.page
     downloaded(page)
     expect(page.locator("#notice")).to_contain_text("its phases are computed anew")

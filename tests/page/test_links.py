@@ -14,7 +14,7 @@ def _links(page: Page) -> list[str]:
 
 
 @pytest.mark.long
-def test_a_link_dragged_out_of_reach_is_told_in_its_group_and_cured_there(visit: Visit) -> None:
+def test_a_link_dragged_out_of_reach_is_reported_in_its_group_and_cured_there(visit: Visit) -> None:
     page = visit.page
     visit.expect_complaints("422")
     visit.choose(ALTERNATE)
@@ -22,11 +22,11 @@ def test_a_link_dragged_out_of_reach_is_told_in_its_group_and_cured_there(visit:
     expect(group).not_to_have_attribute("open", "")
     drag(page, "v3", (120.0, 200.0))
     expect(group).to_have_attribute("open", "")
-    told = group.locator("li.bad")
-    expect(told).to_have_count(1)
-    expect(told.first).to_contain_text("v2-v3")
-    expect(told.first).to_contain_text("out of the sensors' range of 50 m")
-    expect(told.first.get_by_role("alert")).to_be_visible()
+    reported = group.locator("li.bad")
+    expect(reported).to_have_count(1)
+    expect(reported.first).to_contain_text("v2-v3")
+    expect(reported.first).to_contain_text("out of the sensors' range of 50 m")
+    expect(reported.first.get_by_role("alert")).to_be_visible()
     expect(page.locator("#fault-rest")).to_be_empty()
     assert accessibility_faults(page) == []
     page.get_by_role("button", name="Remove v2-v3").focus()
@@ -34,11 +34,11 @@ def test_a_link_dragged_out_of_reach_is_told_in_its_group_and_cured_there(visit:
     visit.settle()
     # the next link has its place, and the focus with it
     expect(page.get_by_role("button", name="Remove v3-v4")).to_be_focused()
-    expect(told).to_contain_text("v3-v4")
+    expect(reported).to_contain_text("v3-v4")
     page.keyboard.press("Enter")
     visit.verdict("of 18")
     visit.settle()
-    expect(told).to_have_count(0)
+    expect(reported).to_have_count(0)
     expect(page.locator("#notice.bad")).to_have_count(0)
     assert downloaded(page)["formation"]["links"] == [
         ["v1", "v2"],

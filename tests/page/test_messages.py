@@ -27,12 +27,12 @@ def test_a_confirmation_is_seen_wherever_one_has_scrolled(
         page.get_by_label("Format", exact=True).select_option("csv")
         with page.expect_download():
             page.get_by_role("button", name="Export").click()
-        told = page.locator("#notice")
-        expect(told).to_contain_text("Exported")
+        reported = page.locator("#notice")
+        expect(reported).to_contain_text("Exported")
         for place in (0, 10_000):
             page.evaluate("y => window.scrollTo(0, y)", place)
-            expect(told).to_be_in_viewport(ratio=1.0)
-        expect(told).to_have_attribute("aria-live", "polite")
+            expect(reported).to_be_in_viewport(ratio=1.0)
+        expect(reported).to_have_attribute("aria-live", "polite")
         assert accessibility_faults(page) == []
         # the last thing on the page is not covered
         footer = page.get_by_role("link", name="OpenAPI document").bounding_box()
@@ -42,7 +42,7 @@ def test_a_confirmation_is_seen_wherever_one_has_scrolled(
         assert footer["y"] + footer["height"] <= toast["y"]
         dismiss = page.get_by_role("button", name="Dismiss the message")
         dismiss.press("Enter")
-        expect(told).to_be_empty()
+        expect(reported).to_be_empty()
         expect(dismiss).to_be_hidden()
 
 
@@ -53,10 +53,10 @@ def test_a_confirmation_goes_with_the_next_edit_and_a_fault_stays_until_it_is_me
     page = visit.page
     visit.expect_complaints("422")
     page.get_by_role("button", name="Copy link").click()
-    told = page.locator("#notice")
-    expect(told).to_contain_text("Link copied")
+    reported = page.locator("#notice")
+    expect(reported).to_contain_text("Link copied")
     page.get_by_label("Duration").fill("210")
-    expect(told).to_be_empty()
+    expect(reported).to_be_empty()
     page.get_by_label("Duration").fill("-1")
     expect(page.locator("#notice.bad")).to_contain_text("duration_s")
     visit.settle()
@@ -64,7 +64,7 @@ def test_a_confirmation_goes_with_the_next_edit_and_a_fault_stays_until_it_is_me
     visit.settle()
     expect(page.locator("#notice.bad")).to_contain_text("duration_s")
     page.get_by_label("Duration").fill("220")
-    expect(told).to_be_empty()
+    expect(reported).to_be_empty()
 
 
 @pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])

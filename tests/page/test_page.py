@@ -152,19 +152,19 @@ def test_numbers_and_their_units_stay_on_one_line(visit: Visit) -> None:
 
 
 @pytest.mark.long
-def test_a_phone_tells_the_marks_below_the_map(tabs: Tabs, server: Server) -> None:
+def test_a_phone_shows_the_marks_below_the_map(tabs: Tabs, server: Server) -> None:
     with visiting(tabs, server.url, size=PHONE, touch=True) as visit:
         visit.choose(ALTERNATE)
-        told = visit.page.get_by_role("listitem")
-        expect(told).to_have_count(0)
+        reported = visit.page.get_by_role("listitem")
+        expect(reported).to_have_count(0)
         visit.page.get_by_text("Legend").tap()
-        expect(told.filter(has_text="link, rank 2 of 3")).to_be_visible()
+        expect(reported.filter(has_text="link, rank 2 of 3")).to_be_visible()
         named = visit.page.evaluate(
             "document.getElementById('map-plot').data"
             ".filter(t => t.showlegend !== false).map(t => t.name.replaceAll('<br>', ' '))"
         )
-        assert told.all_text_contents() == named
-        swatch = told.filter(has_text="clockwise circle").last.locator("svg line")
+        assert reported.all_text_contents() == named
+        swatch = reported.filter(has_text="clockwise circle").last.locator("svg line")
         expect(swatch).to_have_attribute("stroke", "#e69f00")
     with visiting(tabs, server.url) as visit:
         visit.verdict("Observable")

@@ -58,7 +58,7 @@ def test_time_0_is_the_plans_own_figure_and_the_legend_stays_as_it_is_while_time
     slider.fill("30")
     expect(entries.filter(has_text="in contact: link, rank 2 of 3")).to_have_count(1)
     assert "motion-0" not in page.evaluate(uids)
-    told = entries.all_text_contents()
+    reported = entries.all_text_contents()
     marks = "[...document.querySelectorAll('#map-plot .layers path')].map(p => p.outerHTML)"
     drawn_marks = page.evaluate(marks)
     weak = page.locator("#map-plot .traces").filter(has_text="rank 2 of 3").locator(".js-line")
@@ -66,7 +66,7 @@ def test_time_0_is_the_plans_own_figure_and_the_legend_stays_as_it_is_while_time
     for moment in ("15", "22", "40"):
         slider.fill(moment)
         page.wait_for_timeout(200)
-        assert entries.all_text_contents() == told
+        assert entries.all_text_contents() == reported
         assert page.evaluate(marks) == drawn_marks
     slider.focus()
     page.keyboard.press("Home")
@@ -74,7 +74,7 @@ def test_time_0_is_the_plans_own_figure_and_the_legend_stays_as_it_is_while_time
     assert page.evaluate(uids) == plan
     # the same after playing, and for an edit that can't be planned
     page.get_by_role("button", name="Play").click()
-    expect(entries).to_have_text(told)
+    expect(entries).to_have_text(reported)
     page.get_by_role("button", name="Pause").click()
     visit.expect_complaints("422")
     page.get_by_label("Radius of all").fill("-1")
@@ -91,9 +91,9 @@ def test_playing_can_be_paused_however_fast_it_was_begun_and_shows_the_newest_pl
     page.locator("#play").dblclick()
     expect(page.locator("#play")).to_have_text("Pause")
     page.locator("#play").click()
-    told = page.locator("#moment-text").text_content()
+    reported = page.locator("#moment-text").text_content()
     page.wait_for_timeout(500)
-    expect(page.locator("#moment-text")).to_have_text(told or "")
+    expect(page.locator("#moment-text")).to_have_text(reported or "")
     page.get_by_label("Radius of all").fill("19")
     expect(page.locator("#moment-text")).to_have_text("0 s")
     # before the whole plan has followed the quick one
@@ -174,8 +174,8 @@ def test_plans_and_exports_are_saved_and_an_export_says_what_it_lacks(
         page.get_by_role("button", name="Export").click()
     names = zipfile.ZipFile(io.BytesIO(saved(waiting.value))).namelist()
     assert sum(name.endswith(".plan") for name in names) == 6
-    told = page.locator("#export-notes")
-    expect(told).to_contain_text("set CIRCLE_RATE to 11.4592 (deg/s)")
+    reported = page.locator("#export-notes")
+    expect(reported).to_contain_text("set CIRCLE_RATE to 11.4592 (deg/s)")
     assert accessibility_faults(page) == []
     page.get_by_label("For", exact=True).select_option("PX4 multicopter")
     with page.expect_download() as waiting:
@@ -183,7 +183,7 @@ def test_plans_and_exports_are_saved_and_an_export_says_what_it_lacks(
     archive = zipfile.ZipFile(io.BytesIO(saved(waiting.value)))
     first = next(name for name in archive.namelist() if name.endswith(".plan"))
     assert json.loads(archive.read(first))["mission"]["firmwareType"] == 12
-    expect(told).not_to_contain_text("CIRCLE_RATE")
+    expect(reported).not_to_contain_text("CIRCLE_RATE")
     page.get_by_label("Format", exact=True).select_option("kml")
     expect(page.get_by_label("For", exact=True)).to_be_hidden()
 
@@ -199,7 +199,7 @@ def test_a_plan_that_is_no_go_is_exported_only_when_forced(visit: Visit) -> None
     page.get_by_label("Format", exact=True).select_option("csv")
     page.get_by_role("button", name="Export").click()
     expect(page.locator("#download-fault")).to_contain_text("NO-GO: 2 reasons; unobservable")
-    told = page.locator("#export-findings .remark").all_inner_texts()
+    reported = page.locator("#export-findings .remark").all_inner_texts()
     force.check()
     with page.expect_download() as waiting:
         page.get_by_role("button", name="Export").click()
@@ -209,7 +209,7 @@ def test_a_plan_that_is_no_go_is_exported_only_when_forced(visit: Visit) -> None
     for one in findings:
         expect(page.locator("#verdict")).to_contain_text(one["message"])
     # what goes with the files was on show before they were asked for, word for word
-    assert told == [f"Stop: {one['message']}" for one in findings]
+    assert reported == [f"Stop: {one['message']}" for one in findings]
     assert accessibility_faults(page) == []
     visit.choose(SAME)
     visit.verdict("✓ GO")

@@ -159,7 +159,7 @@ def test_two_quick_presses_store_one_plan(visit: Visit, server: Server) -> None:
     assert len(httpx2.get(f"{server.url}/v1/plans?limit=200").json()["items"]) == before + 1
 
 
-def test_a_link_that_can_not_be_copied_is_told_to_be_taken(visit: Visit) -> None:
+def test_a_link_that_can_not_be_copied_is_shown_to_be_taken(visit: Visit) -> None:
     page = visit.page
     page.evaluate("() => { navigator.clipboard.writeText = () => Promise.reject('denied') }")
     page.get_by_role("button", name="Copy link").click()

@@ -31,10 +31,10 @@ def test_a_link_behind_a_wall_is_dropped_and_the_wall_is_named() -> None:
     assert not judged.links
     (lost,) = judged.dropped_links
     assert lost.reason == "sight is blocked by obstacles_m[1] at all phases"
-    (told,) = found(judged, "link-lost")
-    assert told.subjects == ("v1", "v2")
-    assert told.cure is not None
-    assert "nothing between them" in told.cure.text
+    (reported,) = found(judged, "link-lost")
+    assert reported.subjects == ("v1", "v2")
+    assert reported.cure is not None
+    assert "nothing between them" in reported.cure.text
 
 
 def test_a_link_that_given_phases_keep_behind_a_wall_says_so() -> None:
@@ -57,10 +57,10 @@ def test_a_wall_beside_the_line_of_centres_leaves_the_plan_as_it_was() -> None:
 
 def test_a_landmark_within_an_obstacle_is_warned_of_and_one_on_its_outline_is_not() -> None:
     judged = made(landmarks_m=[[0.0, 40.0], [35.0, 20.0], [33.0, 10.0]], obstacles_m=[WALL])
-    (told,) = found(judged, "landmark-hidden")
-    assert told.level == "warning"
-    assert told.subjects == ("L2",)
-    assert "L2 lies within obstacles_m[0]" in told.message
+    (reported,) = found(judged, "landmark-hidden")
+    assert reported.level == "warning"
+    assert reported.subjects == ("L2",)
+    assert "L2 lies within obstacles_m[0]" in reported.message
     seen = {link.b - judged.team.count for link in judged.landmark_links}
     assert seen == {0, 2}
     assert found(made(), "landmark-hidden") == []
@@ -69,15 +69,15 @@ def test_a_landmark_within_an_obstacle_is_warned_of_and_one_on_its_outline_is_no
 def test_a_vehicle_that_flies_within_an_obstacle_is_warned_of() -> None:
     hall = [[-30.0, -30.0], [100.0, -30.0], [100.0, 50.0], [-30.0, 50.0]]
     judged = made(obstacles_m=[WALL, hall])
-    (told,) = found(judged, "vehicle-hidden")
-    assert told.level == "warning"
-    assert told.subjects == ("v1", "v2")
-    assert "v1, v2 lies within obstacles_m[1]" in told.message
+    (reported,) = found(judged, "vehicle-hidden")
+    assert reported.level == "warning"
+    assert reported.subjects == ("v1", "v2")
+    assert "v1, v2 lies within obstacles_m[1]" in reported.message
     # a path that only passes through is sometimes seen, and one round an obstacle always
     inner = [[-5.0, -5.0], [5.0, -5.0], [5.0, 5.0], [-5.0, 5.0]]
     crossed = [[0.0, -30.0], [100.0, -30.0], [100.0, 50.0], [0.0, 50.0]]
-    (told,) = found(made(obstacles_m=[inner, crossed]), "vehicle-hidden")
-    assert told.subjects == ("v2",)
+    (reported,) = found(made(obstacles_m=[inner, crossed]), "vehicle-hidden")
+    assert reported.subjects == ("v2",)
 
 
 def test_a_cure_says_that_an_obstacle_is_nearby() -> None:

@@ -143,9 +143,9 @@ def test_a_refinement_that_makes_worse_what_is_to_be_expected_says_so(
     assert after is not None
     record = replace(record, improved=True, expected_before=share * after)
     changed = replace(refined, refinement=record)
-    told = [one for one in changed.verdict.findings if one.code == "expected-worse"]
-    assert len(told) == worse
-    for one in told:
+    reported = [one for one in changed.verdict.findings if one.code == "expected-worse"]
+    assert len(reported) == worse
+    for one in reported:
         assert f"rose from {share * after:.3g} m to {after:.3g} m" in one.message
     # and a plan that is read back says the same
     values = plan_document(changed).as_json()

@@ -52,28 +52,28 @@ def start_of(judged: Plan) -> StartUp:
 
 
 def test_an_uncertain_start_is_warned_of_with_error_and_prediction(uncertain: Plan) -> None:
-    (told,) = found(uncertain)
+    (reported,) = found(uncertain)
     trials = start_of(uncertain).trials
     assert trials is not None
-    assert told.level == "warning"
+    assert reported.level == "warning"
     assert uncertain.verdict.go
     worst = int(np.argmax(trials.ratios))
     name = uncertain.scenario.vehicle_names[worst]
     predicted = trials.predicted[worst]
     assert trials.found[worst] > SAFE_RATIO * predicted
     words = f"{name} off by {trials.found[worst]:.3g} m ({predicted:.3g} m predicted)"
-    assert words in told.message
-    assert "from initial_sigma 15 m and 0.3 rad the filter (ekf) may not settle" in told.message
-    assert told.subjects == tuple(uncertain.scenario.vehicle_names)
+    assert words in reported.message
+    assert "from initial_sigma 15 m and 0.3 rad the filter (ekf) may not settle" in reported.message
+    assert reported.subjects == tuple(uncertain.scenario.vehicle_names)
 
 
 def test_the_cure_of_an_uncertain_start_clears_it(uncertain: Plan) -> None:
-    (told,) = found(uncertain)
-    assert told.cure is not None
-    assert set(told.cure.change) == {"initial_sigma.position_m", "initial_sigma.heading_rad"}
-    assert told.cure.text.startswith("the robust filter, or a start known to ")
+    (reported,) = found(uncertain)
+    assert reported.cure is not None
+    assert set(reported.cure.change) == {"initial_sigma.position_m", "initial_sigma.heading_rad"}
+    assert reported.cure.text.startswith("the robust filter, or a start known to ")
     values = uncertain.scenario.model_dump(mode="json", exclude_none=True)
-    for key, value in told.cure.change.items():
+    for key, value in reported.cure.change.items():
         section, name = key.split(".")
         values[section][name] = value
     cured = plan(scenario_from(values))
@@ -102,11 +102,11 @@ def test_the_pilot_is_of_the_filter_that_is_asked_for() -> None:
 
 def test_a_robust_filter_that_misses_its_bound_is_warned_of_by_name(uncertain: Plan) -> None:
     start = replace(ratios(uncertain, 3.0), filter="robust")
-    (told,) = found(replace(uncertain, start_up=start))
-    assert told.level == "warning"
-    assert "the filter (robust) may not settle: a pilot of 16 trials" in told.message
-    assert told.cure is not None
-    assert told.cure.text.startswith("a start known to ")
+    (reported,) = found(replace(uncertain, start_up=start))
+    assert reported.level == "warning"
+    assert "the filter (robust) may not settle: a pilot of 16 trials" in reported.message
+    assert reported.cure is not None
+    assert reported.cure.text.startswith("a start known to ")
 
 
 def test_a_known_start_needs_no_pilot() -> None:
@@ -136,9 +136,9 @@ def test_a_pilot_that_left_errors_out_does_not_clear_a_plan_with_errors_as_state
     lasting = {"motion": {"speed_scale_sigma": 0.02}, "landmarks_m": [[0.0, 45.0], [70.0, 50.0]]}
     made = plan(small(**lasting, duration_s=60.0))
     assert start_of(made).worst_ratio <= SAFE_RATIO
-    (told,) = found(made)
-    assert told.level == "note"
-    assert "left these errors out" in told.message
+    (reported,) = found(made)
+    assert reported.level == "note"
+    assert "left these errors out" in reported.message
     own = start_of(made).trials
     assert own is not None
     with_all = replace(start_of(made), trials=replace(own, pilot=False))
@@ -147,14 +147,14 @@ def test_a_pilot_that_left_errors_out_does_not_clear_a_plan_with_errors_as_state
 
 
 def test_what_was_not_tried_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    (told,) = found(plan(grid(), pilot=False))
-    assert told.level == "note"
-    assert "the filter (ekf) reaches the bound was not tried" in told.message
-    assert "trials were left out" in told.message
+    (reported,) = found(plan(grid(), pilot=False))
+    assert reported.level == "note"
+    assert "the filter (ekf) reaches the bound was not tried" in reported.message
+    assert "trials were left out" in reported.message
     monkeypatch.setattr(start_up, "PILOT_WORK_LIMIT", 1.0)
-    (told,) = found(plan(grid()))
-    assert told.level == "note"
-    assert "takes over a second" in told.message
+    (reported,) = found(plan(grid()))
+    assert reported.level == "note"
+    assert "takes over a second" in reported.message
 
 
 @pytest.mark.parametrize("bound", ["never", "auto"])
@@ -178,12 +178,12 @@ def test_a_validation_speaks_of_its_own_trials(uncertain: Plan) -> None:
     flown = validate(plan(grid(), pilot=False), trials=32, seed=5, threads=1, filter="ekf")
     findings = validation_document(flown).verdict
     assert findings is not None
-    (told,) = [one for one in findings.findings if one.code == "start-up"]
-    assert told.level == "warning"
-    assert ": 32 trials over 200 s found" in told.message
+    (reported,) = [one for one in findings.findings if one.code == "start-up"]
+    assert reported.level == "warning"
+    assert ": 32 trials over 200 s found" in reported.message
     assert flown.predicted is not None
     worst = int(np.argmax(flown.accuracy.late_position / flown.predicted))
-    assert f"off by {flown.accuracy.late_position[worst]:.3g} m" in told.message
+    assert f"off by {flown.accuracy.late_position[worst]:.3g} m" in reported.message
 
 
 def test_a_long_run_is_piloted_over_its_first_periods(uncertain: Plan) -> None:
@@ -239,18 +239,18 @@ def test_a_refinement_that_starts_worse_says_so(
     assert start is not None
     given = InputStart(index=1.0, worst_rms_over_predicted=before)
     record = replace(refined.refinement, improved=True, start_before=given)
-    told = found(
+    reported = found(
         replace(refined, refinement=record, start_up=ratios(refined, after)), "start-up-worse"
     )
-    assert [one.level for one in told] == ([] if level is None else [level])
-    for one in told:
+    assert [one.level for one in reported] == ([] if level is None else [level])
+    for one in reported:
         assert f"{after:.3g} times its prediction; it was {before:.3g} before" in one.message
     cleared = replace(record, start_before=InputStart(index=0.2, worst_rms_over_predicted=1.0))
-    told = found(
+    reported = found(
         replace(refined, refinement=cleared, start_up=ratios(refined, after)), "start-up-worse"
     )
-    assert len(told) == (after > 1.1 * 1.0)
-    assert all("the index cleared it, at 0.2, before" in one.message for one in told)
+    assert len(reported) == (after > 1.1 * 1.0)
+    assert all("the index cleared it, at 0.2, before" in one.message for one in reported)
 
 
 def test_a_plan_read_back_says_the_same_of_its_start_word_for_word(
@@ -267,8 +267,8 @@ def test_a_plan_read_back_says_the_same_of_its_start_word_for_word(
         start_before=InputStart(index=0.3, worst_rms_over_predicted=1.0),
     )
     worse = replace(refined, refinement=record, start_up=ratios(refined, 3.0))
-    (told,) = found(worse, "start-up-worse")
+    (reported,) = found(worse, "start-up-worse")
     kept = plan_of(loaded_from(plan_document(worse).as_json()))
     assert kept.refinement is not None
     assert kept.refinement.start_before == record.start_before
-    assert found(replace(kept, start_up=worse.start_up), "start-up-worse") == [told]
+    assert found(replace(kept, start_up=worse.start_up), "start-up-worse") == [reported]

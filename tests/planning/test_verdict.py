@@ -103,9 +103,9 @@ def test_vehicles_nearer_than_stated_or_than_a_tenth_of_the_radius_stop(
     crossing = together(made(formation=CROSSING), min_separation_m=separation)
     centers = np.array([[0.0, 0.0], [apart, 0.0]])
     judged = judge(crossing.scenario, replace(crossing.orbits, centers=centers), bound="never")
-    told = found(judged, "vehicles-too-close")
-    assert len(told) == (limit is not None)
-    for one in told:
+    reported = found(judged, "vehicles-too-close")
+    assert len(reported) == (limit is not None)
+    for one in reported:
         assert one.level == "stop"
         assert one.subjects == ("v1", "v2")
         assert f"come to {nearest(judged):.4g} m" in one.message
@@ -158,11 +158,11 @@ def test_a_landmark_is_an_obstacle(
     landmark: list[float], clearance: float | None, nearer: float | None
 ) -> None:
     judged = made(landmarks_m=[landmark, [0.0, 90.0]], landmark_clearance_m=clearance)
-    told = found(judged, "landmark-too-close")
-    assert len(told) == (nearer is not None)
+    reported = found(judged, "landmark-too-close")
+    assert len(reported) == (nearer is not None)
     where = position(judged.orbits, np.linspace(0.0, judged.orbits.period, 20_001))[:, 0]
     least = float(np.hypot(*(where - landmark).T).min())
-    for one in told:
+    for one in reported:
         assert one.subjects == ("v1", "L1")
         assert f"at {least:.4g} m" in one.message
         assert nearer == pytest.approx(least, abs=1e-3)
@@ -222,9 +222,9 @@ def test_a_speed_that_refinement_may_still_mend_stops_till_then() -> None:
     limits = {"speed_mps": [1.0, 3.0]}
     refine = {"vary": ["phases", "radii"], "radius_m": [10.0, 15.0]}
     judged = made(limits=limits, refine=refine)
-    told = found(judged, "over-limit")
-    assert {one.subjects for one in told} == {(name,) for name in judged.scenario.vehicle_names}
-    assert "4 m/s; limits.speed_mps allows 1 to 3" in told[0].message
+    reported = found(judged, "over-limit")
+    assert {one.subjects for one in reported} == {(name,) for name in judged.scenario.vehicle_names}
+    assert "4 m/s; limits.speed_mps allows 1 to 3" in reported[0].message
 
 
 def test_links_that_are_lost_or_nearly_lost_are_warned_of() -> None:
@@ -247,16 +247,16 @@ def test_a_verdict_is_found_once_and_afresh_for_a_changed_plan(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     judged = made(landmarks_m=[[20.5, 0.0], [0.0, 90.0]])
-    told: list[str] = []
+    reported: list[str] = []
     for code, check in list(CHECKS.items()):
 
         def counted(one: Any, code: str = code, check: Any = check) -> Any:
-            told.append(code)
+            reported.append(code)
             return check(one)
 
         monkeypatch.setitem(CHECKS, code, counted)
     assert judged.verdict is judged.verdict
-    assert told == list(CHECKS)
+    assert reported == list(CHECKS)
     cleared = replace(
         judged, scenario=judged.scenario.model_copy(update={"landmark_clearance_m": 0.0})
     )

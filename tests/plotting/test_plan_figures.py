@@ -100,14 +100,14 @@ def test_heads_on_circles_turn_with_the_sense(made: Plan) -> None:
 def test_every_meeting_is_drawn_once_by_what_it_is_worth(made: Plan) -> None:
     spec = _formation(made)
     groups = [t for t in spec["data"] if t["uid"].startswith(("link-", "incidental-", "landmark-"))]
-    told = [text for trace in groups for text in trace["text"] if text]
+    reported = [text for trace in groups for text in trace["text"] if text]
     meetings = [*made.links, *made.incidental_links, *made.landmark_links]
-    assert len(told) == len(meetings)
+    assert len(reported) == len(meetings)
     for trace in groups:
         shown = [text for text in trace["text"] if text]
         assert all(trace["name"] in text for text in shown)
         assert ("certified" in trace["name"]) == (trace["line"]["dash"] == "solid")
-    certified = sum("certified" in text.split("<br>")[0] for text in told)
+    certified = sum("certified" in text.split("<br>")[0] for text in reported)
     assert certified == sum(item.certified for item in meetings)
 
 
@@ -118,8 +118,8 @@ def test_link_lines_run_along_the_line_of_centres(made: Plan) -> None:
     for trace in _formation(made)["data"]:
         if not trace["uid"].startswith(("link-", "landmark-rank", "landmark-cert")):
             continue
-        told = [text for text in trace["text"] if text]
-        for text, line in zip(told, _polylines(trace), strict=True):
+        reported = [text for text in trace["text"] if text]
+        for text, line in zip(reported, _polylines(trace), strict=True):
             a, b = text[: text.index(",")].split("-")
             along = places[b] - places[a]
             off = (line - places[a]) @ perpendicular(along) / np.hypot(*along)

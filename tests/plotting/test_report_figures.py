@@ -159,7 +159,7 @@ def test_consistency_shows_value_band_and_verdict(report: ValidationDocument) ->
     np.testing.assert_allclose(_trace(spec, "coverage")["y"], covered, atol=1e-6)
 
 
-def test_a_dishonest_filter_is_told_by_symbol_and_words(report: ValidationDocument) -> None:
+def test_a_dishonest_filter_is_reported_by_symbol_and_words(report: ValidationDocument) -> None:
     wrong = report.anees.model_copy(update={"value": 3.0, "verdict": "optimistic"})
     bad = report.model_copy(update={"anees": wrong})
     spec = specs_of(bad, ["consistency"])["consistency"]

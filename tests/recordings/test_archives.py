@@ -79,7 +79,7 @@ def test_a_recording_comes_back_from_its_bytes(folder: Path, tmp_path: Path) -> 
             unpack_log(bad)
 
 
-def test_a_fault_is_told_with_the_archive_and_the_file(
+def test_a_fault_is_reported_with_the_archive_and_the_file(
     folder: Path, tmp_path: Path, run: Any
 ) -> None:
     files = _files(folder, "hall/")
@@ -122,7 +122,7 @@ def _linked_in_zip() -> io.BytesIO:
 
 
 @pytest.mark.parametrize(
-    ("stream", "told"),
+    ("stream", "reported"),
     [
         (_zipped({"../odometry.csv": b""}), "'../odometry.csv' would be written elsewhere"),
         (_tarred({"a/../../Barcodes.dat": b""}), "'a/../../Barcodes.dat' would be written else"),
@@ -142,8 +142,10 @@ def _linked_in_zip() -> io.BytesIO:
         (io.BytesIO(b""), "sent: can't be unpacked: it is neither a zip nor a tar archive"),
     ],
 )
-def test_archives_that_hold_what_they_should_not_are_refused(stream: io.BytesIO, told: str) -> None:
-    assert told in _refused(stream)
+def test_archives_that_hold_what_they_should_not_are_refused(
+    stream: io.BytesIO, reported: str
+) -> None:
+    assert reported in _refused(stream)
 
 
 @pytest.mark.parametrize("pack", [_zipped, _tarred])
@@ -162,24 +164,24 @@ def _empty(count: int) -> dict[str, bytes]:
 
 
 @pytest.mark.parametrize(
-    ("kind", "told"),
+    ("kind", "reported"),
     [("zip", "holds at least 60000 files"), ("gz", f"holds at least {MOST_MEMBERS + 1} files")],
 )
 def test_an_archive_of_empty_files_is_refused_by_their_number(
-    kind: str, told: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, run: Any
+    kind: str, reported: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, run: Any
 ) -> None:
     stream = _zipped(_empty(60_000)) if kind == "zip" else _tarred(_empty(60_000), kind)
     remedy = f"and folders; allowed is up to {MOST_MEMBERS}; leave out what is no recording"
-    assert _refused(stream) == f"sent: {told} {remedy}"
+    assert _refused(stream) == f"sent: {reported} {remedy}"
     path = tmp_path / "sent"
     path.write_bytes(stream.getvalue())
     status, out, err = run("replay", str(path))
     assert (status, out, err.count("\n")) == (2, "", 1)
-    assert f"{path}: {told} {remedy}" in err
+    assert f"{path}: {reported} {remedy}" in err
     if kind == "zip":
         # not even its directory is read
         monkeypatch.delattr(zipfile.ZipFile, "infolist")
-        assert told in _refused(stream)
+        assert reported in _refused(stream)
 
 
 @pytest.mark.parametrize("pack", [_zipped, _tarred])

@@ -194,15 +194,17 @@ FAULTS: list[tuple[Message, str]] = [
 ]
 
 
-@pytest.mark.parametrize(("more", "told"), FAULTS, ids=[told[2:40] for _, told in FAULTS])
-def test_a_fault_is_told_with_topic_and_reading(
-    more: Message, told: str, tmp_path: Path, run: Any
+@pytest.mark.parametrize(
+    ("more", "reported"), FAULTS, ids=[reported[2:40] for _, reported in FAULTS]
+)
+def test_a_fault_is_reported_with_topic_and_reading(
+    more: Message, reported: str, tmp_path: Path, run: Any
 ) -> None:
     folder = write_messages(tmp_path / "bag", [*_small(), more])
     status, out, err = run("replay", str(folder))
     assert (status, out, err.count("\n")) == (2, "", 1)
     assert err.startswith(f"syncplan: {folder}: /")
-    assert told in err
+    assert reported in err
 
 
 def test_bags_that_can_not_be_had_are_named(

@@ -138,8 +138,8 @@ def test_files_of_spreadsheets_are_read(tmp_path: Path) -> None:
     _assert_same(plain, load_log(folder))
 
 
-def _change(file: str, old: str, new: str, told: str) -> Any:
-    return pytest.param(file, old, new, told, id=told[:50])
+def _change(file: str, old: str, new: str, reported: str) -> Any:
+    return pytest.param(file, old, new, reported, id=reported[:50])
 
 
 FAULTS = [
@@ -202,9 +202,9 @@ FAULTS = [
 ]
 
 
-@pytest.mark.parametrize(("file", "old", "new", "told"), FAULTS)
-def test_a_fault_is_told_with_file_line_column_and_cell(
-    file: str, old: str, new: str, told: str, tmp_path: Path, run: Any
+@pytest.mark.parametrize(("file", "old", "new", "reported"), FAULTS)
+def test_a_fault_is_reported_with_file_line_column_and_cell(
+    file: str, old: str, new: str, reported: str, tmp_path: Path, run: Any
 ) -> None:
     before = SMALL[f"{file}.csv"]
     assert old in before
@@ -212,7 +212,7 @@ def test_a_fault_is_told_with_file_line_column_and_cell(
     status, out, err = run("replay", str(folder))
     assert (status, out, err.count("\n")) == (2, "", 1)
     assert f"{folder}/{file}.csv: " in err
-    assert told in err
+    assert reported in err
 
 
 def test_sightings_are_bearings_or_distances(tmp_path: Path) -> None:

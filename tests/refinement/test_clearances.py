@@ -106,9 +106,9 @@ def test_phases_alone_move_no_path_and_the_finding_says_so() -> None:
     assert refined.refinement is not None
     assert refined.refinement.improved
     assert not refined.refinement.cleared
-    (told,) = (one for one in refined.verdict.stops if one.code == "landmark-too-close")
-    assert told.cure is not None
-    assert "phases alone, which moves no path" in told.cure.text
+    (reported,) = (one for one in refined.verdict.stops if one.code == "landmark-too-close")
+    assert reported.cure is not None
+    assert "phases alone, which moves no path" in reported.cure.text
     assert findings(reread(refined)) == findings(refined)
     np.testing.assert_array_equal(refined.orbits.centers, near.orbits.centers)
 
@@ -116,9 +116,9 @@ def test_phases_alone_move_no_path_and_the_finding_says_so() -> None:
 def test_a_landmark_that_bounds_leave_no_way_to_clear_is_not_come_nearer_to() -> None:
     near = made(landmarks_m=[*SENSED, [0.0, -20.5]], landmark_clearance_m=4.0)
     refined = refine(near, starts=1, workers=1, objective="logdet", center_box_m=1.0)
-    (told,) = (one for one in refined.verdict.stops if one.code == "landmark-too-close")
-    assert told.cure is not None
-    assert "refinement could not clear it" in told.cure.text
+    (reported,) = (one for one in refined.verdict.stops if one.code == "landmark-too-close")
+    assert reported.cure is not None
+    assert "refinement could not clear it" in reported.cure.text
     assert nearest(near) < nearest(refined) < 4.0
 
 

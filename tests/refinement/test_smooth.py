@@ -93,7 +93,7 @@ def test_the_information_approaches_the_exact_one_as_the_step_narrows(
     assert off[3] < 1e-5
 
 
-def test_samples_counted_together_tell_nearly_as_much_as_one_by_one() -> None:
+def test_samples_counted_together_show_nearly_as_much_as_one_by_one() -> None:
     problem = _problem(sensor=UNEQUAL)
     each, together = (smooth_information(problem, 0.03, most) for most in (10_000, 64))
     assert np.abs(together - each).max() < 3e-4 * np.abs(each).max()

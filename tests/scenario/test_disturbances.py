@@ -132,7 +132,7 @@ def test_a_key_that_cannot_be_meant_is_refused_by_name(
     assert "\n" not in str(caught.value)
 
 
-def test_the_filter_estimates_what_has_a_sigma_unless_it_is_told_otherwise() -> None:
+def test_the_filter_estimates_what_has_a_sigma_unless_options_say_otherwise() -> None:
     sections: dict[str, Any] = {
         "wind": {"sigma_mps": 1.0, "gust_sigma_mps": 0.2},
         "motion": {"speed_scale_sigma": 0.02, "turn_rate_bias_sigma_rad_s": 0.0},

@@ -110,7 +110,7 @@ def _bomb(opening: bytes, levels: int) -> bytes:
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "reported"),
     [
         (b"", "empty"),
         (b"   \n", "empty"),
@@ -130,11 +130,11 @@ def _bomb(opening: bytes, levels: int) -> bytes:
     ],
 )
 def test_files_that_are_no_scenario_say_what_they_are(
-    tmp_path: Path, content: bytes, told: str
+    tmp_path: Path, content: bytes, reported: str
 ) -> None:
     path = tmp_path / "s.yaml"
     path.write_bytes(content)
-    with pytest.raises(InputError, match=told) as caught:
+    with pytest.raises(InputError, match=reported) as caught:
         load_scenario(path)
     assert "\n" not in str(caught.value)
 
@@ -145,7 +145,7 @@ def test_aliases_may_save_words() -> None:
 
 
 @pytest.mark.parametrize("first", [0, 5, 999, 1000, 1001, 2345, 299_999])
-def test_of_many_wrong_values_the_first_ones_are_told_by_their_places(first: int) -> None:
+def test_of_many_wrong_values_the_first_ones_are_reported_by_their_places(first: int) -> None:
     landmarks = [[0.0, float(k)] for k in range(300_000)]
     wrong = [{"}": 0}] * (300_000 - first)
     values = document(landmarks_m=[*landmarks[:first], *wrong])
@@ -155,7 +155,7 @@ def test_of_many_wrong_values_the_first_ones_are_told_by_their_places(first: int
     assert len(caught.value.faults) <= 20
 
 
-def test_of_many_wrong_names_the_first_ones_are_told() -> None:
+def test_of_many_wrong_names_the_first_ones_are_reported() -> None:
     values = document(landmarks_m={f"L{k}": 0 for k in range(300_000)})
     with pytest.raises(InputError, match=r"landmarks_m.L0: .*and 999 more"):
         scenario_from(values)
@@ -181,7 +181,7 @@ def test_a_number_must_be_a_sensible_number(key: str, value: object) -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "key", "told"),
+    ("changes", "key", "reported"),
     [
         ({"formation": {"centers_m": []}}, "formation.centers_m", "empty"),
         ({"formation": {}}, "formation.centers_m", "missing"),
@@ -266,12 +266,12 @@ def test_a_number_must_be_a_sensible_number(key: str, value: object) -> None:
         ),
     ],
 )
-def test_rules_across_keys_are_told_with_their_key(
-    changes: dict[str, Any], key: str, told: str
+def test_rules_across_keys_are_reported_with_their_key(
+    changes: dict[str, Any], key: str, reported: str
 ) -> None:
     error = _refused(document(**changes))
     assert error.key == key
-    assert told in str(error)
+    assert reported in str(error)
 
 
 def test_the_limit_on_vehicles_can_be_raised() -> None:
@@ -339,7 +339,7 @@ def test_every_field_of_the_schema_is_described() -> None:
             assert field.get("description"), f"{name}.{key}"
 
 
-def test_broken_json_is_told_as_json(tmp_path: Path) -> None:
+def test_broken_json_is_reported_as_json(tmp_path: Path) -> None:
     path = tmp_path / "s.json"
     path.write_text('{"orbit": ')
     with pytest.raises(InputError, match="not valid JSON"):
@@ -380,7 +380,7 @@ def test_a_start_time_is_carried_through(moment: str, tmp_path: Path) -> None:
         ("refine", {"vary": ["phases"]}, True),
     ],
 )
-def test_the_schema_tells_which_keys_go_together(
+def test_the_schema_shows_which_keys_go_together(
     section: str, keys: dict[str, Any], valid: bool
 ) -> None:
     values = document(**{section: keys})

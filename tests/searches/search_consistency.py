@@ -21,7 +21,7 @@ from syncplan.planning.planner import Plan, plan
 from syncplan.planning.validation import Validation, conclude, trial_run
 from tests.tools.scenarios import example
 
-__all__ = ["Outcome", "believing", "main", "search", "told"]
+__all__ = ["Outcome", "believing", "main", "reported", "search"]
 
 TOO_SMALL = 0.8
 MOST_MISJUDGED = 0.05
@@ -52,7 +52,7 @@ def believing(team: Team, factor: float) -> Team:
     )
 
 
-def told(flown: Plan, believed: Team, seed: int, trials: int) -> Validation:
+def reported(flown: Plan, believed: Team, seed: int, trials: int) -> Validation:
     """Return a validation of a filter that takes the sigmas of `believed` for true."""
     run = trial_run(flown, trials=trials, seed=seed)
     part = run_trials(flown.team, run.sightings, run.steps, run.options, believed=believed)
@@ -65,8 +65,8 @@ def search(validations: int, first_seed: int, trials: int) -> Outcome:
     seeds = range(first_seed, first_seed + validations)
     sure = believing(flown.team, TOO_SMALL)
     return Outcome(
-        true=[told(flown, flown.team, seed, trials) for seed in seeds],
-        sure=[told(flown, sure, seed, trials) for seed in seeds],
+        true=[reported(flown, flown.team, seed, trials) for seed in seeds],
+        sure=[reported(flown, sure, seed, trials) for seed in seeds],
     )
 
 

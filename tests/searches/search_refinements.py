@@ -185,9 +185,9 @@ def faults_of(before: Plan, after: Plan) -> list[str]:
         faults.append(f"{record.objective} {cost_before:.8g} became {cost_after:.8g}")
     if record.improved and not cost_after < cost_before:
         faults.append(f"{record.objective} is said to improve: {cost_before} to {cost_after}")
-    told = record.after.cost(record.objective)
-    if math.isfinite(cost_after) and abs(told - cost_after) > 1e-5 * abs(cost_after):
-        faults.append(f"{record.objective} is reported as {told:.8g}, found {cost_after:.8g}")
+    reported = record.after.cost(record.objective)
+    if math.isfinite(cost_after) and abs(reported - cost_after) > 1e-5 * abs(cost_after):
+        faults.append(f"{record.objective} is reported as {reported:.8g}, found {cost_after:.8g}")
     return faults
 
 

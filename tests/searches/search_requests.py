@@ -183,10 +183,10 @@ def _look(
     found.slowest_s[sent.name] = max(took, found.slowest_s.get(sent.name, 0.0))
     if number % 500 == 499:
         print(f"{number + 1}: {dict(sorted(found.statuses.items()))}", file=sys.stderr, flush=True)
-    told = f"{number} {sent.name}: {status} {body[:300]!r}"
+    reported = f"{number} {sent.name}: {status} {body[:300]!r}"
     if took > PLAN_TIMEOUT_S + MARGIN_S:
-        found.faults.append(f"{told}: took {took:.1f} s")
-    found.faults += [f"{told}: {fault}" for fault in _faults_of(status, headers, body)]
+        found.faults.append(f"{reported}: took {took:.1f} s")
+    found.faults += [f"{reported}: {fault}" for fault in _faults_of(status, headers, body)]
 
 
 def _answer(port: int, sent: Sent) -> tuple[int, http.client.HTTPMessage, bytes]:

@@ -72,12 +72,12 @@ def test_the_image_has_the_versions_that_are_tested() -> None:
 
 
 def test_the_image_serves_as_a_user_without_rights() -> None:
-    told = dict(LAST_STAGE)
-    assert told["USER"] == "syncplan"
+    reported = dict(LAST_STAGE)
+    assert reported["USER"] == "syncplan"
     assert [rest for name, rest in LAST_STAGE if name == "USER"] == ["syncplan"]
-    assert (told["ENTRYPOINT"], told["CMD"]) == ('["syncplan"]', '["serve"]')
-    assert told["VOLUME"] == "/var/lib/syncplan"
-    assert "healthcheck.py" in told["HEALTHCHECK"]
+    assert (reported["ENTRYPOINT"], reported["CMD"]) == ('["syncplan"]', '["serve"]')
+    assert reported["VOLUME"] == "/var/lib/syncplan"
+    assert "healthcheck.py" in reported["HEALTHCHECK"]
 
 
 def test_variables_of_the_image_are_settings_and_none_is_a_secret() -> None:
@@ -175,7 +175,7 @@ def test_the_health_check_asks_for_readiness(status: int) -> None:
             assert ("no heartbeat" in done.stderr) == (status != 200)
 
 
-def test_no_secret_has_a_default_and_a_missing_one_is_told(services: Any) -> None:
+def test_no_secret_has_a_default_and_a_missing_one_is_reported(services: Any) -> None:
     secrets = [
         services["database"]["environment"]["POSTGRES_PASSWORD"],
         services["serve"]["environment"]["SYNCPLAN_API_KEYS"],

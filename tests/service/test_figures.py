@@ -165,9 +165,9 @@ def test_a_plan_that_is_no_go_is_exported_only_by_force(ann: httpx2.Client) -> N
     at = stored(ann)
     plan = ann.get(at).json()
     assert plan["verdict"]["go"] is False
-    told = problem(ann.get(f"{at}/exports/csv"), 409)
-    assert told.type == "urn:syncplan:no-go"
-    assert plan["verdict"]["findings"][0]["message"] in told.detail
+    reported = problem(ann.get(f"{at}/exports/csv"), 409)
+    assert reported.type == "urn:syncplan:no-go"
+    assert plan["verdict"]["findings"][0]["message"] in reported.detail
     answer = ann.get(f"{at}/exports/csv?force=true")
     archive = zipfile.ZipFile(io.BytesIO(answer.content))
     (sidecar,) = (one for one in archive.namelist() if one.endswith(".sync.json"))
@@ -182,9 +182,9 @@ def test_options_of_an_export_count(ann: httpx2.Client) -> None:
         answer = ann.get(f"{at}/exports/qgc?{option}")
         assert answer.status_code == 200
         assert answer.content != plain, option
-    told = problem(ann.get(f"{at}/exports/qgc?turns=0"), 422)
-    assert told.errors is not None
-    assert told.errors[0].path == "query.turns"
-    told = problem(ann.get(f"{stored(ann)}/exports/kml?force=true"), 422)
-    assert told.errors is not None
-    assert told.errors[0].path == "geo_origin"
+    reported = problem(ann.get(f"{at}/exports/qgc?turns=0"), 422)
+    assert reported.errors is not None
+    assert reported.errors[0].path == "query.turns"
+    reported = problem(ann.get(f"{stored(ann)}/exports/kml?force=true"), 422)
+    assert reported.errors is not None
+    assert reported.errors[0].path == "geo_origin"

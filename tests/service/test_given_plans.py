@@ -164,19 +164,19 @@ def _with(path: str, value: Any) -> Tree:
 def test_a_fault_of_a_plan_is_reported_by_its_path(
     ann: httpx2.Client, changed: str, value: Any, fault: str
 ) -> None:
-    told = problem(ann.post("/v1/plans", json=_with(changed, value)), 422)
-    assert told.errors is not None
-    assert [one.path for one in told.errors] == [fault]
-    assert fault in told.detail
+    reported = problem(ann.post("/v1/plans", json=_with(changed, value)), 422)
+    assert reported.errors is not None
+    assert [one.path for one in reported.errors] == [fault]
+    assert fault in reported.detail
 
 
 @pytest.mark.parametrize("path", PATHS)
 def test_all_faults_of_a_plan_are_reported_at_once(ann: httpx2.Client, path: str) -> None:
     body = _with("scenario.sensor.range_m", -5)
     body["vehicles"][0]["phase_rad"] = None
-    told = problem(ann.post(path, json=body), 422)
-    assert told.errors is not None
-    assert {one.path for one in told.errors} == {
+    reported = problem(ann.post(path, json=body), 422)
+    assert reported.errors is not None
+    assert {one.path for one in reported.errors} == {
         "vehicles[0].phase_rad",
         "scenario.sensor.range_m",
     }
@@ -184,8 +184,8 @@ def test_all_faults_of_a_plan_are_reported_at_once(ann: httpx2.Client, path: str
 
 def test_a_plan_of_a_team_that_is_too_large_is_refused(ann: httpx2.Client) -> None:
     made = syncplan.plan(small(formation={"shape": "line", "count": 7, "spacing_m": 70.0}))
-    told = problem(ann.post("/v1/plans", json=stated(made.scenario, made.orbits)), 422)
-    assert "6" in told.detail
+    reported = problem(ann.post("/v1/plans", json=stated(made.scenario, made.orbits)), 422)
+    assert "6" in reported.detail
     with pytest.raises(InputError, match=r"^scenario\.formation"):
         loaded_from(given(), max_vehicles=1)
 

@@ -23,7 +23,7 @@ LOOKS = 4
 
 
 class Bench:
-    """A database, a queue, and a guard on it that looks when told to."""
+    """A database, a queue, and a guard on it that looks when asked to."""
 
     def __init__(self, url: str) -> None:
         self.database: Database = open_database(url)

@@ -66,7 +66,7 @@ def _app() -> FastAPI:
 
     @router.get("/crash")
     def crash() -> None:
-        raise RuntimeError("told to the log alone")
+        raise RuntimeError("asked to the log alone")
 
     @router.get("/stream")
     async def stream() -> StreamingResponse:
@@ -100,7 +100,7 @@ def _requests(found: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return [line for line in found if line["logger"] == "api.requests"]
 
 
-def test_a_line_tells_when_who_and_what(lines: Lines) -> None:
+def test_a_line_shows_when_who_and_what(lines: Lines) -> None:
     logging.getLogger("api.any").info("value %d", 7, extra={"job": "j1", "parts": [1, 2]})
     (line,) = lines()
     moment = line.pop("time")
@@ -128,9 +128,9 @@ def test_lines_below_the_level_are_left_out(lines: Lines) -> None:
 def test_libraries_write_json_and_each_line_once(lines: Lines, name: str) -> None:
     # DBOS finds a handler and adds none of its own
     init_logger()
-    logging.getLogger(name).warning("told", extra={"color_message": "\x1b[1m"})
+    logging.getLogger(name).warning("reported", extra={"color_message": "\x1b[1m"})
     (line,) = lines()
-    assert (line["logger"], line["message"]) == (name, "told")
+    assert (line["logger"], line["message"]) == (name, "reported")
     assert "color_message" not in line
 
 
@@ -186,8 +186,10 @@ def test_a_request_is_one_line_without_its_query(lines: Lines) -> None:
     assert line["request_id"] == response.headers["x-request-id"] == response.json()
     assert REQUEST_ID.get() == ""
     assert line["duration_ms"] > 0
-    told = {name: line[name] for name in ("method", "path", "route", "status", "owner", "bytes")}
-    assert told == {
+    reported = {
+        name: line[name] for name in ("method", "path", "route", "status", "owner", "bytes")
+    }
+    assert reported == {
         "method": "GET",
         "path": "/v1/plans/7",
         "route": "/v1/plans/{plan_id}",
@@ -256,7 +258,7 @@ def test_a_crash_is_one_trace_and_one_line_under_one_id(lines: Lines) -> None:
         found = lines()
     trace, request = found
     assert trace["request_id"] == request["request_id"] == answer.headers["x-request-id"]
-    assert "told to the log alone" in trace["exception"]
+    assert "asked to the log alone" in trace["exception"]
     assert (request["status"], request["level"]) == (500, "warning")
 
 

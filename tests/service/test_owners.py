@@ -92,12 +92,12 @@ def test_what_is_anothers_is_not_there(
         state = ann.get(f"/v1/jobs/{job}").json()["state"]
         nobody = ask(bob, method, path, dict.fromkeys(identifiers, NOBODY))
         refused = ask(bob, method, path, identifiers)
-        told = problem(refused, 404)
-        # not to be told from what there never was
+        reported = problem(refused, 404)
+        # not to be distinguished from what there never was
         for identifier in identifiers.values():
-            told_of_nobody = told.detail.replace(identifier, NOBODY)
-            told = told.model_copy(update={"detail": told_of_nobody})
-        assert told.detail == problem(nobody, 404).detail
+            reported_of_nobody = reported.detail.replace(identifier, NOBODY)
+            reported = reported.model_copy(update={"detail": reported_of_nobody})
+        assert reported.detail == problem(nobody, 404).detail
         assert "etag" not in refused.headers
         # nothing has happened
         assert ann.get(f"/v1/plans/{plan}").status_code == 200

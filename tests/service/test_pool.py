@@ -116,7 +116,7 @@ def test_depth_counts_tasks_owners_and_children() -> None:
     assert one.depth().waiting == 0
 
 
-def test_a_fault_of_a_task_is_no_error_that_clients_are_told_of(pool: Pool) -> None:
+def test_a_fault_of_a_task_is_no_error_that_clients_hear_of(pool: Pool) -> None:
     with pytest.raises(TaskFailedError, match="Traceback"):
         pool.call("made_plan", None, "json", LIMITS, False)
 

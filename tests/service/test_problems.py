@@ -338,7 +338,7 @@ def test_a_status_without_body_stays_without(status: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("value", "told"),
+    ("value", "reported"),
     [
         (None, None),
         (True, True),
@@ -353,8 +353,8 @@ def test_a_status_without_body_stays_without(status: int) -> None:
     ],
     ids=range(10),
 )
-def test_values_are_shown_as_json_can_carry_them(value: object, told: object) -> None:
-    assert shown(value) == told
+def test_values_are_shown_as_json_can_carry_them(value: object, reported: object) -> None:
+    assert shown(value) == reported
     json.dumps(shown(value), allow_nan=False)
 
 

@@ -250,7 +250,7 @@ def test_a_process_that_is_killed_is_replaced_while_the_other_answers(pair: Serv
 
 
 @pytest.mark.long
-def test_told_to_end_the_service_ends_in_order_and_leaves_nothing(tmp_path: Path) -> None:
+def test_when_asked_to_end_the_service_ends_in_order_and_leaves_nothing(tmp_path: Path) -> None:
     with serving(tmp_path, "ann", "--http-processes", "2", "--no-worker") as server:
         everyone = family(server.popen.pid)
         wait_until(lambda: begun(server) == 2)

@@ -99,9 +99,9 @@ def test_a_recording_may_be_named(ann: httpx2.Client) -> None:
     for query, name in (("", "recording"), ("?name=field%203", "field 3")):
         answer = ann.post(f"/v1/recordings{query}", content=content, headers=ZIP)
         assert answer.json()["name"] == name
-    told = problem(ann.post("/v1/recordings?name=%00", content=content, headers=ZIP), 422)
-    assert told.errors is not None
-    assert told.errors[0].path == "query.name"
+    reported = problem(ann.post("/v1/recordings?name=%00", content=content, headers=ZIP), 422)
+    assert reported.errors is not None
+    assert reported.errors[0].path == "query.name"
     # under one key, other bytes are another request
     headers = {**ZIP, "idempotency-key": "one"}
     assert ann.post("/v1/recordings", content=SMALL, headers=headers).status_code == 201
@@ -112,7 +112,7 @@ BROKEN = RECORDED["odometry.csv"].replace("60,0.8", "60,fast")
 
 
 @pytest.mark.parametrize(
-    ("content", "path", "told"),
+    ("content", "path", "reported"),
     [
         (
             zipped({"a/b/odometry.csv": BROKEN.encode(), "a/b/landmarks.csv": b""}),
@@ -128,12 +128,12 @@ BROKEN = RECORDED["odometry.csv"].replace("60,0.8", "60,fast")
     ids=["fault", "traversal", "words", "empty", "bytes", "nothing"],
 )
 def test_bad_archives_are_refused_and_nothing_is_kept(
-    content: bytes, path: str, told: str, ann: httpx2.Client
+    content: bytes, path: str, reported: str, ann: httpx2.Client
 ) -> None:
     found = problem(ann.post("/v1/recordings", content=content, headers=ZIP), 422)
     assert found.errors is not None
     assert [one.path for one in found.errors] == [path]
-    assert told in found.errors[0].message
+    assert reported in found.errors[0].message
     assert "/tmp" not in found.detail
     assert ann.get("/v1/recordings").json()["items"] == []
 
@@ -155,8 +155,8 @@ def test_archives_have_their_own_limit_and_types(ann: httpx2.Client) -> None:
 def test_an_owner_has_room_for_so_many(ann: httpx2.Client) -> None:
     for _ in range(5):
         assert ann.post("/v1/recordings", content=SMALL, headers=ZIP).status_code == 201
-    told = problem(ann.post("/v1/recordings", content=SMALL, headers=ZIP), 507)
-    assert told.detail == "you have 5 stored recordings, the most allowed; delete some"
+    reported = problem(ann.post("/v1/recordings", content=SMALL, headers=ZIP), 507)
+    assert reported.detail == "you have 5 stored recordings, the most allowed; delete some"
 
 
 # --- replays ------------------------------------------------------------------------------------
@@ -215,7 +215,7 @@ def test_a_replay_is_the_command_lines_to_the_byte(
 
 
 @pytest.mark.parametrize(
-    ("asked", "path", "told"),
+    ("asked", "path", "reported"),
     [
         ({"landmarks": [9]}, "landmarks", "no landmark 9; there are 8, 6, 7"),
         ({"landmarks": ["6"]}, "landmarks", "no landmark '6'; there are 8, 6, 7"),
@@ -227,13 +227,13 @@ def test_a_replay_is_the_command_lines_to_the_byte(
     ],
 )
 def test_faults_of_a_request_name_its_keys(
-    asked: dict[str, Any], path: str, told: str, noisy: Path, ann: httpx2.Client
+    asked: dict[str, Any], path: str, reported: str, noisy: Path, ann: httpx2.Client
 ) -> None:
     at = _kept(ann, _folder_zipped(noisy))
     found = problem(ann.post(f"{at}/replays", json=asked), 422)
     assert found.errors is not None
     assert found.errors[0].path == path
-    assert told in found.errors[0].message
+    assert reported in found.errors[0].message
     assert ann.delete(at).status_code == 204
 
 
@@ -294,8 +294,8 @@ def test_a_recording_stays_until_its_job_has_ended(
     with speaking(server, "bob") as bob:
         problem(bob.post(f"{at}/replays", json={}), 404)
     job = ann.post(f"{at}/replays", json={"tune": True}).headers["location"]
-    told = problem(ann.delete(at), 409)
-    assert told.detail.startswith("a job about the recording has not ended; wait for it, or")
+    reported = problem(ann.delete(at), 409)
+    assert reported.detail.startswith("a job about the recording has not ended; wait for it, or")
     assert ann.post(f"{job}/cancel").json()["state"] == "cancelled"
     assert ann.delete(at).status_code == 204
     problem(ann.post(f"{at}/replays", json={}), 404)

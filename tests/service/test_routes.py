@@ -115,8 +115,8 @@ def test_a_plan_is_sent_and_deleted_if_it_is_the_one_that_is_meant(ann: httpx2.C
         assert (answer.status_code, answer.content) == (304, b""), tag
         assert answer.headers["etag"] == etag
     assert ann.get(at, headers={"if-none-match": '"other"'}).status_code == 200
-    told = problem(ann.delete(at, headers={"if-match": '"other"'}), 412)
-    assert etag.strip('"') in told.detail
+    reported = problem(ann.delete(at, headers={"if-match": '"other"'}), 412)
+    assert etag.strip('"') in reported.detail
     assert ann.get(at).status_code == 200
     answer = ann.delete(at, headers={"if-match": etag})
     assert (answer.status_code, answer.content) == (204, b"")
@@ -173,10 +173,10 @@ def test_a_bad_scenario_is_refused_with_its_faults(
     ann: httpx2.Client, body: bytes, kind: str
 ) -> None:
     headers = {"content-type": f"application/{kind}"}
-    told = problem(ann.post("/v1/plans", content=body, headers=headers), 422)
-    assert told.errors
-    assert all(one.message for one in told.errors)
-    assert told.errors[0].path in told.detail
+    reported = problem(ann.post("/v1/plans", content=body, headers=headers), 422)
+    assert reported.errors
+    assert all(one.message for one in reported.errors)
+    assert reported.errors[0].path in reported.detail
 
 
 # --- repeated requests --------------------------------------------------------------------------
@@ -190,8 +190,8 @@ def test_another_request_under_the_same_key_is_refused(
 ) -> None:
     headers = {"idempotency-key": f"reused {path}".replace(" ", "-")}
     ann.post("/v1/plans", json=document(name="one"), headers=headers)
-    told = problem(ann.post(path, json=document(name=name or "one"), headers=headers), 422)
-    assert "Idempotency-Key" in told.detail
+    reported = problem(ann.post(path, json=document(name=name or "one"), headers=headers), 422)
+    assert "Idempotency-Key" in reported.detail
 
 
 def test_a_request_that_was_refused_may_be_mended_under_its_key(ann: httpx2.Client) -> None:
@@ -287,8 +287,8 @@ def test_a_validation_leaves_a_report_and_its_trials(ann: httpx2.Client) -> None
     trials = ann.get(f"{at}/trials")
     assert trials.headers["content-type"] == "application/octet-stream"
     assert trials.content.startswith(b"PK")
-    told = problem(ann.post(f"{at}/cancel"), 409)
-    assert "succeeded" in told.detail
+    reported = problem(ann.post(f"{at}/cancel"), 409)
+    assert "succeeded" in reported.detail
 
 
 @pytest.mark.long
@@ -366,21 +366,21 @@ def test_too_many_jobs_are_refused_until_one_has_ended(idle: Server) -> None:
 # --- events -------------------------------------------------------------------------------------
 
 
-def test_the_events_of_a_job_are_told_from_wherever_one_asks(ann: httpx2.Client) -> None:
+def test_the_events_of_a_job_are_reported_from_wherever_one_asks(ann: httpx2.Client) -> None:
     plan = planned(ann, landmarks_m=LANDMARKS)["id"]
     at = ann.post(f"/v1/plans/{plan}/validations", json={"trials": 4000}).headers["location"]
     with ann.stream("GET", f"{at}/events") as answer:
-        told = list(events_of(answer))
-    assert [one.id for one in told] == list(range(1, len(told) + 1))
-    assert [one.done for one in told] == sorted(one.done for one in told)
-    assert told[0] == Event(1, "queued", 0)
-    assert told[1] == Event(2, "running", 0)
-    assert told[-1] == Event(len(told), "succeeded", 4000)
-    assert {one.state for one in told[2:-1]} == {"running"}
-    for last in range(len(told) + 2):
+        reported = list(events_of(answer))
+    assert [one.id for one in reported] == list(range(1, len(reported) + 1))
+    assert [one.done for one in reported] == sorted(one.done for one in reported)
+    assert reported[0] == Event(1, "queued", 0)
+    assert reported[1] == Event(2, "running", 0)
+    assert reported[-1] == Event(len(reported), "succeeded", 4000)
+    assert {one.state for one in reported[2:-1]} == {"running"}
+    for last in range(len(reported) + 2):
         headers = {"last-event-id": str(last)}
         with ann.stream("GET", f"{at}/events", headers=headers) as answer:
-            assert list(events_of(answer)) == told[last:]
+            assert list(events_of(answer)) == reported[last:]
 
 
 def test_events_come_when_they_happen(cat: httpx2.Client, queued: str) -> None:
@@ -448,11 +448,11 @@ def test_schemas_are_those_of_the_library(ann: httpx2.Client) -> None:
 # --- limits -------------------------------------------------------------------------------------
 
 
-def refused_for(answer: httpx2.Response, path: str, told: str) -> None:
+def refused_for(answer: httpx2.Response, path: str, reported: str) -> None:
     """Check that a request is beyond a limit that is named."""
     refusal = problem(answer, 422)
     assert refusal.errors is not None
-    assert (refusal.errors[0].path, told in refusal.detail) == (path, True), refusal.detail
+    assert (refusal.errors[0].path, reported in refusal.detail) == (path, True), refusal.detail
 
 
 def team(count: int) -> dict[str, Any]:
@@ -480,7 +480,7 @@ def test_jobs_are_limited_in_trials_seconds_and_values(cat: httpx2.Client) -> No
     assert [answer.status_code for answer in accepted] == [202] * 3, [a.text for a in accepted]
     for answer in accepted:
         cat.post(f"{answer.headers['location']}/cancel")
-    for path, body, key, told in (
+    for path, body, key, reported in (
         (f"{plan}/validations", {"trials": 601}, "trials", "takes up to 600 trials"),
         (f"{plan}/validations", {"duration_s": 251}, "duration_s", "takes up to 250 s"),
         (f"{plan}/refinements", {"time_limit_s": 31}, "time_limit_s", "takes up to 30 s"),
@@ -499,7 +499,7 @@ def test_jobs_are_limited_in_trials_seconds_and_values(cat: httpx2.Client) -> No
             "limit of 3",
         ),
     ):
-        refused_for(cat.post(path, json=body), key, told)
+        refused_for(cat.post(path, json=body), key, reported)
     at_length = planned(cat, duration_s=300.0)["id"]
     refused_for(cat.post(f"/v1/plans/{at_length}/validations"), "duration_s", "300 s asked for")
 

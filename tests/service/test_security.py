@@ -68,7 +68,7 @@ def listed(tmp_path: Path) -> Path:
 
 
 class Clock:
-    """A clock that stands still until it is told to go on."""
+    """A clock that stands still until it is asked to go on."""
 
     def __init__(self) -> None:
         self.now = 0.0
@@ -96,7 +96,7 @@ def test_a_file_is_read_again_when_it_changes_and_at_most_once_a_second(listed: 
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "reported"),
     [
         ("", "has no key; give NAME:KEY"),
         ("# none\n", "has no key; give NAME:KEY"),
@@ -111,10 +111,10 @@ def test_a_file_is_read_again_when_it_changes_and_at_most_once_a_second(listed: 
     ],
 )
 def test_a_file_that_can_not_serve_keeps_the_keys_of_before_and_is_logged_once(
-    listed: Path, content: str | bytes | None, told: str, caplog: pytest.LogCaptureFixture
+    listed: Path, content: str | bytes | None, reported: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     clock = Clock()
-    given = f"lab:{LAB}" if "SYNCPLAN_API_KEYS" in told else None
+    given = f"lab:{LAB}" if "SYNCPLAN_API_KEYS" in reported else None
     keyring = Keyring(load_settings(api_keys=given, api_keys_file=listed), clock)
     if content is None:
         listed.unlink()
@@ -124,11 +124,11 @@ def test_a_file_that_can_not_serve_keeps_the_keys_of_before_and_is_logged_once(
         clock.now += 2.0
         assert keyring.owner_of(OPS) == "ops"
     (entry,) = [one.getMessage() for one in caplog.records if one.levelname == "ERROR"]
-    assert entry.startswith(f"the keys of before stay: {listed}: {told}")
+    assert entry.startswith(f"the keys of before stay: {listed}: {reported}")
     assert OPS not in caplog.text
     assert "short-secre" not in caplog.text
     # at the start there are no keys of before
-    with pytest.raises(InputError, match=re.escape(told)) as caught:
+    with pytest.raises(InputError, match=re.escape(reported)) as caught:
         Keyring(load_settings(api_keys=given, api_keys_file=listed))
     assert "\n" not in str(caught.value)
     # and once it is mended it counts again

@@ -1,4 +1,4 @@
-"""Settings: defaults, the environment, what is refused and how it is told."""
+"""Settings: defaults, the environment, what is refused and how it is reported."""
 
 import os
 from pathlib import Path
@@ -107,15 +107,15 @@ FAULTS = {
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "told"), [(name, *one) for name, rows in FAULTS.items() for one in rows]
+    ("name", "value", "reported"), [(name, *one) for name, rows in FAULTS.items() for one in rows]
 )
 def test_a_bad_value_is_reported_in_one_line_without_its_secrets(
-    monkeypatch: pytest.MonkeyPatch, name: str, value: str, told: str
+    monkeypatch: pytest.MonkeyPatch, name: str, value: str, reported: str
 ) -> None:
     monkeypatch.setenv(f"SYNCPLAN_{name}", value)
     text = _fault()
     assert text.startswith(f"SYNCPLAN_{name}: ")
-    assert told in text
+    assert reported in text
     assert KEY not in text
     assert "hush-hush" not in text
 
@@ -125,7 +125,7 @@ def test_what_spans_two_settings_names_one_of_them(monkeypatch: pytest.MonkeyPat
     assert _fault().startswith("SYNCPLAN_DEAD_AFTER_S: '8.0': must be at least two heartbeats")
 
 
-def test_all_faults_are_told_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_all_faults_are_reported_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SYNCPLAN_PORT", "x")
     monkeypatch.setenv("SYNCPLAN_BATCH_S", "-1")
     text = _fault()

@@ -89,7 +89,7 @@ def job(connection: Connection, owner: str = "ann", work: int = 40) -> str:
 def states(connection: Connection, job_id: str) -> list[tuple[int, str, int]]:
     """Number, state and progress of all events of a job."""
     found = [(number, json.loads(data)) for number, data in events_after(connection, job_id, 0)]
-    return [(number, told["state"], told["progress"]["done"]) for number, told in found]
+    return [(number, reported["state"], reported["progress"]["done"]) for number, reported in found]
 
 
 def test_identifiers_sort_by_time_and_are_uuids_of_version_7() -> None:
@@ -113,8 +113,8 @@ def test_the_database_dates_rows_whatever_the_clock_of_a_process(connection: Con
     executors.beat(connection, "one", "1")
     ended = job_records.find_job(connection, "ann", job_id)
     assert ended is not None
-    told = [json.loads(data)["at"] for _, data in events_after(connection, job_id, 0)]
-    written = [plan.created_at, ended.created_at, ended.started_at, ended.ended_at, *told]
+    reported = [json.loads(data)["at"] for _, data in events_after(connection, job_id, 0)]
+    written = [plan.created_at, ended.created_at, ended.started_at, ended.ended_at, *reported]
     written += connection.execute(select(answers.c.created_at)).scalars()
     written += connection.execute(select(executor_rows.c.seen_at)).scalars()
     assert len(written) == 9

@@ -16,15 +16,15 @@ from syncplan.errors import InputError
 TIMEOUT = "OTEL_EXPORTER_OTLP_TIMEOUT"
 
 
-class Told(Exception):  # noqa: N818
+class Reported(Exception):  # noqa: N818
     """A request reached the telemetry."""
 
 
 class Tracers(trace.TracerProvider):
-    """A provider that tells when it is asked."""
+    """A provider that shows when it is asked."""
 
     def get_tracer(self, *_: Any, **__: Any) -> trace.Tracer:
-        raise Told
+        raise Reported
 
 
 def _client(app: FastAPI, path: str) -> TestClient:
@@ -52,7 +52,7 @@ def test_telemetry_is_off_by_default(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("missing", [EXPORTERS[:1], EXPORTERS[1:], EXPORTERS])
-def test_a_missing_exporter_is_told_with_its_remedy(
+def test_a_missing_exporter_is_reported_with_its_remedy(
     monkeypatch: pytest.MonkeyPatch, missing: tuple[str, ...]
 ) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", _find(*missing))
@@ -106,5 +106,5 @@ def test_telemetry_sees_requests_but_no_probes(monkeypatch: pytest.MonkeyPatch) 
         }
     )
     assert _client(app, "/healthz").get("/healthz").status_code == 200
-    with pytest.raises(Told):
+    with pytest.raises(Reported):
         _client(app, "/v1").get("/v1")

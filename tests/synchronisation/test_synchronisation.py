@@ -521,7 +521,7 @@ def test_three_linked_vehicles_reach_brute_force_and_stay_below_the_bound(seed: 
 
 @pytest.mark.parametrize("seed", range(12))
 def test_the_phase_tolerance_is_where_contact_is_lost(seed: int) -> None:
-    """Slip the second vehicle both ways, look for windows, compare with the tolerance told."""
+    """Slip the second vehicle both ways, look for windows, compare with the tolerance reported."""
     generator = np.random.default_rng(seed)
     view = 360.0 if seed % 3 == 0 else float(generator.uniform(40.0, 200.0))
     scenario = small(

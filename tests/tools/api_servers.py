@@ -70,12 +70,12 @@ def problem(answer: httpx2.Response, status: int) -> Problem:
     """Return the problem that an answer must be."""
     assert answer.status_code == status, answer.text
     assert answer.headers["content-type"] == "application/problem+json"
-    told = Problem.model_validate_json(answer.content)
-    assert told.status == status
-    assert told.request_id == answer.headers["x-request-id"]
-    assert told.instance == answer.request.url.path
+    reported = Problem.model_validate_json(answer.content)
+    assert reported.status == status
+    assert reported.request_id == answer.headers["x-request-id"]
+    assert reported.instance == answer.request.url.path
     assert "Traceback" not in answer.text
-    return told
+    return reported
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,8 +98,8 @@ def events_of(answer: httpx2.Response) -> Iterator[Event]:
             fields[name] = value
         elif not line and fields:
             assert fields.pop("event") == "job"
-            told: dict[str, Any] = json.loads(fields.pop("data"))
-            yield Event(int(fields.pop("id")), told["state"], told["progress"]["done"])
+            reported: dict[str, Any] = json.loads(fields.pop("data"))
+            yield Event(int(fields.pop("id")), reported["state"], reported["progress"]["done"])
             assert not fields
     assert not fields
 

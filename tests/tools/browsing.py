@@ -94,7 +94,7 @@ class Visit:
         expect(badge).to_contain_text(text)
 
     def doubt(self, text: str) -> None:
-        """Wait until the verdict is told, with a text, to be of something else."""
+        """Wait until the verdict is said, with a text, to be of something else."""
         badge = self.page.locator("#badge:not(.good, .bad)")
         self._await(badge)
         expect(badge).to_contain_text(text)
@@ -175,9 +175,9 @@ def visiting(
     visit = Visit(page)
     origin = "/".join(address.split("/")[:3])
 
-    def hear(told: ConsoleMessage) -> None:
-        if told.type in _HEARD:
-            visit.complaints.append(told.text)
+    def hear(reported: ConsoleMessage) -> None:
+        if reported.type in _HEARD:
+            visit.complaints.append(reported.text)
 
     def hear_fault(error: BrowserError) -> None:
         visit.complaints.append(str(error))

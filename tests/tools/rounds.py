@@ -23,14 +23,14 @@ def lost_in(rounds: int, round_of: Callable[[int], Round], **settings: str) -> l
         for number in range(rounds):
             kind = ("SQLite", "PostgreSQL")[number % 2]
             done, play = round_of(number)
-            told = f"{number}: {kind}, {done}"
+            reported = f"{number}: {kind}, {done}"
             address = postgres.new_database() if kind == "PostgreSQL" else None
             try:
                 with quick(Path(folder) / str(number), address, **settings) as site:
                     outcome = play(site)
             except Exception as error:
-                failures.append(told)
+                failures.append(reported)
                 outcome = f"{type(error).__name__}: {error}"
-            print(f"{told}: {outcome}", flush=True)
+            print(f"{reported}: {outcome}", flush=True)
     print(f"{rounds} rounds, {len(failures)} with a loss {failures}")
     return failures

@@ -1,4 +1,4 @@
-"""What the schema of a database is, as far as it can be told from outside."""
+"""The schema of a database, as far as it shows from outside."""
 
 from typing import Any
 

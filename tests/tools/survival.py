@@ -318,9 +318,9 @@ class Site:
 
     def see_ended_once(self, job_id: str, state: str) -> None:
         """Fail unless a job has ended once, and in this state."""
-        told = [event["state"] for event in self.events(job_id)]
-        assert [one for one in told if one not in ("queued", "running")] == [state]
-        assert told[-1] == state
+        reported = [event["state"] for event in self.events(job_id)]
+        assert [one for one in reported if one not in ("queued", "running")] == [state]
+        assert reported[-1] == state
 
     def held_by(self, process: Process) -> list[str]:
         """Return the workflows that a process has begun and not ended."""
