@@ -131,17 +131,18 @@ def lanes_of(n: int, width: int) -> Lanes:
     return (0,) if width == lanes_for(n) == 1 else np.zeros(width, dtype=np.int8)
 
 
-def has_compiled(kernel: Any, arguments: tuple[Any, ...]) -> bool:
+def has_compiled(kernel: Any, arguments: tuple[Any, ...] | None = None) -> bool:
     """Return whether a kernel for arguments of these types is in memory or in numba's disk cache.
 
-    False where numba's cache has another layout than the one read here.
+    For any arguments if None. False where numba's cache has another layout than the one read here.
     """
     typeof: Any = numba.typeof
-    types = tuple(typeof(argument) for argument in arguments)
-    if types in kernel.overloads:
-        return True
+    types = None if arguments is None else tuple(typeof(argument) for argument in arguments)
     try:
-        index = kernel._cache._cache_file._load_index()
-        return any(tuple(key[0]) == types for key in index)
+        known = [
+            *kernel.overloads,
+            *(tuple(key[0]) for key in kernel._cache._cache_file._load_index()),
+        ]
+        return bool(known) if types is None else types in known
     except (AttributeError, TypeError, IndexError, OSError):
         return False

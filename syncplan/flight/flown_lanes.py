@@ -5,13 +5,12 @@ knows beforehand, and where something was lost anchors are chosen anew, of what 
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from syncplan.estimation.filter_setup import FilterSetup, Readings, State, start_of
 from syncplan.estimation.filter_statistics import FilterRun, FilterStatistics
-from syncplan.estimation.kernels import Lanes, lanes_for, lanes_of
+from syncplan.estimation.kernels import Lanes, has_compiled, lanes_for, lanes_of
 from syncplan.estimation.lane_filter import LaneRun
 from syncplan.estimation.online_filter import with_room
 from syncplan.estimation.robust_filter import RobustRun
@@ -50,13 +49,7 @@ class ClosedLoop:
     @staticmethod
     def is_compiled() -> bool:
         """Return whether the kernel is in memory or in numba's disk cache."""
-        kernel: Any = fly_lanes
-        if kernel.overloads:
-            return True
-        try:
-            return bool(kernel._cache._cache_file._load_index())
-        except (AttributeError, TypeError, OSError):
-            return False
+        return has_compiled(fly_lanes)
 
     def advance(self, run: FilterRun, state: State, begin: int, end: int) -> None:
         """Take a state from step `begin` to step `end`, in place, and fly on the way."""
