@@ -3,8 +3,7 @@
 job_kind          what a kind is made of, and what computes its jobs
 option_requests   requests whose keys are the library's options
 refinement_jobs   refinements
-validation_jobs   validations
-flight_jobs       flights
+trial_jobs        validations and flights
 sweep_jobs        sweeps
 replay_jobs       replays
 job_table         all kinds by name

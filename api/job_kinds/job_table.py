@@ -3,12 +3,11 @@
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
-from api.job_kinds.flight_jobs import FLIGHT
 from api.job_kinds.job_kind import JobKind
 from api.job_kinds.refinement_jobs import REFINEMENT
 from api.job_kinds.replay_jobs import REPLAY
 from api.job_kinds.sweep_jobs import SWEEP
-from api.job_kinds.validation_jobs import VALIDATION
+from api.job_kinds.trial_jobs import FLIGHT, VALIDATION
 from syncplan.reports.job_contract import JobKindName
 
 JOB_KINDS: Mapping[JobKindName, JobKind] = MappingProxyType(

@@ -11,7 +11,7 @@ from pydantic_core import CoreSchema
 
 from api.job_kinds.job_kind import JobKind, JobOperation, JobReport, JobSpec, JobSubject, TrialTask
 from api.job_kinds.option_requests import TRUTH, TrialRequest, takes_options, with_keys
-from api.job_kinds.validation_jobs import FILTER_TRIALS
+from api.job_kinds.trial_jobs import FILTER_TRIALS
 from api.limits import RequestLimits, check_at_most, check_size, check_trials
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import SweepOptions

@@ -7,27 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from syncplan.cli.arguments import (
-    MaxVehicles,
-    Output,
-    ScenarioFile,
-    Shown,
-    SubjectFile,
-    Threads,
-    beginning_with,
-    numbers,
-)
-from syncplan.cli.console import (
-    Format,
-    announce_flight,
-    check_output,
-    deliver,
-    deliver_document,
-    progress_bar,
-    say,
-    say_notes,
-    search_progress,
-)
+from syncplan.cli import arguments, console
 from syncplan.cli.required_verdicts import RequireGo, RequireObservable, verdict_status
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.scenario.objectives import OBJECTIVES, listed
@@ -60,9 +40,9 @@ class Bound(StrEnum):
     name="plan", epilog="Example: syncplan plan scenario.yaml -o plan.json --require-observable"
 )
 def _plan(
-    subject: SubjectFile,
-    output: Output = None,
-    format_: Shown = Format.auto,
+    subject: arguments.SubjectFile,
+    output: arguments.Output = None,
+    format_: arguments.Shown = console.Format.auto,
     refine_: Annotated[
         bool, typer.Option("--refine", help="Refine the plan as the scenario's refine section says")
     ] = False,
@@ -84,7 +64,7 @@ def _plan(
     ] = None,
     require_observable: RequireObservable = False,
     require_go: RequireGo = False,
-    max_vehicles: MaxVehicles = None,
+    max_vehicles: arguments.MaxVehicles = None,
 ) -> int:
     """Find phases for a scenario and judge the plan: meetings, observability, predicted error.
 
@@ -94,12 +74,12 @@ def _plan(
     from syncplan.reports.plan_report import plan_document
     from syncplan.scenario.models import MAX_VEHICLES
 
-    check_output(output, subject)
+    console.check_output(output, subject)
     loaded = load(subject, max_vehicles=max_vehicles or MAX_VEHICLES)
     if not loaded.scenario.formation.placed and sys.stderr.isatty():
-        say("looking for centres ...")
+        console.say("looking for centres ...")
     if loaded.scenario.size > LARGE_TEAM and sys.stderr.isatty():
-        say(f"judging the rank of {3 * loaded.scenario.size} states takes some time ...")
+        console.say(f"judging the rank of {3 * loaded.scenario.size} states takes some time ...")
     made = plan_of(loaded, bound=bound.value, steady=steady)
     if refine_:
         if fly_ is not None:
@@ -107,7 +87,7 @@ def _plan(
         return _refined(made, {}, None, output, format_, (require_observable, require_go), bound)
     if fly_ is not None:
         made = _flown(made, fly_)
-    deliver_document("plan", plan_document(made), output, format_)
+    console.deliver_document("plan", plan_document(made), output, format_)
     return verdict_status(made, observable=require_observable, go=require_go)
 
 
@@ -115,8 +95,8 @@ def _flown(made: "Plan", trials: int) -> "Plan":
     """The plan with what flying it has found."""
     from syncplan.flight.flying import fly
 
-    announce_flight()
-    with progress_bar("flights", trials) as progress:
+    console.announce_flight()
+    with console.progress_bar("flights", trials) as progress:
         return fly(made, trials=trials, progress=progress).plan
 
 
@@ -127,7 +107,7 @@ _Vary = Annotated[
     typer.Option(
         help=f"What may change: {','.join(VARIABLES)}",
         show_default=False,
-        autocompletion=beginning_with(VARIABLES, listed=True),
+        autocompletion=arguments.beginning_with(VARIABLES, listed=True),
     ),
 ]
 _CenterBox = Annotated[
@@ -142,7 +122,7 @@ _Objective = Annotated[
     typer.Option(
         help=f"Figure of merit to improve: {listed()}",
         show_default=False,
-        autocompletion=beginning_with(OBJECTIVES),
+        autocompletion=arguments.beginning_with(OBJECTIVES),
     ),
 ]
 _Margin = Annotated[
@@ -168,9 +148,9 @@ _Processes = Annotated[
     epilog="Example: syncplan refine plan.json -o better.json --objective logdet --center-box-m 5",
 )
 def _refine(
-    subject: SubjectFile,
-    output: Output = None,
-    format_: Shown = Format.auto,
+    subject: arguments.SubjectFile,
+    output: arguments.Output = None,
+    format_: arguments.Shown = console.Format.auto,
     vary: _Vary = None,
     center_box_m: _CenterBox = None,
     radius_m: _RadiusLimits = None,
@@ -182,7 +162,7 @@ def _refine(
     processes: _Processes = None,
     require_observable: RequireObservable = False,
     require_go: RequireGo = False,
-    max_vehicles: MaxVehicles = None,
+    max_vehicles: arguments.MaxVehicles = None,
 ) -> int:
     """Move phases, centres and radii to the best plan near the one given; options override the
     scenario's refine section. If nothing better is found, write nothing and exit with 4."""
@@ -190,12 +170,12 @@ def _refine(
     from syncplan.refinement.refiner import options_for
     from syncplan.scenario.models import MAX_VEHICLES
 
-    check_output(output, subject)
+    console.check_output(output, subject)
     loaded = load(subject, max_vehicles=max_vehicles or MAX_VEHICLES)
     changes: dict[str, Any] = {
         "vary": None if vary is None else [one.strip() for one in vary.split(",")],
         "center_box_m": center_box_m,
-        "radius_m": None if radius_m is None else numbers(radius_m, "--radius-m"),
+        "radius_m": None if radius_m is None else arguments.numbers(radius_m, "--radius-m"),
         "objective": objective,
         "margin_m": margin_m,
         "time_limit_s": time_limit_s,
@@ -209,9 +189,9 @@ def _refine(
 
 @plans.command(name="place", epilog="Example: syncplan place links.yaml -o placed.json")
 def _place(
-    scenario: ScenarioFile,
-    output: Output = None,
-    format_: Shown = Format.auto,
+    scenario: arguments.ScenarioFile,
+    output: arguments.Output = None,
+    format_: arguments.Shown = console.Format.auto,
     margin_m: Annotated[
         float | None,
         typer.Option(
@@ -220,7 +200,7 @@ def _place(
     ] = None,
     starts: Annotated[int, typer.Option(help="Layouts to start from")] = 8,
     seed: Annotated[int, typer.Option(help="Seed of the layouts")] = 0,
-    max_vehicles: MaxVehicles = None,
+    max_vehicles: arguments.MaxVehicles = None,
 ) -> int:
     """Find centres for a formation given by links alone, or by a shape and a gap.
 
@@ -230,7 +210,7 @@ def _place(
     from syncplan.scenario.loading import load_scenario
     from syncplan.scenario.models import MAX_VEHICLES
 
-    check_output(output, scenario)
+    console.check_output(output, scenario)
     loaded = load_scenario(scenario, max_vehicles=max_vehicles or MAX_VEHICLES)
     placed = place(loaded, margin=margin_m, starts=starts, seed=seed)
 
@@ -239,9 +219,9 @@ def _place(
 
         show_placement(placed, console)
 
-    say_notes(placed.notes)
+    console.say_notes(placed.notes)
     values = placed.scenario.model_dump(mode="json", exclude_none=True)
-    deliver(values, output, format_, show)
+    console.deliver(values, output, format_, show)
     return 0
 
 
@@ -251,12 +231,12 @@ def _place(
     "--scenario-out chosen.yaml",
 )
 def _landmarks(
-    subject: SubjectFile,
+    subject: arguments.SubjectFile,
     candidates: Annotated[
         str, typer.Option(help="File of candidate sites: a list of \\[x, y] or a mapping of names")
     ],
     choose: Annotated[int, typer.Option(help="How many sites to choose")],
-    output: Output = None,
+    output: arguments.Output = None,
     scenario_out: Annotated[
         Path | None,
         typer.Option(
@@ -265,9 +245,9 @@ def _landmarks(
             show_default=False,
         ),
     ] = None,
-    format_: Shown = Format.auto,
+    format_: arguments.Shown = console.Format.auto,
     seed: Annotated[int, typer.Option(help="Seed of the search")] = 0,
-    max_vehicles: MaxVehicles = None,
+    max_vehicles: arguments.MaxVehicles = None,
 ) -> int:
     """Choose landmark sites among candidates so that the worst vehicle's bound is least.
 
@@ -279,8 +259,8 @@ def _landmarks(
     from syncplan.scenario.loading import parse_document, read_text
     from syncplan.scenario.models import MAX_VEHICLES
 
-    check_output(output, subject, candidates)
-    check_output(scenario_out, subject, candidates)
+    console.check_output(output, subject, candidates)
+    console.check_output(scenario_out, subject, candidates)
     source, text = read_text(subject)
     values = parse_document(text, source)
     loaded = loaded_from(values, source=source, max_vehicles=max_vehicles or MAX_VEHICLES)
@@ -290,7 +270,7 @@ def _landmarks(
     if scenario_out is not None:
         kept = text if loaded.scenario.formation.placed else ""
         _write_scenario(kept, source, choice.plan.scenario, scenario_out)
-    deliver_document("sites", sites_document(choice), output, format_)
+    console.deliver_document("sites", sites_document(choice), output, format_)
     return 0
 
 
@@ -306,7 +286,7 @@ def _write_scenario(text: str, source: str, chosen: "Scenario", target: "Path") 
     as_json = target.suffix.lower() == ".json"
     given = text or as_text(chosen.model_dump(mode="json", exclude_none=True))
     write_text(target, with_landmarks(given, source, landmarks, as_json=as_json))
-    say(f"wrote {target}")
+    console.say(f"wrote {target}")
 
 
 def _refined(
@@ -314,7 +294,7 @@ def _refined(
     changes: dict[str, Any],
     processes: int | None,
     output: "Path | None",
-    format_: Format,
+    format_: console.Format,
     required: tuple[bool, bool],
     bound: Bound = Bound.auto,
 ) -> int:
@@ -322,14 +302,14 @@ def _refined(
     from syncplan.refinement.refiner import refine
     from syncplan.reports.plan_report import plan_document
 
-    with search_progress() as progress:
+    with console.search_progress() as progress:
         better = refine(given, workers=processes, bound=bound.value, progress=progress, **changes)
     record = better.refinement
     if record is None or record.improved:
-        deliver_document("plan", plan_document(better), output, format_)
+        console.deliver_document("plan", plan_document(better), output, format_)
         return verdict_status(better, observable=required[0], go=required[1])
     if output is None or str(output) == "-":
-        deliver_document("plan", plan_document(better), output, format_)
+        console.deliver_document("plan", plan_document(better), output, format_)
         return NoSolutionError.exit_code
     raise NoSolutionError(f"not refined: {record.reason}; {output} was not written")
 
@@ -342,9 +322,9 @@ losses = typer.Typer()
     epilog="Example: syncplan what-if plan.json --lose v3,L1",
 )
 def _what_if(
-    subject: SubjectFile,
-    output: Output = None,
-    format_: Shown = Format.auto,
+    subject: arguments.SubjectFile,
+    output: arguments.Output = None,
+    format_: arguments.Shown = console.Format.auto,
     lose: Annotated[
         str | None,
         typer.Option(
@@ -359,8 +339,8 @@ def _what_if(
     bound: Annotated[
         Bound, typer.Option(help="Predict errors: auto leaves very large teams out")
     ] = Bound.auto,
-    threads: Threads = None,
-    max_vehicles: MaxVehicles = None,
+    threads: arguments.Threads = None,
+    max_vehicles: arguments.MaxVehicles = None,
 ) -> int:
     """Judge a plan without a vehicle, a sensor or a landmark, orbits unchanged: every single loss,
     the most harmful first. A vehicle whose sensor is lost flies on and is seen by others."""
@@ -370,7 +350,7 @@ def _what_if(
     from syncplan.reports.loss_report import what_if_document
     from syncplan.scenario.models import MAX_VEHICLES
 
-    check_output(output, subject)
+    console.check_output(output, subject)
     loaded = load(subject, max_vehicles=max_vehicles or MAX_VEHICLES)
     known = {*loaded.scenario.vehicle_names, *loaded.scenario.landmark_names}
     names = [] if lose is None else [lose] if lose in known else _separated(lose)
@@ -378,7 +358,7 @@ def _what_if(
         lost_together(names, loaded.scenario)
     planned = plan_of(loaded, bound=bound.value)
     number = 1 if names else len(possible_losses(planned.team, most))
-    with progress_bar("losses", number) as progress:
+    with console.progress_bar("losses", number) as progress:
         found = what_if(
             planned,
             names,
@@ -387,7 +367,7 @@ def _what_if(
             threads=threads,
             progress=progress,
         )
-    deliver_document("what-if", what_if_document(found), output, format_)
+    console.deliver_document("what-if", what_if_document(found), output, format_)
     return 0
 
 

@@ -8,25 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from syncplan.cli.arguments import (
-    MaxVehicles,
-    Output,
-    ScenarioFile,
-    Shown,
-    SubjectFile,
-    Threads,
-    numbers,
-    numeric_keys_from,
-    takes_options,
-)
-from syncplan.cli.console import (
-    Format,
-    announce_compilation,
-    announce_flight,
-    check_output,
-    deliver_document,
-    progress_bar,
-)
+from syncplan.cli import arguments, console
 from syncplan.cli.required_verdicts import (
     RequireGo,
     RequireObservable,
@@ -55,7 +37,7 @@ Key = Annotated[
         help="Any key of the scenario that holds a number, by its dotted name, such as "
         "sensor.range_sigma_m; --values has its values",
         show_default=False,
-        autocompletion=numeric_keys_from,
+        autocompletion=arguments.numeric_keys_from,
     ),
 ]
 Values = Annotated[
@@ -68,18 +50,18 @@ Values = Annotated[
     name="validate",
     epilog="Example: syncplan validate plan.json --trials 500 --seed 1 -o report.json",
 )
-@takes_options(ValidationOptions)
+@arguments.takes_options(ValidationOptions)
 def _validate(
-    subject: SubjectFile,
-    output: Output = None,
-    format_: Shown = Format.auto,
+    subject: arguments.SubjectFile,
+    output: arguments.Output = None,
+    format_: arguments.Shown = console.Format.auto,
     *,
     options: ValidationOptions,
-    threads: Threads = None,
+    threads: arguments.Threads = None,
     require_observable: RequireObservable = False,
     require_go: RequireGo = False,
     require_robust: RequireRobust = False,
-    max_vehicles: MaxVehicles = None,
+    max_vehicles: arguments.MaxVehicles = None,
 ) -> int:
     """Run the filter on a plan: Monte Carlo errors beside the bound, and consistency."""
     from syncplan.planning.plan_files import in_world, load, plan_of
@@ -88,23 +70,23 @@ def _validate(
     from syncplan.reports.validation_report import stress_document, validation_document
     from syncplan.scenario.models import MAX_VEHICLES
 
-    check_output(output, subject)
+    console.check_output(output, subject)
     flown = plan_of(load(subject, max_vehicles=max_vehicles or MAX_VEHICLES), pilot=False)
     chosen = choose_filter(flown, options).applied(options)
     there = in_world(flown, options.truth)
-    announce_compilation(chosen, [there.team.count])
+    console.announce_compilation(chosen, [there.team.count])
     status = 0
     if options.stress or require_robust:
         worlds = len(stress_worlds(there.scenario)) + 1
-        with progress_bar("trials", worlds * options.trials) as progress:
+        with console.progress_bar("trials", worlds * options.trials) as progress:
             test = stressed(flown, options, threads=threads, progress=progress)
         result, report = test.nominal, stress_document(test)
         status = robust_status(test) if require_robust else 0
     else:
-        with progress_bar("trials", options.trials) as progress:
+        with console.progress_bar("trials", options.trials) as progress:
             result = validate(flown, options, threads=threads, progress=progress)
         report = validation_document(result)
-    deliver_document("validation", report, output, format_)
+    console.deliver_document("validation", report, output, format_)
     return status or verdict_status(result.plan, observable=require_observable, go=require_go)
 
 
@@ -139,17 +121,19 @@ def _help_of(key: SweptOption) -> str:
     epilog="Example: syncplan sweep scenario.yaml --angular-rate 0.2,0.4,0.6,0.8,1.0 --connected",
 )
 @_with_options_of_swept_keys
-@takes_options(SweepOptions, without=("substeps", "gate_probability", "with_series", "model"))
+@arguments.takes_options(
+    SweepOptions, without=("substeps", "gate_probability", "with_series", "model")
+)
 def _sweep(
-    scenario: ScenarioFile,
-    output: Output = None,
-    format_: Shown = Format.auto,
+    scenario: arguments.ScenarioFile,
+    output: arguments.Output = None,
+    format_: arguments.Shown = console.Format.auto,
     *,
     key: Key = None,
     values: Values = None,
     options: SweepOptions,
-    threads: Threads = None,
-    max_vehicles: MaxVehicles = None,
+    threads: arguments.Threads = None,
+    max_vehicles: arguments.MaxVehicles = None,
     **swept: Any,
 ) -> int:
     """Vary one key: plan and validate each value, tables like the paper's Tables 1 and 2."""
@@ -160,15 +144,15 @@ def _sweep(
     from syncplan.scenario.models import MAX_VEHICLES
 
     varied, numbers_of_it = _swept(swept, key, values)
-    check_output(output, scenario)
+    console.check_output(output, scenario)
     loaded = load_scenario(scenario, max_vehicles=max_vehicles or MAX_VEHICLES)
     planned = planned_rows(loaded, varied.name, numbers_of_it, connected=options.connected)
     teams = [in_world(row.plan, options.truth).true_team for row in planned]
-    announce_compilation(options, [team.count for team in teams])
-    with progress_bar("trials", options.trials * len(planned)) as progress:
+    console.announce_compilation(options, [team.count for team in teams])
+    with console.progress_bar("trials", options.trials * len(planned)) as progress:
         rows = validated(varied.name, planned, options, threads=threads, progress=progress)
     reports = [validation_document(row.validation) for row in rows]
-    deliver_document("sweep", sweep_document(varied.name, rows, reports), output, format_)
+    console.deliver_document("sweep", sweep_document(varied.name, rows, reports), output, format_)
     return 0
 
 
@@ -183,9 +167,9 @@ def _swept(
         options = ", ".join(one.option for one in SWEPT_KEYS.values())
         raise InputError(f"give exactly one of {options}, or --key with --values", key="sweep")
     if name is not None and values is not None:
-        return _key_named(name), numbers(values, "--values")
+        return _key_named(name), arguments.numbers(values, "--values")
     ((key, text),) = chosen
-    return key, numbers(text, key.option)
+    return key, arguments.numbers(text, key.option)
 
 
 def _key_named(name: str) -> SweptKey:
@@ -199,17 +183,17 @@ def _key_named(name: str) -> SweptKey:
     name="fly",
     epilog="Example: syncplan fly plan.json --trials 200 --wind 1.5,0 --lose v3@60 -o flight.json",
 )
-@takes_options(FlightOptions, without=("substeps", "model"))
+@arguments.takes_options(FlightOptions, without=("substeps", "model"))
 def _fly(
-    subject: SubjectFile,
-    output: Output = None,
-    format_: Shown = Format.auto,
+    subject: arguments.SubjectFile,
+    output: arguments.Output = None,
+    format_: arguments.Shown = console.Format.auto,
     *,
     options: FlightOptions,
-    threads: Threads = None,
+    threads: arguments.Threads = None,
     require_observable: RequireObservable = False,
     require_go: RequireGo = False,
-    max_vehicles: MaxVehicles = None,
+    max_vehicles: arguments.MaxVehicles = None,
 ) -> int:
     """Fly a plan in closed loop: vehicles steer by their estimates, in wind, with losses."""
     from syncplan.flight.flying import conclude_flight, flight_run, fly_part
@@ -217,14 +201,14 @@ def _fly(
     from syncplan.reports.flight_report import flight_document
     from syncplan.scenario.models import MAX_VEHICLES
 
-    check_output(output, subject)
+    console.check_output(output, subject)
     plan = plan_of(load(subject, max_vehicles=max_vehicles or MAX_VEHICLES), pilot=False)
     run = flight_run(plan, options)
-    announce_flight()
-    with progress_bar("flights", options.trials) as progress:
+    console.announce_flight()
+    with console.progress_bar("flights", options.trials) as progress:
         part = fly_part(run, 0, run.trials, threads=threads, progress=progress)
     flight = conclude_flight(run, [part])
-    deliver_document("flight", flight_document(flight), output, format_)
+    console.deliver_document("flight", flight_document(flight), output, format_)
     return verdict_status(flight.plan, observable=require_observable, go=require_go)
 
 
@@ -244,11 +228,11 @@ Recording = Annotated[
     name="replay",
     epilog="Example: syncplan replay mrclam6 --landmarks 7,15 --series -o report.json",
 )
-@takes_options(ReplayOptions)
+@arguments.takes_options(ReplayOptions)
 def _replay(
     log: Recording,
-    output: Output = None,
-    format_: Shown = Format.auto,
+    output: arguments.Output = None,
+    format_: arguments.Shown = console.Format.auto,
     *,
     options: ReplayOptions,
 ) -> int:
@@ -262,7 +246,7 @@ def _replay(
         numbered = tuple(known.get(str(name), name) for name in options.landmarks)
         options = replace(options, landmarks=numbered)
     document = _document(recording, options)
-    deliver_document("replay", document, output, format_)
+    console.deliver_document("replay", document, output, format_)
     return 0
 
 
@@ -275,13 +259,13 @@ def _document(recording: "Log", asked: ReplayOptions) -> "ReplayDocument":
 
     settings, options = asked.settings, asked.filter_options
     check_start(settings, recording.name, has_truth=recording.has_truth)
-    announce_compilation(options, [len(recording.robots)])
+    console.announce_compilation(options, [len(recording.robots)])
     tuning = None
     if asked.tune:
-        with progress_bar("filter runs", MOST_RUNS) as progress:
+        with console.progress_bar("filter runs", MOST_RUNS) as progress:
             tuning = tuned(recording, settings, options, progress)
     readings = sum(len(robot.times) for robot in recording.robots) * (1 + settings.distances)
-    with progress_bar("sightings", readings) as progress:
+    with console.progress_bar("sightings", readings) as progress:
         replayed = replay_with(recording, settings, options, tuning, progress)
     return replay_document(replayed)
 
@@ -290,7 +274,7 @@ def _opened(folder: Path, output: Path | None) -> "Log":
     """The recording, none of whose files is the output, which can be written."""
     from syncplan.recordings.recording_formats import load_log, recorded_files_in
 
-    check_output(output)
+    console.check_output(output)
     recording = load_log(folder)
-    check_output(output, *map(str, recorded_files_in(folder)))
+    console.check_output(output, *map(str, recorded_files_in(folder)))
     return recording

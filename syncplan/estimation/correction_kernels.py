@@ -435,11 +435,11 @@ def refer_place(
     states: States,
     frame: Frame,
     work: Correction,
-    count: int,
     lanes: Lanes,
 ) -> None:
-    """Add the entries, in P's frame, of an axis of a vehicle's place to `count` of them."""
+    """Add the entries, in P's frame, of an axis of a vehicle's place to those there are."""
     columns, entries, counts = work.axis_columns, work.axis_entries, work.counts
+    count = counts[axis]
     columns[axis, count] = 3 * i + axis
     for lane in range(len(lanes)):
         entries[axis, count, lane] = sign
@@ -520,9 +520,10 @@ def _curve(
     n, states = len(setup.states.first) - 1, setup.states
     columns, h, sums, apart = work.axis_columns, work.axis_entries, work.sums, t >= n
     for axis in range(2):
-        refer_place(o, axis, -1.0, apart, states, frame, work, NONE, lanes)
+        work.counts[axis] = 0
+        refer_place(o, axis, -1.0, apart, states, frame, work, lanes)
         if not apart:
-            refer_place(t, axis, 1.0, apart, states, frame, work, work.counts[axis], lanes)
+            refer_place(t, axis, 1.0, apart, states, frame, work, lanes)
     for row in range(3):
         spread(P, row // 2, (row + 1) // 2, work, row, lanes)
     for j in range(pending):

@@ -10,7 +10,7 @@ Source: Prim (1957), Shortest connection networks and some generalizations, for 
 instead of smallest edges.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,14 +24,13 @@ NEARER, NEAREST = 0.5, 0.15
 been met for a period; of a landmark, a circle may come to lie around it."""
 
 
-@dataclass(frozen=True, slots=True)
-class Anchors:
+class Anchors(NamedTuple):
     """The anchor of each of n vehicles.
 
-    Attributes
-    ----------
-    order : (n,) vehicles, each after its anchor
-    anchors : (n,) anchor of each; from n on a landmark, -1 for none
+    Fields
+    ------
+    order : (n,) vehicles, each after its anchor; none if circles stay where they are
+    bodies : (n,) body that each keeps in contact with; from n on a landmark, -1 for none
     toward : (n, 2) unit vector from the centre of the vehicle's circle to its anchor's
     slacks : (n,) m, by which the vehicle may be off its place and still meet its anchor
     most, furthest : (n,) m, by which its circle may be moved to its anchor: so that it is surely
@@ -39,7 +38,7 @@ class Anchors:
     """
 
     order: Index
-    anchors: Index
+    bodies: Index
     toward: Array
     slacks: Array
     most: Array
@@ -82,8 +81,8 @@ def anchors_of(
     )
     return Anchors(
         order=order,
-        anchors=chosen,
-        toward=away / np.where(distance > 0.0, distance, 1.0)[:, None],
+        bodies=chosen,
+        toward=np.ascontiguousarray(away / np.where(distance > 0.0, distance, 1.0)[:, None]),
         slacks=np.where(chosen < 0, np.inf, slacks[own, anchored]),
         most=np.where(chosen < 0, 0.0, np.maximum(most, 0.0)),
         furthest=np.where(chosen < 0, 0.0, np.maximum(furthest, 0.0)),

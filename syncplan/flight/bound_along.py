@@ -15,7 +15,6 @@ import numpy as np
 
 from syncplan.arrays import Array, Flags
 from syncplan.estimation.correction_kernels import (
-    NONE,
     OFF,
     correct,
     correction_of,
@@ -65,7 +64,8 @@ def bound_lanes(
         for i in range(n):
             if counted[step, i] or kept:
                 for axis in range(2):
-                    refer_place(i, axis, 1.0, True, states, frame, work, NONE, lanes)
+                    work.counts[axis] = 0
+                    refer_place(i, axis, 1.0, True, states, frame, work, lanes)
                     spread(P, axis, axis, work, axis, lanes)
                 for lane in range(width):
                     here = sums[0, lane] + sums[1, lane]

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from syncplan.arrays import Array, Index
+from syncplan.flight.anchors import Anchors
 
 
 class Circles(NamedTuple):
@@ -127,12 +128,7 @@ class Contact(NamedTuple):
 
     Fields
     ------
-    order : (n,) vehicles, each after its anchor; none if circles stay where they are
-    anchors : (n,) body that each keeps in contact with; from n on a landmark, -1 for none
-    toward : (n, 2) unit vector from the centre of the vehicle's circle to its anchor's
-    slacks : (n,) m, by which the vehicle may be off its place and still meet its anchor
-    most, furthest : (n,) m, by which its circle may be moved to its anchor: so that it is surely
-        met, and where it has not been for a period
+    anchors : by whom, and how surely
     patience : steps without a sighting after which a vehicle looks for its anchor
     look_every : steps after which circles are moved
     sigmas : standard deviations within which a place is taken to be
@@ -140,12 +136,7 @@ class Contact(NamedTuple):
     gust_lead : s, in which a gust that did not decay would blow as far as one does in `lead`
     """
 
-    order: Index
-    anchors: Index
-    toward: Array
-    slacks: Array
-    most: Array
-    furthest: Array
+    anchors: Anchors
     patience: int
     look_every: int
     sigmas: float

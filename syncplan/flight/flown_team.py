@@ -309,12 +309,9 @@ def _contact(team: Team, anchors: Anchors, options: FlightOptions) -> Contact:
     period, time = team.orbits.period, team.sensors.sample_time
     lead, gust_time = LEAD_PERIODS * period, team.errors.gust_time
     return Contact(
-        order=anchors.order if options.guidance != "none" else anchors.order[:0],
-        anchors=anchors.anchors,
-        toward=np.ascontiguousarray(anchors.toward),
-        slacks=anchors.slacks,
-        most=anchors.most,
-        furthest=anchors.furthest,
+        anchors=anchors
+        if options.guidance != "none"
+        else anchors._replace(order=anchors.order[:0]),
         patience=samples_before(period, time),
         look_every=max(1, round(period / time / LOOKS_IN_PERIOD)),
         sigmas=SURE_SIGMAS,

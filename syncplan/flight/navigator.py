@@ -263,9 +263,9 @@ class Navigator:
             steer(
                 flight.circles,
                 flight.law,
-                self._bounds,
                 time,
                 x,
+                self._bounds,
                 self._setup.states,
                 self._moved,
                 self._commands,

@@ -11,9 +11,9 @@ from syncplan.flight.tracking_law import track
 def steer(
     circles: Circles,
     law: Law,
-    bounds: tuple[Array, Array, Array],
     time: float,
     x: Array,
+    bounds: tuple[Array, Array, Array],
     states: States,
     moved: Array,
     commands: Array,

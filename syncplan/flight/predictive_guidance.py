@@ -240,13 +240,13 @@ class PredictiveGuidance:
             i,
             change,
             state.before[i],
+            self._seen,
+            self._guesses,
+            self._found,
             self._course,
             self._laws,
             self._bounds,
             self._weights,
-            self._seen,
-            self._guesses,
-            self._found,
         )
 
 

@@ -120,13 +120,13 @@ def improve_flight(
     i: int,
     change: Array,
     before: Array,
+    seen: Predicted,
+    guesses: Predicted,
+    found: Predicted,
     course: Course,
     laws: Laws,
     bounds: Bounds,
     weights: Weights,
-    seen: Predicted,
-    guesses: Predicted,
-    found: Predicted,
 ) -> float:
     """Fill in a flight of vehicle i that is better than its guess, changed by a share of `change`.
 

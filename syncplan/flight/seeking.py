@@ -66,11 +66,11 @@ def move_circles(
     `heard` (n, lanes) are the steps of the last sighting of each vehicle that was taken in;
     `sought` (n, lanes) counts steps.
     """
-    n, leads = len(heard), (contact.lead, contact.gust_lead)
+    n, leads, anchors = len(heard), (contact.lead, contact.gust_lead), contact.anchors
     most = most_entries(states)
     columns, entries = np.zeros(most, dtype=np.int64), np.zeros(most)
-    for i in contact.order:
-        anchor, toward = contact.anchors[i], contact.toward[i]
+    for i in anchors.order:
+        anchor, toward = anchors.bodies[i], anchors.toward[i]
         if anchor < 0:
             moved[i] = 0.0
             continue
@@ -84,10 +84,10 @@ def move_circles(
                 for b in range(count):
                     r, q = max(columns[a], columns[b]), min(columns[a], columns[b])
                     spread += entries[a] * entries[b] * P[r, q, lane]
-            missing = contact.sigmas * math.sqrt(max(spread, 0.0)) - contact.slacks[i]
-            by = min(max(missing, 0.0), contact.most[i])
+            missing = contact.sigmas * math.sqrt(max(spread, 0.0)) - anchors.slacks[i]
+            by = min(max(missing, 0.0), anchors.most[i])
             if step - heard[i, lane] > contact.patience:
-                by = contact.furthest[i]
+                by = anchors.furthest[i]
             if by > 0.0:
                 sought[i, lane] += contact.look_every
             for axis in range(2):

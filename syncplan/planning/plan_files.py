@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Unpack
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -12,7 +12,7 @@ from pydantic_core import PydanticCustomError
 from syncplan.arrays import Array
 from syncplan.errors import Fault, InputError
 from syncplan.orbits.circles import Orbits, heading, position, wrap
-from syncplan.planning.planner import BoundChoice, Plan, judge, plan
+from syncplan.planning.planner import BoundChoice, JudgementOptions, Plan, judge, plan
 from syncplan.planning.written_records import WrittenRecord, with_record, written_record
 from syncplan.scenario.loading import (
     is_plan,
@@ -186,13 +186,7 @@ def loaded_from(
 
 
 def plan_of(
-    loaded: Loaded,
-    *,
-    bound: BoundChoice = "auto",
-    steady: bool = False,
-    margin_bound: bool = True,
-    pilot: bool = True,
-    single_points: bool = True,
+    loaded: Loaded, *, margin_bound: bool = True, **options: Unpack[JudgementOptions]
 ) -> Plan:
     """Return the plan of a scenario, or of the orbits a plan file states, judged afresh.
 
@@ -200,23 +194,8 @@ def plan_of(
     keeps its record of how the orbits were found, unless they have been changed since.
     """
     if loaded.orbits is None:
-        return plan(
-            loaded.scenario,
-            bound=bound,
-            steady=steady,
-            margin_bound=margin_bound,
-            pilot=pilot,
-            single_points=single_points,
-        )
-    judged = judge(
-        loaded.scenario,
-        loaded.orbits,
-        bound=bound,
-        steady=steady,
-        pilot=pilot,
-        single_points=single_points,
-    )
-    return with_record(judged, loaded.record)
+        return plan(loaded.scenario, margin_bound=margin_bound, **options)
+    return with_record(judge(loaded.scenario, loaded.orbits, **options), loaded.record)
 
 
 def stated(scenario: Scenario, orbits: Orbits) -> dict[str, Any]:

@@ -7,7 +7,7 @@ exact code. Only this module sees the whole chain.
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypedDict
 
 import numpy as np
 
@@ -97,6 +97,16 @@ class Plan(Result, JudgedTeam):
 
 
 BoundChoice = Literal["auto", "always", "never"]
+
+
+class JudgementOptions(TypedDict, total=False):
+    """Options of syncplan.plan that hold for given orbits too."""
+
+    bound: BoundChoice
+    steady: bool
+    pilot: bool
+    single_points: bool
+
 
 BOUND_WORK_LIMIT = 4e10
 """Steps times state dimension squared times vehicles up to which `auto` computes the bound."""

@@ -284,7 +284,7 @@ def _model(flight: Flight) -> VehicleModel:
 def _vehicle(flight: Flight, k: int) -> FlownVehicle:
     figures, names = flight.result.figures, flight.run.plan.scenario.vehicle_names
     bodies = [*names, *flight.run.plan.scenario.landmark_names]
-    anchor = int(flight.run.team.setup.contact.anchors[k])
+    anchor = int(flight.run.team.setup.contact.anchors.bodies[k])
     there = bool(flight.there[k])
     decides = GUIDANCES[flight.run.options.guidance].mode == AS_COMMANDED
     pairs = flight.meetings.pairs

@@ -69,10 +69,10 @@ def moved_circles(contact: Contact, layout: StateLayout, P: Array, unseen: Index
 
     `unseen` (n,) is the number of steps since each vehicle's last sighting, of it or by it.
     """
-    n, moved = layout.count, np.zeros((layout.count, 2))
+    n, moved, anchors = layout.count, np.zeros((layout.count, 2)), contact.anchors
     wind, gusts = (layout.columns.get(name, np.full((n, 2), -1)) for name in ("wind", "gusts"))
-    for i in contact.order.tolist():
-        anchor, toward = int(contact.anchors[i]), contact.toward[i]
+    for i in anchors.order.tolist():
+        anchor, toward = int(anchors.bodies[i]), anchors.toward[i]
         if anchor < 0:
             continue
         h = np.zeros(len(P))
@@ -84,9 +84,9 @@ def moved_circles(contact: Contact, layout: StateLayout, P: Array, unseen: Index
         # two vehicles drift alike with the wind, a landmark does not
         if anchor >= n and wind[i, 0] >= 0:
             h[wind[i]] = contact.lead * toward
-        missing = contact.sigmas * math.sqrt(max(float(h @ P @ h), 0.0)) - contact.slacks[i]
-        by = min(max(missing, 0.0), contact.most[i])
+        missing = contact.sigmas * math.sqrt(max(float(h @ P @ h), 0.0)) - anchors.slacks[i]
+        by = min(max(missing, 0.0), anchors.most[i])
         if unseen[i] > contact.patience:
-            by = contact.furthest[i]
+            by = anchors.furthest[i]
         moved[i] = by * toward + (moved[anchor] if anchor < n else 0.0)
     return moved

@@ -10,7 +10,7 @@ from typer.main import get_command
 
 import syncplan
 from api.job_kinds.replay_jobs import ReplayRequest
-from api.job_kinds.validation_jobs import ValidationRequest
+from api.job_kinds.trial_jobs import ValidationRequest
 from syncplan.cli import command_line
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import FilterOptions, ValidationOptions, options_with

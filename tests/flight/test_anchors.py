@@ -76,7 +76,7 @@ def test_the_least_slack_on_the_way_to_a_landmark_is_as_large_as_can_be(seed: in
     team = _team(seed)
     slacks = _slacks(team)
     found = anchors_of(team, find_windows(team), 0.0)
-    least = [_least_on_the_way(found.anchors, slacks, i) for i in range(team.count)]
+    least = [_least_on_the_way(found.bodies, slacks, i) for i in range(team.count)]
     np.testing.assert_allclose(least, _widest(slacks, team.count))
 
 
@@ -113,7 +113,7 @@ def test_each_vehicle_follows_its_anchor_and_none_is_left_out(seed: int) -> None
     found = anchors_of(team, find_windows(team), 0.0)
     assert sorted(found.order.tolist()) == list(range(6))
     place = {int(vehicle): k for k, vehicle in enumerate(found.order)}
-    for i, anchor in enumerate(found.anchors.tolist()):
+    for i, anchor in enumerate(found.bodies.tolist()):
         assert anchor >= 6 or anchor < 0 or place[anchor] < place[i]
 
 
@@ -129,8 +129,8 @@ def test_without_landmarks_a_part_is_anchored_in_its_best_met_vehicle() -> None:
     there = np.array([True] * 6 + [False] * 2)
     left = there[windows.targets]
     found = anchors_of(team, windows, 0.0, left, there)
-    assert (found.anchors < 0).sum() == 1
-    root = int(np.flatnonzero(found.anchors < 0)[0])
+    assert (found.bodies < 0).sum() == 1
+    root = int(np.flatnonzero(found.bodies < 0)[0])
     assert root == found.order[0]
     assert found.most[root] == found.furthest[root] == 0.0
     assert found.slacks[root] == np.inf
@@ -141,14 +141,14 @@ def test_nobody_meets_anybody_and_all_stay_where_they_are() -> None:
     windows = run.team.windows
     none = np.zeros(len(windows.observers), dtype=bool)
     found = anchors_of(run.team.team, windows, 0.0, none)
-    assert found.anchors.tolist() == [-1] * 6
+    assert found.bodies.tolist() == [-1] * 6
 
 
 def test_circles_come_no_nearer_than_the_asked_separation() -> None:
     run, wide = _grid()
     team, windows = run.team.team, run.team.windows
     close = anchors_of(team, windows, 25.0)
-    vehicles = (wide.anchors >= 0) & (wide.anchors < 6)
+    vehicles = (wide.bodies >= 0) & (wide.bodies < 6)
     assert np.all(close.furthest[vehicles] <= wide.furthest[vehicles])
     gap = 30.0  # of neighbours in this plan
     np.testing.assert_allclose(close.furthest[vehicles], gap - 25.0)
@@ -180,7 +180,7 @@ class Seeking:
 
     def leaf(self) -> int:
         """A vehicle that is anchored in a vehicle, and anchors none."""
-        anchors = self.contact.anchors.tolist()
+        anchors = self.contact.anchors.bodies.tolist()
         return next(i for i in range(6) if i not in anchors and 0 <= anchors[i] < 6)
 
 
@@ -194,13 +194,13 @@ def test_a_circle_moves_to_its_anchor_by_what_is_not_sure() -> None:
     """Four standard deviations, less the slack; back when a sighting has shown where it is."""
     found = Seeking()
     leaf = found.leaf()
-    slack = found.contact.slacks[leaf]
+    slack = found.contact.anchors.slacks[leaf]
     found.know(leaf, (slack + 3.0) / 4.0)
     moved = found.look()
-    np.testing.assert_allclose(moved[leaf], 3.0 * found.contact.toward[leaf])
+    np.testing.assert_allclose(moved[leaf], 3.0 * found.contact.anchors.toward[leaf])
     assert np.all(np.delete(moved, leaf, axis=0) == 0.0)
     away = found.run.plan.orbits.centers
-    anchor = int(found.contact.anchors[leaf])
+    anchor = int(found.contact.anchors.bodies[leaf])
     nearer = np.hypot(*(away[anchor] - away[leaf] - moved[leaf]))
     assert nearer == pytest.approx(np.hypot(*(away[anchor] - away[leaf])) - 3.0)
     assert found.sought[leaf, 0] == found.contact.look_every
@@ -212,7 +212,7 @@ def test_it_moves_no_further_than_so_that_it_is_surely_met() -> None:
     found = Seeking()
     leaf = found.leaf()
     found.know(leaf, 100.0)
-    assert np.hypot(*found.look()[leaf]) == pytest.approx(found.contact.most[leaf])
+    assert np.hypot(*found.look()[leaf]) == pytest.approx(found.contact.anchors.most[leaf])
 
 
 def test_a_vehicle_that_was_not_seen_for_a_period_goes_furthest() -> None:
@@ -222,9 +222,9 @@ def test_a_vehicle_that_was_not_seen_for_a_period_goes_furthest() -> None:
     assert patience == 315
     assert np.all(found.look(patience) == 0.0)
     moved = found.look(patience + 1)
-    assert np.hypot(*(moved[leaf] - moved[int(found.contact.anchors[leaf])])) == pytest.approx(
-        found.contact.furthest[leaf]
-    )
+    assert np.hypot(
+        *(moved[leaf] - moved[int(found.contact.anchors.bodies[leaf])])
+    ) == pytest.approx(found.contact.anchors.furthest[leaf])
     found.seen[:] = patience
     assert np.all(found.look(patience + 1) == 0.0)
 
@@ -232,7 +232,7 @@ def test_a_vehicle_that_was_not_seen_for_a_period_goes_furthest() -> None:
 def test_a_part_moves_as_one() -> None:
     """What is anchored in a vehicle goes with it, however well it is known itself."""
     found = Seeking()
-    anchors = found.contact.anchors.tolist()
+    anchors = found.contact.anchors.bodies.tolist()
     nearest = next(i for i in range(6) if anchors[i] >= 6 and i in anchors)
     found.know(nearest, 100.0)
     moved = found.look()
@@ -242,7 +242,7 @@ def test_a_part_moves_as_one() -> None:
         relative = anchors[i] if i != nearest else -1
         if relative >= 0 and relative != nearest:
             np.testing.assert_allclose(moved[i], moved[relative], atol=1e-9)
-    assert np.hypot(*moved[nearest]) == pytest.approx(found.contact.most[nearest])
+    assert np.hypot(*moved[nearest]) == pytest.approx(found.contact.anchors.most[nearest])
 
 
 def _way(anchors: list[int], i: int, to: int) -> bool:
@@ -258,9 +258,9 @@ def test_a_wind_that_both_share_says_nothing_of_where_they_are_to_each_other() -
     leaf = found.leaf()
     found.P[18, 18] = found.P[19, 19] = 100.0
     moved = found.look()
-    anchor = int(found.contact.anchors[leaf])
+    anchor = int(found.contact.anchors.bodies[leaf])
     np.testing.assert_allclose(moved[leaf], moved[anchor], atol=1e-9)
-    ashore = next(i for i in range(6) if found.contact.anchors[i] >= 6)
+    ashore = next(i for i in range(6) if found.contact.anchors.bodies[i] >= 6)
     assert np.hypot(*moved[ashore]) > 1.0
 
 
@@ -271,19 +271,19 @@ def test_after_a_loss_anchors_are_of_what_is_left() -> None:
         lose=("v3@20", "L2@30"),
     )
     before, first, both = (run.team.setup_from(step).contact for step in (199, 200, 300))
-    assert before.anchors.tolist() == run.team.setup.contact.anchors.tolist()
-    assert 2 in before.anchors
-    assert 2 not in first.anchors
-    assert first.anchors[2] == -1
-    assert 6 not in first.anchors
-    assert 7 in first.anchors
-    assert both.anchors.max() < 6
+    assert before.anchors.bodies.tolist() == run.team.setup.contact.anchors.bodies.tolist()
+    assert 2 in before.anchors.bodies
+    assert 2 not in first.anchors.bodies
+    assert first.anchors.bodies[2] == -1
+    assert 6 not in first.anchors.bodies
+    assert 7 in first.anchors.bodies
+    assert both.anchors.bodies.max() < 6
 
 
 def test_in_open_loop_no_circle_moves() -> None:
     made = plan(example("windy-grid"), bound="never", pilot=False)
     run = flight_run(made, duration=60.0, guidance="none")
-    assert len(run.team.setup.contact.order) == 0
+    assert len(run.team.setup.contact.anchors.order) == 0
 
 
 def test_a_vehicle_without_an_anchor_is_on_its_own_circle() -> None:
@@ -295,6 +295,6 @@ def test_a_vehicle_without_an_anchor_is_on_its_own_circle() -> None:
 
 def _without_anchor(contact: Contact, vehicle: int) -> Contact:
     """Take a vehicle's anchor away."""
-    anchors: Any = contact.anchors.copy()
+    anchors: Any = contact.anchors.bodies.copy()
     anchors[vehicle] = -1
-    return contact._replace(anchors=anchors)
+    return contact._replace(anchors=contact.anchors._replace(bodies=anchors))

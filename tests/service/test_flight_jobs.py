@@ -14,8 +14,8 @@ from api.computing.tasks import (
     made_plan,
     measured_runs,
 )
-from api.job_kinds.flight_jobs import FlightRequest
 from api.job_kinds.job_kind import Batch, JobSpec
+from api.job_kinds.trial_jobs import FlightRequest
 from api.service import limits_of
 from api.settings import load_settings
 from syncplan.errors import InputError

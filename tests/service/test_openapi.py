@@ -12,12 +12,11 @@ from hypothesis import strategies as st
 from pydantic import BaseModel, ValidationError
 from schemathesis.config import SchemathesisConfig as Config
 
-from api.job_kinds.flight_jobs import FlightRequest
 from api.job_kinds.job_table import JOB_KINDS
 from api.job_kinds.refinement_jobs import RefinementRequest
 from api.job_kinds.replay_jobs import ReplayRequest
 from api.job_kinds.sweep_jobs import SweepRequest
-from api.job_kinds.validation_jobs import ValidationRequest
+from api.job_kinds.trial_jobs import FlightRequest, ValidationRequest
 from api.main import create_app
 from api.openapi import operations
 from api.settings import load_settings

@@ -249,7 +249,7 @@ class _Filter:
         found, n, time = self.anchors, self.team.count, self.team.sensors.sample_time
         patience = steps_until(self.team.orbits.period, time)
         for i in found.order.tolist():
-            anchor = int(found.anchors[i])
+            anchor = int(found.bodies[i])
             self.moved[i] = self.moved[anchor] if 0 <= anchor < n else 0.0
             if anchor < 0:
                 continue
