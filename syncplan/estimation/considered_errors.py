@@ -207,7 +207,7 @@ def _considered_along(
                 factor, gain = factored(rows[sighted], trusted)
                 half = solved(factor, gain)
                 trusted -= half.T @ half
-                gains = truth.gains(solved(factor.T, half))
+                gains = truth.gains(solved(factor, half, transposed=True))
                 _take_in(true, wide[sighted], gains, variances[sighted])
             yield true
 

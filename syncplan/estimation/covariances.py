@@ -36,10 +36,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg.blas import dtrsm
 
 from syncplan.arrays import Array, Index
 from syncplan.estimation.foreseen_sightings import Asked, Foreseen, Groups
 from syncplan.estimation.referred_run import GROUP_ROWS, SYMMETRIC, UPPER, Run, grouped
+from syncplan.observability.referred_rows import SightingRows, dense_rows
 
 GROUPED_VEHICLES = 20
 """Up to this many vehicles, rows of poses are processed by groups."""
@@ -106,25 +108,22 @@ def carried_along(run: Run, covariance: Array, *, keep_until: int = -1) -> Itera
 
 
 def foreseen_along(
-    run: Run, covariance: Array, functions: Array, until: int
+    run: Run, covariance: Array, functions: tuple[SightingRows, SightingRows], until: int
 ) -> tuple[Iterator[Array], Foreseen]:
     """Return the covariances of carried_along, and what is known before each row of two functions.
 
-    `functions` is (2, s, size), of the first s rows, those up to sample `until`. The answers are
-    filled in on the way.
+    `functions` are of the first s rows, those up to sample `until`. The answers are filled in on
+    the way.
     """
-    number = functions.shape[1]
+    number = len(functions[0].entries)
     foreseen = Foreseen(np.zeros((2, 2, number)), np.ones(number))
 
     def covariances() -> Iterator[Array]:
         for sample in carried_along(run, covariance, keep_until=until):
             if sample.before is not None:
+                both = [dense_rows(one.of(sample.rows), run.size) for one in functions]
                 foreseen.of_sample(
-                    sample.rows,
-                    functions[:, sample.rows],
-                    sample.before,
-                    sample.halves,
-                    sample.innovation,
+                    sample.rows, np.stack(both), sample.before, sample.halves, sample.innovation
                 )
             yield sample.covariance
 
@@ -139,9 +138,11 @@ def factored(rows: Array, covariance: Array) -> tuple[Array, Array]:
     return np.asarray(np.linalg.cholesky(innovation), dtype=float), gain
 
 
-def solved(factor: Array, sides: Array) -> Array:
-    """Return the solution for the factor of an innovation."""
-    return np.asarray(np.linalg.solve(factor, sides), dtype=float)
+def solved(factor: Array, sides: Array, *, transposed: bool = False) -> Array:
+    """Return the solution for the factor of an innovation, (m, m) and lower, or its transpose."""
+    # BLAS counts columns first, and so takes the transposes as they lie in memory
+    found = dtrsm(1.0, factor.T, sides.T, side=1, trans_a=transposed)
+    return np.asarray(found, dtype=float).T
 
 
 # --- group by group -----------------------------------------------------------------------------

@@ -149,13 +149,10 @@ class Asked:
         """
         functions = np.ascontiguousarray(np.swapaxes(self.functions[:, rows], 1, 2))
         spread = np.zeros((2, rows.stop - rows.start))
-        for vehicles, columns in (
-            (run.rows.observers, slice(0, 3)),
-            (run.rows.targets, slice(3, 6)),
-        ):
+        seen = run.rows.of(rows)
+        for vehicles, columns in ((seen.observers, slice(0, 3)), (seen.targets, slice(3, 6))):
             own, added = (
-                blocks[:, vehicles[rows], place[: len(spread[0])]]
-                for blocks, place in (known, noise)
+                blocks[:, vehicles, place[: len(spread[0])]] for blocks, place in (known, noise)
             )
             for one, parts in zip(spread, functions[:, columns], strict=True):
                 one += np.sqrt(self._largest_variance(own + added, parts))

@@ -139,8 +139,8 @@ def grouped(run: Run, which: Index, six: Array, noise: Array, sample: Index) -> 
     place = group * (3 * run.count * GROUP_ROWS) + within
     axes = GROUP_ROWS * np.arange(3)[:, None]
     # targets first: in place of a landmark is a vehicle, which may be the observer itself
-    for vehicles, columns in ((run.rows.targets, slice(3, 6)), (run.rows.observers, slice(0, 3))):
-        who, own = vehicles[which], six[:, columns].T
+    for first in (3, 0):
+        who, own = run.rows.columns[which, first] // 3, six[:, first : first + 3].T
         at = place + 3 * GROUP_ROWS * who + axes
         grown = noise.reshape(6, -1).take(who * noise.shape[-1] + sample, axis=1)
         rows.reshape(-1)[at] = own

@@ -32,7 +32,6 @@ from syncplan.estimation.start_up_index import (
 )
 from syncplan.observability.referred_rows import (
     SightingRows,
-    dense_rows,
     error_moves,
     pose_columns,
     state_rows,
@@ -218,8 +217,8 @@ class ReferredSystem:
             )
             bound = self.of_poses(variances)
         else:
-            functions = self._in_full(seen, terms.functions)
-            covariances, foreseen = foreseen_along(self.run, covariance, functions, last)
+            along, across = (self._with_errors(seen, six) for six in terms.functions)
+            covariances, foreseen = foreseen_along(self.run, covariance, (along, across), last)
             bound = self.carried(covariances)
         return replace(bound, start_up=index_of_run(self.team, seen, foreseen))
 
@@ -272,14 +271,9 @@ class ReferredSystem:
                 matrix[3 * vehicle : 3 * vehicle + 3, column] += effect
         return matrix
 
-    def _in_full(self, seen: Sightings, functions: Array) -> Array:
-        """(2, s, size) functions of six poses with the columns of the errors."""
-        found = []
-        for six in functions:
-            ways = six[:, :2].T / -self.scale
-            rows = error_moves(self.team, seen, self.layout, ways, six)
-            found.append(dense_rows(rows, self.run.size))
-        return np.stack(found)
+    def _with_errors(self, seen: Sightings, six: Array) -> SightingRows:
+        """Functions (s, 6) of poses with the columns of the errors."""
+        return error_moves(self.team, seen, self.layout, six[:, :2].T / -self.scale, six)
 
     @property
     def _columns(self) -> Index:

@@ -128,7 +128,10 @@ def pose_columns(sightings: Sightings, count: int) -> Index:
 def dense_rows(rows: SightingRows, size: int) -> Array:
     """Return (s, size) the rows in full."""
     dense = np.zeros((len(rows.entries), size))
-    np.add.at(dense, (np.arange(len(dense))[:, None], rows.columns), rows.entries)
+    every = np.arange(len(dense))
+    # entry by entry, as a column may stand twice in a row
+    for columns, entries in zip(rows.columns.T, rows.entries.T, strict=True):
+        dense[every, columns] += entries
     return dense
 
 
