@@ -1,7 +1,7 @@
 """Flights as documents, with what their figures mean in words."""
 
 from collections.abc import Iterator
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -11,7 +11,6 @@ from syncplan.arrays import Array
 from syncplan.documents import DocumentPart, finite_or_none
 from syncplan.estimation.considered_errors import neglected_errors
 from syncplan.flight.flight_options import AS_COMMANDED, GUIDANCES, FlightOptions
-from syncplan.flight.flying import Flight
 from syncplan.phrases import listed, percent
 from syncplan.planning.judged_team import PlanVerdict
 from syncplan.planning.lost_parts import phrase_of
@@ -20,6 +19,9 @@ from syncplan.reports.flight_series import FlightOverTime, flight_over_time
 from syncplan.reports.run_figures import Errors, FilterRecord, Spread, TrueWorldReport, spread_of
 from syncplan.reports.truth_report import expected_in_truth, keys_in_truth, truth_note
 from syncplan.scenario.disturbances import ReadingsKind
+
+if TYPE_CHECKING:
+    from syncplan.flight.flying import Flight
 
 
 class PhaseError(DocumentPart):
@@ -203,7 +205,7 @@ class FlightDocument(TrueWorldReport):
 _SHARES = np.linspace(0.0, 1.0, 41)
 
 
-def flight_document(flight: Flight) -> FlightDocument:
+def flight_document(flight: "Flight") -> FlightDocument:
     """Return the report of a flight."""
     run, plan, result = flight.run, flight.plan, flight.result
     found, figures = result.estimates, result.figures
@@ -253,7 +255,7 @@ def _conditions(options: FlightOptions) -> FlightConditions:
     )
 
 
-def _filter(flight: Flight) -> FilterRecord:
+def _filter(flight: "Flight") -> FilterRecord:
     options, found = flight.run.options, flight.result.estimates
     return FilterRecord(
         model=options.filter_model.motion,
@@ -267,7 +269,7 @@ def _filter(flight: Flight) -> FilterRecord:
     )
 
 
-def _model(flight: Flight) -> VehicleModel:
+def _model(flight: "Flight") -> VehicleModel:
     limits, motion = flight.run.limits, flight.run.plan.scenario.motion
     given = flight.run.plan.scenario.limits
     speed, turn = (None, None) if given is None else (given.speed_mps, given.turn_rate_rad_s)
@@ -281,7 +283,7 @@ def _model(flight: Flight) -> VehicleModel:
     )
 
 
-def _vehicle(flight: Flight, k: int) -> FlownVehicle:
+def _vehicle(flight: "Flight", k: int) -> FlownVehicle:
     figures, names = flight.result.figures, flight.run.plan.scenario.vehicle_names
     bodies = [*names, *flight.run.plan.scenario.landmark_names]
     anchor = int(flight.run.team.setup.contact.anchors.bodies[k])
@@ -317,7 +319,7 @@ def _tolerance(plan: Plan, k: int) -> float | None:
     return min(found) / plan.orbits.rate if found else None
 
 
-def _errors(flight: Flight, k: int, bound: float, tracking: Array) -> FlightErrors:
+def _errors(flight: "Flight", k: int, bound: float, tracking: Array) -> FlightErrors:
     accuracy, predicted = flight.accuracy, flight.predicted
     return FlightErrors(
         **_figures(accuracy, k, float(flight.coverage[k])),
@@ -328,7 +330,7 @@ def _errors(flight: Flight, k: int, bound: float, tracking: Array) -> FlightErro
     )
 
 
-def _overall(flight: Flight) -> FlightErrors:
+def _overall(flight: "Flight") -> FlightErrors:
     """Over all vehicles that are there in the second half."""
     there, predicted = flight.there, flight.predicted
     accuracy = flight.accuracy
@@ -367,7 +369,7 @@ def _figures(accuracy: Any, k: int, covered: float) -> dict[str, float]:
     }
 
 
-def _separation(flight: Flight) -> FlownSeparation | None:
+def _separation(flight: "Flight") -> FlownSeparation | None:
     plan, figures = flight.run.plan, flight.result.figures
     if plan.approach is None or not np.isfinite(figures.separations).all():
         return None
@@ -386,7 +388,7 @@ def _separation(flight: Flight) -> FlownSeparation | None:
     )
 
 
-def _events(flight: Flight) -> list[FlightEvent]:
+def _events(flight: "Flight") -> list[FlightEvent]:
     events, settled = flight.run.events, flight.result.figures.settled
     found = [
         FlightEvent(
@@ -415,7 +417,7 @@ def _events(flight: Flight) -> list[FlightEvent]:
     return sorted(found, key=lambda one: one.begin_s)
 
 
-def _wind_error(flight: Flight) -> float | None:
+def _wind_error(flight: "Flight") -> float | None:
     columns = flight.run.team.layout.columns.get("wind")
     if columns is None:
         return None
@@ -424,7 +426,7 @@ def _wind_error(flight: Flight) -> float | None:
     return float(np.sqrt(squares.sum(axis=1).mean()))
 
 
-def _state_errors(flight: Flight) -> list[FlownStateError] | None:
+def _state_errors(flight: "Flight") -> list[FlownStateError] | None:
     layout, found = flight.run.team.layout, flight.result.estimates
     labels = layout.labels(flight.run.plan.scenario.vehicle_names)
     if not labels:
@@ -452,7 +454,7 @@ def _share(value: float, whole: float) -> float | None:
     return finite_or_none(value / whole) if whole > 0.0 else None
 
 
-def notes_of(flight: Flight, report: FlightDocument) -> list[str]:
+def notes_of(flight: "Flight", report: FlightDocument) -> list[str]:
     """Return what the reader of a flight's report must know, in plain words."""
     return [
         f"guidance {report.guidance}: {GUIDANCES[report.guidance].sentence} Vehicles start where "
@@ -477,7 +479,7 @@ def _of_truth(report: FlightDocument) -> Iterator[str]:
         yield note
 
 
-def _of_conditions(flight: Flight) -> Iterator[str]:
+def _of_conditions(flight: "Flight") -> Iterator[str]:
     """What sightings suffer, and what is lost."""
     conditions = flight.run.conditions
     if conditions:
@@ -494,7 +496,7 @@ def _of_conditions(flight: Flight) -> Iterator[str]:
         )
 
 
-def _of_holds(flight: Flight) -> Iterator[str]:
+def _of_holds(flight: "Flight") -> Iterator[str]:
     """What vehicles do that are held, and where nobody can say whether they are back."""
     team, holds = flight.run.team, flight.run.events.holds
     if holds:
@@ -525,7 +527,7 @@ def _of_vehicles(report: FlightDocument) -> Iterator[str]:
         )
 
 
-def _of_places(flight: Flight) -> Iterator[str]:
+def _of_places(flight: "Flight") -> Iterator[str]:
     """What of the scenario no flight looks at."""
     scenario = flight.plan.scenario
     given = [key for key in ("area_m", "keep_out_m") if getattr(scenario, key)]
@@ -536,7 +538,7 @@ def _of_places(flight: Flight) -> Iterator[str]:
         )
 
 
-def _of_filter(flight: Flight, report: FlightDocument) -> Iterator[str]:
+def _of_filter(flight: "Flight", report: FlightDocument) -> Iterator[str]:
     """From when on the filter is judged, and what it does not know of."""
     if flight.judged_from:
         yield (

@@ -1,7 +1,7 @@
 """Flights over time as documents: what their figures and a playback are drawn from."""
 
 import math
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from pydantic import Field
@@ -9,9 +9,10 @@ from pydantic import Field
 from syncplan.arrays import Array
 from syncplan.documents import DocumentPart, Point
 from syncplan.flight.flight_records import RecordedSteps, Track
-from syncplan.flight.flight_series import mean_series
-from syncplan.flight.flying import Flight
 from syncplan.planning.planner import Plan
+
+if TYPE_CHECKING:
+    from syncplan.flight.flying import Flight
 
 Values = list[float | None]
 """Null where a vehicle is lost."""
@@ -104,8 +105,10 @@ _PLACES = 3
 _DECIMALS = 6
 
 
-def flight_over_time(flight: Flight) -> FlightOverTime | None:
+def flight_over_time(flight: "Flight") -> FlightOverTime | None:
     """Return a flight over time; None where it kept no series."""
+    from syncplan.flight.flight_series import mean_series
+
     if not flight.result.branches:
         return None
     team, names = flight.run.team, flight.run.plan.scenario.vehicle_names

@@ -32,10 +32,8 @@ def succeeded(http: httpx2.Client, job: str) -> bool:
     return bool(shown["state"] == "succeeded")
 
 
-@pytest.mark.parametrize(
-    "address", ["sqlite", pytest.param("postgresql", marks=pytest.mark.long)], indirect=True
-)
 @pytest.mark.long
+@pytest.mark.parametrize("address", ["postgresql"], indirect=True)
 def test_twenty_long_jobs_do_not_hold_up_a_short_one_of_another(
     address: str | None, tmp_path: Path
 ) -> None:

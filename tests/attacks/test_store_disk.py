@@ -86,8 +86,7 @@ def test_readiness_says_that_postgresql_is_read_only(tmp_path: Path, postgres: P
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("ended", ["killed", "stopped"])
-@pytest.mark.parametrize("worker", ["--worker", "--no-worker"])
+@pytest.mark.parametrize(("ended", "worker"), [("killed", "--worker"), ("stopped", "--no-worker")])
 def test_a_restart_on_a_full_disk_serves_what_is_stored(
     tmp_path: Path, ended: Literal["killed", "stopped"], worker: str
 ) -> None:

@@ -73,12 +73,7 @@ def _plant_inputs(connection: Connection, schema: str, job_id: str, pickled: str
 
 @pytest.mark.parametrize(
     ("address", "who"),
-    [
-        ("sqlite", "server"),
-        pytest.param("sqlite", "worker", marks=pytest.mark.long),
-        pytest.param("postgresql", "server", marks=pytest.mark.long),
-        pytest.param("postgresql", "worker", marks=pytest.mark.long),
-    ],
+    [("sqlite", "server"), ("postgresql", "worker")],
     indirect=["address"],
 )
 @pytest.mark.long

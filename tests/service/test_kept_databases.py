@@ -54,7 +54,7 @@ def test_what_version_1_has_kept_is_served_as_it_was(
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("kind", ["sqlite", "postgresql"])
+@pytest.mark.parametrize("kind", ["postgresql"])
 def test_jobs_that_version_1_has_not_finished_are_finished(
     kind: str, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:

@@ -37,19 +37,15 @@ from tests.tools.survival import (
 LONG = 100_000
 """Trials of a validation that takes minutes."""
 
-EACH = pytest.mark.parametrize(
-    "address", ["sqlite", pytest.param("postgresql", marks=pytest.mark.long)], indirect=True
-)
-
-
 # --- killed -------------------------------------------------------------------------------------
 
 
-@EACH
-@pytest.mark.parametrize(
-    ("victim", "seed"), [("server", 1), pytest.param("worker", 2, marks=pytest.mark.long)]
-)
 @pytest.mark.long
+@pytest.mark.parametrize(
+    ("address", "victim", "seed"),
+    [("sqlite", "server", 1), ("postgresql", "worker", 2)],
+    indirect=["address"],
+)
 def test_jobs_come_to_their_bytes_once_whoever_is_killed(
     address: str | None, tmp_path: Path, victim: Literal["server", "worker"], seed: int
 ) -> None:
@@ -79,7 +75,7 @@ def test_the_jobs_of_a_dead_worker_go_on_with_another(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-@EACH
+@pytest.mark.parametrize("address", ["sqlite"], indirect=True)
 def test_a_client_that_asks_again_gets_each_plan_and_job_once(
     address: str | None, tmp_path: Path
 ) -> None:
@@ -185,7 +181,7 @@ def _can_be_locked(file: str) -> bool:
 
 
 @pytest.mark.long
-@EACH
+@pytest.mark.parametrize("address", ["postgresql"], indirect=True)
 def test_a_worker_frozen_until_it_counts_as_dead_does_no_harm(
     address: str | None, tmp_path: Path
 ) -> None:
@@ -239,7 +235,7 @@ def test_a_cancelled_job_stops_long_before_its_end_and_stays_cancelled(tmp_path:
 
 
 @pytest.mark.long
-@EACH
+@pytest.mark.parametrize("address", ["sqlite", "postgresql"], indirect=True)
 def test_processes_that_start_on_nothing_at_the_same_moment_all_come_up(
     address: str | None, tmp_path: Path
 ) -> None:
