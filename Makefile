@@ -49,11 +49,10 @@ serve: $(VENV)/.api
 	$(BIN)/syncplan serve
 
 check: chromium $(VENV)/.dev
-	@# beside these, kernels are compiled, once for all tests
-	$(BIN)/python docker/warm_up.py filters & filters=$$!; \
-		$(BIN)/python docker/warm_up.py flights & flights=$$!; \
+	@# beside these, the kernels of small teams are compiled, once for all tests
+	$(BIN)/python docker/warm_up.py small & kernels=$$!; \
 		$(BIN)/ruff format --check . && $(BIN)/ruff check . && $(BIN)/lint-imports && $(BIN)/mypy && \
-		wait $$filters && wait $$flights
+		wait $$kernels
 	@# on small matrices, a second thread of BLAS costs more than it brings
 	OPENBLAS_NUM_THREADS=1 $(TESTS) --no-loadscope-reorder -m "not long"
 

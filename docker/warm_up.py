@@ -1,8 +1,8 @@
 """Compile the kernels of filters and flights into NUMBA_CACHE_DIR, for small and large teams.
 
-    python docker/warm_up.py [filters] [flights]
+    python docker/warm_up.py [small] [large]
 
-All of them without arguments. The two can be compiled side by side: each cache has one writer.
+Both without arguments. Kernels of large teams run one trial at a time, those of small ones many.
 """
 
 import sys
@@ -10,34 +10,31 @@ import sys
 import syncplan
 from syncplan.estimation.filters import FILTERS
 
-SIZES = (6, 100)
-"""Vehicles, side by side in wide lanes and alone in theirs."""
+VEHICLES = {"small": 6, "large": 100}
 
 
-def filters() -> None:
+def compile_filters(vehicles: int) -> None:
     """Compile what filters are made of."""
-    for vehicles in SIZES:
-        for one in FILTERS.values():
-            one.lane_filter.compile(vehicles)
+    for one in FILTERS.values():
+        one.lane_filter.compile(vehicles)
 
 
-def flights() -> None:
+def compile_flights(vehicles: int) -> None:
     """Compile what flies, by flying."""
-    for vehicles in SIZES:
-        team = {
-            "orbit": {"radius_m": 20, "angular_rate_rad_s": 0.2, "direction": "ccw"},
-            "formation": {"shape": "line", "count": vehicles, "spacing_m": 70},
-            "landmarks_m": [[-50, 0], [50, 50]],
-            "sensor": {"range_m": 50, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1},
-            "duration_s": 100,
-        }
-        plan = syncplan.plan(team, bound="never", pilot=False)
-        for guidance in ("track", "mpc"):
-            syncplan.fly(plan, trials=1, duration=1.0, guidance=guidance, filter="ekf")
+    team = {
+        "orbit": {"radius_m": 20, "angular_rate_rad_s": 0.2, "direction": "ccw"},
+        "formation": {"shape": "line", "count": vehicles, "spacing_m": 70},
+        "landmarks_m": [[-50, 0], [50, 50]],
+        "sensor": {"range_m": 50, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1},
+        "duration_s": 100,
+    }
+    plan = syncplan.plan(team, bound="never", pilot=False)
+    for guidance in ("track", "mpc"):
+        syncplan.fly(plan, trials=1, duration=1.0, guidance=guidance, filter="ekf")
 
-
-PARTS = {"filters": filters, "flights": flights}
 
 if __name__ == "__main__":
-    for name in sys.argv[1:] or PARTS:
-        PARTS[name]()
+    for name in sys.argv[1:] or VEHICLES:
+        # flights take most of what they need from filters
+        compile_filters(VEHICLES[name])
+        compile_flights(VEHICLES[name])

@@ -36,7 +36,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg.blas import dtrsm
 
 from syncplan.arrays import Array, Index
 from syncplan.estimation.foreseen_sightings import Asked, Foreseen, Groups
@@ -140,6 +139,8 @@ def factored(rows: Array, covariance: Array) -> tuple[Array, Array]:
 
 def solved(factor: Array, sides: Array, *, transposed: bool = False) -> Array:
     """Return the solution for the factor of an innovation, (m, m) and lower, or its transpose."""
+    from scipy.linalg.blas import dtrsm
+
     # BLAS counts columns first, and so takes the transposes as they lie in memory
     found = dtrsm(1.0, factor.T, sides.T, side=1, trans_a=transposed)
     return np.asarray(found, dtype=float).T

@@ -4,7 +4,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import qr, solve_triangular
 
 from syncplan.arrays import Array, Flags, Index
 from syncplan.observability.rank import (
@@ -135,6 +134,8 @@ def _spectrum(matrix: Array, size: int) -> tuple[Array, Array]:
 
 def _null_space(matrix: Array, rank: int) -> Array:
     """(size - rank, size) orthonormal, close to the null space, by QR with pivoting."""
+    from scipy.linalg import qr, solve_triangular
+
     size = matrix.shape[1]
     triangle, order = qr(matrix, mode="r", pivoting=True, check_finite=False)
     null = np.zeros((size, size - rank))
@@ -264,6 +265,8 @@ def name_error_modes(
 
 def _directions(poses: Observability, found: ExtendedObservability) -> Array:
     """(k, size) null vectors beside those of the poses alone, each with an error of its own."""
+    from scipy.linalg import qr
+
     if not len(found.null_space):
         return found.null_space
     size = 3 * found.layout.count

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
-import networkx as nx
 import numpy as np
 
 from syncplan.arrays import Array
@@ -21,6 +20,8 @@ def union_over(windows: Windows, period: float, start: float, length: float) -> 
     The relative position measurement graph has an edge i -> j where i sees j; nodes from the number
     of vehicles on are landmarks. A length of 0 gives the graph at that instant.
     """
+    import networkx as nx
+
     pair = np.repeat(np.arange(len(windows.observers)), np.diff(windows.first))
     span = windows.ends - windows.starts
     since = (start - windows.starts) % period
@@ -39,6 +40,8 @@ def two_colouring(count: int, edges: Iterable[Edge]) -> list[int] | None:
 
     The first vertex of every component has colour 0.
     """
+    import networkx as nx
+
     graph = _graph(count, edges)
     if not nx.is_bipartite(graph):
         return None
@@ -52,6 +55,8 @@ def two_colouring(count: int, edges: Iterable[Edge]) -> list[int] | None:
 
 def odd_cycle(count: int, edges: Iterable[Edge]) -> list[int]:
     """Return the vertices of an odd cycle in order, or an empty list if the graph is bipartite."""
+    import networkx as nx
+
     graph = _graph(count, edges)
     for component in nx.connected_components(graph):
         root = min(component)
@@ -68,6 +73,8 @@ def odd_cycle(count: int, edges: Iterable[Edge]) -> list[int]:
 
 def components(count: int, edges: Iterable[Edge]) -> list[list[int]]:
     """Return the connected components as sorted lists, ordered by their first vertex."""
+    import networkx as nx
+
     return sorted(sorted(part) for part in nx.connected_components(_graph(count, edges)))
 
 
@@ -76,6 +83,8 @@ def blocks(count: int, edges: Sequence[Edge]) -> list[list[int]]:
 
     What is chosen within a block binds no other: they share single vertices.
     """
+    import networkx as nx
+
     position = {(min(a, b), max(a, b)): k for k, (a, b) in enumerate(edges)}
     parts = nx.biconnected_component_edges(_graph(count, edges))
     return sorted(sorted(position[min(a, b), max(a, b)] for a, b in part) for part in parts)
@@ -83,6 +92,8 @@ def blocks(count: int, edges: Sequence[Edge]) -> list[list[int]]:
 
 def spanning_forest(count: int, edges: Sequence[Edge], weights: Sequence[float]) -> list[int]:
     """Return the positions in `edges` of a spanning forest of least total weight."""
+    import networkx as nx
+
     graph = nx.Graph()
     graph.add_nodes_from(range(count))
     for k, (a, b) in enumerate(edges):
@@ -93,6 +104,8 @@ def spanning_forest(count: int, edges: Sequence[Edge], weights: Sequence[float])
 
 def traversal(count: int, edges: Sequence[Edge]) -> list[tuple[int, int, int]]:
     """Return (parent, child, position in `edges`) breadth first, each component from its first."""
+    import networkx as nx
+
     graph = _graph(count, ((a, b, {"position": k}) for k, (a, b) in enumerate(edges)))
     return [
         (parent, child, graph[parent][child]["position"])
@@ -107,6 +120,8 @@ def bottleneck(lengths: Array) -> float:
     The range at which all vertices are connected; 0 for a single vertex. Infinite lengths are no
     edges.
     """
+    import networkx as nx
+
     a, b = np.triu_indices(len(lengths), 1)
     usable = np.isfinite(lengths[a, b])
     known = zip(a[usable].tolist(), b[usable].tolist(), lengths[a, b][usable].tolist(), strict=True)
@@ -117,6 +132,8 @@ def bottleneck(lengths: Array) -> float:
 
 def disjoint_sets(count: int) -> Any:
     """Return a union-find structure over `count` vertices: `sets[a]`, `sets.union(a, b)`."""
+    import networkx as nx
+
     return nx.utils.UnionFind(range(count))
 
 
@@ -135,6 +152,8 @@ def drawings(count: int, edges: Iterable[Edge], amount: int, seed: int) -> Itera
     Kamada-Kawai, the same begun at a planar drawing where there is one, spectral, then springs
     from random places. All are shaken a little, so that no two vertices fall on one point.
     """
+    import networkx as nx
+
     generator = np.random.default_rng(seed)
     if count <= 2:
         yield from [np.arange(count)[:, None] * np.array([[1.0, 0.0]])] * amount
@@ -160,6 +179,8 @@ def drawings(count: int, edges: Iterable[Edge], amount: int, seed: int) -> Itera
 
 def _graph(count: int, edges: Iterable[Edge | tuple[int, int, dict[str, Any]]]) -> Any:
     """The undirected graph of edges, each of which may have attributes."""
+    import networkx as nx
+
     graph = nx.Graph()
     graph.add_nodes_from(range(count))
     graph.add_edges_from(edges)

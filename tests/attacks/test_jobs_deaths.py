@@ -8,10 +8,9 @@ from pathlib import Path
 import pytest
 
 from tests.tools.busy_children import at_work, on_duty
-from tests.tools.processes import memory_given_back, wait_until, worked
+from tests.tools.processes import wait_until, worked
 from tests.tools.survival import Site, quick, validation
 
-KILLS = 3
 WELL_INTO_IT_S = 0.3
 """Processor time after which a child computes, beyond what it takes to get ready."""
 
@@ -46,20 +45,6 @@ class OneChild:
 def one_batch(folder: Path) -> Site:
     """A site where each job is one batch, so that each death is one of the same part."""
     return quick(folder, SYNCPLAN_PROCESSES="1", SYNCPLAN_BATCH_S="600")
-
-
-@pytest.mark.long
-def test_a_job_survives_the_deaths_of_all_who_compute_it(tmp_path: Path) -> None:
-    with one_batch(tmp_path) as site:
-        child = OneChild(site)
-        job_id = site.hand_in(validation(1600, 1))
-        site.wait_for(job_id, "running")
-        child.kill_at_work(job_id)
-        with memory_given_back(child.worker.popen.pid):
-            for _ in range(1, KILLS):
-                child.kill_at_work(job_id)
-                assert site.job(job_id)["state"] == "running", site.logs()
-        site.see_all_done()
 
 
 @pytest.mark.long

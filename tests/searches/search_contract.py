@@ -2,10 +2,9 @@
 
     python -m tests.searches.search_contract [CASES [SEED]]
 
-Part of `make check-all`; `make check` runs the same search with fewer cases and without its edge
-cases. The service is a real process that wants a key; its limits keep the jobs that come of it
-small. Schemathesis draws about CASES cases over all operations, after its own examples and edge
-cases, and follows links for as long.
+Part of `make check-all`. The service is a real process that wants a key; its limits keep the jobs
+that come of it small. Schemathesis draws about CASES cases over all operations, after its own
+examples and edge cases, and follows links for as long.
 """
 
 import math
