@@ -62,25 +62,23 @@ check-all: postgresql $(VENV)/.crosschecks check
 	$(TESTS) -m hypothesis --hypothesis-profile=fresh-cases
 	@# as many at once as there are cores, what each prints together; some start services and wait
 	OPENBLAS_NUM_THREADS=1 $(MAKE) --no-print-directory --output-sync --jobs $(CORES) \
-		crosschecks $(SEARCHES:%=search-%)
-	@# alone: a process's share of memory grows as others that use the same libraries end; the service
-	@# of the steps has real limits of time
+		crosschecks container-steps $(SEARCHES:%=search-%)
+	@# alone: a process's share of memory grows as others that use the same libraries end
 	$(BIN)/python -m tests.searches.search_requests 400 $(SEED)
-	docker/steps.sh
 
 # the longest first
 SEARCHES := survival contract upgrade sight-lines equipment clearances refinements robust counterexamples phases thrown flights holds windy start-up predictions batch tuning recording losses lost consistency neglect truth
 
-search-survival:        ARGUMENTS = 3 $(SEED)
+search-survival:        ARGUMENTS = 1 $(SEED)
 search-upgrade:         ARGUMENTS = 1 $(SEED)
-search-equipment:       ARGUMENTS = 2 $(SEED)
+search-equipment:       ARGUMENTS = 1 $(SEED)
 search-thrown:          ARGUMENTS = 40 $(SEED)
 search-robust:          ARGUMENTS = 24 $(SEED)
 search-start-up:        ARGUMENTS = 40 $(SEED) --trials 100 --missed 0.4 --wrong 0.2
 search-tuning:          ARGUMENTS = first-half
 search-predictions:     ARGUMENTS = 16 $(SEED) --trials 100 --median 0.06 --ninety 0.15
 search-neglect:         ARGUMENTS = 12 $(SEED) --most 0.2
-search-batch:           ARGUMENTS = 8 $(SEED)
+search-batch:           ARGUMENTS = 3 $(SEED)
 search-flights:         ARGUMENTS = 32 $(SEED) --draws 2 --losses 32 --plain 1 \
                         --teams 'same,side camera' --spare 1 --alike 0.1 --threads 1
 search-holds:           ARGUMENTS = 8 $(SEED)
@@ -90,22 +88,22 @@ search-recording:       ARGUMENTS = 2
 search-consistency:     ARGUMENTS = 20 $(SEED)
 search-clearances:      ARGUMENTS = 6 $(SEED)
 search-refinements:     ARGUMENTS = 8 $(SEED)
-search-phases:          ARGUMENTS = 200 $(SEED)
-search-sight-lines:     ARGUMENTS = 1500 $(SEED)
-search-contract:        ARGUMENTS = 500 $(SEED)
+search-phases:          ARGUMENTS = 100 $(SEED)
+search-sight-lines:     ARGUMENTS = 500 $(SEED)
+search-contract:        ARGUMENTS = 200 $(SEED)
 search-losses:          ARGUMENTS = 40 $(SEED)
 search-lost:            ARGUMENTS = 8 $(SEED) --trials 30 --slack 0.1
 search-truth:           ARGUMENTS = 2 $(SEED) --trials 60
-search-counterexamples: ARGUMENTS = 10000 $(SEED)
+search-counterexamples: ARGUMENTS = 4000 $(SEED)
 
 .PHONY: $(SEARCHES:%=search-%)
 $(SEARCHES:%=search-%): search-%:
 	$(BIN)/python -m tests.searches.search_$(subst -,_,$*) $(ARGUMENTS)
 
-# the simple model of flight beside somebody else's vehicles, in wind and gusts. Ten trials, the same
+# the simple model of flight beside somebody else's vehicles, in wind and gusts. Four trials, the same
 # each day: one by one they may differ by half, where a vehicle sees another a sample later
 crosschecks: $(VENV)/.crosschecks
-	$(BIN)/python -m tests.crosschecks.check_plants 10 1 --air gusts --readings measured
+	$(BIN)/python -m tests.crosschecks.check_plants 4 1 --air gusts --readings measured
 
 # only the long tests start a PostgreSQL of their own
 postgresql:

@@ -87,6 +87,7 @@ def speaks(server: Server) -> bool:
 
 
 @pytest.mark.parametrize("greeting", [b"", SLOW_BODY], ids=["silent", "refused"])
+@pytest.mark.long
 def test_the_reserve_is_held_by_nobody(server: Server, greeting: bytes) -> None:
     with crowd_of(server, 300), crowd_of(server, 200, greeting) as beyond:
         _health(server)

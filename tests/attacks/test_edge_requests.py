@@ -56,6 +56,7 @@ def _extensions() -> Iterator[bytes]:
 
 
 @pytest.mark.parametrize("endless", [_trailers, _one_trailer, _extensions])
+@pytest.mark.long
 def test_what_comes_around_a_chunked_body_is_bounded(server: Server, endless: object) -> None:
     assert callable(endless)
     for _ in range(3):

@@ -50,6 +50,7 @@ def test_a_row_of_a_sweep_that_takes_too_long_fails_with_the_limit(tmp_path: Pat
     assert "fewer vehicles" in job["error"]["detail"]
 
 
+@pytest.mark.long
 def test_what_would_take_minutes_is_refused_before_it_is_begun(
     server: Server, ann: httpx2.Client
 ) -> None:

@@ -1,0 +1,147 @@
+"""Mutants: one operator, number or condition of the code changed, and whether the tests notice.
+
+    python -m tests.tools.mutants syncplan --number 400 --seed 1
+    python -m tests.tools.mutants api --number 100 --seed 1 --checkout ../before
+
+Prints each mutant with the test that killed it, or as a survivor, and the share that was killed.
+The same seed draws the same mutants of the same code. A mutant is killed where `make check`'s tests
+fail, those of its own package first, or take longer than --timeout s. Its copy of the checkout is
+thrown away; the interpreter is the one that runs this.
+"""
+
+import argparse
+import ast
+import os
+import random
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+__all__ = ["Mutant", "main", "mutants_of"]
+
+SWAPPED = {
+    "Add": "-", "Sub": "+", "Mult": "/", "Div": "*", "FloorDiv": "*", "Mod": "*", "Pow": "*",
+    "Lt": "<=", "LtE": "<", "Gt": ">=", "GtE": ">", "Eq": "!=", "NotEq": "==",
+    "Is": "is not", "IsNot": "is", "In": "not in", "NotIn": "in", "And": "or", "Or": "and",
+}  # fmt: skip
+
+
+class Mutant(NamedTuple):
+    """A change: bytes `begin` to `end` of a file become `new`."""
+
+    path: Path
+    begin: int
+    end: int
+    new: str
+
+
+def mutants_of(path: Path) -> Iterator[Mutant]:
+    """Yield the mutants of a file, in order."""
+    source = path.read_bytes()
+    lines = [0]
+    for line in source.splitlines(keepends=True):
+        lines.append(lines[-1] + len(line))
+    tree = ast.parse(source)
+    notes = {
+        id(part)
+        for node in ast.walk(tree)
+        for note in (getattr(node, "annotation", None), getattr(node, "returns", None))
+        if note is not None
+        for part in ast.walk(note)
+    }
+
+    def at(line: int, column: int) -> int:
+        return lines[line - 1] + column
+
+    def between(left: ast.expr, right: ast.expr, operator: ast.AST) -> Mutant:
+        begin = at(left.end_lineno or 0, left.end_col_offset or 0)
+        end = at(right.lineno, right.col_offset)
+        # brackets around the operands stay
+        held = source[begin:end].decode()
+        gap = re.fullmatch(r"([\s)]*)(.*?)([\s(]*)", held, re.DOTALL)
+        assert gap is not None
+        return Mutant(path, begin, end, gap[1] + SWAPPED[type(operator).__name__] + gap[3])
+
+    for node in ast.walk(tree):
+        if id(node) in notes:
+            continue
+        if isinstance(node, ast.BinOp) and type(node.op).__name__ in SWAPPED:
+            yield between(node.left, node.right, node.op)
+        elif isinstance(node, ast.BoolOp):
+            yield between(node.values[0], node.values[1], node.op)
+        elif isinstance(node, ast.Compare):
+            yield between(node.left, node.comparators[0], node.ops[0])
+        elif isinstance(node, ast.Constant) and isinstance(node.value, int | float):
+            value = node.value
+            new = repr(not value) if isinstance(value, bool) else repr(value + 1)
+            begin = at(node.lineno, node.col_offset)
+            yield Mutant(path, begin, at(node.end_lineno or 0, node.end_col_offset or 0), new)
+        elif isinstance(node, ast.If | ast.While | ast.IfExp):
+            begin = at(node.test.lineno, node.test.col_offset)
+            end = at(node.test.end_lineno or 0, node.test.end_col_offset or 0)
+            yield Mutant(path, begin, end, f"(not ({source[begin:end].decode()}))")
+
+
+def killer_of(mutant: Mutant, copy: Path, timeout_s: float) -> str:
+    """Return the test that kills a mutant, "" for none; the file is as before afterwards."""
+    path = copy / mutant.path
+    before = path.read_bytes()
+    path.write_bytes(before[: mutant.begin] + mutant.new.encode() + before[mutant.end :])
+    own = copy / "tests" / ("service" if mutant.path.parts[0] == "api" else mutant.path.parts[1])
+    command = [sys.executable, "-m", "pytest", "-qx", "-m", "not long", "-p", "no:cacheprovider"]
+    try:
+        done = subprocess.run(
+            [*command, *([str(own)] if own.is_dir() else []), "tests"],
+            cwd=copy,
+            env={**os.environ, "PYTHONPATH": str(copy), "OPENBLAS_NUM_THREADS": "1"},
+            capture_output=True,
+            text=True,
+            timeout=timeout_s,
+        )
+    except subprocess.TimeoutExpired:
+        return "timeout"
+    finally:
+        path.write_bytes(before)
+    failed = re.search(r"^(?:FAILED|ERROR) (.*?)(?: - |$)", done.stdout, re.MULTILINE)
+    return "" if done.returncode == 0 else failed[1] if failed else "no test could be run"
+
+
+def main() -> None:
+    """Print the mutants of a folder and what became of each."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
+    parser.add_argument("folder", help="syncplan or api")
+    parser.add_argument("--number", type=int, default=400)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--timeout", type=float, default=1800.0)
+    parser.add_argument("--checkout", type=Path, default=Path())
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / "checkout"
+        unneeded = shutil.ignore_patterns(".git", ".venv", "build", "__pycache__", ".*_cache")
+        shutil.copytree(given.checkout, copy, ignore=unneeded)
+        found = [
+            one._replace(path=path.relative_to(copy))
+            for path in sorted((copy / given.folder).rglob("*.py"))
+            for one in mutants_of(path)
+        ]
+        drawn = random.Random(given.seed).sample(found, min(given.number, len(found)))
+        killed = 0
+        for number, mutant in enumerate(drawn, 1):
+            source = (copy / mutant.path).read_bytes()
+            line = source.count(b"\n", 0, mutant.begin) + 1
+            old = source[mutant.begin : mutant.end].decode().strip()
+            killer = killer_of(mutant, copy, given.timeout)
+            killed += bool(killer)
+            fate = f"killed by {killer}" if killer else "SURVIVED"
+            print(f"{mutant.path}:{line}: {old} -> {mutant.new.strip()}: {fate}", flush=True)
+            print(f"{killed} of {number} killed", file=sys.stderr, end="\r", flush=True)
+        print(f"{killed} of {len(drawn)} mutants killed, of {len(found)} that there are")
+
+
+if __name__ == "__main__":
+    main()
