@@ -100,10 +100,10 @@ search-counterexamples: ARGUMENTS = 4000 $(SEED)
 $(SEARCHES:%=search-%): search-%:
 	$(BIN)/python -m tests.searches.search_$(subst -,_,$*) $(ARGUMENTS)
 
-# the simple model of flight beside somebody else's vehicles, in wind and gusts. Four trials, the same
+# the simple model of flight beside somebody else's vehicles, in wind and gusts. Two trials, the same
 # each day: one by one they may differ by half, where a vehicle sees another a sample later
 crosschecks: $(VENV)/.crosschecks
-	$(BIN)/python -m tests.crosschecks.check_plants 4 1 --air gusts --readings measured
+	$(BIN)/python -m tests.crosschecks.check_plants 2 1 --air gusts --readings measured
 
 # only the long tests start a PostgreSQL of their own
 postgresql:

@@ -3,6 +3,8 @@
 import os
 from pathlib import Path
 
+import pytest
+
 from tests.attacks.conftest import SECRETS
 from tests.tools.api_servers import key_of
 from tests.tools.processes import family
@@ -21,6 +23,7 @@ def _open_files(process: int) -> list[str]:
     return [os.readlink(folder / number) for number in os.listdir(folder)]
 
 
+@pytest.mark.long
 def test_no_child_inherits_a_key_a_password_or_an_open_file(server: Server) -> None:
     parent, *children = family(server.popen.pid)
     assert _environment(parent)["PGPASSWORD"] == SECRETS["PGPASSWORD"]

@@ -152,6 +152,7 @@ def test_reports_and_sweeps_are_known_by_what_they_hold(run: Run, tmp_path: Path
     assert run("plot", report, "--compare", GRID)[0] == 2
 
 
+@pytest.mark.long
 def test_a_refined_plan_file_keeps_its_before_and_after(run: Run, tmp_path: Path) -> None:
     better = tmp_path / "better.json"
     scenario = tmp_path / "scenario.json"

@@ -143,6 +143,7 @@ def test_a_postgresql_that_is_not_there_is_one_line_soon(name: str) -> None:
     assert "secret" not in line
 
 
+@pytest.mark.long
 def test_a_postgresql_that_does_not_answer_is_one_line_soon() -> None:
     with socket.create_server(("127.0.0.1", 0)) as silent:
         url = f"postgresql://ann@127.0.0.1:{silent.getsockname()[1]}/plans"
@@ -150,6 +151,7 @@ def test_a_postgresql_that_does_not_answer_is_one_line_soon() -> None:
     assert "timeout" in line
 
 
+@pytest.mark.long
 def test_a_database_that_goes_away_while_a_worker_starts_is_one_line(tmp_path: Path) -> None:
     gone = f"""
 import sqlalchemy

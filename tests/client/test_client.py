@@ -207,6 +207,7 @@ def test_waiting_ends_in_time_and_the_job_goes_on_until_it_is_cancelled(
         client.wait(job)
 
 
+@pytest.mark.long
 def test_a_job_without_solution_says_why(client: Client, stored: RemotePlan) -> None:
     job = client.refine(stored, margin_m=80.0)
     with pytest.raises(syncplan.NoSolutionError, match=rf"job {job.id} failed.*v1-v2.*range 50 m"):

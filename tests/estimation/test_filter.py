@@ -343,6 +343,7 @@ def test_a_run_may_stop_on_its_way(lane_filter: LaneFilter) -> None:
     np.testing.assert_allclose(again.squares, statistics.squares, rtol=1e-8)
 
 
+@pytest.mark.long
 def test_a_large_team_in_one_lane_has_the_bytes_of_many_lanes() -> None:
     n, steps, random = WIDE_UP_TO + 1, 12, np.random.default_rng(3)
     seen = 3 * steps + 3

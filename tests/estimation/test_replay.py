@@ -476,6 +476,7 @@ except KeyboardInterrupt:
 """
 
 
+@pytest.mark.long
 def test_an_interrupt_ends_a_long_run_at_once() -> None:
     done = subprocess.run(
         [sys.executable, "-c", INTERRUPTED],

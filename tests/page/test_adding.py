@@ -59,6 +59,7 @@ def test_vehicles_that_are_added_lie_in_free_space_and_are_selected(
     assert accessibility_faults(page) == []
 
 
+@pytest.mark.long
 def test_a_vehicle_that_is_added_to_listed_links_is_linked_and_the_team_stays_a_go(
     visit: Visit,
 ) -> None:

@@ -105,6 +105,7 @@ def test_a_landmark_moves_by_mouse_and_the_view_stays_while_it_does(visit: Visit
     assert float(page.get_by_label("North (m)", exact=True).input_value()) > 0.0
 
 
+@pytest.mark.long
 def test_a_quick_plan_says_what_follows_until_the_whole_one_is_there(visit: Visit) -> None:
     page = visit.page
     predicted = page.get_by_role("row", name="Predicted RMS error").get_by_role("cell")

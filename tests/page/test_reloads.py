@@ -117,6 +117,7 @@ def test_a_reload_shows_the_outcome_of_a_validation_again_with_its_report(
     assert page.url.rpartition("/")[2] == ""
 
 
+@pytest.mark.long
 def test_a_link_names_the_plan_alone_and_says_that_it_was_copied(
     visit: Visit, server: Server
 ) -> None:

@@ -143,6 +143,7 @@ def test_what_waits_is_counted_with_its_age(tmp_path: Path) -> None:
     assert 0.0 <= found["syncplan_heartbeat_age_seconds"]["one",] < PATIENCE_S
 
 
+@pytest.mark.long
 def test_streams_are_counted_while_they_are_open(ann: httpx2.Client) -> None:
     plan = ann.post("/v1/plans", json=document()).json()["id"]
     job = ann.post(f"/v1/plans/{plan}/validations", json={"trials": 90_000}).headers["location"]

@@ -105,6 +105,7 @@ def test_a_job_is_counted_and_traced_where_it_ends(
     assert [one.trace_id for one in requests] == [TRACE]
 
 
+@pytest.mark.long
 def test_a_cancelled_job_is_counted_by_the_server(
     clients: tuple[httpx2.Client, httpx2.Client], collector: SpanCollector
 ) -> None:

@@ -95,6 +95,7 @@ def processes_of(parent: int) -> list[int]:
     return [one for one in family(parent)[1:] if "api.computing.child" in command(one)]
 
 
+@pytest.mark.long
 def test_a_child_yields_as_far_as_it_is_asked_to(pool: Pool) -> None:
     niceness = {os.getpriority(os.PRIO_PROCESS, one) for one in processes_of(os.getpid())}
     assert os.nice(0) + 7 in niceness
@@ -121,6 +122,7 @@ def test_a_fault_of_a_task_is_no_error_that_clients_hear_of(pool: Pool) -> None:
         pool.call("made_plan", None, "json", LIMITS, False)
 
 
+@pytest.mark.long
 def test_a_task_given_up_stops_at_once_or_is_never_begun(pool: Pool) -> None:
     first, second = at_work(pool), pool.submit(*LONG)
     second.cancel()

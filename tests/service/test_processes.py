@@ -238,6 +238,7 @@ def test_plans_and_jobs_are_those_of_one_service(pair: Server, ann: httpx2.Clien
     assert done(ann, job.headers["location"])["progress"]["done"] == 2
 
 
+@pytest.mark.long
 def test_a_process_that_is_killed_is_replaced_while_the_other_answers(pair: Server) -> None:
     before, killed = counted(pair), members_of(pair)[1]
     os.kill(killed, signal.SIGKILL)

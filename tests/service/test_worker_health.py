@@ -58,6 +58,7 @@ def test_a_worker_answers_machines_and_nobody_else(http: httpx2.Client) -> None:
         problem(http.get(path, headers=key), 404)
 
 
+@pytest.mark.long
 def test_a_worker_without_a_heartbeat_is_not_ready(http: httpx2.Client, folder: Path) -> None:
     with contextlib.closing(
         sqlite3.connect(folder / "data" / "syncplan.db", isolation_level=None)
