@@ -17,9 +17,8 @@ from pathlib import Path
 import numpy as np
 
 import syncplan
-from syncplan.estimation.online_replay import online_filter_of, steps_of
 from syncplan.estimation.recorded_run import run_of
-from syncplan.estimation.replays import OPTIONS
+from syncplan.estimation.replays import OPTIONS, online_filter_of, steps_of
 from syncplan.orbits.circles import Orbits, heading, position
 
 

@@ -75,14 +75,14 @@ class ValidationRequest(PlanTrialRequest):
 def _validation_computed(
     run: "TrialRun", first: int, trials: int, progress: TrialProgress
 ) -> bytes:
-    from syncplan.estimation.trial_archive import pack
+    from syncplan.estimation.trials import pack
     from syncplan.planning.validation import run_part
 
     return pack(run_part(run, first, trials, threads=1, progress=progress))
 
 
 def _validation_concluded(run: "TrialRun", parts: Sequence[bytes]) -> "Validation":
-    from syncplan.estimation.trial_archive import unpack
+    from syncplan.estimation.trials import unpack
     from syncplan.planning.validation import conclude
 
     return conclude(run, [unpack(one) for one in parts])
@@ -112,7 +112,7 @@ def _validation_runs(spec: JobSpec) -> list[TrialRun]:
 
 
 def _validation_report(spec: JobSpec, concluded: Sequence[Validation]) -> JobReport:
-    from syncplan.estimation.trial_archive import pack
+    from syncplan.estimation.trials import pack
     from syncplan.reports.validation_report import stress_document, validation_document
     from syncplan.runtime.files import as_text
 
@@ -201,14 +201,14 @@ def _flight_runs(spec: JobSpec) -> "list[FlightRun]":
 
 
 def _flight_computed(run: "FlightRun", first: int, trials: int, progress: TrialProgress) -> bytes:
-    from syncplan.flight.flight_archive import pack_flight
+    from syncplan.flight.flight_results import pack_flight
     from syncplan.flight.flying import fly_part
 
     return pack_flight(fly_part(run, first, trials, threads=1, progress=progress))
 
 
 def _flight_concluded(run: "FlightRun", parts: Sequence[bytes]) -> "Flight":
-    from syncplan.flight.flight_archive import unpack_flight
+    from syncplan.flight.flight_results import unpack_flight
     from syncplan.flight.flying import conclude_flight
 
     return conclude_flight(run, [unpack_flight(one) for one in parts])
@@ -220,7 +220,7 @@ def _flight_effort(run: "FlightRun") -> float:
 
 
 def _flight_report(_: JobSpec, concluded: "Sequence[Flight]") -> JobReport:
-    from syncplan.flight.flight_archive import pack_flight
+    from syncplan.flight.flight_results import pack_flight
     from syncplan.reports.flight_report import flight_document
     from syncplan.runtime.files import as_text
 

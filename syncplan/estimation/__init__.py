@@ -9,17 +9,14 @@ considered_errors  what errors cost that the filter does not estimate
 periodic_limit     the covariance once it has become periodic
 bounds             Cramer-Rao bounds
 covariance_kernel  covariance along a run, compiled
-loss_bounds        the posterior bound after many losses
 filters            the table of filters to choose from
 filter_options     which filter, its gate, how many trials of what length
-mean_interval      confidence interval of a mean over trials
 consistency        ANEES, NIS, coverage
 filter_statistics  what a filter counts on its way
 filter_setup       states, motion model, initial variances, gate, sightings and readings of a run
 start_search       how batch solutions are searched for
 pilot_readings     what a few trials read, samples thinned out
 pilot_model        their arcs, and rows of their sightings
-pilot_filter       their filter in plain NumPy
 pilot_batch        their batch solution
 pilot              errors of a filter from a few such trials
 reference_filter   the filter in plain NumPy, one trial, to read
@@ -32,27 +29,20 @@ batch_problem      the least-squares problem of a window, and what a trajectory 
 batch_linearisation  a linear filter along trajectories
 batch_smoother     the smoother's way back: a Gauss-Newton step
 batch_solution     the most likely trajectory over a window
-lane_solver        batch solutions of some lanes of a run, from many starts
 rivals             two estimates of a trial on the same later sightings
 robust_filter      the filter that finds its start, and itself where it is lost
 online_filter      a filter one step at a time
 trials             results of trials, whole and in parts
-outlying_trials    the median trial, and trials far off
 drawn_errors       lasting errors of trials
 air_motion         headings and airspeeds of circles in wind
 trial_readings     what is read in trials
-trial_chunks       chunks of trials over threads
 montecarlo         many trials along a plan
-trial_archive      trials as bytes
 replay_settings    what the filter assumes of a recording
 recorded_starts    where it starts
 recorded_readings  a recording's readings at their own times
 recorded_run       a recording as a run of the filter
-online_replay      a recording through the filter step by step
 recorded_observability  when a recording's sightings determined all poses
-lasting_innovations  whether errors of a recording's sightings last
 withheld_sightings  how well settings predict sightings that the filter is not given
-fitted_settings    the table of what is fitted
 replay_tuning      sigmas and delay from a recording's sightings, and whether they are worth it
 replay_results     what a replay found
 replays            the filter on a recording

@@ -17,21 +17,25 @@ its periodic limit : doubling of the Riccati map, Anderson, "Second-order conver
     the steady-state Riccati equation", International Journal of Control 28(2), 1978; structured
     doubling, Chu, Fan, Lin, Wang, "Structure-preserving algorithms for periodic discrete-time
     algebraic Riccati equations", International Journal of Control 77(8), 2004
+
+For many losses in little time, the noise, the rows and the displacements of the whole team's run
+are prepared once and selected from for each loss.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import lcm
 
 import numpy as np
 
 from syncplan.arrays import Array
+from syncplan.estimation.covariance_kernel import compiled_variances_along
 from syncplan.estimation.periodic_limit import settled_covariance
 from syncplan.estimation.referred_system import PosteriorBound, ReferredSystem
 from syncplan.observability.rank import Observability
 from syncplan.orbits.contacts import Windows
 from syncplan.orbits.error_states import layout_of
 from syncplan.orbits.sighting_kinds import kinds_measured, samples_between
-from syncplan.orbits.sightings import steps_within
+from syncplan.orbits.sightings import Remainder, steps_within
 from syncplan.orbits.team import Team
 
 _ADAPTED = 0.01
@@ -118,3 +122,28 @@ def _repeating(team: Team) -> tuple[Team, int]:
 
 def _sampled(team: Team, sample_time: float) -> Team:
     return replace(team, sensors=replace(team.sensors, sample_time=sample_time))
+
+
+# --- of a team that has lost something ------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class LossBounds:
+    """A run of a whole team, to find the bounds of its remainders from."""
+
+    system: ReferredSystem
+
+    @classmethod
+    def along(cls, team: Team, windows: Windows, duration: float) -> "LossBounds":
+        """Return the run of a team over `duration` s."""
+        steps = steps_within(duration, team.sensors.sample_time)
+        return cls(ReferredSystem.along(team, windows, steps, layout_of(team, ())))
+
+    def after(self, left: Remainder) -> PosteriorBound:
+        """Return the bound of what a loss leaves; raises NoSolutionError as posterior_bound."""
+        system = self.system.left_by(left, layout_of(left.team))
+        if not system.run.poses_alone:
+            return system.from_start(system.bound)
+        return system.from_start(
+            lambda covariance: system.of_poses(compiled_variances_along(system.run, covariance))
+        )

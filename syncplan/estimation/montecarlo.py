@@ -3,13 +3,17 @@
 Each trial draws from a generator of its own: `trial_readings`. Trials are filtered in chunks of
 CHUNK_TRIALS, cut at fixed trial numbers, so neither threads nor division into parts changes a byte;
 see syncplan.estimation.trials.
+
+Chunks are computed side by side, over threads, and delivered in order.
 """
 
 import threading
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Generator
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -18,7 +22,6 @@ from syncplan.errors import InputError
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.filter_setup import FilterSetup, build_setup
 from syncplan.estimation.filter_statistics import FilterRun, empty_series, empty_statistics
-from syncplan.estimation.trial_chunks import StoppedError, chunks_in_order
 from syncplan.estimation.trial_readings import TrialReadings
 from syncplan.estimation.trials import (
     CHUNK_TRIALS,
@@ -37,6 +40,39 @@ from syncplan.runtime.machine import threads_for
 
 if TYPE_CHECKING:
     from syncplan.estimation.lane_filter import LaneFilter
+
+
+# --- chunks ---------------------------------------------------------------------------------------
+
+
+Result = TypeVar("Result")
+
+
+class StoppedError(Exception):
+    """The run was interrupted; this chunk will not be read."""
+
+
+def chunks_in_order(
+    compute: Callable[[range, threading.Event], Result], begin: int, end: int, threads: int
+) -> Generator[Result]:
+    """Return the results of all chunks of the trials, in order, a few computed ahead.
+
+    `compute` takes the trials of a chunk, and an event: where that is set it raises StoppedError.
+    Whatever interrupts the caller also stops the threads, each after its present trials.
+    """
+    pending: deque[Future[Result]] = deque()
+    stop = threading.Event()
+    with ThreadPoolExecutor(threads) as pool:
+        try:
+            for start in range(begin, end, CHUNK_TRIALS):
+                chunk = range(start, min(start + CHUNK_TRIALS, end))
+                pending.append(pool.submit(compute, chunk, stop))
+                if len(pending) > 2 * threads:
+                    yield pending.popleft().result()
+            while pending:
+                yield pending.popleft().result()
+        finally:
+            stop.set()
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.estimation.filters import FilterModel
 from syncplan.estimation.pilot_batch import batch_start
-from syncplan.estimation.pilot_filter import PilotFilter
+from syncplan.estimation.pilot_model import PilotFilter
 from syncplan.estimation.pilot_readings import PilotReadings, thinned
 from syncplan.orbits.contacts import Windows
 from syncplan.orbits.sightings import sample_sightings, steps_within

@@ -24,8 +24,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
-from syncplan.estimation.pilot_filter import PilotFilter
-from syncplan.estimation.pilot_model import Arcs, Seen, arcs_of, solved
+from syncplan.estimation.pilot_model import Arcs, PilotFilter, Seen, arcs_of, solved
 from syncplan.estimation.pilot_readings import PilotReadings
 from syncplan.estimation.start_search import (
     CLOSE_ENOUGH,

@@ -6,9 +6,9 @@ from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.estimation.consistency import Consistency
 from syncplan.estimation.filter_options import FilterOptions
-from syncplan.estimation.lasting_innovations import Lasting
 from syncplan.estimation.recorded_observability import SeenOverTime
 from syncplan.estimation.recorded_readings import Clock, LeftOut
+from syncplan.estimation.recorded_run import Lasting
 from syncplan.estimation.replay_settings import ReplaySettings
 from syncplan.estimation.replay_tuning import Tuning
 from syncplan.estimation.trials import Accuracy, MonteCarloResult

@@ -2,21 +2,32 @@
 
 `recorded_readings` brings readings onto one clock, `recorded_run` runs the filter on them;
 `replay_settings` says what it assumes.
+
+The filter also runs one step at a time, as it would have run on the robots: the same steps by the
+same kernels, so that its figures are the same to rounding.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.estimation.consistency import coverage, recorded_anees, recorded_nis
 from syncplan.estimation.filter_options import FilterOptions, options_with
 from syncplan.estimation.filters import FOR_RECORDINGS
-from syncplan.estimation.lasting_innovations import lasting_of
+from syncplan.estimation.online_filter import Arrived, OnlineFilter
 from syncplan.estimation.recorded_observability import seen_over_time
-from syncplan.estimation.recorded_run import FilteredRun, RecordedRun, Seen, filtered, run_of
+from syncplan.estimation.recorded_run import (
+    FilteredRun,
+    RecordedRun,
+    Seen,
+    filtered,
+    lasting_of,
+    run_of,
+)
 from syncplan.estimation.replay_results import ErrorsFromTruth, FittedError, KindCounts, Replay
 from syncplan.estimation.replay_settings import (
     GROUND_ROBOTS,
@@ -162,3 +173,50 @@ def replay_options(options: FilterOptions | None, changes: Mapping[str, Any]) ->
         problem = f"{chosen.filter!r} needs the truth, which only trials have; choose {others}"
         raise InputError(problem, key="filter")
     return chosen
+
+
+# --- step by step ---------------------------------------------------------------------------------
+
+
+class RecordedStep(NamedTuple):
+    """What a team has read in a step of a recording.
+
+    Fields
+    ------
+    speeds, turn_rates : (n,) m/s, rad/s
+    arrived : sightings at its end
+    span : s
+    sample : number of the clock's sample that it ends at; -1 for none
+    """
+
+    speeds: Array
+    turn_rates: Array
+    arrived: Arrived
+    span: float
+    sample: int
+
+
+def online_filter_of(run: RecordedRun, options: FilterOptions) -> OnlineFilter:
+    """Return the filter of a replay's run at its start."""
+    stream = np.random.SeedSequence(options.seed)
+    return OnlineFilter(run.setup, run.readings.initial[..., 0], options.filter_model, stream)
+
+
+def steps_of(run: RecordedRun) -> Iterator[RecordedStep]:
+    """Yield the steps of a replay's run, in order of time."""
+    setup, readings = run.setup, run.readings
+    for k in range(len(setup.spans)):
+        rows = slice(setup.first[k + 1], setup.first[k + 2])
+        yield RecordedStep(
+            readings.speeds[k, :, 0],
+            readings.turn_rates[k, :, 0],
+            Arrived(
+                setup.observers[rows],
+                setup.targets[rows],
+                setup.kinds[rows],
+                setup.variances[rows],
+                readings.sightings[rows, 0],
+            ),
+            float(setup.spans[k]),
+            int(setup.compared[k + 1]),
+        )

@@ -8,10 +8,19 @@ CHUNK_TRIALS trials, whose shape depends on the trial numbers alone:
     level 2        0123                       complete branches; `merge` joins adjacent ones
 
 so parts of a run that are computed elsewhere and merged give the bytes of the whole.
+
+An RMS over trials is that of its few worst ones where a filter is lost in some. The median trial is
+what to expect of one run, and the share of trials over a multiple of the bound is how often to
+expect something else.
+
+An archive of trials is a part of a Monte Carlo run as bytes, an .npz file of plain arrays.
 """
 
+import io
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import MISSING, dataclass, field, fields
+from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -317,3 +326,96 @@ def _mean_series(result: MonteCarloResult, name: str) -> Array:
 def _are_siblings(left: Branch, right: Branch) -> bool:
     same = left.level == right.level and left.index + 1 == right.index
     return same and left.index % 2 == 0
+
+
+# --- how errors spread over trials ----------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class TrialErrors:
+    """Errors of each trial.
+
+    Attributes
+    ----------
+    late_position : (trials, n) m, RMS over the second half of the run
+    """
+
+    late_position: Array
+
+    def median(self) -> Array:
+        """Return the median over trials, (n,) m."""
+        return np.asarray(np.median(self.late_position, axis=0))
+
+    def overall_median(self) -> float:
+        """Return the median over trials of the RMS over vehicles, m."""
+        return float(np.median(np.sqrt(np.mean(self.late_position**2, axis=1))))
+
+    def share_over(self, limits: Array) -> Array:
+        """Return the share (n,) of trials over each vehicle's limit (n,) in m."""
+        return np.asarray(np.mean(self.late_position > limits, axis=0))
+
+    def overall_share_over(self, limits: Array) -> float:
+        """Return the share of trials in which any vehicle is over its limit (n,) in m."""
+        return float(np.mean(np.any(self.late_position > limits, axis=1)))
+
+
+def trial_errors(result: MonteCarloResult) -> TrialErrors:
+    """Return the errors of each trial of a run."""
+    squares = result.late_mean_squares
+    return TrialErrors(np.sqrt(squares[..., 0] + squares[..., 1]))
+
+
+# --- archives -------------------------------------------------------------------------------------
+
+
+_BRANCHES = "branches"
+
+
+def pack(part: MonteCarloResult) -> bytes:
+    """Return a part as bytes that hold every bit of it."""
+    arrays: dict[str, Any] = {
+        field.name: np.asarray(getattr(part, field.name))
+        for field in fields(part)
+        if field.name != _BRANCHES
+    }
+    arrays["places"] = np.array(
+        [(branch.level, branch.index) for branch in part.branches], dtype=np.int64
+    ).reshape(-1, 2)
+    for k, branch in enumerate(part.branches):
+        arrays[f"sums_{k}"], arrays[f"error_sums_{k}"] = branch.sums, branch.error_sums
+    buffer = io.BytesIO()
+    np.savez(buffer, **arrays)
+    return buffer.getvalue()
+
+
+def unpack(data: bytes) -> MonteCarloResult:
+    """Return the part that `pack` turned into bytes; raises InputError for other bytes.
+
+    Parts packed before there were further states load as parts without any.
+    """
+    try:
+        with np.load(io.BytesIO(data), allow_pickle=False) as stored:
+            places = stored["places"].tolist()
+            branches = tuple(
+                Branch(level, index, stored[f"sums_{k}"], *_later(stored, f"error_sums_{k}"))
+                for k, (level, index) in enumerate(places)
+            )
+            values = {
+                field.name: _value(stored[field.name])
+                for field in fields(MonteCarloResult)
+                if field.name != _BRANCHES
+                and (field.name in stored or field.default_factory is MISSING)
+            }
+    except (OSError, EOFError, BadZipFile, ValueError, KeyError) as error:
+        raise InputError(f"not a part of a run: {error}", key="parts") from None
+    return MonteCarloResult(branches=branches, **values)
+
+
+def _later(stored: Any, name: str) -> list[Any]:
+    """An array that older archives have not: none or one."""
+    return [stored[name]] if name in stored else []
+
+
+def _value(stored: Any) -> Any:
+    """A scalar as Python's own number, an array as it is."""
+    return stored.item() if stored.ndim == 0 else stored

@@ -21,8 +21,7 @@ import numpy as np
 
 from syncplan.arrays import Array, Index
 from syncplan.estimation.filter_options import FilterOptions
-from syncplan.estimation.lasting_innovations import BLOCK_S
-from syncplan.estimation.recorded_run import filtered, run_of
+from syncplan.estimation.recorded_run import BLOCK_S, filtered, run_of
 from syncplan.estimation.replay_settings import ReplaySettings
 from syncplan.orbits.sighting_kinds import BEARING, place_of
 from syncplan.recordings.log import Log

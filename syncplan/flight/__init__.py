@@ -15,23 +15,16 @@ predictive_program   the quadratic program of one vehicle about a guess
 predictive_team      guesses and programs of a team; flights that come out of them
 predictive_solver    OSQP for these programs
 predictive_guidance  guidance `mpc`: decisions of a team from estimates
-predictive_check     what a decision breaks, in NumPy
 seeking              circles that move to their anchors
 closed_loop          the filter with the flight in it
-bound_along          the bound along the paths flown
 flown_team           a team's set-ups, and what its trials are drawn
-lane_guidance        guidance mpc for trials side by side
 flown_lanes          some trials on their way
 flight_records       what is recorded on the way
 flight_measures      phase, separation, meetings
 flight_results       figures of each trial
-flight_archive       an archive of flights
 flown_figures        the figures of trials that were flown
-flight_series        figures over time
 flights              many trials over threads
 flying               flights of a plan
 onboard_data         what a navigator is given and gives
-arrivals             what it was given, until late sightings can arrive no more
-onboard_kernels      its kernel
 navigator            filter and guidance one step at a time
 """

@@ -24,15 +24,21 @@ from syncplan.estimation.filters import FILTERS
 from syncplan.estimation.kernels import lanes_of
 from syncplan.estimation.online_filter import Arrived, OnlineFilter
 from syncplan.estimation.trial_readings import filter_stream
-from syncplan.flight.arrivals import Arrivals, SampleRead
 from syncplan.flight.closed_loop import carry_on
 from syncplan.flight.flight_options import AS_COMMANDED, TRACKING, FlightOptions
+from syncplan.flight.flown_lanes import winds_of
 from syncplan.flight.flying import flight_run
-from syncplan.flight.lane_guidance import winds_of
-from syncplan.flight.onboard_data import Command, Estimate, Sensed, TimedSighting
-from syncplan.flight.onboard_kernels import steer
+from syncplan.flight.onboard_data import (
+    Arrivals,
+    Command,
+    Estimate,
+    SampleRead,
+    Sensed,
+    TimedSighting,
+)
 from syncplan.flight.predictive_guidance import Memory, PredictiveGuidance, PredictiveOptions
 from syncplan.flight.seeking import move_circles
+from syncplan.flight.tracking_law import steer
 from syncplan.orbits.circles import heading, position
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
 from syncplan.planning.plan_files import PlanSubject

@@ -20,7 +20,7 @@ import math
 
 from syncplan.arrays import Array
 from syncplan.estimation.filter_setup import DRIFT, States
-from syncplan.estimation.kernels import Lanes, inner
+from syncplan.estimation.kernels import Lanes, inner, kernel
 from syncplan.flight.flight_setup import Circles, Law
 
 STILL = 0.05
@@ -87,3 +87,31 @@ def track(
             speed = math.sqrt(want_x * want_x + want_y * want_y)
             commands[i, 0, lane] = speed * max(math.cos(turn), 0.0)
             commands[i, 1, lane] = ahead + law.heading_gain * turn
+
+
+# --- a team that flies by itself ------------------------------------------------------------------
+
+
+@kernel
+def steer(
+    circles: Circles,
+    law: Law,
+    time: float,
+    x: Array,
+    bounds: tuple[Array, Array, Array],
+    states: States,
+    moved: Array,
+    commands: Array,
+    lanes: Lanes,
+) -> None:
+    """Fill in commands (n, 2, lanes) of the tracking law, within bounds (n,).
+
+    `bounds` are the least and largest speeds, and the largest turn rates.
+    """
+    track(circles, law, time, x, states, moved, commands, lanes)
+    least, most, turn = bounds
+    for i in range(len(commands)):
+        for lane in range(len(lanes)):
+            v, w = commands[i, 0, lane], commands[i, 1, lane]
+            commands[i, 0, lane] = min(max(v, least[i]), most[i])
+            commands[i, 1, lane] = min(max(w, -turn[i]), turn[i])

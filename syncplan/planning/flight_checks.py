@@ -49,7 +49,7 @@ def without_links(judged: JudgedTeam, links: Collection[tuple[int, int]]) -> Wit
     before = judged.prediction.rms
     if not observable or before is None:
         return WithoutLinks(needed=not observable, cost="")
-    from syncplan.estimation.loss_bounds import LossBounds
+    from syncplan.estimation.bounds import LossBounds
 
     bounds = LossBounds.along(judged.team, judged.windows, judged.scenario.duration_s)
     try:

@@ -29,7 +29,7 @@ from syncplan.runtime.machine import threads_for
 from syncplan.runtime.numerics import single_threaded_blas
 
 if TYPE_CHECKING:
-    from syncplan.estimation.loss_bounds import LossBounds
+    from syncplan.estimation.bounds import LossBounds
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,7 +177,7 @@ class _Study:
     @cached_property
     def bounds(self) -> "LossBounds":
         """The run that predicted errors are found from."""
-        from syncplan.estimation.loss_bounds import LossBounds
+        from syncplan.estimation.bounds import LossBounds
 
         plan = self.plan
         return LossBounds.along(plan.team, self.assessed.windows, plan.scenario.duration_s)

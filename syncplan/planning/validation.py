@@ -9,7 +9,12 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.bounds import posterior_bound
-from syncplan.estimation.consistency import Consistency, anees, coverage, nis
+from syncplan.estimation.consistency import (
+    Consistency,
+    anees,
+    coverage,
+    nis,
+)
 from syncplan.estimation.filter_options import (
     FilterOptions,
     options_with,
@@ -18,9 +23,15 @@ from syncplan.estimation.filter_options import (
 from syncplan.estimation.filter_setup import judged_from
 from syncplan.estimation.filters import AUTO
 from syncplan.estimation.montecarlo import run_trials
-from syncplan.estimation.outlying_trials import TrialErrors, trial_errors
 from syncplan.estimation.trial_readings import possible_sightings
-from syncplan.estimation.trials import Accuracy, MonteCarloResult, accuracy, merge
+from syncplan.estimation.trials import (
+    Accuracy,
+    MonteCarloResult,
+    TrialErrors,
+    accuracy,
+    merge,
+    trial_errors,
+)
 from syncplan.orbits.contacts import Windows, find_windows
 from syncplan.orbits.sightings import Sightings
 from syncplan.orbits.team import Team

@@ -107,7 +107,7 @@ _DECIMALS = 6
 
 def flight_over_time(flight: "Flight") -> FlightOverTime | None:
     """Return a flight over time; None where it kept no series."""
-    from syncplan.flight.flight_series import mean_series
+    from syncplan.flight.flights import mean_series
 
     if not flight.result.branches:
         return None

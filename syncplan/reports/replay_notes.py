@@ -4,8 +4,8 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.estimation.consistency import Consistency
-from syncplan.estimation.lasting_innovations import BLOCK_S
 from syncplan.estimation.recorded_readings import longest_gap
+from syncplan.estimation.recorded_run import BLOCK_S
 from syncplan.estimation.replay_results import KindCounts, Replay
 from syncplan.estimation.replay_tuning import Tuning
 from syncplan.phrases import listed

@@ -11,8 +11,7 @@ from syncplan.arrays import Array
 from syncplan.documents import Document, DocumentPart, finite_or_none
 from syncplan.errors import InputError
 from syncplan.estimation.considered_errors import neglected_errors
-from syncplan.estimation.outlying_trials import TrialErrors
-from syncplan.estimation.trials import Accuracy, state_series
+from syncplan.estimation.trials import Accuracy, TrialErrors, state_series
 from syncplan.orbits.error_states import layout_of
 from syncplan.phrases import listed
 from syncplan.planning.judged_team import PlanVerdict

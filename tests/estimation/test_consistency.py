@@ -14,12 +14,12 @@ from syncplan.estimation.consistency import (
     anees,
     chi_square_band,
     gate_threshold,
+    interval_of_mean,
     nis,
     recorded_anees,
     recorded_nis,
 )
-from syncplan.estimation.mean_interval import interval_of_mean
-from syncplan.estimation.outlying_trials import TrialErrors
+from syncplan.estimation.trials import TrialErrors
 from tests.searches.search_consistency import search
 
 SAMPLES = st.lists(st.integers(0, 1000), min_size=2, max_size=40).filter(lambda x: len(set(x)) > 1)

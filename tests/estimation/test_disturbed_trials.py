@@ -12,9 +12,8 @@ from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.filter_setup import DISTANCE_KIND
 from syncplan.estimation.montecarlo import run_trials
 from syncplan.estimation.reference_filter import displacement, moved_state, sighted
-from syncplan.estimation.trial_archive import pack, unpack
 from syncplan.estimation.trial_readings import possible_sightings
-from syncplan.estimation.trials import MonteCarloResult, merge, series, state_series
+from syncplan.estimation.trials import MonteCarloResult, merge, pack, series, state_series, unpack
 from syncplan.orbits.circles import heading, position, wrap
 from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.error_states import layout_of

@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 
 from syncplan.estimation.filter_options import FilterOptions
-from syncplan.estimation.fitted_settings import FITTED, point_of, settings_at
-from syncplan.estimation.lasting_innovations import BLOCK_S, lasting_of
-from syncplan.estimation.recorded_run import filtered, run_of
+from syncplan.estimation.recorded_run import BLOCK_S, filtered, lasting_of, run_of
 from syncplan.estimation.replay_settings import ReplaySettings
-from syncplan.estimation.replay_tuning import FIT_SHARE
+from syncplan.estimation.replay_tuning import FIT_SHARE, FITTED, point_of, settings_at
 from syncplan.estimation.replays import OPTIONS, replay, replay_with
 from syncplan.estimation.trials import series
 from syncplan.estimation.withheld_sightings import UNTOLD, Predictions, judged, predictions_of

@@ -13,8 +13,7 @@ from syncplan.errors import InputError
 from syncplan.estimation import montecarlo
 from syncplan.estimation.consistency import anees, coverage, nis
 from syncplan.estimation.filter_options import FilterOptions
-from syncplan.estimation.montecarlo import run_trials
-from syncplan.estimation.trial_chunks import StoppedError
+from syncplan.estimation.montecarlo import StoppedError, run_trials
 from syncplan.estimation.trial_readings import TrialReadings
 from syncplan.estimation.trials import MonteCarloResult, accuracy, merge, series
 from syncplan.orbits.circles import Orbits

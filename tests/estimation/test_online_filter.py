@@ -8,9 +8,9 @@ import pytest
 
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.online_filter import OnlineFilter
-from syncplan.estimation.online_replay import online_filter_of, steps_of
 from syncplan.estimation.recorded_run import filtered, run_of
 from syncplan.estimation.replay_settings import ReplaySettings
+from syncplan.estimation.replays import online_filter_of, steps_of
 from syncplan.orbits.circles import wrap
 from syncplan.orbits.noise import Noise
 from syncplan.recordings.log import Log

@@ -13,8 +13,7 @@ from syncplan.estimation.correction_kernels import second_order_variance
 from syncplan.estimation.filters import FILTERS
 from syncplan.estimation.pilot import pilot_squares, pilot_work
 from syncplan.estimation.pilot_batch import _linear, _Path, batch_start
-from syncplan.estimation.pilot_filter import PilotFilter
-from syncplan.estimation.pilot_model import Seen
+from syncplan.estimation.pilot_model import PilotFilter, Seen
 from syncplan.estimation.pilot_readings import PilotReadings, thinned
 from syncplan.estimation.start_search import ROUNDS, search_further
 from syncplan.planning.planner import plan

@@ -3,7 +3,7 @@
 import pytest
 
 from syncplan.errors import Fault, InputError
-from syncplan.estimation.trial_archive import pack, unpack
+from syncplan.estimation.trials import pack, unpack
 from syncplan.planning.plan_files import loaded_from, plan_of
 from syncplan.planning.planner import plan
 from syncplan.planning.validation import conclude, run_part, trial_run, validate

@@ -8,9 +8,8 @@ import pytest
 
 from syncplan.arrays import Array
 from syncplan.estimation import covariances
-from syncplan.estimation.bounds import posterior_bound, steady_bound
+from syncplan.estimation.bounds import LossBounds, posterior_bound, steady_bound
 from syncplan.estimation.covariances import carried_along
-from syncplan.estimation.loss_bounds import LossBounds
 from syncplan.estimation.referred_system import ReferredSystem
 from syncplan.orbits.circles import position
 from syncplan.orbits.error_states import ERROR_STATES, layout_of

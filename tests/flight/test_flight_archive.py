@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from syncplan.errors import InputError
-from syncplan.estimation.trial_archive import pack
-from syncplan.flight.flight_archive import pack_flight, unpack_flight
-from syncplan.flight.flight_results import FlightResult
+from syncplan.estimation.trials import pack
+from syncplan.flight.flight_results import FlightResult, pack_flight, unpack_flight
 from syncplan.flight.flying import FlightRun, conclude_flight, flight_run, fly_part
 from syncplan.planning.planner import plan
 from syncplan.reports.flight_report import flight_document

@@ -11,7 +11,7 @@ from syncplan.errors import InputError
 from syncplan.flight.flight_options import FlightOptions
 from syncplan.flight.flight_records import MOMENTS, MOST_TIMES, RecordedSteps, tracked_trials
 from syncplan.flight.flight_results import FlightResult, joined_flights
-from syncplan.flight.flight_series import FlightSeries, mean_series
+from syncplan.flight.flights import FlightSeries, mean_series
 from syncplan.flight.flying import FlightRun, flight_run, fly_part
 from syncplan.planning.planner import Plan, plan
 from tests.tools.scenarios import changed

@@ -9,7 +9,6 @@ import pytest
 from syncplan.arrays import Array
 from syncplan.flight import predictive_solver
 from syncplan.flight.flight_limits import FlightLimits
-from syncplan.flight.predictive_check import DecisionCheck, check_decision
 from syncplan.flight.predictive_guidance import (
     Decision,
     PredictiveGuidance,
@@ -27,6 +26,7 @@ from tests.tools.exact_flights import (
     predictive,
     tracking,
 )
+from tests.tools.predictive_check import DecisionCheck, check_decision
 
 OPTIONS = PredictiveOptions()
 STEP = 0.5

@@ -12,8 +12,7 @@ from numpy.testing import assert_array_equal
 
 import syncplan
 from syncplan.errors import InputError
-from syncplan.estimation.bounds import posterior_bound
-from syncplan.estimation.loss_bounds import LossBounds
+from syncplan.estimation.bounds import LossBounds, posterior_bound
 from syncplan.observability.loss_ranks import decisive_losses
 from syncplan.observability.rank import assess_remainder, assess_team
 from syncplan.orbits.contacts import find_windows

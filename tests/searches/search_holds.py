@@ -17,7 +17,6 @@ import numpy as np
 
 from syncplan.arrays import Array, Flags
 from syncplan.flight.flying import FlightRun, flight_run, fly
-from syncplan.flight.predictive_check import DecisionCheck, check_decision
 from syncplan.flight.predictive_guidance import (
     STEP_ANGLE,
     Decision,
@@ -27,6 +26,7 @@ from syncplan.flight.predictive_guidance import (
 from syncplan.planning.planner import Plan, plan
 from syncplan.scenario.loading import scenario_from
 from tests.tools.flown_trials import lanes_begun
+from tests.tools.predictive_check import DecisionCheck, check_decision
 from tests.tools.scenarios import changed
 
 __all__ = ["main"]

@@ -19,8 +19,8 @@ from api.job_kinds.trial_jobs import FlightRequest
 from api.service import limits_of
 from api.settings import load_settings
 from syncplan.errors import InputError
-from syncplan.flight.flight_archive import unpack_flight
 from syncplan.flight.flight_options import GUIDANCES, FlightOptions
+from syncplan.flight.flight_results import unpack_flight
 from syncplan.flight.flying import fly
 from syncplan.reports.flight_report import flight_document
 from syncplan.runtime.files import as_text
