@@ -25,8 +25,7 @@ from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import NO_LANDMARKS, Orbits, heading, position
 from syncplan.orbits.contacts import Windows, find_windows, reachable_pairs
 from syncplan.orbits.noise import Noise
-from syncplan.orbits.sensors import Sensors
-from syncplan.orbits.team import Team
+from syncplan.orbits.team import Sensors, Team
 
 Flags = Flags
 

@@ -23,9 +23,15 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks import Figure, print_figures
 from syncplan.arrays import Array, Flags
-from syncplan.flight.predictive_guidance import PredictiveGuidance, PredictiveOptions
+from syncplan.flight.predictive_guidance import (
+    RHO,
+    SETTINGS,
+    PredictiveGuidance,
+    PredictiveOptions,
+    ProgramSolver,
+    Solution,
+)
 from syncplan.flight.predictive_program import Program
-from syncplan.flight.predictive_solver import RHO, SETTINGS, ProgramSolver, Solution
 from tests.tools.exact_flights import (
     Guidance,
     Hold,

@@ -21,7 +21,7 @@ from syncplan.observability.rank import assess_team
 from syncplan.orbits.sightings import single_losses
 from syncplan.planning.loss_study import what_if
 from syncplan.planning.planner import Plan, plan
-from syncplan.runtime.numerics import single_threaded_blas
+from syncplan.runtime.machine import single_threaded_blas
 from syncplan.scenario.loading import load_scenario, scenario_from
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples" / "scenarios"

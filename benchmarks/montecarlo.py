@@ -23,9 +23,8 @@ from syncplan.estimation.montecarlo import run_trials
 from syncplan.orbits.circles import Orbits, heading, position, wrap
 from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.noise import Noise
-from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import Sightings, sample_sightings
-from syncplan.orbits.team import Team
+from syncplan.orbits.team import Sensors, Team
 from syncplan.runtime.machine import usable_cores
 
 Scene = tuple[Team, Sightings, int]

@@ -38,9 +38,8 @@ from syncplan.observability.rank import RANK_TOLERANCE, assess, link_information
 from syncplan.orbits.circles import Orbits, heading, position, wrap
 from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.noise import Noise
-from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import Sightings, sample_sightings
-from syncplan.orbits.team import Team
+from syncplan.orbits.team import Sensors, Team
 
 SAMPLE_TIME_S = 0.1
 SIGMA_RAD = 0.1

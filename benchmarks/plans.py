@@ -83,7 +83,7 @@ def _works(count: int) -> dict[str, Callable[[], Any]]:
     from syncplan.observability.sliding_windows import connectivity_period
     from syncplan.orbits.sightings import single_losses
     from syncplan.planning.planner import plan
-    from syncplan.runtime.numerics import single_threaded_blas
+    from syncplan.runtime.machine import single_threaded_blas
     from syncplan.scenario.loading import scenario_from
 
     scenario = scenario_from(_scenario(count))

@@ -36,7 +36,7 @@ from syncplan.refinement.nlp import nlp_of
 from syncplan.refinement.problem import RefineProblem, Stage, circles_of, orbits_of, stages_of
 from syncplan.refinement.problem_setup import problem_of
 from syncplan.refinement.refiner import options_for
-from syncplan.runtime.numerics import single_threaded_blas
+from syncplan.runtime.machine import single_threaded_blas
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.objectives import OBJECTIVES
 

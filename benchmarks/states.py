@@ -29,7 +29,7 @@ from syncplan.orbits.contacts import Windows
 from syncplan.orbits.error_states import ERROR_STATES
 from syncplan.orbits.team import Team
 from syncplan.planning.planner import plan
-from syncplan.runtime.numerics import single_threaded_blas
+from syncplan.runtime.machine import single_threaded_blas
 from syncplan.scenario.loading import scenario_from
 
 GRIDS = {6: 3, 12: 4, 24: 6}

@@ -6,7 +6,6 @@ plan_tables         plans, placements, landmark sites and losses as tables
 run_tables          validations, sweeps, flights and replays as tables
 document_table      kinds of documents, their schemas and how reports are known
 arguments           what commands take, and options of runs as parameters
-required_verdicts   --require-go, --require-observable, --require-robust
 plan_commands       plan, refine, place, landmarks, what-if
 run_commands        validate, sweep, fly, replay
 plot_commands       plot

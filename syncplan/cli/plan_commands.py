@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from syncplan.cli import arguments, console
-from syncplan.cli.required_verdicts import RequireGo, RequireObservable, verdict_status
+from syncplan.cli.arguments import RequireGo, RequireObservable, verdict_status
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.scenario.objectives import OBJECTIVES, listed
 

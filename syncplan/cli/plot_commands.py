@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from syncplan.cli.arguments import MaxVehicles, beginning_with
+from syncplan.cli.arguments import MaxVehicles, beginning_with, say_verdict
 from syncplan.cli.console import check_output, say
 from syncplan.cli.document_table import checked, read_report
-from syncplan.cli.required_verdicts import say_verdict
 from syncplan.errors import InputError
 from syncplan.plotting.figure_style import COLUMN_PX, FigureStyle, Theme
 from syncplan.plotting.figure_table import FIGURES, IMAGE_FORMATS, SUBJECTS

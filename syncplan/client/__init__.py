@@ -1,6 +1,5 @@
 """A client of the service: requests, repeated while it is away, and its answers as types.
 
 connection       requests and the errors they mean
-remote_records   what a service keeps
 service_client   plans, recordings and jobs of a service
 """

@@ -6,18 +6,15 @@ covariances        covariance along a run, referred to time 0
 start_up_index     how far sightings are from linear at the start
 referred_system    a team's run, referred to time 0, and its posterior bound
 considered_errors  what errors cost that the filter does not estimate
-periodic_limit     the covariance once it has become periodic
 bounds             Cramer-Rao bounds
 covariance_kernel  covariance along a run, compiled
 filters            the table of filters to choose from
 filter_options     which filter, its gate, how many trials of what length
 consistency        ANEES, NIS, coverage
-filter_statistics  what a filter counts on its way
 filter_setup       states, motion model, initial variances, gate, sightings and readings of a run
 start_search       how batch solutions are searched for
 pilot_readings     what a few trials read, samples thinned out
 pilot_model        their arcs, and rows of their sightings
-pilot_batch        their batch solution
 pilot              errors of a filter from a few such trials
 reference_filter   the filter in plain NumPy, one trial, to read
 kernels            how compiled functions are compiled, and their lanes
@@ -27,7 +24,6 @@ statistics_kernels  comparison of lanes with the truth
 lane_filter        the extended and the ideal filter, many trials side by side
 batch_problem      the least-squares problem of a window, and what a trajectory costs
 batch_linearisation  a linear filter along trajectories
-batch_smoother     the smoother's way back: a Gauss-Newton step
 batch_solution     the most likely trajectory over a window
 rivals             two estimates of a trial on the same later sightings
 robust_filter      the filter that finds its start, and itself where it is lost
@@ -38,7 +34,6 @@ air_motion         headings and airspeeds of circles in wind
 trial_readings     what is read in trials
 montecarlo         many trials along a plan
 replay_settings    what the filter assumes of a recording
-recorded_starts    where it starts
 recorded_readings  a recording's readings at their own times
 recorded_run       a recording as a run of the filter
 recorded_observability  when a recording's sightings determined all poses

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
-from syncplan.estimation.batch_linearisation import linear_pass
+from syncplan.estimation.batch_linearisation import linear_pass, smooth
 from syncplan.estimation.batch_problem import (
     Linearised,
     Prior,
@@ -24,7 +24,6 @@ from syncplan.estimation.batch_problem import (
     Window,
     trajectory_cost,
 )
-from syncplan.estimation.batch_smoother import smooth
 from syncplan.estimation.correction_kernels import most_entries
 from syncplan.estimation.filter_setup import FilterSetup
 from syncplan.estimation.kernels import Lanes, has_compiled, lanes_of

@@ -53,10 +53,11 @@ from syncplan.estimation.filter_setup import (
     SHIFT,
     SPEED,
     TURN,
+    FilterRun,
     FilterSetup,
+    FilterStatistics,
     States,
 )
-from syncplan.estimation.filter_statistics import FilterRun, FilterStatistics
 from syncplan.estimation.kernels import Lanes, inner, lean, part
 from syncplan.estimation.motion_kernels import Frame
 

@@ -45,19 +45,17 @@ from syncplan.estimation.filter_setup import (
     SAMPLE_EVERY,
     SPEED,
     TURN,
+    FilterRun,
     FilterSetup,
+    FilterStatistics,
     MotionModel,
     Readings,
     State,
     States,
     Truth,
-    start_of,
-)
-from syncplan.estimation.filter_statistics import (
-    FilterRun,
-    FilterStatistics,
     empty_series,
     empty_statistics,
+    start_of,
 )
 from syncplan.estimation.kernels import (
     Lanes,

@@ -20,8 +20,13 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import FilterOptions
-from syncplan.estimation.filter_setup import FilterSetup, build_setup
-from syncplan.estimation.filter_statistics import FilterRun, empty_series, empty_statistics
+from syncplan.estimation.filter_setup import (
+    FilterRun,
+    FilterSetup,
+    build_setup,
+    empty_series,
+    empty_statistics,
+)
 from syncplan.estimation.trial_readings import TrialReadings
 from syncplan.estimation.trials import (
     CHUNK_TRIALS,

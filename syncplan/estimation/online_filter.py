@@ -14,8 +14,16 @@ from typing import Any, NamedTuple, TypeVar, cast
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.estimation.filter_setup import FilterSetup, Readings, State, Truth, poses_of
-from syncplan.estimation.filter_statistics import FilterRun, empty_series, empty_statistics
+from syncplan.estimation.filter_setup import (
+    FilterRun,
+    FilterSetup,
+    Readings,
+    State,
+    Truth,
+    empty_series,
+    empty_statistics,
+    poses_of,
+)
 from syncplan.estimation.filters import FilterModel
 from syncplan.estimation.lane_filter import LaneRun
 from syncplan.estimation.rivals import LOOKS, Rivals

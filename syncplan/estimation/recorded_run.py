@@ -32,10 +32,13 @@ import numpy as np
 from syncplan.arrays import Array, Index
 from syncplan.errors import NoSolutionError
 from syncplan.estimation.filter_options import FilterOptions
-from syncplan.estimation.filter_setup import FilterSetup, Readings, Truth, build_setup
-from syncplan.estimation.filter_statistics import (
+from syncplan.estimation.filter_setup import (
     FilterRun,
+    FilterSetup,
     FilterStatistics,
+    Readings,
+    Truth,
+    build_setup,
     empty_series,
     empty_statistics,
 )
@@ -47,8 +50,7 @@ from syncplan.estimation.recorded_readings import (
     sightings_of,
     true_poses,
 )
-from syncplan.estimation.recorded_starts import check_start, start_of
-from syncplan.estimation.replay_settings import ReplaySettings
+from syncplan.estimation.replay_settings import ReplaySettings, check_start, start_of
 from syncplan.estimation.trials import MonteCarloResult, result_of, series
 from syncplan.orbits.circles import wrap
 from syncplan.orbits.error_states import ERROR_STATES, StateLayout

@@ -29,8 +29,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
-from syncplan.estimation.filter_setup import FilterSetup, Readings, State, Truth
-from syncplan.estimation.filter_statistics import FilterRun, empty_series, empty_statistics
+from syncplan.estimation.filter_setup import (
+    FilterRun,
+    FilterSetup,
+    Readings,
+    State,
+    Truth,
+    empty_series,
+    empty_statistics,
+)
 from syncplan.estimation.lane_filter import EXTENDED
 
 CLEARLY = math.log(1e6)

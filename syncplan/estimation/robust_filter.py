@@ -26,8 +26,14 @@ import numpy as np
 from syncplan.arrays import Array, Flags, Index
 from syncplan.estimation.batch_problem import Prior
 from syncplan.estimation.batch_solution import compile_solver, solve, solver_is_compiled
-from syncplan.estimation.filter_setup import FilterSetup, Readings, State, poses_of, start_of
-from syncplan.estimation.filter_statistics import FilterRun
+from syncplan.estimation.filter_setup import (
+    FilterRun,
+    FilterSetup,
+    Readings,
+    State,
+    poses_of,
+    start_of,
+)
 from syncplan.estimation.lane_filter import EXTENDED, LaneFilter, LaneRun, Stepped
 from syncplan.estimation.rivals import LOOKS, Rivals, lanes_of_state
 from syncplan.estimation.start_search import DOUBT, ROUNDS, STARTS, is_credible, search_further

@@ -7,7 +7,7 @@ about N degrees of freedom, so a fit is credible up to N + 6 sqrt(2 N). Of a rec
 not known, and a wrong fit may cost no more than that: there the least cost counts once it has been
 found twice.
 
-`batch_solution` and the pilot's plain one, `pilot_batch`, search alike.
+`batch_solution` and the pilot's plain one, in `pilot`, search alike.
 """
 
 from collections.abc import Callable

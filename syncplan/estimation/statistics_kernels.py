@@ -9,8 +9,14 @@ from typing import NamedTuple
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.estimation.filter_setup import FilterSetup, Truth
-from syncplan.estimation.filter_statistics import ERROR, SQUARE, VARIANCE, FilterStatistics
+from syncplan.estimation.filter_setup import (
+    ERROR,
+    SQUARE,
+    VARIANCE,
+    FilterSetup,
+    FilterStatistics,
+    Truth,
+)
 from syncplan.estimation.kernels import Lanes, inner, lean, part
 
 SMALLEST_PIVOT = 1e-13

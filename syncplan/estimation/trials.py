@@ -26,8 +26,7 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.errors import InputError
-from syncplan.estimation.filter_setup import SAMPLE_EVERY
-from syncplan.estimation.filter_statistics import ERROR, SQUARE, VARIANCE, FilterStatistics
+from syncplan.estimation.filter_setup import ERROR, SAMPLE_EVERY, SQUARE, VARIANCE, FilterStatistics
 
 CHUNK_TRIALS = 16
 """A run can be divided at multiples of this many trials."""

@@ -13,7 +13,6 @@ reference_tracking   guidance `track` in plain NumPy: a pose-tracking law with s
 predictive_model     predicted flights over a horizon, and laws for a first guess of them
 predictive_program   the quadratic program of one vehicle about a guess
 predictive_team      guesses and programs of a team; flights that come out of them
-predictive_solver    OSQP for these programs
 predictive_guidance  guidance `mpc`: decisions of a team from estimates
 seeking              circles that move to their anchors
 closed_loop          the filter with the flight in it

@@ -16,8 +16,7 @@ The filter is that of `lane_filter`, and so is the state.
 import math
 
 from syncplan.arrays import Array, Index
-from syncplan.estimation.filter_setup import COMPASS_KIND, FilterSetup, Readings, Truth
-from syncplan.estimation.filter_statistics import FilterRun
+from syncplan.estimation.filter_setup import COMPASS_KIND, FilterRun, FilterSetup, Readings, Truth
 from syncplan.estimation.kernels import Lanes, inner, kernel, lean
 from syncplan.estimation.lane_filter import scratch_of, step_filter
 from syncplan.estimation.motion_kernels import bring_to_now, copy, move

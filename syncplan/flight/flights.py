@@ -17,7 +17,7 @@ import numpy as np
 
 from syncplan.arrays import Array, short_repr
 from syncplan.errors import InputError
-from syncplan.estimation.filter_statistics import FilterStatistics, empty_series, empty_statistics
+from syncplan.estimation.filter_setup import FilterStatistics, empty_series, empty_statistics
 from syncplan.estimation.montecarlo import StoppedError, chunks_in_order
 from syncplan.estimation.trials import CHUNK_TRIALS, Branch, result_of
 from syncplan.flight.flight_measures import off_plan

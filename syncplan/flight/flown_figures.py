@@ -22,12 +22,13 @@ from syncplan.estimation.correction_kernels import (
     refer_place,
     spread,
 )
-from syncplan.estimation.filter_setup import SAMPLE_EVERY, start_of
-from syncplan.estimation.filter_statistics import (
+from syncplan.estimation.filter_setup import (
+    SAMPLE_EVERY,
     FilterRun,
     FilterStatistics,
     empty_series,
     empty_statistics,
+    start_of,
 )
 from syncplan.estimation.kernels import Lanes, kernel, lanes_of
 from syncplan.estimation.motion_kernels import frame_of, predict

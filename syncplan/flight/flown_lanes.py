@@ -15,14 +15,15 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.estimation.filter_setup import (
     DRIFT,
+    FilterRun,
     FilterSetup,
+    FilterStatistics,
     Readings,
     State,
     States,
     poses_of,
     start_of,
 )
-from syncplan.estimation.filter_statistics import FilterRun, FilterStatistics
 from syncplan.estimation.kernels import Lanes, has_compiled, lanes_for, lanes_of
 from syncplan.estimation.lane_filter import LaneRun
 from syncplan.estimation.online_filter import with_room

@@ -20,13 +20,13 @@ from syncplan.flight.flight_results import FlightResult, joined_flights
 from syncplan.flight.flights import fly_trials
 from syncplan.flight.flown_team import FlownTeam, team_in_flight
 from syncplan.orbits.contacts import find_windows
-from syncplan.planning.flight_record import FlownPlan, MeetingsFlown, PhasesFlown
 from syncplan.planning.judged_team import expected_in_world
 from syncplan.planning.plan_files import PlanSubject, in_world, planned
+from syncplan.planning.plan_records import FlownPlan, MeetingsFlown, PhasesFlown
 from syncplan.planning.planner import Plan, bound_is_affordable
 from syncplan.planning.validation import FilterChoice, asked_filter
 from syncplan.results import Result
-from syncplan.runtime.numerics import single_threaded_blas
+from syncplan.runtime.machine import single_threaded_blas
 
 LOST_FACTOR = 5.0
 """A filter is lost in a trial where some vehicle's error is over so many times its bound."""

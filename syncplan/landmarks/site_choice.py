@@ -21,7 +21,7 @@ from syncplan.landmarks.site_search import best_sites, relax
 from syncplan.planning.plan_files import PlanSubject, planned
 from syncplan.planning.planner import BoundChoice, Plan, judge
 from syncplan.results import Result
-from syncplan.runtime.numerics import single_threaded_blas
+from syncplan.runtime.machine import single_threaded_blas
 from syncplan.scenario.loading import parse_values, read_text, scenario_from
 from syncplan.scenario.quantities import ListedOrNamed, Point, Section, validation_fault
 from syncplan.scenario.rules import check_landmarks, check_names

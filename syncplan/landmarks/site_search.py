@@ -29,7 +29,7 @@ import numpy as np
 
 from syncplan.arrays import Array, Index
 from syncplan.landmarks.site_information import Cuts, SiteInformation, evaluate
-from syncplan.runtime.numerics import has_solution, load_cvxpy
+from syncplan.runtime.machine import has_solution, load_cvxpy
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,6 @@
 
 circles          positions, headings, transition of errors; paths as polynomials in time
 noise            of motion readings and of the start; errors that last
-sensors          what each vehicle can see
 sighting_kinds   the table of what sightings measure
 team             orbits, landmarks, sensors and noise together, as a scenario has them
 error_states     errors that last, and where the states of a team are

@@ -27,7 +27,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
-from syncplan.orbits.sensors import Sensors
+from syncplan.orbits.team import Sensors
 
 ALONG, ACROSS = 0, 1
 """Ways of an error, from the line of sight."""

@@ -15,14 +15,13 @@ import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.contacts import Windows
-from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sighting_kinds import (
     SIGHTING_KINDS,
     kinds_measured,
     of_targets,
     samples_between,
 )
-from syncplan.orbits.team import Team
+from syncplan.orbits.team import Sensors, Team
 
 _ROUNDING = 1e-9
 """Share of a sample time by which an edge or a duration may miss a sample and still meet it."""

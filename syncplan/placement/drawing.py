@@ -10,8 +10,7 @@ from syncplan.errors import InputError, NoSolutionError
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import find_windows, outer_gaps
 from syncplan.orbits.graphs import components
-from syncplan.orbits.sensors import Sensors
-from syncplan.orbits.team import Team, obstacles_of, radii_of
+from syncplan.orbits.team import Sensors, Team, obstacles_of, radii_of
 from syncplan.scenario.areas import Area
 from syncplan.scenario.formations import SHAPES
 from syncplan.scenario.specification import Scenario

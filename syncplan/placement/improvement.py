@@ -14,7 +14,7 @@ from syncplan.arrays import Array, Index
 from syncplan.orbits.circles import turned
 from syncplan.orbits.contacts import outer_gaps
 from syncplan.placement.drawing import Demands, Drawing, draw, others
-from syncplan.runtime.numerics import has_solution, load_cvxpy
+from syncplan.runtime.machine import has_solution, load_cvxpy
 
 # --- the quadratic program of one step ------------------------------------------------------------
 #

@@ -1,8 +1,7 @@
 """The chain from a scenario to a judged plan, and what is done with plans.
 
 start_up            whether the filter reaches the bound: index and pilot
-refinement_record   how a plan was refined
-flight_record       what flying a plan has found
+plan_records        how a plan was refined, and what flying found of it
 judged_team         a team with all that was found of it; findings and the verdict
 lost_parts          what can be lost, by name, and the scenario of what is left
 observability_checks  findings on rank, certificate, links, single points of failure

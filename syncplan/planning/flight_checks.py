@@ -15,9 +15,9 @@ from syncplan.orbits.contacts import pairs_nearer_than
 from syncplan.orbits.error_states import ERROR_STATES, layout_of
 from syncplan.orbits.sightings import Loss, remainder_of
 from syncplan.phrases import joined, listed, percent
-from syncplan.planning.flight_record import FlownPlan
 from syncplan.planning.judged_team import MOST_NAMED, FindingCure, JudgedTeam, Level, PlanFinding
-from syncplan.runtime.numerics import single_threaded_blas
+from syncplan.planning.plan_records import FlownPlan
+from syncplan.runtime.machine import single_threaded_blas
 
 # --- links that the team needs --------------------------------------------------------------------
 

@@ -21,8 +21,7 @@ from syncplan.orbits.error_states import layout_of
 from syncplan.orbits.sightings import Loss
 from syncplan.orbits.team import Team, WithTeam, true_team_of
 from syncplan.placement.centers import Placement
-from syncplan.planning.flight_record import FlownPlan
-from syncplan.planning.refinement_record import RefinementRecord
+from syncplan.planning.plan_records import FlownPlan, RefinementRecord
 from syncplan.planning.start_up import StartUp
 from syncplan.scenario.specification import Scenario
 from syncplan.synchronisation.phases import Synchronisation

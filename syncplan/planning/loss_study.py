@@ -25,8 +25,7 @@ from syncplan.planning.plan_files import PlanSubject, planned
 from syncplan.planning.planner import BoundChoice, Plan, judged, listed_pairs, why_no_bound
 from syncplan.planning.verdict_checks import verdict_of
 from syncplan.results import Result
-from syncplan.runtime.machine import threads_for
-from syncplan.runtime.numerics import single_threaded_blas
+from syncplan.runtime.machine import single_threaded_blas, threads_for
 
 if TYPE_CHECKING:
     from syncplan.estimation.bounds import LossBounds

@@ -47,7 +47,7 @@ from syncplan.planning.judged_team import (
 from syncplan.planning.start_up import StartUp, start_up_of
 from syncplan.planning.verdict_checks import verdict_of
 from syncplan.results import Result
-from syncplan.runtime.numerics import single_threaded_blas
+from syncplan.runtime.machine import single_threaded_blas
 from syncplan.scenario.loading import scenario_of
 from syncplan.scenario.rules import SAME_PLACE_M
 from syncplan.scenario.specification import Scenario, per_vehicle

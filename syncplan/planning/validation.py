@@ -46,7 +46,7 @@ from syncplan.planning.plan_files import PlanSubject, in_world, planned
 from syncplan.planning.planner import Plan, bound_is_affordable
 from syncplan.planning.start_up import CLEARED_FILTER, CLEARING_INDEX, StartTrials, concluded
 from syncplan.results import Result
-from syncplan.runtime.numerics import single_threaded_blas
+from syncplan.runtime.machine import single_threaded_blas
 from syncplan.scenario.specification import Scenario
 
 # --- the choice of the filter ---------------------------------------------------------------------

@@ -10,9 +10,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from syncplan.arrays import as_pairs
 from syncplan.documents import Words
 from syncplan.orbits.team import Team
-from syncplan.planning.flight_record import FlownPlan
+from syncplan.planning.plan_records import FlownPlan, RefinementRecord, StartResult
 from syncplan.planning.planner import Plan
-from syncplan.planning.refinement_record import RefinementRecord, StartResult
 from syncplan.planning.start_up import InputStart
 from syncplan.planning.verdict_checks import CENTRES_PLACED, CLEARED, PLACED
 from syncplan.scenario.objectives import FIGURES, OBJECTIVES, Figures

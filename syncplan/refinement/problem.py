@@ -11,10 +11,9 @@ import numpy as np
 from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import least_circle_gaps
-from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sighting_kinds import BEARING
 from syncplan.orbits.sightings import samples_before
-from syncplan.orbits.team import Team, WithTeam
+from syncplan.orbits.team import Sensors, Team, WithTeam
 from syncplan.planning.judged_team import DistanceLimit
 from syncplan.scenario.areas import Area
 from syncplan.scenario.objectives import Objective

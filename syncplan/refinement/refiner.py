@@ -20,13 +20,12 @@ from syncplan.errors import InputError
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import reachable_pairs
 from syncplan.planning.plan_files import PlanSubject, planned
+from syncplan.planning.plan_records import RefinementRecord, StartResult
 from syncplan.planning.planner import BoundChoice, Plan, bound_is_affordable, judge
-from syncplan.planning.refinement_record import RefinementRecord, StartResult
 from syncplan.refinement.measures import Measurement, measure
 from syncplan.refinement.problem import WINDOW_BOUND, RefineProblem, orbits_of
 from syncplan.refinement.problem_setup import problem_of, refuse_conflicts
-from syncplan.runtime.machine import usable_cores
-from syncplan.runtime.numerics import single_threaded_blas
+from syncplan.runtime.machine import single_threaded_blas, usable_cores
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.models import RefineOptions
 from syncplan.scenario.objectives import Objective, default_objective

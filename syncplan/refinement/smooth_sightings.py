@@ -28,9 +28,8 @@ import casadi as ca
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sighting_kinds import BEARING, DISTANCE, SightingKind
-from syncplan.orbits.team import Team
+from syncplan.orbits.team import Sensors, Team
 from syncplan.refinement.problem import SampleTimes
 from syncplan.scenario.areas import convex_parts
 

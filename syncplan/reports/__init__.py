@@ -8,7 +8,6 @@ refinement_report     refinements
 plan_report           plans
 sites_report          choices of landmark sites
 loss_report           what losses do to a plan
-truth_report          how a simulated world differs, and what that was expected to cost
 run_figures           figures that runs of the filter share
 validation_report     validations and sweeps
 flight_series         flights over time

@@ -16,8 +16,16 @@ from syncplan.planning.judged_team import PlanVerdict
 from syncplan.planning.lost_parts import phrase_of
 from syncplan.planning.planner import Plan
 from syncplan.reports.flight_series import FlightOverTime, flight_over_time
-from syncplan.reports.run_figures import Errors, FilterRecord, Spread, TrueWorldReport, spread_of
-from syncplan.reports.truth_report import expected_in_truth, keys_in_truth, truth_note
+from syncplan.reports.run_figures import (
+    Errors,
+    FilterRecord,
+    Spread,
+    TrueWorldReport,
+    expected_in_truth,
+    keys_in_truth,
+    spread_of,
+    truth_note,
+)
 from syncplan.scenario.disturbances import ReadingsKind
 
 if TYPE_CHECKING:

@@ -20,8 +20,8 @@ from syncplan.documents import (
 from syncplan.estimation.filters import FilterName
 from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.orbits.circles import heading, position
-from syncplan.planning.flight_record import FlownPlan
 from syncplan.planning.judged_team import PlanVerdict
+from syncplan.planning.plan_records import FlownPlan
 from syncplan.planning.planner import Plan
 from syncplan.planning.start_up import StartTrials, StartUp
 from syncplan.reports.observability_report import (

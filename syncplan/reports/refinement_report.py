@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from pydantic import Field, create_model
 
 from syncplan.documents import Document, DocumentPart, finite_or_none
-from syncplan.planning.refinement_record import RefinementRecord, StartResult
+from syncplan.planning.plan_records import RefinementRecord, StartResult
 from syncplan.planning.start_up import InputStart
 from syncplan.scenario.objectives import FIGURES, Figures
 

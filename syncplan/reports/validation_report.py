@@ -24,13 +24,16 @@ from syncplan.reports.run_figures import (
     Spread,
     StateErrorFigures,
     StateErrorSeries,
+    TrueKey,
     TrueWorldReport,
     VehicleFigures,
+    expected_in_truth,
     interval_words,
+    keys_in_truth,
     series_of,
     spread_of,
+    truth_note,
 )
-from syncplan.reports.truth_report import TrueKey, expected_in_truth, keys_in_truth, truth_note
 from syncplan.scenario.dotted_keys import swept_key
 
 

@@ -1,16 +1,27 @@
-"""The machine: how many cores and how much memory this process may use.
+"""The machine: cores and memory that this process may use, and libraries held to one thread.
 
 Linux keeps what a container may use in control groups.
+
+One thread for linear algebra gives the same bytes on every machine load, and no fight over cores: a
+threaded BLAS splits sums by the number of threads it finds, so its last bits depend on the machine;
+and two processes whose BLAS threads wait for each other run many times slower than one thread each.
+The matrices here are small: one thread costs nothing until a thousand vehicles.
 """
 
 import contextlib
 import math
 import os
 import sys
-from collections.abc import Iterator
+import warnings
+from collections.abc import Callable, Iterator
+from functools import lru_cache, wraps
 from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from syncplan.errors import InputError
+
+if TYPE_CHECKING:
+    from threadpoolctl import ThreadpoolController
 
 
 def groups_of(proc: Path, controller: str) -> Iterator[Path]:
@@ -120,3 +131,57 @@ def limit_memory(limit_bytes: int) -> None:
     _, most = resource.getrlimit(resource.RLIMIT_DATA)
     allowed = limit_bytes if most == resource.RLIM_INFINITY else min(limit_bytes, most)
     resource.setrlimit(resource.RLIMIT_DATA, (allowed, most))
+
+
+# --- numerical libraries --------------------------------------------------------------------------
+
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def single_threaded_blas(function: Callable[P, R]) -> Callable[P, R]:
+    """Return `function` run with a single BLAS thread, the caller's setting restored after."""
+
+    @wraps(function)
+    def limited(*args: P.args, **kwargs: P.kwargs) -> R:
+        with _libraries(len(sys.modules)).limit(limits=1, user_api="blas"):
+            return function(*args, **kwargs)
+
+    return limited
+
+
+@lru_cache(maxsize=1)
+def _libraries(modules: int) -> "ThreadpoolController":
+    """The linear algebra libraries of a process that has imported so many modules.
+
+    Finding them takes two milliseconds, and only an import brings another.
+    """
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController()
+
+
+# --- convex problems ----------------------------------------------------------------------------
+
+
+def load_cvxpy() -> Any:
+    """Return the module cvxpy; importing it takes most of a second."""
+    import cvxpy
+
+    return cvxpy
+
+
+def has_solution(problem: Any, **settings: Any) -> bool:
+    """Solve a cvxpy problem in place and return whether its variables have values.
+
+    `settings` are those of cvxpy.Problem.solve. A solution of low accuracy counts; the problem's
+    status distinguishes it.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Solution may be inaccurate")
+            problem.solve(**settings)
+    except load_cvxpy().SolverError:
+        return False
+    return all(variable.value is not None for variable in problem.variables())

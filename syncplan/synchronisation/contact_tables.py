@@ -20,9 +20,8 @@ from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import NO_LANDMARKS, Orbits
 from syncplan.orbits.contacts import Windows, find_windows
 from syncplan.orbits.noise import Noise
-from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sight_lines import obstructible
-from syncplan.orbits.team import Team
+from syncplan.orbits.team import Sensors, Team
 from syncplan.synchronisation.phase_rules import Rules, closest_distance, phase_residuals, rules_of
 
 SAMPLES = 1440

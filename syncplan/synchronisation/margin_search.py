@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from syncplan.arrays import Array, Index
 from syncplan.orbits.circles import wrap
 from syncplan.orbits.graphs import traversal
-from syncplan.runtime.numerics import has_solution, load_cvxpy
+from syncplan.runtime.machine import has_solution, load_cvxpy
 from syncplan.synchronisation.difference_tables import (
     MOST_VEHICLES,
     along_forest,

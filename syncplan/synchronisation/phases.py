@@ -21,9 +21,8 @@ from syncplan.arrays import Array, Flags, Index, as_pairs
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import circle_gaps
 from syncplan.orbits.graphs import components, contraction, odd_cycle, two_colouring
-from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sight_lines import obstructible
-from syncplan.orbits.team import Team
+from syncplan.orbits.team import Sensors, Team
 from syncplan.synchronisation.contact_tables import contact_of_pairs, seeing_team
 from syncplan.synchronisation.margin_search import along_tree, search_margins
 from syncplan.synchronisation.phase_rules import Rules, closest_distance, residuals, rules_of

@@ -15,8 +15,7 @@ import pytest
 
 import syncplan
 from syncplan.client.connection import RemoteError
-from syncplan.client.remote_records import RemoteJob, RemotePlan
-from syncplan.client.service_client import Client
+from syncplan.client.service_client import Client, RemoteJob, RemotePlan
 from syncplan.errors import InputError
 from syncplan.planning.variations import sweep
 from syncplan.reports.flight_report import flight_document

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from syncplan.arrays import Array, Flags
-from syncplan.estimation.batch_linearisation import linear_pass
+from syncplan.estimation.batch_linearisation import linear_pass, smooth
 from syncplan.estimation.batch_problem import FAR, Prior, Trajectory, Window, trajectory_cost
-from syncplan.estimation.batch_smoother import smooth
 from syncplan.estimation.batch_solution import (
     THINNING,
     BatchSolution,

@@ -14,17 +14,15 @@ from syncplan.estimation.filter_setup import (
     COMPASS_KIND,
     DELAY,
     DISTANCE_KIND,
-    Readings,
-    Truth,
-    start_of,
-)
-from syncplan.estimation.filter_statistics import (
     SQUARE,
     VARIANCE,
     FilterRun,
     FilterStatistics,
+    Readings,
+    Truth,
     empty_series,
     empty_statistics,
+    start_of,
 )
 from syncplan.estimation.filters import FILTERS
 from syncplan.estimation.kernels import WIDE_UP_TO, has_compiled, kernel

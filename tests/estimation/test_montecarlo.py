@@ -20,9 +20,8 @@ from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.error_states import layout_of
 from syncplan.orbits.noise import Noise
-from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import Sightings, sample_sightings
-from syncplan.orbits.team import Team
+from syncplan.orbits.team import Sensors, Team
 from tests.estimation.test_filter import filtered
 from tests.searches.search_consistency import believing
 from tests.tools.filter_scenes import scene_of

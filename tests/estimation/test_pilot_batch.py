@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 
 from syncplan.arrays import Array, Index
-from syncplan.estimation import pilot_batch
+from syncplan.estimation import pilot
 from syncplan.estimation.bounds import posterior_bound
 from syncplan.estimation.correction_kernels import second_order_variance
 from syncplan.estimation.filters import FILTERS
-from syncplan.estimation.pilot import pilot_squares, pilot_work
-from syncplan.estimation.pilot_batch import _linear, _Path, batch_start
+from syncplan.estimation.pilot import _linear, _Path, batch_start, pilot_squares, pilot_work
 from syncplan.estimation.pilot_model import PilotFilter, Seen
 from syncplan.estimation.pilot_readings import PilotReadings, thinned
 from syncplan.estimation.start_search import ROUNDS, search_further
@@ -79,7 +78,7 @@ def test_sightings_may_be_taken_in_in_chunks_of_any_size(
 ) -> None:
     path = off_the_prior(readings(5.0, 0.1, **KINDS))
     some = _linear(path, np.ones(3))
-    monkeypatch.setattr(pilot_batch, "AT_ONCE", at_once)
+    monkeypatch.setattr(pilot, "AT_ONCE", at_once)
     other = _linear(path, np.ones(3))
     for name in ("start", "noise", "cost", "P", "errors"):
         one, two = getattr(some, name), getattr(other, name)

@@ -20,8 +20,7 @@ from syncplan.arrays import Array
 from syncplan.cli import command_line
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.consistency import gate_threshold
-from syncplan.estimation.filter_setup import MotionModel
-from syncplan.estimation.filter_statistics import FilterRun
+from syncplan.estimation.filter_setup import FilterRun, MotionModel
 from syncplan.estimation.lane_filter import LaneFilter, specimen
 from syncplan.estimation.recorded_readings import longest_gap
 from syncplan.estimation.reference_filter import predict_state, update_state

@@ -13,8 +13,7 @@ from syncplan.flight.flying import FlightRun, flight_run
 from syncplan.flight.seeking import move_circles
 from syncplan.orbits.circles import Orbits, relative_motion
 from syncplan.orbits.contacts import find_windows, least_distances
-from syncplan.orbits.sensors import Sensors
-from syncplan.orbits.team import Team
+from syncplan.orbits.team import Sensors, Team
 from syncplan.planning.planner import plan
 from tests.tools.draws import NOISE
 from tests.tools.scenarios import example

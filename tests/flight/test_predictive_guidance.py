@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from syncplan.arrays import Array
-from syncplan.flight import predictive_solver
 from syncplan.flight.flight_limits import FlightLimits
 from syncplan.flight.predictive_guidance import (
+    SETTINGS,
     Decision,
     PredictiveGuidance,
     PredictiveOptions,
@@ -156,7 +156,7 @@ def test_a_program_that_is_not_solved_is_refused_and_the_guess_flown(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The guess, the tracking law or an interception, is within limits too."""
-    monkeypatch.setitem(predictive_solver.SETTINGS, "max_iter", 1)
+    monkeypatch.setitem(SETTINGS, "max_iter", 1)
     orbits, limits = paper_grid()
     poses = _strayed(orbits)
     found = _decide(PredictiveGuidance(orbits, limits), 0.0, poses)
@@ -170,7 +170,7 @@ def test_guesses_alone_bring_a_vehicle_back_sooner_than_tracking(
     wind: tuple[float, float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Where no program is solved, interceptions still are: they meet the plan in the wind."""
-    monkeypatch.setitem(predictive_solver.SETTINGS, "max_iter", 1)
+    monkeypatch.setitem(SETTINGS, "max_iter", 1)
     orbits, limits = paper_grid()
     blow = np.array(wind)
     flight, checks, _ = _checked(orbits, limits, HOLD, blow)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from syncplan.arrays import Array
+from syncplan.flight.predictive_guidance import ProgramSolver
 from syncplan.flight.predictive_model import Bounds, Course, Orbiting, lay_course, roll
 from syncplan.flight.predictive_program import (
     Program,
@@ -14,7 +15,6 @@ from syncplan.flight.predictive_program import (
     write_program,
     write_separation,
 )
-from syncplan.flight.predictive_solver import ProgramSolver
 from tests.tools.inner_kernels import called_alone
 
 STEPS, STEP, NEIGHBOURS = 6, 0.5, 2

@@ -19,9 +19,8 @@ from syncplan.observability.referred_rows import NEAREST, sighting_rows
 from syncplan.observability.unobservable_modes import name_modes
 from syncplan.orbits.circles import Orbits, heading, position
 from syncplan.orbits.graphs import union_over
-from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import sample_sightings
-from syncplan.orbits.team import Team
+from syncplan.orbits.team import Sensors, Team
 from syncplan.planning.planner import Plan, judge, plan
 from syncplan.reports.plan_report import PlanDocument, plan_document
 from tests.tools.draws import draw_equipped_team, draw_team, judge_team, sightings_of

@@ -7,9 +7,8 @@ from hypothesis import strategies as st
 
 from syncplan.orbits.circles import Orbits, heading, position, wrap
 from syncplan.orbits.contacts import find_windows, merge_windows, reachable_pairs
-from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import sample_sightings
-from syncplan.orbits.team import Team
+from syncplan.orbits.team import Sensors, Team
 from syncplan.planning.planner import plan
 from tests.tools.draws import NOISE
 from tests.tools.scenarios import example as scenario_example

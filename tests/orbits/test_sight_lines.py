@@ -8,9 +8,8 @@ import pytest
 from syncplan.arrays import Array
 from syncplan.orbits.circles import Orbits, unit
 from syncplan.orbits.contacts import Windows, find_windows
-from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sight_lines import crosses_interior, hidden_landmarks, obstructible
-from syncplan.orbits.team import Team
+from syncplan.orbits.team import Sensors, Team
 from tests.tools.draws import NOISE
 from tests.tools.obstructed import compare, draw_obstructed
 

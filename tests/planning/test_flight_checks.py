@@ -11,8 +11,8 @@ import pytest
 import syncplan
 from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.planning.flight_checks import LEAST_KEPT, MOST_SATURATED, MOST_SHARE
-from syncplan.planning.flight_record import FlownPlan, MeetingsFlown, PhasesFlown
 from syncplan.planning.judged_team import PlanFinding
+from syncplan.planning.plan_records import FlownPlan, MeetingsFlown, PhasesFlown
 from syncplan.planning.planner import Plan
 
 GRID = "examples/scenarios/paper-grid-same.yaml"

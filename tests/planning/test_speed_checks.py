@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import syncplan
-from syncplan.planning.flight_record import FlownPlan
 from syncplan.planning.judged_team import PlanFinding
 from syncplan.planning.path_checks import wind_made_up_for
+from syncplan.planning.plan_records import FlownPlan
 from syncplan.planning.planner import Plan, judge
 from tests.tools.scenarios import changed
 

@@ -25,8 +25,7 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.estimation.bounds import posterior_bound
 from syncplan.estimation.filter_options import FilterOptions
-from syncplan.estimation.filter_setup import poses_of
-from syncplan.estimation.filter_statistics import FilterRun, empty_series, empty_statistics
+from syncplan.estimation.filter_setup import FilterRun, empty_series, empty_statistics, poses_of
 from syncplan.estimation.lane_filter import EXTENDED
 from syncplan.estimation.montecarlo import _setup, poses_over
 from syncplan.estimation.robust_filter import RobustRun

@@ -17,9 +17,8 @@ from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.error_states import ERROR_STATES
 from syncplan.orbits.noise import ErrorSigmas, Noise
-from syncplan.orbits.sensors import Sensors
 from syncplan.orbits.sightings import Sightings, sample_sightings
-from syncplan.orbits.team import Team
+from syncplan.orbits.team import Sensors, Team
 
 NOISE = Noise(speed_sigma=0.1, turn_rate_sigma=0.01, position_sigma=5.0, heading_sigma=0.1)
 

@@ -16,8 +16,7 @@ from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.error_states import ERROR_STATES, layout_of
 from syncplan.orbits.noise import ErrorSigmas, Noise
-from syncplan.orbits.sensors import Sensors
-from syncplan.orbits.team import Team
+from syncplan.orbits.team import Sensors, Team
 
 __all__ = [
     "ALL",

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.estimation.filter_statistics import empty_series, empty_statistics
+from syncplan.estimation.filter_setup import empty_series, empty_statistics
 from syncplan.flight.flight_results import FlightFigures
 from syncplan.flight.flown_figures import figures_of
 from syncplan.flight.flown_lanes import FlownLanes

@@ -12,8 +12,7 @@ import shapely
 from syncplan.arrays import Array, Flags
 from syncplan.orbits.circles import Orbits, heading, position, unit, wrap
 from syncplan.orbits.contacts import Windows, find_windows
-from syncplan.orbits.sensors import Sensors
-from syncplan.orbits.team import Team
+from syncplan.orbits.team import Sensors, Team
 from syncplan.scenario.areas import polygon_fault
 from tests.tools.draws import NOISE
 

@@ -8,8 +8,7 @@ import numpy as np
 from syncplan.arrays import Array, Flags, Index, as_pairs
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import circle_gaps
-from syncplan.orbits.sensors import Sensors
-from syncplan.orbits.team import Team
+from syncplan.orbits.team import Sensors, Team
 from syncplan.synchronisation.contact_tables import contact_of_pairs, seeing_team
 from syncplan.synchronisation.phase_rules import closest_distance, rules_of
 from syncplan.synchronisation.phases import Synchronisation, synchronise
