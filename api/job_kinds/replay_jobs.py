@@ -19,7 +19,8 @@ from api.job_kinds.job_kind import (
 from api.job_kinds.option_requests import takes_options
 from api.limits import RequestLimits, check_replay_work
 from syncplan.errors import InputError
-from syncplan.estimation.replay_settings import ReplayOptions, check_start
+from syncplan.estimation.recorded_starts import check_start
+from syncplan.estimation.replay_settings import ReplayOptions
 from syncplan.estimation.replay_tuning import FIT_SHARE, MOST_RUNS
 from syncplan.recordings.log import Overview, chosen_landmarks
 from syncplan.reports.replay_report import ReplayDocument

@@ -6,7 +6,7 @@ from importlib import import_module
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
-from syncplan.scenario.loading import OTHER_DOCUMENTS
+from syncplan.scenario.other_documents import OTHER_DOCUMENTS
 
 if TYPE_CHECKING:
     from pydantic import BaseModel

@@ -252,7 +252,7 @@ def _replay(
 
 def _document(recording: "Log", asked: ReplayOptions) -> "ReplayDocument":
     """The report of a replay, with its progress on the way."""
-    from syncplan.estimation.replay_settings import check_start
+    from syncplan.estimation.recorded_starts import check_start
     from syncplan.estimation.replay_tuning import MOST_RUNS, tuned
     from syncplan.estimation.replays import replay_with
     from syncplan.reports.replay_report import replay_document

@@ -35,6 +35,7 @@ trial_readings     what is read in trials
 montecarlo         many trials along a plan
 replay_settings    what the filter assumes of a recording
 recorded_readings  a recording's readings at their own times
+recorded_starts    where it starts
 recorded_run       a recording as a run of the filter
 recorded_observability  when a recording's sightings determined all poses
 withheld_sightings  how well settings predict sightings that the filter is not given

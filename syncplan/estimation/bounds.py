@@ -38,7 +38,6 @@ from math import lcm
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.estimation.covariance_kernel import compiled_variances_along
 from syncplan.estimation.referred_system import PosteriorBound, ReferredSystem
 from syncplan.observability.rank import Observability
 from syncplan.orbits.contacts import Windows
@@ -150,6 +149,8 @@ class LossBounds:
 
     def after(self, left: Remainder) -> PosteriorBound:
         """Return the bound of what a loss leaves; raises NoSolutionError as posterior_bound."""
+        from syncplan.estimation.covariance_kernel import compiled_variances_along
+
         system = self.system.left_by(left, layout_of(left.team))
         if not system.run.poses_alone:
             return system.from_start(system.bound)

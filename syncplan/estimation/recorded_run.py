@@ -50,7 +50,8 @@ from syncplan.estimation.recorded_readings import (
     sightings_of,
     true_poses,
 )
-from syncplan.estimation.replay_settings import ReplaySettings, check_start, start_of
+from syncplan.estimation.recorded_starts import check_start, start_of
+from syncplan.estimation.replay_settings import ReplaySettings
 from syncplan.estimation.trials import MonteCarloResult, result_of, series
 from syncplan.orbits.circles import wrap
 from syncplan.orbits.error_states import ERROR_STATES, StateLayout

@@ -1,13 +1,10 @@
 """What the filter assumes of a recording, and which of its sightings it is given."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
-import numpy as np
-
-from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import LARGEST_SEED, FilterOptions
 from syncplan.estimation.filters import RecordingFilterName
@@ -241,67 +238,3 @@ def _check_amounts(values: Mapping[str, float | None]) -> None:
         if value and not LEAST_SIGMA <= value <= LARGEST_SIGMA:
             allowed = f"allowed is {LEAST_SIGMA:g} to {LARGEST_SIGMA:g}, or 0"
             raise InputError(f"{value:g} given; {allowed}", key=name)
-
-
-# --- where the filter starts ----------------------------------------------------------------------
-
-
-@dataclass(frozen=True, slots=True)
-class RecordedStart:
-    """A kind of start.
-
-    Attributes
-    ----------
-    poses : (n, 3) m, m, rad, of the true poses at the beginning, settings and a seed
-    needs_truth : whether those must be known; zeros of the same shape do where they need not
-    """
-
-    poses: Callable[[Array, ReplaySettings, int], Array]
-    needs_truth: bool
-
-
-def check_start(settings: ReplaySettings, name: str, *, has_truth: bool) -> None:
-    """Raise InputError if the start rests on truth that the recording of this name lacks."""
-    if STARTS[settings.start].needs_truth and not has_truth:
-        problem = (
-            f"{settings.start!r} needs the truth, which {name} does not hold; give the start: "
-            "'given' with start_poses (--start given --start-poses ...)"
-        )
-        raise InputError(problem, key="start")
-
-
-def start_of(truth: Array, settings: ReplaySettings, seed: int) -> Array:
-    """Return the initial estimate (n, 3) m, m, rad, from the true poses at the beginning."""
-    return STARTS[settings.start].poses(truth, settings, seed)
-
-
-def _at_truth(truth: Array, settings: ReplaySettings, seed: int) -> Array:
-    return truth.copy()
-
-
-def _drawn(truth: Array, settings: ReplaySettings, seed: int) -> Array:
-    """About the truth, by the sigmas of the start."""
-    noise, random = settings.noise, np.random.default_rng(seed)
-    sigmas = np.array([noise.position_sigma, noise.position_sigma, noise.heading_sigma])
-    drawn: Array = truth + sigmas * random.standard_normal(truth.shape)
-    return drawn
-
-
-def _given(truth: Array, settings: ReplaySettings, seed: int) -> Array:
-    poses = np.array(settings.start_poses, dtype=np.float64)
-    if poses.shape != truth.shape:
-        problem = f"has shape {poses.shape}; needed are x, y and heading of {len(truth)} robots"
-        raise InputError(problem, key="start_poses")
-    if not np.isfinite(poses).all():
-        raise InputError("holds a value that is not finite", key="start_poses")
-    return poses
-
-
-STARTS: Mapping[str, RecordedStart] = MappingProxyType(
-    {
-        "truth": RecordedStart(_at_truth, needs_truth=True),
-        "prior": RecordedStart(_drawn, needs_truth=True),
-        "given": RecordedStart(_given, needs_truth=False),
-    }
-)
-"""By name."""

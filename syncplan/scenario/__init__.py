@@ -10,6 +10,7 @@ disturbances         what disturbs vehicles and readings, what of it the filter 
 truths               what the simulated world has in place of the scenario's own
 specification        the scenario as a whole
 dotted_keys          every key that holds a number, and those that a sweep may vary
+other_documents      what is neither scenario nor plan, by its name
 bounded_yaml         YAML in time proportional to its length
 loading              YAML and JSON to scenarios, and files with further landmarks
 """

@@ -12,7 +12,8 @@ from syncplan.planning.plan_files import loaded_from, plan_of
 from syncplan.planning.planner import Plan, plan
 from syncplan.refinement.refiner import refine
 from syncplan.reports.plan_report import plan_document
-from syncplan.scenario.loading import OTHER_DOCUMENTS, scenario_from
+from syncplan.scenario.loading import scenario_from
+from syncplan.scenario.other_documents import OTHER_DOCUMENTS
 from tests.tools.scenarios import FILES, document, example, small
 
 Tree = dict[str, Any]
