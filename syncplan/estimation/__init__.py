@@ -30,7 +30,6 @@ robust_filter      the filter that finds its start, and itself where it is lost
 online_filter      a filter one step at a time
 trials             results of trials, whole and in parts
 drawn_errors       lasting errors of trials
-air_motion         headings and airspeeds of circles in wind
 trial_readings     what is read in trials
 montecarlo         many trials along a plan
 replay_settings    what the filter assumes of a recording

@@ -11,7 +11,7 @@ false, another one follows for each sighting: below the share of false ones it s
 the bearing points. So a key that is added leaves all draws before its own as they were.
 
 Errors are drawn whether or not the filter estimates them. In wind and gusts headings differ from
-trial to trial: `air_motion`. Who is in view is then decided by the true heading of each trial.
+trial to trial: `drawn_errors`. Who is in view is then decided by the true heading of each trial.
 """
 
 from dataclasses import dataclass, replace
@@ -19,8 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
-from syncplan.estimation.air_motion import AirMotion, motion_in_air
-from syncplan.estimation.drawn_errors import DrawnErrors, error_draws
+from syncplan.estimation.drawn_errors import AirMotion, DrawnErrors, error_draws, motion_in_air
 from syncplan.estimation.filter_setup import FilterSetup, Readings, Truth
 from syncplan.orbits.circles import unit, wrap
 from syncplan.orbits.contacts import BOUNDARY_SLACK, Windows, find_windows

@@ -3,8 +3,8 @@
 Each sample:
 
     steer    commands from the estimate
-    move     truth obeys them                     `true_motion`
-    sight    who truly sees whom                  `true_sightings`
+    move     truth obeys them                     `truth`
+    sight    who truly sees whom                  `truth`
     filter   prediction by the readings, correction by the sightings; errors are counted
 
 Sightings that arrive late are taken in late: the filter stays so many samples behind, and what
@@ -29,10 +29,8 @@ from syncplan.estimation.statistics_kernels import (
 )
 from syncplan.flight.flight_options import OPEN_LOOP, TRACKING
 from syncplan.flight.flight_setup import FlightSetup, Flown
-from syncplan.flight.seeking import move_circles
-from syncplan.flight.tracking_law import command_plan, track
-from syncplan.flight.true_motion import move_truly
-from syncplan.flight.true_sightings import sight_truly
+from syncplan.flight.tracking_law import command_plan, move_circles, track
+from syncplan.flight.truth import move_truly, sight_truly
 
 
 @lean

@@ -124,7 +124,7 @@ class Law(NamedTuple):
 
 
 class Contact(NamedTuple):
-    """How vehicles keep in contact; see `seeking`.
+    """How vehicles keep in contact; see `tracking_law`.
 
     Fields
     ------

@@ -20,7 +20,6 @@ from syncplan.errors import InputError
 from syncplan.estimation.filter_setup import FilterStatistics, empty_series, empty_statistics
 from syncplan.estimation.montecarlo import StoppedError, chunks_in_order
 from syncplan.estimation.trials import CHUNK_TRIALS, Branch, result_of
-from syncplan.flight.flight_measures import off_plan
 from syncplan.flight.flight_records import RecordedSteps, Track
 from syncplan.flight.flight_results import (
     FlightFigures,
@@ -28,7 +27,7 @@ from syncplan.flight.flight_results import (
     joined_figures,
     joined_flights,
 )
-from syncplan.flight.flown_figures import figures_of, without_gone
+from syncplan.flight.flown_figures import figures_of, off_plan, without_gone
 from syncplan.flight.flown_lanes import ClosedLoop, FlownLanes
 from syncplan.flight.flown_team import FlownTeam
 from syncplan.runtime.machine import threads_for

@@ -14,10 +14,10 @@ from syncplan.estimation.filter_setup import judged_from
 from syncplan.estimation.trials import Accuracy, accuracy
 from syncplan.flight.flight_events import FlightEvents, events_of
 from syncplan.flight.flight_limits import FlightLimits, FlownWorld
-from syncplan.flight.flight_measures import Meetings, meetings_of
 from syncplan.flight.flight_options import FlightOptions
 from syncplan.flight.flight_results import FlightResult, joined_flights
 from syncplan.flight.flights import fly_trials
+from syncplan.flight.flown_figures import Meetings, meetings_of
 from syncplan.flight.flown_team import FlownTeam, team_in_flight
 from syncplan.orbits.contacts import find_windows
 from syncplan.planning.judged_team import expected_in_world

@@ -37,8 +37,7 @@ from syncplan.flight.onboard_data import (
     TimedSighting,
 )
 from syncplan.flight.predictive_guidance import Memory, PredictiveGuidance, PredictiveOptions
-from syncplan.flight.seeking import move_circles
-from syncplan.flight.tracking_law import steer
+from syncplan.flight.tracking_law import move_circles, steer
 from syncplan.orbits.circles import heading, position
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
 from syncplan.planning.plan_files import PlanSubject

@@ -53,7 +53,7 @@ def _foresee_decided(
 ) -> None:
     """Fill in where vehicle i flies by what it decided last; one that is held stays where it is.
 
-    It stays as `true_motion` has it: at its least speed, and if that is not zero in a circle.
+    It stays as `truth` has it: at its least speed, and if that is not zero in a circle.
     """
     commands, poses = seen.commands[i], seen.poses[i]
     poses[0] = state.poses[i]

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from syncplan.estimation.air_motion import motion_in_air
 from syncplan.estimation.consistency import anees
+from syncplan.estimation.drawn_errors import motion_in_air
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.filter_setup import DISTANCE_KIND
 from syncplan.estimation.montecarlo import run_trials

@@ -10,7 +10,7 @@ from syncplan.arrays import Array, Index
 from syncplan.flight.anchors import Anchors, anchors_of
 from syncplan.flight.flight_setup import Contact
 from syncplan.flight.flying import FlightRun, flight_run
-from syncplan.flight.seeking import move_circles
+from syncplan.flight.tracking_law import move_circles
 from syncplan.orbits.circles import Orbits, relative_motion
 from syncplan.orbits.contacts import find_windows, least_distances
 from syncplan.orbits.team import Sensors, Team

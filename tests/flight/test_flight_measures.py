@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from syncplan.flight.flight_measures import (
+from syncplan.flight.flown_figures import (
     Meetings,
     kept_meetings,
     meetings_of,

@@ -3,7 +3,7 @@
 import numpy as np
 
 from syncplan.flight.flying import flight_run
-from syncplan.flight.true_motion import move_truly
+from syncplan.flight.truth import move_truly
 from syncplan.planning.planner import plan
 from tests.tools.inner_kernels import called_alone
 from tests.tools.scenarios import changed

@@ -103,6 +103,10 @@ def test_a_job_is_counted_and_traced_where_it_ends(
     wait_until(lambda: any(one.name == asked for one in collector.spans))
     requests = [one for one in collector.spans if one.name == asked]
     assert [one.trace_id for one in requests] == [TRACE]
+    # none says who asked, or for what
+    for span in collector.spans:
+        for word in (NAME, "ann-", "radius_m", "Bearer"):
+            assert word not in span.raw
 
 
 @pytest.mark.long
@@ -121,14 +125,6 @@ def test_a_cancelled_job_is_counted_by_the_server(
     span = spans_of(collector, job)["job validation"]
     assert span.attributes["syncplan.job.outcome"] == "cancelled"
     assert span.trace_id != TRACE
-
-
-def test_no_span_says_who_asked_or_for_what(collector: SpanCollector) -> None:
-    assert len(collector.spans) > 8
-    for span in collector.spans:
-        for word in (NAME, "ann-", "radius_m", "Bearer"):
-            assert word not in span.raw
-        assert "readyz" not in span.name
 
 
 def test_a_failure_is_counted_by_its_reason(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from syncplan.flight import true_sightings
+from syncplan.flight import truth
 from syncplan.flight.flight_setup import Eyes
 from syncplan.orbits.circles import position
 from syncplan.orbits.sight_lines import crosses_interior
@@ -20,7 +20,7 @@ HORSESHOE = np.array(
 )
 SQUARE = np.array([[8.0, 0.0], [12.0, 0.0], [12.0, 4.0], [8.0, 4.0]])
 
-is_hidden = called_alone(true_sightings._is_hidden)
+is_hidden = called_alone(truth._is_hidden)
 
 QUIET = {
     "motion": {"speed_sigma_mps": 0.0, "turn_rate_sigma_rad_s": 0.0},
