@@ -43,6 +43,7 @@ def chosen(run: Any, subject: Path, target: Path) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.long
 def test_the_next_command_takes_the_scenario_and_finds_the_plan_of_the_choice(
     run: Any, survey: Path, tmp_path: Path
 ) -> None:

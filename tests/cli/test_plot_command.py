@@ -256,6 +256,7 @@ def test_a_missing_extra_is_named(
             figures.formation(plan(small()))
 
 
+@pytest.mark.long
 def test_values_of_figures_need_no_plotly() -> None:
     code = (
         "import sys; sys.modules['plotly'] = None; import syncplan\n"
@@ -405,6 +406,7 @@ def test_a_narrow_page_shows_figures_laid_out_for_a_column(run: Run, tmp_path: P
 
 
 @needs_browser
+@pytest.mark.long
 def test_a_browser_draws_the_page_and_plays_it_without_a_fault(run: Run, tmp_path: Path) -> None:
     target = tmp_path / "plan.html"
     assert run("plot", GRID, "-o", str(target))[0] == 0

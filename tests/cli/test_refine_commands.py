@@ -47,6 +47,7 @@ def test_refine_returns_a_better_plan_with_its_record(run: Any) -> None:
     assert plan["scenario"]["formation"]["links"][0] == ["v1", "v2"]
 
 
+@pytest.mark.long
 def test_a_refined_plan_can_be_validated_and_refined_again(run: Any, tmp_path: Path) -> None:
     better = tmp_path / "better.json"
     assert run("refine", GRID, *QUICK, "-o", str(better))[0] == 0
@@ -248,6 +249,7 @@ def test_children_take_modules_from_where_their_parent_does(tmp_path: Path) -> N
     assert json.loads(done.stdout)["refinement"]["improved"]
 
 
+@pytest.mark.long
 def test_links_that_meet_outside_the_window_are_kept_too(run: Any, written: Any) -> None:
     scenario = written(
         formation={
@@ -274,6 +276,7 @@ def test_radii_that_no_allowed_speed_has_are_a_conflict(run: Any, written: Any) 
     assert "radii of 30 to 40 m at 0.2 rad/s mean 6 to 8 m/s against limits.speed_mps 3 to 5" in err
 
 
+@pytest.mark.long
 def test_an_option_overrides_what_the_scenario_says_of_what_no_longer_varies(
     run: Any, written: Any
 ) -> None:
@@ -285,6 +288,7 @@ def test_an_option_overrides_what_the_scenario_says_of_what_no_longer_varies(
     assert [one["center_m"] for one in after] == [one["center_m"] for one in before]
 
 
+@pytest.mark.long
 def test_refining_keeps_what_was_asked_of_the_plan(run: Any, tmp_path: Path) -> None:
     scenario = json.loads(run("plan", GRID)[1])["scenario"]
     scenario["refine"] = {"starts": 1, "objective": "logdet"}

@@ -167,6 +167,7 @@ def test_a_sweep_is_the_librarys(client: Client) -> None:
 # --- jobs ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_losses_are_the_librarys(client: Client, stored: RemotePlan, made: syncplan.Plan) -> None:
     found = client.what_if(stored)
     assert found.as_json() == what_if_document(syncplan.what_if(made, threads=1)).as_json()

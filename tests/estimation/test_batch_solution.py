@@ -91,14 +91,10 @@ def certain(given: Scene) -> Scene:
 
 CASES = {
     "poses alone": lambda: scene(()),
-    "wind": lambda: scene(("wind",)),
-    "bearing bias": lambda: scene(("bearing_bias",)),
     "gusts": lambda: scene(("gusts",)),
-    "bearing walk": lambda: scene(("bearing_walk",)),
     "all states": lambda: scene(ALL),
     "all but clocks": lambda: scene(BUT_CLOCKS),
     "with a gate": lambda: scene(ALL, gate_probability=0.9),
-    "steps of unequal length": lambda: unequal(scene(ALL)),
     "steps of unequal length, no clocks": lambda: unequal(scene(BUT_CLOCKS)),
     "a start and readings without noise": lambda: certain(scene(ALL)),
     "paper's sub-steps": lambda: scene(("speed_scale", "turn_rate_bias"), filter="paper"),

@@ -40,12 +40,8 @@ DISTURBED = {
 }
 
 CASES = {
-    "paper": Case("paper-grid-same", {"duration": 40.0}),
     "open loop, held on the spot": Case(
         "paper-grid-same", {"duration": 20.0, "guidance": "none", "hold": ("v2@5:8",)}
-    ),
-    "given wind, second-order": Case(
-        "windy-grid", {"duration": 20.0, "wind": (1.5, 0.0), "filter": "second-order"}
     ),
     "all errors, lost and held": Case(
         "paper-grid-same",
@@ -58,16 +54,19 @@ CASES = {
         {"motion": {"readings": "measured", "lag_s": 0.3}},
     ),
     "cameras, outliers in view": Case("camera-pair", {"duration": 60.0, "outliers": 0.3}),
-    "cameras, late": Case("camera-pair", {"duration": 70.0, "late": 300}),
     "obstacles": Case("shelves", {"duration": 40.0}),
     "distances, compasses, sensors of one kind are lost": Case(
         "boats",
         {"duration": 40.0, "filter": "second-order", "lose": ("compass:v3@10", "distance:v4@20")},
     ),
-    "gusts": Case("windy-grid", {"duration": 30.0}, {"wind": {"gust_sigma_mps": 0.2}}),
-    "late, lost at the start, all landmarks lost": Case(
+    "given wind, late, lost at the start, all landmarks lost": Case(
         "windy-grid",
-        {"duration": 40.0, "late": 7, "lose": ("v3@0", "v4@16.3", "L1@20", "L2@20")},
+        {
+            "duration": 40.0,
+            "wind": (1.5, 0.0),
+            "late": 7,
+            "lose": ("v3@0", "v4@16.3", "L1@20", "L2@20"),
+        },
     ),
     "mistaken": Case(
         "triangle-lattice",

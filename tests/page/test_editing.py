@@ -142,6 +142,7 @@ def test_the_map_shows_all_of_what_was_opened_and_no_more_than_that(visit: Visit
         assert more.max() >= 1.0
 
 
+@pytest.mark.long
 def test_everything_can_be_done_by_keyboard(visit: Visit) -> None:
     page = visit.page
     visit.choose(ALTERNATE)

@@ -22,6 +22,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
         yield server
 
 
+@pytest.mark.long
 def test_the_example_of_a_plan_is_what_the_service_answers(server: Server) -> None:
     document = httpx2.get(f"{server.url}/openapi.json").json()
     operation = document["paths"]["/v1/plans"]["post"]

@@ -37,6 +37,7 @@ def restored(kind: str, tmp_path: Path, request: pytest.FixtureRequest) -> Site:
 
 
 @pytest.mark.parametrize("kind", ["sqlite", pytest.param("postgresql", marks=pytest.mark.long)])
+@pytest.mark.long
 def test_what_version_1_has_kept_is_served_as_it_was(
     kind: str, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:

@@ -101,6 +101,7 @@ def test_a_child_yields_as_far_as_it_is_asked_to(pool: Pool) -> None:
     assert os.nice(0) + 7 in niceness
 
 
+@pytest.mark.long
 def test_depth_counts_tasks_owners_and_children() -> None:
     with own_pool() as one:
         wait_until(lambda: one.depth().started == 1)
@@ -142,6 +143,7 @@ def test_a_task_that_takes_too_long_is_stopped(pool: Pool) -> None:
         end_of(pool.submit(*LONG, deadline_s=0.5))
 
 
+@pytest.mark.long
 def test_no_task_gets_the_answer_of_one_that_nobody_heard_out(pool: Pool) -> None:
     def refuse(done: object) -> None:
         raise ValueError("not heard out")

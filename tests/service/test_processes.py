@@ -221,6 +221,7 @@ def test_connections_that_stay_are_spread_evenly(pair: Server) -> None:
     assert sum(taken) == 8
 
 
+@pytest.mark.long
 def test_every_scrape_counts_what_all_processes_have_answered(pair: Server) -> None:
     before = counted(pair)
     for _ in range(6):
