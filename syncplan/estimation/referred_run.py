@@ -25,7 +25,7 @@ SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 UPPER = np.triu_indices(3)
 """The rows and columns of these six in the block."""
 
-_SAMPLES_AT_ONCE, _ELEMENTS_AT_ONCE = 128, 4e6
+_SAMPLES_AT_ONCE, _ELEMENTS_AT_ONCE = 128, 2.5e5
 """Samples whose rows are laid out together, and elements of these at most."""
 
 

@@ -273,6 +273,8 @@ class ReferredSystem:
 
     def _with_errors(self, seen: Sightings, six: Array) -> SightingRows:
         """Functions (s, 6) of poses with the columns of the errors."""
+        if self.run.poses_alone:
+            return SightingRows(six, self.run.rows.columns[: len(six)])
         return error_moves(self.team, seen, self.layout, six[:, :2].T / -self.scale, six)
 
     @property

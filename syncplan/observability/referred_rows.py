@@ -139,6 +139,8 @@ def _wide(
     team: Team, sightings: Sightings, layout: StateLayout, slopes: _Slopes, six: Array
 ) -> SightingRows:
     entries, columns = [six], [pose_columns(sightings, team.count)]
+    if not layout.names:
+        return SightingRows(six, columns[0])
     observers, targets, count = sightings.observers, sightings.targets, team.count
     among = np.where(targets < count, targets, observers)
     times = np.asarray(sightings.steps * team.sensors.sample_time, dtype=float)
