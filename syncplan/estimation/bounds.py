@@ -33,6 +33,7 @@ its periodic limit : doubling of the Riccati map, Anderson, "Second-order conver
 """
 
 from dataclasses import dataclass, replace
+from itertools import islice
 from math import lcm
 
 import numpy as np
@@ -231,15 +232,14 @@ def _period_map(system: ReferredSystem) -> Riccati:
         carried, blown = run.changing.transition(run.size)
     vehicles = np.arange(run.count)
     poses = slice(0, 3 * run.count)
-    rows, each, noise = run.laid_out(0, run.steps + 1)
     total: Riccati = (identity, zero, zero)
-    for k in range(1, run.steps + 1):
+    # the first is at time 0, where nothing has happened yet
+    for _, seen, noise in islice(run.samples(), 1, None):
         added = blown.copy()
         own = added[poses, poses].reshape(run.count, 3, run.count, 3)
-        own[vehicles, :, vehicles, :] += noise[k]
+        own[vehicles, :, vehicles, :] += noise
         total = _composed(total, (carried, added, zero))
-        if each[k].stop > each[k].start:
-            seen = rows[each[k]]
+        if len(seen):
             total = _composed(total, (identity, zero, seen.T @ seen))
     return _composed(total, (system.moved_on(), zero, zero))
 

@@ -193,23 +193,18 @@ def _considered_along(
     with the next sample. Raises LinAlgError as carried_along.
     """
     trusted, true = (one.copy() for one in covariances)
-    whole = truth.run
-    for start in range(0, own.steps + 1, whole.at_once):
-        end = min(start + whole.at_once, own.steps + 1)
-        rows, each, noise = own.laid_out(start, end)
-        wide, _, true_noise = whole.laid_out(start, end)
-        wide, variances = truth.rows(wide, rows), truth.variances[int(own.first[start]) :]
-        for k, sighted in enumerate(each, start):
-            if k:
-                own.predict(trusted, noise[k - start])
-                truth.predict(true, true_noise[k - start])
-            if sighted.stop > sighted.start:
-                factor, gain = factored(rows[sighted], trusted)
-                half = solved(factor, gain)
-                trusted -= half.T @ half
-                gains = truth.gains(solved(factor, half, transposed=True))
-                _take_in(true, wide[sighted], gains, variances[sighted])
-            yield true
+    both = zip(own.samples(), truth.run.samples(), strict=True)
+    for k, ((sighted, rows, noise), (_, true_rows, true_noise)) in enumerate(both):
+        if k:
+            own.predict(trusted, noise)
+            truth.predict(true, true_noise)
+        if len(rows):
+            factor, gain = factored(rows, trusted)
+            half = solved(factor, gain)
+            trusted -= half.T @ half
+            gains = truth.gains(solved(factor, half, transposed=True))
+            _take_in(true, truth.rows(true_rows, rows), gains, truth.variances[sighted])
+        yield true
 
 
 def _take_in(covariance: Array, rows: Array, gains: Array, variances: Array) -> None:

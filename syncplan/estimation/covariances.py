@@ -88,22 +88,17 @@ def carried_along(run: Run, covariance: Array, *, keep_until: int = -1) -> Itera
     """
     covariance = covariance.copy()
     none = np.zeros((0, run.size))
-    for start in range(0, run.steps + 1, run.at_once):
-        end = min(start + run.at_once, run.steps + 1)
-        rows, each, noise = run.laid_out(start, end)
-        offset = int(run.first[start])
-        for k, own in enumerate(each, start):
-            if k:
-                run.predict(covariance, noise[k - start])
-            before, half, innovation = None, none, none[:, 0]
-            if own.stop > own.start:
-                before = covariance.copy() if k <= keep_until else None
-                factor, gain = factored(rows[own], covariance)
-                half = solved(factor, gain)
-                covariance -= half.T @ half
-                innovation = np.diagonal(factor) ** 2
-            counted = slice(own.start + offset, own.stop + offset)
-            yield Sample(k, counted, covariance, before, half, innovation)
+    for k, (own, rows, noise) in enumerate(run.samples()):
+        if k:
+            run.predict(covariance, noise)
+        before, half, innovation = None, none, none[:, 0]
+        if len(rows):
+            before = covariance.copy() if k <= keep_until else None
+            factor, gain = factored(rows, covariance)
+            half = solved(factor, gain)
+            covariance -= half.T @ half
+            innovation = np.diagonal(factor) ** 2
+        yield Sample(k, own, covariance, before, half, innovation)
 
 
 def foreseen_along(

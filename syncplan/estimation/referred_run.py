@@ -8,6 +8,7 @@ sample
     g <- a g + noise             a = exp(-Ts / its correlation time), variance 1 - a^2
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -118,13 +119,19 @@ class Run:
         each = max(self.size * len(self.rows.entries) / (self.steps + 1), 1.0)
         return max(min(_SAMPLES_AT_ONCE, int(_ELEMENTS_AT_ONCE / each)), 1)
 
-    def laid_out(self, first: int, end: int) -> tuple[Array, list[slice], Array]:
-        """Return samples `first` to `end`: rows in full, those of each sample, and its noise."""
-        begin, until = int(self.first[first]), int(self.first[end])
-        edges = (self.first[first : end + 1] - begin).tolist()
-        each = [slice(a, b) for a, b in pairwise(edges)]
-        noise = np.moveaxis(self.noise[..., first:end], (2, 1), (0, 1)).take(SYMMETRIC, axis=2)
-        return dense_rows(self.rows.of(slice(begin, until)), self.size), each, noise
+    def samples(self) -> Iterator[tuple[slice, Array, Array]]:
+        """Yield of each sample from 0 on which rows it has, these in full, and its noise (n, 3, 3).
+
+        Rows are laid out for many samples at once, as many as take little memory.
+        """
+        for start in range(0, self.steps + 1, self.at_once):
+            edges = self.first[start : start + self.at_once + 1].tolist()
+            begin = edges[0]
+            rows = dense_rows(self.rows.of(slice(begin, edges[-1])), self.size)
+            noise = np.moveaxis(self.noise[..., start : start + self.at_once], (2, 1), (0, 1))
+            blocks = noise.take(SYMMETRIC, axis=2)
+            for own, block in zip(pairwise(edges), blocks, strict=True):
+                yield slice(*own), rows[own[0] - begin : own[1] - begin], block
 
 
 def grouped(run: Run, which: Index, six: Array, noise: Array, sample: Index) -> tuple[Array, Array]:
