@@ -64,7 +64,6 @@ class Sample:
 
     Attributes
     ----------
-    number : of the sample
     rows : its rows, counted through the run
     covariance : (size, size) after them, changed in place with the next sample
     before : (size, size) the one before; None where it has no rows, or it was not asked for
@@ -72,7 +71,6 @@ class Sample:
     innovation : (m,) variance of each row's own innovation, the earlier ones taken in
     """
 
-    number: int
     rows: slice
     covariance: Array
     before: Array | None
@@ -98,7 +96,7 @@ def carried_along(run: Run, covariance: Array, *, keep_until: int = -1) -> Itera
             half = solved(factor, gain)
             covariance -= half.T @ half
             innovation = np.diagonal(factor) ** 2
-        yield Sample(k, own, covariance, before, half, innovation)
+        yield Sample(own, covariance, before, half, innovation)
 
 
 def foreseen_along(

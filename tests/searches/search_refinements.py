@@ -2,10 +2,9 @@
 
     python -m tests.searches.search_refinements [DRAWS [FIRST]]
 
-Part of `make check-all`, which also tests the first draws of the same generator. What comes back is
-looked at with nothing of the package's windows, rows, bounds or distances: positions at many
-instants in plain NumPy, sightings by comparing distances and angles sample by sample, areas by
-their edges, the error by the filter's own covariance recursion.
+Part of `make check-all`. What comes back is looked at with nothing of the package's windows, rows,
+bounds or distances: positions at many instants in plain NumPy, sightings by comparing distances and
+angles sample by sample, areas by their edges, the error by the filter's own covariance recursion.
 """
 
 import math

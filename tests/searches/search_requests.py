@@ -2,11 +2,11 @@
 
     python -m tests.searches.search_requests [REQUESTS [SEED]]
 
-Part of `make check-all`; `make check` sends a few dozen. Every answer must be of the 2xx or a 4xx
-problem, in time; meanwhile somebody asks /healthz. What the processes hold is measured once they
-have answered the first of these requests before, so that what they load for a kind of request that
-is new to them is not taken for memory that they keep. Children that grow much are replaced by the
-service itself: of those, only what grows while they last is counted.
+Part of `make check-all`. Every answer must be of the 2xx or a 4xx problem, in time; meanwhile
+somebody asks /healthz. What the processes hold is measured once they have answered the first of
+these requests before, so that what they load for a kind of request that is new to them is not taken
+for memory that they keep. Children that grow much are replaced by the service itself: of those,
+only what grows while they last is counted.
 """
 
 import contextlib
