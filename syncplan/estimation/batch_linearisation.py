@@ -43,7 +43,6 @@ from syncplan.estimation.correction_kernels import (
     Correction,
     correct_covariance,
     correct_state,
-    correction_of,
     dot,
     multiply,
     refer,
@@ -58,7 +57,6 @@ from syncplan.estimation.motion_kernels import (
     add_changes,
     add_reading_noise,
     bring_to_now,
-    frame_of,
     gained,
     grow_older,
     motion_in,
@@ -73,6 +71,8 @@ def linear_pass(
     prior: Prior,
     path: Trajectory,
     found: Linearised,
+    frame: Frame,
+    work: Correction,
     lanes: Lanes,
 ) -> tuple[Array, Array]:
     """Filter along the trajectories, filling in `found`.
@@ -82,7 +82,6 @@ def linear_pass(
     """
     n, size, width = path.speeds.shape[1], len(prior.variances), len(lanes)
     x, P, mean = path.start.copy(), np.zeros((size, size, width)), np.empty((1, size, width))
-    frame, work = frame_of(setup.states, width), correction_of(setup.states, size, width)
     speeds, turn_rates, ones = np.empty((n, width)), np.empty((n, width)), np.ones(width)
     now = np.empty((size, width))
     found.cost[:], found.linear_cost[:] = 0.0, 0.0

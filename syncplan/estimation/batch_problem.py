@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.estimation.correction_kernels import correction_of, sight
+from syncplan.estimation.correction_kernels import Correction, sight
 from syncplan.estimation.filter_setup import FilterSetup, MotionModel
 from syncplan.estimation.kernels import Lanes, inner, kernel
 from syncplan.estimation.motion_kernels import gained, kept, motion_in, move
@@ -101,7 +101,12 @@ class Linearised(NamedTuple):
 
 @kernel
 def trajectory_cost(
-    setup: FilterSetup, window: Window, prior: Prior, path: Trajectory, lanes: Lanes
+    setup: FilterSetup,
+    window: Window,
+    prior: Prior,
+    path: Trajectory,
+    work: Correction,
+    lanes: Lanes,
 ) -> Array:
     """Return twice the negative log-likelihood of each trajectory (lanes,), less a constant.
 
@@ -109,7 +114,6 @@ def trajectory_cost(
     """
     n, width = path.speeds.shape[1], len(lanes)
     x, cost = path.start.copy(), np.zeros(width)
-    work = correction_of(setup.states, len(x), width)
     speeds, turn_rates = np.empty((n, width)), np.empty((n, width))
     begin = first_sighting(setup, window)
     add_prior_cost(prior, path, cost, lanes)

@@ -24,11 +24,11 @@ from syncplan.estimation.batch_problem import (
     Window,
     trajectory_cost,
 )
-from syncplan.estimation.correction_kernels import most_entries
+from syncplan.estimation.correction_kernels import Correction, correction_of, most_entries
 from syncplan.estimation.filter_setup import FilterSetup
 from syncplan.estimation.kernels import Lanes, has_compiled, lanes_of
 from syncplan.estimation.lane_filter import specimen
-from syncplan.estimation.motion_kernels import LEAST_LEFT
+from syncplan.estimation.motion_kernels import LEAST_LEFT, frame_of
 from syncplan.estimation.start_search import (
     CLOSE_ENOUGH,
     MOST_HALVINGS,
@@ -99,10 +99,11 @@ def solver_is_compiled(n: int) -> bool:
     """Return whether the kernels for n vehicles are in memory or in numba's disk cache."""
     problem = _specimen(n)
     setup, window, prior = problem.setup, problem.window, problem.prior
-    found, best, lanes = problem.found, problem.best, problem.lanes
+    found, best, work, lanes = problem.found, problem.best, problem.work, problem.lanes
+    frame = frame_of(setup.states, 1)
     return (
-        has_compiled(trajectory_cost, (setup, window, prior, best, lanes))
-        and has_compiled(linear_pass, (setup, window, prior, best, found, lanes))
+        has_compiled(trajectory_cost, (setup, window, prior, best, work, lanes))
+        and has_compiled(linear_pass, (setup, window, prior, best, found, frame, work, lanes))
         and has_compiled(smooth, (setup, window, prior, found, best, lanes))
     )
 
@@ -111,9 +112,10 @@ def compile_solver(n: int) -> None:
     """Compile the kernels for n vehicles, or load them from numba's disk cache."""
     problem = _specimen(n)
     setup, window, prior = problem.setup, problem.window, problem.prior
-    found, best, lanes = problem.found, problem.best, problem.lanes
-    trajectory_cost(setup, window, prior, best, lanes)
-    linear_pass(setup, window, prior, best, found, lanes)
+    found, best, work, lanes = problem.found, problem.best, problem.work, problem.lanes
+    frame = frame_of(setup.states, 1)
+    trajectory_cost(setup, window, prior, best, work, lanes)
+    linear_pass(setup, window, prior, best, found, frame, work, lanes)
     smooth(setup, window, prior, found, best, lanes)
 
 
@@ -173,6 +175,7 @@ class _Problem:
     prior: Prior
     found: Linearised
     best: Trajectory
+    work: Correction
     lanes: Lanes
     ended: tuple[Array, Array]
 
@@ -186,9 +189,22 @@ class _Problem:
             prior=prior,
             found=_empty(setup, window.begin, K, sightings, width),
             best=_still(prior.mean, setup, K),
+            work=correction_of(setup.states, len(prior.mean), width),
             lanes=lanes_of(setup.vehicles, width),
             ended=(np.zeros((0, 0)), np.zeros((0, 0, 0))),
         )
+
+    def linearise(self, path: Trajectory) -> None:
+        """Filter along trajectories, and keep what that leaves in `found` and `ended`."""
+        case, frame = (
+            (self.setup, self.window, self.prior, path),
+            frame_of(self.setup.states, len(self.found.cost)),
+        )
+        self.ended = linear_pass(*case, self.found, frame, self.work, self.lanes)
+
+    def cost_of(self, path: Trajectory) -> Array:
+        """(lanes,) what trajectories cost."""
+        return trajectory_cost(self.setup, self.window, self.prior, path, self.work, self.lanes)
 
 
 def _descend(
@@ -204,7 +220,7 @@ def _descend(
     at, taken = Tempering.of(width, tempers, most, close), np.zeros(width, dtype=np.int64)
     while True:
         window.temper[:] = at.factors
-        problem.ended = linear_pass(setup, window, prior, path, found, problem.lanes)
+        problem.linearise(path)
         settled = at.settled(found.cost - found.linear_cost)
         moving = at.moving(settled)
         if not moving.any():
@@ -222,7 +238,7 @@ def _searched(problem: _Problem, path: Trajectory, moving: Flags) -> Flags:
     little = cost - problem.found.linear_cost < ROUNDING * cost
     share, found, there = np.ones(len(cost)), moving & little, best
     for _ in range(MOST_HALVINGS):
-        tried = trajectory_cost(problem.setup, problem.window, problem.prior, there, problem.lanes)
+        tried = problem.cost_of(there)
         found |= moving & (tried < cost)
         if np.all(found | ~moving):
             break

@@ -58,7 +58,7 @@ from syncplan.estimation.filter_setup import (
     FilterStatistics,
     States,
 )
-from syncplan.estimation.kernels import Lanes, inner, lean, part
+from syncplan.estimation.kernels import Lanes, inner, linked, part
 from syncplan.estimation.motion_kernels import Frame
 
 SMALLEST_SQUARE = 1e-300
@@ -109,7 +109,6 @@ class Correction(NamedTuple):
     rates: Array
 
 
-@part
 def correction_of(states: States, size: int, width: int) -> Correction:
     """Return scratch for corrections of a state of so many entries and lanes."""
     most = most_entries(states)
@@ -131,13 +130,10 @@ def correction_of(states: States, size: int, width: int) -> Correction:
     )
 
 
-@part
 def most_entries(states: States) -> int:
     """Return how many entries a row may have: three of each pose, and a row of States each."""
-    most = 0
-    for i in range(len(states.first) - 1):
-        most = max(most, states.first[i + 1] - states.first[i])
-    return int(3 * ((6 + 2 * most + 2) // 3))
+    most = int(np.diff(states.first).max())
+    return 3 * ((6 + 2 * most + 2) // 3)
 
 
 # --- what is sighted ----------------------------------------------------------------------------
@@ -280,7 +276,7 @@ def _expect_shift(x: Array, column: int, kind: int, innovation: Array, lanes: La
         innovation[lane] = off
 
 
-@lean
+@linked
 def _sight_later(
     kind: int,
     x: Array,
@@ -668,7 +664,7 @@ def correct_covariance(P: Array, u: Array, g: Array, pending: int, lanes: Lanes)
                     P[i, j, lane] -= g[0, i, lane] * u[0, j, lane]
 
 
-@lean
+@linked
 def correct(
     x: Array,
     P: Array,

@@ -61,9 +61,9 @@ from syncplan.estimation.kernels import (
     Lanes,
     has_compiled,
     inner,
-    kernel,
     lanes_for,
     lanes_of,
+    lean,
     part,
 )
 from syncplan.estimation.motion_kernels import (
@@ -88,10 +88,12 @@ from syncplan.estimation.statistics_kernels import (
     takes_covariance,
 )
 
+Scratch = tuple[Frame, Correction, Comparison]
+"""What a kernel that runs a filter works in."""
 
-@part
-def scratch_of(setup: FilterSetup, width: int) -> tuple[Frame, Correction, Comparison]:
-    """Return what a kernel that runs a filter works in."""
+
+def scratch_of(setup: FilterSetup, width: int) -> Scratch:
+    """Return scratch of a filter of so many lanes, at its first step."""
     states, size = setup.states, len(setup.initial_variances)
     work = correction_of(states, size, width)
     return frame_of(states, width), work, comparison_of(len(setup.lost_variances), size, width)
@@ -113,11 +115,13 @@ def step_filter(
     correct(x, P, step, run, x, WHOLE, frame, work, lanes)
 
 
-@kernel
-def _filter(run: FilterRun, lanes: Lanes, x: Array, P: Array, begin: int, end: int) -> None:
+@lean
+def _filter(
+    run: FilterRun, scratch: Scratch, lanes: Lanes, x: Array, P: Array, begin: int, end: int
+) -> None:
     """Take x and P, lower triangle, from step `begin` to step `end`."""
     setup, statistics = run.setup, run.statistics
-    frame, work, compared = scratch_of(setup, len(lanes))
+    frame, work, compared = scratch
     for step in range(begin, end + 1):
         if step > begin:
             step_filter(x, P, step, run, frame, work, lanes)
@@ -249,13 +253,16 @@ def _predict_ideal(
     copy(after, true, lanes)
 
 
-@kernel
-def _filter_ideally(run: FilterRun, lanes: Lanes, x: Array, P: Array, begin: int, end: int) -> None:
+@lean
+def _filter_ideally(
+    run: FilterRun, scratch: Scratch, lanes: Lanes, x: Array, P: Array, begin: int, end: int
+) -> None:
     """Take x and P, lower triangle, from step `begin` to step `end`."""
     setup, readings, truth, statistics = run.setup, run.readings, run.truth, run.statistics
-    frame, work, compared = scratch_of(setup, len(lanes))
-    after, (n, width) = np.empty_like(x), readings.speeds.shape[1:]
-    speeds, turn_rates = np.empty((n, width)), np.empty((n, width))
+    frame, work, compared = scratch
+    # what else there is to work in is free while a state is predicted
+    after, n = compared.errors, readings.speeds.shape[1]
+    speeds, turn_rates = compared.column[:n], compared.factor[:n]
     # the kernel takes and leaves a whole state, and holds what it is off the truth meanwhile
     true = compared.true
     fill_truth(true, truth, begin, lanes)
@@ -340,7 +347,7 @@ class LaneFilter:
 
     Attributes
     ----------
-    kernel : compiled, of (FilterRun, Lanes), the state (3n + e, lanes) and covariance
+    kernel : compiled, of (FilterRun, Scratch, Lanes), the state (3n + e, lanes) and covariance
         (3n + e, 3n + e, lanes), which it takes on in place from one step to another, both given
         last
     """
@@ -365,7 +372,7 @@ class LaneFilter:
     def advance(self, run: FilterRun, state: State, begin: int, end: int) -> None:
         """Take a state, as `run` returns it, from step `begin` to step `end`, in place."""
         n, _, width = run.readings.initial.shape
-        self.kernel(run, lanes_of(n, width), *state, begin, end)
+        self.kernel(run, scratch_of(run.setup, width), lanes_of(n, width), *state, begin, end)
 
     def is_compiled(self, n: int) -> bool:
         """Return whether the kernel for n vehicles is in memory or in the disk cache.
@@ -420,7 +427,7 @@ def specimen(n: int) -> tuple[Any, ...]:
     truth = Truth(np.zeros((1, n, 3, 1)), np.zeros((0, 1)), np.zeros((1, 0, 1)))
     statistics = empty_statistics(1, empty_series(3 * n, 0, wanted=False))
     run = FilterRun(setup, readings, truth, statistics)
-    return run, lanes_of(n, 1), *start_of(setup, readings), 0, 0
+    return run, scratch_of(setup, 1), lanes_of(n, 1), *start_of(setup, readings), 0, 0
 
 
 EXTENDED, IDEAL = LaneFilter(_filter), LaneFilter(_filter_ideally)

@@ -35,7 +35,7 @@ from syncplan.estimation.filter_setup import (
     MotionModel,
     States,
 )
-from syncplan.estimation.kernels import Lanes, inner, lean, part
+from syncplan.estimation.kernels import Lanes, inner, linked, part
 
 LEAST_LEFT = 0.1
 """Share left of a state below which P is brought to the present.
@@ -66,7 +66,6 @@ class Frame(NamedTuple):
     turned: Array
 
 
-@part
 def frame_of(states: States, width: int) -> Frame:
     """Return the frame of the present step."""
     m = len(states.acts)
@@ -270,7 +269,7 @@ def add_reading_noise(
         P[r + 2, r + 2, lane] += turn_variance * time * time
 
 
-@lean
+@linked
 def predict(
     x: Array,
     P: Array,

@@ -17,7 +17,7 @@ from syncplan.estimation.filter_setup import (
     FilterStatistics,
     Truth,
 )
-from syncplan.estimation.kernels import Lanes, inner, lean, part
+from syncplan.estimation.kernels import Lanes, inner, linked, part
 
 SMALLEST_PIVOT = 1e-13
 """Share of a variance below which its remainder, given the other states, is rounding."""
@@ -43,7 +43,6 @@ class Comparison(NamedTuple):
     valid: Array
 
 
-@part
 def comparison_of(n: int, size: int, width: int) -> Comparison:
     """Return scratch for n vehicles and a state of so many entries."""
     return Comparison(
@@ -104,7 +103,7 @@ def takes_covariance(setup: FilterSetup, sample: int, statistics: FilterStatisti
     return is_sampled(setup, sample) or len(statistics.series) > 0
 
 
-@lean
+@linked
 def record(
     P: Array,
     setup: FilterSetup,

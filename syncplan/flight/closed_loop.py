@@ -17,8 +17,8 @@ import math
 
 from syncplan.arrays import Array, Index
 from syncplan.estimation.filter_setup import COMPASS_KIND, FilterRun, FilterSetup, Readings, Truth
-from syncplan.estimation.kernels import Lanes, inner, kernel, lean
-from syncplan.estimation.lane_filter import scratch_of, step_filter
+from syncplan.estimation.kernels import Lanes, inner, lean
+from syncplan.estimation.lane_filter import Scratch, step_filter
 from syncplan.estimation.motion_kernels import bring_to_now, copy, move
 from syncplan.estimation.statistics_kernels import (
     Comparison,
@@ -123,11 +123,12 @@ def _compare(
             compared.errors[3 * i : 3 * i + 3] = 0.0
 
 
-@kernel
+@lean
 def fly_lanes(
     flight: FlightSetup,
     flown: Flown,
     run: FilterRun,
+    scratch: Scratch,
     lanes: Lanes,
     x: Array,
     P: Array,
@@ -136,7 +137,7 @@ def fly_lanes(
 ) -> None:
     """Take x and P, lower triangle, from step `begin` to step `end`, flying on the way."""
     setup, readings, truth, statistics = run.setup, run.readings, run.truth, run.statistics
-    frame, work, compared = scratch_of(setup, len(lanes))
+    frame, work, compared = scratch
     if begin == 0:
         _compare(x, flight, truth, begin, compared, lanes)
         record(P, setup, begin, compared, statistics, lanes)
@@ -151,6 +152,6 @@ def fly_lanes(
             _part_gone(P, flight, step)
         if looks:
             heard, moved, sought = flown.heard, flown.moved, flown.sought
-            move_circles(flight.contact, setup.states, P, step, heard, moved, sought, lanes)
+            move_circles(flight.contact, setup.states, P, step, heard, moved, sought, work, lanes)
         _compare(x, flight, truth, step, compared, lanes)
         record(P, setup, step, compared, statistics, lanes)

@@ -24,7 +24,6 @@ from syncplan.arrays import Array, Flags, Index
 from syncplan.estimation.correction_kernels import (
     OFF,
     correct,
-    correction_of,
     refer_place,
     spread,
 )
@@ -37,8 +36,9 @@ from syncplan.estimation.filter_setup import (
     empty_statistics,
     start_of,
 )
-from syncplan.estimation.kernels import Lanes, kernel, lanes_of
-from syncplan.estimation.motion_kernels import frame_of, predict
+from syncplan.estimation.kernels import Lanes, kernel, lanes_of, lean
+from syncplan.estimation.lane_filter import Scratch, scratch_of
+from syncplan.estimation.motion_kernels import predict
 from syncplan.estimation.statistics_kernels import fill_truth
 from syncplan.flight.flight_results import FlightFigures
 from syncplan.flight.flown_lanes import FlownLanes
@@ -285,6 +285,7 @@ def _bounds(team: FlownTeam, lanes: FlownLanes, counted: Flags) -> tuple[Array, 
         counted,
         along,
         1 if records is None else records.steps.every,
+        scratch_of(setup, width),
         side_by_side,
         *start_of(setup, lanes.readings),
     )
@@ -316,7 +317,7 @@ def _settled(team: FlownTeam, ahead: Array) -> Array:
 # --- the bound along the paths flown --------------------------------------------------------------
 
 
-@kernel
+@lean
 def bound_lanes(
     run: FilterRun,
     squares: Array,
@@ -324,6 +325,7 @@ def bound_lanes(
     counted: Flags,
     along: Array,
     every: int,
+    scratch: Scratch,
     lanes: Lanes,
     x: Array,
     P: Array,
@@ -337,8 +339,8 @@ def bound_lanes(
     """
     setup, readings, truth = run.setup, run.readings, run.truth
     n, size, width, steps = len(squares), len(P), len(lanes), len(readings.speeds)
-    frame, work = frame_of(setup.states, width), correction_of(setup.states, size, width)
-    states, true, sums = setup.states, np.empty_like(x), work.sums
+    frame, work, compared = scratch
+    states, true, sums = setup.states, compared.true, work.sums
     for i in range(n if len(along) else 0):
         for lane in range(width):
             along[0, i, lane] = P[3 * i, 3 * i, lane] + P[3 * i + 1, 3 * i + 1, lane]

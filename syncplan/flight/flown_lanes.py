@@ -25,7 +25,7 @@ from syncplan.estimation.filter_setup import (
     start_of,
 )
 from syncplan.estimation.kernels import Lanes, has_compiled, lanes_for, lanes_of
-from syncplan.estimation.lane_filter import LaneRun
+from syncplan.estimation.lane_filter import LaneRun, scratch_of
 from syncplan.estimation.online_filter import with_room
 from syncplan.estimation.robust_filter import RobustRun
 from syncplan.estimation.trial_readings import filter_stream
@@ -139,7 +139,8 @@ class ClosedLoop:
     def advance(self, run: FilterRun, state: State, begin: int, end: int) -> None:
         """Take a state from step `begin` to step `end`, in place, and fly on the way."""
         n, _, width = run.readings.initial.shape
-        fly_lanes(self.flight, self.flown, run, lanes_of(n, width), *state, begin, end)
+        scratch, lanes = scratch_of(run.setup, width), lanes_of(n, width)
+        fly_lanes(self.flight, self.flown, run, scratch, lanes, *state, begin, end)
 
 
 @dataclass(slots=True)

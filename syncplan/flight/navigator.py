@@ -19,6 +19,7 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.errors import InputError
+from syncplan.estimation.correction_kernels import correction_of
 from syncplan.estimation.filter_setup import COMPASS_KIND, poses_of
 from syncplan.estimation.filters import FILTERS
 from syncplan.estimation.kernels import lanes_of
@@ -91,6 +92,8 @@ class Navigator:
         stream = filter_stream(seed, 0)
         self._filter = OnlineFilter(self._setup, begin, FILTERS[run.options.filter], stream)
         self._lanes = lanes_of(n, 1)
+        size = len(self._setup.initial_variances)
+        self._work = correction_of(self._setup.states, size, 1)
         limits = run.limits
         self._bounds = (
             np.array(limits.least_speeds, dtype=float),
@@ -248,6 +251,7 @@ class Navigator:
                 self._heard,
                 self._moved,
                 self._sought,
+                self._work,
                 self._lanes,
             )
 

@@ -28,12 +28,10 @@ a sighting, with the air's velocity as unsure as it is.
 
 import math
 
-import numpy as np
-
 from syncplan.arrays import Array, Index
-from syncplan.estimation.correction_kernels import NONE, most_entries
+from syncplan.estimation.correction_kernels import NONE, Correction
 from syncplan.estimation.filter_setup import DRIFT, States
-from syncplan.estimation.kernels import Lanes, inner, kernel
+from syncplan.estimation.kernels import Lanes, inner, lean
 from syncplan.flight.flight_setup import Circles, Contact, Law
 
 STILL = 0.05
@@ -105,7 +103,7 @@ def track(
 # --- a team that flies by itself ------------------------------------------------------------------
 
 
-@kernel
+@lean
 def steer(
     circles: Circles,
     law: Law,
@@ -150,19 +148,19 @@ def _add_place(
     What all vehicles share counts only where the place is taken `apart` from the others'.
     """
     for axis in range(2):
-        columns[count], entries[count] = 3 * i + axis, sign * toward[axis]
+        columns[count], entries[count, 0] = 3 * i + axis, sign * toward[axis]
         count += 1
     lead, gust_lead = leads
     for m in range(states.first[i], states.first[i + 1]):
         if states.acts[m] == DRIFT and (apart or not states.common[m]):
             columns[count] = states.columns[m]
             ahead = gust_lead if states.columns[m] >= states.first_changing else lead
-            entries[count] = sign * ahead * toward[states.axes[m, 0]]
+            entries[count, 0] = sign * ahead * toward[states.axes[m, 0]]
             count += 1
     return count
 
 
-@kernel
+@lean
 def move_circles(
     contact: Contact,
     states: States,
@@ -171,16 +169,16 @@ def move_circles(
     heard: Index,
     moved: Array,
     sought: Index,
+    work: Correction,
     lanes: Lanes,
 ) -> None:
     """Move circles, `moved` (n, 2, lanes) m, by what the covariance P now says, a lower triangle.
 
     `heard` (n, lanes) are the steps of the last sighting of each vehicle that was taken in;
-    `sought` (n, lanes) counts steps.
+    `sought` (n, lanes) counts steps; `work` is scratch.
     """
     n, leads, anchors = len(heard), (contact.lead, contact.gust_lead), contact.anchors
-    most = most_entries(states)
-    columns, entries = np.zeros(most, dtype=np.int64), np.zeros(most)
+    columns, entries = work.columns, work.entries
     for i in anchors.order:
         anchor, toward = anchors.bodies[i], anchors.toward[i]
         if anchor < 0:
@@ -195,7 +193,7 @@ def move_circles(
             for a in range(count):
                 for b in range(count):
                     r, q = max(columns[a], columns[b]), min(columns[a], columns[b])
-                    spread += entries[a] * entries[b] * P[r, q, lane]
+                    spread += entries[a, 0] * entries[b, 0] * P[r, q, lane]
             missing = contact.sigmas * math.sqrt(max(spread, 0.0)) - anchors.slacks[i]
             by = min(max(missing, 0.0), anchors.most[i])
             if step - heard[i, lane] > contact.patience:

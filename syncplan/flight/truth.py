@@ -36,7 +36,7 @@ from syncplan.estimation.filter_setup import (
     DISTANCE_KIND,
     FilterSetup,
 )
-from syncplan.estimation.kernels import Lanes, inner, lean
+from syncplan.estimation.kernels import Lanes, inner, linked
 from syncplan.estimation.motion_kernels import shortening
 from syncplan.flight.flight_setup import Eyes, FlightSetup, Flown
 from syncplan.flight.keyed_noise import Word, normal_pair, uniform, words_at
@@ -126,7 +126,7 @@ HALF_WORD = np.uint64(32)
 LOW_HALF = np.uint64(0xFFFFFFFF)
 
 
-@lean
+@linked
 def sight_truly(
     flight: FlightSetup,
     flown: Flown,
@@ -275,7 +275,7 @@ def _new_row(flown: Flown, setup: FilterSetup, kind: int, o: int, t: int, sigma:
     return int(s)
 
 
-@lean
+@linked
 def _read(
     flight: FlightSetup,
     flown: Flown,

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from syncplan.arrays import Array, Flags
-from syncplan.estimation.batch_linearisation import linear_pass, smooth
-from syncplan.estimation.batch_problem import FAR, Prior, Trajectory, Window, trajectory_cost
+from syncplan.estimation.batch_linearisation import smooth
+from syncplan.estimation.batch_problem import FAR, Prior, Trajectory, Window
 from syncplan.estimation.batch_solution import (
     THINNING,
     BatchSolution,
@@ -214,7 +214,8 @@ def dense(case: Case, lane: int, path: Trajectory) -> Dense:
 def test_a_step_is_that_of_dense_least_squares(name: str) -> None:
     case = case_of(CASES[name]())
     problem = _Problem.of(case.setup, case.window, case.prior, SAMPLES)
-    x, P = linear_pass(*case, problem.found, problem.lanes)
+    problem.linearise(case.path)
+    x, P = problem.ended
     smooth(case.setup, case.window, case.prior, problem.found, problem.best, problem.lanes)
     assert ("gusts" in name or "all" in name) <= (problem.found.ended.sum() >= 2)
     for lane in (0, 1) if name in ("all states", "with a gate") else (1,):
@@ -245,7 +246,7 @@ def test_a_step_is_that_of_dense_least_squares(name: str) -> None:
 @pytest.mark.parametrize("name", CASES)
 def test_the_cost_of_a_trajectory_is_a_plain_sum(name: str) -> None:
     case = case_of(CASES[name]())
-    found = trajectory_cost(*case, LANES)
+    found = _Problem.of(case.setup, case.window, case.prior, SAMPLES).cost_of(case.path)
     assert np.isnan(case.window.sightings).any()
     for lane in range(2):
         innovations, _ = rolled_out(case, lane, stacked(case.path, lane))

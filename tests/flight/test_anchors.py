@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from syncplan.arrays import Array, Index
+from syncplan.estimation.correction_kernels import correction_of
 from syncplan.flight.anchors import Anchors, anchors_of
 from syncplan.flight.flight_setup import Contact
 from syncplan.flight.flying import FlightRun, flight_run
@@ -172,8 +173,9 @@ class Seeking:
 
     def look(self, step: int = 10) -> Array:
         """(n, 2) m, by how much circles are moved."""
+        work, moved = correction_of(self.states, 20, 1), self.moved
         move_circles(
-            self.contact, self.states, self.P, step, self.seen, self.moved, self.sought, LANES
+            self.contact, self.states, self.P, step, self.seen, moved, self.sought, work, LANES
         )
         return self.moved[..., 0].copy()
 
