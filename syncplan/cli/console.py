@@ -12,9 +12,11 @@ from syncplan.errors import InputError
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.progress import Progress, TaskID
 
     from syncplan.documents import Document
     from syncplan.estimation.filter_options import FilterOptions
+    from syncplan.flight.flown_team import FlownTeam
 
 PIPED_WIDTH = 160
 """Columns of tables that go to a file or another program, unless COLUMNS says otherwise."""
@@ -115,19 +117,33 @@ def open_closed_streams() -> None:
         sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
 
 
-def announce_compilation(options: "FilterOptions", counts: Iterable[int]) -> None:
-    """Announce that the kernels of the filter are compiled first, for teams of so many vehicles."""
+def compile_filter(options: "FilterOptions", counts: Iterable[int]) -> None:
+    """Compile the kernels of the filter for teams of so many vehicles, where they are not."""
     filter_ = options.filter_model.lane_filter
-    if not all(filter_.is_compiled(count) for count in set(counts)):
-        say("compiling the filter's kernels, once; this takes about half a minute ...")
+    missing = [count for count in sorted(set(counts)) if not filter_.is_compiled(count)]
+    if missing:
+        with _compiling("the filter's kernels", "10 to 20 s"):
+            for count in missing:
+                filter_.compile(count)
 
 
-def announce_flight() -> None:
-    """Announce that the kernels of a flight are compiled first, if they are not."""
-    from syncplan.flight.flown_lanes import ClosedLoop
+def compile_flight(team: "FlownTeam") -> None:
+    """Compile the kernels of a team's flights, where they are not."""
+    from syncplan.flight.flights import compile_flights, flight_is_compiled
 
-    if not ClosedLoop.is_compiled():
-        say("compiling the kernels of flight, once; this takes about a minute ...")
+    if not flight_is_compiled(team):
+        with _compiling("the kernels of flight", "15 to 40 s"):
+            compile_flights(team)
+
+
+@contextmanager
+def _compiling(kernels: str, duration: str) -> Iterator[None]:
+    """Announce what is compiled; at a terminal, show for how long it has been."""
+    say(f"compiling {kernels}, once; on two cores this takes {duration} ...")
+    with _lines_with_time() as shown:
+        if shown is not None:
+            shown.add_task("compiling", total=None)
+        yield
 
 
 def say_notes(notes: list[str]) -> None:
@@ -165,31 +181,33 @@ def progress_bar(unit: str, total: int) -> Iterator[Callable[[int], None] | None
 
 
 @contextmanager
-def search_progress() -> Iterator[Callable[[int, int, float], None] | None]:
-    """A line for each start of a search, with its objective at every iteration, at a terminal."""
+def _lines_with_time() -> Iterator["Progress | None"]:
+    """Lines on standard error that say for how long each has been there, at a terminal only."""
     if not sys.stderr.isatty():
         yield None
         return
     from rich.console import Console
-    from rich.progress import Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+    columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
+    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
+        yield shown
+
+
+@contextmanager
+def search_progress() -> Iterator[Callable[[int, int, float], None] | None]:
+    """A line for each start of a search, with its objective at every iteration, at a terminal."""
     lines: dict[int, TaskID] = {}
-    shown = Progress(
-        SpinnerColumn(),
-        TextColumn("{task.description}"),
-        TimeElapsedColumn(),
-        console=Console(stderr=True),
-        transient=True,
-    )
+    with _lines_with_time() as shown:
 
-    def report(start: int, iteration: int, objective: float) -> None:
-        text = f"start {start + 1}, iteration {iteration}: objective {objective:.6g}"
-        if start not in lines:
-            lines[start] = shown.add_task(text, total=None)
-        shown.update(lines[start], description=text)
+        def report(start: int, iteration: int, objective: float) -> None:
+            assert shown is not None
+            text = f"start {start + 1}, iteration {iteration}: objective {objective:.6g}"
+            if start not in lines:
+                lines[start] = shown.add_task(text, total=None)
+            shown.update(lines[start], description=text)
 
-    with shown:
-        yield report
+        yield None if shown is None else report
 
 
 def say(message: str) -> None:

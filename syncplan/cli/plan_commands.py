@@ -93,11 +93,12 @@ def _plan(
 
 def _flown(made: "Plan", trials: int) -> "Plan":
     """The plan with what flying it has found."""
-    from syncplan.flight.flying import fly
+    from syncplan.flight.flying import conclude_flight, flight_run, fly_part
 
-    console.announce_flight()
+    run = flight_run(made, trials=trials)
+    console.compile_flight(run.team)
     with console.progress_bar("flights", trials) as progress:
-        return fly(made, trials=trials, progress=progress).plan
+        return conclude_flight(run, [fly_part(run, 0, trials, progress=progress)]).plan
 
 
 # --- refine ---------------------------------------------------------------------------------------

@@ -74,7 +74,7 @@ def _validate(
     flown = plan_of(load(subject, max_vehicles=max_vehicles or MAX_VEHICLES), pilot=False)
     chosen = choose_filter(flown, options).applied(options)
     there = in_world(flown, options.truth)
-    console.announce_compilation(chosen, [there.team.count])
+    console.compile_filter(chosen, [there.team.count])
     status = 0
     if options.stress or require_robust:
         worlds = len(stress_worlds(there.scenario)) + 1
@@ -148,7 +148,7 @@ def _sweep(
     loaded = load_scenario(scenario, max_vehicles=max_vehicles or MAX_VEHICLES)
     planned = planned_rows(loaded, varied.name, numbers_of_it, connected=options.connected)
     teams = [in_world(row.plan, options.truth).true_team for row in planned]
-    console.announce_compilation(options, [team.count for team in teams])
+    console.compile_filter(options, [team.count for team in teams])
     with console.progress_bar("trials", options.trials * len(planned)) as progress:
         rows = validated(varied.name, planned, options, threads=threads, progress=progress)
     reports = [validation_document(row.validation) for row in rows]
@@ -204,7 +204,7 @@ def _fly(
     console.check_output(output, subject)
     plan = plan_of(load(subject, max_vehicles=max_vehicles or MAX_VEHICLES), pilot=False)
     run = flight_run(plan, options)
-    console.announce_flight()
+    console.compile_flight(run.team)
     with console.progress_bar("flights", options.trials) as progress:
         part = fly_part(run, 0, run.trials, threads=threads, progress=progress)
     flight = conclude_flight(run, [part])
@@ -259,7 +259,7 @@ def _document(recording: "Log", asked: ReplayOptions) -> "ReplayDocument":
 
     settings, options = asked.settings, asked.filter_options
     check_start(settings, recording.name, has_truth=recording.has_truth)
-    console.announce_compilation(options, [len(recording.robots)])
+    console.compile_filter(options, [len(recording.robots)])
     tuning = None
     if asked.tune:
         with console.progress_bar("filter runs", MOST_RUNS) as progress:

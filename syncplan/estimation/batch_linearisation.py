@@ -30,6 +30,7 @@ from syncplan.estimation.batch_problem import (
     FAR,
     Linearised,
     Prior,
+    Scratch,
     Trajectory,
     Window,
     add_prior_cost,
@@ -40,6 +41,7 @@ from syncplan.estimation.batch_problem import (
 )
 from syncplan.estimation.correction_kernels import (
     AT_ONCE,
+    NONE,
     Correction,
     correct_covariance,
     correct_state,
@@ -50,13 +52,14 @@ from syncplan.estimation.correction_kernels import (
     take_off,
 )
 from syncplan.estimation.filter_setup import DRIFT, FilterSetup, MotionModel
-from syncplan.estimation.kernels import Lanes, inner, kernel
+from syncplan.estimation.kernels import Lanes, inner, lean
 from syncplan.estimation.motion_kernels import (
     LEAST_LEFT,
     Frame,
     add_changes,
     add_reading_noise,
     bring_to_now,
+    copy,
     gained,
     grow_older,
     motion_in,
@@ -64,7 +67,7 @@ from syncplan.estimation.motion_kernels import (
 )
 
 
-@kernel
+@lean
 def linear_pass(
     setup: FilterSetup,
     window: Window,
@@ -72,35 +75,35 @@ def linear_pass(
     path: Trajectory,
     found: Linearised,
     frame: Frame,
-    work: Correction,
+    scratch: Scratch,
     lanes: Lanes,
-) -> tuple[Array, Array]:
+) -> None:
     """Filter along the trajectories, filling in `found`.
 
-    Returns the state (3n + e, lanes) and the lower triangle of the covariance at the end, as the
-    last sighting leaves them.
+    State and covariance at the end, as the last sighting leaves them, are those in `scratch`.
     """
-    n, size, width = path.speeds.shape[1], len(prior.variances), len(lanes)
-    x, P, mean = path.start.copy(), np.zeros((size, size, width)), np.empty((1, size, width))
-    speeds, turn_rates, ones = np.empty((n, width)), np.empty((n, width)), np.ones(width)
-    now = np.empty((size, width))
-    found.cost[:], found.linear_cost[:] = 0.0, 0.0
+    x, P, mean, work = scratch.x, scratch.P, scratch.mean, scratch.work
+    speeds, turn_rates, ones = scratch.speeds, scratch.turn_rates, scratch.ones
+    copy(path.start, x, lanes)
+    for lane in range(len(lanes)):
+        found.cost[lane], found.linear_cost[lane] = 0.0, 0.0
     add_prior_cost(prior, path, found.cost, lanes)
-    for k in range(size):
-        for lane in range(width):
+    for k in range(len(P)):
+        P[k] = 0.0
+        for lane in range(len(lanes)):
             P[k, k, lane] = prior.variances[k]
             mean[0, k, lane] = prior.mean[k, lane] - x[k, lane]
-    left = 0
+    left = NONE
     for k in range(len(path.speeds)):
         motion = motion_in(setup, window.begin + k + 1)
         correct_readings(motion, window, path, k, speeds, turn_rates, found.cost, lanes)
-        for i in range(n):
+        for i in range(len(speeds)):
             move(x, i, speeds, turn_rates, motion, setup.states, work.slopes, lanes)
             add_reading_noise(P, i, motion, setup.states, frame, work.slopes, lanes)
             _expect_noise(mean, i, k, motion, path, work.slopes, found.ways, lanes)
         if grow_older(setup, motion.time, frame) < LEAST_LEFT:
-            found.frames[left], found.frame_lefts[left] = frame.ways, frame.left
-            _carry_mean(mean, now, ones, setup, frame, lanes)
+            _keep_frame(left, frame, found, lanes)
+            _carry_mean(mean, scratch.carried, ones, setup, frame, lanes)
             bring_to_now(P, setup.states, frame, lanes)
             left += 1
             found.ended[k] = 1.0
@@ -110,7 +113,17 @@ def linear_pass(
         _take_in(x, P, mean, k, setup, window, speeds, turn_rates, frame, work, found, lanes)
     correct_state(x, mean, 0, ones, setup.states, frame, lanes)
     bring_to_now(P, setup.states, frame, lanes)
-    return x, P
+
+
+@inner
+def _keep_frame(place: int, frame: Frame, found: Linearised, lanes: Lanes) -> None:
+    """Keep, at a place, the frame that P leaves."""
+    for m in range(len(frame.ways)):
+        for c in range(3):
+            for lane in range(len(lanes)):
+                found.frames[place, m, c, lane] = frame.ways[m, c, lane]
+    for k in range(len(frame.left)):
+        found.frame_lefts[place, k] = frame.left[k]
 
 
 @inner
@@ -264,26 +277,26 @@ def _weigh(
 # --- the smoother's adjoint -----------------------------------------------------------------------
 
 
-@kernel
+@lean
 def smooth(
     setup: FilterSetup,
     window: Window,
     prior: Prior,
     found: Linearised,
     path: Trajectory,
+    scratch: Scratch,
     lanes: Lanes,
 ) -> None:
     """Fill in the trajectories that are best if all were linear."""
-    size, width = len(prior.variances), len(lanes)
-    begin = first_sighting(setup, window)
-    adjoint, share = np.zeros((size, width)), np.empty(width)
+    adjoint, width, begin = scratch.adjoint, len(lanes), first_sighting(setup, window)
+    adjoint[:] = 0.0
     left = int(found.ended.sum())
     for k in range(len(path.speeds) - 1, -1, -1):
         motion = motion_in(setup, window.begin + k + 1)
         first = setup.first[window.begin + k + 1] - begin
         last = setup.first[window.begin + k + 2] - begin
         for place in range(last - 1, first - 1, -1):
-            _pull(adjoint, place, found, share, lanes)
+            _pull(adjoint, place, found, scratch.share, lanes)
         if path.changes.shape[1]:
             _smooth_changes(adjoint, k, setup, motion.time, found, path.changes, lanes)
             if found.ended[k] > 0.0:
@@ -297,7 +310,7 @@ def smooth(
                 about = ways[k, i, 2, lane] * ax + ways[k, i, 3, lane] * ay + motion.time * ah
                 path.speeds[k, i, lane] = motion.speed_variance * along
                 path.turn_rates[k, i, lane] = motion.turn_rate_variance * about
-    for k in range(size):
+    for k in range(len(adjoint)):
         for lane in range(width):
             path.start[k, lane] = prior.mean[k, lane] + prior.variances[k] * adjoint[k, lane]
 

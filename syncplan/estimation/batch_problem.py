@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.estimation.correction_kernels import Correction, sight
+from syncplan.estimation.correction_kernels import Correction, correction_of, sight
 from syncplan.estimation.filter_setup import FilterSetup, MotionModel
-from syncplan.estimation.kernels import Lanes, inner, kernel
-from syncplan.estimation.motion_kernels import gained, kept, motion_in, move
+from syncplan.estimation.kernels import Lanes, inner, lean
+from syncplan.estimation.motion_kernels import copy, gained, kept, motion_in, move
 
 FAR = 2.0
 """Standard deviations from which on a reading's pull grows no further, where some may be wild."""
@@ -99,23 +99,69 @@ class Linearised(NamedTuple):
     linear_cost: Array
 
 
-@kernel
+class Scratch(NamedTuple):
+    """What passes along trajectories work in.
+
+    Fields
+    ------
+    x, P : (3n + e, lanes), (3n + e, 3n + e, lanes) state and covariance, lower triangle
+    mean, carried : (1, 3n + e, lanes), (3n + e, lanes) of what is off a trajectory
+    adjoint : (3n + e, lanes)
+    speeds, turn_rates : (n, lanes)
+    cost, share, ones : (lanes,)
+    work : scratch of sightings
+    """
+
+    x: Array
+    P: Array
+    mean: Array
+    carried: Array
+    adjoint: Array
+    speeds: Array
+    turn_rates: Array
+    cost: Array
+    share: Array
+    ones: Array
+    work: Correction
+
+
+def scratch_of(setup: FilterSetup, width: int) -> Scratch:
+    """Return scratch for passes of so many lanes."""
+    n, size = setup.vehicles, len(setup.initial_variances)
+    return Scratch(
+        x=np.empty((size, width)),
+        P=np.empty((size, size, width)),
+        mean=np.empty((1, size, width)),
+        carried=np.empty((size, width)),
+        adjoint=np.empty((size, width)),
+        speeds=np.empty((n, width)),
+        turn_rates=np.empty((n, width)),
+        cost=np.empty(width),
+        share=np.empty(width),
+        ones=np.ones(width),
+        work=correction_of(setup.states, size, width),
+    )
+
+
+@lean
 def trajectory_cost(
     setup: FilterSetup,
     window: Window,
     prior: Prior,
     path: Trajectory,
-    work: Correction,
+    scratch: Scratch,
     lanes: Lanes,
-) -> Array:
-    """Return twice the negative log-likelihood of each trajectory (lanes,), less a constant.
+) -> None:
+    """Fill in twice the negative log-likelihood of each trajectory, `cost`, less a constant.
 
     A sighting that is far off counts as `misfit` has it.
     """
-    n, width = path.speeds.shape[1], len(lanes)
-    x, cost = path.start.copy(), np.zeros(width)
-    speeds, turn_rates = np.empty((n, width)), np.empty((n, width))
-    begin = first_sighting(setup, window)
+    x, cost, work = scratch.x, scratch.cost, scratch.work
+    speeds, turn_rates = scratch.speeds, scratch.turn_rates
+    n, begin = len(speeds), first_sighting(setup, window)
+    copy(path.start, x, lanes)
+    for lane in range(len(lanes)):
+        cost[lane] = 0.0
     add_prior_cost(prior, path, cost, lanes)
     for k in range(len(path.speeds)):
         motion = motion_in(setup, window.begin + k + 1)
@@ -125,11 +171,10 @@ def trajectory_cost(
         change(x, setup, motion.time, path.changes, k, cost, lanes)
         for s in range(setup.first[window.begin + k + 1], setup.first[window.begin + k + 2]):
             sight(s, s - begin, x, window.sightings, speeds, turn_rates, setup, work, lanes)
-            for lane in range(width):
+            for lane in range(len(lanes)):
                 off = work.innovation[lane] * work.innovation[lane]
                 off /= setup.variances[s] * window.temper[lane]
                 cost[lane] += misfit(off, setup.gate, window.temper[lane]) if off == off else 0.0
-    return cost
 
 
 @inner

@@ -12,6 +12,7 @@ A trial's solution depends on that trial alone, whatever runs beside it.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -20,11 +21,13 @@ from syncplan.estimation.batch_linearisation import linear_pass, smooth
 from syncplan.estimation.batch_problem import (
     Linearised,
     Prior,
+    Scratch,
     Trajectory,
     Window,
+    scratch_of,
     trajectory_cost,
 )
-from syncplan.estimation.correction_kernels import Correction, correction_of, most_entries
+from syncplan.estimation.correction_kernels import most_entries
 from syncplan.estimation.filter_setup import FilterSetup
 from syncplan.estimation.kernels import Lanes, has_compiled, lanes_of
 from syncplan.estimation.lane_filter import specimen
@@ -92,39 +95,32 @@ def solve(
     fine = _Problem.of(setup, window, prior, K)
     taken += _descend(fine, path, TEMPERS[-1:], MOST_STEPS[-1:], (close_enough,))
     made = np.sum(~np.isnan(sightings), axis=0)
-    return BatchSolution(path, fine.found.cost, made, *fine.ended, taken)
+    return BatchSolution(path, fine.found.cost, made, fine.scratch.x, fine.scratch.P, taken)
 
 
 def solver_is_compiled(n: int) -> bool:
     """Return whether the kernels for n vehicles are in memory or in numba's disk cache."""
-    problem = _specimen(n)
-    setup, window, prior = problem.setup, problem.window, problem.prior
-    found, best, work, lanes = problem.found, problem.best, problem.work, problem.lanes
-    frame = frame_of(setup.states, 1)
-    return (
-        has_compiled(trajectory_cost, (setup, window, prior, best, work, lanes))
-        and has_compiled(linear_pass, (setup, window, prior, best, found, frame, work, lanes))
-        and has_compiled(smooth, (setup, window, prior, found, best, lanes))
-    )
+    return all(has_compiled(kernel, given) for kernel, given in _calls(n))
 
 
 def compile_solver(n: int) -> None:
     """Compile the kernels for n vehicles, or load them from numba's disk cache."""
-    problem = _specimen(n)
-    setup, window, prior = problem.setup, problem.window, problem.prior
-    found, best, work, lanes = problem.found, problem.best, problem.work, problem.lanes
-    frame = frame_of(setup.states, 1)
-    trajectory_cost(setup, window, prior, best, work, lanes)
-    linear_pass(setup, window, prior, best, found, frame, work, lanes)
-    smooth(setup, window, prior, found, best, lanes)
+    for kernel, given in _calls(n):
+        kernel(*given)
 
 
-def _specimen(n: int) -> "_Problem":
-    """A problem of n vehicles and no sample."""
+def _calls(n: int) -> list[tuple[Any, tuple[Any, ...]]]:
+    """The kernels, with arguments of n vehicles and no sample."""
     setup, readings, *_ = specimen(n)[0]
     window = Window(0, readings.speeds, readings.turn_rates, readings.sightings, np.ones(1))
     prior = Prior(np.zeros((3 * n, 1)), np.ones(3 * n))
-    return _Problem.of(setup, window, prior, 0)
+    problem = _Problem.of(setup, window, prior, 0)
+    case, own, best = (setup, window, prior), (problem.scratch, problem.lanes), problem.best
+    return [
+        (linear_pass, (*case, best, problem.found, frame_of(setup.states, 1), *own)),
+        (smooth, (*case, problem.found, best, *own)),
+        (trajectory_cost, (*case, best, *own)),
+    ]
 
 
 def _still(start: Array, setup: FilterSetup, K: int) -> Trajectory:
@@ -175,9 +171,8 @@ class _Problem:
     prior: Prior
     found: Linearised
     best: Trajectory
-    work: Correction
+    scratch: Scratch
     lanes: Lanes
-    ended: tuple[Array, Array]
 
     @classmethod
     def of(cls, setup: FilterSetup, window: Window, prior: Prior, K: int) -> "_Problem":
@@ -189,22 +184,26 @@ class _Problem:
             prior=prior,
             found=_empty(setup, window.begin, K, sightings, width),
             best=_still(prior.mean, setup, K),
-            work=correction_of(setup.states, len(prior.mean), width),
+            scratch=scratch_of(setup, width),
             lanes=lanes_of(setup.vehicles, width),
-            ended=(np.zeros((0, 0)), np.zeros((0, 0, 0))),
         )
 
     def linearise(self, path: Trajectory) -> None:
-        """Filter along trajectories, and keep what that leaves in `found` and `ended`."""
-        case, frame = (
-            (self.setup, self.window, self.prior, path),
-            frame_of(self.setup.states, len(self.found.cost)),
-        )
-        self.ended = linear_pass(*case, self.found, frame, self.work, self.lanes)
+        """Filter along trajectories; `found` and, at the end, `scratch` have what that leaves."""
+        frame = frame_of(self.setup.states, len(self.found.cost))
+        case = self.setup, self.window, self.prior, path
+        linear_pass(*case, self.found, frame, self.scratch, self.lanes)
+
+    def smooth(self) -> None:
+        """Fill in the trajectories that are best if all were linear."""
+        case = self.setup, self.window, self.prior
+        smooth(*case, self.found, self.best, self.scratch, self.lanes)
 
     def cost_of(self, path: Trajectory) -> Array:
         """(lanes,) what trajectories cost."""
-        return trajectory_cost(self.setup, self.window, self.prior, path, self.work, self.lanes)
+        case = self.setup, self.window, self.prior, path
+        trajectory_cost(*case, self.scratch, self.lanes)
+        return self.scratch.cost.copy()
 
 
 def _descend(
@@ -215,7 +214,7 @@ def _descend(
     close: tuple[float, ...],
 ) -> Index:
     """Take the paths down to a minimum, in place; return the number of steps of each."""
-    setup, window, prior, found = problem.setup, problem.window, problem.prior, problem.found
+    window, found = problem.window, problem.found
     width = len(found.cost)
     at, taken = Tempering.of(width, tempers, most, close), np.zeros(width, dtype=np.int64)
     while True:
@@ -225,7 +224,7 @@ def _descend(
         moving = at.moving(settled)
         if not moving.any():
             return taken
-        smooth(setup, window, prior, found, problem.best, problem.lanes)
+        problem.smooth()
         moved = _searched(problem, path, moving)
         taken += moving
         at.advance(settled | ~moved)

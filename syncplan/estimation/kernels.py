@@ -8,8 +8,10 @@ neither on the lanes beside it nor on their number.
 import hashlib
 import os
 import shutil
-from collections.abc import Callable
-from contextlib import suppress
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -18,6 +20,8 @@ import numba
 import numpy as np
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numpy.typing import NDArray
+
+from syncplan.runtime.machine import usable_cores
 
 WIDE_LANES = 16
 """Trials filtered side by side: four times as fast as one by one for 6 vehicles."""
@@ -129,6 +133,25 @@ def part(function: Function) -> Function:
     return cast(Function, _njit(inline="always")(function))
 
 
+@contextmanager
+def compiled_beside(function: str, vehicles: int) -> Iterator[None]:
+    """Compile further kernels in a second process meanwhile, where there is a core for it.
+
+    It imports `function`, "module:name", and calls it with the number of vehicles. Kernels that it
+    has not kept on disk by then are compiled here.
+    """
+    module, _, name = function.partition(":")
+    call = f"from {module} import {name}; {name}({vehicles})"
+    code = f"import sys; sys.path[:] = {sys.path!r}; {call}"
+    unheard: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
+    beside: AbstractContextManager[Any] = nullcontext()
+    with suppress(OSError):
+        if usable_cores() > 1:
+            beside = subprocess.Popen([sys.executable, "-P", "-c", code], **unheard)
+    with beside:
+        yield
+
+
 def lanes_for(n: int) -> int:
     """Return how many trials of n vehicles it is best to filter side by side."""
     return WIDE_LANES if n <= WIDE_UP_TO else 1
@@ -137,6 +160,12 @@ def lanes_for(n: int) -> int:
 def lanes_of(n: int, width: int) -> Lanes:
     """Return the lanes of so many trials of n vehicles, as kernels take them."""
     return (0,) if width == lanes_for(n) == 1 else np.zeros(width, dtype=np.int8)
+
+
+def compile_for(kernel: Any, *arguments: Any) -> None:
+    """Compile a kernel for arguments of these types, or load it from numba's disk cache."""
+    typeof: Any = numba.typeof
+    kernel.compile(tuple(typeof(argument) for argument in arguments))
 
 
 def has_compiled(kernel: Any, arguments: tuple[Any, ...] | None = None) -> bool:

@@ -59,6 +59,8 @@ from syncplan.estimation.filter_setup import (
 )
 from syncplan.estimation.kernels import (
     Lanes,
+    compile_for,
+    compiled_beside,
     has_compiled,
     inner,
     lanes_for,
@@ -383,7 +385,24 @@ class LaneFilter:
 
     def compile(self, n: int) -> None:
         """Compile the kernel for n vehicles, or load it from the disk cache."""
+        if not self.is_compiled(n):
+            with compiled_beside(f"{__name__}:compile_prediction", n):
+                compile_correction(n)
         self.kernel(*specimen(n))
+
+
+def compile_correction(n: int) -> None:
+    """Compile how filters of n vehicles correct."""
+    run, (frame, work, _), lanes, x, P, step, _ = specimen(n)
+    compile_for(correct, x, P, step, run, x, WHOLE, frame, work, lanes)
+
+
+def compile_prediction(n: int) -> None:
+    """Compile how filters of n vehicles predict, and how they are compared with the truth."""
+    run, (frame, work, compared), lanes, x, P, step, _ = specimen(n)
+    # readings are of the type of a state
+    compile_for(predict, x, P, x, x, run.setup, step, frame, work.slopes, lanes)
+    compile_for(record, P, run.setup, step, compared, run.statistics, lanes)
 
 
 def specimen(n: int) -> tuple[Any, ...]:

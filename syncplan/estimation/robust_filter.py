@@ -34,6 +34,7 @@ from syncplan.estimation.filter_setup import (
     poses_of,
     start_of,
 )
+from syncplan.estimation.kernels import compiled_beside
 from syncplan.estimation.lane_filter import EXTENDED, LaneFilter, LaneRun, Stepped
 from syncplan.estimation.rivals import LOOKS, Rivals, lanes_of_state
 from syncplan.estimation.start_search import DOUBT, ROUNDS, STARTS, is_credible, search_further
@@ -170,7 +171,9 @@ class RobustFilter:
 
     def compile(self, n: int) -> None:
         """Compile all kernels for n vehicles, or load them from numba's disk cache."""
-        self.base.compile(n)
+        if not self.is_compiled(n):
+            with compiled_beside("syncplan.estimation.batch_solution:compile_solver", n):
+                self.base.compile(n)
         compile_solver(n)
 
     def run(self, run: FilterRun, streams: Sequence[np.random.SeedSequence]) -> State:

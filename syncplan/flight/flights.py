@@ -17,7 +17,10 @@ import numpy as np
 
 from syncplan.arrays import Array, short_repr
 from syncplan.errors import InputError
+from syncplan.estimation.batch_solution import solver_is_compiled
 from syncplan.estimation.filter_setup import FilterStatistics, empty_series, empty_statistics
+from syncplan.estimation.kernels import compiled_beside
+from syncplan.estimation.lane_filter import compile_correction
 from syncplan.estimation.montecarlo import StoppedError, chunks_in_order
 from syncplan.estimation.trials import CHUNK_TRIALS, Branch, result_of
 from syncplan.flight.flight_records import RecordedSteps, Track
@@ -127,6 +130,7 @@ def fly_trials(
 
     `progress` is called with the number of trials done. Raises InputError for fewer than 1 thread.
     """
+    compile_flights(team)
     parts: list[FlightResult] = []
     end = first_trial + trials
 
@@ -141,6 +145,24 @@ def fly_trials(
                 done = part.estimates
                 progress(done.first_trial + done.trials - first_trial)
     return joined_flights(parts)
+
+
+def flight_is_compiled(team: FlownTeam) -> bool:
+    """Return whether the kernels that a team's flights need are in memory or on disk."""
+    solver = solver_is_compiled(team.team.count) or not team.options.filter_model.finds_start
+    return solver and ClosedLoop.is_compiled()
+
+
+def compile_flights(team: FlownTeam) -> None:
+    """Compile the kernels that a team's flights need, where they are not in memory or on disk."""
+    n, none = team.team.count, empty_series(team.size, 0, wanted=False)
+    solves = team.options.filter_model.finds_start
+    if not flight_is_compiled(team):
+        further = "bound_and_solver" if solves else "bound"
+        with compiled_beside("syncplan.estimation.lane_filter:compile_prediction", n):
+            compile_correction(n)
+        with compiled_beside(f"syncplan.flight.flown_figures:compile_{further}", n):
+            FlownLanes.begun(team, range(1), empty_statistics(1, none)).advance(1)
 
 
 def _chunk(team: FlownTeam, trials: range, stop: threading.Event) -> FlightResult:

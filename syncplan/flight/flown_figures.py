@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
+from syncplan.estimation.batch_solution import compile_solver
 from syncplan.estimation.correction_kernels import (
     OFF,
     correct,
@@ -37,7 +38,7 @@ from syncplan.estimation.filter_setup import (
     start_of,
 )
 from syncplan.estimation.kernels import Lanes, kernel, lanes_of, lean
-from syncplan.estimation.lane_filter import Scratch, scratch_of
+from syncplan.estimation.lane_filter import Scratch, scratch_of, specimen
 from syncplan.estimation.motion_kernels import predict
 from syncplan.estimation.statistics_kernels import fill_truth
 from syncplan.flight.flight_results import FlightFigures
@@ -292,6 +293,20 @@ def _bounds(team: FlownTeam, lanes: FlownLanes, counted: Flags) -> tuple[Array, 
     late = team.steps - team.steps // 2
     with np.errstate(invalid="ignore"):
         return (squares / counted.sum(axis=0)[:, None]).T, of_states.T / late
+
+
+def compile_bound(n: int) -> None:
+    """Compile the bound along paths of n vehicles, by that of no step."""
+    run, scratch, lanes, *state, _, _ = specimen(n)
+    squares, of_states, along = np.zeros((n, 1)), np.zeros((0, 1)), np.zeros((0, n, 1))
+    counted = np.zeros((1, n), dtype=bool)
+    bound_lanes(run, squares, of_states, counted, along, 1, scratch, lanes, *state)
+
+
+def compile_bound_and_solver(n: int) -> None:
+    """Compile the bound along paths, and what finds starts, of n vehicles."""
+    compile_bound(n)
+    compile_solver(n)
 
 
 def _settled(team: FlownTeam, ahead: Array) -> Array:

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from syncplan.arrays import Array, Flags
-from syncplan.estimation.batch_linearisation import smooth
 from syncplan.estimation.batch_problem import FAR, Prior, Trajectory, Window
 from syncplan.estimation.batch_solution import (
     THINNING,
@@ -215,8 +214,8 @@ def test_a_step_is_that_of_dense_least_squares(name: str) -> None:
     case = case_of(CASES[name]())
     problem = _Problem.of(case.setup, case.window, case.prior, SAMPLES)
     problem.linearise(case.path)
-    x, P = problem.ended
-    smooth(case.setup, case.window, case.prior, problem.found, problem.best, problem.lanes)
+    x, P = problem.scratch.x, problem.scratch.P
+    problem.smooth()
     assert ("gusts" in name or "all" in name) <= (problem.found.ended.sum() >= 2)
     for lane in (0, 1) if name in ("all states", "with a gate") else (1,):
         plain = dense(case, lane, case.path)
