@@ -50,10 +50,9 @@ serve: $(VENV)/.api
 
 check: chromium $(VENV)/.dev
 	@# beside these, the kernels of small teams are compiled, once for all tests
-	$(BIN)/python docker/warm_up.py small filters & filters=$$!; \
-		$(BIN)/python docker/warm_up.py small flights & flights=$$!; \
+	$(BIN)/python docker/warm_up.py small & \
 		$(BIN)/ruff format --check . && $(BIN)/ruff check . && $(BIN)/lint-imports && $(BIN)/mypy && \
-		wait $$filters && wait $$flights
+		wait $$!
 	@# on small matrices, a second thread of BLAS costs more than it brings
 	OPENBLAS_NUM_THREADS=1 $(TESTS) --no-loadscope-reorder -m "not long"
 

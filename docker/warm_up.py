@@ -1,9 +1,8 @@
 """Compile the kernels of filters and flights into NUMBA_CACHE_DIR, for small and large teams.
 
-    python docker/warm_up.py [small] [large] [filters] [flights]
+    python docker/warm_up.py [small] [large]
 
-All of a sort where none of it is named. Kernels of large teams run one trial at a time, those of
-small ones many. Flights take most of what they need from filters.
+Both if neither is named. Kernels of large teams run one trial at a time, those of small ones many.
 """
 
 import sys
@@ -34,10 +33,7 @@ def compile_flights(vehicles: int) -> None:
         syncplan.fly(plan, trials=1, duration=1.0, guidance=guidance, filter="ekf")
 
 
-PARTS = {"filters": compile_filters, "flights": compile_flights}
-
 if __name__ == "__main__":
-    named = set(sys.argv[1:])
-    for size in [one for one in VEHICLES if one in named] or VEHICLES:
-        for part in [one for one in PARTS if one in named] or PARTS:
-            PARTS[part](VEHICLES[size])
+    for size in sys.argv[1:] or VEHICLES:
+        compile_filters(VEHICLES[size])
+        compile_flights(VEHICLES[size])

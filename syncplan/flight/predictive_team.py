@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from syncplan.arrays import Array, Flags
-from syncplan.estimation.kernels import kernel
+from syncplan.estimation.kernels import kernel, linked
 from syncplan.flight.predictive_model import (
     Bounds,
     Course,
@@ -47,7 +47,23 @@ class TeamState(NamedTuple):
     later: float
 
 
-@kernel
+@linked
+def _keep(commands: Array, poses: Array, kept: Predicted, i: int) -> None:
+    """Copy a flight to that of vehicle i."""
+    for k in range(len(commands)):
+        for c in range(2):
+            kept.commands[i, k, c] = commands[k, c]
+    for k in range(len(poses)):
+        _copy_pose(poses[k], kept.poses[i, k])
+
+
+@linked
+def _copy_pose(pose: Array, into: Array) -> None:
+    for c in range(3):
+        into[c] = pose[c]
+
+
+@linked
 def _foresee_decided(
     i: int, state: TeamState, course: Course, laws: Laws, bounds: Bounds, seen: Predicted
 ) -> None:
@@ -56,7 +72,7 @@ def _foresee_decided(
     It stays as `truth` has it: at its least speed, and if that is not zero in a circle.
     """
     commands, poses = seen.commands[i], seen.poses[i]
-    poses[0] = state.poses[i]
+    _copy_pose(state.poses[i], poses[0])
     given = shift(state.decided[i], state.later, commands) if state.known[i] else 0
     foresee(i, given, False, state.before[i], course, laws, bounds, commands, poses)
     if state.held[i]:
@@ -84,17 +100,17 @@ def guess_flights(
         _foresee_decided(i, state, course, laws, bounds, seen)
     commands, poses = np.empty_like(seen.commands[0]), np.empty_like(seen.poses[0])
     for i in range(n):
-        guesses.commands[i], guesses.poses[i] = seen.commands[i], seen.poses[i]
+        _keep(seen.commands[i], seen.poses[i], guesses, i)
         if state.held[i]:
             continue
         least, _ = cost_of(i, seen.commands[i], seen.poses[i], seen.poses, course, weights)
         for law in range(2):
-            poses[0] = state.poses[i]
+            _copy_pose(state.poses[i], poses[0])
             foresee(i, 0, law == 1, state.before[i], course, laws, bounds, commands, poses)
             cost, _ = cost_of(i, commands, poses, seen.poses, course, weights)
             if cost < least:
                 least = cost
-                guesses.commands[i], guesses.poses[i] = commands, poses
+                _keep(commands, poses, guesses, i)
         own = Program(
             programs.hessian[i],
             programs.gradient[i],
@@ -135,7 +151,7 @@ def improve_flight(
     """
     guess, steps = guesses.commands[i], guesses.commands.shape[1]
     least, short = cost_of(i, guess, guesses.poses[i], seen.poses, course, weights)
-    found.commands[i], found.poses[i] = guess, guesses.poses[i]
+    _keep(guess, guesses.poses[i], found, i)
     commands, poses = np.empty_like(guess), guesses.poses[i].copy()
     for share in SHARES:
         for k in range(steps):
@@ -147,6 +163,6 @@ def improve_flight(
         cost, lack = cost_of(i, commands, poses, seen.poses, course, weights)
         if cost < least:
             least, short = cost, lack
-            found.commands[i], found.poses[i] = commands, poses
+            _keep(commands, poses, found, i)
             break
     return short
