@@ -21,8 +21,8 @@ UV     := 'uv>=0.9,<1'
 CORES  := $(shell nproc)
 # more processes than there are cores: many tests wait, most of all the long ones
 PYTEST := $(BIN)/python -m pytest --numprocesses
-# a file's tests stay together
-TESTS  := $(PYTEST) $(shell expr $(CORES) + 1) --dist loadfile
+# what tests/conftest.py groups stays together
+TESTS  := $(PYTEST) $(shell expr $(CORES) + 1) --dist loadgroup
 # the draws of the long searches: other ones each day, a hundred seeds in a row
 SEED   ?= $(shell date +%y%m%d)00
 
@@ -58,7 +58,7 @@ check: chromium $(VENV)/.dev
 
 check-all: postgresql $(VENV)/.crosschecks check
 	@# test by test: the survival tests, kept together, would go on long after all others have ended
-	$(PYTEST) $(shell expr 2 \* $(CORES) + 1) --dist worksteal -m long
+	$(PYTEST) $(shell expr 3 \* $(CORES) + 1) --dist worksteal -m long
 	$(TESTS) -m hypothesis --hypothesis-profile=fresh-cases
 	@# as many at once as there are cores, what each prints together; some start services and wait
 	OPENBLAS_NUM_THREADS=1 $(MAKE) --no-print-directory --output-sync --jobs $(CORES) \

@@ -25,6 +25,13 @@ for name, examples, same in (("same-cases", 25, True), ("fresh-cases", 150, Fals
 settings.load_profile("same-cases")
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Keep the tests of a file in one process, and those of the page, which share a browser."""
+    for item in items:
+        together = item.path.parent if item.path.parent.name == "page" else item.path
+        item.add_marker(pytest.mark.xdist_group(str(together)))
+
+
 @pytest.fixture
 def run(capsys: pytest.CaptureFixture[str]) -> Any:
     """Call the command line in this process: (status, standard output, standard error)."""
