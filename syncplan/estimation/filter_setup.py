@@ -60,7 +60,8 @@ class MotionModel(NamedTuple):
 class States(NamedTuple):
     """How states act: one row for each vehicle and state that acts on it.
 
-    The first row of each vehicle is its heading, which moves its place as an error does.
+    A vehicle's first row is its heading, an error of which moves the place as that of a bias
+    state does. Rows of bias states follow.
 
     Fields
     ------
@@ -345,17 +346,13 @@ class FilterRun(NamedTuple):
     statistics: FilterStatistics
 
 
-def empty_series(states: int, samples: int, *, wanted: bool) -> Array:
-    """Return zeros to sum a series of so many states into; no rows where it is not wanted."""
-    return np.zeros((samples + 1 if wanted else 0, states, 3))
-
-
-def empty_statistics(lanes: int, series: Array, sightings: int = 0) -> FilterStatistics:
-    """Return statistics of zeros that add to the given `series`.
+def empty_statistics(
+    lanes: int, states: int, samples: int | None = None, sightings: int = 0
+) -> FilterStatistics:
+    """Return statistics of zeros: with a series over so many samples, without one if None.
 
     Innovations are kept of the first so many sightings: of all, or of none.
     """
-    states = series.shape[1]
     return FilterStatistics(
         squares=np.zeros((states, lanes)),
         late_squares=np.zeros((states, lanes)),
@@ -367,5 +364,16 @@ def empty_statistics(lanes: int, series: Array, sightings: int = 0) -> FilterSta
         accepted=np.zeros(lanes),
         gated=np.zeros(lanes),
         innovations=np.zeros((sightings, 2, lanes)),
-        series=series,
+        series=np.zeros((0 if samples is None else samples + 1, states, 3)),
     )
+
+
+def run_without_truth(
+    setup: FilterSetup, readings: Readings, innovations: bool = False
+) -> FilterRun:
+    """Return a run that is compared with nothing; `innovations` says whether these are kept."""
+    lanes, states = readings.initial.shape[-1], len(setup.initial_variances)
+    kept = len(setup.kinds) if innovations else 0
+    nothing = np.zeros((1, setup.vehicles, 3, lanes))
+    truth = Truth(nothing, np.zeros((0, lanes)), np.zeros((1, 0, lanes)))
+    return FilterRun(setup, readings, truth, empty_statistics(lanes, states, sightings=kept))

@@ -94,10 +94,9 @@ if TYPE_CHECKING:
     MotionName: TypeAlias = str
     RecordingFilterName: TypeAlias = str
 else:
+    # for models, which check names by them and list them in their JSON schemas
     FilterName = Literal[tuple(FILTERS)]
     FilterChoice = Literal[(AUTO, *FILTERS)]
     FlightFilterChoice = Literal[(AUTO, *FOR_RECORDINGS)]
     MotionName = Literal[tuple(FORMER_NAMES)]
     RecordingFilterName = Literal[FOR_RECORDINGS]
-"""A name in FILTERS; the same or AUTO; one that needs no truth or AUTO; a name in FORMER_NAMES, in
-FOR_RECORDINGS: for models that check them and describe them in their JSON schemas."""

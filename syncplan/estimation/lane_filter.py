@@ -52,9 +52,7 @@ from syncplan.estimation.filter_setup import (
     Readings,
     State,
     States,
-    Truth,
-    empty_series,
-    empty_statistics,
+    run_without_truth,
     start_of,
 )
 from syncplan.estimation.kernels import (
@@ -443,9 +441,7 @@ def specimen(n: int) -> tuple[Any, ...]:
     )
     still = np.zeros((0, n, 1))
     readings = Readings(np.zeros((n, 3, 1)), still, still, np.zeros((0, 1)))
-    truth = Truth(np.zeros((1, n, 3, 1)), np.zeros((0, 1)), np.zeros((1, 0, 1)))
-    statistics = empty_statistics(1, empty_series(3 * n, 0, wanted=False))
-    run = FilterRun(setup, readings, truth, statistics)
+    run = run_without_truth(setup, readings)
     return run, scratch_of(setup, 1), lanes_of(n, 1), *start_of(setup, readings), 0, 0
 
 

@@ -24,7 +24,6 @@ from syncplan.estimation.filter_setup import (
     FilterRun,
     FilterSetup,
     build_setup,
-    empty_series,
     empty_statistics,
 )
 from syncplan.estimation.trial_readings import TrialReadings
@@ -214,13 +213,13 @@ def _chunk(run: _Run, chunk: range, stopped: threading.Event) -> MonteCarloResul
     readings, lane_filter = run.readings, run.lane_filter
     n, steps = readings.team.count, readings.setup.samples
     lanes = lane_filter.lanes_for(n)
-    series = empty_series(readings.layout.size, steps, wanted=run.options.with_series)
+    samples = steps if run.options.with_series else None
     found = []
     for first in range(chunk.start, chunk.stop, lanes):
         if stopped.is_set():
             raise StoppedError
         trials = range(first, min(first + lanes, chunk.stop))
-        counted = empty_statistics(len(trials), series)
+        counted = empty_statistics(len(trials), readings.layout.size, samples)
         streams = [readings.stream(trial) for trial in trials]
         lane_filter.run(FilterRun(readings.setup, *readings.drawn(trials), counted), streams)
         found.append(counted)

@@ -19,10 +19,8 @@ from syncplan.estimation.filter_setup import (
     FilterSetup,
     Readings,
     State,
-    Truth,
-    empty_series,
-    empty_statistics,
     poses_of,
+    run_without_truth,
 )
 from syncplan.estimation.filters import FilterModel
 from syncplan.estimation.lane_filter import LaneRun
@@ -78,7 +76,7 @@ class OnlineFilter:
         A filter that draws numbers draws them from the `stream`.
         """
         self.steps, self.time = 0, 0.0
-        n, size = len(initial), len(setup.initial_variances)
+        n = len(initial)
         self._sample = setup.motion.time
         readings = Readings(
             initial=np.array(initial, dtype=float)[..., None],
@@ -86,10 +84,8 @@ class OnlineFilter:
             turn_rates=np.zeros((2, n, 1)),
             sightings=np.zeros((FIRST_ROOM, 1)),
         )
-        truth = Truth(np.zeros((1, n, 3, 1)), np.zeros((0, 1)), np.zeros((1, 0, 1)))
         own = _without_steps(setup._replace(judged_from=0))
-        counted = empty_statistics(1, empty_series(size, 0, wanted=False))
-        given, found = FilterRun(own, readings, truth, counted), model.lane_filter
+        given, found = run_without_truth(own, readings), model.lane_filter
         self._run: LaneRun
         if isinstance(found, RobustFilter):
             self._run = RobustRun.begun(found.base, given, [stream])

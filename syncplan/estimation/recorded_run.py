@@ -39,7 +39,6 @@ from syncplan.estimation.filter_setup import (
     Readings,
     Truth,
     build_setup,
-    empty_series,
     empty_statistics,
 )
 from syncplan.estimation.recorded_readings import (
@@ -162,8 +161,8 @@ def filtered(run: RecordedRun, options: FilterOptions, progress: Seen | None = N
     Raises NoSolutionError where it diverges. An interrupt ends the wait for it at once.
     """
     n, sightings = run.layout.count, len(run.sightings.times)
-    series = empty_series(run.layout.size, run.clock.samples, wanted=options.with_series)
-    counted = empty_statistics(1, series, sightings)
+    samples = run.clock.samples if options.with_series else None
+    counted = empty_statistics(1, run.layout.size, samples, sightings)
     x, P = _in_thread(run, options, counted, progress)
     judged_from = run.setup.judged_from
     result = result_of([counted], n, steps=run.clock.samples, judged_from=judged_from)

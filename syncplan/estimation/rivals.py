@@ -30,13 +30,10 @@ import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
 from syncplan.estimation.filter_setup import (
-    FilterRun,
     FilterSetup,
     Readings,
     State,
-    Truth,
-    empty_series,
-    empty_statistics,
+    run_without_truth,
 )
 from syncplan.estimation.lane_filter import EXTENDED
 
@@ -171,12 +168,9 @@ def _likelihood(setup: FilterSetup, readings: Readings, state: State) -> Array:
 
     A sighting that the gate rejects counts as one at the gate.
     """
-    n, _, lanes = readings.initial.shape
-    series = empty_series(len(state[0]), 0, wanted=False)
-    counted = empty_statistics(lanes, series, len(setup.kinds))
-    nothing = Truth(np.zeros((0, n, 3, 1)), np.zeros((0, lanes)), np.zeros((0, 0, lanes)))
-    EXTENDED.advance(FilterRun(setup, readings, nothing, counted), state, 0, len(setup.spans))
-    innovations, weights = counted.innovations[:, 0], counted.innovations[:, 1]
+    run = run_without_truth(setup, readings, innovations=True)
+    EXTENDED.advance(run, state, 0, len(setup.spans))
+    innovations, weights = np.moveaxis(run.statistics.innovations, 1, 0)
     taken = weights > 0.0
     cost = np.square(innovations) * weights - np.log(np.where(taken, weights, 1.0))
     rejected = setup.gate + np.log(setup.variances)[:, None]

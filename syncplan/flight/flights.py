@@ -18,7 +18,7 @@ import numpy as np
 from syncplan.arrays import Array, short_repr
 from syncplan.errors import InputError
 from syncplan.estimation.batch_solution import solver_is_compiled
-from syncplan.estimation.filter_setup import FilterStatistics, empty_series, empty_statistics
+from syncplan.estimation.filter_setup import FilterStatistics, empty_statistics
 from syncplan.estimation.kernels import compiled_beside
 from syncplan.estimation.lane_filter import compile_correction
 from syncplan.estimation.montecarlo import StoppedError, chunks_in_order
@@ -155,19 +155,19 @@ def flight_is_compiled(team: FlownTeam) -> bool:
 
 def compile_flights(team: FlownTeam) -> None:
     """Compile the kernels that a team's flights need, where they are not in memory or on disk."""
-    n, none = team.team.count, empty_series(team.size, 0, wanted=False)
+    n = team.team.count
     solves = team.options.filter_model.finds_start
     if not flight_is_compiled(team):
         further = "bound_and_solver" if solves else "bound"
         with compiled_beside("syncplan.estimation.lane_filter:compile_prediction", n):
             compile_correction(n)
         with compiled_beside(f"syncplan.flight.flown_figures:compile_{further}", n):
-            FlownLanes.begun(team, range(1), empty_statistics(1, none)).advance(1)
+            FlownLanes.begun(team, range(1), empty_statistics(1, team.size)).advance(1)
 
 
 def _chunk(team: FlownTeam, trials: range, stop: threading.Event) -> FlightResult:
     """The result of the trials of a chunk."""
-    n, none = team.team.count, empty_series(team.size, 0, wanted=False)
+    n = team.team.count
     counted: list[FilterStatistics] = []
     figures: list[FlightFigures] = []
     sums: list[Array] = []
@@ -177,7 +177,7 @@ def _chunk(team: FlownTeam, trials: range, stop: threading.Event) -> FlightResul
         if stop.is_set():
             raise StoppedError
         part = range(first, min(first + lanes, trials.stop))
-        flown = FlownLanes.begun(team, part, empty_statistics(len(part), none))
+        flown = FlownLanes.begun(team, part, empty_statistics(len(part), team.size))
         flown.advance(team.steps)
         judged_from = flown.setup.judged_from
         counted.append(without_gone(team, flown))

@@ -33,7 +33,6 @@ from syncplan.estimation.filter_setup import (
     FilterRun,
     FilterSetup,
     FilterStatistics,
-    empty_series,
     empty_statistics,
     start_of,
 )
@@ -275,7 +274,7 @@ def _bounds(team: FlownTeam, lanes: FlownLanes, counted: Flags) -> tuple[Array, 
     n = team.team.count
     width, e = lanes.readings.initial.shape[-1], len(team.layout.sigmas)
     setup = lanes.setup._replace(gate=np.inf, second_order=False)
-    scratch = empty_statistics(width, empty_series(team.size, 0, wanted=False))
+    scratch = empty_statistics(width, team.size)
     squares, of_states = np.zeros((n, width)), np.zeros((e, width))
     side_by_side, records = lanes_of(n, width), lanes.records
     along = np.zeros((0, n, width)) if records is None else records.bounds

@@ -259,4 +259,4 @@ ERROR_STATES: Mapping[str, ErrorState] = MappingProxyType(
         "clock_offset": ErrorState("s", ("",), False, "delay", _same("clock_offset"), _still),
     }
 )
-"""By name, in the order in which they are drawn, and in which the filter's kernels have them."""
+"""By name, in the order in which trials draw them. A state has constants before what changes."""

@@ -74,7 +74,7 @@ class Figure:
     part : what a report must hold to have it, by its dotted key; empty where every report has it
     there : whether a subject has it for other reasons; None where there are none
     why_not : why a subject may lack it
-    compares : whether it shows two plans; it is then what their reader looks at first
+    compares : whether it shows two plans; it is then the figure shown unless another is named
     of_errors : whether only a run whose errors are known has it, as all but recordings without
         truth have
     """

@@ -11,30 +11,9 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.errors import InputError
-from syncplan.plotting.canvas import (
-    Spec,
-    axis,
-    bar_marker,
-    escaped,
-    layout,
-    line_trace,
-    mark_trace,
-    message,
-    numbers,
-    row_bars,
-    rows_spec,
-)
-from syncplan.plotting.figure_style import (
-    BLUE,
-    GREEN,
-    INK,
-    MUTED,
-    ORANGE,
-    SKY,
-    VERMILLION,
-    FigureStyle,
-    translucent,
-)
+from syncplan.plotting import canvas, figure_style
+from syncplan.plotting.canvas import Spec
+from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.series_figures import every_so_many, panel_line, panels_spec
 from syncplan.reports.flight_report import (
     FlightDocument,
@@ -54,8 +33,8 @@ MOST_VEHICLES = 12
 MOST_BARS = 40
 """Links shown, those that missed most: more would be too many to read."""
 
-_BAND = translucent(MUTED, 0.25)
-_LINE: Spec = {"color": INK, "width": 1.5, "dash": "dashdot"}
+_BAND = figure_style.translucent(figure_style.MUTED, 0.25)
+_LINE: Spec = {"color": figure_style.INK, "width": 1.5, "dash": "dashdot"}
 
 _DECADES = 2.5
 """What a logarithmic axis holds at most below its largest value."""
@@ -66,8 +45,8 @@ _DIGITS = 5
 _EVENT_ROW_PX = 26
 
 _EVENTS = (
-    ("loss", "lost", bar_marker(VERMILLION, "x", size=7)),
-    ("hold", "held where it is", bar_marker(ORANGE, "/", size=7)),
+    ("loss", "lost", canvas.bar_marker(figure_style.VERMILLION, "x", size=7)),
+    ("hold", "held where it is", canvas.bar_marker(figure_style.ORANGE, "/", size=7)),
 )
 
 
@@ -99,16 +78,26 @@ def flight_errors_spec(report: FlightDocument, style: FigureStyle) -> Spec:
     """
 
     def curves(vehicle: VehicleOverTime, flown: FlownVehicle) -> list[Curve]:
-        bound: Spec = {"color": VERMILLION, "width": 2, "dash": "dot"}
-        tracking: Spec = {"color": GREEN, "width": 1.8, "dash": "dash"}
+        bound: Spec = {"color": figure_style.VERMILLION, "width": 2, "dash": "dot"}
+        tracking: Spec = {"color": figure_style.GREEN, "width": 1.8, "dash": "dash"}
         drawn = [
-            Curve("sigma", "filter's own sigma", {"color": SKY, "width": 5}, vehicle.sigma_m),
+            Curve(
+                "sigma",
+                "filter's own sigma",
+                {"color": figure_style.SKY, "width": 5},
+                vehicle.sigma_m,
+            ),
             Curve("bound", "bound along the path", bound, vehicle.bound_m),
             Curve("tracking", "distance from the plan", tracking, vehicle.tracking_rms_m),
-            Curve("error", "error of the estimate", {"color": INK, "width": 1.3}, vehicle.rms_m),
+            Curve(
+                "error",
+                "error of the estimate",
+                {"color": figure_style.INK, "width": 1.3},
+                vehicle.rms_m,
+            ),
         ]
         if flown.errors is not None and flown.errors.predicted_rms_m:
-            level: Spec = {"color": ORANGE, "width": 1.5, "dash": "longdash"}
+            level: Spec = {"color": figure_style.ORANGE, "width": 1.5, "dash": "longdash"}
             predicted = [flown.errors.predicted_rms_m]
             drawn.append(Curve("predicted", "the plan's prediction", level, predicted))
         return drawn
@@ -128,14 +117,14 @@ def flight_phases_spec(report: FlightDocument, style: FigureStyle) -> Spec:
     """
 
     def curves(vehicle: VehicleOverTime, flown: FlownVehicle) -> list[Curve]:
-        line: Spec = {"color": BLUE, "width": 1.8}
+        line: Spec = {"color": figure_style.BLUE, "width": 1.8}
         drawn = [Curve("phase", "phase error", line, vehicle.phase_rms_s)]
         if flown.phase_error_s is not None:
-            line = {"color": ORANGE, "width": 1.8, "dash": "dash"}
+            line = {"color": figure_style.ORANGE, "width": 1.8, "dash": "dash"}
             name = "worst of any trial, second half"
             drawn.append(Curve("worst", name, line, [flown.phase_error_s.worst]))
         if flown.phase_tolerance_s is not None:
-            line = {"color": VERMILLION, "width": 2, "dash": "dot"}
+            line = {"color": figure_style.VERMILLION, "width": 2, "dash": "dot"}
             name = "the plan's tolerance"
             drawn.append(Curve("tolerance", name, line, [flown.phase_tolerance_s]))
         return drawn
@@ -172,7 +161,7 @@ def _over_time(
     if len(drawn) < len(series.vehicles):
         note += f"; the {len(drawn)} worst of {len(series.vehicles)} vehicles"
     return panels_spec(
-        f"{escaped(report.name or 'Plan')}: {what}",
+        f"{canvas.escaped(report.name or 'Plan')}: {what}",
         "; ".join(filter(None, [note, event_words(report)])),
         [f"{name}, {unit}" for name in drawn],
         traces + _event_entries(report.events),
@@ -186,8 +175,10 @@ def _curve(one: Curve, vehicle: str, times: Sequence[float], number: int) -> Spe
     every = every_so_many(len(times))
     level = len(one.values) == 1
     at = [times[0], times[-1]] if level else times[::every]
-    y = numbers(_positive([*one.values, *one.values] if level else one.values[::every]), _DIGITS)
-    hover = f"{escaped(vehicle)} at %{{x}} s: %{{y:.3g}}<extra>{one.name}</extra>"
+    y = canvas.numbers(
+        _positive([*one.values, *one.values] if level else one.values[::every]), _DIGITS
+    )
+    hover = f"{canvas.escaped(vehicle)} at %{{x}} s: %{{y:.3g}}<extra>{one.name}</extra>"
     return panel_line(number, f"{one.key}-{vehicle}", one.key, one.name, at, y, one.line, hover)
 
 
@@ -214,7 +205,7 @@ def _logarithmic(curves: Sequence[Curve]) -> Spec:
     marks = [one for one in marks if low <= one <= high]
     return {
         "type": "log",
-        "range": numbers([math.log10(low), math.log10(high)], 4),
+        "range": canvas.numbers([math.log10(low), math.log10(high)], 4),
         "tickvals": marks,
         "ticktext": [f"{one:g}" for one in marks],
     }
@@ -225,7 +216,7 @@ def _logarithmic(curves: Sequence[Curve]) -> Spec:
 
 def event_words(report: FlightDocument) -> str:
     """Return what happens, in words that a note can have; empty if nothing does."""
-    said = [escaped(one.what) for one in report.events[:MOST_NAMED]]
+    said = [canvas.escaped(one.what) for one in report.events[:MOST_NAMED]]
     more = len(report.events) - len(said)
     return ", ".join(said) + (f" and {more} more" if more else "")
 
@@ -246,10 +237,10 @@ def _event_entries(events: Sequence[FlightEvent]) -> list[Spec]:
     kinds = {one.kind for one in events}
     entries: list[Spec] = []
     if "loss" in kinds:
-        entries.append(line_trace("losses", "something is lost", [None], [None], _LINE))
+        entries.append(canvas.line_trace("losses", "something is lost", [None], [None], _LINE))
     if "hold" in kinds:
         marker = {"symbol": "square", "size": 12, "color": _BAND}
-        entries.append(mark_trace("holds", "a vehicle is held", [None], [None], marker))
+        entries.append(canvas.mark_trace("holds", "a vehicle is held", [None], [None], marker))
     return entries
 
 
@@ -258,43 +249,45 @@ def flight_events_spec(report: FlightDocument) -> Spec:
 
     After a hold, a thin bar shows how long the median trial takes to have its phase again.
     """
-    title = f"{escaped(report.name or 'Plan')}: what was lost, and when"
+    title = f"{canvas.escaped(report.name or 'Plan')}: what was lost, and when"
     if not report.events:
-        return message(title, "nothing was lost, and no vehicle held")
-    rows = list(dict.fromkeys(escaped(one.subject) for one in report.events))
+        return canvas.message(title, "nothing was lost, and no vehicle held")
+    rows = list(dict.fromkeys(canvas.escaped(one.subject) for one in report.events))
     traces = []
     for kind, name, marker in _EVENTS:
         events = [one for one in report.events if one.kind == kind]
         ends = [report.duration_s if one.end_s is None else one.end_s for one in events]
         traces.append(
-            row_bars(
+            canvas.row_bars(
                 kind,
                 name,
-                [escaped(one.subject) for one in events],
-                numbers([end - one.begin_s for end, one in zip(ends, events, strict=True)], 4),
+                [canvas.escaped(one.subject) for one in events],
+                canvas.numbers(
+                    [end - one.begin_s for end, one in zip(ends, events, strict=True)], 4
+                ),
                 marker,
-                base=numbers([one.begin_s for one in events], 4),
-                text=[escaped(one.what) for one in events],
+                base=canvas.numbers([one.begin_s for one in events], 4),
+                text=[canvas.escaped(one.what) for one in events],
                 textposition="none",
                 hovertemplate="%{text}<extra></extra>",
             )
         )
     settled = [one for one in report.events if one.settled_s and one.end_s is not None]
     traces.append(
-        row_bars(
+        canvas.row_bars(
             "settling",
             "until its phase is kept again, median trial",
-            [escaped(one.subject) for one in settled],
-            numbers([one.settled_s or 0.0 for one in settled], 4),
-            bar_marker(GREEN),
-            base=numbers([one.end_s or 0.0 for one in settled], 4),
+            [canvas.escaped(one.subject) for one in settled],
+            canvas.numbers([one.settled_s or 0.0 for one in settled], 4),
+            canvas.bar_marker(figure_style.GREEN),
+            base=canvas.numbers([one.end_s or 0.0 for one in settled], 4),
             width=0.3,
             hovertemplate="in phase again after %{x:.3g} s<extra></extra>",
         )
     )
-    across = axis("time, s", range=numbers([0.0, report.duration_s], 4))
+    across = canvas.axis("time, s", range=canvas.numbers([0.0, report.duration_s], 4))
     note = f"the same in each of {report.run}"
-    return rows_spec(title, note, rows, across, traces, row_px=_EVENT_ROW_PX, gap=0.35)
+    return canvas.rows_spec(title, note, rows, across, traces, row_px=_EVENT_ROW_PX, gap=0.35)
 
 
 # --- meetings and separation --------------------------------------------------------------------
@@ -305,14 +298,18 @@ def flight_meetings_spec(report: FlightDocument) -> Spec:
 
     Links that missed a meeting in any trial are hatched.
     """
-    title = f"{escaped(report.name or 'Plan')}: meetings kept"
+    title = f"{canvas.escaped(report.name or 'Plan')}: meetings kept"
     if not report.links:
-        return message(title, "the plan has no meeting that the flight is long enough for")
+        return canvas.message(title, "the plan has no meeting that the flight is long enough for")
     shown = sorted(report.links, key=lambda one: one.kept_share)[:MOST_BARS]
     some = [one for one in shown if one.kept_share < 1.0]
     traces = [
-        _meeting_bars("missed", "some were missed", some, bar_marker(VERMILLION, "/")),
-        _meeting_bars("kept", "all were kept", shown[len(some) :], bar_marker(BLUE)),
+        _meeting_bars(
+            "missed", "some were missed", some, canvas.bar_marker(figure_style.VERMILLION, "/")
+        ),
+        _meeting_bars(
+            "kept", "all were kept", shown[len(some) :], canvas.bar_marker(figure_style.BLUE)
+        ),
     ]
     missed = sum(one.kept_share < 1.0 for one in report.links)
     note = (
@@ -321,16 +318,16 @@ def flight_meetings_spec(report: FlightDocument) -> Spec:
     )
     if len(shown) < len(report.links):
         note += f"; the {len(shown)} worst are shown"
-    across = axis("meetings kept, %", range=[0, 104])
-    return rows_spec(title, note, [_link(one) for one in shown], across, traces)
+    across = canvas.axis("meetings kept, %", range=[0, 104])
+    return canvas.rows_spec(title, note, [_link(one) for one in shown], across, traces)
 
 
 def _meeting_bars(uid: str, name: str, links: list[FlownLink], marker: Spec) -> Spec:
-    return row_bars(
+    return canvas.row_bars(
         uid,
         name,
         [_link(one) for one in links],
-        numbers([100.0 * one.kept_share for one in links], 4),
+        canvas.numbers([100.0 * one.kept_share for one in links], 4),
         marker,
         text=[f"{one.meetings} in a trial" for one in links],
         textposition="none",
@@ -339,7 +336,7 @@ def _meeting_bars(uid: str, name: str, links: list[FlownLink], marker: Spec) -> 
 
 
 def _link(one: FlownLink | FlownSeparation) -> str:
-    return escaped("-".join(one.between))
+    return canvas.escaped("-".join(one.between))
 
 
 def flight_separation_spec(report: FlightDocument) -> Spec:
@@ -347,36 +344,36 @@ def flight_separation_spec(report: FlightDocument) -> Spec:
 
     Lines mark the separation that is asked for, and the plan's own.
     """
-    title = f"{escaped(report.name or 'Plan')}: least separation"
+    title = f"{canvas.escaped(report.name or 'Plan')}: least separation"
     found = report.least_separation_m
     if found is None:
-        return message(title, "a single vehicle keeps away from all others")
+        return canvas.message(title, "a single vehicle keeps away from all others")
     traces = [
-        line_trace(
+        canvas.line_trace(
             "trials",
             "trials in which two come nearer",
-            numbers(found.quantiles, 4),
-            numbers(np.linspace(0.0, 100.0, len(found.quantiles)), 3),
-            {"color": BLUE, "width": 2.5},
+            canvas.numbers(found.quantiles, 4),
+            canvas.numbers(np.linspace(0.0, 100.0, len(found.quantiles)), 3),
+            {"color": figure_style.BLUE, "width": 2.5},
             hovertemplate="nearer than %{x:.3g} m in %{y:.3g} % of the trials<extra></extra>",
         )
     ]
-    planned: Spec = {"color": INK, "dash": "dash", "width": 2}
-    asked: Spec = {"color": VERMILLION, "dash": "dot", "width": 2}
+    planned: Spec = {"color": figure_style.INK, "dash": "dash", "width": 2}
+    asked: Spec = {"color": figure_style.VERMILLION, "dash": "dot", "width": 2}
     for uid, name, value, line in (
         ("planned", "the plan's own", found.planned, planned),
         ("asked", "asked for: min_separation_m", found.asked, asked),
     ):
         if value is not None:
-            x, hover = numbers([value, value], 4), f"{name}: %{{x:.3g}} m<extra></extra>"
-            traces.append(line_trace(uid, name, x, [0, 102], line, hovertemplate=hover))
+            x, hover = canvas.numbers([value, value], 4), f"{name}: %{{x:.3g}} m<extra></extra>"
+            traces.append(canvas.line_trace(uid, name, x, [0, 102], line, hovertemplate=hover))
     most = max(found.planned, found.asked or 0.0, *found.quantiles)
-    drawn = layout(
+    drawn = canvas.layout(
         title,
         note=_separation_note(report, found),
         inner=300,
-        xaxis=axis("least separation, m", range=[0.0, _SEPARATION_AIR * most]),
-        yaxis=axis("share of trials, %", range=[0, 102]),
+        xaxis=canvas.axis("least separation, m", range=[0.0, _SEPARATION_AIR * most]),
+        yaxis=canvas.axis("share of trials, %", range=[0, 102]),
     )
     return {"data": traces, "layout": drawn}
 

@@ -3,19 +3,8 @@
 from collections.abc import Callable
 
 from syncplan.planning.lost_parts import phrase_of
-from syncplan.plotting.canvas import (
-    Spec,
-    axis,
-    bar_marker,
-    escaped,
-    layout,
-    line_trace,
-    mark_trace,
-    message,
-    numbers,
-    row_bars,
-    rows_spec,
-)
+from syncplan.plotting import canvas
+from syncplan.plotting.canvas import Spec
 from syncplan.plotting.figure_style import BLUE, GREEN, INK, ORANGE, VERMILLION
 from syncplan.reports.loss_report import RemainingTeam, WhatIfDocument
 from syncplan.reports.validation_report import SweepReport, SweepRow, ValidationDocument
@@ -37,19 +26,19 @@ def losses_spec(report: WhatIfDocument) -> Spec:
 
     Losses that end observability are hatched; a line marks the plan with nothing lost.
     """
-    title = f"{escaped(report.name or 'Plan')}: predicted error after each loss"
+    title = f"{canvas.escaped(report.name or 'Plan')}: predicted error after each loss"
     shown = report.losses[:MOST_BARS]
     if not shown or all(one.worst_predicted_rms_m is None for one in shown):
         note = report.baseline.predicted_rms_m.note
-        return message(title, note or "no loss was judged")
+        return canvas.message(title, note or "no loss was judged")
     rows = [_lost(one) for one in shown]
     ends = [one for one in shown if not one.observable]
     stays = [one for one in shown if one.observable]
     baseline = report.baseline.worst_predicted_rms_m
     traces = [
-        _loss_bars("ends", "not observable", ends, bar_marker(VERMILLION, "/")),
-        _loss_bars("stays", "observable", stays, bar_marker(BLUE)),
-        line_trace(
+        _loss_bars("ends", "not observable", ends, canvas.bar_marker(VERMILLION, "/")),
+        _loss_bars("stays", "observable", stays, canvas.bar_marker(BLUE)),
+        canvas.line_trace(
             "baseline",
             "nothing lost",
             [] if baseline is None else [baseline] * len(rows),
@@ -58,16 +47,16 @@ def losses_spec(report: WhatIfDocument) -> Spec:
             hovertemplate="nothing lost: %{x:.3g} m<extra></extra>",
         ),
     ]
-    across = axis("worst predicted RMS error, m", rangemode="tozero")
-    return rows_spec(title, _loss_note(report, len(shown)), rows, across, traces)
+    across = canvas.axis("worst predicted RMS error, m", rangemode="tozero")
+    return canvas.rows_spec(title, _loss_note(report, len(shown)), rows, across, traces)
 
 
 def _loss_bars(uid: str, name: str, losses: list[RemainingTeam], marker: Spec) -> Spec:
-    return row_bars(
+    return canvas.row_bars(
         uid,
         name,
         [_lost(one) for one in losses],
-        numbers([one.worst_predicted_rms_m or 0.0 for one in losses], 6),
+        canvas.numbers([one.worst_predicted_rms_m or 0.0 for one in losses], 6),
         marker,
         text=[f"rank {one.rank} of {one.state_dim}" for one in losses],
         textposition="none",
@@ -76,7 +65,7 @@ def _loss_bars(uid: str, name: str, losses: list[RemainingTeam], marker: Spec) -
 
 
 def _lost(one: RemainingTeam) -> str:
-    return escaped(" and ".join(phrase_of(name).removeprefix("the ") for name in one.lost))
+    return canvas.escaped(" and ".join(phrase_of(name).removeprefix("the ") for name in one.lost))
 
 
 def _loss_note(report: WhatIfDocument, shown: int) -> str:
@@ -97,28 +86,28 @@ def stress_spec(report: ValidationDocument) -> Spec:
     Diamonds mark what was to be expected, a line the error in the world as stated.
     """
     worlds = report.stress or []
-    rows = [escaped(one.world) for one in worlds]
+    rows = [canvas.escaped(one.world) for one in worlds]
     expected = [one for one in worlds if one.expected_rms_m is not None]
     traces = [
-        row_bars(
+        canvas.row_bars(
             "found",
             "found",
             rows,
-            numbers([one.rms_second_half_m for one in worlds], 6),
-            bar_marker(BLUE),
+            canvas.numbers([one.rms_second_half_m for one in worlds], 6),
+            canvas.bar_marker(BLUE),
             text=[f"{one.harm:.2f} times" for one in worlds],
             textposition="none",
             hovertemplate="%{y}: %{x:.3g} m, %{text}<extra></extra>",
         ),
-        mark_trace(
+        canvas.mark_trace(
             "expected",
             "expected",
-            numbers([one.expected_rms_m or 0.0 for one in expected], 6),
-            [escaped(one.world) for one in expected],
+            canvas.numbers([one.expected_rms_m or 0.0 for one in expected], 6),
+            [canvas.escaped(one.world) for one in expected],
             {"color": INK, "symbol": "diamond", "size": 8},
             "%{y}: %{x:.3g} m expected<extra></extra>",
         ),
-        line_trace(
+        canvas.line_trace(
             "stated",
             "as stated",
             [report.overall.rms_second_half_m] * len(rows),
@@ -127,10 +116,10 @@ def stress_spec(report: ValidationDocument) -> Spec:
             hovertemplate="as stated: %{x:.3g} m<extra></extra>",
         ),
     ]
-    title = f"{escaped(report.name or 'Plan')}: error in worse worlds"
+    title = f"{canvas.escaped(report.name or 'Plan')}: error in worse worlds"
     note = f"{report.run}; the plan and its filter are the same in all worlds"
-    across = axis("RMS position error, second half, m", rangemode="tozero")
-    return rows_spec(title, note, rows, across, traces)
+    across = canvas.axis("RMS position error, second half, m", rangemode="tozero")
+    return canvas.rows_spec(title, note, rows, across, traces)
 
 
 # --- sweeps -------------------------------------------------------------------------------------
@@ -172,11 +161,11 @@ def sweep_spec(report: SweepReport) -> Spec:
     for uid, name, of, color, dash, symbol in _CURVES:
         points = [(row.value, value) for row in swept if (value := of(row)) is not None]
         traces.append(
-            line_trace(
+            canvas.line_trace(
                 uid,
                 name,
-                numbers([value for value, _ in points]),
-                numbers([figure for _, figure in points], 6),
+                canvas.numbers([value for value, _ in points]),
+                canvas.numbers([figure for _, figure in points], 6),
                 {"color": color, "dash": dash, "width": 2},
                 mode="lines+markers",
                 marker={"symbol": symbol, "size": 9, "line": {"width": 2, "color": color}},
@@ -189,35 +178,35 @@ def sweep_spec(report: SweepReport) -> Spec:
     lost = [row for row in report.rows if row.rank < row.state_dim]
     if lost:
         traces.append(
-            mark_trace(
+            canvas.mark_trace(
                 "unobservable",
                 "NOT observable",
-                numbers([row.value for row in lost]),
-                numbers([row.validation.overall.rms_second_half_m for row in lost], 6),
+                canvas.numbers([row.value for row in lost]),
+                canvas.numbers([row.validation.overall.rms_second_half_m for row in lost], 6),
                 {"symbol": "x-thin", "size": 16, "line": {"width": 3, "color": VERMILLION}},
                 "%{text}<extra></extra>",
                 text=[f"rank {row.rank} of {row.state_dim}" for row in lost],
             )
         )
     first = report.rows[0].validation
-    drawn = layout(
-        f"{escaped(first.name or 'Scenario')}: sweep of {escaped(report.swept)}",
+    drawn = canvas.layout(
+        f"{canvas.escaped(first.name or 'Scenario')}: sweep of {canvas.escaped(report.swept)}",
         note=f"{first.trials} trials of {first.duration_s:g} s at each value, seed {first.seed}"
         + ("; so few leave much to chance" if first.trials < FEW_TRIALS else ""),
         inner=340,
-        xaxis=axis(", ".join(filter(None, [key.one, key.unit]))),
-        yaxis=axis("RMS error over all vehicles, m", rangemode="tozero"),
+        xaxis=canvas.axis(", ".join(filter(None, [key.one, key.unit]))),
+        yaxis=canvas.axis("RMS error over all vehicles, m", rangemode="tozero"),
     )
     return {"data": [trace for trace in traces if trace["y"]], "layout": drawn}
 
 
 def _beside(uid: str, name: str, value: float | None, marker: Spec, row: SweepRow) -> Spec:
-    return mark_trace(
+    return canvas.mark_trace(
         f"{uid}-connected",
-        f"{name}; {escaped(row.label)}",
+        f"{name}; {canvas.escaped(row.label)}",
         [row.value],
-        [] if value is None else numbers([value], 6),
+        [] if value is None else canvas.numbers([value], 6),
         marker,
-        f"{escaped(row.label)}: %{{y:.3g}} m<extra></extra>",
+        f"{canvas.escaped(row.label)}: %{{y:.3g}} m<extra></extra>",
         showlegend=uid == "x",
     )

@@ -31,7 +31,10 @@ ESTIMABLE: Mapping[str, str] = MappingProxyType(
 )
 """Errors that the filter can have as bias states, each with the key that says how large it is.
 
-A new one is a line here, the key in its section, and a line of ERROR_STATES in orbits."""
+Each is a line of `syncplan.orbits.error_states.ERROR_STATES`, too. A new one that acts as another
+does needs these two lines, the key in its section, its sigma in `syncplan.orbits.team`, and its
+true values in `syncplan.estimation.trial_readings` and `syncplan.flight.flown_team`.
+"""
 
 if TYPE_CHECKING:
     EstimableName = str

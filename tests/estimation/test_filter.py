@@ -20,7 +20,6 @@ from syncplan.estimation.filter_setup import (
     FilterStatistics,
     Readings,
     Truth,
-    empty_series,
     empty_statistics,
     start_of,
 )
@@ -148,8 +147,9 @@ def test_second_order_noise_is_the_variance_of_the_second_order_term(kind: int) 
 
 def statistics_of(given: Scene, *, with_series: bool = False) -> FilterStatistics:
     setup, readings, _ = given
-    series = empty_series(len(setup.initial_variances), setup.samples, wanted=with_series)
-    return empty_statistics(readings.initial.shape[-1], series, len(readings.sightings))
+    lanes, states = readings.initial.shape[-1], len(setup.initial_variances)
+    samples = setup.samples if with_series else None
+    return empty_statistics(lanes, states, samples, len(readings.sightings))
 
 
 def filtered(

@@ -25,7 +25,7 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.estimation.bounds import posterior_bound
 from syncplan.estimation.filter_options import FilterOptions
-from syncplan.estimation.filter_setup import FilterRun, empty_series, empty_statistics, poses_of
+from syncplan.estimation.filter_setup import FilterRun, empty_statistics, poses_of
 from syncplan.estimation.lane_filter import EXTENDED
 from syncplan.estimation.montecarlo import _setup, poses_over
 from syncplan.estimation.robust_filter import RobustRun
@@ -102,7 +102,7 @@ def thrown_draw(number: int, *, seed: int, trials: int, throws: Sequence[str]) -
     bound = posterior_bound(lost, made.windows, since).position_variance[-1]
     found = []
     for name in throws:
-        counted = empty_statistics(trials, empty_series(layout.size, steps, wanted=False))
+        counted = empty_statistics(trials, layout.size)
         run = RobustRun.begun(EXTENDED, FilterRun(setup, readings, truth, counted), streams)
         run.advance(middle)
         off = throw(name, n, trials, generator)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.estimation.filter_setup import empty_series, empty_statistics
+from syncplan.estimation.filter_setup import empty_statistics
 from syncplan.flight.flight_results import FlightFigures
 from syncplan.flight.flown_figures import figures_of
 from syncplan.flight.flown_lanes import FlownLanes
@@ -69,5 +69,4 @@ def flown(subject: Any, chosen: range, **changes: Any) -> FlownTrials:
 
 def lanes_begun(team: FlownTeam, chosen: range) -> FlownLanes:
     """Return some trials of a flight at time 0."""
-    none = empty_series(team.size, team.steps, wanted=False)
-    return FlownLanes.begun(team, chosen, empty_statistics(len(chosen), none))
+    return FlownLanes.begun(team, chosen, empty_statistics(len(chosen), team.size))
