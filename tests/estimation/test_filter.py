@@ -1,6 +1,11 @@
 """Compiled filters against plain ones, and the plain ones against finite differences."""
 
+import os
+import subprocess
+import sys
+from collections import Counter
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numba
@@ -37,6 +42,7 @@ from syncplan.estimation.reference_filter import (
 from syncplan.estimation.trial_readings import TrialReadings
 from syncplan.orbits.error_states import layout_of
 from syncplan.orbits.noise import Noise
+from syncplan.runtime.machine import usable_cores
 from tests.tools.filter_scenes import (
     ALL,
     CHOICES,
@@ -404,3 +410,24 @@ def test_kernels_count_as_compiled_once_they_are(lane_filter: LaneFilter) -> Non
     again = kernel(lane_filter.kernel.py_func)
     assert not again.overloads
     assert has_compiled(again, specimen(3))
+
+
+FIRST_USE = """
+from syncplan.estimation.correction_kernels import correct
+from syncplan.estimation.lane_filter import EXTENDED
+from syncplan.estimation.motion_kernels import predict
+EXTENDED.compile(6)
+print(*(sum(kernel.stats.cache_hits.values()) for kernel in (correct, predict)))
+"""
+
+
+@pytest.mark.long
+def test_two_processes_share_what_a_first_use_compiles(tmp_path: Path) -> None:
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    command = [sys.executable, "-c", FIRST_USE]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    # predictions come from the other process, by the disk; corrections are compiled here
+    assert done.stdout.split() == ["0", "1" if usable_cores() > 1 else "0"]
+    kept = Counter(path.name.split("-")[0] for path in tmp_path.rglob("*.nbc"))
+    assert {"lane_filter._filter", "motion_kernels.predict"} < set(kept)
+    assert set(kept.values()) == {1}

@@ -1,12 +1,14 @@
 """Records what syncplan prints and writes, and compares two recordings byte for byte.
 
     python -m tests.tools.record_outputs record build/before [--syncplan PROGRAM] [FOLDER ...]
-    python -m tests.tools.record_outputs compare build/before build/after
+    python -m tests.tools.record_outputs compare build/before build/after [--digits N]
 
 `record` runs the command line over every scenario of the folders given (examples/scenarios if none
 is) and over a few formations without coordinates, and writes one folder per command: standard
 output, standard error, exit status and all files. `compare` lists what differs and exits with 1 if
 anything does. Version numbers are left out; a refinement that reaches its time limit may differ.
+With `--digits`, numbers are compared in so many significant digits, and those below 1e-12 not at
+all.
 """
 
 import argparse
@@ -28,6 +30,7 @@ ROOT = Path(__file__).parents[2]
 _MOST_LINES = 12
 _PLACE = "worked_in"
 _PASSING = re.compile(rb"syncplan: compiling [^\n]*\n")
+_NUMBER = re.compile(rb"-?\d+\.\d+(?:e[+-]?\d+)?|-?\d+e[+-]?\d+")
 _VERSION = re.compile(rb'("?version"?\s*[:=]?\s*)"?\d+\.\d+\.\d+"?')
 
 OPENAPI = (
@@ -207,8 +210,11 @@ def _perform(run: Run, folder: Path, scratch: Path, syncplan: Path) -> None:
         shutil.move(scratch, folder / "files")
 
 
-def compare(before: Path, after: Path, only: str = "") -> int:
-    """Print what differs between two recordings; return the number of files that do."""
+def compare(before: Path, after: Path, only: str = "", digits: int | None = None) -> int:
+    """Print what differs between two recordings; return the number of files that do.
+
+    Numbers count in `digits` significant digits, as they stand if None.
+    """
     names = sorted(
         {
             str(path.relative_to(root))
@@ -226,7 +232,7 @@ def compare(before: Path, after: Path, only: str = "") -> int:
             print(f"{name}: only {'after' if new.exists() else 'before'}")
             different += 1
             continue
-        a, b = _comparable(old, before), _comparable(new, after)
+        a, b = _comparable(old, before, digits), _comparable(new, after, digits)
         if a != b:
             different += 1
             print(f"{name}: differs")
@@ -235,10 +241,17 @@ def compare(before: Path, after: Path, only: str = "") -> int:
     return different
 
 
-def _comparable(path: Path, recording: Path) -> bytes:
+def _comparable(path: Path, recording: Path, digits: int | None) -> bytes:
     """The bytes of a file without version numbers and the folder that was worked in."""
     worked_in = (recording / _PLACE).read_bytes()
-    return _PASSING.sub(b"", _VERSION.sub(rb"\1", path.read_bytes().replace(worked_in, b"FOLDER")))
+    text = _VERSION.sub(rb"\1", path.read_bytes().replace(worked_in, b"FOLDER"))
+    if digits is not None:
+        text = _NUMBER.sub(lambda found: _rounded(float(found[0]), digits), text)
+    return _PASSING.sub(b"", text)
+
+
+def _rounded(value: float, digits: int) -> bytes:
+    return b"0" if abs(value) < 1e-12 else f"{value:.{digits}g}".encode()
 
 
 def _show(a: bytes, b: bytes) -> None:
@@ -268,9 +281,10 @@ def main() -> int:
     comparing.add_argument("before", type=Path)
     comparing.add_argument("after", type=Path)
     comparing.add_argument("--only", default="", help="regular expression for names of commands")
+    comparing.add_argument("--digits", type=int, help="of numbers that count; all if not given")
     chosen = parser.parse_args()
     if chosen.action == "compare":
-        return 1 if compare(chosen.before, chosen.after, chosen.only) else 0
+        return 1 if compare(chosen.before, chosen.after, chosen.only, chosen.digits) else 0
     folders = chosen.folders or [ROOT / "examples" / "scenarios"]
     record(chosen.into, chosen.syncplan.absolute(), folders, chosen.only, chosen.processes)
     return 0
