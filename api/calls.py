@@ -189,7 +189,7 @@ CurrentCaller = Annotated[Caller, Depends(_caller)]
 
 
 async def computed(caller: Caller, task: str, *arguments: Any) -> Any:
-    """Return what a task in a child process returns, or raise the problem it has.
+    """Return the result of a task in a child process, or raise its problem.
 
     The time limit counts from here, the wait for a process included. The body of the request must
     have been read, if there is one. Raises ClientDisconnect once the client has gone: the task is

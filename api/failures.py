@@ -62,7 +62,7 @@ _READ_ONLY = ("25006", "attempt to write a readonly database")
 
 
 class Logged(Enum):
-    """What the log holds of a failure beside the line of its request."""
+    """Log entry of a failure, beside the line of its request."""
 
     NOTHING = "nothing"
     LINE = "line"
@@ -71,7 +71,7 @@ class Logged(Enum):
 
 @dataclass(frozen=True, slots=True)
 class FailedRequest:
-    """What to answer with, and what to log; without a title the problem is its status alone.
+    """Answer and log entry of a failure; without a title the problem is its status alone.
 
     Attributes
     ----------
@@ -200,7 +200,7 @@ TABLE: dict[type[Exception], Callable[[Any], FailedRequest]] = {
 
 
 def failure_of(error: Exception) -> FailedRequest:
-    """Return what to answer an exception with, by the nearest of its classes in the table."""
+    """Return the answer to an exception, by the nearest of its classes in the table."""
     kind = next(kind for kind in type(error).__mro__ if kind in TABLE)
     return TABLE[kind](error)
 

@@ -329,7 +329,7 @@ class JobWatch:
     async def _reading(
         self, query: Callable[Concatenate[Connection, P], R], *args: P.args, **kwargs: P.kwargs
     ) -> R | None:
-        """What a query returns, run in the reader's thread; None if the database is away."""
+        """Run a query in the reader's thread; return its result, None if the database is away."""
 
         def read() -> R:
             with self._database.reading() as connection:
@@ -359,7 +359,7 @@ Found = tuple[JobHead | None, list[tuple[int, str]]]
 
 
 def _look(connection: Connection, asked: Mapping[str, int]) -> dict[str, Found]:
-    """What is new of each job after an event, the newest MOST_RECENT at most."""
+    """News of each job after an event, the newest MOST_RECENT at most."""
     heads = heads_of(connection, list(asked))
     after = {
         name: max(asked[name], head.events - MOST_RECENT)

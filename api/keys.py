@@ -124,7 +124,7 @@ class KeyFile:
         return keys
 
     def _read(self) -> tuple[bytes | str, int]:
-        """What is in the file, or in words why that can't be known, and who may read it."""
+        """Content of the file, or a sentence why it can't be read, and the mode of the file."""
         try:
             with self.path.open("rb") as file:
                 content = file.read(_LARGEST_BYTES + 1)

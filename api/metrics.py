@@ -206,7 +206,7 @@ class JobTally:
 
     @property
     def collectors(self) -> tuple[Collector, ...]:
-        """What an application registers to expose the counts."""
+        """Collectors that an application registers to expose the counts."""
         return self._waits, self._durations, self._failures, self._parts
 
     def ended(

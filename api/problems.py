@@ -255,7 +255,7 @@ _DETAILS = {
 
 
 def problem_responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
-    """Return what FastAPI's `responses=` documents for these statuses of an operation."""
+    """Return FastAPI's `responses=` for these statuses of an operation."""
     return {status: _response(status) for status in statuses}
 
 

@@ -45,7 +45,7 @@ _logger = logging.getLogger("syncplan.serve")
 
 @dataclass(frozen=True, slots=True)
 class Enrolment:
-    """What the supervisor hands a process.
+    """Message from the supervisor to a process that it starts.
 
     Attributes
     ----------

@@ -120,7 +120,7 @@ def _age_s(since: datetime | None, now: datetime) -> float:
 
 
 def pool_readings(depths: Mapping[str, Callable[[], PoolDepth]]) -> Readings:
-    """Return what this process's pools do now, whose depths are asked for by name."""
+    """Return readings of this process's pools; `depths` are called for each."""
     found = {name: depth() for name, depth in depths.items()}
     tasks: dict[tuple[str, ...], float] = {}
     for name, depth in found.items():

@@ -36,7 +36,7 @@ _ONE_SITE = 64
 
 @lru_cache(maxsize=4096)
 def network_of(address: str) -> str:
-    """Return what an address counts as: an IPv4 address as itself, an IPv6 address as its /64.
+    """Return the network of an address: an IPv4 address itself, an IPv6 address's /64.
 
     What is no address (a socket of the file system has none) counts as it is written.
     """

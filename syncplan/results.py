@@ -19,7 +19,7 @@ _PRESENTATIONS = "syncplan.reports.presentations"
 
 
 class Result:
-    """What a function of syncplan returns, or takes."""
+    """A result that a function of syncplan returns, or takes."""
 
     __slots__ = ()
 

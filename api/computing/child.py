@@ -132,7 +132,7 @@ class Child:
         timeout_s: float | None = None,
         progress: Progress | None = None,
     ) -> Any:
-        """Return what the task returns; raises InputError, NoSolutionError or an error of above."""
+        """Return the result of a task; raises InputError, NoSolutionError or an error of above."""
         deadline = None if timeout_s is None else time.monotonic() + timeout_s + GRACE_S
         connection = self._process.connection
         try:
@@ -228,7 +228,7 @@ def serve(descriptor: int) -> None:
 
 
 def _outcome(task: Callable[..., Any], *arguments: Any) -> tuple[str, Any]:
-    """What to answer of a task: its value, or how it failed."""
+    """Return the answer to a task: its value, or how it failed."""
     try:
         return "done", task(*arguments)
     except InputError as error:

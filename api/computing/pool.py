@@ -32,7 +32,7 @@ from syncplan.errors import InputError, NoGoError, NoSolutionError
 
 @dataclass(frozen=True, slots=True)
 class PoolDepth:
-    """What a pool is at.
+    """State of a pool.
 
     Attributes
     ----------
@@ -165,7 +165,7 @@ class Pool:
         return ticket
 
     def call(self, task: str, *arguments: Any, timeout_s: float | None = None) -> Any:
-        """Return what a task returns, waiting for it; raises what it raises."""
+        """Return the result of a task, waiting for it; raises its errors."""
         return self.submit(task, *arguments, timeout_s=timeout_s).future.result()
 
     def close(self) -> None:

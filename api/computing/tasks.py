@@ -243,7 +243,7 @@ def report_figure(text: str, kind: JobKindName, name: str, theme: "Theme") -> st
 def judged_losses(
     text: str, lose: Sequence[str], losses: Literal[1, 2], bound: "BoundChoice"
 ) -> str:
-    """Return what losses do to a plan as JSON; raises InputError for a name it does not have."""
+    """Return the effects of losses on a plan as JSON; raises InputError for an unknown name."""
     from syncplan.planning.loss_study import what_if
     from syncplan.reports.loss_report import what_if_document
     from syncplan.runtime.files import as_text

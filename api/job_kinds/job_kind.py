@@ -23,7 +23,7 @@ from syncplan.scenario.quantities import Section
 
 @dataclass(frozen=True, slots=True)
 class FinishedStart:
-    """What a start of a refinement has found, as syncplan.refinement.parallel_starts keeps it."""
+    """Result of a start of a refinement, as syncplan.refinement.parallel_starts keeps it."""
 
     number: int
     data: bytes
@@ -66,7 +66,7 @@ class JobReport:
 
 @dataclass(frozen=True, slots=True)
 class EarlierWork:
-    """What earlier attempts at a job that is computed whole have left.
+    """Work kept from earlier attempts at a job that is computed whole.
 
     Attributes
     ----------
@@ -181,7 +181,7 @@ class JobOperation:
 
     @property
     def about(self) -> Literal["plan", "recording"] | None:
-        """What the job is about, of what is stored."""
+        """Kind of stored object that the job is about."""
         if "{plan_id}" in self.path:
             return "plan"
         return "recording" if "{recording_id}" in self.path else None

@@ -18,7 +18,7 @@ Request = TypeVar("Request", bound=JobRequest)
 
 
 def with_keys(keys: dict[str, Any]) -> Callable[[type[Request]], type[Request]]:
-    """Return what gives a request further keys, each a type and a field by its name."""
+    """Return a decorator that adds keys to a request, each a type and a field by its name."""
 
     def extended(request: type[Request]) -> type[Request]:
         return create_model(
@@ -35,7 +35,7 @@ def with_keys(keys: dict[str, Any]) -> Callable[[type[Request]], type[Request]]:
 def takes_options(
     kind: type[RunOptions], *, without: tuple[str, ...] = (), **narrower: Any
 ) -> Callable[[type[Request]], type[Request]]:
-    """Return what gives a request a key for each option of a kind, but for those in `without`.
+    """Return a decorator that adds a key for each option of a kind, but for those in `without`.
 
     `narrower` are the types of options, by name, that a request limits further than the library.
     """

@@ -40,7 +40,7 @@ _NAMED = ("key", "values")
 
 
 def _just_one(keys: Iterable[str]) -> dict[str, Any]:
-    """What JSON Schema says of lists of which one is given, and not empty."""
+    """JSON Schema of lists exactly one of which is given, and not empty."""
     one: dict[str, Any] = {"type": "array", "minItems": 1}
     none = {"type": "null"}
     lists = list(keys)

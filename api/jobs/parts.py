@@ -202,7 +202,7 @@ def current() -> Runtime:
 
 
 async def in_transaction(function: Callable[[Connection], T]) -> T:
-    """Return what a function does in a transaction, waiting for the database if it is away."""
+    """Call a function in a transaction, waiting for the database if it is away."""
 
     def transact() -> T:
         with current().database.writing() as connection:
@@ -246,7 +246,7 @@ Submit = Callable[[WatchedPart, PartHistory], Awaitable[Ticket]]
 
 
 async def computed(part: Part, submit: Submit) -> Any:
-    """Return what the task of a part returns; None where its job has ended, or fails with it.
+    """Return the result of the task of a part; None where its job has ended, or fails with it.
 
     `submit` hands the task in, each time that it is tried.
     """
@@ -353,7 +353,7 @@ async def _tried_once(part: Part, history: PartHistory, submit: Submit) -> Any:
 
 
 class _FailedError(Exception):
-    """What a job fails with, as a problem's title and detail."""
+    """Failure of a job, as a problem's title and detail."""
 
     def __init__(self, title: str, detail: str, **more: object) -> None:
         super().__init__(detail)

@@ -81,7 +81,7 @@ _PATIENCE_MS = 500
 
 
 class WriteCheck:
-    """What is known about writing: tried at most every two seconds, however many ask.
+    """Whether the database can be written to: tried at most every two seconds, however many ask.
 
     Parameters
     ----------
@@ -350,7 +350,7 @@ def unavailable(error: BaseException) -> bool:
 
 
 def patiently(function: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
-    """Return what the function returns, called again for as long as the database is away."""
+    """Call a function, again and again while the database is away, and return its result."""
     wait = 0.1
     while True:
         try:

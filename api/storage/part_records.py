@@ -23,7 +23,7 @@ CONCLUSION = -2
 
 @dataclass(frozen=True, slots=True)
 class PartHistory:
-    """What became of a part so far.
+    """History of a part so far.
 
     Attributes
     ----------
@@ -118,7 +118,7 @@ def keep_start(connection: Connection, job_id: str, number: int, data: bytes) ->
 
 
 def finished_starts(connection: Connection, job_id: str) -> Mapping[int, bytes]:
-    """Return what finished starts of a refinement found, by number."""
+    """Return the results of finished starts of a refinement, by number."""
     query = select(job_starts.c.number, job_starts.c.data).where(job_starts.c.job_id == job_id)
     return {row[0]: row[1] for row in connection.execute(query.order_by(job_starts.c.number))}
 

@@ -187,7 +187,7 @@ class PlanWriter:
         self._thread: GroupThread[_Write, Any] = GroupThread("plan-writer", self._written, _MOST)
 
     async def write(self, change: Callable[[Connection], R]) -> R:
-        """Return what `change` returns once that is committed; raises what it raises.
+        """Return the result of `change` once it is committed; raises its errors.
 
         It may be called again, in another transaction, after one that was rolled back.
         """

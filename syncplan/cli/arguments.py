@@ -46,7 +46,7 @@ MaxVehicles = Annotated[
 
 
 def beginning_with(names: Iterable[str], *, listed: bool = False) -> Callable[[str], list[str]]:
-    """Return what a shell completes an option with; `listed` options take names with commas."""
+    """Return a shell completion of an option; `listed` options take names with commas."""
     known = tuple(names)
 
     def completed(incomplete: str) -> list[str]:
@@ -77,7 +77,7 @@ def numbers(text: str, option: str) -> list[float]:
 def takes_options(
     kind: type[RunOptions], *, without: Sequence[str] = ()
 ) -> Callable[[Callable[..., int]], Callable[..., int]]:
-    """Return what gives a command the options of a kind, which it takes as one, `options`.
+    """Return a decorator that adds a kind's options, which the command takes as `options`.
 
     Their names, types, defaults and help are those of the fields, but for those in `without`.
     """

@@ -23,7 +23,7 @@ PIPED_WIDTH = 160
 
 
 class Format(StrEnum):
-    """What goes to standard output."""
+    """Format of standard output."""
 
     auto = "auto"
     table = "table"

@@ -101,7 +101,7 @@ class FittedTable:
             yield Text(f"not shown at this width: {', '.join(left)}")
 
     def _widths(self) -> list[int]:
-        """What each column needs to stand in one line."""
+        """Width that each column needs to stand in one line."""
         cells = [
             [self.columns[k], *(Text.from_markup(row[k]).plain for row in self._rows)]
             for k in range(len(self.columns))

@@ -44,7 +44,7 @@ def show_findings(verdict: PlanVerdict, console: Console) -> None:
 
 
 def flown_line(flight: FlownPlan) -> str:
-    """Return what flying a plan has found, in one line."""
+    """Return the result of flying a plan, in one line."""
     flights = "1 flight" if flight.trials == 1 else f"{flight.trials} flights"
     found = [f"guidance {flight.guidance}"]
     if flight.vehicles:
@@ -203,7 +203,7 @@ def show_plan(document: PlanDocument, console: Console) -> None:
 
 
 def _print_errors(document: PlanDocument, console: Console) -> None:
-    """What else the filter estimates, and what the errors cost that it does not."""
+    """Print the other states of the filter, and the cost of errors that it does not estimate."""
     if (expected := expected_line(document)) is not None:
         console.print(f"[yellow]{escape(expected)}[/]")
     if (states := further_states_table(document)) is not None:
@@ -376,6 +376,6 @@ def further_states_table(document: PlanDocument) -> FittedTable | None:
 
 
 def _supposed(states: Sequence[PredictedStateError]) -> str:
-    """What the bounds suppose, where wind is among the states: in wind it is known less well."""
+    """Assumption of the bounds where wind is a state: in wind it is known less well."""
     windy = any(one.state.startswith("wind ") for one in states)
     return "; predictions suppose still air" if windy else ""

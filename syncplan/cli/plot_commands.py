@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class JudgedSubject:
-    """What figures are drawn of, with its title and the verdicts on the plans that they show.
+    """Subject of figures, with its title and the verdicts on the plans that they show.
 
     A single verdict has an empty name; of two, one is before and the other after.
     """
@@ -153,7 +153,7 @@ def _plot(
 
 
 def _ending(output: Path | None) -> str:
-    """What kind of file is wanted; raises InputError where nothing says so."""
+    """Return the kind of file that is wanted; raises InputError where nothing says so."""
     if output is None and sys.stdout.isatty():
         raise InputError("give the file to write, such as -o figures.html", key="output")
     if output is None or str(output) == "-":
@@ -196,7 +196,7 @@ def _subject(file: str, compare: str | None, max_vehicles: int | None) -> Judged
 
 
 def _read(file: str, most: int) -> "tuple[Subject, RefinementResult | None, str]":
-    """What a file holds, the record of its refinement, and its title."""
+    """Return the content of a file, the record of its refinement, and its title."""
     from syncplan.planning.plan_files import loaded_from, plan_of
     from syncplan.reports.refinement_report import RefinementResult
     from syncplan.scenario.loading import is_plan, parse_document, read_text

@@ -58,7 +58,7 @@ class RemotePlan(Plan):
 
     @classmethod
     def of(cls, document: Mapping[str, Any]) -> Self:
-        """Return what a document of the service says."""
+        """Return the content of a document of the service."""
         made = plan_of(loaded_from(document, max_vehicles=len(document["vehicles"])))
         values = {one.name: getattr(made, one.name) for one in fields(made) if one.init}
         return cls(
@@ -91,7 +91,7 @@ class RemoteJob:
 
     @classmethod
     def of(cls, document: Mapping[str, Any]) -> Self:
-        """Return what a document of the service says."""
+        """Return the content of a document of the service."""
         progress = document["progress"]
         return cls(
             id=document["id"],
@@ -126,7 +126,7 @@ class RemoteRecording:
 
     @classmethod
     def of(cls, document: Mapping[str, Any]) -> Self:
-        """Return what a document of the service says."""
+        """Return the content of a document of the service."""
         return cls(
             id=document["id"],
             name=document["name"],
@@ -205,7 +205,7 @@ class Client:
         losses: Literal[1, 2] = 1,
         bound: BoundChoice = "auto",
     ) -> WhatIfDocument:
-        """Return what losses do to a plan that the service stores; see syncplan.what_if."""
+        """Return the effects of losses on a plan that the service stores; see syncplan.what_if."""
         parameters: dict[str, str | list[str]] = {
             "lose": list(lose),
             "losses": str(losses),
@@ -369,7 +369,7 @@ _RESULTS: Mapping[JobKindName, Callable[[Client, RemoteJob, RemotePlan | None], 
 
 
 def _as_planned(subject: Scenario | Plan | Mapping[str, Any]) -> dict[str, Any]:
-    """What plans are asked for with: the document of a scenario, or of a plan."""
+    """Body of a request for a plan: the document of a scenario, or of a plan."""
     if isinstance(subject, Plan):
         return stated(subject.scenario, subject.orbits)
     if isinstance(subject, Scenario):

@@ -137,7 +137,7 @@ def _expect_noise(
     ways: Array,
     lanes: Lanes,
 ) -> None:
-    """What is expected of the noise of sample k of vehicle i, in P's frame, is none at all."""
+    """Refer the mean to zero noise of sample k of vehicle i, in P's frame."""
     r = 3 * i
     for c in range(4):
         for lane in range(len(lanes)):
@@ -342,7 +342,7 @@ def _smooth_changes(
     gains: Array,
     lanes: Lanes,
 ) -> None:
-    """What bias states that change gain in sample k."""
+    """Fill in the gains of changing bias states in sample k."""
     states = setup.states
     begin, first = states.first_changing, len(adjoint) - found.lefts.shape[1]
     for c in range(begin, len(adjoint)):

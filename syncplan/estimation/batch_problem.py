@@ -23,7 +23,7 @@ FAR = 2.0
 
 
 class Window(NamedTuple):
-    """What is read in a window of K samples, a lane for each trial.
+    """Readings in a window of K samples, a lane for each trial.
 
     Fields
     ------
@@ -41,7 +41,7 @@ class Window(NamedTuple):
 
 
 class Prior(NamedTuple):
-    """What is known of the state at the beginning, uncorrelated.
+    """Prior of the state at the beginning, uncorrelated.
 
     Fields
     ------
@@ -70,7 +70,7 @@ class Trajectory(NamedTuple):
 
 
 class Linearised(NamedTuple):
-    """What a pass forward leaves for the pass backward.
+    """Results of a pass forward that the pass backward needs.
 
     Fields
     ------
@@ -100,7 +100,7 @@ class Linearised(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """What passes along trajectories work in.
+    """Scratch of passes along trajectories.
 
     Fields
     ------
@@ -179,7 +179,7 @@ def trajectory_cost(
 
 @inner
 def misfit(square: float, gate: float, temper: float) -> float:
-    """Return what a sighting costs that is off by so many standard deviations, squared.
+    """Return the cost of a sighting that is off by so many standard deviations, squared.
 
     Where a gate rejects readings that may be anything, one beyond it costs as much as one at it. At
     a start that is far off most good readings are beyond it, too, and would pull nowhere: until R

@@ -48,7 +48,7 @@ _SEEN = ("ranges", "fields_of_view", "boresights", "every", "compass_every", "de
 
 @dataclass(frozen=True, slots=True)
 class TrueRun:
-    """What truly happens along a filter's run.
+    """The truth along a filter's run.
 
     Attributes
     ----------

@@ -173,7 +173,7 @@ def foreseen_by_groups(
 
 
 def _sum_of_variances(run: Run, covariance: Array) -> float:
-    """Return what no variance along the run is above: those at the start with all noise."""
+    """Return an upper limit of all variances along the run: those at the start with all noise."""
     return float(np.trace(covariance) + run.noise[[0, 3, 5]].sum())
 
 

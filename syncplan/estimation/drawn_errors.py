@@ -72,7 +72,7 @@ class DrawnErrors:
         return self.values[name][0, :, 0] if name in self.values else 0.0
 
     def shifts(self, kind: str) -> Array | float:
-        """Return what is added to each vehicle's sightings of a kind.
+        """Return the shift of each vehicle's sightings of a kind.
 
         It broadcasts to (times, n, lanes), times as in `drift`; 0 where there is no such error.
         """

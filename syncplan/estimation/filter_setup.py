@@ -96,7 +96,7 @@ State = tuple[Array, Array]
 
 
 class FilterSetup(NamedTuple):
-    """What all trials of a run share.
+    """Set-up that all trials of a run share.
 
     Fields
     ------
@@ -149,7 +149,7 @@ class FilterSetup(NamedTuple):
 
 
 class Readings(NamedTuple):
-    """What the filter reads, a lane for each trial.
+    """Readings of the filter, a lane for each trial.
 
     Fields
     ------
@@ -330,7 +330,7 @@ class FilterStatistics(NamedTuple):
 
 
 class FilterRun(NamedTuple):
-    """What a filter of lanes is given, and the statistics that it adds to.
+    """Input of a filter of lanes, and the statistics that it adds to.
 
     Fields
     ------

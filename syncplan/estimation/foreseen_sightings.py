@@ -30,7 +30,7 @@ MARGIN, ROUNDING = 1.0 + 1e-6, 1e-12
 
 @dataclass(frozen=True, slots=True)
 class Foreseen:
-    """What is known just before each of the first s rows, all earlier ones taken in.
+    """Predictions just before each of the first s rows, all earlier ones taken in.
 
     Attributes
     ----------

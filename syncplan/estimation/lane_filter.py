@@ -287,7 +287,7 @@ def _filter_ideally(
 
 
 class Stepped(Protocol):
-    """What takes a filter from step to step: a LaneFilter, or what flies as it does."""
+    """A filter that is advanced from step to step: a LaneFilter, or a flight with one in it."""
 
     def lanes_for(self, n: int) -> int:
         """Return how many trials of n vehicles it is best to filter side by side."""
@@ -332,12 +332,12 @@ class LaneRun:
 
     @property
     def readings(self) -> Readings:
-        """What the filter reads."""
+        """Readings of the filter."""
         return self.given.readings
 
     @property
     def statistics(self) -> FilterStatistics:
-        """What the filter has counted."""
+        """Statistics of the filter."""
         return self.given.statistics
 
 

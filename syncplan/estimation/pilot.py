@@ -261,7 +261,7 @@ class _Path:
 
 @dataclass(frozen=True, slots=True)
 class _GaussNewtonStep:
-    """What is best were all linear along a path.
+    """Best change of a path if all were linear along it.
 
     Attributes
     ----------

@@ -141,7 +141,7 @@ class Seen:
         )
 
     def innovation(self, measured: Array) -> Array:
-        """Return what is measured (trials, m) less what is expected, angles within half a turn."""
+        """Return the innovations (trials, m), angles within half a turn."""
         off = measured - self._expected()
         turns = 2.0 * np.pi * np.floor((off + np.pi) / (2.0 * np.pi))
         return np.asarray(off - np.where(_ANGLES[self.kinds], turns, 0.0))

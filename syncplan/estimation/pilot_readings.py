@@ -54,7 +54,7 @@ def thinned(team: Team, instants: int = INSTANTS_A_TURN) -> Team:
 
 @dataclass(frozen=True, slots=True)
 class PilotReadings:
-    """What the trials of a pilot share, and what each of them reads.
+    """Set-up that the trials of a pilot share, and the readings of each.
 
     Attributes
     ----------

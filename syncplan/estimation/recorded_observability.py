@@ -45,7 +45,7 @@ class Gap:
 
 @dataclass(frozen=True, slots=True)
 class SeenOverTime:
-    """What windows of a recording determined, each judged for the step that ends with it.
+    """Observability over windows of a recording, each judged for the step that ends with it.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class SeenOverTime:
 
 
 def seen_over_time(run: RecordedRun, made: FilteredRun, window: float) -> SeenOverTime:
-    """Return what the accepted sightings of a run determined over windows of so many s.
+    """Return the observability by the accepted sightings of a run over windows of so many s.
 
     Of a recording without truth, `made` must hold the estimates.
     """

@@ -95,7 +95,7 @@ class RecordedRun:
 
 @dataclass(frozen=True, slots=True)
 class FilteredRun:
-    """What a filter made of a run.
+    """Result of a filter over a run.
 
     Attributes
     ----------
@@ -156,7 +156,7 @@ def run_of(log: Log, settings: ReplaySettings, options: FilterOptions) -> Record
 
 
 def filtered(run: RecordedRun, options: FilterOptions, progress: Seen | None = None) -> FilteredRun:
-    """Return what the filter of the options makes of a run.
+    """Return the result of the options' filter over a run.
 
     Raises NoSolutionError where it diverges. An interrupt ends the wait for it at once.
     """

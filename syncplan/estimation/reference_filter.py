@@ -144,7 +144,7 @@ def sighted(
     setup: FilterSetup,
     read: Read | None = None,
 ) -> tuple[float, Array]:
-    """Return what a sighting is expected to be and its derivative (3n + e,) by the state.
+    """Return the expected value of a sighting and its derivative (3n + e,) by the state.
 
     `kind` is its place in SIGHTING_KINDS; targets from n on are landmarks. Angles are not wrapped.
     `read`, speeds and turn rates (n,) at the time, is needed where a clock offset is a state.

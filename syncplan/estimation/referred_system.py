@@ -188,7 +188,7 @@ class ReferredSystem:
         return covariance
 
     def from_start(self, bound: Callable[[Array], PosteriorBound]) -> PosteriorBound:
-        """Return what `bound` makes of the covariance of the start.
+        """Return the bound that `bound` gives from the covariance of the start.
 
         Raises NoSolutionError where the covariance does not stay positive definite.
         """

@@ -19,7 +19,7 @@ from syncplan.results import Result
 
 @dataclass(frozen=True, slots=True)
 class KindCounts:
-    """What became of the readings of one kind of sighting.
+    """Counts of readings of one kind of sighting, by what the filter did with them.
 
     Attributes
     ----------
@@ -165,17 +165,17 @@ class Replay(Result):
 
     @property
     def bearing_sigma(self) -> float:
-        """What the filter assumed, rad."""
+        """Standard deviation that the filter assumed, rad."""
         return self.settings.bearing_sigma
 
     @property
     def noise(self) -> Noise:
-        """What the filter assumed of motion readings and the start."""
+        """Noise that the filter assumed of motion readings and the start."""
         return self.settings.noise
 
     @property
     def bearings(self) -> KindCounts:
-        """What became of the bearings."""
+        """Counts of bearings."""
         return self.counts["bearing"]
 
     @property

@@ -209,7 +209,7 @@ class ReplayOptions(ReplaySettings):
 
     @property
     def settings(self) -> ReplaySettings:
-        """What the replay rests on."""
+        """Settings of the replay."""
         place, heading = START_SIGMAS[self.start]
         noise = Noise(
             speed_sigma=self.speed_sigma,

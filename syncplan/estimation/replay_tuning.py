@@ -303,7 +303,7 @@ class _Fit:
     def verdicts(
         self, rivals: Sequence[ReplaySettings], fitted: ReplaySettings
     ) -> list[FitVerdict]:
-        """What fitted settings are worth on the rest, beside each of others."""
+        """Compare fitted settings with each of others on the rest."""
         after = self.rest(fitted)
         found = self.of(after)
         white = found is not None and self.is_white(after)
@@ -340,7 +340,7 @@ class _Fit:
             self.progress(min(self.runs, MOST_RUNS))
 
     def predictions(self, settings: ReplaySettings, turns: tuple[int, ...]) -> Predictions:
-        """What settings predict of the sightings that the turns withhold."""
+        """Predictions, by settings, of the sightings that the turns withhold."""
         self.count(len(turns))
         return predictions_of(self.log, settings, self.options, turns, TURNS, self.farthest)
 
@@ -369,7 +369,7 @@ class _Fit:
         return -total / max(len(used), 1)
 
     def gain(self, after: ReplaySettings) -> float:
-        """What fitted settings are worth on what they were fitted to."""
+        """Gain of fitted settings on the sightings that they were fitted to."""
         return judged(self.of(self.settings), self.of(after), white=True).gain
 
     def simplex(self, start: ReplaySettings, names: tuple[str, ...]) -> ReplaySettings:

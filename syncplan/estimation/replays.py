@@ -179,7 +179,7 @@ def replay_options(options: FilterOptions | None, changes: Mapping[str, Any]) ->
 
 
 class RecordedStep(NamedTuple):
-    """What a team has read in a step of a recording.
+    """Readings of a team in a step of a recording.
 
     Fields
     ------

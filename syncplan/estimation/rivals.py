@@ -138,7 +138,7 @@ def _is_finite(state: State) -> Flags:
 def _window(
     setup: FilterSetup, readings: Readings, lanes: Index, begin: int, end: int
 ) -> tuple[FilterSetup, Readings]:
-    """What some lanes read from step `begin` to step `end`, as a run that is compared with nothing.
+    """Readings of some lanes from step `begin` to step `end`, as a run without truth.
 
     Its first step is step `begin`, whose sightings are no part of it.
     """

@@ -177,7 +177,7 @@ class RobustFilter:
         compile_solver(n)
 
     def run(self, run: FilterRun, streams: Sequence[np.random.SeedSequence]) -> State:
-        """Return what LaneFilter.run does; starts of a lane are drawn from its stream."""
+        """Return as LaneFilter.run does; starts of a lane are drawn from its stream."""
         own = RobustRun.begun(self.base, run, streams)
         own.advance(len(run.readings.speeds))
         return own.state

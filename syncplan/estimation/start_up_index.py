@@ -58,7 +58,7 @@ def first_samples(team: Team) -> int:
 
 @dataclass(frozen=True, slots=True)
 class SecondOrderTerms:
-    """What the tangents of sightings leave out: products of two functions of the states.
+    """Terms that the tangents of sightings leave out: products of two functions of the states.
 
     Attributes
     ----------

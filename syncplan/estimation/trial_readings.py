@@ -41,7 +41,7 @@ FILTERS_OWN = 1
 
 
 def filter_stream(seed: int, trial: int) -> np.random.SeedSequence:
-    """Return what a filter that draws numbers draws those of a trial from."""
+    """Return the stream from which a filter that draws numbers draws those of a trial."""
     return np.random.SeedSequence(seed, spawn_key=(trial, FILTERS_OWN))
 
 
@@ -61,7 +61,7 @@ def has_false_bearings(team: Team) -> bool:
 
 
 def possible_sightings(team: Team, windows: Windows, steps: int) -> Sightings:
-    """Return what can be sighted at k = 1..steps in any trial.
+    """Return the sightings possible at k = 1..steps in any trial.
 
     `windows` are those of the nominal headings. In moving air, what is in view differs from trial
     to trial: there, all that is within range counts.
@@ -139,7 +139,7 @@ class TrialReadings:
         return readings, Truth(flown_poses, constants, changing)
 
     def stream(self, trial: int) -> np.random.SeedSequence:
-        """Return what a filter that draws numbers draws those of a trial from."""
+        """Return the stream from which a filter that draws numbers draws those of a trial."""
         return filter_stream(self.seed, trial)
 
     def _draws(self, trials: range) -> list[Array]:

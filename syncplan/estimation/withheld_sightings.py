@@ -80,7 +80,7 @@ class Predictions:
 
 @dataclass(frozen=True, slots=True)
 class FitVerdict:
-    """What settings are worth beside others on the same withheld sightings.
+    """Comparison of settings with others on the same withheld sightings.
 
     Attributes
     ----------
@@ -154,7 +154,7 @@ def _predicted(
 
 
 def judged(before: Predictions | None, after: Predictions | None, *, white: bool) -> FitVerdict:
-    """Return what `after` is worth beside `before`, on the withheld sightings that both predict.
+    """Compare `after` with `before` on the withheld sightings that both predict.
 
     Sums over SPAN_S are the samples: neighbours err together. None is of settings with which the
     filter diverges; `white` says whether innovations of `after` are.

@@ -84,7 +84,7 @@ class ExportedFile:
 
 @dataclass(frozen=True, slots=True)
 class Written:
-    """What a format makes of a flown.
+    """Files that a format makes of flown circles.
 
     Attributes
     ----------

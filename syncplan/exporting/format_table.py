@@ -93,7 +93,7 @@ MOST_TURNS = 20_000
 
 @dataclass(frozen=True, slots=True)
 class ExportOptions:
-    """What an export may be asked for; None stands for the default that the text names.
+    """Options of an export; None stands for the default that the text names.
 
     Attributes
     ----------

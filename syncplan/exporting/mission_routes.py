@@ -183,7 +183,7 @@ def snapped_radii(radii: Array) -> Array:
 
 
 def _stored_radius(radius: float) -> float:
-    """What ArduPilot keeps of a radius, in m."""
+    """Return the radius that ArduPilot keeps, in m."""
     if radius <= WHOLE_METRES_UP_TO:
         return float(math.floor(radius))
     return 10.0 * math.floor(radius / 10.0)
@@ -230,7 +230,7 @@ def _radius_notes(flown: ScheduledPlan) -> list[str]:
 
 
 def _rate_notes(flown: ScheduledPlan) -> list[str]:
-    """What keeps a Copter from the rate of the plan."""
+    """Reasons why a Copter can't keep the rate of the plan."""
     if not flown.is_copter:
         return []
     orbits = flown.plan.orbits

@@ -278,7 +278,7 @@ def sidecar_file(flown: ScheduledPlan, format_: str, written: Written) -> Export
 
 
 def sync_document(flown: ScheduledPlan, format_: str, written: Written) -> SyncDocument:
-    """Return what the files of a format can't say of the flown, for the circles exported."""
+    """Return all that the files of a format can't hold, for the circles exported."""
     from syncplan import __version__
 
     plan, start = flown.plan, start_of(flown.plan)

@@ -24,7 +24,7 @@ class TimedLoss:
 
     @property
     def sentence(self) -> str:
-        """What happens."""
+        """The event in one sentence."""
         return f"{phrase_of(self.name)} is lost at {self.time:g} s"
 
 
@@ -42,7 +42,7 @@ class Hold:
 
     @property
     def sentence(self) -> str:
-        """What happens."""
+        """The event in one sentence."""
         return f"{self.name} is held from {self.time:g} s for {self.length:g} s"
 
 
@@ -55,7 +55,7 @@ class FlightEvents:
 
     @property
     def sentences(self) -> list[str]:
-        """What happens, in order of time."""
+        """The events in sentences, in order of time."""
         timed: list[TimedLoss | Hold] = [*self.losses, *self.holds]
         found = sorted(timed, key=lambda one: one.time)
         return [one.sentence for one in found]

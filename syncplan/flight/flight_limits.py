@@ -19,7 +19,7 @@ DEFAULT_TURNS = 4.0
 
 @dataclass(frozen=True, slots=True, repr=False)
 class FlightLimits:
-    """What n vehicles can do in flight.
+    """Limits of n vehicles in flight.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class FlightLimits:
 
 @dataclass(frozen=True, slots=True)
 class FlownWorld:
-    """What truly flies, and how it obeys.
+    """The true team, and how it obeys commands.
 
     Attributes
     ----------

@@ -89,7 +89,7 @@ class Track:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class LaneRecords:
-    """What is recorded of some trials, lanes, on their way; the first few have tracks.
+    """Records of some trials, lanes, on their way; the first few have tracks.
 
     Attributes
     ----------

@@ -56,7 +56,7 @@ class Response(NamedTuple):
 
 
 class Eyes(NamedTuple):
-    """What n vehicles can see of bodies by true geometry, and what hides them.
+    """Sensors of n vehicles by true geometry, and the obstacles that hide bodies from them.
 
     Fields
     ------
@@ -84,7 +84,7 @@ class Eyes(NamedTuple):
 
 
 class Mishaps(NamedTuple):
-    """What goes wrong, and when, in steps.
+    """Losses, holds and faulty sightings, and when they occur, in steps.
 
     Fields
     ------
@@ -145,7 +145,7 @@ class Contact(NamedTuple):
 
 
 class FlightSetup(NamedTuple):
-    """What all trials of a flight share, beside the set-up of the filter."""
+    """Set-up that all trials of a flight share, beside that of the filter."""
 
     circles: Circles
     response: Response

@@ -99,7 +99,7 @@ def tracks_of(team: FlownTeam, lanes: FlownLanes, first_trial: int) -> tuple[Tra
 
 
 def mean_series(team: FlownTeam, result: FlightResult) -> FlightSeries:
-    """Return what the sums come to; raises InputError for a flight without series."""
+    """Return root mean squares from the sums; raises InputError for a flight without series."""
     if not result.branches:
         raise _no_series()
     total = result.branches[0].sums

@@ -230,7 +230,7 @@ class FlownLanes:
 
     @property
     def _aloft(self) -> tuple[FlightSetup, Lanes]:
-        """What the closed loop is given at present, and lanes."""
+        """Set-up of the closed loop at present, and lanes."""
         loop = self.run.base
         assert isinstance(loop, ClosedLoop)
         return loop.flight, lanes_of(self.team.team.count, self.readings.initial.shape[-1])
@@ -242,12 +242,12 @@ class FlownLanes:
 
     @property
     def readings(self) -> Readings:
-        """What was read so far."""
+        """Readings so far."""
         return self.run.readings
 
     @property
     def statistics(self) -> FilterStatistics:
-        """What the filter has counted."""
+        """Statistics of the filter."""
         return self.run.statistics
 
     def _make_room(self, further: int) -> None:

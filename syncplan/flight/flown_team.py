@@ -45,7 +45,7 @@ LEAD_PERIODS = 0.5
 
 @dataclass(frozen=True, slots=True)
 class FlownTeam:
-    """What all trials of a flight share.
+    """Team and set-up that all trials of a flight share.
 
     Attributes
     ----------

@@ -67,12 +67,12 @@ class FlightRun:
 
     @property
     def happenings(self) -> list[str]:
-        """What happens on the way, in words: events, what sightings suffer, and the wind."""
+        """Events, faults of sightings and wind of the flight, in words."""
         return [*self.events.sentences, *self.conditions]
 
     @property
     def conditions(self) -> list[str]:
-        """What sightings suffer, and the wind, in words; empty where nothing was asked for."""
+        """Faults of sightings and wind, in words; empty where nothing was asked for."""
         options = self.options
         shares = {
             "of the sightings are lost on their way": options.dropout,
@@ -88,7 +88,7 @@ class FlightRun:
 
     @property
     def events(self) -> FlightEvents:
-        """What happens on the way."""
+        """Losses and holds on the way."""
         return self.team.events
 
 
@@ -134,7 +134,7 @@ class Flight(Result):
 
     @property
     def record(self) -> FlownPlan:
-        """What a plan's verdict takes into account."""
+        """Record of the flight that a plan's verdict takes into account."""
         figures, asked = self.result.figures, self.run.limits.separation
         apart, options = figures.separations, self.run.options
         known = bool(np.isfinite(apart).all())
@@ -321,7 +321,7 @@ def conclude_flight(run: FlightRun, parts: Sequence[FlightResult]) -> Flight:
 
 
 def _expected(run: FlightRun) -> Array | None:
-    """What is expected of the estimates in a world that differs, along circles flown exactly."""
+    """Expected errors of the estimates in a world that differs, along circles flown exactly."""
     plan, true = run.plan, run.team.true_team
     if true is plan.team or not bound_is_affordable(plan.team, run.duration):
         return None

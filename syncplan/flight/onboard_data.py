@@ -39,7 +39,7 @@ class TimedSighting(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Sensed:
-    """What a team has read in a sample.
+    """Readings of a team in a sample.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """What a team does in the next sample: speeds through the air and turn rates, (n,) each."""
+    """Commands for the next sample: speeds through the air and turn rates, (n,) each."""
 
     speeds: Array
     turn_rates: Array

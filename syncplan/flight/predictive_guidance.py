@@ -73,7 +73,7 @@ SOLVED = 1
 
 
 class Solution(NamedTuple):
-    """What came out of a program.
+    """Solution of a program.
 
     Fields
     ------
@@ -171,7 +171,7 @@ GUARD = 0.005
 
 
 class Status(IntEnum):
-    """What became of a vehicle's program."""
+    """Outcome of a vehicle's program."""
 
     SOLVED = 0
     NEAR = 1
@@ -210,7 +210,7 @@ class PredictiveOptions:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Decision:
-    """What a team is to do until the next decision.
+    """Commands of a team until the next decision.
 
     Attributes
     ----------
@@ -234,7 +234,7 @@ class Decision:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Memory:
-    """What guidance remembers from one decision to the next.
+    """State of guidance from one decision to the next.
 
     Attributes
     ----------
@@ -285,7 +285,7 @@ class PredictiveGuidance:
         held: Flags | None = None,
         moved: Array | None = None,
     ) -> Decision:
-        """Return what the team does from `time` s on.
+        """Return the team's commands from `time` s on.
 
         `poses` (n, 3) m, m, rad and `winds` (n, 2) m/s are estimates, `before` (n, 2) is what was
         commanded last, `held` (n,) says who does not steer, `moved` (n, 2) m how far from its place
@@ -324,7 +324,7 @@ class PredictiveGuidance:
         return Orbiting(centers, orbits.radii, orbits.turn_rates, orbits.phases)
 
     def _state(self, time: float, poses: Array, before: Array, held: Flags) -> TeamState:
-        """What the team knows now; the last decision counts only if it is one of the past."""
+        """State of the team now; the last decision counts only if it is one of the past."""
         last, (least, most, _) = self.memory, self._bounds
         known = last.known & (last.time <= time)
         steps = (time - last.time) / self._step

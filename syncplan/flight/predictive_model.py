@@ -42,7 +42,7 @@ class Orbiting(NamedTuple):
 
 
 class Bounds(NamedTuple):
-    """What commands are kept within.
+    """Limits of commands.
 
     Fields
     ------
@@ -74,7 +74,7 @@ class Laws(NamedTuple):
 
 
 class Course(NamedTuple):
-    """What the plan has, as flown in the air of this moment; N steps in the horizon.
+    """The plan as flown in the air of this moment; N steps in the horizon.
 
     Fields
     ------

@@ -41,7 +41,7 @@ from syncplan.flight.predictive_model import Bounds, Course, shortened
 
 
 class Weights(NamedTuple):
-    """What the objective weighs; see the module.
+    """Weights of the objective; see the module.
 
     Fields
     ------

@@ -27,7 +27,7 @@ SHARES = (1.0, 0.5, 0.25, 0.125)
 
 
 class TeamState(NamedTuple):
-    """What the team knows at a step.
+    """State of the team at a step.
 
     Fields
     ------

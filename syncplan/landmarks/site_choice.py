@@ -218,7 +218,7 @@ def _judged(
 
 
 def _lacking(judged: Plan, which: str) -> str:
-    """What stays undetermined, in words, and a remedy."""
+    """Sentence on the states that stay undetermined, with a remedy."""
     motion = judged.unobservable[0]
     rank, size = judged.observability.rank, judged.observability.state_dim
     return (

@@ -123,7 +123,7 @@ class Evaluation:
 
 
 def candidate_information(plan: Plan, candidates: Array) -> SiteInformation:
-    """Return what candidates (S, 2) m would add to the sightings of a plan."""
+    """Return the information that candidates (S, 2) m would add to the sightings of a plan."""
     team, window = plan.team, plan.scenario.window
     sightings = sightings_over(team, plan.windows, window)
     links, alone = link_information(team, sightings), lone_rows(team, sightings)

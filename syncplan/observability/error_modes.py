@@ -220,7 +220,7 @@ class ErrorMode:
 
 @dataclass(frozen=True, slots=True)
 class ErrorVerdict:
-    """What one window determines of the errors that the filter estimates.
+    """Observability, in one window, of the errors that the filter estimates.
 
     Attributes
     ----------
@@ -237,7 +237,7 @@ class ErrorVerdict:
 def judge_errors(
     assessed: Assessment, names: Sequence[str], most_states: int
 ) -> ErrorVerdict | None:
-    """Return what is determined of the errors of vehicles named; None where none are estimated.
+    """Return the verdict on the errors of vehicles named; None where none are estimated.
 
     With more than `most_states` states, only their number.
     """
@@ -370,7 +370,7 @@ def _motion_words(
 
 
 def _cure(team: Team, found: ExtendedObservability, vector: Array, takes: Array) -> str:
-    """What would determine the errors; a compass where headings change with them."""
+    """Remedy that would determine the errors; a compass where headings change with them."""
     layout, count = found.layout, found.layout.count
     kinds: list[EstimableName] = [
         name

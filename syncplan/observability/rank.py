@@ -102,7 +102,7 @@ class PairRows:
 
 @dataclass(frozen=True, slots=True)
 class LinkInformation:
-    """What the sightings of one pair, both ways together, determine of its two poses.
+    """Information on the poses of one pair by its sightings, both ways together.
 
     Attributes
     ----------
@@ -210,7 +210,7 @@ def pair_rows(team: Team, sightings: Sightings, scale: float | None = None) -> I
 
 
 def link_of(pair: PairRows) -> LinkInformation:
-    """Return what the rows of a pair determine."""
+    """Return the information of a pair's rows."""
     _, values, directions = np.linalg.svd(pair.rows, full_matrices=False)
     return LinkInformation(pair.a, pair.b, len(pair.rows), pair.one_way, values, directions)
 
@@ -218,7 +218,7 @@ def link_of(pair: PairRows) -> LinkInformation:
 def link_information(
     team: Team, sightings: Sightings, scale: float | None = None
 ) -> list[LinkInformation]:
-    """Return what the sightings of each pair determine, ordered by (a, b); none without sightings.
+    """Return the information of each pair that has sightings, ordered by (a, b).
 
     Positions in mean radii, or in `scale` m: pass the same to `assess`.
     """
@@ -372,7 +372,7 @@ def counts(link: LinkInformation, needed: int, largest: float) -> bool:
 
 
 class Bodies(Protocol):
-    """What sees and is seen: a team, or the robots and landmarks of a recording."""
+    """Bodies that see and are seen: a team, or the robots and landmarks of a recording."""
 
     @property
     def count(self) -> int:
@@ -426,7 +426,7 @@ def _distinct_pair(
 
 @dataclass(frozen=True, slots=True)
 class Assessment:
-    """What the exact code finds of a team over one window.
+    """Exact observability of a team over one window.
 
     Attributes
     ----------
@@ -457,13 +457,13 @@ class Assessment:
 
 
 def assess_team(team: Team, window: float) -> Assessment:
-    """Return what the sightings of a team over `window` s determine."""
+    """Return the observability of a team over `window` s."""
     windows = find_windows(team)
     return _assessed(team, windows, sightings_over(team, windows, window))
 
 
 def assess_remainder(before: Assessment, left: Remainder) -> Assessment:
-    """Return what the sightings that a loss leaves determine, over the same window."""
+    """Return the observability after a loss, over the same window."""
     return _assessed(left.team, left.windows(before.windows), left.sightings(before.sightings)[0])
 
 

@@ -286,7 +286,7 @@ class WatchedTeam:
 
 @dataclass(frozen=True, slots=True)
 class SeenWindow:
-    """What the sightings of one window determine of the poses at its beginning.
+    """Observability, by the sightings of one window, of the poses at its beginning.
 
     Attributes
     ----------

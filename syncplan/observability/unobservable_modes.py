@@ -237,7 +237,7 @@ def _stretch(
 def _grounding(
     naming: _Naming, part: list[int], wanted: str, passed_over: int | None = None
 ) -> str:
-    """What would hold these vehicles: landmarks and how near they are, and the nearest vehicle."""
+    """Remedy for floating vehicles: landmarks and how near they are, and the nearest vehicle."""
     choices = []
     for number, place in enumerate(naming.team.landmarks):
         if number != passed_over:

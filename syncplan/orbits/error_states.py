@@ -126,7 +126,7 @@ class StateLayout:
         return found
 
     def labels(self, vehicles: Sequence[str]) -> list[str]:
-        """Return what each further state is: `wind x`, `speed scale of v1`."""
+        """Return a label of each further state: `wind x`, `speed scale of v1`."""
         texts = [""] * len(self.sigmas)
         for name in self.names:
             state = ERROR_STATES[name]

@@ -35,7 +35,7 @@ ALONG, ACROSS = 0, 1
 
 @dataclass(frozen=True, slots=True)
 class SecondOrder:
-    """What the slopes of a sighting leave out: a product of two errors over the distance.
+    """Second-order term of a sighting: a product of two errors over the distance.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class SecondOrder:
 
 @dataclass(frozen=True, slots=True)
 class OwnSensor:
-    """What measures one kind of sighting and nothing else; a vehicle may be without, or lose it.
+    """A sensor of one kind of sighting alone; a vehicle may be without, or lose it.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class OwnSensor:
 
 @dataclass(frozen=True, slots=True)
 class SightingKind:
-    """What one kind of sighting measures.
+    """A kind of sighting.
 
     Attributes
     ----------

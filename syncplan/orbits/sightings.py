@@ -72,7 +72,7 @@ def samples_before(duration: float, sample_time: float) -> int:
 
 
 def sightings_over(team: Team, windows: Windows, span: float) -> Sightings:
-    """Return what a team sees at the samples k Ts with k >= 0 in [0, span) s."""
+    """Return the sightings of a team at the samples k Ts with k >= 0 in [0, span) s."""
     last = samples_before(span, team.sensors.sample_time) - 1
     return sample_sightings(windows, team.orbits.period, team.sensors, 0, last)
 
@@ -134,7 +134,7 @@ BLIND_RANGE_M = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Loss:
-    """What is lost together, by index.
+    """Parts that are lost together, by index.
 
     Attributes
     ----------
@@ -183,7 +183,7 @@ class Loss:
 
 @dataclass(frozen=True, slots=True)
 class Remainder:
-    """What a loss leaves of a team of n vehicles and m landmarks.
+    """Remainder, after a loss, of a team of n vehicles and m landmarks.
 
     Attributes
     ----------
@@ -244,7 +244,7 @@ class Remainder:
 
 
 def remainder_of(team: Team, loss: Loss) -> Remainder:
-    """Return what a loss leaves of a team; at least one vehicle has to be left."""
+    """Return the remainder of a team after a loss; at least one vehicle has to be left."""
     count, places = team.count, len(team.landmarks)
     lost = np.zeros(count + places, dtype=bool)
     lost[list(loss.vehicles)] = True

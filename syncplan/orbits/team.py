@@ -18,7 +18,7 @@ from syncplan.scenario.specification import Scenario, per_vehicle
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Sensors:
-    """What each of n vehicles can see, how often and how well.
+    """Sensors of n vehicles: range, view, sample times and standard deviations.
 
     What a plain camera has not may be left out, or be one value for all.
 

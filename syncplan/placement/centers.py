@@ -76,7 +76,7 @@ class Placement:
 
     @property
     def notes(self) -> list[str]:
-        """What obstacles hide, in words."""
+        """Notes on sight lines that obstacles hide."""
         names = [*self.scenario.vehicle_names, *self.scenario.landmark_names]
         return [
             f"{names[a]} and {names[b]} come within range, but obstacles_m hides them from each "

@@ -38,7 +38,7 @@ _CROSSING = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Names:
-    """What messages name: vehicles, landmarks, and the margin in m that links are to keep."""
+    """Names for messages: vehicles, landmarks, and the margin in m that links are to keep."""
 
     vehicles: Sequence[str]
     landmarks: Sequence[str]
@@ -51,7 +51,7 @@ class Names:
 
 @dataclass(frozen=True, slots=True)
 class Demands:
-    """What n circles must fulfil, and what they should; lengths in m.
+    """Constraints that n circles must meet, and wishes that they should; lengths in m.
 
     Attributes
     ----------

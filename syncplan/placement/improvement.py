@@ -303,7 +303,7 @@ def improved(drawing: Drawing, *, rounds: int = 100, accuracy: float = 1e-3) -> 
 
 
 def _merit(drawing: Drawing) -> float:
-    """What a drawing is charged: its true, curved misses, in units of a typical distance."""
+    """Merit of a drawing: its true, curved misses, in units of a typical distance."""
     demands, missed = drawing.demands, drawing.missed
     unit = demands.unit
     free = others(demands.count, demands.links)

@@ -28,7 +28,7 @@ def obstacle(demands: Demands) -> str:
 
 
 def complaint(drawing: Drawing) -> str:
-    """Return what a drawing misses, in one line, links first and the worst first."""
+    """Return the misses of a drawing in one line, links first and the worst first."""
     demands, missed, gaps = drawing.demands, drawing.missed, drawing.link_gaps
     names, faults = demands.names, []
     for k in _worst(missed.links):

@@ -31,7 +31,7 @@ _INSTANTS, _PHASES = 72, 8
 
 @dataclass(frozen=True, slots=True)
 class ExpectedWork:
-    """What a run of a scenario holds.
+    """Sizes of a run of a scenario.
 
     Attributes
     ----------

@@ -39,7 +39,7 @@ class WithoutLinks:
 
 @single_threaded_blas
 def without_links(judged: JudgedTeam, links: Collection[tuple[int, int]]) -> WithoutLinks:
-    """Return what is left of a team without some links, each a < b, all of them at once.
+    """Return the remainder of a team without some links, each a < b, all of them at once.
 
     Circles and limits are as before: what a verdict may stop anew is observability alone.
     """
@@ -413,7 +413,7 @@ def _steering_cure(flight: FlownPlan) -> FindingCure:
 
 
 def _cure(*ways: tuple[str, bool]) -> FindingCure:
-    """What would help, of ways each with whether it is still to be tried."""
+    """Cure of a finding, of ways each with whether it is still to be tried."""
     *first, last = [text for text, untried in ways if untried]
     return FindingCure.of(f"{', '.join(first)} or {last}" if first else last)
 

@@ -96,7 +96,7 @@ class PredictedState:
 
 @dataclass(frozen=True, slots=True)
 class Neglect:
-    """What errors that the filter does not estimate are expected to cost.
+    """Expected cost of errors that the filter does not estimate.
 
     Attributes
     ----------
@@ -140,7 +140,7 @@ class Prediction:
 def predicted_states(
     team: Team, bound: PosteriorBound, names: Sequence[str]
 ) -> tuple[PredictedState, ...]:
-    """Return what a bound says of further states, of vehicles with these names."""
+    """Return the bound's figures of further states, of vehicles with these names."""
     layout = layout_of(team)
     return tuple(
         PredictedState(*one)
@@ -166,7 +166,7 @@ def expected_in_world(team: Team, true: Team, windows: Windows, duration: float)
 
 
 def neglect_of(team: Team, windows: Windows, duration: float) -> Neglect | None:
-    """Return what errors that the filter leaves out cost in a run of `duration` s; None if none."""
+    """Return the cost of errors that the filter leaves out over `duration` s; None if none."""
     names = neglected_errors(team)
     if not names:
         return None

@@ -70,7 +70,7 @@ class LossOutcome:
 
     @property
     def harm(self) -> tuple[int, float]:
-        """What losses are sorted by: dimensions lost, then the worst predicted error in m."""
+        """Sort key of losses: dimensions lost, then the worst predicted error in m."""
         return self.state_dim - self.rank, self.worst_predicted_rms or 0.0
 
 
@@ -110,7 +110,7 @@ def what_if(
     threads: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> WhatIf:
-    """Return what losses do to a plan: each remainder judged afresh, on the orbits it has.
+    """Return the effects of losses on a plan: each remainder judged afresh, on the orbits it has.
 
     `subject` is the plan or whatever one can be made of: a scenario, a file or a mapping. `lose`
     names what is lost together: vehicles, landmarks, and sensors as sensor:v3, whose vehicles fly
@@ -182,7 +182,7 @@ class _Study:
         return LossBounds.along(plan.team, self.assessed.windows, plan.scenario.duration_s)
 
     def judged_after(self, loss: Loss) -> JudgedTeam:
-        """Return what a loss leaves, with all that the verdict on it rests on."""
+        """Return the remainder after a loss, with all that the verdict on it rests on."""
         left = remainder_of(self.plan.team, loss)
         assessed = assess_remainder(self.assessed, left)
         scenario = scenario_after(self.plan.scenario, loss)

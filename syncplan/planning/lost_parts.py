@@ -84,7 +84,7 @@ def possible_losses(team: Team, most: int) -> list[Loss]:
 
 
 def names_of(loss: Loss, scenario: Scenario) -> tuple[str, ...]:
-    """Return what is lost as `lost_together` reads it."""
+    """Return the lost parts as `lost_together` reads them."""
     vehicles, landmarks = scenario.vehicle_names, scenario.landmark_names
     return (
         *(vehicles[k] for k in loss.vehicles),

@@ -69,7 +69,7 @@ def landmarks_too_close(judged: JudgedTeam) -> Iterator[PlanFinding]:
 
 
 def _not_cleared(judged: JudgedTeam) -> str:
-    """What refinement could not do, in words; empty for a plan that was not refined."""
+    """Sentence on the failure of refinement; empty for a plan that was not refined."""
     if judged.refinement is None:
         return ""
     options = judged.refinement.options or judged.scenario.refine or RefineOptions()

@@ -160,7 +160,7 @@ class Loaded:
 
 
 def load(path: str | Path, *, max_vehicles: int = MAX_VEHICLES) -> Loaded:
-    """Return what a scenario or plan file holds; "-" reads standard input.
+    """Return the content of a scenario or plan file; "-" reads standard input.
 
     A plan is known by its keys `scenario` and `vehicles`. Raises InputError.
     """
@@ -171,7 +171,7 @@ def load(path: str | Path, *, max_vehicles: int = MAX_VEHICLES) -> Loaded:
 def loaded_from(
     document: Mapping[str, Any], *, source: str = "", max_vehicles: int = MAX_VEHICLES
 ) -> Loaded:
-    """Return what the document of a scenario or a plan holds; `source` names it in messages."""
+    """Return the content of the document of a scenario or a plan; `source` names it in messages."""
     if not is_plan(document):
         return Loaded(scenario_from(document, source=source, max_vehicles=max_vehicles), None)
     try:

@@ -45,7 +45,7 @@ _LEAST_SHARE = 0.02
 
 @dataclass(frozen=True, slots=True)
 class StartTrials:
-    """What trials from the initial sigmas found, beside the prediction.
+    """Result of trials from the initial sigmas, beside the prediction.
 
     Attributes
     ----------
@@ -132,7 +132,7 @@ class StartUp:
 
     @property
     def before(self) -> InputStart | None:
-        """What is kept of it for a plan made from this one; None where nothing was tried."""
+        """Record for a plan made from this one; None where nothing was tried."""
         if self.trials is None and not self.cleared:
             return None
         return InputStart(
@@ -149,7 +149,7 @@ def start_up_of(
     asked: str | None,
     pilot: bool,
 ) -> StartUp | None:
-    """Return what index and pilot say of a run of `duration` s with its bound.
+    """Return the start-up verdict, by index and pilot, of a run of `duration` s with its bound.
 
     `asked` names the filter that is asked for, AUTO or None if none is. None is returned where the
     bound has no index. Without `pilot`, only the index.

@@ -324,7 +324,7 @@ def _with_own_trials(run: TrialRun, found: Accuracy, predicted: Array | None) ->
 
 
 def _expected(run: TrialRun, prediction: Prediction) -> Array | None:
-    """What the filter is to be expected to make of the world, where that is not the prediction."""
+    """Expected errors of the filter in the world, where they are not the prediction."""
     team, neglect = run.plan.team, prediction.neglect
     if run.true_team is team or prediction.rms is None:
         return None if neglect is None else neglect.expected

@@ -187,7 +187,7 @@ _FURTHER = ("random_walk",)
 
 @dataclass(frozen=True, slots=True)
 class StressedRow:
-    """What one world did to the filter of a plan.
+    """Result of the filter of a plan in one world.
 
     Attributes
     ----------

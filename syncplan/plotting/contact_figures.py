@@ -346,7 +346,7 @@ def _points(
 
 
 def _gap(rank: int, drawn: np.ndarray, gap: float, limit: float) -> Spec:
-    """What separates the last value that counts from the first that does not, or the tolerance.
+    """Trace between the last value that counts and the first that does not, or at the tolerance.
 
     The words stand in the larger part of the gap, away from the line of the tolerance.
     """

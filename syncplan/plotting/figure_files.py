@@ -101,7 +101,7 @@ def _fluid(spec: Spec) -> Spec:
 
 
 def _changed(spec: Spec, column: Spec) -> Spec:
-    """What of a figure is other in a narrow column; an animation keeps its frames and marks."""
+    """Changes of a figure in a narrow column; an animation keeps its frames and marks."""
     other = _fluid(column)
     keys = {"layout"} if spec["data"] == column["data"] or "frames" in spec else {"layout", "data"}
     return {key: other[key] for key in sorted(keys)}

@@ -34,7 +34,7 @@ SUBJECTS: Mapping[SubjectKind, str] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class FigureInput:
-    """What figures are drawn from.
+    """Data that figures are drawn from.
 
     Attributes
     ----------

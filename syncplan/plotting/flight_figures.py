@@ -215,7 +215,7 @@ def _logarithmic(curves: Sequence[Curve]) -> Spec:
 
 
 def event_words(report: FlightDocument) -> str:
-    """Return what happens, in words that a note can have; empty if nothing does."""
+    """Return the events in words that a note can have; empty if there are none."""
     said = [canvas.escaped(one.what) for one in report.events[:MOST_NAMED]]
     more = len(report.events) - len(said)
     return ", ".join(said) + (f" and {more} more" if more else "")

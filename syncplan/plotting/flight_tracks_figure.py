@@ -40,7 +40,7 @@ _CORNERS = 36
 
 @dataclass(frozen=True, slots=True)
 class FlownMap:
-    """What a map of a flight shows."""
+    """Subject of a map of a flight."""
 
     orbits: Orbits
     landmarks: Array

@@ -133,7 +133,7 @@ def _link_traces(plan: Plan, names: list[str], view: MapView) -> list[Spec]:
 
 
 def _by_worth(plan: Plan) -> list[tuple[Standing, list[LinkVerdict]]]:
-    """What links are worth, in the order drawn, and the links."""
+    """Links by their worth for observability, in the order drawn."""
     return sorted(grouped(plan).items(), key=lambda item: item[0].key)
 
 
@@ -315,7 +315,7 @@ def live(windows: Windows, period: float, time: float) -> tuple[Index, Index]:
 def _moving_traces(
     plan: Plan, kind_of: Index, kinds: int, time: float, view: MapView
 ) -> list[Spec]:
-    """What changes from frame to frame: sight lines of each kind, their heads, the vehicles.
+    """Traces that change from frame to frame: sight lines of each kind, their heads, the vehicles.
 
     `kind_of` is (b, b), symmetric, of bodies; -1 for pairs that never meet.
     """

@@ -48,7 +48,7 @@ _WORDS = {"link": "link", "incidental": "incidental link", "landmark": "landmark
 
 
 def standing_of(plan: Plan, meeting: LinkVerdict, *, incidental: bool = False) -> Standing:
-    """Return what a meeting is worth for observability: certified, too weak, or short of rank."""
+    """Return the worth of a meeting for observability: certified, too weak, or short of rank."""
     to_landmark = meeting.b >= plan.orbits.count
     kind = "landmark" if to_landmark else "incidental" if incidental else "link"
     full = 2 if to_landmark else 3
@@ -83,7 +83,7 @@ def body_names(plan: Plan) -> list[str]:
 
 
 def hover(meeting: LinkVerdict, names: list[str], shown: Standing) -> str:
-    """Return what a meeting says when pointed at; `names` escaped."""
+    """Return the hover text of a meeting; `names` escaped."""
     lines = [
         f"{names[meeting.a]}-{names[meeting.b]}, {shown.text}",
         f"least distance {meeting.min_distance:.4g} m, in contact {meeting.contact:.4g} s a period",

@@ -45,7 +45,7 @@ _PLACES = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Obstructions:
-    """What a name must stay clear of: lines (k, 2, 2) m, rims of circles, and rather of `less`."""
+    """Obstructions of a name: lines (k, 2, 2) m, rims of circles, and `less`, if possible."""
 
     lines: Array
     centers: Array
@@ -54,7 +54,7 @@ class Obstructions:
 
 
 def obstructions(plan: Mapped, pairs: Index, arrows: Array | None = None) -> Obstructions:
-    """Return what lies on a map: links between `pairs` (k, 2), circles, `arrows` (p, 2, 2) m."""
+    """Return obstructions on a map: links between `pairs` (k, 2), circles, `arrows` (p, 2, 2) m."""
     lines = np.stack(link_ends(plan.orbits, plan.landmarks, pairs), axis=1)
     about = Obstructions(lines, plan.orbits.centers, plan.orbits.radii)
     return about if arrows is None else replace(about, less=arrows)

@@ -32,7 +32,7 @@ class Zones(Protocol):
 
 
 class Mapped(Protocol):
-    """What a map shows."""
+    """Subject of a map."""
 
     @property
     def orbits(self) -> Orbits:
@@ -44,7 +44,7 @@ class Mapped(Protocol):
 
     @property
     def scenario(self) -> Zones:
-        """What has the areas."""
+        """Scenario or other holder of the areas."""
 
 
 # --- the view -----------------------------------------------------------------------------------
@@ -66,7 +66,7 @@ _LINKS_EACH = 3.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MapView:
-    """What a map shows, both axes to one scale.
+    """Extent of a map, both axes to one scale.
 
     Attributes
     ----------

@@ -187,7 +187,7 @@ def _reach(row: VehicleSeries, column: int) -> Array:
 def _clipped(
     series: Series, places: list[tuple[VehicleSeries, int]], ranges: list[float | None]
 ) -> str:
-    """What a note says of starts that leave their axes."""
+    """Note on starts that leave their axes."""
     starts = [
         (column, float(np.max(_reach(row, column))))
         for (row, column), half in zip(places, ranges, strict=True)

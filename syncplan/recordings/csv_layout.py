@@ -63,7 +63,7 @@ class NamedCells:
 
 @dataclass(frozen=True, slots=True)
 class CsvTable:
-    """What a file holds: k rows below its header.
+    """Content of a file: k rows below its header.
 
     Attributes
     ----------
@@ -359,7 +359,7 @@ def _rows_by_robot(table: CsvTable) -> dict[str, Index]:
 
 
 def _seen(table: CsvTable, team: NamedTeam) -> dict[str, SeenBodies]:
-    """What each robot saw."""
+    """Sightings of each robot."""
     recorded = [name for name in ("bearing_rad", "range_m") if name in table.header]
     if not recorded:
         problem = "line 1: names neither bearing_rad nor range_m; at least one is needed"

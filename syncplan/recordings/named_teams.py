@@ -17,7 +17,7 @@ RESERVED = ("all", "none")
 
 
 class SeenBodies(NamedTuple):
-    """What one robot saw, by time: as in a RobotLog."""
+    """Sightings of one robot, by time: as in a RobotLog."""
 
     times: Array
     subjects: Index
@@ -85,7 +85,7 @@ class NamedTeam:
 
 
 def landmark_problem(name: str, robots: Container[str]) -> str:
-    """Return what is wrong with the name of a landmark beside robots, or "" if nothing is."""
+    """Return the fault of a landmark's name beside robots, or "" if there is none."""
     if name in robots:
         return "a robot has this name as well"
     if name in RESERVED:

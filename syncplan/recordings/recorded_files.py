@@ -29,7 +29,7 @@ LONGEST_NAME = 64
 
 
 def name_problem(name: str) -> str:
-    """Return what is wrong with the name of a robot or landmark, or "" if nothing is."""
+    """Return the fault of the name of a robot or landmark, or "" if there is none."""
     if not name:
         return "a name is needed"
     if len(name) > LONGEST_NAME:

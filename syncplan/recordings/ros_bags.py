@@ -59,7 +59,7 @@ _VISION = {
 
 @dataclass(frozen=True, slots=True)
 class TopicKind:
-    """What a topic holds.
+    """Kind of a topic.
 
     Attributes
     ----------
@@ -174,14 +174,14 @@ class Topic:
 
 @dataclass(frozen=True, slots=True)
 class TopicReadings:
-    """What a topic holds, in order of time: numbers (k, c), and names where it names something."""
+    """Readings of a topic, in order of time: numbers (k, c), and names where it names something."""
 
     numbers: Array
     names: tuple[str, ...]
 
 
 def read_topics(path: Path) -> dict[Topic, TopicReadings]:
-    """Return what a bag, its folder or one file of it, holds of the topics that count.
+    """Return the readings of a bag, its folder or one file of it, of the topics that count.
 
     Each robot has odometry. Raises InputError naming the topic and the message at fault, and where
     rosbags is missing.
@@ -367,7 +367,7 @@ def _landmarks(
 
 
 def _seen(readings: TopicReadings, topic: Topic, team: NamedTeam, path: Path) -> SeenBodies:
-    """What a topic says that its robot saw; a robot that sees itself was mistaken."""
+    """Sightings of the robot of a topic; a robot that sees itself was mistaken."""
     subjects = {name: number for name, number in team.subjects.items() if name != topic.robot}
     times, x, y = readings.numbers.T
     nowhere = (x == 0.0) & (y == 0.0)
@@ -385,6 +385,6 @@ def _seen(readings: TopicReadings, topic: Topic, team: NamedTeam, path: Path) ->
 
 
 def _merged(parts: list[SeenBodies]) -> SeenBodies:
-    """What one robot saw, of several topics, in order of time."""
+    """Sightings of one robot by several topics, in order of time."""
     order = np.argsort(np.concatenate([one.times for one in parts]), kind="stable")
     return SeenBodies(*(np.concatenate(columns)[order] for columns in zip(*parts, strict=True)))

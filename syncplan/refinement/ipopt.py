@@ -55,7 +55,7 @@ class Steering:
 
 @dataclass(frozen=True, slots=True)
 class SolverRun:
-    """What the solver made of one start.
+    """Result of the solver from one start.
 
     Attributes
     ----------

@@ -202,7 +202,7 @@ class Measurement:
 
     @property
     def shortfall(self) -> float:
-        """What distances fall short of, as shares of what is asked, up to rounding; 0 if met."""
+        """Shortfall of distances, as shares of those asked for, up to rounding; 0 if met."""
         short = sum(one.shortfall for one in self.margins if one.stops)
         return round(short / TOLERANCE) * TOLERANCE
 

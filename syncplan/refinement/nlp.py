@@ -37,7 +37,7 @@ from syncplan.refinement.smooth_team import (
 
 @dataclass(frozen=True, slots=True)
 class MeasuredTeam:
-    """What exact measures are made of.
+    """Inputs of exact measures.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class MeasuredTeam:
 
 @dataclass(frozen=True, slots=True)
 class SmoothInputs:
-    """What smooth forms are made of.
+    """Inputs of smooth forms.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class SmoothInputs:
 
 @dataclass(frozen=True, slots=True)
 class SmoothObjective:
-    """What IPOPT minimises.
+    """Objective that IPOPT minimises.
 
     Attributes
     ----------
@@ -250,7 +250,7 @@ class StageNlp:
         return len(self.lower)
 
     def as_dictionary(self) -> dict[str, Any]:
-        """Return what `casadi.nlpsol` takes."""
+        """Return the dictionary that `casadi.nlpsol` takes."""
         return {
             "x": self.variables,
             "p": self.sides,

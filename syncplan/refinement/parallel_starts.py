@@ -35,7 +35,7 @@ from syncplan.runtime.child_processes import ChildProcess, connect_to_parent
 
 @dataclass(frozen=True, slots=True)
 class RefineTask:
-    """What all starts share.
+    """Task that all starts share.
 
     Attributes
     ----------
@@ -330,7 +330,7 @@ def _answer(connection: Connection, message: Any) -> None:
 
 @dataclass(frozen=True, slots=True)
 class EarlierSearch:
-    """What an interrupted refinement has kept, and where this one keeps what it finishes.
+    """Starts kept from an interrupted refinement, and where this one keeps those it finishes.
 
     Attributes
     ----------
@@ -345,7 +345,7 @@ class EarlierSearch:
 
 
 def keeper(earlier: EarlierSearch | None, first: int) -> Callable[[Attempt], None] | None:
-    """Return what keeps the attempts of a round of starts, which are numbered from `first` on.
+    """Return a function that keeps the attempts of a round of starts, numbered from `first` on.
 
     Of a start that was stopped nothing is kept.
     """

@@ -287,7 +287,7 @@ def _start(problem: RefineProblem, layout: StateLayout) -> ca.MX:
 
 
 def _observed(problem: RefineProblem, layout: StateLayout, run: CoarseRun) -> tuple[ca.DM, ca.DM]:
-    """What sightings show, (r, m) by the state, and information of compasses in a step, (r', r').
+    """Rows of sightings (r, m) by the state, and information of compasses in a step (r', r').
 
     The poses with headings less errors of bearings, then the headings of those with a compass.
     """
@@ -490,7 +490,7 @@ def _turned(orbits: Orbits, vehicles: Index, times: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class _Change:
-    """What some seconds do to an error of variance 1 that changes.
+    """Change of an error of variance 1 in some seconds.
 
     Attributes
     ----------

@@ -69,7 +69,7 @@ class SmoothTeam:
         return ca.densify(self.place[:, : parts.size1()] @ parts)
 
     def _of_targets(self, paths: Paths, width: float, each: bool) -> list[ca.MX]:
-        """What pairs, then landmarks give, where there are any."""
+        """Terms of pairs, then of landmarks, where there are any."""
         problem, count = self.problem, self.problem.orbits.count
         pairs, anchors = _pairs_and_anchors(self.sighted, count)
         parts = []

@@ -463,7 +463,7 @@ def _share(value: float, whole: float) -> float | None:
 
 
 def notes_of(flight: "Flight", report: FlightDocument) -> list[str]:
-    """Return what the reader of a flight's report must know, in plain words."""
+    """Return notes for the reader of a flight's report."""
     return [
         f"guidance {report.guidance}: {GUIDANCES[report.guidance].sentence} Vehicles start where "
         "initial_sigma puts them, about the plan, and their estimates at the plan",
@@ -488,7 +488,7 @@ def _of_truth(report: FlightDocument) -> Iterator[str]:
 
 
 def _of_conditions(flight: "Flight") -> Iterator[str]:
-    """What sightings suffer, and what is lost."""
+    """Notes on faults of sightings, and on losses."""
     conditions = flight.run.conditions
     if conditions:
         yield f"in every trial {listed(conditions, len(conditions))}"
@@ -505,7 +505,7 @@ def _of_conditions(flight: "Flight") -> Iterator[str]:
 
 
 def _of_holds(flight: "Flight") -> Iterator[str]:
-    """What vehicles do that are held, and where nobody can say whether they are back."""
+    """Notes on held vehicles, and on those whose return can't be judged."""
     team, holds = flight.run.team, flight.run.events.holds
     if holds:
         circling = any(team.limits.least_speeds[one.vehicle] > 0.0 for one in holds)
@@ -520,7 +520,7 @@ def _of_holds(flight: "Flight") -> Iterator[str]:
 
 
 def _of_vehicles(report: FlightDocument) -> Iterator[str]:
-    """What vehicles were supposed to be able to do."""
+    """Notes on supposed limits of vehicles."""
     model = report.vehicle_model
     if model.speed_from == "default":
         low, high = model.speed_mps
@@ -536,7 +536,7 @@ def _of_vehicles(report: FlightDocument) -> Iterator[str]:
 
 
 def _of_places(flight: "Flight") -> Iterator[str]:
-    """What of the scenario no flight looks at."""
+    """Notes on keys of the scenario that no flight takes into account."""
     scenario = flight.plan.scenario
     given = [key for key in ("area_m", "keep_out_m") if getattr(scenario, key)]
     if given:
@@ -569,7 +569,7 @@ def _of_filter(flight: "Flight", report: FlightDocument) -> Iterator[str]:
 
 
 def _of_guidance(report: FlightDocument) -> Iterator[str]:
-    """What guidance did that nobody asked for."""
+    """Notes on actions of guidance that nobody asked for."""
     sought = max(one.sought_share for one in report.vehicles)
     if sought > 0.0:
         yield (

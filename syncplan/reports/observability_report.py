@@ -222,7 +222,7 @@ def extended_rank_record(verdict: ErrorVerdict | None, names: Sequence[str]) -> 
 
 
 def state_verdicts(verdict: ErrorVerdict | None, names: Sequence[str]) -> list[StateVerdict] | None:
-    """Return what is determined by kind of state, of the vehicles named; None where no errors."""
+    """Return the verdict by kind of state, of the vehicles named; None where no errors."""
     if verdict is None or verdict.extended is None:
         return None
     return [*_poses(verdict.extended, names), *_errors(verdict.extended, names)]

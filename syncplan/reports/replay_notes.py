@@ -32,7 +32,7 @@ OTHER_CAUSES = "clocks, units or places do not fit"
 
 
 def notes_of(replayed: Replay) -> list[str]:
-    """Return what the figures mean for the reader, and what of the recording is amiss."""
+    """Return notes on the meaning of the figures, and on faults of the recording."""
     return [
         *_truth_notes(replayed),
         *_tuning_notes(replayed.tuning),
@@ -171,7 +171,7 @@ def _floor_words(count: KindCounts, few: str) -> str:
 
 
 def _error_notes(anees: Spread, nis: Consistency, *, lasts: bool) -> list[str]:
-    """What the ANEES shows."""
+    """Notes on the ANEES."""
     if anees.verdict == "optimistic" and nis.verdict != "optimistic" and lasts:
         return [
             f"the filter makes larger errors than its sigmas say (ANEES {interval_words(anees)}) "

@@ -408,7 +408,7 @@ def _sigmas(settings: ReplaySettings) -> Sigmas:
 
 
 def _distances(replayed: Replay) -> KindCounts | None:
-    """What became of distances; None where none is recorded, or they were not asked for."""
+    """Counts of distances; None where none is recorded, or they were not asked for."""
     recorded = any(np.isfinite(robot.ranges).any() for robot in replayed.log.robots)
     return replayed.counts.get("distance") if recorded else None
 

@@ -88,7 +88,7 @@ def sites_document(choice: SiteChoice) -> SitesDocument:
 
 
 def _notes(choice: SiteChoice) -> list[str]:
-    """What the reader must not miss, in plain words."""
+    """Notes for the reader."""
     notes = []
     idle = [choice.names[k] for k in choice.chosen if choice.seen_by[k] == 0]
     if idle:

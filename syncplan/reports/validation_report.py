@@ -347,7 +347,7 @@ _STILL_AIR = (
 
 
 def notes_on(validation: Validation, report: ErrorFigures, figure: Spread) -> list[str]:
-    """Return what the figures mean for the reader, in plain words; `figure` is the ANEES."""
+    """Return notes on the meaning of the figures; `figure` is the ANEES."""
     notes = []
     if validation.judged_from:
         notes.append(

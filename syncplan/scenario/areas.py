@@ -199,7 +199,7 @@ def convex_parts(corners: Array) -> list[Array]:
 
 
 def polygon_fault(corners: Sequence[tuple[float, float]]) -> str:
-    """Return what keeps the corners from making a polygon that encloses something, or ""."""
+    """Return the fault of corners that enclose nothing, or ""."""
     import shapely
 
     if len(corners) < 3:

@@ -26,7 +26,7 @@ class TooMuchYAMLError(MarkedYAMLError):
 
 
 def load_yaml(text: str) -> Any:
-    """Return what a YAML 1.2 text holds; raises MarkedYAMLError, among others of ruamel.yaml."""
+    """Return the value of a YAML 1.2 text; raises MarkedYAMLError, among others of ruamel.yaml."""
     yaml = _BoundedYAML(max(len(text), FEWEST_MERGED_KEYS))
     try:
         return yaml.load(io.StringIO(text))

@@ -62,7 +62,7 @@ class NumericKey:
 
     @property
     def name(self) -> str:
-        """What it is called in figures: the key in words, without its unit."""
+        """Name in figures: the key in words, without its unit."""
         ending = _ending(self.key)
         words = self.key.removesuffix(f"_{ending}") if ending else self.key
         return words.replace(".", " ").replace("_", " ")
@@ -132,7 +132,7 @@ def _within(
 def _alternatives(
     schema: Mapping[str, Any], definitions: Mapping[str, Any]
 ) -> Iterator[Mapping[str, Any]]:
-    """What a value may be, references followed."""
+    """Alternatives of a value, references followed."""
     if "$ref" in schema:
         yield definitions[schema["$ref"].rpartition("/")[2]]
     for inner in (*schema.get("anyOf", ()), *schema.get("oneOf", ())):
@@ -204,7 +204,7 @@ class SweptKey:
 
     @property
     def heading(self) -> str:
-        """What it is called above a column."""
+        """Heading of its column."""
         return self.key
 
     def varied(self, scenario: "Scenario", value: float) -> "Scenario":
@@ -254,7 +254,7 @@ class SweptOption(SweptKey):
 
     @property
     def heading(self) -> str:
-        """What it is called above a column."""
+        """Heading of its column."""
         return self.name.replace("_", " ")
 
 

@@ -116,7 +116,7 @@ def parse_document(text: str, source: str, syntax: Syntax | None = None) -> dict
 
 
 def parse_values(text: str, source: str, syntax: Syntax | None = None) -> Any:
-    """Return what a JSON or YAML 1.2 text holds, a mapping or not.
+    """Return the value of a JSON or YAML 1.2 text, a mapping or not.
 
     Without a syntax, the source's name or the text decides.
     """

@@ -43,7 +43,7 @@ Speeds = Annotated[tuple[Speed, Speed], Strict(False)]
 
 
 def _described_objectives() -> str:
-    """What can be improved, each in words, and what is if nothing else is named."""
+    """Objectives in words, and the default."""
     each = "; ".join(f"{one.name}, {one.sentence}" for one in OBJECTIVES.values())
     small, large = default_objective(PREDICTED_UP_TO), default_objective(PREDICTED_UP_TO + 1)
     return (

@@ -138,7 +138,7 @@ def _dotted(location: tuple[int | str, ...], inner: str) -> str:
 
 
 def _remedy(fault: dict[str, Any], model: type[BaseModel]) -> tuple[str, str]:
-    """What is wrong and what is allowed, and the value at fault where it is worth repeating."""
+    """Return the fault with the allowed values, and the given value where it is worth repeating."""
     kind, message = fault["type"], fault["msg"]
     if kind == "extra_forbidden":
         allowed = list(_model_at(model, fault["loc"][:-1]).model_fields)
@@ -226,7 +226,7 @@ class Section(BaseModel):
 
     @classmethod
     def from_mapping(cls, keys: Mapping[str, Any]) -> Self:
-        """Return what a mapping of keys says, checked as a file is.
+        """Return the section of a mapping of keys, checked as a file is.
 
         Raises InputError naming the key, its value and what is allowed.
         """

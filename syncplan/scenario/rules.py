@@ -108,7 +108,7 @@ def check_samples(
 
 
 def excess(duration: float, sample_time: float, period: float, count: int) -> str:
-    """Return what makes `duration` s too long for `count` vehicles, empty where nothing does."""
+    """Return why `duration` s is too long for `count` vehicles, empty where it is not."""
     most = min(MAX_SAMPLES, MAX_VEHICLE_SAMPLES // count)
     if duration / sample_time > most:
         return (

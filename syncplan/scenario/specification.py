@@ -249,7 +249,7 @@ class Scenario(Result, Section):
 
     @property
     def window(self) -> float:
-        """What observability is judged over, in s."""
+        """Window over which observability is judged, in s."""
         return self.window_s if self.window_s is not None else self.period
 
     def samples_in(self, interval: float | None) -> int:
@@ -272,7 +272,7 @@ class Scenario(Result, Section):
 
     @property
     def error_sigmas(self) -> dict[EstimableName, float]:
-        """What errors there are beside noise, by name: the largest sigma of each."""
+        """Errors beside noise, by name: the largest sigma of each."""
         sigmas = {name: error_sigma(self, key.split(".")) for name, key in ESTIMABLE.items()}
         return {name: sigma for name, sigma in sigmas.items() if sigma > 0.0}
 

@@ -73,7 +73,7 @@ _BISECTIONS = 14
 def highest_level(
     solved: Callable[[float], Array | None], low: float, high: float, halvings: int
 ) -> tuple[Array, float] | None:
-    """Return what solves the highest level from `low` to `high` that has a solution, and that.
+    """Return the solution of the highest level from `low` to `high` that has one, and the level.
 
     The level is found by bisection. None if not even the lowest has a solution.
     """
