@@ -265,7 +265,8 @@ RequireRobust = Annotated[
     bool,
     typer.Option(
         "--require-robust",
-        help="Exit with 3 if in some world of --stress the error is over 2.2 times that as stated",
+        help="Exit with 3 if the error in some world of --stress is over 2.2 times the error in "
+        "the world as stated",
     ),
 ]
 

@@ -57,8 +57,8 @@ def _plan(
         typer.Option(
             "--fly",
             min=1,
-            help="Fly the plan so many times in closed loop, for its verdict; syncplan fly has all "
-            "options",
+            help="Fly the plan this many times in closed loop, and judge it by the flights too; "
+            "syncplan fly has all options",
             show_default=False,
         ),
     ] = None,
@@ -129,7 +129,8 @@ _Objective = Annotated[
 _Margin = Annotated[
     float | None,
     typer.Option(
-        help="By how much meetings stay within range (default 2 % of it)", show_default=False
+        help="Margin by which meetings stay within range (default 2 % of the range)",
+        show_default=False,
     ),
 ]
 _TimeLimit = Annotated[
@@ -196,7 +197,8 @@ def _place(
     margin_m: Annotated[
         float | None,
         typer.Option(
-            help="By how much links stay within range (default 2 % of it)", show_default=False
+            help="Margin by which links stay within range (default 2 % of the range)",
+            show_default=False,
         ),
     ] = None,
     starts: Annotated[int, typer.Option(help="Layouts to start from")] = 8,
@@ -252,7 +254,7 @@ def _landmarks(
 ) -> int:
     """Choose landmark sites among candidates so that the worst vehicle's bound is least.
 
-    With --scenario-out, plan and the other commands take what is written as it is.
+    Plan and the other commands take the file that --scenario-out writes as it is.
     """
     from syncplan.landmarks.site_choice import choose_landmarks, load_candidates, new_sites
     from syncplan.planning.plan_files import loaded_from, plan_of
@@ -335,7 +337,10 @@ def _what_if(
         ),
     ] = None,
     most: Annotated[
-        int, typer.Option("--losses", min=1, max=2, help="Judge every loss of one, or of up to two")
+        int,
+        typer.Option(
+            "--losses", min=1, max=2, help="Judge every loss of one part, or of up to two parts"
+        ),
     ] = 1,
     bound: Annotated[
         Bound, typer.Option(help="Predict errors: auto leaves very large teams out")

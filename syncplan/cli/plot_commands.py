@@ -72,7 +72,8 @@ Drawn = Annotated[
 Figures = Annotated[
     list[str] | None,
     typer.Option(
-        help=f"Figure to draw, may be repeated; {_OF}. All if not given; the first as an image",
+        help=f"Figure to draw; may be repeated; {_OF}. If not given, a page holds all figures and "
+        "an image holds the first",
         show_default=False,
         autocompletion=beginning_with(FIGURES),
     ),
@@ -90,14 +91,15 @@ Compare = Annotated[
 Width = Annotated[
     int | None,
     typer.Option(
-        help="Width in px, 240 to 4000; 1000 for an image, the reader's for a page",
+        help="Width in px, 240 to 4000; if not given, 1000 for an image and the reader's window "
+        "for a page",
         show_default=False,
     ),
 ]
 Height = Annotated[
     int | None,
     typer.Option(
-        help="Height of each figure in px, 160 to 8000; what it needs if not given",
+        help="Height of each figure in px, 160 to 8000; if not given, as much as the figure needs",
         show_default=False,
     ),
 ]
@@ -132,7 +134,7 @@ def _plot(
 ) -> int:
     """Draw a plan or a report: a page that works offline, or images.
 
-    The verdict on the plan is said first, and stands at the top of a page.
+    The verdict on the plan is reported first, and appears at the top of a page.
     """
     ending = _ending(output)
     names = list(dict.fromkeys(figure or []))

@@ -34,8 +34,8 @@ Key = Annotated[
     str | None,
     typer.Option(
         "--key",
-        help="Any key of the scenario that holds a number, by its dotted name, such as "
-        "sensor.range_sigma_m; --values has its values",
+        help="Dotted name of any scenario key that holds a number, such as sensor.range_sigma_m; "
+        "give its values with --values",
         show_default=False,
         autocompletion=arguments.numeric_keys_from,
     ),
@@ -219,7 +219,8 @@ Recording = Annotated[
     Path,
     typer.Argument(
         metavar="LOG",
-        help="Recording: folder of CSV files, of those of MRCLAM, or a ROS 2 bag; or its archive",
+        help="Recording: a folder of CSV files or of MRCLAM's files, a ROS 2 bag, or an archive of "
+        "any of these",
     ),
 ]
 

@@ -36,11 +36,10 @@ class FilterOptions(RunOptions):
     )
     filter: FilterChoice = option(
         AUTO,
-        "The filter. auto is the scenario's filter.kind; where it has none, a validation runs ekf "
-        "where the plan's start-up index clears it and robust where not, and all rows of a sweep "
-        "run ekf",
+        "The filter. auto is the scenario's filter.kind; if it has none, a validation runs ekf if "
+        "the start-up index clears the plan and robust if not, and every row of a sweep runs ekf",
     )
-    substeps: int = option(10, "Euler sub-steps per sample of the filter paper", ge=1)
+    substeps: int = option(10, "Euler sub-steps per sample; only for the filter named paper", ge=1)
     gate_probability: float | None = option(
         None,
         "Probability of the innovation gate, the share of a consistent filter's bearings that it "
@@ -52,8 +51,8 @@ class FilterOptions(RunOptions):
     )
     truth: Mapping[str, Any] | None = option(
         None,
-        "Keys that the simulated world has in place of the scenario's own, which plan, prediction "
-        "and filter keep; beside those of the scenario's truth",
+        "Keys that replace the scenario's own in the simulated world alone, in addition to those "
+        "of the scenario's truth; plan, prediction and filter keep the scenario's own values",
         example={"wind": {"gust_sigma_mps": 0.6}},
     )
     with_series: bool = option(
@@ -101,8 +100,8 @@ class ValidationOptions(FilterOptions):
 
     stress: bool = option(
         False,
-        "Validate in worse worlds too: each stated sigma doubled, one by one and all, 20 % of the "
-        "sightings missed, 1 % of the bearings false",
+        "Validate in worse worlds too: each stated sigma doubled, one at a time and all together; "
+        "20 % of the sightings missed; 1 % of the bearings false",
     )
 
 

@@ -109,27 +109,27 @@ class ReplaySettings(RunOptions):
     )
     bearing_walk_time: float = option(
         BEARING_WALK_TIME,
-        "Time over which the correlation of that error falls to 1/e",
+        "Time over which the correlation of the slowly changing bearing error falls to 1/e",
         key="bearing_walk_time_s",
         **POSITIVE,
     )
     sample_time: float = option(
         SAMPLE_TIME,
-        "Time between samples; sigmas of motion are of so long a reading",
+        "Time between samples; each sigma of motion is that of a reading of this length",
         key="sample_time_s",
         **POSITIVE,
     )
     delay: float = option(
         0.0,
-        "By how much sightings are recorded later than they were made",
+        "Time from the making of a sighting to its recording",
         key="delay_s",
         ge=-LARGEST_DELAY,
         le=LARGEST_DELAY,
     )
     start: StartKind = option(
         "truth",
-        "Start at the truth, drawn about it by the start's sigmas, or where given, which a "
-        "recording without truth needs",
+        "Where the filter starts: at the true poses (truth), at poses drawn about them by the "
+        "start's sigmas (prior), or at the start poses (given), as a recording without truth needs",
     )
     start_poses: Poses | None = option(
         None, "x, y and heading of each robot, where the start is given"
@@ -180,13 +180,13 @@ class ReplayOptions(ReplaySettings):
     )
     position_sigma: float | None = option(
         None,
-        "Sigma of each start coordinate; 0.01, 5 or 1 by the start",
+        "Sigma of each start coordinate; by default 0.01, 5 or 1 for start truth, prior or given",
         key="start_sigma_m",
         **AMOUNT,
     )
     heading_sigma: float | None = option(
         None,
-        "Sigma of each start heading; 0.01, 0.5 or 0.2 by the start",
+        "Sigma of each start heading; by default 0.01, 0.5 or 0.2 for start truth, prior or given",
         key="start_sigma_rad",
         **AMOUNT,
     )

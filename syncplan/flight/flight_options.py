@@ -91,21 +91,21 @@ class FlightOptions(FilterOptions):
     )
     lose: tuple[str, ...] = option(
         (),
-        "What is lost, and when in s: a vehicle (v3@60), its sensor (sensor:v3@60) or a landmark "
-        "(L1@60)",
+        "Vehicle (v3@60), sensor (sensor:v3@60) or landmark (L1@60) that is lost, with the time of "
+        "the loss in s",
         example=["v2@30"],
     )
     hold: tuple[str, ...] = option(
         (),
-        "Vehicles that are held: v2@100:20, from 100 s on for 20 s. They stand still in the air, "
-        "or circle where speed has a least, and drift with the wind",
+        "Vehicle to hold: v2@100:20 holds v2 from 100 s on for 20 s. A held vehicle stands still "
+        "in the air, or circles if it has a least speed, and drifts with the wind",
         example=["v1@20:5"],
     )
     dropout: float = option(0.0, "Share of sightings that are lost on their way", ge=0, lt=1)
     outliers: float = option(0.0, "Share of bearings that are false, anywhere in view", ge=0, lt=1)
     mistaken: float = option(
         0.0,
-        "Share of sightings that are of another vehicle in sight than is thought",
+        "Share of sightings whose true target is a vehicle in sight other than the assumed one",
         ge=0,
         lt=1,
     )
