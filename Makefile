@@ -58,7 +58,7 @@ check: chromium $(VENV)/.dev
 
 check-all: postgresql $(VENV)/.crosschecks check
 	@# test by test: the survival tests, kept together, would go on long after all others have ended
-	$(PYTEST) $(shell expr 3 \* $(CORES) + 1) --dist worksteal -m long
+	$(PYTEST) $(shell expr 2 \* $(CORES) + 1) --dist worksteal -m long
 	$(TESTS) -m hypothesis --hypothesis-profile=fresh-cases
 	@# as many at once as there are cores, what each prints together; some start services and wait
 	OPENBLAS_NUM_THREADS=1 $(MAKE) --no-print-directory --output-sync --jobs $(CORES) \

@@ -9,8 +9,9 @@ import importlib.util
 import json
 import re
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future
 from importlib.resources import files
+from threading import Thread
 from typing import Any
 
 from syncplan.errors import InputError, SyncplanError
@@ -194,10 +195,19 @@ def _drawn(jobs: Sequence[Spec], image_format: str) -> list[bytes]:
     # what fails raises; a browser's goodbye that comes with its last answer is logged as an error
     for library in ("choreographer", "kaleido"):
         logging.getLogger(library).setLevel(logging.CRITICAL)
+    drawn: Future[list[bytes]] = Future()
+
+    def draw() -> None:
+        try:
+            drawn.set_result(_by_one_browser(jobs))
+        except Exception as error:
+            drawn.set_exception(error)
+
+    # a thread of its own: a notebook's has an event loop that runs already. kaleido's own limit is
+    # that of a figure: it waits for ever for a browser that goes away while it starts or ends
+    Thread(target=draw, daemon=True).start()
     try:
-        # a thread of its own: a notebook's has an event loop that runs already
-        with ThreadPoolExecutor(1) as pool:
-            return pool.submit(_by_one_browser, jobs).result()
+        return drawn.result(_TIMEOUT_S * (len(jobs) + 1))
     except ChromeNotFoundError:
         raise InputError(
             "needs Chrome or Chromium: install one (kaleido_get_chrome fetches it), name it in "

@@ -1,5 +1,6 @@
 """The command that draws, and the page and images it writes."""
 
+import asyncio
 import importlib.util
 import io
 import json
@@ -346,6 +347,26 @@ def test_what_the_library_of_the_browser_logs_is_not_shown(
     assert status == 1
     assert "could not draw the image: gone" in err
     assert not caplog.records
+
+
+def test_a_browser_that_never_answers_is_given_up(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import kaleido
+
+    class Stuck:
+        async def __aenter__(self) -> None:
+            await asyncio.Event().wait()
+
+        async def __aexit__(self, *_: object) -> None:
+            """Never called."""
+
+    monkeypatch.setattr(kaleido, "Kaleido", lambda **_: Stuck())
+    monkeypatch.setattr("syncplan.plotting.figure_files._TIMEOUT_S", 0.05)
+    status, _, err = run("plot", GRID, "-o", str(tmp_path / "plan.png"))
+    assert status == 1
+    assert "could not draw the image: TimeoutError" in err
+    assert not list(tmp_path.iterdir())
 
 
 @needs_browser

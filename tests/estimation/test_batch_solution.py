@@ -88,6 +88,8 @@ def certain(given: Scene) -> Scene:
     return given._replace(setup=given.setup._replace(motion=motion, initial_variances=starts))
 
 
+LONG = pytest.mark.long
+
 CASES = {
     "poses alone": lambda: scene(()),
     "gusts": lambda: scene(("gusts",)),
@@ -209,7 +211,9 @@ def dense(case: Case, lane: int, path: Trajectory) -> Dense:
     )
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(one, marks=LONG) if one == "with a gate" else one for one in CASES]
+)
 def test_a_step_is_that_of_dense_least_squares(name: str) -> None:
     case = case_of(CASES[name]())
     problem = _Problem.of(case.setup, case.window, case.prior, SAMPLES)
@@ -276,7 +280,12 @@ def solved(
 
 
 @pytest.mark.parametrize(
-    "name", ["poses alone", "all but clocks", "steps of unequal length, no clocks"]
+    "name",
+    [
+        "poses alone",
+        pytest.param("all but clocks", marks=LONG),
+        "steps of unequal length, no clocks",
+    ],
 )
 def test_the_gradient_vanishes_at_a_solution(name: str) -> None:
     case = case_of(CASES[name](), temper=(1.0, 1.0))

@@ -202,6 +202,7 @@ def test_a_fit_to_errors_that_last_does_no_harm(lasting: Log) -> None:
     assert float(found.accuracy.overall().position) <= 1.02 * given
 
 
+@pytest.mark.long
 def test_a_bearing_walk_is_fitted_and_taken_where_it_is_better(white: Log, walking: Log) -> None:
     found = replay(walking, tune=True, **_given(settings(0.02)))
     tuning = found.tuning

@@ -186,6 +186,7 @@ def long(tmp_path_factory: pytest.TempPathFactory) -> Log:
     return load_log(write_recording(folder, replace(recipe, wild=0.01), seed=6))
 
 
+@pytest.mark.long
 def test_sigmas_and_delay_are_found_without_truth(long: Log) -> None:
     random = np.random.default_rng(1)
 

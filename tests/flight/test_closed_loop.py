@@ -84,7 +84,16 @@ class Pair:
     plain: list[PlainFlight]
 
 
-@pytest.fixture(scope="module", params=CASES.values(), ids=list(CASES))
+LONG = {"measured, dropout, outliers", "distances, compasses, sensors of one kind are lost"}
+
+
+@pytest.fixture(
+    scope="module",
+    params=[
+        pytest.param(case, id=name, marks=[pytest.mark.long] if name in LONG else [])
+        for name, case in CASES.items()
+    ],
+)
 def pair(request: pytest.FixtureRequest) -> Pair:
     case: Case = request.param
     made = plan(case.made(), bound="never", pilot=False)

@@ -87,6 +87,7 @@ def test_a_plan_that_passes_a_landmark_too_near_is_cleared(
     assert findings(reread(refined)) == findings(refined)
 
 
+@pytest.mark.long
 def test_a_clear_plan_stays_clear_though_sightings_are_best_from_near() -> None:
     given_plan = made(landmarks_m=[*SENSED, [0.0, -24.0], [83.0, 20.0]], min_separation_m=5.0)
     refined = refine(given_plan, starts=1, workers=1, objective="logdet")

@@ -143,9 +143,8 @@ def gaps(name: str) -> dict[str, float]:
     return found
 
 
-@pytest.mark.parametrize(
-    "name", [IN_SUITE[0], *(pytest.param(one, marks=pytest.mark.long) for one in IN_SUITE[1:])]
-)
+@pytest.mark.long
+@pytest.mark.parametrize("name", IN_SUITE)
 def test_no_phases_on_a_fine_grid_are_better_than_the_refined_ones(name: str) -> None:
     for objective, gap in gaps(name).items():
         assert gap <= 0.01, objective
