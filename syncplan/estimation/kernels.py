@@ -171,8 +171,12 @@ def compile_for(kernel: Any, *arguments: Any) -> None:
 def has_compiled(kernel: Any, arguments: tuple[Any, ...] | None = None) -> bool:
     """Return whether a kernel for arguments of these types is in memory or in numba's disk cache.
 
-    For any arguments if None. False where numba's cache has another layout than the one read here.
+    For any arguments if None. True where numba is switched off; False where its cache has another
+    layout than the one read here.
     """
+    config: Any = numba.config
+    if config.DISABLE_JIT:
+        return True
     typeof: Any = numba.typeof
     types = None if arguments is None else tuple(typeof(argument) for argument in arguments)
     try:

@@ -384,15 +384,15 @@ class LaneFilter:
     def compile(self, n: int) -> None:
         """Compile the kernel for n vehicles, or load it from the disk cache."""
         if not self.is_compiled(n):
-            with compiled_beside(f"{__name__}:compile_prediction", n):
-                compile_correction(n)
+            compile_steps(n)
         self.kernel(*specimen(n))
 
 
-def compile_correction(n: int) -> None:
-    """Compile how filters of n vehicles correct."""
+def compile_steps(n: int) -> None:
+    """Compile what filters and flights of n vehicles have in common, in two processes."""
     run, (frame, work, _), lanes, x, P, step, _ = specimen(n)
-    compile_for(correct, x, P, step, run, x, WHOLE, frame, work, lanes)
+    with compiled_beside(f"{__name__}:compile_prediction", n):
+        compile_for(correct, x, P, step, run, x, WHOLE, frame, work, lanes)
 
 
 def compile_prediction(n: int) -> None:

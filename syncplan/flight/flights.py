@@ -20,7 +20,7 @@ from syncplan.errors import InputError
 from syncplan.estimation.batch_solution import solver_is_compiled
 from syncplan.estimation.filter_setup import FilterStatistics, empty_statistics
 from syncplan.estimation.kernels import compiled_beside
-from syncplan.estimation.lane_filter import compile_correction
+from syncplan.estimation.lane_filter import compile_steps
 from syncplan.estimation.montecarlo import StoppedError, chunks_in_order
 from syncplan.estimation.trials import CHUNK_TRIALS, Branch, result_of
 from syncplan.flight.flight_records import RecordedSteps, Track
@@ -149,18 +149,16 @@ def fly_trials(
 
 def flight_is_compiled(team: FlownTeam) -> bool:
     """Return whether the kernels that a team's flights need are in memory or on disk."""
-    solver = solver_is_compiled(team.team.count) or not team.options.filter_model.finds_start
-    return solver and ClosedLoop.is_compiled()
+    solves = team.options.filter_model.finds_start
+    return ClosedLoop.is_compiled() and (not solves or solver_is_compiled(team.team.count))
 
 
 def compile_flights(team: FlownTeam) -> None:
     """Compile the kernels that a team's flights need, where they are not in memory or on disk."""
-    n = team.team.count
-    solves = team.options.filter_model.finds_start
+    n, solves = team.team.count, team.options.filter_model.finds_start
     if not flight_is_compiled(team):
         further = "bound_and_solver" if solves else "bound"
-        with compiled_beside("syncplan.estimation.lane_filter:compile_prediction", n):
-            compile_correction(n)
+        compile_steps(n)
         with compiled_beside(f"syncplan.flight.flown_figures:compile_{further}", n):
             FlownLanes.begun(team, range(1), empty_statistics(1, team.size)).advance(1)
 

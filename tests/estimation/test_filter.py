@@ -431,3 +431,9 @@ def test_two_processes_share_what_a_first_use_compiles(tmp_path: Path) -> None:
     kept = Counter(path.name.split("-")[0] for path in tmp_path.rglob("*.nbc"))
     assert {"lane_filter._filter", "motion_kernels.predict"} < set(kept)
     assert set(kept.values()) == {1}
+
+
+def test_without_numba_nothing_is_to_be_compiled() -> None:
+    code = "from syncplan.estimation.lane_filter import EXTENDED as one; one.compile(3)"
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    subprocess.run([sys.executable, "-c", code], env=environment, check=True)
