@@ -4,7 +4,7 @@ import ast
 import importlib
 import inspect
 import pkgutil
-from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 
@@ -23,24 +23,29 @@ DEGREES_AT_THE_EDGE = {
 """Where degrees are turned to radians or back, besides other programs' formats."""
 
 
-def _modules() -> Iterator[ModuleType]:
-    for package in (syncplan, api):
-        for found in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
-            if not found.name.endswith("__main__"):
-                yield importlib.import_module(found.name)
+@cache
+def modules() -> dict[str, ModuleType]:
+    """Return all modules of the library and the service by name."""
+    names = [
+        found.name
+        for package in (syncplan, api)
+        for found in pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
+        if not found.name.endswith("__main__")
+    ]
+    return {name: importlib.import_module(name) for name in names}
 
 
-MODULES = {module.__name__: module for module in _modules()}
-TREES = {name: ast.parse(Path(str(one.__file__)).read_text()) for name, one in MODULES.items()}
+def _text(module: ModuleType) -> str:
+    return Path(str(module.__file__)).read_text()
 
 
 def test_every_module_says_what_it_is_for() -> None:
-    assert [name for name, module in MODULES.items() if not (module.__doc__ or "").strip()] == []
+    assert [name for name, module in modules().items() if not (module.__doc__ or "").strip()] == []
 
 
 def test_public_names_have_docstrings() -> None:
     missing = []
-    for name, module in MODULES.items():
+    for name, module in modules().items():
         for one in getattr(module, "__all__", None) or _defined_in(module):
             thing = getattr(module, one)
             if (inspect.isclass(thing) or inspect.isfunction(thing)) and not inspect.getdoc(thing):
@@ -56,8 +61,8 @@ def _defined_in(module: ModuleType) -> list[str]:
 def test_imports_are_absolute() -> None:
     relative = [
         name
-        for name, tree in TREES.items()
-        for node in ast.walk(tree)
+        for name, module in modules().items()
+        for node in ast.walk(ast.parse(_text(module)))
         if isinstance(node, ast.ImportFrom) and node.level
     ]
     assert relative == []
@@ -65,10 +70,10 @@ def test_imports_are_absolute() -> None:
 
 def test_degrees_appear_only_at_the_edge() -> None:
     outside = []
-    for name, module in MODULES.items():
+    for name, module in modules().items():
         if name.startswith(("syncplan.exporting.", "api.")) or name in DEGREES_AT_THE_EDGE:
             continue
-        if "degrees(" in Path(str(module.__file__)).read_text():
+        if "degrees(" in _text(module):
             outside.append(name)
     assert outside == []
 

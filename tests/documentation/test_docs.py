@@ -9,7 +9,6 @@ from playwright.sync_api import expect
 from typer.main import get_command
 
 import syncplan
-from api.main import create_app
 from docs.site import studies
 from docs.site.__main__ import generate
 from docs.site.__main__ import main as build_site
@@ -23,6 +22,7 @@ from docs.site.speed_page import BENCHMARKS, measured, speed_page
 from syncplan.cli.command_line import app
 from syncplan.errors import InputError
 from syncplan.scenario.specification import Scenario
+from tests.tools.api_servers import openapi_document
 from tests.tools.browsing import accessibility_faults, chromium
 from tests.tools.likeness import Likeness
 from tests.tools.serving import ROOT, own_postgres
@@ -279,7 +279,7 @@ def test_the_reference_names_every_command_operation_and_public_name() -> None:
     commands = get_command(app)
     for name in commands.commands:  # type: ignore[attr-defined]
         assert f"`syncplan {name}`" in made["reference/command-line.md"]
-    document = create_app().openapi()
+    document = openapi_document()
     for path, item in document["paths"].items():
         for method in set(item) - {"parameters"}:
             assert f"`{method.upper()} {path}`" in made["reference/service.md"]

@@ -7,9 +7,9 @@ from xml.etree import ElementTree
 import pytest
 
 import syncplan
-from api.main import create_app
 from api.settings import PREFIX, Settings
 from syncplan import figures
+from tests.tools.api_servers import openapi_document
 from tests.tools.serving import ROOT
 
 README = (ROOT / "README.md").read_text("utf-8")
@@ -56,7 +56,7 @@ def test_every_route_is_listed_and_no_other() -> None:
     names = {"figure": "NAME", "format": "FORMAT"}
     paths = {
         re.sub(r"\{(\w+)\}", lambda found: names.get(found[1], "ID"), path)
-        for path in create_app().openapi()["paths"]
+        for path in openapi_document()["paths"]
     }
     table = SERVICE[SERVICE.index("| request |") : SERVICE.index("Errors are problem documents")]
     listed: set[str] = {"/openapi.json"}

@@ -23,7 +23,7 @@ from api.settings import load_settings
 from syncplan.planning.plan_files import PlanFile
 from syncplan.scenario.loading import is_plan
 from syncplan.scenario.specification import Scenario
-from tests.tools.api_servers import references_in
+from tests.tools.api_servers import openapi_document, references_in
 from tests.tools.record_examples import BINARY, SCENARIO
 
 MEDIA = ("application/json", "application/yaml")
@@ -70,7 +70,7 @@ NAMES = {
 
 Tree = dict[str, Any]
 
-DOCUMENT: Tree = create_app(load_settings(data_dir="/nowhere", max_trials=7777)).openapi()
+DOCUMENT: Tree = openapi_document()
 BY_NAME = {one["operationId"]: one for one in operations(DOCUMENT)}
 POSTED = [one["post"] for one in DOCUMENT["paths"].values() if "post" in one]
 

@@ -7,8 +7,14 @@ from typing import Any
 import httpx2
 import pytest
 
-from api.main import create_app
-from tests.tools.api_servers import done, events_of, operations_of, problem, speaking
+from tests.tools.api_servers import (
+    done,
+    events_of,
+    openapi_document,
+    operations_of,
+    problem,
+    speaking,
+)
 from tests.tools.record_examples import RECORDED
 from tests.tools.recordings import zipped
 from tests.tools.scenarios import document
@@ -17,7 +23,7 @@ from tests.tools.serving import Server
 NOBODY = "01a1fd95-df6b-7a20-9383-c20e93a41e86"
 LONG = {"trials": 60_000}
 ARCHIVE = zipped({name: text.encode() for name, text in RECORDED.items()})
-OPERATIONS = operations_of(create_app().openapi())
+OPERATIONS = operations_of(openapi_document())
 WITH_IDENTIFIER = [(method, path) for method, path in OPERATIONS if "{" in path]
 
 

@@ -4,12 +4,15 @@ import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import httpx2
 
+from api.main import create_app
 from api.problems import Problem
+from api.settings import load_settings
 from tests.tools.processes import PATIENCE_S, wait_until
 from tests.tools.serving import Server, running, settings_of
 
@@ -35,6 +38,12 @@ def speaking(server: Server, owner: str) -> httpx2.Client:
     """A connection to a server with an owner's key."""
     headers = {"authorization": f"Bearer {key_of(owner)}"}
     return httpx2.Client(base_url=server.url, headers=headers, timeout=PATIENCE_S)
+
+
+@cache
+def openapi_document() -> dict[str, Any]:
+    """Return the OpenAPI document of a service that allows up to 7777 trials."""
+    return create_app(load_settings(data_dir="/nowhere", max_trials=7777)).openapi()
 
 
 def operations_of(document: Mapping[str, Any]) -> list[tuple[str, str]]:
