@@ -39,7 +39,7 @@ install = sed -n '/^uv==/,/[^\]$$/p' requirements.lock > $(VENV)/uv.lock && \
 	{ $(BIN)/pip install --quiet --require-hashes --requirement requirements.lock && \
 	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable $(1); }
 
-.PHONY: demo serve check check-all crosschecks docs postgresql chromium container-steps benchmarks lock clean
+.PHONY: demo serve check check-all fresh-cases crosschecks docs postgresql chromium container-steps benchmarks lock clean
 
 demo: $(VENV)/.run
 	$(BIN)/syncplan plan $(DEMO) --format table
@@ -58,13 +58,15 @@ check: chromium $(VENV)/.dev
 
 check-all: postgresql $(VENV)/.crosschecks check
 	@# test by test: the survival tests, kept together, would go on long after all others have ended
-	$(PYTEST) $(shell expr 2 \* $(CORES) + 1) --dist worksteal -m long
-	$(TESTS) -m hypothesis --hypothesis-profile=fresh-cases
-	@# as many at once as there are cores, what each prints together; some start services and wait
-	OPENBLAS_NUM_THREADS=1 $(MAKE) --no-print-directory --output-sync --jobs $(CORES) \
-		crosschecks container-steps $(SEARCHES:%=search-%)
+	OPENBLAS_NUM_THREADS=1 $(PYTEST) $(shell expr 2 \* $(CORES) + 1) --dist worksteal -m long
+	@# one more than there are cores, as some start services and wait; what each prints stays together
+	OPENBLAS_NUM_THREADS=1 $(MAKE) --no-print-directory --output-sync --jobs $(shell expr $(CORES) + 1) \
+		crosschecks container-steps fresh-cases $(SEARCHES:%=search-%)
 	@# alone: a process's share of memory grows as others that use the same libraries end
-	$(BIN)/python -m tests.searches.search_requests 400 $(SEED)
+	$(BIN)/python -m tests.searches.search_requests 300 $(SEED)
+
+fresh-cases:
+	$(BIN)/python -m pytest -m hypothesis --hypothesis-profile=fresh-cases
 
 # the longest first
 SEARCHES := survival contract upgrade sight-lines equipment clearances refinements robust counterexamples phases thrown flights holds windy start-up predictions batch tuning recording losses lost consistency neglect truth

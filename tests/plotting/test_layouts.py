@@ -240,8 +240,10 @@ def test_panels_of_errors_stand_under_each_other_in_a_column(report: ValidationD
         assert len(set(panels)) == len(panels)
 
 
-def test_bars_too_thin_for_their_patterns_become_marks(large: Plan) -> None:
-    run = validate(large, trials=2, seed=1, duration=2.0)
+def test_bars_too_thin_for_their_patterns_become_marks() -> None:
+    shape = {"shape": "line", "count": 60, "spacing_m": 70.0}
+    team = plan(small(formation=shape, landmarks_m=[[0.0, 60.0]]), bound="never")
+    run = validate(team, trials=2, seed=1, duration=2.0)
     few = validate(small(), trials=2, seed=1, duration=2.0)
     for subject, bars in ((run, False), (few, True)):
         spec = specs_of(subject, ["accuracy"], style=FigureStyle(width=400))["accuracy"]

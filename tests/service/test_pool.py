@@ -153,7 +153,7 @@ def test_no_task_gets_the_answer_of_one_that_nobody_heard_out(pool: Pool) -> Non
 
 
 def test_a_task_whose_process_dies_is_done_by_another(pool: Pool) -> None:
-    ticket = pool.submit("computed_batch", VALIDATION, Batch(0, 0, 1600))
+    ticket = pool.submit("computed_batch", VALIDATION, Batch(0, 0, 400))
     wait_until(lambda: begun(ticket))
     for one in processes_of(os.getpid()):
         os.kill(one, signal.SIGKILL)

@@ -200,7 +200,8 @@ def _perform(run: Run, folder: Path, scratch: Path, syncplan: Path) -> None:
         capture_output=True,
         check=False,
         stdin=subprocess.DEVNULL,
-        cwd=ROOT,
+        # in a checkout, python would import what is there
+        cwd=tempfile.gettempdir(),
         env={**os.environ, "COLUMNS": "100", "OPENBLAS_NUM_THREADS": "1"},
     )
     for name, data in (("stdout", done.stdout), ("stderr", done.stderr)):
