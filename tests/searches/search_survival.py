@@ -5,8 +5,7 @@
 ROUNDS rounds on SQLite and as many on PostgreSQL; SEED / 100 says which is the first. In one the
 server is killed, in the next a worker, at moments from the last acceptance of a job to well after
 the end of an undisturbed run; in the third six children of two workers, one after the other. The
-clock of the second worker is eight days ahead, or behind. Part of `make check-all`; the suite does
-the same at a few moments.
+clock of the second worker is eight days ahead, or behind. Part of `make check-all`.
 """
 
 import random

@@ -1,7 +1,7 @@
 """Jobs that survive: processes killed, stopped and frozen, the database away.
 
-Real servers, real workers and a real PostgreSQL; see tests.searches.search_survival for more
-moments. `make check` kills a server, worker and all, on SQLite; `make check-all` does all this.
+Real servers, real workers and a real PostgreSQL. tests.searches.search_upgrade kills servers at
+random moments.
 """
 
 import contextlib
@@ -26,7 +26,6 @@ from tests.tools.scenarios import example
 from tests.tools.serving import Postgres, Process
 from tests.tools.survival import (
     Site,
-    kill_at,
     quick,
     refinement,
     sweep_of_ranges,
@@ -37,14 +36,6 @@ LONG = 100_000
 """Trials of a validation that takes minutes."""
 
 # --- killed -------------------------------------------------------------------------------------
-
-
-@pytest.mark.long
-def test_jobs_come_to_their_bytes_once_though_the_server_is_killed(tmp_path: Path) -> None:
-    moments = random.Random("1 True")
-    orders = [validation(800, 1), refinement(0), sweep_of_ranges(100, 3)]
-    with quick(tmp_path) as site:
-        kill_at(site, orders, [moments.uniform(0.0, 1.5), moments.uniform(0.0, 3.0)], "server")
 
 
 @pytest.mark.long
