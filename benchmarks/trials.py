@@ -79,11 +79,11 @@ def _with_errors(team: Team, names: tuple[str, ...]) -> Team:
     """The team with the errors named, which are states of its filter."""
     from syncplan.orbits.noise import ErrorSigmas
 
-    sigmas = {"wind": 1.0, "speed_scale": 0.02, "turn_rate_bias": 0.005, "gust": 0.2}
-    own = {key: sigma for key, sigma in sigmas.items() if key in names or f"{key}s" in names}
+    sigmas = {"wind": 1.0, "speed_scale": 0.02, "turn_rate_bias": 0.005, "gusts": 0.2}
+    own = {name: sigma for name, sigma in sigmas.items() if name in names}
     bearing_bias = np.full(team.count, 0.02 if "bearing_bias" in names else 0.0)
     sensors = replace(team.sensors, bearing_bias_sigmas=bearing_bias)
-    return replace(team, sensors=sensors, errors=ErrorSigmas(**own, estimated=names))
+    return replace(team, sensors=sensors, errors=ErrorSigmas(own, estimated=names))
 
 
 @cache

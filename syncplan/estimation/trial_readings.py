@@ -47,7 +47,7 @@ def filter_stream(seed: int, trial: int) -> np.random.SeedSequence:
 
 def in_moving_air(team: Team) -> bool:
     """Return whether headings differ from trial to trial."""
-    return team.errors.wind > 0.0 or team.errors.gust > 0.0
+    return team.errors.of("wind") > 0.0 or team.errors.of("gusts") > 0.0
 
 
 def has_misses(team: Team) -> bool:

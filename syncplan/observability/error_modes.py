@@ -349,7 +349,7 @@ def _motion_words(
     motion = vector[: 3 * count].reshape(-1, 3).copy()
     if "speed_scale" in found.layout.columns:
         columns = found.layout.columns["speed_scale"][:, 0]
-        grown = np.where(columns >= 0, vector[columns] * team.errors.speed_scale, 0.0)
+        grown = np.where(columns >= 0, vector[columns] * team.errors.of("speed_scale"), 0.0)
         motion[:, :2] -= grown[:, None] * (places - orbits.centers) / scale
     named = np.zeros((4, len(vehicles), 3))
     named[0, :, 0] = named[1, :, 1] = 1.0

@@ -214,7 +214,7 @@ def _arms(orbits: Orbits, vehicles: Index, times: Array) -> tuple[Array, Array]:
 
 def _same(name: str) -> Callable[[Team], Array]:
     def sigma(team: Team) -> Array:
-        return np.full(team.orbits.count, float(getattr(team.errors, name)))
+        return np.full(team.orbits.count, float(team.errors.of(name)))
 
     return sigma
 
@@ -242,9 +242,9 @@ ERROR_STATES: Mapping[str, ErrorState] = MappingProxyType(
             _PLANE,
             False,
             "drift",
-            _same("gust"),
+            _same("gusts"),
             _no_closed_form,
-            times=_same("gust_time"),
+            times=lambda team: np.full(team.orbits.count, team.errors.gust_time),
         ),
         "bearing_walk": ErrorState(
             "rad",

@@ -3,7 +3,8 @@
 Costs nothing to import: the options of commands refer to it.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,22 +31,19 @@ class ErrorSigmas:
 
     Attributes
     ----------
-    wind : m/s, of each component of the common, constant wind
-    gust : m/s, of each component of a vehicle's gusts
-    gust_time : s, over which their correlation falls to 1/e
-    speed_scale : of the share by which speed readings are wrong
-    turn_rate_bias : rad/s
-    clock_offset : s, of a vehicle's stamps
-    estimated : names in syncplan.orbits.error_states.ERROR_STATES that are states of the filter
+    sigmas : by name and in the unit of syncplan.orbits.error_states.ERROR_STATES, of each component
+        of an error; an error that vehicles do not have is absent
+    gust_time : s, over which the correlation of gusts falls to 1/e
+    estimated : names of the errors that are states of the filter
     """
 
-    wind: float = 0.0
-    gust: float = 0.0
+    sigmas: Mapping[str, float] = field(default_factory=dict)
     gust_time: float = 10.0
-    speed_scale: float = 0.0
-    turn_rate_bias: float = 0.0
-    clock_offset: float = 0.0
     estimated: tuple[str, ...] = ()
+
+    def of(self, name: str) -> float:
+        """Return the standard deviation of an error; 0 where vehicles do not have it."""
+        return self.sigmas.get(name, 0.0)
 
 
 NO_ERRORS = ErrorSigmas()

@@ -10,7 +10,7 @@ import numpy as np
 from syncplan.arrays import Array, Index, short_repr
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.noise import NO_ERRORS, ErrorSigmas, Noise
-from syncplan.scenario.disturbances import Wind
+from syncplan.scenario.disturbances import ESTIMABLE, Wind
 from syncplan.scenario.specification import Scenario, per_vehicle
 
 # --- sensors --------------------------------------------------------------------------------------
@@ -222,13 +222,11 @@ def _compass_sigmas(scenario: Scenario) -> Array:
 
 
 def _errors_of(scenario: Scenario) -> ErrorSigmas:
-    motion, wind = scenario.motion, scenario.wind or Wind()
+    sigmas = scenario.error_sigmas
+    # sensors may differ from vehicle to vehicle: Sensors has the sigmas of their errors
+    own = {name: sigmas[name] for name in sigmas if not ESTIMABLE[name].startswith("sensor.")}
     return ErrorSigmas(
-        wind=wind.sigma_mps,
-        gust=wind.gust_sigma_mps,
-        gust_time=wind.gust_time_s,
-        speed_scale=motion.speed_scale_sigma or 0.0,
-        turn_rate_bias=motion.turn_rate_bias_sigma_rad_s or 0.0,
-        clock_offset=motion.clock_offset_sigma_s or 0.0,
+        own,
+        gust_time=(scenario.wind or Wind()).gust_time_s,
         estimated=tuple(scenario.estimated),
     )

@@ -193,5 +193,5 @@ def _check(team: Team) -> None:
         and np.all((sensors.every == 1) & (sensors.detection == 1.0))
         and not (team.obstacles or np.any(sensors.bearing_bias_sigmas > 0.0))
     )
-    if not plain or errors.speed_scale or errors.turn_rate_bias:
+    if not plain or errors.of("speed_scale") or errors.of("turn_rate_bias"):
         raise InputError("the cross-checks fly with plain bearings, wind and gusts", key="sensor")

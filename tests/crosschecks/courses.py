@@ -50,7 +50,7 @@ class Course:
         if air == "still":
             return ErrorSigmas()
         gust = self.gust if air == "gusts" else 0.0
-        return ErrorSigmas(self.wind, gust, 10.0, estimated=("wind", "gusts"))
+        return ErrorSigmas({"wind": self.wind, "gusts": gust}, estimated=("wind", "gusts"))
 
 
 COURSES: Mapping[str, Course] = MappingProxyType(

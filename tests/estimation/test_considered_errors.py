@@ -64,7 +64,7 @@ def test_neglecting_costs_no_less_than_estimating(grid: Plan) -> None:
 
 @pytest.mark.parametrize(
     "errors",
-    [ErrorSigmas(speed_scale=0.02, turn_rate_bias=0.005), ErrorSigmas(wind=0.05)],
+    [ErrorSigmas({"speed_scale": 0.02, "turn_rate_bias": 0.005}), ErrorSigmas({"wind": 0.05})],
     ids=["scale and bias", "wind"],
 )
 def test_trials_of_a_filter_that_neglects_errors_find_what_is_expected(

@@ -64,10 +64,16 @@ def strayed(team: Team, lane: int, duration: float = 40.0) -> tuple[float, float
 @pytest.mark.parametrize(
     ("errors", "most"),
     [
-        (ErrorSigmas(speed_scale=0.05, turn_rate_bias=0.02), 1e-9),
-        (ErrorSigmas(wind=1.0), 1e-4),
-        (ErrorSigmas(gust=0.3, gust_time=4.0), 0.02),
-        (ErrorSigmas(1.0, 0.3, 4.0, speed_scale=0.05, turn_rate_bias=0.02), 0.02),
+        (ErrorSigmas({"speed_scale": 0.05, "turn_rate_bias": 0.02}), 1e-9),
+        (ErrorSigmas({"wind": 1.0}), 1e-4),
+        (ErrorSigmas({"gusts": 0.3}, gust_time=4.0), 0.02),
+        (
+            ErrorSigmas(
+                {"wind": 1.0, "gusts": 0.3, "speed_scale": 0.05, "turn_rate_bias": 0.02},
+                gust_time=4.0,
+            ),
+            0.02,
+        ),
     ],
 )
 def test_who_knows_all_errors_and_starts_right_hardly_strays(
@@ -100,7 +106,8 @@ def test_along_the_readings_in_wind_one_strays_by_fourth_order_in_the_sample_tim
 
 def test_sightings_without_noise_are_what_a_filter_that_knows_all_errors_expects() -> None:
     team = without_noise(a_team(ALL, fov=np.radians(250.0)))
-    given = scene_of(replace(team, errors=replace(team.errors, clock_offset=0.0)), 30, 2)
+    sigmas = {**team.errors.sigmas, "clock_offset": 0.0}
+    given = scene_of(replace(team, errors=replace(team.errors, sigmas=sigmas)), 30, 2)
     setup, readings, truth = given
     places, step = (setup.kinds, setup.observers, setup.targets), samples_of(given)
     seen = np.argwhere(~np.isnan(readings.sightings))
@@ -113,7 +120,7 @@ def test_sightings_without_noise_are_what_a_filter_that_knows_all_errors_expects
 
 
 def test_a_sighting_reads_what_is_there_when_the_observers_clock_shows_its_stamp() -> None:
-    errors = ErrorSigmas(clock_offset=0.2, estimated=("clock_offset",))
+    errors = ErrorSigmas({"clock_offset": 0.2}, estimated=("clock_offset",))
     team = quiet(without_noise(a_team(())), errors)
     given = scene_of(team, 30, 2)
     setup, readings, truth = given
@@ -169,7 +176,8 @@ def test_errors_are_drawn_with_their_sigmas_and_gusts_with_their_correlation() -
 def test_a_key_that_is_added_leaves_all_draws_before_its_own() -> None:
     names = ("speed_scale", "turn_rate_bias")
     plain = quiet(a_team((), detection=1.0))
-    biased = replace(plain, errors=ErrorSigmas(0.0, 0.0, 1.0, 0.05, 0.02, estimated=names))
+    errors = ErrorSigmas({"speed_scale": 0.05, "turn_rate_bias": 0.02}, estimated=names)
+    biased = replace(plain, errors=errors)
     missed = replace(plain, sensors=replace(plain.sensors, detection=np.full(3, 0.5)))
     calm, loud, rare = (scene_of(one, 30, 3) for one in (plain, biased, missed))
     expected, found = calm.readings, loud.readings
@@ -205,7 +213,8 @@ def test_bearing_and_distance_are_missed_together_and_a_compass_never() -> None:
 
 def test_who_is_in_view_is_decided_by_the_true_heading() -> None:
     team = a_team(("wind",), fov=np.radians(120.0), detection=1.0)
-    given = scene_of(replace(team, errors=replace(team.errors, wind=2.0, gust=0.0)), 200, 3)
+    sigmas = {**team.errors.sigmas, "wind": 2.0, "gusts": 0.0}
+    given = scene_of(replace(team, errors=replace(team.errors, sigmas=sigmas)), 200, 3)
     setup, missed = given.setup, np.isnan(given.readings.sightings)
     step, poses, observers = samples_of(given), given.truth.poses, setup.observers
     fixed = np.broadcast_to(setup.landmarks, (201, 2, 2))

@@ -48,9 +48,9 @@ def assert_consistent(result: MonteCarloResult, dimension: int) -> None:
     "errors",
     [
         ErrorSigmas(),
-        ErrorSigmas(wind=0.8),
-        ErrorSigmas(wind=0.8, gust=0.3, gust_time=4.0),
-        ErrorSigmas(speed_scale=0.05, turn_rate_bias=0.02),
+        ErrorSigmas({"wind": 0.8}),
+        ErrorSigmas({"wind": 0.8, "gusts": 0.3}, gust_time=4.0),
+        ErrorSigmas({"speed_scale": 0.05, "turn_rate_bias": 0.02}),
     ],
 )
 def test_with_every_error_as_a_state_the_covariance_holds(errors: ErrorSigmas, wide: float) -> None:
@@ -79,9 +79,11 @@ def test_for_small_noise_the_extended_filter_becomes_this_one_at_second_order() 
         )
         noise = Noise(scale * 0.3, scale * 0.05, scale, scale * 0.1)
         errors = ErrorSigmas(
-            wind=scale * 0.8,
-            speed_scale=scale * 0.05,
-            turn_rate_bias=scale * 0.02,
+            {
+                "wind": scale * 0.8,
+                "speed_scale": scale * 0.05,
+                "turn_rate_bias": scale * 0.02,
+            },
             estimated=ALL,
         )
         small = Team(team.orbits, team.landmarks, sensors, noise, errors)

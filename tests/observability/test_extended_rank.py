@@ -394,7 +394,9 @@ def test_one_mode_is_named_for_each_dimension_that_errors_lack() -> None:
 def test_a_team_of_the_same_sigmas_and_no_priors_is_judged_alike_at_any_scale() -> None:
     made = _planned("paper-grid-same", "speed_scale", "wind")
     team = made.team
-    small_errors = replace(team.errors, speed_scale=1e-4, wind=1e-2)
+    small_errors = replace(
+        team.errors, sigmas={**team.errors.sigmas, "speed_scale": 1e-4, "wind": 1e-2}
+    )
     found = assess_extended(assess_team(replace(team, errors=small_errors), made.scenario.window))
     assert found is not None
     assert (found.rank, found.poses_determined) == (_extended(made).rank, False)

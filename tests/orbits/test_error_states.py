@@ -17,7 +17,9 @@ from syncplan.orbits.team import Team
 from tests.tools.draws import draw_team, sightings_of
 
 CONSTANT = [name for name, state in ERROR_STATES.items() if state.constant]
-ALL = ErrorSigmas(wind=0.8, gust=0.2, speed_scale=0.02, turn_rate_bias=0.005, clock_offset=0.1)
+ALL = ErrorSigmas(
+    {"wind": 0.8, "gusts": 0.2, "speed_scale": 0.02, "turn_rate_bias": 0.005, "clock_offset": 0.1}
+)
 
 
 def _flown(orbits: Orbits, errors: dict[str, Array], time: float) -> Array:

@@ -184,5 +184,6 @@ def test_the_arrays_hold_what_the_keys_say() -> None:
     assert sensors.bearing_bias_sigmas.tolist() == [0.02] * 6
     assert sensors.compass_sigmas.tolist() == [0.01, 0.02, 0.03, 0.04, 0.05, 0.06]
     team = team_of(scenario, plan(scenario_from(_keys())).orbits)
-    assert (team.errors.wind, team.errors.gust, team.errors.gust_time) == (1.0, 0.2, 5.0)
+    assert team.errors.sigmas == {"wind": 1.0, "gusts": 0.2}
+    assert team.errors.gust_time == 5.0
     np.testing.assert_array_equal(team.obstacles[0], POLYGON)

@@ -55,7 +55,7 @@ def transition(team: Team, layout: StateLayout, k: int) -> tuple[Array, Array]:
         own = layout.columns["gusts"].ravel()
         kept = np.exp(-dt / team.errors.gust_time)
         F[own, own] = kept
-        Q[own, own] = team.errors.gust**2 * (1.0 - kept**2)
+        Q[own, own] = team.errors.of("gusts") ** 2 * (1.0 - kept**2)
     for i, column in enumerate(layout.columns.get("bearing_walk", np.zeros((0, 1)))[:, 0]):
         if column >= 0:
             kept = np.exp(-dt / team.sensors.bearing_walk_times[i])

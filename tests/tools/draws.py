@@ -114,13 +114,12 @@ def draw_equipped_team(generator: np.random.Generator) -> Team:
     wind, gust, scale, bias = (
         float(generator.choice([0.0, 10.0 ** generator.uniform(-3.0, -0.5)])) for _ in range(4)
     )
-    errors = ErrorSigmas(
-        wind=wind * speed,
-        gust=gust * speed,
-        speed_scale=scale,
-        turn_rate_bias=bias * team.orbits.rate,
-        estimated=tuple(ERROR_STATES),
-    )
+    sigmas = {
+        "wind": wind * speed,
+        "gusts": gust * speed,
+        "speed_scale": scale,
+        "turn_rate_bias": bias * team.orbits.rate,
+    }
     triangles = [
         team.orbits.centers[generator.integers(0, count)]
         + size * (generator.uniform(-2.0, 2.0, 2) + generator.uniform(-0.5, 0.5, (3, 2)))
@@ -133,7 +132,8 @@ def draw_equipped_team(generator: np.random.Generator) -> Team:
         bearing_walk_times=10.0 ** generator.uniform(0.0, 2.0, count) / team.orbits.rate,
     )
     clock = float(generator.choice([0.0, 10.0 ** generator.uniform(-3.0, -1.0)]))
-    errors = replace(errors, clock_offset=clock / team.orbits.rate)
+    sigmas["clock_offset"] = clock / team.orbits.rate
+    errors = ErrorSigmas(sigmas, estimated=tuple(ERROR_STATES))
     return replace(team, sensors=sensors, errors=errors, obstacles=tuple(triangles))
 
 

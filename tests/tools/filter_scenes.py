@@ -87,12 +87,14 @@ def a_team(estimated: tuple[str, ...], fov: float = 2.0 * np.pi, detection: floa
         ),
         Noise(speed_sigma=0.3, turn_rate_sigma=0.05, position_sigma=1.0, heading_sigma=0.1),
         ErrorSigmas(
-            wind=0.8,
-            gust=0.3,
+            {
+                "wind": 0.8,
+                "gusts": 0.3,
+                "speed_scale": 0.05,
+                "turn_rate_bias": 0.02,
+                "clock_offset": 0.05,
+            },
             gust_time=4.0,
-            speed_scale=0.05,
-            turn_rate_bias=0.02,
-            clock_offset=0.05,
             estimated=estimated,
         ),
     )

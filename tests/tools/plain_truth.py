@@ -80,13 +80,13 @@ def draws_of(run: FlightRun, trial: int) -> tuple[dict[str, Array], dict[str, Ar
         "turn_rates": generator.standard_normal((steps, n)),
     }
     shapes: dict[str, tuple[float | Array, tuple[int, ...]]] = {
-        "wind": (team.errors.wind, (1, 2)),
-        "speed_scale": (team.errors.speed_scale, (n,)),
-        "turn_rate_bias": (team.errors.turn_rate_bias, (n,)),
+        "wind": (team.errors.of("wind"), (1, 2)),
+        "speed_scale": (team.errors.of("speed_scale"), (n,)),
+        "turn_rate_bias": (team.errors.of("turn_rate_bias"), (n,)),
         "bearing_bias": (team.sensors.bearing_bias_sigmas, (n,)),
-        "gusts": (team.errors.gust, (steps + 1, n, 2)),
+        "gusts": (team.errors.of("gusts"), (steps + 1, n, 2)),
         "bearing_walk": (team.sensors.bearing_walk_sigmas, (steps + 1, n)),
-        "clock_offset": (team.errors.clock_offset, (n,)),
+        "clock_offset": (team.errors.of("clock_offset"), (n,)),
     }
     errors: dict[str, Array] = {}
     for name, (sigma, shape) in shapes.items():
