@@ -62,14 +62,18 @@ class DrawnErrors:
                 kept = np.exp(-team.sensors.sample_time / state.times(team))
                 drawn = _gauss_markov(drawn, kept[:, None, None])
             values[name] = np.multiply(drawn, sigma[:, None, None], order="C")
+            if state.act == "speed":
+                np.maximum(values[name], LEAST_SCALE, out=values[name])
             begin = end
-        if "speed_scale" in values:
-            np.maximum(values["speed_scale"], LEAST_SCALE, out=values["speed_scale"])
         return cls(values)
 
-    def own(self, name: str) -> Array | float:
-        """Return each vehicle's, (n, lanes), of an error that is one number; 0 if there is none."""
-        return self.values[name][0, :, 0] if name in self.values else 0.0
+    def constant(self, act: str) -> Array | float:
+        """Return the sum of each vehicle's constant errors that act so; 0 if there are none.
+
+        Each is one number. The sum broadcasts to (n, lanes).
+        """
+        acting = [name for name in self._acting(act) if ERROR_STATES[name].constant]
+        return sum((self.values[name][0, :, 0] for name in acting), 0.0)
 
     def shifts(self, kind: str) -> Array | float:
         """Return the shift of each vehicle's sightings of a kind.
@@ -84,7 +88,10 @@ class DrawnErrors:
 
         Times are 1 or steps + 1. Zero where there is neither wind nor gust.
         """
-        return sum((self.values[name] for name in ("wind", "gusts") if name in self.values), 0.0)
+        return sum((self.values[name] for name in self._acting("drift")), 0.0)
+
+    def _acting(self, act: str) -> list[str]:
+        return [name for name in self.values if ERROR_STATES[name].act == act]
 
     def states(self, layout: StateLayout, steps: int, lanes: int) -> tuple[Array, Array]:
         """Return the true constants (c, lanes) of a layout, and (steps + 1, g, lanes) of others."""

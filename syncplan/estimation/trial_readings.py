@@ -124,8 +124,8 @@ class TrialReadings:
         read, turned = np.empty((steps, n, lanes)), np.empty((steps, n, lanes))
         np.multiply(speeds.reshape(read.shape), noise.speed_sigma, out=read)
         np.multiply(turn_rates.reshape(turned.shape), noise.turn_rate_sigma, out=turned)
-        read += flown.speeds * (1.0 / (1.0 + errors.own("speed_scale")))
-        turned += flown.turn_rates - errors.own("turn_rate_bias")
+        read += flown.speeds * (1.0 / (1.0 + errors.constant("speed")))
+        turned += flown.turn_rates - errors.constant("turn")
         readings = Readings(
             initial=np.ascontiguousarray(initial),
             speeds=read,
@@ -184,7 +184,7 @@ class TrialReadings:
         """(s, lanes) what is read; NaN where it is out of view or missed."""
         setup = self.setup
         found = np.multiply(noise, self.sigmas[:, None], order="C")
-        late = "clock_offset" in errors.values
+        late = any(ERROR_STATES[name].delays for name in errors.values)
         found += self._taken_later(flown, errors) if late else self.sightings[:, None]
         for name, values in errors.values.items():
             shifted = ERROR_STATES[name].shifts
@@ -230,7 +230,7 @@ class TrialReadings:
         setup, orbits, time = self.setup, self.team.orbits, self.team.sensors.sample_time
         observers, targets, count = setup.observers, setup.targets, self.team.count
         among, step = np.where(targets < count, targets, observers), self._steps()
-        offsets = np.asarray(errors.own("clock_offset"))[observers]
+        offsets = np.asarray(errors.constant("delay"))[observers]
         found = np.empty(offsets.shape)
         for lane, later in enumerate(offsets.T):
             at = step + later / time

@@ -165,7 +165,7 @@ class Flown(NamedTuple):
     path : (steps + 1, n, 3, lanes) m, m, rad, as truly flown up to the present step
     drift : (1 or steps + 1, 1 or n, 2, lanes) m/s, velocity of the air, held over a sample
     scales, turn_biases, clock_offsets : (n, lanes) true lasting errors
-    bearing_shifts : (1 or steps + 1, n, lanes) rad, those of bearings, added up
+    shifts : (1 or steps + 1, n, lanes) for each kind of sighting, what is added to it, in its unit
     speed_noise, turn_noise : (steps, n, lanes) standard normal
     keys : (lanes, 2) unsigned, of the noise of sightings
     commands, responses : (n, 2, lanes) m/s, rad/s, at present
@@ -185,7 +185,7 @@ class Flown(NamedTuple):
     scales: Array
     turn_biases: Array
     clock_offsets: Array
-    bearing_shifts: Array
+    shifts: tuple[Array, ...]
     speed_noise: Array
     turn_noise: Array
     keys: NDArray[np.uint64]

@@ -147,14 +147,16 @@ class FlownTeam:
         sigmas = np.array([noise.position_sigma, noise.position_sigma, noise.heading_sigma])
         path[0] = planned - sigmas[:, None] * poses.reshape(n, 3, lanes)
         start = np.stack([circles.rate * circles.radii, circles.rate * circles.senses], axis=1)
-        own = {name: np.zeros((n, lanes)) + errors.own(name) for name in _OWN}
+        scales, turn_biases, clock_offsets = (
+            np.zeros((n, lanes)) + errors.constant(act) for act in ("speed", "turn", "delay")
+        )
         flown = Flown(
             path=path,
             drift=np.ascontiguousarray(np.zeros((1, 1, 2, lanes)) + errors.drift()),
-            scales=own["speed_scale"],
-            turn_biases=own["turn_rate_bias"],
-            clock_offsets=own["clock_offset"],
-            bearing_shifts=np.zeros((1, n, lanes)) + errors.shifts("bearing"),
+            scales=scales,
+            turn_biases=turn_biases,
+            clock_offsets=clock_offsets,
+            shifts=tuple(np.zeros((1, n, lanes)) + errors.shifts(kind) for kind in SIGHTING_KINDS),
             speed_noise=np.ascontiguousarray(speeds.reshape(steps, n, lanes)),
             turn_noise=np.ascontiguousarray(turns.reshape(steps, n, lanes)),
             keys=np.stack([key_of(self.options.seed, trial) for trial in trials]),
@@ -197,9 +199,6 @@ class FlownTeam:
         wind = np.array(self.options.wind)[None, None, :, None]
         lanes = draws.shape[1]
         return DrawnErrors({**errors.values, "wind": np.repeat(wind, lanes, axis=3)})
-
-
-_OWN = ("speed_scale", "turn_rate_bias", "clock_offset")
 
 
 def team_in_flight(

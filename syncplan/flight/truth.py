@@ -262,7 +262,14 @@ def _read_compass(
         noise = normal_pair(words[0], words[1])[0]
         later = flown.clock_offsets[o, lane] / flight.time
         turned = later * (flown.path[step, o, 2, lane] - flown.path[step - 1, o, 2, lane])
-        sightings[s, lane] = flown.path[step, o, 2, lane] + turned + sigma * noise
+        read = flown.path[step, o, 2, lane] + turned + sigma * noise
+        sightings[s, lane] = read + _shift(flown.shifts[COMPASS_KIND], step, o, lane)
+
+
+@inner
+def _shift(shifts: Array, step: int, o: int, lane: int) -> float:
+    """What is added to a kind of sighting that vehicle o makes at a step."""
+    return float(shifts[min(step, len(shifts) - 1), o, lane])
 
 
 @inner
@@ -292,7 +299,7 @@ def _read(
     (o, t), (b, d) = pair, rows
     eyes, mishaps, width = flight.eyes, flight.mishaps, away.shape[1]
     bearing_sigma, distance_sigma = eyes.sigmas[BEARING_KIND, o], eyes.sigmas[DISTANCE_KIND, o]
-    shifts = flown.bearing_shifts[min(step, len(flown.bearing_shifts) - 1)]
+    bearing_shifts, distance_shifts = flown.shifts[BEARING_KIND], flown.shifts[DISTANCE_KIND]
     made = eyes.detection[o] * (1.0 - mishaps.dropout)
     for lane in range(width):
         bearing_read, distance_read = np.nan, np.nan
@@ -315,8 +322,10 @@ def _read(
                 bearing_read = math.atan2(dy, dx) - psi
                 if thrown < 2.0 * math.pi:
                     bearing_read = eyes.boresights[o] + thrown
-                bearing_read += shifts[o, lane] + bearing_sigma * noise[0]
+                shift = _shift(bearing_shifts, step, o, lane)
+                bearing_read += shift + bearing_sigma * noise[0]
                 distance_read = math.sqrt(dx * dx + dy * dy) + distance_sigma * noise[1]
+                distance_read += _shift(distance_shifts, step, o, lane)
                 flown.seen[o, lane] = step
                 if t < len(eyes.ranges):
                     flown.seen[t, lane] = step

@@ -289,19 +289,22 @@ def _start(problem: RefineProblem, layout: StateLayout) -> ca.MX:
 def _observed(problem: RefineProblem, layout: StateLayout, run: CoarseRun) -> tuple[ca.DM, ca.DM]:
     """Rows of sightings (r, m) by the state, and information of compasses in a step (r', r').
 
-    The poses with headings less errors of bearings, then the headings of those with a compass.
+    The poses with headings less errors of bearings, then the headings of those with a compass,
+    with the errors of compasses.
     """
     poses = np.eye(3 * layout.count, layout.size)
+    headings = poses[2::3].copy()
+    rows, signs = {"bearing": poses[2::3], "compass": headings}, {"bearing": -1.0, "compass": 1.0}
     for name in layout.names:
-        if not ERROR_STATES[name].shifts:
+        kind = ERROR_STATES[name].shifts
+        if kind not in rows:
             continue
         for k, column in enumerate(layout.columns[name][:, 0].tolist()):
             if column >= 0:
-                poses[3 * k + 2, column] = -layout.sigmas[column - 3 * layout.count]
+                rows[kind][k, column] = signs[kind] * layout.sigmas[column - 3 * layout.count]
     sigmas = problem.sensors.compass_sigmas_each_sample
     own = np.flatnonzero(sigmas < np.inf)
-    headings = np.zeros((len(own), layout.size))
-    headings[np.arange(len(own)), 3 * own + 2] = 1.0
+    headings = headings[own]
     information = run.times.counts.mean() / sigmas[own] ** 2
     return (
         ca.sparsify(ca.DM(np.concatenate([poses, headings]))),

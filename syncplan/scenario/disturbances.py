@@ -32,8 +32,7 @@ ESTIMABLE: Mapping[str, str] = MappingProxyType(
 """Errors that the filter can have as bias states, each with the key that says how large it is.
 
 Each is a line of `syncplan.orbits.error_states.ERROR_STATES`, too. A new one that acts as another
-does needs these two lines, the key in its section, its sigma in `syncplan.orbits.team`, and its
-true values in `syncplan.estimation.trial_readings` and `syncplan.flight.flown_team`.
+does needs these two lines and the key in its section.
 """
 
 if TYPE_CHECKING:
