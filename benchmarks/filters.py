@@ -19,10 +19,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from benchmarks import Figure, print_figures
 from syncplan.arrays import Array
 from syncplan.estimation.filter_options import FilterOptions
-from syncplan.estimation.filters import FILTERS
 from syncplan.estimation.montecarlo import run_trials
 from syncplan.estimation.trial_readings import possible_sightings
 from syncplan.orbits.sightings import steps_within
+from syncplan.scenario.filters import FILTERS
 from tests.searches.search_lost import draw_plan, started
 
 DRAWS, SEED, TRIALS, ROUNDS = 20, 0, 48, 2

@@ -8,7 +8,8 @@ Both if neither is named. Kernels of large teams run one trial at a time, those 
 import sys
 
 import syncplan
-from syncplan.estimation.filters import FILTERS
+from syncplan.estimation.filter_options import lane_filter_of
+from syncplan.scenario.filters import FILTERS
 
 VEHICLES = {"small": 6, "large": 100}
 
@@ -16,7 +17,7 @@ VEHICLES = {"small": 6, "large": 100}
 def compile_filters(vehicles: int) -> None:
     """Compile what filters are made of."""
     for one in FILTERS.values():
-        one.lane_filter.compile(vehicles)
+        lane_filter_of(one).compile(vehicles)
 
 
 def compile_flights(vehicles: int) -> None:

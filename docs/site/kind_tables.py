@@ -10,10 +10,10 @@ from pathlib import Path
 
 from api.metrics import METRICS
 from syncplan.errors import InputError
-from syncplan.estimation.filters import FILTERS
 from syncplan.exporting.format_table import ALL, FORMATS
 from syncplan.plotting.figure_table import FIGURES, SUBJECTS
 from syncplan.scenario.dotted_keys import IN_FLIGHT_ALONE, IN_TRUTH, SWEPT_KEYS, numeric_keys
+from syncplan.scenario.filters import FILTERS
 from syncplan.scenario.objectives import OBJECTIVES
 
 __all__ = ["TABLES", "renew", "with_tables"]

@@ -119,7 +119,9 @@ def open_closed_streams() -> None:
 
 def compile_filter(options: "FilterOptions", counts: Iterable[int]) -> None:
     """Compile the kernels of the filter for teams of so many vehicles, where they are not."""
-    filter_ = options.filter_model.lane_filter
+    from syncplan.estimation.filter_options import lane_filter_of
+
+    filter_ = lane_filter_of(options.filter_model)
     missing = [count for count in sorted(set(counts)) if not filter_.is_compiled(count)]
     if missing:
         with _compiling("the filter's kernels", "10 to 20 s"):

@@ -6,7 +6,6 @@ from rich.markup import escape
 
 from syncplan.cli.fitted_tables import MOST_ROWS, FittedTable
 from syncplan.cli.plan_tables import show_findings, show_verdict
-from syncplan.estimation.filters import FORMER_NAMES
 from syncplan.phrases import listed, percent
 from syncplan.reports.flight_report import (
     FlightDocument,
@@ -26,6 +25,7 @@ from syncplan.reports.run_figures import (
 )
 from syncplan.reports.validation_report import SweepReport, ValidationDocument
 from syncplan.scenario.dotted_keys import swept_key
+from syncplan.scenario.filters import FORMER_NAMES
 
 
 def _filter_line(record: FilterRecord) -> str:

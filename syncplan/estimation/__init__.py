@@ -8,7 +8,6 @@ referred_system    a team's run, referred to time 0, and its posterior bound
 considered_errors  what errors cost that the filter does not estimate
 bounds             Cramer-Rao bounds
 covariance_kernel  covariance along a run, compiled
-filters            the table of filters to choose from
 filter_options     which filter, its gate, how many trials of what length
 consistency        ANEES, NIS, coverage
 filter_setup       states, motion model, initial variances, gate, sightings and readings of a run

@@ -3,10 +3,12 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 from syncplan.errors import InputError
-from syncplan.estimation.filters import (
+from syncplan.options import RunOptions, option
+from syncplan.scenario.filters import (
     AUTO,
     FILTERS,
     FORMER_NAMES,
@@ -14,7 +16,9 @@ from syncplan.estimation.filters import (
     FilterModel,
     MotionName,
 )
-from syncplan.options import RunOptions, option
+
+if TYPE_CHECKING:
+    from syncplan.estimation.lane_filter import LaneFilter
 
 MAX_TRIALS = 1_000_000
 LARGEST_SEED = 2**63 - 1
@@ -112,6 +116,13 @@ class SweepOptions(FilterOptions):
     connected: bool = option(
         False, "Add a row with a range that connects the team at every instant"
     )
+
+
+def lane_filter_of(model: FilterModel) -> "LaneFilter":
+    """Return the compiled filter of a model; loads numba."""
+    module, _, name = model.kernel.partition(".")
+    found: LaneFilter = getattr(import_module(f"{__package__}.{module}"), name)
+    return found
 
 
 def options_with(options: FilterOptions | None, changes: Mapping[str, Any]) -> FilterOptions:

@@ -19,7 +19,7 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.errors import InputError
-from syncplan.estimation.filter_options import FilterOptions
+from syncplan.estimation.filter_options import FilterOptions, lane_filter_of
 from syncplan.estimation.filter_setup import (
     FilterRun,
     FilterSetup,
@@ -119,7 +119,7 @@ def run_trials(
     setup, truth = _setup(assumed, layout, sightings, steps, options), poses_over(team, steps)
     run = _Run(
         readings=TrialReadings.of(team, truth, setup, layout, options.seed),
-        lane_filter=options.filter_model.lane_filter,
+        lane_filter=lane_filter_of(options.filter_model),
         options=options,
         end=first_trial + options.trials,
     )

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, TypeVar, cast
 import numpy as np
 
 from syncplan.arrays import Array, Index
+from syncplan.estimation.filter_options import lane_filter_of
 from syncplan.estimation.filter_setup import (
     FilterRun,
     FilterSetup,
@@ -22,10 +23,10 @@ from syncplan.estimation.filter_setup import (
     poses_of,
     run_without_truth,
 )
-from syncplan.estimation.filters import FilterModel
 from syncplan.estimation.lane_filter import LaneRun
 from syncplan.estimation.rivals import LOOKS, Rivals
 from syncplan.estimation.robust_filter import RobustFilter, RobustRun, steps_passing
+from syncplan.scenario.filters import FilterModel
 
 Kept = TypeVar("Kept", Array, Index)
 
@@ -85,7 +86,7 @@ class OnlineFilter:
             sightings=np.zeros((FIRST_ROOM, 1)),
         )
         own = _without_steps(setup._replace(judged_from=0))
-        given, found = run_without_truth(own, readings), model.lane_filter
+        given, found = run_without_truth(own, readings), lane_filter_of(model)
         self._run: LaneRun
         if isinstance(found, RobustFilter):
             self._run = RobustRun.begun(found.base, given, [stream])

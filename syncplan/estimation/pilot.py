@@ -32,7 +32,6 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
-from syncplan.estimation.filters import FilterModel
 from syncplan.estimation.pilot_model import Arcs, PilotFilter, Seen, arcs_of, solved
 from syncplan.estimation.pilot_readings import PilotReadings, thinned
 from syncplan.estimation.start_search import (
@@ -47,6 +46,7 @@ from syncplan.estimation.start_search import (
 from syncplan.orbits.contacts import Windows
 from syncplan.orbits.sightings import sample_sightings, steps_within
 from syncplan.orbits.team import Team
+from syncplan.scenario.filters import FilterModel
 
 PILOT_TRIALS = 16
 PILOT_SEED = 0

@@ -31,7 +31,7 @@ import numpy as np
 
 from syncplan.arrays import Array, Index
 from syncplan.errors import NoSolutionError
-from syncplan.estimation.filter_options import FilterOptions
+from syncplan.estimation.filter_options import FilterOptions, lane_filter_of
 from syncplan.estimation.filter_setup import (
     FilterRun,
     FilterSetup,
@@ -224,7 +224,7 @@ def _run(
         changing=np.zeros((run.clock.samples + 1, changing, 1)),
     )
     streams = [np.random.SeedSequence(options.seed)]
-    filter_ = options.filter_model.lane_filter
+    filter_ = lane_filter_of(options.filter_model)
     return filter_.run(FilterRun(run.setup, run.readings, truth, counted), streams)
 
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import LARGEST_SEED, FilterOptions
-from syncplan.estimation.filters import RecordingFilterName
 from syncplan.options import RunOptions, option, options_of
 from syncplan.orbits.noise import Noise
+from syncplan.scenario.filters import RecordingFilterName
 
 GROUND_ROBOTS = Noise(
     speed_sigma=0.09, turn_rate_sigma=0.22, position_sigma=0.01, heading_sigma=0.01

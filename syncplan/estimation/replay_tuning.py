@@ -43,7 +43,6 @@ from syncplan.arrays import Array
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.consistency import recorded_nis
 from syncplan.estimation.filter_options import FilterOptions
-from syncplan.estimation.filters import FILTERS
 from syncplan.estimation.recorded_run import FilteredRun, RecordedRun, filtered, lasting_of, run_of
 from syncplan.estimation.replay_settings import LARGEST_DELAY, ReplaySettings
 from syncplan.estimation.trials import series
@@ -56,6 +55,7 @@ from syncplan.estimation.withheld_sightings import (
 )
 from syncplan.orbits.sighting_kinds import BEARING, DISTANCE, place_of
 from syncplan.recordings.log import Log
+from syncplan.scenario.filters import FILTERS
 
 # --- what is fitted -------------------------------------------------------------------------------
 

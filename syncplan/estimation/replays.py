@@ -17,7 +17,6 @@ from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.estimation.consistency import coverage, recorded_anees, recorded_nis
 from syncplan.estimation.filter_options import FilterOptions, options_with
-from syncplan.estimation.filters import FOR_RECORDINGS
 from syncplan.estimation.online_filter import Arrived, OnlineFilter
 from syncplan.estimation.recorded_observability import seen_over_time
 from syncplan.estimation.recorded_run import (
@@ -42,6 +41,7 @@ from syncplan.orbits.error_states import ERROR_STATES
 from syncplan.orbits.noise import Noise
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
 from syncplan.recordings.log import Log
+from syncplan.scenario.filters import FOR_RECORDINGS
 
 OPTIONS = ReplayOptions().filter_options
 """How the filter runs on a recording where nothing else is asked for."""

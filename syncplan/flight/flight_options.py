@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import MAX_TRIALS, FilterOptions
-from syncplan.estimation.filters import AUTO, FILTERS, FlightFilterChoice
 from syncplan.options import option
+from syncplan.scenario.filters import AUTO, FILTERS, FlightFilterChoice
 
 OPEN_LOOP, TRACKING, AS_COMMANDED = 0, 1, 2
 """Where commands come from: the plan, the tracking law, or whoever wrote them last."""

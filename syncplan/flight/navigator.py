@@ -21,7 +21,6 @@ from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.estimation.correction_kernels import correction_of
 from syncplan.estimation.filter_setup import COMPASS_KIND, poses_of
-from syncplan.estimation.filters import FILTERS
 from syncplan.estimation.kernels import lanes_of
 from syncplan.estimation.online_filter import Arrived, OnlineFilter
 from syncplan.estimation.trial_readings import filter_stream
@@ -42,6 +41,7 @@ from syncplan.flight.tracking_law import move_circles, steer
 from syncplan.orbits.circles import heading, position
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
 from syncplan.planning.plan_files import PlanSubject
+from syncplan.scenario.filters import FILTERS
 
 
 class Navigator:

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from syncplan.estimation.filters import FILTERS
 from syncplan.phrases import listed
 from syncplan.planning.judged_team import MOST_NAMED, FindingCure, JudgedTeam, PlanFinding
 from syncplan.planning.start_up import (
@@ -15,6 +14,7 @@ from syncplan.planning.start_up import (
     StartTrials,
     StartUp,
 )
+from syncplan.scenario.filters import FILTERS
 
 # --- the start ------------------------------------------------------------------------------------
 

@@ -15,7 +15,6 @@ from syncplan.arrays import Array
 from syncplan.documents import DocumentPart, finite_or_none
 from syncplan.errors import NoSolutionError
 from syncplan.estimation.bounds import posterior_bound
-from syncplan.estimation.filters import AUTO, FILTERS, FilterModel
 from syncplan.estimation.pilot import PILOT_SEED, PILOT_TRIALS, pilot_squares, pilot_work
 from syncplan.estimation.pilot_readings import thinned
 from syncplan.estimation.referred_system import PosteriorBound
@@ -23,6 +22,7 @@ from syncplan.estimation.start_up_index import StartUpIndex, first_samples
 from syncplan.orbits.contacts import Windows
 from syncplan.orbits.noise import NO_ERRORS
 from syncplan.orbits.team import Team
+from syncplan.scenario.filters import AUTO, FILTERS, FilterModel
 
 CLEARING_INDEX = 0.45
 """A plan with at most this start-up index needs no trials."""
@@ -107,7 +107,7 @@ class StartUp:
     Attributes
     ----------
     index : of the whole run
-    filter : that will run, or ran in the trials: a name in syncplan.estimation.filters.FILTERS
+    filter : that will run, or ran in the trials: a name in syncplan.scenario.filters.FILTERS
     trials : the pilot, or a validation's trials; None where none ran
     untried : why no pilot ran although the index does not clear the plan; else empty
     clearing : initial sigmas from which the index clears the plan; None where trials found no

@@ -21,7 +21,6 @@ from syncplan.estimation.filter_options import (
     steps_in_run,
 )
 from syncplan.estimation.filter_setup import judged_from
-from syncplan.estimation.filters import AUTO
 from syncplan.estimation.montecarlo import run_trials
 from syncplan.estimation.trial_readings import possible_sightings
 from syncplan.estimation.trials import (
@@ -47,6 +46,7 @@ from syncplan.planning.planner import Plan, bound_is_affordable
 from syncplan.planning.start_up import CLEARED_FILTER, CLEARING_INDEX, StartTrials, concluded
 from syncplan.results import Result
 from syncplan.runtime.machine import single_threaded_blas
+from syncplan.scenario.filters import AUTO
 from syncplan.scenario.specification import Scenario
 
 # --- the choice of the filter ---------------------------------------------------------------------
@@ -58,7 +58,7 @@ class FilterChoice:
 
     Attributes
     ----------
-    name : in syncplan.estimation.filters.FILTERS
+    name : in syncplan.scenario.filters.FILTERS
     reason : in words
     """
 
@@ -148,7 +148,7 @@ class Validation(Result):
 
     @property
     def filter(self) -> str:
-        """Name of the filter, see syncplan.estimation.filters.FILTERS."""
+        """Name of the filter, see syncplan.scenario.filters.FILTERS."""
         return self.options.filter
 
     @property

@@ -17,7 +17,6 @@ from syncplan.documents import (
     finite_or_none,
     point_of,
 )
-from syncplan.estimation.filters import FilterName
 from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.orbits.circles import heading, position
 from syncplan.planning.judged_team import PlanVerdict
@@ -31,6 +30,7 @@ from syncplan.reports.observability_report import (
     observability_of,
 )
 from syncplan.reports.refinement_report import RefinementResult, refinement_result
+from syncplan.scenario.filters import FilterName
 from syncplan.scenario.specification import Scenario
 
 

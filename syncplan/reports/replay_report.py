@@ -7,7 +7,6 @@ from pydantic import Field
 
 from syncplan import __version__
 from syncplan.documents import Document, DocumentPart
-from syncplan.estimation.filters import AUTO
 from syncplan.estimation.recorded_observability import SeenOverTime
 from syncplan.estimation.replay_results import ErrorsFromTruth, KindCounts, Replay
 from syncplan.estimation.replay_settings import ReplaySettings
@@ -15,6 +14,7 @@ from syncplan.estimation.replay_tuning import Tuning
 from syncplan.estimation.trials import series
 from syncplan.reports.replay_notes import notes_of
 from syncplan.reports.run_figures import RunReport, Series, Spread, series_of, spread_of
+from syncplan.scenario.filters import AUTO
 
 WALK = frozenset({"bearing_walk_sigma_rad", "bearing_walk_time_s"})
 """Keys of a bearing walk."""

@@ -10,10 +10,10 @@ from pydantic import Field, JsonValue
 from syncplan.arrays import Array
 from syncplan.documents import Document, DocumentPart, VersionedDocument, finite_or_none
 from syncplan.estimation.consistency import FEWEST_TRIALS, TOLERANCE, Consistency
-from syncplan.estimation.filters import FilterName, MotionName
 from syncplan.estimation.trials import MonteCarloResult, series
 from syncplan.phrases import listed
 from syncplan.planning.planner import Plan
+from syncplan.scenario.filters import FilterName, MotionName
 from syncplan.scenario.truths import changed_keys
 
 # --- a world that differs from the model ----------------------------------------------------------

@@ -6,6 +6,7 @@ areas                polygons that circles stay within or clear of
 formations           shapes by name, their centres and neighbours
 models               the sections of a scenario: circles, formation, sensor, limits, refinement
 rules                conditions between keys that JSON Schema cannot state
+filters              the table of filters to choose from
 disturbances         what disturbs vehicles and readings, what of it the filter estimates
 truths               what the simulated world has in place of the scenario's own
 specification        the scenario as a whole

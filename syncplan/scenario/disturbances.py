@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_args
 
 from pydantic import BeforeValidator, Field, model_validator
 
+from syncplan.scenario.filters import AUTO, FILTERS, FilterChoice
 from syncplan.scenario.quantities import Many, Section, fault
 
 Sigma = Annotated[float, Field(ge=0, le=1e3)]
@@ -49,9 +50,6 @@ def error_sigma(sections: Any, path: Sequence[str]) -> float:
         return sections or 0.0
     return error_sigma(getattr(sections, path[0]), path[1:])
 
-
-FilterKind = Literal["auto", "ekf", "second-order", "robust", "paper", "ideal"]
-"""A name in syncplan.estimation.filters.FILTERS, or auto."""
 
 _Choice = Literal["auto", "all", "none"]
 
@@ -205,13 +203,11 @@ class Wind(Section):
 class Filter(Section):
     """Which filter runs, and what it has as states beside the poses."""
 
-    kind: FilterKind | None = Field(
+    kind: FilterChoice | None = Field(
         default=None,
-        description="The filter: ekf, the extended Kalman filter; second-order, which takes a "
-        "sighting's curvature for noise; robust, which looks for its start and begins again where "
-        "it is lost; paper, the paper's Algorithm 1; ideal, linearised at the truth, which shows "
-        "what is attainable. auto, the default, is ekf where the start-up index clears it and "
-        "robust where not",
+        description="The filter: "
+        + "; ".join(f"{name}, {one.phrase}" for name, one in FILTERS.items())
+        + f". {AUTO}, the default, is ekf where the start-up index clears it and robust where not",
         examples=["auto"],
     )
 

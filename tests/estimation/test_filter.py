@@ -14,6 +14,7 @@ import pytest
 
 from syncplan.arrays import Array
 from syncplan.estimation.correction_kernels import second_order_variance
+from syncplan.estimation.filter_options import lane_filter_of
 from syncplan.estimation.filter_setup import (
     BEARING_KIND,
     COMPASS_KIND,
@@ -28,7 +29,6 @@ from syncplan.estimation.filter_setup import (
     empty_statistics,
     start_of,
 )
-from syncplan.estimation.filters import FILTERS
 from syncplan.estimation.kernels import WIDE_UP_TO, has_compiled, kernel
 from syncplan.estimation.lane_filter import EXTENDED, IDEAL, LaneFilter, specimen
 from syncplan.estimation.reference_filter import (
@@ -43,6 +43,7 @@ from syncplan.estimation.trial_readings import TrialReadings
 from syncplan.orbits.error_states import layout_of
 from syncplan.orbits.noise import Noise
 from syncplan.runtime.machine import usable_cores
+from syncplan.scenario.filters import FILTERS
 from tests.tools.filter_scenes import (
     ALL,
     CHOICES,
@@ -210,7 +211,7 @@ def test_compiled_trials_are_those_of_the_plain_filter(
     given = unequal(given) if cut else given
     setup, lane, last = given.setup, 2, given.setup.samples
     # with a series, the covariance is brought to the present at every sample
-    x, P, found = filtered(given, FILTERS[name].lane_filter, with_series=with_series)
+    x, P, found = filtered(given, lane_filter_of(FILTERS[name]), with_series=with_series)
     plain = list((ideal_steps if name == "ideal" else extended_steps)(given, lane))
     end = plain[-1]
     np.testing.assert_allclose(x[:, lane], end.x, rtol=1e-6, atol=1e-8)

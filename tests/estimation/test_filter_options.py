@@ -3,7 +3,7 @@
 import inspect
 import json
 from dataclasses import asdict, fields
-from typing import Any, get_args
+from typing import Any
 
 import pytest
 from typer.main import get_command
@@ -14,10 +14,10 @@ from api.job_kinds.trial_jobs import ValidationRequest
 from syncplan.cli import command_line
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import FilterOptions, ValidationOptions, options_with
-from syncplan.estimation.filters import FILTERS, FOR_RECORDINGS
 from syncplan.reports.run_figures import FilterRecord
 from syncplan.reports.validation_report import validation_document
-from syncplan.scenario.disturbances import FilterKind
+from syncplan.scenario.disturbances import Filter
+from syncplan.scenario.filters import FILTERS, FOR_RECORDINGS
 from tests.tools.scenarios import example
 
 EVERY = FilterOptions(
@@ -132,7 +132,8 @@ def test_choices_everywhere_are_the_table_of_filters(run: Any) -> None:
     assert asked["enum"] == ["auto", *names]
     reported = FilterRecord.model_json_schema()["properties"]["kind"]["anyOf"][0]
     assert reported["enum"] == names
-    assert get_args(FilterKind) == ("auto", *names)
+    stated = Filter.model_json_schema()["properties"]["kind"]["anyOf"][0]
+    assert stated["enum"] == ["auto", *names]
     recorded = ReplayRequest.model_json_schema()["properties"]["filter"]["enum"]
     assert recorded == list(FOR_RECORDINGS) == names[:-1]
 

@@ -9,12 +9,12 @@ import pytest
 from syncplan.arrays import Array
 from syncplan.estimation.bounds import posterior_bound
 from syncplan.estimation.filter_options import FilterOptions
-from syncplan.estimation.filters import FILTERS
 from syncplan.estimation.montecarlo import run_trials
 from syncplan.estimation.pilot import pilot_squares
 from syncplan.estimation.pilot_readings import INSTANTS_A_TURN, thinned
 from syncplan.orbits.sightings import sample_sightings
 from syncplan.planning.planner import Plan, plan
+from syncplan.scenario.filters import FILTERS
 from tests.tools.scenarios import changed, example, small
 
 

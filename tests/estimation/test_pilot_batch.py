@@ -10,12 +10,12 @@ from syncplan.arrays import Array, Index
 from syncplan.estimation import pilot
 from syncplan.estimation.bounds import posterior_bound
 from syncplan.estimation.correction_kernels import second_order_variance
-from syncplan.estimation.filters import FILTERS
 from syncplan.estimation.pilot import _linear, _Path, batch_start, pilot_squares, pilot_work
 from syncplan.estimation.pilot_model import PilotFilter, Seen
 from syncplan.estimation.pilot_readings import PilotReadings, thinned
 from syncplan.estimation.start_search import ROUNDS, search_further
 from syncplan.planning.planner import plan
+from syncplan.scenario.filters import FILTERS
 from tests.tools.inner_kernels import called_alone
 from tests.tools.scenarios import changed
 

@@ -28,12 +28,12 @@ from syncplan.arrays import Array
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.bounds import posterior_bound
 from syncplan.estimation.filter_options import FilterOptions
-from syncplan.estimation.filters import FILTERS
 from syncplan.estimation.montecarlo import run_trials
 from syncplan.estimation.trial_readings import possible_sightings
 from syncplan.orbits.sightings import steps_within
 from syncplan.orbits.team import Team
 from syncplan.planning.planner import Plan, plan
+from syncplan.scenario.filters import FILTERS
 from syncplan.scenario.loading import scenario_from
 from tests.tools.scenario_draws import draw_document
 

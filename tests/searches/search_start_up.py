@@ -21,10 +21,10 @@ from functools import partial
 import numpy as np
 
 from syncplan.errors import InputError, NoSolutionError
-from syncplan.estimation.filters import AUTO, FILTERS
 from syncplan.planning.planner import Plan, plan
 from syncplan.planning.start_up import CLEARING_INDEX
 from syncplan.planning.validation import validate
+from syncplan.scenario.filters import AUTO, FILTERS
 from syncplan.scenario.loading import scenario_from
 from tests.tools.scenario_draws import draw_document
 

@@ -1,16 +1,13 @@
-"""The table of filters; command line, service and reports take their names from here.
+"""The table of filters; scenario, command line, service and reports take their names from here.
 
-A new filter is its kernel, as a LaneFilter in a module of this package, and a line of FILTERS.
+A new filter is its kernel, as a LaneFilter in a module of syncplan.estimation, and a line of
+FILTERS.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib import import_module
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal, TypeAlias
-
-if TYPE_CHECKING:
-    from syncplan.estimation.lane_filter import LaneFilter
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,15 +16,17 @@ class FilterModel:
 
     Attributes
     ----------
+    phrase : what it is, after its name
     sentence : what it does
     takes_substeps : whether it integrates by the sub-steps that are asked for
     second_order : whether sightings have second-order noise, see `second_order`
     finds_start : whether its covariance holds only when a period has passed, as it looks for its
         start until then
     needs_truth : whether it takes the true states of a trial: it does not run on recordings
-    kernel : where its LaneFilter is, a module of this package and a name in it
+    kernel : where its LaneFilter is, a module of syncplan.estimation and a name in it
     """
 
+    phrase: str
     sentence: str
     takes_substeps: bool = False
     second_order: bool = False
@@ -44,32 +43,32 @@ class FilterModel:
         """Return the number of Euler sub-steps in a sample, 0 for exact arcs."""
         return wanted if self.takes_substeps else 0
 
-    @property
-    def lane_filter(self) -> "LaneFilter":
-        """The compiled filter; loads numba."""
-        module, _, name = self.kernel.partition(".")
-        found: LaneFilter = getattr(import_module(f"syncplan.estimation.{module}"), name)
-        return found
-
 
 FILTERS: Mapping[str, FilterModel] = MappingProxyType(
     {
-        "ekf": FilterModel("Extended Kalman filter: takes sightings for linear at its estimate."),
+        "ekf": FilterModel(
+            "the extended Kalman filter",
+            "Extended Kalman filter: takes sightings for linear at its estimate.",
+        ),
         "second-order": FilterModel(
+            "which takes a sighting's curvature for noise",
             "Takes a sighting's curvature for further noise: from a start known to 5 m, none lost.",
             second_order=True,
         ),
         "robust": FilterModel(
+            "which looks for its start and begins again where it is lost",
             "Second-order for a period, then from the most likely start; begins again where lost.",
             second_order=True,
             finds_start=True,
             kernel="robust_filter.ROBUST",
         ),
         "paper": FilterModel(
+            "the paper's Algorithm 1",
             "The paper's Algorithm 1: extended, integrates its readings by Euler sub-steps.",
             takes_substeps=True,
         ),
         "ideal": FilterModel(
+            "linearised at the truth, which shows what is attainable",
             "Linearised at the truth, which only a simulation knows: what is attainable at best.",
             needs_truth=True,
             kernel="lane_filter.IDEAL",
