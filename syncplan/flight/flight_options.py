@@ -133,3 +133,18 @@ class FlightOptions(FilterOptions):
                 raise InputError(problem, key=name)
         if self.gate_probability is None and self.outliers + self.mistaken > 0.0:
             object.__setattr__(self, "gate_probability", DEFAULT_GATE)
+
+    @property
+    def conditions(self) -> list[str]:
+        """Faults of sightings and wind, in words; empty where nothing was asked for."""
+        shares = {
+            "of the sightings are lost on their way": self.dropout,
+            "of the bearings are false": self.outliers,
+            "of the sightings are of another vehicle, if one is in sight": self.mistaken,
+        }
+        found = [f"{100.0 * share:g} % {what}" for what, share in shares.items() if share]
+        if self.late:
+            found.append(f"sightings arrive {self.late} samples late")
+        if self.wind is not None:
+            found.append("the wind is {:g}, {:g} m/s".format(*self.wind))
+        return found

@@ -68,23 +68,7 @@ class FlightRun:
     @property
     def happenings(self) -> list[str]:
         """Events, faults of sightings and wind of the flight, in words."""
-        return [*self.events.sentences, *self.conditions]
-
-    @property
-    def conditions(self) -> list[str]:
-        """Faults of sightings and wind, in words; empty where nothing was asked for."""
-        options = self.options
-        shares = {
-            "of the sightings are lost on their way": options.dropout,
-            "of the bearings are false": options.outliers,
-            "of the sightings are of another vehicle, if one is in sight": options.mistaken,
-        }
-        found = [f"{100.0 * share:g} % {what}" for what, share in shares.items() if share]
-        if options.late:
-            found.append(f"sightings arrive {options.late} samples late")
-        if options.wind is not None:
-            found.append("the wind is {:g}, {:g} m/s".format(*options.wind))
-        return found
+        return [*self.events.sentences, *self.options.conditions]
 
     @property
     def events(self) -> FlightEvents:

@@ -489,7 +489,7 @@ def _of_truth(report: FlightDocument) -> Iterator[str]:
 
 def _of_conditions(flight: "Flight") -> Iterator[str]:
     """Notes on faults of sightings, and on losses."""
-    conditions = flight.run.conditions
+    conditions = flight.run.options.conditions
     if conditions:
         yield f"in every trial {listed(conditions, len(conditions))}"
     if flight.run.options.late:
