@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from syncplan.estimation.drawn_errors import DrawnErrors
 from syncplan.flight import truth
 from syncplan.flight.flight_setup import Eyes
 from syncplan.orbits.circles import position
@@ -13,6 +14,7 @@ from syncplan.orbits.sightings import sample_sightings
 from syncplan.planning.planner import plan
 from tests.tools.flown_trials import FlownTrials, flown
 from tests.tools.inner_kernels import called_alone
+from tests.tools.plain_truth import Sighting
 from tests.tools.scenarios import changed
 
 HORSESHOE = np.array(
@@ -67,6 +69,27 @@ def _quiet(name: str) -> dict[str, Any]:
         walks = {"position_random_walk_m_sqrt_s": 0.0, "angle_random_walk_rad_sqrt_s": 0.0}
         keys["motion"] = walks
     return keys
+
+
+def test_each_kind_of_sighting_is_shifted_by_its_own_errors(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    keys = {**QUIET, "sensor": {"range_sigma_m": 0.5}, "heading_sigma_rad": 0.1}
+    made = plan(changed("paper-grid-same", **keys), bound="never", pilot=False)
+    options: dict[str, Any] = {"duration": 10.0, "filter": "ekf", "guidance": "none"}
+    plain = flown(made, range(1), **options)
+    shifts = {"bearing": 0.1, "distance": 2.0, "compass": -0.2}
+    monkeypatch.setattr(DrawnErrors, "shifts", lambda _, kind: shifts[kind])
+    shifted = flown(made, range(1), **options)
+    assert _of(shifted) == _of(plain)
+    for before, after in zip(_sightings(plain), _sightings(shifted), strict=True):
+        expected = list(shifts.values())[before.kind]
+        assert after.reading - before.reading == pytest.approx(expected, abs=1e-9)
+    assert {one.kind for one in _sightings(plain)} == {0, 1, 2}
+
+
+def _sightings(found: FlownTrials) -> list[Sighting]:
+    return [one for step in found.sightings(0) for one in step]
 
 
 def test_what_hides_is_what_hides_on_the_plan() -> None:
