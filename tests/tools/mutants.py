@@ -5,8 +5,8 @@
 
 Prints each mutant with the test that killed it, or as a survivor, and the share that was killed.
 The same seed draws the same mutants of the same code. A mutant is killed where `make check`'s tests
-fail, those of its own package first, or take longer than --timeout s. Its copy of the checkout is
-thrown away; the interpreter is the one that runs this.
+fail, those of its own package first, or take longer than --timeout s; with --own, where those of
+its package do. Its copy of the checkout is thrown away; the interpreter is the one that runs this.
 """
 
 import argparse
@@ -87,16 +87,19 @@ def mutants_of(path: Path) -> Iterator[Mutant]:
             yield Mutant(path, begin, end, f"(not ({source[begin:end].decode()}))")
 
 
-def killer_of(mutant: Mutant, copy: Path, timeout_s: float) -> str:
+def killer_of(mutant: Mutant, copy: Path, timeout_s: float, own_only: bool) -> str:
     """Return the test that kills a mutant, "" for none; the file is as before afterwards."""
     path = copy / mutant.path
     before = path.read_bytes()
     path.write_bytes(before[: mutant.begin] + mutant.new.encode() + before[mutant.end :])
     own = copy / "tests" / ("service" if mutant.path.parts[0] == "api" else mutant.path.parts[1])
+    places = [str(own)] if own.is_dir() else []
+    if not (own_only and places):
+        places.append("tests")
     command = [sys.executable, "-m", "pytest", "-qx", "-m", "not long", "-p", "no:cacheprovider"]
     try:
         done = subprocess.run(
-            [*command, *([str(own)] if own.is_dir() else []), "tests"],
+            [*command, *places],
             cwd=copy,
             env={**os.environ, "PYTHONPATH": str(copy), "OPENBLAS_NUM_THREADS": "1"},
             capture_output=True,
@@ -118,6 +121,7 @@ def main() -> None:
     parser.add_argument("--number", type=int, default=400)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--timeout", type=float, default=1800.0)
+    parser.add_argument("--own", action="store_true", help="only the tests of a mutant's package")
     parser.add_argument("--checkout", type=Path, default=Path())
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
@@ -135,7 +139,7 @@ def main() -> None:
             source = (copy / mutant.path).read_bytes()
             line = source.count(b"\n", 0, mutant.begin) + 1
             old = source[mutant.begin : mutant.end].decode().strip()
-            killer = killer_of(mutant, copy, given.timeout)
+            killer = killer_of(mutant, copy, given.timeout, given.own)
             killed += bool(killer)
             fate = f"killed by {killer}" if killer else "SURVIVED"
             print(f"{mutant.path}:{line}: {old} -> {mutant.new.strip()}: {fate}", flush=True)
