@@ -389,10 +389,12 @@ class LaneFilter:
 
 
 def compile_steps(n: int) -> None:
-    """Compile what filters and flights of n vehicles have in common, in two processes."""
+    """Compile what filters and flights of n vehicles share, where it is not, in two processes."""
     run, (frame, work, _), lanes, x, P, step, _ = specimen(n)
-    with compiled_beside(f"{__name__}:compile_prediction", n):
-        compile_for(correct, x, P, step, run, x, WHOLE, frame, work, lanes)
+    given = (x, P, step, run, x, WHOLE, frame, work, lanes)
+    if not has_compiled(correct, given):
+        with compiled_beside(f"{__name__}:compile_prediction", n):
+            compile_for(correct, *given)
 
 
 def compile_prediction(n: int) -> None:

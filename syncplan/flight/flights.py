@@ -157,9 +157,11 @@ def compile_flights(team: FlownTeam) -> None:
     """Compile the kernels that a team's flights need, where they are not in memory or on disk."""
     n, solves = team.team.count, team.options.filter_model.finds_start
     if not flight_is_compiled(team):
-        further = "bound_and_solver" if solves else "bound"
         compile_steps(n)
-        with compiled_beside(f"syncplan.flight.flown_figures:compile_{further}", n):
+        # the solver takes as long as what flies: the bound is compiled after the first flights then
+        solver = "syncplan.estimation.batch_solution:compile_solver"
+        bound = "syncplan.flight.flown_figures:compile_bound"
+        with compiled_beside(solver if solves else bound, n):
             FlownLanes.begun(team, range(1), empty_statistics(1, team.size)).advance(1)
 
 

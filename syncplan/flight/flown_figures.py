@@ -21,7 +21,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
-from syncplan.estimation.batch_solution import compile_solver
 from syncplan.estimation.correction_kernels import (
     OFF,
     correct,
@@ -300,12 +299,6 @@ def compile_bound(n: int) -> None:
     squares, of_states, along = np.zeros((n, 1)), np.zeros((0, 1)), np.zeros((0, n, 1))
     counted = np.zeros((1, n), dtype=bool)
     bound_lanes(run, squares, of_states, counted, along, 1, scratch, lanes, *state)
-
-
-def compile_bound_and_solver(n: int) -> None:
-    """Compile the bound along paths, and what finds starts, of n vehicles."""
-    compile_bound(n)
-    compile_solver(n)
 
 
 def _settled(team: FlownTeam, ahead: Array) -> Array:
