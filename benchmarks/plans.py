@@ -25,15 +25,13 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks import Figure, print_figures
+from benchmarks.grids import GRIDS, grid_scenario
 from benchmarks.sides import Side, answer, served_side
 
 ROOT = Path(__file__).resolve().parents[1]
 
 # the library of the side that is measured: this checkout's, unless another is named
 sys.path.insert(0, str(served_side() or ROOT))
-
-GRIDS = {6: 3, 12: 4, 24: 6, 50: 10}
-"""Vehicles of each grid, and its columns."""
 
 REPEATS = {6: 21, 12: 11, 24: 7, 50: 3}
 
@@ -56,19 +54,10 @@ SHARE_TARGET = 0.5
 
 def _scenario(count: int) -> dict[str, Any]:
     return {
+        **grid_scenario(count),
         "name": f"grid-{count}",
-        "orbit": {"radius_m": 20.0, "angular_rate_rad_s": 0.2, "first_phase_rad": 0.3},
-        "formation": {
-            "shape": "grid",
-            "count": count,
-            "columns": GRIDS[count],
-            "spacing_m": 70.0,
-        },
-        "landmarks_m": [[-40.0, 0.0], [-40.0, 70.0]],
-        "sensor": {"range_m": 50.0, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1},
         "motion": {"speed_sigma_mps": 0.1, "turn_rate_sigma_rad_s": 0.01},
         "initial_sigma": {"position_m": 5.0, "heading_rad": 0.1},
-        "duration_s": 200.0,
     }
 
 

@@ -21,6 +21,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks import Figure, print_figures
+from benchmarks.grids import grid_scenario
 from syncplan.estimation import covariances
 from syncplan.estimation.bounds import posterior_bound
 from syncplan.estimation.considered_errors import expected_errors
@@ -32,8 +33,8 @@ from syncplan.planning.planner import plan
 from syncplan.runtime.machine import single_threaded_blas
 from syncplan.scenario.loading import scenario_from
 
-GRIDS = {6: 3, 12: 4, 24: 6}
-"""Vehicles of each grid, and its columns."""
+COUNTS = (6, 12, 24)
+"""Vehicles of each grid."""
 
 DURATION_S, STEPS, REPEATS = 200.0, 2000, 5
 AGREEMENT = 1e-9
@@ -51,21 +52,10 @@ LABELS = {
 
 
 def _scenario(count: int) -> dict[str, Any]:
+    shared = grid_scenario(count)
     return {
-        "orbit": {"radius_m": 20.0, "angular_rate_rad_s": 0.2, "first_phase_rad": 0.3},
-        "formation": {
-            "shape": "grid",
-            "count": count,
-            "columns": GRIDS[count],
-            "spacing_m": 70.0,
-        },
-        "landmarks_m": [[-40.0, 0.0], [-40.0, 70.0]],
-        "sensor": {
-            "range_m": 50.0,
-            "bearing_sigma_rad": 0.1,
-            "sample_time_s": 0.1,
-            "bearing_bias_sigma_rad": 0.02,
-        },
+        **shared,
+        "sensor": {**shared["sensor"], "bearing_bias_sigma_rad": 0.02},
         "motion": {"speed_scale_sigma": 0.02, "turn_rate_bias_sigma_rad_s": 0.005},
         "wind": {"sigma_mps": 1.0, "gust_sigma_mps": 0.2},
         "duration_s": DURATION_S,
@@ -99,7 +89,7 @@ def main() -> dict[tuple[int, str], float]:
     Raises RuntimeError where the recursions disagree.
     """
     found: dict[tuple[int, str], float] = {}
-    for count in GRIDS:
+    for count in COUNTS:
         made = plan(scenario_from(_scenario(count)), bound="never")
         works = _works(made.team, made.windows)
         narrow, wide = (works[name]().position_variance for name in ("poses", "none"))

@@ -1,12 +1,15 @@
 """Fixtures that several test files use, and how many cases properties are tested on."""
 
+import json
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
 
 from syncplan.cli import command_line
+from tests.tools.scenarios import document
 from tests.tools.serving import Postgres, own_postgres
 
 # The first is for `make check`: the same few cases each time, however busy the machine is.
@@ -44,6 +47,42 @@ def run(capsys: pytest.CaptureFixture[str]) -> Any:
         return stopped.value.code, out, err
 
     return call
+
+
+@pytest.fixture
+def printed(run: Any) -> Any:
+    """Call the command line, which must succeed with status 0: standard output."""
+
+    def call(*arguments: str) -> str:
+        status, out, err = run(*arguments)
+        assert status == 0, err
+        return str(out)
+
+    return call
+
+
+@pytest.fixture
+def refused(run: Any) -> Any:
+    """Call the command line, which must refuse with status 2: standard error."""
+
+    def call(*arguments: str) -> str:
+        status, out, err = run(*arguments)
+        assert (status, out) == (2, "")
+        return str(err)
+
+    return call
+
+
+@pytest.fixture
+def written(tmp_path: Path) -> Any:
+    """Write a small scenario with changes to a file and return its name."""
+
+    def write(**changes: Any) -> str:
+        path = tmp_path / "scenario.json"
+        path.write_text(json.dumps(document(**changes)))
+        return str(path)
+
+    return write
 
 
 @pytest.fixture(scope="session")

@@ -188,12 +188,6 @@ def count_recordings(connection: Connection, owner: str) -> int:
     return connection.execute(query).scalar_one()
 
 
-def recording_data(connection: Connection, recording_id: str) -> bytes | None:
-    """Return the bytes of a recording, or None where it is gone."""
-    query = select(recordings.c.data).where(recordings.c.id == recording_id)
-    return connection.execute(query).scalar()
-
-
 def delete_recording(connection: Connection, owner: str, recording_id: str) -> bool:
     """Delete an owner's recording unless a job still needs it; return whether it is gone."""
     mine = (recordings.c.id == recording_id) & (recordings.c.owner == owner)

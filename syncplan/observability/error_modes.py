@@ -87,11 +87,6 @@ class ExtendedObservability:
         """Whether every position and heading is determined, whatever the errors are."""
         return bool(self.determined[: 3 * self.layout.count].all())
 
-    def determined_of(self, name: str) -> Flags:
-        """Return (n,) whether each vehicle's error is determined; so is one that it has not."""
-        columns = self.layout.columns[name]
-        return np.asarray((self.determined[columns] | (columns < 0)).all(axis=1))
-
 
 def assess_extended(
     assessed: Assessment, names: Sequence[str] | None = None

@@ -1,4 +1,4 @@
-"""Graphs of the team: who sees whom (the RPMG), its union, colourings, cycles and trees."""
+"""Graphs of the team: colourings, cycles, trees and drawings."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
@@ -6,33 +6,11 @@ from typing import Any
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.orbits.contacts import Windows
 
 Edge = tuple[int, int]
 
 _LARGEST_ENERGY_DRAWING = 120
 """Most vertices that Kamada-Kawai, cubic in their number, is asked to draw."""
-
-
-def union_over(windows: Windows, period: float, start: float, length: float) -> Any:
-    """Return the union of the RPMG over [start, start + length] s as a directed networkx graph.
-
-    The relative position measurement graph has an edge i -> j where i sees j; nodes from the number
-    of vehicles on are landmarks. A length of 0 gives the graph at that instant.
-    """
-    import networkx as nx
-
-    pair = np.repeat(np.arange(len(windows.observers)), np.diff(windows.first))
-    span = windows.ends - windows.starts
-    since = (start - windows.starts) % period
-    met = (since <= span) | (since + length >= period) | (span >= period)
-    graph = nx.DiGraph()
-    graph.add_nodes_from(int(k) for k in np.union1d(windows.observers, windows.targets))
-    chosen = pair[met]
-    graph.add_edges_from(
-        zip(windows.observers[chosen].tolist(), windows.targets[chosen].tolist(), strict=True)
-    )
-    return graph
 
 
 def two_colouring(count: int, edges: Iterable[Edge]) -> list[int] | None:

@@ -13,6 +13,8 @@ from tests.tools.processes import family, memory_given_back, wait_until
 from tests.tools.scenarios import document, shared_circles
 from tests.tools.serving import QUICK, Server
 
+pytestmark = pytest.mark.long
+
 FLOOD = 60
 
 
@@ -30,7 +32,6 @@ def narrow(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
         yield one
 
 
-@pytest.mark.long
 def test_an_owner_with_many_requests_delays_another_by_one(
     server: Server, ann: httpx2.Client
 ) -> None:
@@ -45,7 +46,6 @@ def test_an_owner_with_many_requests_delays_another_by_one(
         assert answered(flood) < FLOOD // 2
 
 
-@pytest.mark.long
 def test_an_owner_has_a_limited_number_of_requests_and_leaves_room_for_others(
     narrow: Server,
 ) -> None:
@@ -63,7 +63,6 @@ def test_an_owner_has_a_limited_number_of_requests_and_leaves_room_for_others(
             assert eve.get("/v1/plans").status_code == 200
 
 
-@pytest.mark.long
 def test_an_owner_stores_a_limited_number_of_plans_until_they_expire(narrow: Server) -> None:
     with speaking(narrow, "lea") as lea, speaking(narrow, "eve") as eve:
         answers = [lea.post("/v1/plans", json=document()) for _ in range(4)]
@@ -76,7 +75,6 @@ def test_an_owner_stores_a_limited_number_of_plans_until_they_expire(narrow: Ser
         wait_until(lambda: lea.get("/v1/plans").json()["items"] == [])
 
 
-@pytest.mark.long
 def test_a_request_is_given_up_on_time_though_it_waited(tmp_path: Path) -> None:
     limit = 6.0
     with (
@@ -97,7 +95,6 @@ def test_a_request_is_given_up_on_time_though_it_waited(tmp_path: Path) -> None:
         assert answer.status_code in {422, 503}
 
 
-@pytest.mark.long
 def test_what_clients_who_went_away_asked_for_is_not_computed(
     server: Server, ann: httpx2.Client
 ) -> None:

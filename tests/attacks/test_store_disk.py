@@ -17,6 +17,8 @@ from tests.tools.scenarios import document
 from tests.tools.serving import Postgres, free_port, own_postgres
 from tests.tools.survival import Site, quick, refinement, validation
 
+pytestmark = pytest.mark.long
+
 
 def see_only_reads_served(site: Site, plan_id: str, *statuses: int) -> None:
     """Fail unless nothing can be stored and readiness says so, and what is stored can be read."""
@@ -49,7 +51,6 @@ def see_all_served(site: Site) -> None:
     site.see_all_done()
 
 
-@pytest.mark.long
 def test_readiness_says_that_nothing_can_be_stored(tmp_path: Path) -> None:
     with quick(tmp_path) as site:
         server = site.serve()
@@ -59,7 +60,6 @@ def test_readiness_says_that_nothing_can_be_stored(tmp_path: Path) -> None:
         see_all_served(site)
 
 
-@pytest.mark.long
 def test_readiness_says_that_postgresql_is_read_only(tmp_path: Path, postgres: Postgres) -> None:
     address = postgres.new_database()
     name = address.rpartition("/")[2]
@@ -85,7 +85,6 @@ def test_readiness_says_that_postgresql_is_read_only(tmp_path: Path, postgres: P
         see_all_served(site)
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(("ended", "worker"), [("killed", "--worker"), ("stopped", "--no-worker")])
 def test_a_restart_on_a_full_disk_serves_what_is_stored(
     tmp_path: Path, ended: Literal["killed", "stopped"], worker: str
@@ -116,7 +115,6 @@ def test_a_restart_on_a_full_disk_serves_what_is_stored(
         see_all_served(site)
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("kind", ["sqlite", "postgresql"])
 def test_jobs_that_a_full_disk_meets_wait_until_there_is_room(tmp_path: Path, kind: str) -> None:
     with contextlib.ExitStack() as opened:

@@ -1,8 +1,6 @@
 """Tables in narrow terminals: whole columns go, in the order declared, and no number is cut."""
 
 import io
-import json
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -11,7 +9,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from syncplan.cli.fitted_tables import FittedTable
-from tests.tools.scenarios import FILES, document
+from tests.tools.scenarios import FILES, circling
 
 GRID = str(FILES / "paper-grid-same.yaml")
 
@@ -99,13 +97,12 @@ def test_commands_cut_no_number(
 
 
 def test_a_plan_shows_speeds_and_a_pipe_takes_all_columns(
-    run: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    run: Any, written: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("COLUMNS", raising=False)
-    scenario = tmp_path / "s.json"
-    orbit = {"radius_m": [20.0, 15.0], "angular_rate_rad_s": 0.2}
-    scenario.write_text(json.dumps(document(orbit=orbit)))
-    out = run("plan", str(scenario), "--format", "table")[1]
+    orbit = circling(radius_m=[20.0, 15.0])
+    scenario = written(orbit=orbit)
+    out = run("plan", scenario, "--format", "table")[1]
     head = next(line for line in out.splitlines() if line.startswith(" vehicle"))
     at = slice(head.index("speed m/s"), head.index("speed m/s") + len("speed m/s"))
     rows = [line for line in out.splitlines() if line.startswith((" v1 ", " v2 "))]
@@ -113,9 +110,8 @@ def test_a_plan_shows_speeds_and_a_pipe_takes_all_columns(
     assert "not shown" not in out
 
 
-def test_rows_beyond_the_limit_are_counted_below(run: Any, tmp_path: Path) -> None:
-    scenario = tmp_path / "s.json"
+def test_rows_beyond_the_limit_are_counted_below(run: Any, written: Any) -> None:
     formation = {"shape": "line", "count": 42, "spacing_m": 70}
-    scenario.write_text(json.dumps(document(formation=formation, duration_s=10)))
-    out = run("plan", str(scenario), "--bound", "never", "--format", "table")[1]
+    scenario = written(formation=formation, duration_s=10)
+    out = run("plan", scenario, "--bound", "never", "--format", "table")[1]
     assert "... and 2 more rows (see the JSON)" in out

@@ -22,12 +22,10 @@ def test_wind_faster_than_the_vehicles_is_no_go(run: Any, command: tuple[str, ..
     assert "NO-GO: 1 reason: over-limit (--require-go)" in err
 
 
-def test_a_meeting_that_nobody_needs_warns_with_its_cost(run: Any) -> None:
+def test_a_meeting_that_nobody_needs_warns_with_its_cost(printed: Any) -> None:
     file = str(HARD / "grazing-landmark.json")
     options = ("--dropout", "0.2", "--trials", "40", "--seed", "3", "--threads", "1")
-    status, out, _ = run("fly", file, *options, "--require-go")
-    assert status == 0
-    verdict = json.loads(out)["verdict"]
+    verdict = json.loads(printed("fly", file, *options, "--require-go"))["verdict"]
     assert verdict["go"]
     (found,) = (one for one in verdict["findings"] if one["code"] == "meetings-missed")
     assert found["level"] == "warning"
@@ -36,16 +34,14 @@ def test_a_meeting_that_nobody_needs_warns_with_its_cost(run: Any) -> None:
 
 
 def test_a_start_known_worse_than_vehicles_are_apart_warns_and_names_fly(
-    run: Any, tmp_path: Path
+    printed: Any, tmp_path: Path
 ) -> None:
     for position, heading, warned in ((5.0, 0.1, False), (30.0, 0.6, True)):
         file = tmp_path / f"{position:g}.json"
         values = json.loads((HARD / "grazing-landmark.json").read_text())
         values["initial_sigma"] = {"position_m": position, "heading_rad": heading}
         file.write_text(json.dumps(values))
-        status, out, _ = run("plan", str(file), "--require-go")
-        assert status == 0
-        found = json.loads(out)["verdict"]["findings"]
+        found = json.loads(printed("plan", str(file), "--require-go"))["verdict"]["findings"]
         starts = [one for one in found if one["code"] == "start-uncertain"]
         assert len(starts) == warned
         for one in starts:
@@ -53,9 +49,7 @@ def test_a_start_known_worse_than_vehicles_are_apart_warns_and_names_fly(
             assert "fly" in one["cure"]["text"]
 
 
-def test_calm_examples_carry_no_warning_of_wind_or_room(run: Any) -> None:
+def test_calm_examples_carry_no_warning_of_wind_or_room(printed: Any) -> None:
     for name in ("paper-grid-same", "windy-grid", "triangle-lattice"):
-        status, out, _ = run("plan", str(FILES / f"{name}.yaml"))
-        assert status == 0
-        found = json.loads(out)["verdict"]["findings"]
+        found = json.loads(printed("plan", str(FILES / f"{name}.yaml")))["verdict"]["findings"]
         assert [one["code"] for one in found if one["level"] == "warning"] == []

@@ -45,13 +45,11 @@ def chosen(run: Any, subject: Path, target: Path) -> dict[str, Any]:
 
 @pytest.mark.long
 def test_the_next_command_takes_the_scenario_and_finds_the_plan_of_the_choice(
-    run: Any, survey: Path, tmp_path: Path
+    run: Any, printed: Any, survey: Path, tmp_path: Path
 ) -> None:
     target = tmp_path / "chosen.yaml"
     report = chosen(run, survey, target)
-    status, out, _ = run("plan", str(target))
-    assert status == 0
-    plan = json.loads(out)
+    plan = json.loads(printed("plan", str(target)))
     assert set(plan["scenario"]["landmarks_m"]) == {"L1", *report["chosen"]}
     for key in ("vehicles", "landmark_links", "observability", "verdict", "predicted_rms_m"):
         assert plan[key] == report["plan"][key]
@@ -98,11 +96,9 @@ def test_centres_that_were_found_are_written_with_the_landmarks(run: Any, tmp_pa
     assert [[*place] for place in load_scenario(target).centers] == stated
 
 
-def test_what_was_read_is_not_written_over(run: Any, survey: Path) -> None:
+def test_what_was_read_is_not_written_over(refused: Any, survey: Path) -> None:
     sites = survey.with_name("sites.yaml")
     for target in (survey, sites):
         options = ("--candidates", str(sites), "--choose", "1", "--scenario-out", str(target))
-        status, _, err = run("landmarks", str(survey), *options)
-        assert status == 2
-        assert "is the file that is read" in err
+        assert "is the file that is read" in refused("landmarks", str(survey), *options)
     assert survey.read_text() == SCENARIO

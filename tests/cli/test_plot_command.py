@@ -23,7 +23,7 @@ from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.figures import specs_of
 from tests.tools.image_browser import BROWSER, needs_browser
 from tests.tools.processes import PATIENCE_S
-from tests.tools.scenarios import FILES, document, small
+from tests.tools.scenarios import FILES, circling, document, small
 
 GRID = str(FILES / "paper-grid-alternate.yaml")
 
@@ -107,12 +107,10 @@ def test_the_same_file_gives_the_same_page(run: Run) -> None:
     assert one.startswith("<!DOCTYPE html>")
 
 
-def test_names_in_a_page_can_break_out_of_nothing(run: Run, tmp_path: Path) -> None:
+def test_names_in_a_page_can_break_out_of_nothing(run: Run, written: Any) -> None:
     odd = "</script><script>alert(1)</script>"
-    values = document(name=odd, formation={"centers_m": {odd: [0, 0], "b": [70, 0]}})
-    source = tmp_path / "odd.json"
-    source.write_text(json.dumps(values))
-    _, out, _ = run("plot", str(source))
+    source = written(name=odd, formation={"centers_m": {odd: [0, 0], "b": [70, 0]}})
+    _, out, _ = run("plot", source)
     assert odd not in out
     assert "<script>alert" not in out
 
@@ -132,37 +130,36 @@ def test_a_plan_file_and_its_scenario_give_the_same_page(run: Run, tmp_path: Pat
     assert run("plot", str(made))[1] == run("plot", GRID)[1]
 
 
-def test_standard_input_is_read_for_a_dash(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_standard_input_is_read_for_a_dash(printed: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     given = io.TextIOWrapper(io.BytesIO(json.dumps(document()).encode()))
     monkeypatch.setattr(sys, "stdin", given)
-    status, out, _ = run("plot", "-")
-    assert status == 0
-    assert "formation" in _page(out).values
+    assert "formation" in _page(printed("plot", "-")).values
 
 
-def test_reports_and_sweeps_are_known_by_what_they_hold(run: Run, tmp_path: Path) -> None:
+def test_reports_and_sweeps_are_known_by_what_they_hold(
+    run: Run, refused: Any, tmp_path: Path
+) -> None:
     report, swept = str(tmp_path / "report.json"), str(tmp_path / "sweep.json")
     short = ("--trials", "3", "--duration", "3")
     assert run("validate", GRID, *short, "--series", "-o", report)[0] == 0
     assert run("sweep", GRID, "--angular-rate", "0.2,0.4", *short, "-o", swept)[0] == 0
     assert list(_page(run("plot", report)[1]).values) == ["accuracy", "errors", "consistency"]
     assert list(_page(run("plot", swept)[1]).values) == ["sweep"]
-    status, _, err = run("plot", report, "--figure", "formation")
-    assert status == 2
+    err = refused("plot", report, "--figure", "formation")
     assert "--figure: 'formation': this file has no such figure; choose from accuracy" in err
     assert run("plot", report, "--compare", GRID)[0] == 2
 
 
 @pytest.mark.long
-def test_a_refined_plan_file_keeps_its_before_and_after(run: Run, tmp_path: Path) -> None:
+def test_a_refined_plan_file_keeps_its_before_and_after(
+    run: Run, written: Any, tmp_path: Path
+) -> None:
     better = tmp_path / "better.json"
-    scenario = tmp_path / "scenario.json"
-    changed = document(landmarks_m=[[30.0, 0.0], [40.0, 10.0]], duration_s=40.0)
-    changed["orbit"]["direction"] = "alternate"
-    scenario.write_text(json.dumps(changed))
-    refined = ("refine", str(scenario), "--objective", "logdet", "--starts", "1")
+    orbit = circling(direction="alternate")
+    scenario = written(orbit=orbit, landmarks_m=[[30.0, 0.0], [40.0, 10.0]], duration_s=40.0)
+    refined = ("refine", scenario, "--objective", "logdet", "--starts", "1")
     assert run(*refined, "--processes", "1", "-o", str(better))[0] == 0
-    page = _page(run("plot", str(better), "--compare", str(scenario))[1])
+    page = _page(run("plot", str(better), "--compare", scenario)[1])
     assert {"refinement", "comparison"} <= set(page.values)
     stated = json.loads(better.read_text())["refinement"]["before"]["least_distance_m"]
     before = next(t for t in page.values["refinement"]["data"] if t["uid"] == "before")
@@ -189,40 +186,35 @@ def test_a_refined_plan_file_keeps_its_before_and_after(run: Run, tmp_path: Path
     ],
 )
 def test_what_can_not_be_drawn_is_said_in_one_line(
-    run: Run,
+    refused: Any,
     arguments: tuple[str, ...],
     reported: str,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    status, out, err = run("plot", GRID, *arguments)
-    assert (status, out) == (2, "")
+    err = refused("plot", GRID, *arguments)
     assert reported in err
     assert err.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
 
 
-def test_at_a_terminal_a_file_is_asked_for(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_at_a_terminal_a_file_is_asked_for(refused: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
-    status, out, err = run("plot", GRID)
-    assert (status, out) == (2, "")
-    assert "--output: give the file to write, such as -o figures.html" in err
+    assert "--output: give the file to write, such as -o figures.html" in refused("plot", GRID)
 
 
-def test_a_damaged_report_is_refused_by_file_and_key(run: Run, tmp_path: Path) -> None:
+def test_a_damaged_report_is_refused_by_file_and_key(
+    run: Run, refused: Any, tmp_path: Path
+) -> None:
     report = tmp_path / "report.json"
     assert run("validate", GRID, "--trials", "2", "--duration", "2", "-o", str(report))[0] == 0
     values = json.loads(report.read_text())
     values["vehicles"][1]["rms_m"] = "much"
     report.write_text(json.dumps(values))
-    status, _, err = run("plot", str(report))
-    assert status == 2
-    assert f"{report}: vehicles[1].rms_m" in err
+    assert f"{report}: vehicles[1].rms_m" in refused("plot", str(report))
     report.write_text(json.dumps({"swept": "orbit.radius_m", "rows": []}))
-    status, _, err = run("plot", str(report))
-    assert status == 2
-    assert f"{report}: rows" in err
+    assert f"{report}: rows" in refused("plot", str(report))
 
 
 def test_a_plan_is_not_written_over(run: Run, tmp_path: Path) -> None:
@@ -234,7 +226,7 @@ def test_a_plan_is_not_written_over(run: Run, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("missing", ["plotly", "kaleido"])
 def test_a_missing_extra_is_named(
-    run: Run, missing: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    refused: Any, missing: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     real = importlib.util.find_spec
     monkeypatch.setattr(
@@ -245,14 +237,11 @@ def test_a_missing_extra_is_named(
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, missing, None)
     target = tmp_path / "plan.png"
-    status, _, err = run("plot", GRID, "-o", str(target))
-    assert status == 2
+    err = refused("plot", GRID, "-o", str(target))
     assert f"needs {missing}: pip install 'syncplan[plot]'" in err
     assert not target.exists()
     if missing == "plotly":
-        status, out, err = run("plot", GRID)
-        assert (status, out) == (2, "")
-        assert "needs plotly: pip install 'syncplan[plot]'" in err
+        assert "needs plotly: pip install 'syncplan[plot]'" in refused("plot", GRID)
         with pytest.raises(InputError, match="needs plotly"):
             figures.formation(plan(small()))
 
@@ -272,12 +261,11 @@ def test_values_of_figures_need_no_plotly() -> None:
 
 
 def test_without_a_browser_the_remedy_is_named(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    refused: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("BROWSER_PATH", str(tmp_path / "none"))
     target = tmp_path / "plan.svg"
-    status, _, err = run("plot", GRID, "-o", str(target))
-    assert status == 2
+    err = refused("plot", GRID, "-o", str(target))
     assert "needs Chrome or Chromium" in err
     assert err.count("\n") == 1
     assert not target.exists()
@@ -384,14 +372,12 @@ def test_an_image_has_the_colours_of_its_theme(run: Run, tmp_path: Path) -> None
 
 
 def test_none_of_several_images_is_written_over_what_they_are_made_from(
-    run: Run, tmp_path: Path
+    refused: Any, tmp_path: Path
 ) -> None:
     source = tmp_path / "plan-spectrum.svg"
     source.write_text(json.dumps(document()))
     asked = ("--figure", "formation", "--figure", "spectrum", "-o", str(tmp_path / "plan.svg"))
-    status, _, err = run("plot", str(source), *asked)
-    assert status == 2
-    assert "is the file that is read" in err
+    assert "is the file that is read" in refused("plot", str(source), *asked)
     assert list(tmp_path.iterdir()) == [source]
 
 

@@ -25,6 +25,7 @@ from tests.tools.serving import (
     ROOT,
     Process,
     Server,
+    environment,
     free_port,
     open_server,
     running,
@@ -35,12 +36,6 @@ GRID = FILES / "paper-grid-same.yaml"
 KEY = "0123456789abcdef"
 LEFT = {"syncplan.db", "syncplan.db-reserve"}
 """Files of an embedded database that nobody uses: no log that is still to be written back."""
-
-
-def environment(**settings: str) -> dict[str, str]:
-    """The environment without settings of the service, but for those given."""
-    kept = {key: value for key, value in os.environ.items() if not key.startswith("SYNCPLAN_")}
-    return {**kept, **settings}
 
 
 def command(
@@ -72,9 +67,8 @@ def refused(done: "subprocess.CompletedProcess[str]") -> str:
 
 
 @pytest.mark.parametrize("name", ["serve", "worker"])
-def test_help_ends_with_an_example(run: Any, name: str) -> None:
-    status, out, _ = run(name, "--help")
-    assert status == 0
+def test_help_ends_with_an_example(printed: Any, name: str) -> None:
+    out = printed(name, "--help")
     example = " ".join(out[out.index("Example: SYNCPLAN_") :].split())
     assert example.partition(" --port")[0].endswith(f" syncplan {name}")
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.tools.scenarios import FILES, document
+from tests.tools.scenarios import FILES
 
 GRID = str(FILES / "paper-grid-same.yaml")
 ALTERNATE = str(FILES / "paper-grid-alternate.yaml")
@@ -57,11 +57,9 @@ def test_plot_says_the_verdict_first_and_its_page_shows_it(run: Any, tmp_path: P
     assert "<strong>after: GO</strong>" in out
 
 
-def test_what_is_observable_and_collides_is_no_go(run: Any, tmp_path: Path) -> None:
-    scenario = tmp_path / "masts.json"
-    landmarks = [[20.5, 0.0], [70.0, 60.0], [0.0, 60.0]]
-    scenario.write_text(json.dumps(document(landmarks_m=landmarks)))
-    status, out, err = run("plan", str(scenario), "--require-observable", "--require-go")
+def test_what_is_observable_and_collides_is_no_go(run: Any, written: Any) -> None:
+    scenario = written(landmarks_m=[[20.5, 0.0], [70.0, 60.0], [0.0, 60.0]])
+    status, out, err = run("plan", scenario, "--require-observable", "--require-go")
     assert status == 3
     assert "NO-GO: 1 reason: landmark-too-close (--require-go)" in err
     assert "--require-observable" not in err
@@ -112,12 +110,13 @@ def test_a_plan_file_is_judged_again_with_its_own_orbits(run: Any, tmp_path: Pat
     assert again["links"][0]["phase_residual_rad"] != first["links"][0]["phase_residual_rad"]
 
 
-def test_notes_on_how_a_plan_was_found_survive_its_export(run: Any, tmp_path: Path) -> None:
-    scenario, plan, folder = tmp_path / "s.json", tmp_path / "plan.json", tmp_path / "files"
+def test_notes_on_how_a_plan_was_found_survive_its_export(
+    run: Any, written: Any, tmp_path: Path
+) -> None:
+    plan, folder = tmp_path / "plan.json", tmp_path / "files"
     star = {"links": [["v1", f"v{k}"] for k in range(2, 5)]}
-    landmarks = [[60.0, 0.0], [0.0, 60.0]]
-    scenario.write_text(json.dumps(document(formation=star, landmarks_m=landmarks)))
-    assert run("plan", str(scenario), "-o", str(plan))[0] == 0
+    scenario = written(formation=star, landmarks_m=[[60.0, 0.0], [0.0, 60.0]])
+    assert run("plan", scenario, "-o", str(plan))[0] == 0
     assert run("export", str(plan), "--format", "csv", "-o", str(folder), "--force")[0] == 0
     (sidecar,) = folder.glob("*.sync.json")
     first = json.loads(plan.read_text())["verdict"]
@@ -125,7 +124,9 @@ def test_notes_on_how_a_plan_was_found_survive_its_export(run: Any, tmp_path: Pa
     assert json.loads(sidecar.read_text())["verdict"] == first
 
 
-def test_what_is_neither_plan_nor_scenario_is_called_by_its_name(run: Any, tmp_path: Path) -> None:
+def test_what_is_neither_plan_nor_scenario_is_called_by_its_name(
+    run: Any, refused: Any, tmp_path: Path
+) -> None:
     report, swept, folder = (tmp_path / name for name in ("report.json", "sweep.json", "files"))
     short = ("--trials", "2", "--duration", "2")
     assert run("validate", GRID, *short, "-o", str(report))[0] == 0
@@ -135,6 +136,5 @@ def test_what_is_neither_plan_nor_scenario_is_called_by_its_name(run: Any, tmp_p
     assert "is the sidecar of an export" in run("plan", str(sidecar))[2]
     for given, called in ((report, "a validation report"), (swept, "a report of a sweep")):
         for command in (("plan",), ("validate",), ("place",), ("plot", GRID, "--compare")):
-            status, _, err = run(*command, str(given))
-            assert status == 2
+            err = refused(*command, str(given))
             assert f"{given}: is {called} where a scenario or a plan is wanted; give the" in err

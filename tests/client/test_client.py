@@ -25,7 +25,7 @@ from syncplan.reports.validation_report import sweep_document, validation_docume
 from syncplan.runtime.files import as_text
 from tests.tools.api_servers import key_of, serving, speaking
 from tests.tools.processes import PATIENCE_S
-from tests.tools.scenarios import document, example, small
+from tests.tools.scenarios import circling, document, example, small
 from tests.tools.serving import Server, free_port
 
 KEY = key_of("ann")
@@ -250,9 +250,7 @@ def test_what_the_service_refuses_is_an_input_error_with_its_faults(
 
 def test_a_scenario_without_solution_is_the_librarys_error(client: Client) -> None:
     star = {"links": [["v1", f"v{k}"] for k in range(2, 9)]}
-    given = document(
-        formation=star, orbit={"radius_m": 50.0, "angular_rate_rad_s": 0.2}, sensor=SHORT
-    )
+    given = document(formation=star, orbit=circling(radius_m=50.0), sensor=SHORT)
     with pytest.raises(syncplan.NoSolutionError, match="at most 6 fit round it"):
         client.plan(given)
 

@@ -232,7 +232,7 @@ def _given(chosen: ReplaySettings) -> dict[str, Any]:
 
 
 def test_a_fit_that_is_no_better_is_refused_and_said_to_be(
-    white: Log, tmp_path: Path, run: Any
+    white: Log, tmp_path: Path, printed: Any
 ) -> None:
     words = (
         *("--tune", "--no-distances", "--speed-scale-sigma", "0"),
@@ -241,9 +241,7 @@ def test_a_fit_that_is_no_better_is_refused_and_said_to_be(
         *("--turn-rate-sigma-rad-s", "0.05", "--window-s", "0"),
     )
     folder = write_csv(white, tmp_path / "white")
-    status, out, _ = run("replay", str(folder), *words)
-    assert status == 0
-    report = json.loads(out)
+    report = json.loads(printed("replay", str(folder), *words))
     # what was given is true: no fit can be better
     assert report["tuning"]["accepted"] is False
     assert (
@@ -254,7 +252,7 @@ def test_a_fit_that_is_no_better_is_refused_and_said_to_be(
     assert report["tuning"]["after"]["bearing_sigma_rad"] != 0.05
     refused = "the fit is refused, the rest runs with those that were given: with it, sightings of"
     assert any(note.startswith(refused) for note in report["notes"])
-    status, out, _ = run("replay", str(folder), *words, "--format", "table")
+    out = printed("replay", str(folder), *words, "--format", "table")
     assert "fitted to the first 39.9 s, and refused" in " ".join(out.split())
     assert "bearing_sigma_rad" in out
 

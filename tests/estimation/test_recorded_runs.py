@@ -23,6 +23,7 @@ from syncplan.orbits.noise import Noise
 from syncplan.recordings.log import Log, RobotLog
 from syncplan.recordings.recording_formats import load_log
 from syncplan.reports.replay_report import replay_document
+from tests.searches.search_recording import after_a_minute
 from tests.tools.recordings import Recipe, write_recording
 
 ODD = Recipe(jitter=0.8, speed_sigma=0.1, turn_rate_sigma=0.02, bearing_sigma=0.02)
@@ -119,7 +120,7 @@ def test_a_start_drawn_about_the_truth_is_found_again(log: Log) -> None:
     assert (sure.noise.position_sigma, sure.noise.heading_sigma) == (5.0, 0.5)
 
 
-def test_a_start_that_is_given_is_taken(log: Log, tmp_path: Path, run: Any) -> None:
+def test_a_start_that_is_given_is_taken(log: Log, tmp_path: Path, printed: Any) -> None:
     truth = true_poses(log, clock_of(log, 0.05))[0]
     off = np.add(truth, [0.3, -0.4, 0.05])
     given: dict[str, Any] = {"start": "given", "start_poses": off, "with_series": True}
@@ -132,9 +133,7 @@ def test_a_start_that_is_given_is_taken(log: Log, tmp_path: Path, run: Any) -> N
     listed.write_text("# x y heading\n" + text.replace(";", "\n"))
     for option in (text, str(listed)):
         words = ("--start", "given", "--start-poses", option, "--series")
-        status, out, _ = run("replay", str(folder), *words)
-        assert status == 0
-        shown = json.loads(out)
+        shown = json.loads(printed("replay", str(folder), *words))
         assert shown["filter"]["start"] == "given"
         assert shown["series"]["vehicles"][1]["rms_m"][0] == pytest.approx(0.5)
 
@@ -265,12 +264,7 @@ def test_a_far_start_is_found_among_wild_readings(
     assert OPTIONS.filter == "robust"
     given: dict[str, Any] = {"landmarks": landmarks, "distances": distances, "window": 0.0}
     given["with_series"] = True
-    known = _after_a_minute(replay(real, **given))
+    known = after_a_minute(replay(real, **given))
     # from seeds 11 and 13 the first fit is a wrong one that noise as large as assumed explains
-    found = [_after_a_minute(replay(real, start="prior", seed=k, **given)) for k in (9, 11, 13)]
+    found = [after_a_minute(replay(real, start="prior", seed=k, **given)) for k in (9, 11, 13)]
     assert max(found) < times * known
-
-
-def _after_a_minute(found: Replay) -> float:
-    errors = series(found.result).position_rms[round(60.0 / found.sample_time) :]
-    return float(np.sqrt(np.mean(errors**2)))

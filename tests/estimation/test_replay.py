@@ -110,14 +110,13 @@ BAD = [
 
 @pytest.mark.parametrize(("name", "line", "text", "problem"), BAD)
 def test_a_fault_is_reported_with_file_and_line(
-    name: str, line: int, text: str, problem: str, noisy: Path, tmp_path: Path, run: Any
+    name: str, line: int, text: str, problem: str, noisy: Path, tmp_path: Path, refused: Any
 ) -> None:
     folder = _copy(noisy, tmp_path)
     lines = (folder / name).read_text().splitlines()
     lines[line - 1] = text
     (folder / name).write_text("\n".join(lines) + "\n")
-    status, out, err = run("replay", str(folder))
-    assert (status, out) == (2, "")
+    err = refused("replay", str(folder))
     assert err.count("\n") == 1
     assert f"{folder / name}: {problem}" in err
 
@@ -563,11 +562,8 @@ def test_the_report_is_that_of_the_run(noisy: Path, tmp_path: Path, run: Any) ->
     assert {"value", "band", "verdict"} <= set(found["anees"])
 
 
-def test_at_a_terminal_there_is_a_table(noisy: Path, run: Any) -> None:
-    status, out, _ = run(
-        "replay", str(noisy), "--landmarks", "none", "--no-meetings", "--format", "table"
-    )
-    assert status == 0
+def test_at_a_terminal_there_is_a_table(noisy: Path, printed: Any) -> None:
+    out = printed("replay", str(noisy), "--landmarks", "none", "--no-meetings", "--format", "table")
     assert "recording: a recording of" in out
     assert "robot3" in out
     assert "0 used, 0 rejected by the gate, 21 of unknown targets" in " ".join(out.split())
@@ -629,12 +625,10 @@ def test_every_option_reaches_the_filter(noisy: Path, run: Any) -> None:
     assert [line.partition(": ")[2] for line in err.splitlines()] == found["notes"]
 
 
-def test_a_recording_is_never_written_over(noisy: Path, run: Any) -> None:
+def test_a_recording_is_never_written_over(noisy: Path, refused: Any) -> None:
     path = noisy / "Robot1_Odometry.dat"
     before = path.read_bytes()
-    status, _, err = run("replay", str(noisy), "-o", str(path))
-    assert status == 2
-    assert "is the file that is read" in err
+    assert "is the file that is read" in refused("replay", str(noisy), "-o", str(path))
     assert path.read_bytes() == before
 
 
@@ -652,7 +646,7 @@ def test_the_options_defaults_are_the_librarys() -> None:
     assert START_SIGMAS["truth"] == (GROUND_ROBOTS.position_sigma, GROUND_ROBOTS.heading_sigma)
 
 
-def test_a_report_is_drawn(noisy: Path, tmp_path: Path, run: Any) -> None:
+def test_a_report_is_drawn(noisy: Path, tmp_path: Path, run: Any, refused: Any) -> None:
     replayed = replay(load_log(noisy), with_series=True)
     assert list(figures.figures_of(replayed)) == ["accuracy", "errors", "consistency"]
     shown = figures.error_bands(replayed, ["robot2"])
@@ -662,8 +656,7 @@ def test_a_report_is_drawn(noisy: Path, tmp_path: Path, run: Any) -> None:
     assert run("replay", str(noisy), "-o", str(report))[0] == 0
     assert run("plot", str(report), "-o", str(page))[0] == 0
     assert "recording: error found" in page.read_text()
-    status, _, err = run("plot", str(report), "--figure", "errors", "-o", str(page))
-    assert status == 2
+    err = refused("plot", str(report), "--figure", "errors", "-o", str(page))
     assert "--series keeps them" in err
 
 

@@ -201,7 +201,7 @@ def test_truth_is_of_all_robots_or_of_none(tmp_path: Path, run: Any) -> None:
 
 
 def test_every_layout_is_replayed(
-    known: Log, start: Array, found: Replay, tmp_path: Path, run: Any
+    known: Log, start: Array, found: Replay, tmp_path: Path, run: Any, printed: Any
 ) -> None:
     csv, bag = (write(without(known), tmp_path / "odd") for write in (write_csv, _bag))
     words = ("--start", "given", "--start-poses", text_of(start), "--landmarks", "6,7", "--series")
@@ -211,9 +211,7 @@ def test_every_layout_is_replayed(
     shown = json.loads(out)
     assert shown == {**wanted, "landmarks": ["6", "7"]}
     assert "the recording has no truth: errors, ANEES and coverage are not known" in err
-    status, out, _ = run("replay", str(bag), *words)
-    assert status == 0
-    of_bag = json.loads(out)
+    of_bag = json.loads(printed("replay", str(bag), *words))
     assert of_bag["nis"]["value"] == pytest.approx(wanted["nis"]["value"], rel=1e-6)
     assert of_bag["readings"] == wanted["readings"]
 
@@ -270,14 +268,13 @@ def test_with_truth_a_report_is_as_before(known: Log) -> None:
 
 
 def test_at_a_terminal_estimates_take_the_place_of_errors(
-    known: Log, start: Array, tmp_path: Path, run: Any
+    known: Log, start: Array, tmp_path: Path, printed: Any
 ) -> None:
     folder = write_csv(without(known), tmp_path / "odd")
     listed = tmp_path / "start.txt"
     listed.write_text(text_of(start).replace(";", "\n"))
     words = ("--start", "given", "--start-poses", str(listed), "--format", "table")
-    status, out, _ = run("replay", str(folder), *words)
-    assert status == 0
+    out = printed("replay", str(folder), *words)
     assert "odd: a recording of 39 s; no truth, so errors are not known" in out
     assert "estimate at the end in m, and the filter's own sigmas" in out
     alone = replay(load_log(folder), start="given", start_poses=start)
@@ -295,7 +292,9 @@ def test_at_a_terminal_estimates_take_the_place_of_errors(
 # --- figures --------------------------------------------------------------------------------------
 
 
-def test_a_report_without_truth_is_drawn(found: Replay, tmp_path: Path, run: Any) -> None:
+def test_a_report_without_truth_is_drawn(
+    found: Replay, tmp_path: Path, run: Any, refused: Any
+) -> None:
     assert list(figures.figures_of(found)) == ["sigmas", "estimates", "consistency"]
     document = replay_document(found)
     bars = {one["uid"]: one["y"] for one in specs_of(document, ["sigmas"])["sigmas"]["data"]}
@@ -328,9 +327,7 @@ def test_a_report_without_truth_is_drawn(found: Replay, tmp_path: Path, run: Any
         ("accuracy", "has no truth, so errors are"),
         ("errors", "--series keeps"),
     ):
-        status, _, err = run("plot", str(report), "--figure", name, "-o", str(page))
-        assert status == 2
-        assert problem in err
+        assert problem in refused("plot", str(report), "--figure", name, "-o", str(page))
     with pytest.raises(InputError, match="series: the recording has no truth, so errors are not"):
         figures.error_bands(found)
 

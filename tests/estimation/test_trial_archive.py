@@ -10,8 +10,7 @@ from syncplan.planning.validation import conclude, run_part, trial_run, validate
 from syncplan.reports.plan_report import plan_document
 from syncplan.reports.validation_report import validation_document
 from syncplan.runtime.files import as_text
-from syncplan.scenario.loading import scenario_from
-from tests.tools.scenarios import document, example
+from tests.tools.scenarios import example, small
 
 
 @pytest.mark.parametrize("with_series", [False, True])
@@ -50,7 +49,7 @@ def test_a_plan_document_reads_back_as_the_plan_it_states() -> None:
 def test_every_fault_of_a_scenario_is_listed_with_its_key_and_value() -> None:
     orbit = {"radius_m": -1.0, "direction": "up", "angular_rate_rad_s": 0.2, "colour": 3}
     with pytest.raises(InputError) as caught:
-        scenario_from(document(orbit=orbit))
+        small(orbit=orbit)
     faults = caught.value.faults
     assert [(one.key, one.value) for one in faults if "unknown" in one.problem] == [
         ("orbit.colour", "")

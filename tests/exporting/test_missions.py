@@ -17,6 +17,7 @@ from syncplan.orbits.circles import position
 from syncplan.planning.planner import Plan
 from tests.tools.exported import ORIGIN, contents, mixed_team, team, to_plane
 from tests.tools.fake_vehicle import stored_loiter
+from tests.tools.scenarios import circling
 
 WAYPOINT, LOITER_TURNS, DELAY, CHANGE_SPEED = 16, 18, 93, 178
 
@@ -202,7 +203,7 @@ def test_meetings_of_snapped_circles_are_judged_afresh() -> None:
 def test_snapping_that_loses_a_meeting_says_so() -> None:
     # opposite phases bring these two within 10 m, just: snapped inwards they stay 10.7 m apart
     plan = team(
-        orbit={"radius_m": 20.4, "angular_rate_rad_s": 0.2, "direction": "ccw"},
+        orbit=circling(radius_m=20.4, direction="ccw"),
         formation={"centers_m": [[0, 0], [50.7, 0]]},
         sensor={"range_m": 10.0, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1},
     )

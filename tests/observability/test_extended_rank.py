@@ -22,7 +22,7 @@ from syncplan.planning.planner import Plan, judge, plan
 from syncplan.reports.plan_report import plan_document
 from syncplan.scenario.specification import Scenario
 from tests.tools.draws import draw_equipped_team
-from tests.tools.scenarios import changed, small
+from tests.tools.scenarios import changed, circling, small
 
 REFINED = Path(__file__).parents[1] / "data" / "refined-alternate-grid.json"
 
@@ -145,7 +145,8 @@ def test_a_vehicle_that_sees_nobody_has_a_bearing_bias_that_nobody_can_detect() 
     assert made.observable
     assert found.poses_determined
     assert (found.rank, found.state_dim) == (23, 24)
-    assert found.determined_of("bearing_bias").tolist() == [False] + 5 * [True]
+    determined = found.determined[found.layout.columns["bearing_bias"][:, 0]]
+    assert determined.tolist() == [False] + 5 * [True]
     (finding,) = _findings(made, "error-undetermined")
     assert (finding.level, finding.subjects) == ("note", ("v1",))
     assert "bearing bias of v1; rank 23 of 24" in finding.message
@@ -166,7 +167,7 @@ def test_without_landmarks_nobody_can_detect_the_wind() -> None:
 
 def test_without_landmarks_nobody_can_detect_that_all_is_larger() -> None:
     # circles grow with the speed scales, and the distances between them
-    orbit = {"radius_m": 20.0, "angular_rate_rad_s": 0.2, "first_phase_rad": 0.7}
+    orbit = circling(first_phase_rad=0.7)
     formation = {"centers_m": [[0.0, 0.0], [70.0, 0.0], [30.0, 64.0]]}
     scenario = small(formation=formation, orbit=orbit, motion={"speed_scale_sigma": 0.02})
     made = plan(scenario, bound="never")

@@ -18,7 +18,7 @@ from syncplan.orbits.sightings import Loss, remainder_of
 from syncplan.planning.planner import Plan, plan
 from syncplan.scenario.specification import Scenario
 from tests.tools.draws import draw_equipped_team
-from tests.tools.scenarios import changed, small
+from tests.tools.scenarios import changed, circling, small
 
 
 def _boats(**keys: object) -> Scenario:
@@ -132,12 +132,7 @@ def test_a_link_has_the_rows_of_both_kinds() -> None:
 
 
 def test_contact_that_no_sighting_falls_into_says_so() -> None:
-    orbit = {
-        "radius_m": 20.0,
-        "angular_rate_rad_s": 0.2,
-        "direction": "ccw",
-        "first_phase_rad": 1.5,
-    }
+    orbit = circling(direction="ccw", first_phase_rad=1.5)
     sensor = {"range_m": 40.0, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1, "interval_s": 100.0}
     scenario = small(orbit=orbit, landmarks_m=[[0, -40]], sensor=sensor)
     made = plan(scenario, bound="never")

@@ -18,13 +18,13 @@ from syncplan.observability.rank import (
 from syncplan.observability.referred_rows import NEAREST, sighting_rows
 from syncplan.observability.unobservable_modes import name_modes
 from syncplan.orbits.circles import Orbits, heading, position
-from syncplan.orbits.graphs import union_over
 from syncplan.orbits.sightings import sample_sightings
 from syncplan.orbits.team import Sensors, Team
 from syncplan.planning.planner import Plan, judge, plan
 from syncplan.reports.plan_report import PlanDocument, plan_document
 from tests.tools.draws import draw_equipped_team, draw_team, judge_team, sightings_of
-from tests.tools.scenarios import example, small
+from tests.tools.measurement_graphs import union_over
+from tests.tools.scenarios import circling, example, small
 
 RANKS = {
     "paper-grid-same": (18, 18),
@@ -177,7 +177,7 @@ def _two(
 ) -> Plan:
     scenario = small(
         formation={"centers_m": [[0.0, 0.0], [distance, 0.0]]},
-        orbit={"radius_m": list(radii), "angular_rate_rad_s": 0.2, "direction": "ccw"},
+        orbit=circling(radius_m=list(radii), direction="ccw"),
         sensor=[{"range_m": ranges[0]}, {"range_m": ranges[1]}],
     )
     orbits = Orbits(
@@ -422,7 +422,7 @@ def test_the_window_holds_the_samples_before_its_end() -> None:
 def test_a_pass_at_no_distance_does_not_drown_the_other_sightings(phase: float) -> None:
     # the circles touch, and both vehicles are there at time 0
     touching = {"centers_m": [[0, 0], [40, 0]]}
-    orbit = {"radius_m": 20.0, "angular_rate_rad_s": 0.2, "first_phase_rad": phase}
+    orbit = circling(first_phase_rad=phase)
     made = plan(small(formation=touching, orbit=orbit, landmarks_m=[[30, 10], [-30, 5]]))
     assert made.observability.rank == 6
     assert made.certificate.holds

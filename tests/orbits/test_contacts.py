@@ -11,6 +11,7 @@ from syncplan.orbits.sightings import sample_sightings
 from syncplan.orbits.team import Sensors, Team
 from syncplan.planning.planner import plan
 from tests.tools.draws import NOISE
+from tests.tools.obstructed import covered
 from tests.tools.scenarios import example as scenario_example
 
 SAMPLES = 3000
@@ -82,13 +83,6 @@ def check(orbits: Orbits, landmarks: np.ndarray, sensors: Sensors) -> None:
             _check_edges(exact, seen, orbits, landmarks, sensors, a, b)
 
 
-def _covered(exact: np.ndarray, t: np.ndarray, period: float) -> np.ndarray:
-    inside = np.zeros(len(t), dtype=bool)
-    for start, end in exact:
-        inside |= ((t >= start) & (t <= end)) | ((t + period >= start) & (t + period <= end))
-    return inside
-
-
 def _check_inside(exact, seen, period: float) -> None:  # type: ignore[no-untyped-def]
     """Just inside each window the target is seen; just outside it is not."""
     for start, end in exact:
@@ -115,7 +109,7 @@ def _check_edges(  # type: ignore[no-untyped-def]
     period = orbits.period
     t = np.linspace(0.0, period, SAMPLES + 1)
     sampled = seen(t)
-    disagree = sampled != _covered(exact, t, period)
+    disagree = sampled != covered(exact, t, period)
     edges = np.unique(exact % period) if len(exact) else np.array([])
     for k in np.flatnonzero(disagree):
         # only samples that sit on an edge, to within rounding, may disagree
@@ -283,7 +277,7 @@ def test_sightings_are_the_samples_inside_windows(seed: int) -> None:
     assert len(taken) == len(sightings.steps)
     time = np.arange(1, steps + 1) * sensors.sample_time
     for pair, (a, b) in enumerate(zip(windows.observers, windows.targets, strict=True)):
-        inside = _covered(windows.of(pair), time % orbits.period, orbits.period)
+        inside = covered(windows.of(pair), time % orbits.period, orbits.period)
         edges = np.unique(windows.of(pair) % orbits.period)
         for k in range(steps):
             since = (time[k] - edges + 1e-9) % orbits.period
@@ -323,7 +317,7 @@ def test_the_union_of_both_ways_holds_what_either_sees() -> None:
     t = np.linspace(0.0, period, 5000, endpoint=False)
     one_sided = 0
     for link in made.links:
-        forward, backward = (_covered(w, t, period) for w in (link.forward, link.backward))
-        np.testing.assert_array_equal(_covered(link.windows, t, period), forward | backward)
+        forward, backward = (covered(w, t, period) for w in (link.forward, link.backward))
+        np.testing.assert_array_equal(covered(link.windows, t, period), forward | backward)
         one_sided += int(np.any(forward & ~backward)) + int(np.any(backward & ~forward))
     assert one_sided >= 2

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 import pytest
+from playwright.sync_api import Page
 
 from tests.tools.browsing import Tabs, Visit, chromium, visiting
 from tests.tools.serving import Server, open_server
@@ -29,3 +30,9 @@ def visit(tabs: Tabs, server: Server) -> Iterator[Visit]:
     with visiting(tabs, server.url) as one:
         one.verdict("Observable: rank 18 of 18")
         yield one
+
+
+@pytest.fixture
+def page(visit: Visit) -> Page:
+    """The page of that visit."""
+    return visit.page

@@ -2,12 +2,26 @@
 
 import json
 import re
+import zipfile
 from pathlib import Path
 from typing import Any
 
 from playwright.sync_api import Download, Locator, Page, Route, expect
 
-__all__ = ["downloaded", "drag", "handle", "opened", "phases", "plan_id_of", "refine", "saved"]
+__all__ = [
+    "download",
+    "downloaded",
+    "drag",
+    "handle",
+    "opened",
+    "phases",
+    "plan_id_of",
+    "refine",
+    "saved",
+    "sidecar_of",
+    "unzipped",
+    "validate",
+]
 
 
 def handle(page: Page, name: str) -> Locator:
@@ -57,6 +71,12 @@ def refine(page: Page) -> None:
     page.get_by_role("button", name="Refine").click()
 
 
+def validate(page: Page, trials: str) -> None:
+    """Validate the plan on show in so many trials."""
+    page.get_by_role("spinbutton", name="Trials").fill(trials)
+    page.get_by_role("button", name="Validate").click()
+
+
 def opened(page: Page, scenario: dict[str, Any]) -> None:
     """Open a scenario as a file."""
     buffer = json.dumps(scenario).encode()
@@ -65,9 +85,28 @@ def opened(page: Page, scenario: dict[str, Any]) -> None:
     expect(page.locator("#map-name")).to_have_text(scenario["name"])
 
 
+def download(page: Page, button: str) -> Download:
+    """What a button saves."""
+    with page.expect_download() as waiting:
+        page.get_by_role("button", name=button).click()
+    return waiting.value
+
+
 def downloaded(page: Page) -> dict[str, Any]:
     """The scenario as the page saves it."""
-    with page.expect_download() as waiting:
-        page.get_by_role("button", name="Scenario").click()
-    found: dict[str, Any] = json.loads(saved(waiting.value))
+    found: dict[str, Any] = json.loads(saved(download(page, "Scenario")))
+    return found
+
+
+def unzipped(archive: Download) -> dict[str, bytes]:
+    """The files of an archive that was downloaded, by name."""
+    with zipfile.ZipFile(archive.path()) as files:
+        return {name: files.read(name) for name in files.namelist()}
+
+
+def sidecar_of(archive: Download) -> dict[str, Any]:
+    """The sidecar of an exported archive."""
+    files = unzipped(archive)
+    name = next(name for name in files if name.endswith(".sync.json"))
+    found: dict[str, Any] = json.loads(files[name])
     return found

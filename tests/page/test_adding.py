@@ -38,9 +38,8 @@ def _blocked(scenario: Tree) -> list[str]:
 )
 @pytest.mark.long
 def test_vehicles_that_are_added_lie_in_free_space_and_are_selected(
-    visit: Visit, changes: Tree
+    visit: Visit, page: Page, changes: Tree
 ) -> None:
-    page = visit.page
     opened(page, document(name="some", **changes))
     before = len(downloaded(page)["formation"]["centers_m"])
     for k in range(before, before + 3):
@@ -61,9 +60,8 @@ def test_vehicles_that_are_added_lie_in_free_space_and_are_selected(
 
 @pytest.mark.long
 def test_a_vehicle_that_is_added_to_listed_links_is_linked_and_the_team_stays_a_go(
-    visit: Visit,
+    visit: Visit, page: Page
 ) -> None:
-    page = visit.page
     page.get_by_role("button", name="Add vehicle").click()
     visit.verdict("✓ GO · Observable: rank 21 of 21")
     expect(page.locator("#notice")).to_contain_text("with the link v5-v7")
@@ -73,8 +71,7 @@ def test_a_vehicle_that_is_added_to_listed_links_is_linked_and_the_team_stays_a_
     assert ["v5", "v7"] not in downloaded(page)["formation"]["links"]
 
 
-def test_where_there_is_no_room_none_is_added_and_the_page_says_so(visit: Visit) -> None:
-    page = visit.page
+def test_where_there_is_no_room_none_is_added_and_the_page_says_so(page: Page) -> None:
     tight = [[-25.0, -25.0], [95.0, -25.0], [95.0, 25.0], [-25.0, 25.0]]
     opened(page, document(name="tight", area_m=tight))
     page.get_by_role("button", name="Add vehicle").click()
@@ -83,8 +80,9 @@ def test_where_there_is_no_room_none_is_added_and_the_page_says_so(visit: Visit)
 
 
 @pytest.mark.long
-def test_landmarks_that_are_added_keep_clear_of_the_circles_and_are_selected(visit: Visit) -> None:
-    page = visit.page
+def test_landmarks_that_are_added_keep_clear_of_the_circles_and_are_selected(
+    visit: Visit, page: Page
+) -> None:
     for k in range(2, 5):
         page.get_by_role("button", name="Add landmark").click()
         expect(page.locator("#chosen")).to_have_value(f"landmark {k}")

@@ -1,6 +1,5 @@
 """A scenario opened and changed on the page, by mouse, by keyboard and on a phone."""
 
-import json
 import re
 from typing import Any
 
@@ -13,9 +12,9 @@ from syncplan.planning.planner import plan
 from syncplan.plotting.figure_style import PLAIN
 from syncplan.plotting.maps import view_of
 from syncplan.scenario.loading import load_scenario
-from tests.page.gestures import downloaded, drag, handle, opened, saved
+from tests.page.gestures import downloaded, drag, handle, opened
 from tests.tools.browsing import Visit, accessibility_faults
-from tests.tools.scenarios import BAD_FILES, FILES, document
+from tests.tools.scenarios import BAD_FILES, FILES, circling, document
 from tests.tools.serving import Server
 
 AXIS = "(document.getElementById('map-plot')._fullLayout.xaxis)"
@@ -25,9 +24,8 @@ SAME = "paper-grid-same"
 
 @pytest.mark.long
 def test_a_lost_motion_is_drawn_and_its_cure_reported_and_cures_it(
-    visit: Visit,
+    visit: Visit, page: Page
 ) -> None:
-    page = visit.page
     visit.choose(ALTERNATE)
     visit.verdict("Not observable: rank 16 of 18")
     finding = page.locator(".finding.stop").first
@@ -50,8 +48,7 @@ def test_a_lost_motion_is_drawn_and_its_cure_reported_and_cures_it(
 
 
 @pytest.mark.long
-def test_a_cure_is_reported_in_words_and_has_a_button(visit: Visit) -> None:
-    page = visit.page
+def test_a_cure_is_reported_in_words_and_has_a_button(visit: Visit, page: Page) -> None:
     visit.choose(ALTERNATE)
     motion = page.locator(".finding.stop").first
     expect(motion).to_contain_text("a small desynchronisation by orbit.desync_rad")
@@ -69,8 +66,9 @@ def test_a_cure_is_reported_in_words_and_has_a_button(visit: Visit) -> None:
 
 
 @pytest.mark.long
-def test_vehicles_nearer_than_asked_for_are_reported_in_a_line_of_their_own(visit: Visit) -> None:
-    page = visit.page
+def test_vehicles_nearer_than_asked_for_are_reported_in_a_line_of_their_own(
+    visit: Visit, page: Page
+) -> None:
     reported = page.locator(".finding[data-code=vehicles-too-close]")
     expect(reported).to_have_count(0)
     page.get_by_label("Least separation").fill("95")
@@ -85,8 +83,9 @@ def test_vehicles_nearer_than_asked_for_are_reported_in_a_line_of_their_own(visi
 
 
 @pytest.mark.long
-def test_a_landmark_moves_by_mouse_and_the_view_stays_while_it_does(visit: Visit) -> None:
-    page = visit.page
+def test_a_landmark_moves_by_mouse_and_the_view_stays_while_it_does(
+    visit: Visit, page: Page
+) -> None:
     before = page.evaluate("document.getElementById('map-plot').layout.xaxis.range")
     box = handle(page, "L1").bounding_box()
     assert box is not None
@@ -106,8 +105,9 @@ def test_a_landmark_moves_by_mouse_and_the_view_stays_while_it_does(visit: Visit
 
 
 @pytest.mark.long
-def test_a_quick_plan_says_what_follows_until_the_whole_one_is_there(visit: Visit) -> None:
-    page = visit.page
+def test_a_quick_plan_says_what_follows_until_the_whole_one_is_there(
+    visit: Visit, page: Page
+) -> None:
     predicted = page.get_by_role("row", name="Predicted RMS error").get_by_role("cell")
     left_out = page.locator('[data-code="bound-missing"]')
     whole, held = re.compile(r"/previews\?quick=false"), list[Route]()
@@ -126,8 +126,9 @@ def test_a_quick_plan_says_what_follows_until_the_whole_one_is_there(visit: Visi
 
 
 @pytest.mark.long
-def test_the_map_shows_all_of_what_was_opened_and_no_more_than_that(visit: Visit) -> None:
-    page = visit.page
+def test_the_map_shows_all_of_what_was_opened_and_no_more_than_that(
+    visit: Visit, page: Page
+) -> None:
     ranges = "(l => [l.xaxis.range, l.yaxis.range])(document.getElementById('map-plot').layout)"
     for name in ("mixed-radii-camera", SAME, "mixed-radii-camera"):
         visit.choose(name)
@@ -143,8 +144,7 @@ def test_the_map_shows_all_of_what_was_opened_and_no_more_than_that(visit: Visit
 
 
 @pytest.mark.long
-def test_everything_can_be_done_by_keyboard(visit: Visit) -> None:
-    page = visit.page
+def test_everything_can_be_done_by_keyboard(visit: Visit, page: Page) -> None:
     visit.choose(ALTERNATE)
     handle(page, "v2").focus()
     page.keyboard.press("Shift+ArrowUp")
@@ -166,8 +166,9 @@ def test_everything_can_be_done_by_keyboard(visit: Visit) -> None:
 
 
 @pytest.mark.long
-def test_senses_radii_ranges_and_fields_of_view_of_one_vehicle_and_of_all(visit: Visit) -> None:
-    page = visit.page
+def test_senses_radii_ranges_and_fields_of_view_of_one_vehicle_and_of_all(
+    visit: Visit, page: Page
+) -> None:
     visit.choose(ALTERNATE)
     page.get_by_label("Direction", exact=True).select_option("ccw")
     visit.verdict("Observable: rank 18 of 18")
@@ -180,17 +181,14 @@ def test_senses_radii_ranges_and_fields_of_view_of_one_vehicle_and_of_all(visit:
     page.get_by_label("Its field of view").fill("200")
     page.get_by_label("Range (m)", exact=True).fill("60")
     visit.settle()
-    with page.expect_download() as waiting:
-        page.get_by_role("button", name="Scenario").click()
-    scenario = json.loads(saved(waiting.value))
+    scenario = downloaded(page)
     assert scenario["orbit"]["radius_m"] == [20.0, 17, 20.0, 20.0, 20.0, 20.0]
     assert scenario["orbit"]["direction"] == ["ccw", "cw", "ccw", "ccw", "ccw", "ccw"]
     assert [one["fov_deg"] for one in scenario["sensor"]] == [360, 200, 360, 360, 360, 360]
     assert {one["range_m"] for one in scenario["sensor"]} == {60}
 
 
-def test_vehicles_and_landmarks_come_and_go(visit: Visit) -> None:
-    page = visit.page
+def test_vehicles_and_landmarks_come_and_go(visit: Visit, page: Page) -> None:
     page.get_by_role("button", name="Add vehicle").click()
     visit.verdict("rank 21 of 21")
     page.get_by_role("button", name="Add landmark").click()
@@ -205,9 +203,8 @@ def test_vehicles_and_landmarks_come_and_go(visit: Visit) -> None:
 
 
 @pytest.mark.long
-def test_a_fault_is_reported_next_to_its_field(visit: Visit) -> None:
+def test_a_fault_is_reported_next_to_its_field(visit: Visit, page: Page) -> None:
     visit.expect_complaints("422")
-    page = visit.page
     visit.choose(SAME)
     field = page.get_by_label("Range (m)", exact=True)
     field.fill("-5")
@@ -235,9 +232,8 @@ def dimmed(page: Page) -> bool:
 
 
 @pytest.mark.long
-def test_a_number_half_typed_leaves_no_verdict_that_looks_current(visit: Visit) -> None:
+def test_a_number_half_typed_leaves_no_verdict_that_looks_current(visit: Visit, page: Page) -> None:
     visit.expect_complaints("422")
-    page = visit.page
     field = page.get_by_label("Field of view (°)", exact=True)
     field.fill("72")
     visit.settle()
@@ -257,9 +253,8 @@ def test_a_number_half_typed_leaves_no_verdict_that_looks_current(visit: Visit) 
 
 @pytest.mark.parametrize("name", ["misspelt-key", "not-yaml", "nan-rate"])
 @pytest.mark.long
-def test_a_bad_file_is_refused_in_words(visit: Visit, name: str) -> None:
+def test_a_bad_file_is_refused_in_words(visit: Visit, page: Page, name: str) -> None:
     visit.expect_complaints("422")
-    page = visit.page
     page.get_by_label("Open a file").set_input_files(BAD_FILES / f"{name}.yaml")
     reported = page.locator("#notice.bad")
     expect(reported).not_to_be_empty()
@@ -268,8 +263,7 @@ def test_a_bad_file_is_refused_in_words(visit: Visit, name: str) -> None:
 
 
 @pytest.mark.long
-def test_a_file_of_a_scenario_or_of_a_plan_opens(visit: Visit, server: Server) -> None:
-    page = visit.page
+def test_a_file_of_a_scenario_or_of_a_plan_opens(visit: Visit, page: Page, server: Server) -> None:
     page.get_by_label("Open a file").set_input_files(FILES / "four-ground-robots.yaml")
     visit.verdict("Observable: rank 12 of 12")
     body = (FILES / f"{ALTERNATE}.yaml").read_bytes()
@@ -280,16 +274,14 @@ def test_a_file_of_a_scenario_or_of_a_plan_opens(visit: Visit, server: Server) -
     visit.verdict("Not observable: rank 16 of 18")
 
 
-def test_a_click_by_an_unsteady_hand_chooses_and_moves_nothing(visit: Visit) -> None:
-    page = visit.page
+def test_a_click_by_an_unsteady_hand_chooses_and_moves_nothing(page: Page) -> None:
     drag(page, "v2", (2.0, -1.0))
     expect(page.get_by_label("Centre east")).to_have_value("70")
     expect(page.get_by_role("button", name="Undo")).to_have_attribute("aria-disabled", "true")
 
 
 @pytest.mark.long
-def test_a_field_that_is_typed_anew_moves_nothing_meanwhile(visit: Visit) -> None:
-    page = visit.page
+def test_a_field_that_is_typed_anew_moves_nothing_meanwhile(visit: Visit, page: Page) -> None:
     handle(page, "v4").click()
     page.get_by_label("Centre east").fill("")
     page.wait_for_timeout(600)
@@ -301,8 +293,7 @@ def test_a_field_that_is_typed_anew_moves_nothing_meanwhile(visit: Visit) -> Non
 
 
 @pytest.mark.long
-def test_what_is_typed_at_one_go_is_one_step_to_undo(visit: Visit) -> None:
-    page = visit.page
+def test_what_is_typed_at_one_go_is_one_step_to_undo(visit: Visit, page: Page) -> None:
     # circles of 1 m are out of each other's range
     visit.expect_complaints("422")
     field = page.get_by_label("Radius of all")
@@ -316,8 +307,7 @@ def test_what_is_typed_at_one_go_is_one_step_to_undo(visit: Visit) -> None:
 
 
 @pytest.mark.long
-def test_escape_takes_a_drag_back(visit: Visit) -> None:
-    page = visit.page
+def test_escape_takes_a_drag_back(visit: Visit, page: Page) -> None:
     # on its way v4 may lose the link it needs, if a preview is as quick as that
     visit.expect_complaints("422")
     box = handle(page, "v4").bounding_box()
@@ -336,8 +326,7 @@ def test_escape_takes_a_drag_back(visit: Visit) -> None:
 
 
 @pytest.mark.long
-def test_keys_undo_and_redo_and_arrows_in_a_row_are_one_step(visit: Visit) -> None:
-    page = visit.page
+def test_keys_undo_and_redo_and_arrows_in_a_row_are_one_step(visit: Visit, page: Page) -> None:
     moved = handle(page, "v4")
     moved.focus()
     # a step is a hundredth of what the map shows, in whole metres here, and stays so in a row,
@@ -364,8 +353,7 @@ def test_keys_undo_and_redo_and_arrows_in_a_row_are_one_step(visit: Visit) -> No
     expect(moved).to_have_attribute("aria-label", raised)
 
 
-def test_the_chosen_one_of_two_on_one_place_lies_above(visit: Visit) -> None:
-    page = visit.page
+def test_the_chosen_one_of_two_on_one_place_lies_above(page: Page) -> None:
     opened(
         page,
         document(name="shared", formation={"centers_m": [[0.0, 0.0], [0.0, 0.0], [70.0, 0.0]]}),
@@ -381,8 +369,7 @@ def test_the_chosen_one_of_two_on_one_place_lies_above(visit: Visit) -> None:
 
 
 @pytest.mark.long
-def test_half_an_origin_is_no_fault_and_its_altitude_stays(visit: Visit) -> None:
-    page = visit.page
+def test_half_an_origin_is_no_fault_and_its_altitude_stays(visit: Visit, page: Page) -> None:
     page.locator("summary", has_text="Place and time").click()
     altitude = page.get_by_label("Altitude of the origin")
     latitude = page.get_by_label("Latitude of the origin")
@@ -408,11 +395,10 @@ def test_half_an_origin_is_no_fault_and_its_altitude_stays(visit: Visit) -> None
 
 
 @pytest.mark.long
-def test_vehicles_named_by_numbers_keep_their_order(visit: Visit) -> None:
-    page = visit.page
+def test_vehicles_named_by_numbers_keep_their_order(visit: Visit, page: Page) -> None:
     scenario = document(
         name="numbers",
-        orbit={"radius_m": [20.0, 15.0], "angular_rate_rad_s": 0.2, "direction": "ccw"},
+        orbit=circling(radius_m=[20.0, 15.0], direction="ccw"),
         formation={"centers_m": {"10": [0.0, 0.0], "2": [65.0, 0.0]}},
     )
     opened(page, scenario)
@@ -425,8 +411,9 @@ def test_vehicles_named_by_numbers_keep_their_order(visit: Visit) -> None:
 
 
 @pytest.mark.long
-def test_a_window_that_was_given_stays_and_one_of_a_period_follows_it(visit: Visit) -> None:
-    page = visit.page
+def test_a_window_that_was_given_stays_and_one_of_a_period_follows_it(
+    visit: Visit, page: Page
+) -> None:
     for window, kept in ((60.0, 60), (None, None)):
         scenario = document(name=f"window {window}")
         if window is not None:
@@ -437,8 +424,9 @@ def test_a_window_that_was_given_stays_and_one_of_a_period_follows_it(visit: Vis
         assert downloaded(page).get("window_s") == kept
 
 
-def test_undo_goes_back_over_an_opened_file_with_the_fields_it_needs(visit: Visit) -> None:
-    page = visit.page
+def test_undo_goes_back_over_an_opened_file_with_the_fields_it_needs(
+    visit: Visit, page: Page
+) -> None:
     page.get_by_label("Open a file").set_input_files(FILES / "four-ground-robots.yaml")
     visit.verdict("rank 12 of 12")
     expect(page.get_by_label("Speed (m/s)")).to_have_value("0.4")

@@ -1,16 +1,14 @@
 """One verdict: command line, service, page and sidecars give the same findings, word for word."""
 
-import io
 import json
-import zipfile
 from pathlib import Path
 from typing import Any
 
 import httpx2
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Page, expect
 
-from tests.page.gestures import opened, saved
+from tests.page.gestures import download, opened, sidecar_of
 from tests.tools.browsing import Visit
 from tests.tools.scenarios import document
 from tests.tools.serving import Server
@@ -31,14 +29,6 @@ UNCERTAIN = document(
 )
 
 
-def sidecar_of(archive: bytes) -> dict[str, Any]:
-    """The verdict in the sidecar of an exported archive."""
-    with zipfile.ZipFile(io.BytesIO(archive)) as files:
-        name = next(name for name in files.namelist() if name.endswith(".sync.json"))
-        verdict: dict[str, Any] = json.loads(files.read(name))["verdict"]
-    return verdict
-
-
 @pytest.mark.parametrize(
     ("scenario", "codes"),
     [
@@ -52,6 +42,7 @@ def test_findings_are_the_same_word_for_word_everywhere(
     scenario: dict[str, Any],
     codes: set[str],
     visit: Visit,
+    page: Page,
     server: Server,
     run: Any,
     tmp_path: Path,
@@ -74,7 +65,6 @@ def test_findings_are_the_same_word_for_word_everywhere(
     assert made.status_code == 201, made.text
     assert made.json()["verdict"] == planned
     # the page
-    page = visit.page
     opened(page, scenario)
     visit.verdict("✓ GO" if planned["go"] else "✗ NO-GO")
     visit.settle()
@@ -85,6 +75,4 @@ def test_findings_are_the_same_word_for_word_everywhere(
     page.get_by_label("Format", exact=True).select_option("csv")
     if not planned["go"]:
         page.get_by_label("Export although the verdict is NO-GO").check()
-    with page.expect_download() as waiting:
-        page.get_by_role("button", name="Export").click()
-    assert sidecar_of(saved(waiting.value)) == planned
+    assert sidecar_of(download(page, "Export"))["verdict"] == planned

@@ -65,9 +65,8 @@ def _center(page: Page) -> tuple[float, float]:
 @pytest.mark.parametrize("by", [(600.0, 300.0), (-500.0, -400.0), (0.0, 2000.0)])
 @pytest.mark.long
 def test_a_circle_that_is_dragged_beyond_the_map_stops_at_its_edge_with_its_ring(
-    visit: Visit, by: tuple[float, float]
+    visit: Visit, page: Page, by: tuple[float, float]
 ) -> None:
-    page = visit.page
     visit.expect_complaints("422")
     x, y = _middle(page, "v3")
     page.mouse.move(x, y)
@@ -93,8 +92,9 @@ def test_a_circle_that_is_dragged_beyond_the_map_stops_at_its_edge_with_its_ring
     expect(handle(page, "v3").locator(".ring")).to_be_hidden()
 
 
-def test_a_landmark_that_is_dragged_beyond_the_map_stops_at_its_edge(visit: Visit) -> None:
-    page = visit.page
+def test_a_landmark_that_is_dragged_beyond_the_map_stops_at_its_edge(
+    visit: Visit, page: Page
+) -> None:
     view = _view(page)
     west, east = view["x"]
     drag(page, "L1", (900.0, 0.0))
@@ -106,8 +106,9 @@ def test_a_landmark_that_is_dragged_beyond_the_map_stops_at_its_edge(visit: Visi
 
 
 @pytest.mark.long
-def test_a_typed_place_beyond_the_map_comes_into_view_though_it_is_at_fault(visit: Visit) -> None:
-    page = visit.page
+def test_a_typed_place_beyond_the_map_comes_into_view_though_it_is_at_fault(
+    visit: Visit, page: Page
+) -> None:
     visit.expect_complaints("422")
     handle(page, "v3").click()
     page.get_by_label("Centre east").fill("600")
@@ -122,8 +123,7 @@ def test_a_typed_place_beyond_the_map_comes_into_view_though_it_is_at_fault(visi
     assert _middle(page, "v3") == pytest.approx(_on_screen(page, 140.0, 0.0), abs=1.5)
 
 
-def test_keys_move_a_circle_no_farther_than_the_map_goes(visit: Visit) -> None:
-    page = visit.page
+def test_keys_move_a_circle_no_farther_than_the_map_goes(visit: Visit, page: Page) -> None:
     visit.expect_complaints("net::ERR")
     page.route("**/v1/previews*", lambda route: route.abort())
     handle(page, "v3").focus()

@@ -6,12 +6,14 @@ from pathlib import Path
 
 import httpx2
 import pytest
-from playwright.sync_api import Route, expect
+from playwright.sync_api import Page, Route, expect
 
-from tests.page.gestures import plan_id_of, refine
+from tests.page.gestures import plan_id_of, refine, validate
 from tests.tools.api_servers import key_of, serving, speaking
 from tests.tools.browsing import Tabs, Visit, accessibility_faults, visiting
 from tests.tools.serving import QUICK, Server, running, settings_of
+
+pytestmark = pytest.mark.long
 
 ALTERNATE = "paper-grid-alternate"
 
@@ -23,7 +25,6 @@ def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
         yield one
 
 
-@pytest.mark.long
 def test_a_server_that_dies_in_mid_job_and_returns_costs_nothing_but_time(
     tabs: Tabs, tmp_path: Path
 ) -> None:
@@ -33,8 +34,7 @@ def test_a_server_that_dies_in_mid_job_and_returns_costs_nothing_but_time(
         page = visit.page
         visit.expect_complaints("net::ERR", "503")
         visit.verdict("Observable")
-        page.get_by_label("Trials").fill("1500")
-        page.get_by_role("button", name="Validate").click()
+        validate(page, "1500")
         expect(page.locator("progress")).not_to_have_attribute("value", "0")
         first.kill()
         expect(page.locator("#job-text")).to_contain_text("can't be reached")
@@ -43,7 +43,6 @@ def test_a_server_that_dies_in_mid_job_and_returns_costs_nothing_but_time(
             expect(page.locator(".outcome")).to_contain_text("of 1500 trials")
 
 
-@pytest.mark.long
 def test_a_service_with_keys_asks_for_one(tabs: Tabs, guarded: Server) -> None:
     with visiting(tabs, guarded.url) as visit:
         page = visit.page
@@ -65,7 +64,6 @@ def test_a_service_with_keys_asks_for_one(tabs: Tabs, guarded: Server) -> None:
         expect(page.locator("#notice")).to_be_empty()
 
 
-@pytest.mark.long
 def test_a_key_with_a_character_that_nobody_sees_is_refused_at_its_field(
     tabs: Tabs, guarded: Server
 ) -> None:
@@ -88,7 +86,6 @@ def test_a_key_with_a_character_that_nobody_sees_is_refused_at_its_field(
         visit.verdict("Observable: rank 18 of 18")
 
 
-@pytest.mark.long
 def test_a_key_can_be_changed_and_others_plans_look_like_none(tabs: Tabs, guarded: Server) -> None:
     with visiting(tabs, guarded.url) as visit:
         page = visit.page
@@ -119,9 +116,7 @@ def test_a_key_can_be_changed_and_others_plans_look_like_none(tabs: Tabs, guarde
             )
 
 
-@pytest.mark.long
-def test_while_a_request_is_tried_again_the_page_says_so(visit: Visit) -> None:
-    page = visit.page
+def test_while_a_request_is_tried_again_the_page_says_so(visit: Visit, page: Page) -> None:
     visit.expect_complaints("net::ERR")
     page.route("**/v1/plans", lambda route: route.abort())
     page.get_by_role("button", name="Copy link").click()
@@ -132,9 +127,7 @@ def test_while_a_request_is_tried_again_the_page_says_so(visit: Visit) -> None:
     expect(reported).to_have_count(0)
 
 
-@pytest.mark.long
-def test_of_two_that_are_opened_at_once_the_later_one_stays(visit: Visit) -> None:
-    page = visit.page
+def test_of_two_that_are_opened_at_once_the_later_one_stays(visit: Visit, page: Page) -> None:
     held: list[Route] = []
     page.route(f"**/examples/{ALTERNATE}.yaml", lambda route: held.append(route))
     chooser = page.get_by_label("Start from an example")
@@ -148,9 +141,9 @@ def test_of_two_that_are_opened_at_once_the_later_one_stays(visit: Visit) -> Non
     visit.verdict("rank 12 of 12")
 
 
-@pytest.mark.long
-def test_an_edit_while_the_service_is_away_is_planned_once_it_is_back(visit: Visit) -> None:
-    page = visit.page
+def test_an_edit_while_the_service_is_away_is_planned_once_it_is_back(
+    visit: Visit, page: Page
+) -> None:
     visit.expect_complaints("net::ERR")
     visit.choose(ALTERNATE)
     visit.verdict("Not observable: rank 16 of 18")
@@ -167,7 +160,6 @@ def test_an_edit_while_the_service_is_away_is_planned_once_it_is_back(visit: Vis
     expect(page.get_by_label("Desynchronise by")).to_have_value("0.2")
 
 
-@pytest.mark.long
 def test_an_edit_that_waits_for_a_key_is_not_lost(tabs: Tabs, guarded: Server) -> None:
     with visiting(tabs, guarded.url) as visit:
         page = visit.page
@@ -186,9 +178,9 @@ def test_an_edit_that_waits_for_a_key_is_not_lost(tabs: Tabs, guarded: Server) -
         expect(page.get_by_label("Desynchronise by")).to_have_value("0.2")
 
 
-@pytest.mark.long
-def test_a_refined_plan_opens_though_its_parent_was_deleted(visit: Visit, server: Server) -> None:
-    page = visit.page
+def test_a_refined_plan_opens_though_its_parent_was_deleted(
+    visit: Visit, page: Page, server: Server
+) -> None:
     visit.choose(ALTERNATE)
     refine(page)
     expect(page.locator(".outcome")).to_contain_text("Predicted error")
@@ -202,9 +194,7 @@ def test_a_refined_plan_opens_though_its_parent_was_deleted(visit: Visit, server
     expect(page.locator("#notice.bad")).to_have_count(0)
 
 
-@pytest.mark.long
-def test_the_focus_stays_where_it_was_over_undo_and_cancel(visit: Visit) -> None:
-    page = visit.page
+def test_the_focus_stays_where_it_was_over_undo_and_cancel(visit: Visit, page: Page) -> None:
     undo = page.get_by_role("button", name="Undo")
     page.get_by_label("Radius of all").fill("21")
     visit.settle()

@@ -8,10 +8,12 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from syncplan.scenario.loading import load_scenario
-from tests.page.gestures import opened, plan_id_of, refine
+from tests.page.gestures import opened, plan_id_of, refine, validate
 from tests.tools.browsing import Tabs, Visit, accessibility_faults, visiting
 from tests.tools.scenarios import FILES, document
 from tests.tools.serving import Server
+
+pytestmark = pytest.mark.long
 
 ALTERNATE = "paper-grid-alternate"
 
@@ -22,11 +24,9 @@ def _past_a_mast(name: str) -> dict[str, Any]:
     return {**scenario, "name": "mast", "landmarks_m": [[190.0, 0.0], [190.0, 70.0], [-21.0, 0.0]]}
 
 
-@pytest.mark.long
 def test_refine_compare_validate_and_open_the_link_again(
-    visit: Visit, tabs: Tabs, server: Server
+    visit: Visit, page: Page, tabs: Tabs, server: Server
 ) -> None:
-    page = visit.page
     visit.choose(ALTERNATE)
     refine(page)
     expect(page.locator("#job-text")).to_contain_text(re.compile(r"of \d+ starts"))
@@ -37,8 +37,7 @@ def test_refine_compare_validate_and_open_the_link_again(
         "aria-selected", "true"
     )
     assert accessibility_faults(page) == []
-    page.get_by_label("Trials").fill("40")
-    page.get_by_role("button", name="Validate").click()
+    validate(page, "40")
     expect(page.locator(".outcome")).to_contain_text("RMS over the second half of 40 trials")
     for name in ("Errors over time", "Consistency", "Error found"):
         page.get_by_role("tab", name=name).click()
@@ -57,9 +56,9 @@ def test_refine_compare_validate_and_open_the_link_again(
         assert plan_id_of(again.page) == plan["id"]
 
 
-@pytest.mark.long
-def test_what_refinement_may_move_by_suits_the_team_that_was_opened(visit: Visit) -> None:
-    page = visit.page
+def test_what_refinement_may_move_by_suits_the_team_that_was_opened(
+    visit: Visit, page: Page
+) -> None:
     box, least, most = (
         page.get_by_label(label)
         for label in (
@@ -85,9 +84,7 @@ def test_what_refinement_may_move_by_suits_the_team_that_was_opened(visit: Visit
     expect(most).to_have_value("20")
 
 
-@pytest.mark.long
-def test_refining_shows_what_it_costs_in_separation(visit: Visit) -> None:
-    page = visit.page
+def test_refining_shows_what_it_costs_in_separation(visit: Visit, page: Page) -> None:
     refine(page)
     reported = page.locator(".outcome .remark")
     expect(reported).to_contain_text(re.compile(r"Least separation 30 → [\d.]+ m"))
@@ -101,9 +98,7 @@ def test_refining_shows_what_it_costs_in_separation(visit: Visit) -> None:
     expect(page.locator(".outcome .badge")).to_have_class("badge good")
 
 
-@pytest.mark.long
-def test_a_refined_plan_that_is_not_to_be_flown_is_no_success(visit: Visit) -> None:
-    page = visit.page
+def test_a_refined_plan_that_is_not_to_be_flown_is_no_success(visit: Visit, page: Page) -> None:
     opened(page, _past_a_mast(ALTERNATE))
     visit.verdict("✗ NO-GO · Not observable")
     page.get_by_label("centres, by up to").uncheck()
@@ -114,46 +109,40 @@ def test_a_refined_plan_that_is_not_to_be_flown_is_no_success(visit: Visit) -> N
     expect(badge).not_to_have_class("badge good")
 
 
-@pytest.mark.long
 def test_a_validation_is_no_proof_where_the_plan_is_unobservable_or_trials_are_few(
-    visit: Visit,
+    visit: Visit, page: Page
 ) -> None:
-    page = visit.page
     badge = page.locator(".outcome .badge")
     outcome = page.locator(".outcome")
 
-    def validate(trials: str) -> None:
-        page.get_by_role("spinbutton", name="Trials").fill(trials)
-        page.get_by_role("button", name="Validate").click()
+    def validated(trials: str) -> None:
+        validate(page, trials)
         expect(outcome).to_contain_text(f"of {trials} trial")
 
-    validate("30")
+    validated("30")
     expect(outcome).to_contain_text(re.compile("The filter is consistent: ANEES .*95 % interval"))
     expect(outcome).to_contain_text("Median trial")
     expect(badge).to_have_class("badge good")
-    validate("1")
+    validated("1")
     expect(outcome).to_contain_text("of 1 trial. Too few trials to show")
     expect(outcome).not_to_contain_text("The filter is")
     expect(badge).not_to_have_class("badge good")
     # nor is what is not to be flown, however well its filter knows where it is
     opened(page, _past_a_mast("paper-grid-same"))
     visit.verdict("✗ NO-GO · Observable")
-    validate("30")
+    validated("30")
     expect(outcome).to_contain_text("The filter is consistent")
     expect(badge).not_to_have_class("badge good")
     visit.choose(ALTERNATE)
-    validate("40")
+    validated("40")
     expect(badge).not_to_have_class("badge good")
     expect(outcome.locator(".remark")).to_contain_text("The plan is not observable")
     expect(outcome.locator(".remark")).to_contain_text("stretch of v1-v2")
     assert accessibility_faults(page) == []
 
 
-@pytest.mark.long
-def test_a_job_can_be_cancelled(visit: Visit, server: Server) -> None:
-    page = visit.page
-    page.get_by_label("Trials").fill("100000")
-    page.get_by_role("button", name="Validate").click()
+def test_a_job_can_be_cancelled(page: Page, server: Server) -> None:
+    validate(page, "100000")
     expect(page.locator("#job-text")).to_contain_text("of 100000 trials")
     expect(page.get_by_role("button", name="Refine")).to_be_disabled()
     page.get_by_role("button", name="Cancel").click()
@@ -163,12 +152,9 @@ def test_a_job_can_be_cancelled(visit: Visit, server: Server) -> None:
     assert found["state"] == "cancelled"
 
 
-@pytest.mark.long
-def test_wrong_numbers_of_a_job_are_reported_next_to_their_fields(visit: Visit) -> None:
-    page = visit.page
+def test_wrong_numbers_of_a_job_are_reported_next_to_their_fields(visit: Visit, page: Page) -> None:
     visit.expect_complaints("422")
-    page.get_by_label("Trials").fill("0")
-    page.get_by_role("button", name="Validate").click()
+    validate(page, "0")
     reported = page.locator("#validate-trials-fault")
     expect(reported).to_have_text("must be greater than or equal to 1")
     expect(page.get_by_label("Trials")).to_have_attribute("aria-invalid", "true")
@@ -179,12 +165,9 @@ def test_wrong_numbers_of_a_job_are_reported_next_to_their_fields(visit: Visit) 
     assert accessibility_faults(page) == []
 
 
-@pytest.mark.long
-def test_a_plan_that_was_deleted_is_stored_anew(visit: Visit, server: Server) -> None:
-    page = visit.page
+def test_a_plan_that_was_deleted_is_stored_anew(visit: Visit, page: Page, server: Server) -> None:
     visit.expect_complaints("404")
-    page.get_by_label("Trials").fill("10")
-    page.get_by_role("button", name="Validate").click()
+    validate(page, "10")
     expect(page.locator(".outcome")).to_contain_text("of 10 trials")
     httpx2.delete(f"{server.url}/v1/plans/{plan_id_of(page)}")
     page.get_by_role("button", name="Validate").click()
@@ -193,11 +176,8 @@ def test_a_plan_that_was_deleted_is_stored_anew(visit: Visit, server: Server) ->
     expect(page.locator(".outcome")).to_contain_text("of 10 trials")
 
 
-@pytest.mark.long
-def test_what_is_edited_while_a_job_runs_stays(visit: Visit) -> None:
-    page = visit.page
-    page.get_by_label("Trials").fill("1500")
-    page.get_by_role("button", name="Validate").click()
+def test_what_is_edited_while_a_job_runs_stays(visit: Visit, page: Page) -> None:
+    validate(page, "1500")
     expect(page.locator("#job-text")).to_contain_text("of 1500 trials")
     page.get_by_label("Radius of all").fill("21")
     visit.settle()
@@ -210,11 +190,8 @@ def test_what_is_edited_while_a_job_runs_stays(visit: Visit) -> None:
     expect(page.locator(".outcome")).to_be_empty()
 
 
-@pytest.mark.long
-def test_a_reload_goes_on_following_the_job(visit: Visit) -> None:
-    page = visit.page
-    page.get_by_label("Trials").fill("1500")
-    page.get_by_role("button", name="Validate").click()
+def test_a_reload_goes_on_following_the_job(page: Page) -> None:
+    validate(page, "1500")
     expect(page.locator("#job-text")).to_contain_text("of 1500 trials")
     page.reload()
     expect(page.locator(".outcome")).to_contain_text("of 1500 trials")
@@ -228,9 +205,9 @@ def fly(page: Page, flights: int, **fields: str) -> None:
     page.get_by_role("button", name="Fly").click()
 
 
-@pytest.mark.long
-def test_a_flight_shows_what_it_came_to_and_plays_on_the_map(visit: Visit, server: Server) -> None:
-    page = visit.page
+def test_a_flight_shows_what_it_came_to_and_plays_on_the_map(
+    visit: Visit, page: Page, server: Server
+) -> None:
     page.get_by_label("Duration (s)").fill("40")
     visit.settle()
     fly(page, 4, wind="0.5, -0.25", lose="v6@30", hold="v2@5:3")
@@ -274,9 +251,9 @@ def test_a_flight_shows_what_it_came_to_and_plays_on_the_map(visit: Visit, serve
     expect(played).to_be_hidden()
 
 
-@pytest.mark.long
-def test_an_event_that_can_not_happen_is_reported_next_to_its_field(visit: Visit) -> None:
-    page = visit.page
+def test_an_event_that_can_not_happen_is_reported_next_to_its_field(
+    visit: Visit, page: Page
+) -> None:
     visit.expect_complaints("422")
     fly(page, 2, lose="v9@30")
     expect(page.locator("#fly-lose-fault")).to_contain_text("is neither a vehicle")

@@ -1,9 +1,6 @@
 """Phases that no rule gives, refined or of a file: they stay over edits, undo, files and Back."""
 
-import io
 import json
-import re
-import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +8,7 @@ import httpx2
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.page.gestures import downloaded, handle, phases, plan_id_of, refine, saved
+from tests.page.gestures import download, downloaded, handle, phases, plan_id_of, refine, sidecar_of
 from tests.tools.api_servers import done
 from tests.tools.browsing import Tabs, Visit, visiting
 from tests.tools.processes import PATIENCE_S
@@ -169,23 +166,18 @@ def test_an_export_after_its_origin_was_entered_is_of_the_refined_plan(
     at_refined.verdict("Observable: rank 18 of 18")
     at_refined.settle()
     expect(predicted(page)).to_contain_text(error_of(refined))
-    with page.expect_download() as waiting:
-        page.get_by_role("button", name="Export").click()
-    archive = zipfile.ZipFile(io.BytesIO(saved(waiting.value)))
-    sidecar = next(one for one in archive.namelist() if one.endswith(".sync.json"))
-    reported = json.loads(archive.read(sidecar))
-    assert re.search(r"qgc", waiting.value.suggested_filename)
+    archive = download(page, "Export")
+    assert "qgc" in archive.suggested_filename
     exported = httpx2.get(f"{server.url}/v1/plans/{plan_id_of(page)}").json()
     assert phases_of(exported) == phases_of(refined)
     assert exported["predicted_rms_m"] == refined["predicted_rms_m"]
-    assert reported["vehicles"]
+    assert sidecar_of(archive)["vehicles"]
 
 
 @pytest.mark.long
 def test_a_plan_file_opens_as_that_plan_and_is_stored_as_that(
-    visit: Visit, server: Server, refined: Tree, tmp_path: Path
+    page: Page, server: Server, refined: Tree, tmp_path: Path
 ) -> None:
-    page = visit.page
     file = tmp_path / "given.plan.json"
     file.write_text(json.dumps(refined))
     page.get_by_label("Open a file").set_input_files(file)
@@ -202,10 +194,9 @@ def test_a_plan_file_opens_as_that_plan_and_is_stored_as_that(
 
 
 def test_a_fault_in_a_plan_file_is_reported_by_its_path(
-    visit: Visit, refined: Tree, tmp_path: Path
+    visit: Visit, page: Page, refined: Tree, tmp_path: Path
 ) -> None:
     visit.expect_complaints("422")
-    page = visit.page
     file = tmp_path / "bad.plan.json"
     broken = json.loads(json.dumps(refined))
     broken["vehicles"][1]["phase_rad"] = "north"
@@ -227,8 +218,7 @@ def test_the_scenario_of_a_refined_plan_is_said_to_lack_its_phases(at_refined: V
 
 
 @pytest.mark.long
-def test_back_leads_from_a_refined_plan_to_the_one_before_it(visit: Visit) -> None:
-    page = visit.page
+def test_back_leads_from_a_refined_plan_to_the_one_before_it(visit: Visit, page: Page) -> None:
     visit.choose(ALTERNATE)
     refine(page)
     visit.verdict("Observable: rank 18 of 18")

@@ -6,6 +6,8 @@ from playwright.sync_api import Page, expect
 from tests.page.gestures import downloaded, drag, handle
 from tests.tools.browsing import Visit, accessibility_faults
 
+pytestmark = pytest.mark.long
+
 ALTERNATE = "paper-grid-alternate"
 
 
@@ -13,9 +15,9 @@ def _links(page: Page) -> list[str]:
     return page.get_by_role("list", name="Links").get_by_role("listitem").all_inner_texts()
 
 
-@pytest.mark.long
-def test_a_link_dragged_out_of_reach_is_reported_in_its_group_and_cured_there(visit: Visit) -> None:
-    page = visit.page
+def test_a_link_dragged_out_of_reach_is_reported_in_its_group_and_cured_there(
+    visit: Visit, page: Page
+) -> None:
     visit.expect_complaints("422")
     visit.choose(ALTERNATE)
     group = page.locator("details.links")
@@ -49,9 +51,7 @@ def test_a_link_dragged_out_of_reach_is_reported_in_its_group_and_cured_there(vi
     ]
 
 
-@pytest.mark.long
-def test_links_follow_reach_or_are_fixed_by_keyboard(visit: Visit) -> None:
-    page = visit.page
+def test_links_follow_reach_or_are_fixed_by_keyboard(visit: Visit, page: Page) -> None:
     visit.expect_complaints("422")
     visit.choose(ALTERNATE)
     page.locator("summary", has_text="Links").press("Enter")
@@ -77,9 +77,7 @@ def test_links_follow_reach_or_are_fixed_by_keyboard(visit: Visit) -> None:
     expect(fix).to_be_visible()
 
 
-@pytest.mark.long
-def test_a_link_is_added_to_the_selected_vehicle_by_keyboard(visit: Visit) -> None:
-    page = visit.page
+def test_a_link_is_added_to_the_selected_vehicle_by_keyboard(visit: Visit, page: Page) -> None:
     # of the diagonals only those within reach are offered, and no link twice
     page.get_by_label("Range (m)", exact=True).fill("60")
     visit.settle()
@@ -105,9 +103,7 @@ def test_a_link_is_added_to_the_selected_vehicle_by_keyboard(visit: Visit) -> No
     assert len(downloaded(page)["formation"]["links"]) == 7
 
 
-@pytest.mark.long
-def test_links_that_follow_reach_are_named_and_none_can_be_added(visit: Visit) -> None:
-    page = visit.page
+def test_links_that_follow_reach_are_named_and_none_can_be_added(visit: Visit, page: Page) -> None:
     page.locator("summary", has_text="Links").press("Enter")
     page.get_by_role("button", name="Let links follow reach").press("Enter")
     visit.settle()

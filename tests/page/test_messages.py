@@ -12,12 +12,13 @@ from tests.tools.browsing import DESKTOP, PHONE, Tabs, Visit, accessibility_faul
 from tests.tools.scenarios import document
 from tests.tools.serving import Server
 
+pytestmark = pytest.mark.long
+
 GONE = "00000000-0000-4000-8000-000000000000"
 NO_PLAN = "There is no such plan, or it belongs to another key."
 
 
 @pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
-@pytest.mark.long
 def test_a_confirmation_is_seen_wherever_one_has_scrolled(
     tabs: Tabs, server: Server, size: tuple[int, int]
 ) -> None:
@@ -46,11 +47,9 @@ def test_a_confirmation_is_seen_wherever_one_has_scrolled(
         expect(dismiss).to_be_hidden()
 
 
-@pytest.mark.long
 def test_a_confirmation_goes_with_the_next_edit_and_a_fault_stays_until_it_is_mended(
-    visit: Visit,
+    visit: Visit, page: Page
 ) -> None:
-    page = visit.page
     visit.expect_complaints("422")
     page.get_by_role("button", name="Copy link").click()
     reported = page.locator("#notice")
@@ -69,7 +68,6 @@ def test_a_confirmation_goes_with_the_next_edit_and_a_fault_stays_until_it_is_me
 
 @pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
-@pytest.mark.long
 def test_a_link_to_no_plan_says_so_and_leads_on(
     tabs: Tabs, server: Server, size: tuple[int, int], dark: bool
 ) -> None:
@@ -100,7 +98,6 @@ def _choose_example(page: Page) -> None:
 
 
 @pytest.mark.parametrize("way", [_open_example, _choose_example])
-@pytest.mark.long
 def test_a_link_to_no_plan_leads_to_an_example(
     tabs: Tabs, server: Server, way: Callable[[Page], None]
 ) -> None:
@@ -111,11 +108,9 @@ def test_a_link_to_no_plan_leads_to_an_example(
         expect(visit.page.locator("#dead-link")).to_be_hidden()
 
 
-@pytest.mark.long
 def test_a_link_to_no_plan_leads_back_to_what_was_being_edited(
-    visit: Visit, server: Server
+    visit: Visit, page: Page, server: Server
 ) -> None:
-    page = visit.page
     visit.expect_complaints("404")
     page.get_by_label("Name").fill("mine")
     visit.settle()
@@ -125,11 +120,9 @@ def test_a_link_to_no_plan_leads_back_to_what_was_being_edited(
     visit.verdict("Observable: rank 18 of 18")
 
 
-@pytest.mark.long
 def test_back_to_a_plan_that_was_deleted_keeps_the_one_on_show(
-    visit: Visit, server: Server
+    visit: Visit, page: Page, server: Server
 ) -> None:
-    page = visit.page
     visit.expect_complaints("404")
     page.get_by_role("button", name="Copy link").click()
     expect(page.locator("#notice")).to_contain_text("Link copied")
@@ -142,7 +135,6 @@ def test_back_to_a_plan_that_was_deleted_keeps_the_one_on_show(
     assert plan_id_of(page) == kept
 
 
-@pytest.mark.long
 def test_the_badge_of_a_plan_from_before_there_were_verdicts_is_the_verdicts(
     tabs: Tabs, server: Server
 ) -> None:
@@ -167,11 +159,9 @@ def test_the_badge_of_a_plan_from_before_there_were_verdicts_is_the_verdicts(
         expect(page.locator("#verdict")).to_contain_text("v1 passes L2 at 1 m")
 
 
-@pytest.mark.long
 def test_while_a_scenario_is_at_fault_no_findings_are_said_to_go_with_its_files(
-    visit: Visit,
+    visit: Visit, page: Page
 ) -> None:
-    page = visit.page
     visit.expect_complaints("422")
     visit.choose("paper-grid-alternate")
     found = page.locator("#export-findings")

@@ -1,26 +1,24 @@
 """The animation of one period, and the files to take along."""
 
-import io
 import json
 import math
-import zipfile
 from pathlib import Path
 
 import httpx2
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Page, expect
 
-from tests.page.gestures import plan_id_of, saved
+from tests.page.gestures import download, plan_id_of, saved, sidecar_of, unzipped
 from tests.tools.browsing import Visit, accessibility_faults
 from tests.tools.serving import Server
+
+pytestmark = pytest.mark.long
 
 SAME = "paper-grid-same"
 ALTERNATE = "paper-grid-alternate"
 
 
-@pytest.mark.long
-def test_the_animation_moves_vehicles_sightings_and_a_line_in_the_timeline(visit: Visit) -> None:
-    page = visit.page
+def test_the_animation_moves_vehicles_sightings_and_a_line_in_the_timeline(page: Page) -> None:
     play = page.get_by_role("button", name="Play")
     play.click()
     expect(page.get_by_role("button", name="Pause")).to_be_visible()
@@ -43,11 +41,9 @@ def test_the_animation_moves_vehicles_sightings_and_a_line_in_the_timeline(visit
     expect(page.locator("#moment-text")).to_have_text("0 s")
 
 
-@pytest.mark.long
 def test_time_0_is_the_plans_own_figure_and_the_legend_stays_as_it_is_while_time_goes_on(
-    visit: Visit,
+    visit: Visit, page: Page
 ) -> None:
-    page = visit.page
     visit.choose("paper-grid-alternate")
     uids = "document.getElementById('map-plot').data.map(t => t.uid).sort()"
     entries = page.locator("#map-plot .legendtext")
@@ -83,11 +79,9 @@ def test_time_0_is_the_plans_own_figure_and_the_legend_stays_as_it_is_while_time
     assert page.evaluate(uids) == plan
 
 
-@pytest.mark.long
 def test_playing_can_be_paused_however_fast_it_was_begun_and_shows_the_newest_plan(
-    visit: Visit,
+    visit: Visit, page: Page
 ) -> None:
-    page = visit.page
     page.locator("#play").dblclick()
     expect(page.locator("#play")).to_have_text("Pause")
     page.locator("#play").click()
@@ -107,11 +101,9 @@ def test_playing_can_be_paused_however_fast_it_was_begun_and_shows_the_newest_pl
     assert page.evaluate(circles) == pytest.approx(19.0)
 
 
-@pytest.mark.long
 def test_what_a_chosen_sensor_covers_is_shaded_and_holds_what_it_sees_at_each_moment(
-    visit: Visit, server: Server
+    visit: Visit, page: Page, server: Server
 ) -> None:
-    page = visit.page
     visit.choose("mixed-radii-camera")
     expect(page.locator(".sight")).to_be_hidden()
     expect(page.locator("#sight-help")).to_be_hidden()
@@ -147,21 +139,15 @@ def test_what_a_chosen_sensor_covers_is_shaded_and_holds_what_it_sees_at_each_mo
     assert {True, False} == set(found)
 
 
-@pytest.mark.long
 def test_plans_and_exports_are_saved_and_an_export_says_what_it_lacks(
-    visit: Visit, server: Server
+    visit: Visit, page: Page, server: Server
 ) -> None:
-    page = visit.page
-    with page.expect_download() as waiting:
-        page.get_by_role("button", name="Plan").click()
-    plan = json.loads(saved(waiting.value))
+    plan = json.loads(saved(download(page, "Plan")))
     assert plan == httpx2.get(f"{server.url}/v1/plans/{plan_id_of(page)}").json()
     page.get_by_label("Format", exact=True).select_option("csv")
-    with page.expect_download() as waiting:
-        page.get_by_role("button", name="Export").click()
-    assert waiting.value.suggested_filename == f"{SAME}-csv.zip"
-    names = zipfile.ZipFile(io.BytesIO(saved(waiting.value))).namelist()
-    assert sorted(Path(name).suffix for name in names) == [".csv", ".json"]
+    archive = download(page, "Export")
+    assert archive.suggested_filename == f"{SAME}-csv.zip"
+    assert sorted(Path(name).suffix for name in unzipped(archive)) == [".csv", ".json"]
     visit.expect_complaints("422")
     page.get_by_label("Format", exact=True).select_option("qgc")
     page.get_by_role("button", name="Export").click()
@@ -170,27 +156,20 @@ def test_plans_and_exports_are_saved_and_an_export_says_what_it_lacks(
     page.get_by_label("Latitude of the origin").fill("47.4")
     page.get_by_label("Longitude of the origin").fill("8.5")
     visit.settle()
-    with page.expect_download() as waiting:
-        page.get_by_role("button", name="Export").click()
-    names = zipfile.ZipFile(io.BytesIO(saved(waiting.value))).namelist()
-    assert sum(name.endswith(".plan") for name in names) == 6
+    assert sum(name.endswith(".plan") for name in unzipped(download(page, "Export"))) == 6
     reported = page.locator("#export-notes")
     expect(reported).to_contain_text("set CIRCLE_RATE to 11.4592 (deg/s)")
     assert accessibility_faults(page) == []
     page.get_by_label("For", exact=True).select_option("PX4 multicopter")
-    with page.expect_download() as waiting:
-        page.get_by_role("button", name="Export").click()
-    archive = zipfile.ZipFile(io.BytesIO(saved(waiting.value)))
-    first = next(name for name in archive.namelist() if name.endswith(".plan"))
-    assert json.loads(archive.read(first))["mission"]["firmwareType"] == 12
+    files = unzipped(download(page, "Export"))
+    first = next(files[name] for name in files if name.endswith(".plan"))
+    assert json.loads(first)["mission"]["firmwareType"] == 12
     expect(reported).not_to_contain_text("CIRCLE_RATE")
     page.get_by_label("Format", exact=True).select_option("kml")
     expect(page.get_by_label("For", exact=True)).to_be_hidden()
 
 
-@pytest.mark.long
-def test_a_plan_that_is_no_go_is_exported_only_when_forced(visit: Visit) -> None:
-    page = visit.page
+def test_a_plan_that_is_no_go_is_exported_only_when_forced(visit: Visit, page: Page) -> None:
     visit.expect_complaints("409")
     force = page.get_by_label("Export although the verdict is NO-GO")
     expect(force).to_be_hidden()
@@ -201,11 +180,7 @@ def test_a_plan_that_is_no_go_is_exported_only_when_forced(visit: Visit) -> None
     expect(page.locator("#download-fault")).to_contain_text("NO-GO: 2 reasons; unobservable")
     reported = page.locator("#export-findings .remark").all_inner_texts()
     force.check()
-    with page.expect_download() as waiting:
-        page.get_by_role("button", name="Export").click()
-    archive = zipfile.ZipFile(io.BytesIO(saved(waiting.value)))
-    sidecar = next(name for name in archive.namelist() if name.endswith(".sync.json"))
-    findings = json.loads(archive.read(sidecar))["verdict"]["findings"]
+    findings = sidecar_of(download(page, "Export"))["verdict"]["findings"]
     for one in findings:
         expect(page.locator("#verdict")).to_contain_text(one["message"])
     # what goes with the files was on show before they were asked for, word for word

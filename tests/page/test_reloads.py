@@ -4,9 +4,9 @@ import json
 
 import httpx2
 import pytest
-from playwright.sync_api import Route, expect
+from playwright.sync_api import Page, Route, expect
 
-from tests.page.gestures import handle, opened, phases, plan_id_of, saved
+from tests.page.gestures import handle, opened, phases, plan_id_of, saved, validate
 from tests.tools.browsing import Visit
 from tests.tools.scenarios import document
 from tests.tools.serving import Server
@@ -15,8 +15,7 @@ ALTERNATE = "paper-grid-alternate"
 
 
 @pytest.mark.long
-def test_a_reload_goes_on_with_what_was_being_edited(visit: Visit) -> None:
-    page = visit.page
+def test_a_reload_goes_on_with_what_was_being_edited(visit: Visit, page: Page) -> None:
     visit.choose(ALTERNATE)
     page.get_by_label("Desynchronise by").fill("0.2")
     visit.verdict("Observable: rank 18 of 18")
@@ -27,9 +26,8 @@ def test_a_reload_goes_on_with_what_was_being_edited(visit: Visit) -> None:
 
 
 @pytest.mark.long
-def test_a_reload_goes_on_with_a_fault_and_undo_leads_out_of_it(visit: Visit) -> None:
+def test_a_reload_goes_on_with_a_fault_and_undo_leads_out_of_it(visit: Visit, page: Page) -> None:
     visit.expect_complaints("422")
-    page = visit.page
     visit.choose(ALTERNATE)
     page.get_by_label("Range (m)", exact=True).fill("-5")
     visit.doubt("Before the fault")
@@ -42,9 +40,8 @@ def test_a_reload_goes_on_with_a_fault_and_undo_leads_out_of_it(visit: Visit) ->
 
 @pytest.mark.long
 def test_a_reload_keeps_phases_that_were_given_and_the_way_back_to_them(
-    visit: Visit, server: Server
+    visit: Visit, page: Page, server: Server
 ) -> None:
-    page = visit.page
     plan = httpx2.post(f"{server.url}/v1/plans", json=document(name="of a file")).json()
     for one, phase in zip(plan["vehicles"], (0.25, 2.5), strict=True):
         # where it is at time 0 and its speed follow from these
@@ -70,9 +67,8 @@ def test_a_reload_keeps_phases_that_were_given_and_the_way_back_to_them(
 
 @pytest.mark.long
 def test_an_address_that_names_a_plan_comes_before_what_was_edited(
-    visit: Visit, server: Server
+    visit: Visit, page: Page, server: Server
 ) -> None:
-    page = visit.page
     plan = httpx2.post(f"{server.url}/v1/plans", json=document(name="named")).json()
     page.get_by_label("Name").fill("edited")
     visit.settle()
@@ -81,9 +77,10 @@ def test_an_address_that_names_a_plan_comes_before_what_was_edited(
 
 
 @pytest.mark.long
-def test_what_the_tab_kept_and_can_not_be_planned_any_more_is_forgotten(visit: Visit) -> None:
+def test_what_the_tab_kept_and_can_not_be_planned_any_more_is_forgotten(
+    visit: Visit, page: Page
+) -> None:
     visit.expect_complaints("422")
-    page = visit.page
     kept = {"state": {"scenario": {"orbit": 1}, "anchor": {"scenario": {}, "planId": None}}}
     page.add_init_script(f"sessionStorage.setItem('syncplan-edit', '{json.dumps(kept)}')")
     page.reload()
@@ -95,13 +92,11 @@ def test_what_the_tab_kept_and_can_not_be_planned_any_more_is_forgotten(visit: V
 
 @pytest.mark.long
 def test_a_reload_shows_the_outcome_of_a_validation_again_with_its_report(
-    visit: Visit, server: Server
+    page: Page, server: Server
 ) -> None:
-    page = visit.page
     report = page.get_by_role("button", name="Report")
     expect(report).to_be_disabled()
-    page.get_by_label("Trials").fill("20")
-    page.get_by_role("button", name="Validate").click()
+    validate(page, "20")
     expect(page.locator(".outcome")).to_contain_text("of 20 trials")
     assert "job=" in page.url
     page.reload()
@@ -119,11 +114,9 @@ def test_a_reload_shows_the_outcome_of_a_validation_again_with_its_report(
 
 @pytest.mark.long
 def test_a_link_names_the_plan_alone_and_says_that_it_was_copied(
-    visit: Visit, server: Server
+    page: Page, server: Server
 ) -> None:
-    page = visit.page
-    page.get_by_label("Trials").fill("50000")
-    page.get_by_role("button", name="Validate").click()
+    validate(page, "50000")
     expect(page.locator("#job-text")).to_contain_text("of 50000 trials")
     page.get_by_role("button", name="Copy link").click()
     link = f"{server.url}/?plan={plan_id_of(page)}"
@@ -134,9 +127,8 @@ def test_a_link_names_the_plan_alone_and_says_that_it_was_copied(
 
 
 def test_a_link_is_of_the_plan_that_was_stored_though_it_was_edited_meanwhile(
-    visit: Visit, server: Server
+    page: Page, server: Server
 ) -> None:
-    page = visit.page
     held: list[Route] = []
     page.route("**/v1/plans", lambda route: held.append(route))
     page.get_by_role("button", name="Copy link").click()
@@ -151,8 +143,7 @@ def test_a_link_is_of_the_plan_that_was_stored_though_it_was_edited_meanwhile(
     assert "plan=" not in page.url
 
 
-def test_two_quick_presses_store_one_plan(visit: Visit, server: Server) -> None:
-    page = visit.page
+def test_two_quick_presses_store_one_plan(visit: Visit, page: Page, server: Server) -> None:
     before = len(httpx2.get(f"{server.url}/v1/plans?limit=200").json()["items"])
     page.evaluate("for (let k = 0; k < 2; k += 1) document.getElementById('share').click()")
     expect(page.locator("#notice")).to_contain_text("Link copied")
@@ -160,18 +151,16 @@ def test_two_quick_presses_store_one_plan(visit: Visit, server: Server) -> None:
     assert len(httpx2.get(f"{server.url}/v1/plans?limit=200").json()["items"]) == before + 1
 
 
-def test_a_link_that_can_not_be_copied_is_shown_to_be_taken(visit: Visit) -> None:
-    page = visit.page
+def test_a_link_that_can_not_be_copied_is_shown_to_be_taken(page: Page) -> None:
     page.evaluate("() => { navigator.clipboard.writeText = () => Promise.reject('denied') }")
     page.get_by_role("button", name="Copy link").click()
     expect(page.locator("#notice")).to_contain_text("Link to this plan: http")
 
 
 def test_a_link_to_a_plan_that_was_deleted_is_to_one_stored_anew(
-    visit: Visit, server: Server
+    visit: Visit, page: Page, server: Server
 ) -> None:
     visit.expect_complaints("404")
-    page = visit.page
     page.get_by_role("button", name="Copy link").click()
     expect(page.locator("#notice")).to_contain_text("Link copied")
     gone = plan_id_of(page)

@@ -3,7 +3,7 @@
 from typing import Any
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Page, expect
 
 from tests.page.gestures import downloaded, opened
 from tests.tools.browsing import Visit, accessibility_faults
@@ -25,8 +25,7 @@ WORLD: dict[str, Any] = {
 
 
 @pytest.mark.long
-def test_fields_of_the_world_are_folded_until_used(visit: Visit) -> None:
-    page = visit.page
+def test_fields_of_the_world_are_folded_until_used(visit: Visit, page: Page) -> None:
     visit.choose("paper-grid-same")
     expect(page.get_by_label("Wind sigma")).to_be_hidden()
     page.locator("summary", has_text="Wind or current").click()
@@ -47,8 +46,9 @@ def test_fields_of_the_world_are_folded_until_used(visit: Visit) -> None:
 
 
 @pytest.mark.long
-def test_a_scenario_of_the_world_opens_its_groups_and_keeps_its_keys(visit: Visit) -> None:
-    page = visit.page
+def test_a_scenario_of_the_world_opens_its_groups_and_keeps_its_keys(
+    visit: Visit, page: Page
+) -> None:
     opened(page, WORLD)
     visit.settle()
     visit.verdict("Observable: rank 6 of 6")

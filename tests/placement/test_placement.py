@@ -15,7 +15,7 @@ from syncplan.scenario.areas import Area
 from syncplan.scenario.formations import SHAPES
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.specification import Scenario
-from tests.tools.scenarios import document, small
+from tests.tools.scenarios import circling, document, small
 
 Edges = list[tuple[int, int]]
 
@@ -52,7 +52,7 @@ def tree(count: int, seed: int, degree: int = 4) -> Edges:
 def linked(edges: Edges, radius: Any = 20.0, sensed: float = 50.0, **changes: Any) -> Scenario:
     links = [[f"v{a + 1}", f"v{b + 1}"] for a, b in edges]
     return small(
-        orbit={"radius_m": radius, "angular_rate_rad_s": 0.2},
+        orbit=circling(radius_m=radius),
         formation={"links": links, **changes.pop("formation", {})},
         sensor={"range_m": sensed, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1},
         **changes,
@@ -278,7 +278,7 @@ def test_landmarks_out_of_the_reach_of_the_area_are_refused() -> None:
 
 
 def gapped(shape: str, radii: Any, count: int, gap: float = 30.0, **changes: Any) -> Scenario:
-    orbit = {"radius_m": radii, "angular_rate_rad_s": 0.2}
+    orbit = circling(radius_m=radii)
     formation = {"shape": shape, "count": count, "gap_m": gap}
     formation |= {"columns": 3} if shape in ("grid", "hex") else {}
     return small(orbit=orbit, formation=formation, **changes)
@@ -387,7 +387,7 @@ def test_every_listed_link_of_a_placed_ring_comes_into_contact(direction: str) -
     scenario = scenario_from(
         {
             **document(landmarks_m=[[190.0, 0.0], [190.0, 70.0]]),
-            "orbit": {"radius_m": 20.0, "angular_rate_rad_s": 0.2, "direction": direction},
+            "orbit": circling(direction=direction),
             "formation": {"links": [[f"v{a + 1}", f"v{b + 1}"] for a, b in ring(6)]},
         }
     )
@@ -401,7 +401,7 @@ def test_every_listed_link_of_a_placed_ring_comes_into_contact(direction: str) -
 def test_a_gap_near_or_beyond_the_range_is_met_too(gap: float) -> None:
     placed = place(
         small(
-            orbit={"radius_m": [20.0, 25.0, 20.0, 20.0], "angular_rate_rad_s": 0.2},
+            orbit=circling(radius_m=[20.0, 25.0, 20.0, 20.0]),
             formation={"shape": "grid", "count": 4, "columns": 2, "gap_m": gap},
         )
     )

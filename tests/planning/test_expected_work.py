@@ -8,7 +8,7 @@ from syncplan.planning.expected_work import work_of
 from syncplan.planning.planner import plan
 from syncplan.planning.validation import trial_run
 from syncplan.scenario.loading import scenario_from
-from tests.tools.scenarios import EVERYTHING, FILES, changed, document, example, shared_circles
+from tests.tools.scenarios import EVERYTHING, FILES, changed, example, shared_circles, small
 
 NAMES = sorted(path.stem for path in FILES.glob("*.yaml"))
 
@@ -38,12 +38,10 @@ def test_vehicles_that_share_circles_see_each_other_at_every_sample() -> None:
 
 def test_a_landmark_is_in_range_for_the_share_that_geometry_says() -> None:
     # D = 40, R = 20, r = 30: in range while cos tau >= (1600 + 400 - 900) / 1600
-    scenario = scenario_from(
-        document(
-            formation={"centers_m": [[0.0, 0.0], [1000.0, 0.0]]},
-            landmarks_m=[[40.0, 0.0]],
-            sensor={"range_m": 30.0, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1},
-        )
+    scenario = small(
+        formation={"centers_m": [[0.0, 0.0], [1000.0, 0.0]]},
+        landmarks_m=[[40.0, 0.0]],
+        sensor={"range_m": 30.0, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1},
     )
     work = work_of(scenario, 100.0)
     assert work is not None
@@ -64,12 +62,10 @@ def test_a_landmark_is_in_a_narrow_view_for_the_share_that_geometry_says(
     landmark: tuple[float, float], boresight: float, fov: float, share: float
 ) -> None:
     sensor = {"range_m": 1e7, "fov_deg": fov, "boresight_deg": boresight}
-    scenario = scenario_from(
-        document(
-            formation={"centers_m": [[0.0, 0.0]]},
-            landmarks_m=[landmark],
-            sensor={**sensor, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1},
-        )
+    scenario = small(
+        formation={"centers_m": [[0.0, 0.0]]},
+        landmarks_m=[landmark],
+        sensor={**sensor, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1},
     )
     work = work_of(scenario, 100.0)
     assert work is not None
@@ -77,7 +73,7 @@ def test_a_landmark_is_in_a_narrow_view_for_the_share_that_geometry_says(
 
 
 def test_nothing_is_expected_where_centres_are_yet_to_be_found() -> None:
-    scenario = scenario_from(document(formation={"count": 3, "links": [["v1", "v2"]]}))
+    scenario = small(formation={"count": 3, "links": [["v1", "v2"]]})
     assert work_of(scenario) is None
 
 

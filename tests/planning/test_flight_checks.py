@@ -12,38 +12,12 @@ import syncplan
 from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.planning.flight_checks import LEAST_KEPT, MOST_SATURATED, MOST_SHARE
 from syncplan.planning.judged_team import PlanFinding
-from syncplan.planning.plan_records import FlownPlan, MeetingsFlown, PhasesFlown
+from syncplan.planning.plan_records import FlownPlan, MeetingsFlown
 from syncplan.planning.planner import Plan
+from tests.tools.flown import WELL
 
 GRID = "examples/scenarios/paper-grid-same.yaml"
 HARD = Path(__file__).parents[1] / "data" / "hard"
-
-WELL = FlownPlan(
-    trials=50,
-    seed=0,
-    duration_s=200.0,
-    guidance="track",
-    filter="robust",
-    events=[],
-    filter_lost_share=0.0,
-    out_of_contact_share=0.0,
-    least_separation_m=(25.0, 14.0),
-    too_close_share=None,
-    vehicles=[
-        PhasesFlown(
-            name=f"v{k}",
-            phase_rms_s=0.2,
-            phase_worst_s=0.9,
-            tracking_rms_m=1.2,
-            speed_mps=(3.0, 5.0),
-        )
-        for k in range(1, 7)
-    ],
-    meetings_kept=[
-        MeetingsFlown(between=between, meetings=5, kept_share=1.0)
-        for between in (("v1", "v2"), ("v2", "v3"), ("v3", "L1"), ("v4", "L2"))
-    ],
-)
 
 
 def with_(part: Any, **changes: Any) -> Any:

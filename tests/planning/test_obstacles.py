@@ -11,7 +11,7 @@ from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.sightings import Loss, remainder_of
 from syncplan.planning.judged_team import PlanFinding
 from syncplan.planning.planner import Plan, judge, plan
-from tests.tools.scenarios import small
+from tests.tools.scenarios import circling, small
 
 WALL = [[33.0, -60.0], [37.0, -60.0], [37.0, 60.0], [33.0, 60.0]]
 LANDMARKS = [[0.0, 40.0], [70.0, 40.0]]
@@ -110,7 +110,7 @@ def test_what_is_left_after_a_loss_has_the_windows_of_that_team() -> None:
 @pytest.mark.parametrize("direction", ["ccw", "alternate"])
 def test_phases_are_chosen_for_where_the_wall_ends(direction: str) -> None:
     wall = [[33.0, -60.0], [37.0, -60.0], [37.0, 6.0], [33.0, 6.0]]
-    orbit = {"radius_m": 20.0, "angular_rate_rad_s": 0.2, "direction": direction}
+    orbit = circling(direction=direction)
     judged = made(orbit=orbit, obstacles_m=[wall])
     (link,) = judged.links
     most = 0.0
@@ -150,7 +150,7 @@ def test_a_link_that_nothing_can_serve_has_no_say_in_the_senses() -> None:
     turn = np.radians(150.0)
     way = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
     wall = (across @ way + np.array([17.5, 30.3])).tolist()
-    orbit = {"radius_m": 20.0, "angular_rate_rad_s": 0.2, "direction": "alternate"}
+    orbit = circling(direction="alternate")
     judged = made(orbit=orbit, formation={"centers_m": centers}, obstacles_m=[wall])
     assert [(link.a, link.b) for link in judged.dropped_links] == [(0, 2)]
     assert judged.orbits.senses.tolist() == [1.0, -1.0, 1.0]

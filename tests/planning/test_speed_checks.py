@@ -10,8 +10,8 @@ import pytest
 import syncplan
 from syncplan.planning.judged_team import PlanFinding
 from syncplan.planning.path_checks import wind_made_up_for
-from syncplan.planning.plan_records import FlownPlan
 from syncplan.planning.planner import Plan, judge
+from tests.tools.flown import WELL
 from tests.tools.scenarios import changed
 
 HIGH = 6.0
@@ -82,24 +82,6 @@ def test_wind_over_half_the_ground_speed_warns_with_limits_and_without(plan: Pla
         assert "fly" in one.cure.text
 
 
-def flown(plan: Plan) -> Plan:
-    """The plan as flown, well."""
-    record = FlownPlan(
-        trials=9,
-        seed=0,
-        duration_s=90.0,
-        guidance="track",
-        filter="robust",
-        events=[],
-        filter_lost_share=0.0,
-        out_of_contact_share=0.0,
-        least_separation_m=None,
-        too_close_share=None,
-        vehicles=[],
-    )
-    return replace(plan, flight=record)
-
-
 def test_a_start_warns_where_its_sigma_is_over_the_room_of_the_nearest(plan: Plan) -> None:
     assert plan.approach is not None
     room, turn = plan.approach.distance, 0.2
@@ -109,7 +91,7 @@ def test_a_start_warns_where_its_sigma_is_over_the_room_of_the_nearest(plan: Pla
         start = {"position_m": sigma, "heading_rad": turn}
         judged = in_wind(plan, {}, initial_sigma=start)
         assert bool(found(judged, "start-uncertain")) == warned
-        assert found(flown(judged), "start-uncertain") == []
+        assert found(replace(judged, flight=WELL), "start-uncertain") == []
     # what is to be kept apart is no room
     judged = in_wind(plan, {}, initial_sigma=start, min_separation_m=1.0)
     assert "29 m to min_separation_m 1" in found(judged, "start-uncertain")[0].message
@@ -130,7 +112,7 @@ def test_predicted_errors_warn_where_two_sigma_use_up_the_separation(plan: Plan)
         assert hypot(errors[k[0]], errors[k[1]]) == pytest.approx(0.5 * share * least)
         judged = off_by(plan, errors)
         assert bool(found(judged, "separation-uncertain")) == warned
-        assert found(flown(judged), "separation-uncertain") == []
+        assert found(replace(judged, flight=WELL), "separation-uncertain") == []
 
 
 def test_predicted_errors_warn_where_they_may_end_meetings_that_are_needed(plan: Plan) -> None:
@@ -142,7 +124,7 @@ def test_predicted_errors_warn_where_they_may_end_meetings_that_are_needed(plan:
         judged = off_by(plan, errors)
         mine = found(judged, "meetings-uncertain")
         assert bool(mine) == warned
-        assert found(flown(judged), "meetings-uncertain") == []
+        assert found(replace(judged, flight=WELL), "meetings-uncertain") == []
     assert "v3-L1 by 1.98 sigma" in mine[0].message
     # one end of a link that can be spared: phases a hundred times as far off as its own bear
     spare = next(one for one in plan.links if (one.a, one.b) == (1, 4))

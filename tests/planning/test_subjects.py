@@ -9,7 +9,7 @@ import pytest
 import syncplan
 from syncplan.planning.planner import Plan
 from syncplan.runtime.files import as_text
-from tests.tools.scenarios import small
+from tests.tools.scenarios import circling, small
 
 MAPPING = small().model_dump(mode="json", exclude_none=True)
 
@@ -48,7 +48,7 @@ def test_what_takes_a_plan_takes_files_and_mappings(scenario_file: Path, plan_fi
 
 
 def test_a_plan_read_keeps_orbits_that_planning_would_not_find(tmp_path: Path) -> None:
-    orbit = {"radius_m": 20.0, "angular_rate_rad_s": 0.2, "desync_rad": [0.0, 0.3]}
+    orbit = circling(desync_rad=[0.0, 0.3])
     made = syncplan.plan(small(orbit=orbit))
     made.save(tmp_path / "plan.json")
     assert same(syncplan.load_plan(tmp_path / "plan.json"), made)

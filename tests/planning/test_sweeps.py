@@ -8,7 +8,6 @@ import pytest
 from pydantic import ValidationError
 
 from syncplan.errors import InputError
-from syncplan.orbits.graphs import union_over
 from syncplan.planning.planner import plan
 from syncplan.planning.variations import connected_range, sweep
 from syncplan.plotting.study_figures import sweep_spec
@@ -16,7 +15,8 @@ from syncplan.reports.validation_report import SweepReport, sweep_document, vali
 from syncplan.scenario.dotted_keys import IN_TRUTH, SWEPT_KEYS, SweptOption, numeric_keys, swept_key
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.specification import Scenario
-from tests.tools.scenarios import example, small
+from tests.tools.measurement_graphs import union_over
+from tests.tools.scenarios import circling, example, small
 
 
 def test_a_resolved_window_of_one_period_follows_the_rate() -> None:
@@ -90,7 +90,7 @@ def test_every_spelling_of_a_swept_key_follows_from_the_scenarios(
 def test_any_number_is_set_for_all_vehicles_and_nothing_else_changes() -> None:
     scenario = scenario_from(
         {
-            "orbit": {"radius_m": 20.0, "angular_rate_rad_s": 0.2},
+            "orbit": circling(),
             "formation": {"shape": "line", "count": 2, "spacing_m": 70.0},
             "sensor": [{"range_m": 50.0}, {"range_m": 40.0}],
             "heading_sigma_rad": [0.1, 0.2],

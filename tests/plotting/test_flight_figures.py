@@ -17,6 +17,7 @@ from syncplan.plotting.flight_figures import MOST_VEHICLES, flight_errors_spec
 from syncplan.plotting.flight_tracks_figure import SIGMAS, flight_tracks_spec
 from syncplan.reports.flight_report import FlightDocument, flight_document
 from syncplan.reports.flight_series import FlightOverTime
+from tests.tools.figure_parts import trace_of
 from tests.tools.flown import LOST_AT, short_flight
 
 NAMES = ["tracks", "tracking", "phases", "separation", "meetings", "events"]
@@ -36,13 +37,6 @@ def report(flight: Flight) -> FlightDocument:
 def series(report: FlightDocument) -> FlightOverTime:
     assert report.series is not None
     return report.series
-
-
-def _trace(spec: dict[str, Any], uid: str) -> dict[str, Any]:
-    found = [trace for trace in spec["data"] if trace["uid"] == uid]
-    assert len(found) == 1, uid
-    trace: dict[str, Any] = found[0]
-    return trace
 
 
 def _note(spec: dict[str, Any]) -> str:
@@ -101,19 +95,19 @@ def test_paths_are_those_of_the_first_trial(report: FlightDocument, series: Flig
         ("true", "true_x_m", "true_y_m"),
         ("estimated", "estimated_x_m", "estimated_y_m"),
     ):
-        drawn, at = _trace(spec, uid), len(series.track_time_s) + 1
+        drawn, at = trace_of(spec, uid), len(series.track_time_s) + 1
         for k, vehicle in enumerate(series.tracks[0].vehicles):
             for key, name in (("x", x), ("y", y)):
                 values = np.array(getattr(vehicle, name), dtype=float)
                 shown = np.array(drawn[key][k * at : (k + 1) * at - 1], dtype=float)
                 np.testing.assert_allclose(shown, values, atol=0.02)
-    assert [_trace(spec, f"trial-{number}")["name"] for number in (1, 2)]
+    assert [trace_of(spec, f"trial-{number}")["name"] for number in (1, 2)]
 
 
 def test_rims_of_ellipses_are_three_sigma_from_the_estimate(
     flight: Flight, report: FlightDocument, series: FlightOverTime
 ) -> None:
-    rims = _trace(specs_of(report, ["tracks"])["tracks"], "ellipses")
+    rims = trace_of(specs_of(report, ["tracks"])["tracks"], "ellipses")
     points = np.array([rims["x"], rims["y"]], dtype=float).T
     kept, at = flight.result.tracks[0].covariances, 0
     for k, vehicle in enumerate(series.tracks[0].vehicles):
@@ -150,8 +144,8 @@ def test_what_is_lost_or_held_is_marked_where_it_was(
         vehicle = next(one for one in series.tracks[0].vehicles if one.name == name)
         known = [k for k, x in enumerate(vehicle.true_x_m) if x is not None]
         before = max(k for k in known if series.track_time_s[k] <= time)
-        assert _trace(spec, uid)["x"] == pytest.approx([vehicle.true_x_m[before]], abs=1e-3)
-        assert _trace(spec, uid)["y"] == pytest.approx([vehicle.true_y_m[before]], abs=1e-3)
+        assert trace_of(spec, uid)["x"] == pytest.approx([vehicle.true_x_m[before]], abs=1e-3)
+        assert trace_of(spec, uid)["y"] == pytest.approx([vehicle.true_y_m[before]], abs=1e-3)
 
 
 def test_curves_over_time_are_the_reports(report: FlightDocument, series: FlightOverTime) -> None:
@@ -165,17 +159,17 @@ def test_curves_over_time_are_the_reports(report: FlightDocument, series: Flight
             (errors, "error", one.rms_m),
             (phases, "phase", one.phase_rms_s),
         ):
-            drawn = _trace(spec, f"{key}-{one.name}")
+            drawn = trace_of(spec, f"{key}-{one.name}")
             assert drawn["x"] == series.time_s
             expected, shown = (np.array(v, dtype=float) for v in (values, drawn["y"]))
             np.testing.assert_allclose(shown, expected, atol=1e-5)
         flown = by_name[one.name]
-        level = _trace(phases, f"tolerance-{one.name}")["y"]
+        level = trace_of(phases, f"tolerance-{one.name}")["y"]
         assert level == pytest.approx([flown.phase_tolerance_s] * 2, abs=1e-5)
         if flown.errors is not None and flown.phase_error_s is not None:
-            level = _trace(errors, f"predicted-{one.name}")["y"]
+            level = trace_of(errors, f"predicted-{one.name}")["y"]
             assert level == pytest.approx([flown.errors.predicted_rms_m] * 2, abs=1e-5)
-            level = _trace(phases, f"worst-{one.name}")["y"]
+            level = trace_of(phases, f"worst-{one.name}")["y"]
             assert level == pytest.approx([flown.phase_error_s.worst] * 2, abs=1e-5)
 
 
@@ -239,11 +233,11 @@ def test_least_separations_rise_to_all_trials(report: FlightDocument) -> None:
     found = report.least_separation_m
     assert found is not None
     spec = specs_of(report, ["separation"])["separation"]
-    curve = _trace(spec, "trials")
+    curve = trace_of(spec, "trials")
     assert (curve["y"][0], curve["y"][-1]) == (0.0, 100.0)
     np.testing.assert_allclose(curve["x"], found.quantiles, atol=1e-4)
-    assert _trace(spec, "planned")["x"] == pytest.approx([found.planned] * 2, abs=1e-4)
-    assert _trace(spec, "asked")["x"] == [22.0, 22.0]
+    assert trace_of(spec, "planned")["x"] == pytest.approx([found.planned] * 2, abs=1e-4)
+    assert trace_of(spec, "asked")["x"] == [22.0, 22.0]
     assert spec["layout"]["xaxis"]["range"][1] > found.planned
     alone = specs_of(report.model_copy(update={"least_separation_m": None}), ["separation"])
     assert alone["separation"]["data"] == []
@@ -255,7 +249,7 @@ def test_meetings_that_were_missed_are_hatched_and_on_top(report: FlightDocument
         for k, one in enumerate(report.links)
     ]
     spec = specs_of(report.model_copy(update={"links": links}), ["meetings"])["meetings"]
-    missed, kept = _trace(spec, "missed"), _trace(spec, "kept")
+    missed, kept = trace_of(spec, "missed"), trace_of(spec, "kept")
     assert missed["y"] == ["-".join(links[2].between)]
     assert missed["x"] == [50.0]
     assert missed["marker"]["pattern"]["shape"]
@@ -270,7 +264,7 @@ def test_rows_of_events_last_as_long_as_they_do(report: FlightDocument) -> None:
     spec = specs_of(report.model_copy(update={"events": [hold, report.events[1]]}), ["events"])[
         "events"
     ]
-    loss, held, settling = (_trace(spec, uid) for uid in ("loss", "hold", "settling"))
+    loss, held, settling = (trace_of(spec, uid) for uid in ("loss", "hold", "settling"))
     assert (loss["y"], loss["base"], loss["x"]) == (["v6"], [LOST_AT], [48.0 - LOST_AT])
     assert (held["y"], held["base"], held["x"]) == (["v2"], [12.0], [6.0])
     assert (settling["base"], settling["x"]) == ([18.0], [9.0])

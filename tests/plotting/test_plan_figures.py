@@ -20,7 +20,9 @@ from syncplan.plotting.figure_style import DARK, FigureStyle
 from syncplan.plotting.figure_table import FIGURES
 from syncplan.plotting.figures import specs_of
 from syncplan.plotting.formation_figures import FRAMES, live
-from tests.tools.scenarios import example, small
+from tests.tools.figure_parts import trace_of
+from tests.tools.measurement_graphs import union_over
+from tests.tools.scenarios import circling, example, small
 
 KINDS = {"link", "incidental", "landmark"}
 NAMES = ("paper-grid-alternate", "paper-grid-same", "mixed-radii-camera", "landmark-bridge")
@@ -29,13 +31,6 @@ NAMES = ("paper-grid-alternate", "paper-grid-same", "mixed-radii-camera", "landm
 @pytest.fixture(scope="module", params=NAMES)
 def made(request: pytest.FixtureRequest) -> Plan:
     return plan(example(request.param))
-
-
-def _trace(spec: dict[str, Any], uid: str) -> dict[str, Any]:
-    found = [trace for trace in spec["data"] if trace["uid"] == uid]
-    assert len(found) == 1, uid
-    trace: dict[str, Any] = found[0]
-    return trace
 
 
 def _polylines(trace: dict[str, Any]) -> list[np.ndarray]:
@@ -59,7 +54,7 @@ def test_circles_drawn_lie_on_the_circles_of_the_plan(made: Plan) -> None:
         if not len(chosen):
             assert all(trace["uid"] != f"circles-{key}" for trace in spec["data"])
             continue
-        lines = _polylines(_trace(spec, f"circles-{key}"))
+        lines = _polylines(trace_of(spec, f"circles-{key}"))
         assert len(lines) == len(chosen)
         for k, line in zip(chosen, lines, strict=True):
             away = np.hypot(*(line - made.orbits.centers[k]).T)
@@ -73,7 +68,7 @@ def test_circles_drawn_lie_on_the_circles_of_the_plan(made: Plan) -> None:
 
 
 def test_vehicles_stand_where_they_start_and_point_where_they_fly(made: Plan) -> None:
-    trace = _trace(_formation(made), "vehicles")
+    trace = trace_of(_formation(made), "vehicles")
     where = np.column_stack([trace["x"], trace["y"]])
     np.testing.assert_allclose(where, position(made.orbits, 0.0), atol=0.01)
     # Plotly turns markers clockwise from up, in degrees
@@ -90,7 +85,7 @@ def test_heads_on_circles_turn_with_the_sense(made: Plan) -> None:
         chosen = made.orbits.senses == sense
         if not chosen.any():
             continue
-        trace = _trace(spec, f"heads-{key}")
+        trace = trace_of(spec, f"heads-{key}")
         arm = np.column_stack([trace["x"], trace["y"]]) - made.orbits.centers[chosen]
         turned = np.radians(trace["marker"]["angle"])
         cross = arm[:, 0] * np.cos(turned) - arm[:, 1] * np.sin(turned)
@@ -152,7 +147,7 @@ def test_moving_along_the_arrows_changes_no_bearing_to_first_order(name: str) ->
     start = position(orbits, 0.0)
     assert made.unobservable
     for number, motion in enumerate(made.unobservable):
-        trace = _trace(spec, f"motion-{number}")
+        trace = trace_of(spec, f"motion-{number}")
         lines = _polylines(trace)
         assert len(lines) == len(motion.vehicles)
         drawn = np.zeros((count, 3))
@@ -226,8 +221,6 @@ def test_the_union_is_that_of_all_sightings_begun_so_far(made: Plan) -> None:
     """Against networkx, on graphs sampled finely."""
     import networkx as nx
 
-    from syncplan.orbits.graphs import union_over
-
     times, groups, held = union_growth(made)
     count = made.orbits.count
     for length in np.linspace(0.01, 0.99, 23) * made.orbits.period:
@@ -247,13 +240,13 @@ def test_the_union_is_that_of_all_sightings_begun_so_far(made: Plan) -> None:
 def test_the_spectrum_parts_what_counts_from_what_does_not(made: Plan) -> None:
     spec = specs_of(made, ["spectrum"])["spectrum"]
     verdict = made.observability
-    counted = _trace(spec, "values-circle")
+    counted = trace_of(spec, "values-circle")
     assert len(counted["x"]) == verdict.rank
     np.testing.assert_allclose(counted["y"], verdict.singular_values[: verdict.rank])
-    tolerance = _trace(spec, "tolerance")["y"][0]
+    tolerance = trace_of(spec, "tolerance")["y"][0]
     assert min(counted["y"]) > tolerance
     if not verdict.observable:
-        rest = _trace(spec, "values-x")
+        rest = trace_of(spec, "values-x")
         assert len(rest["x"]) == verdict.state_dim - verdict.rank
         assert max(rest["y"]) < tolerance
 
@@ -261,9 +254,9 @@ def test_the_spectrum_parts_what_counts_from_what_does_not(made: Plan) -> None:
 def test_predicted_errors_are_those_of_the_plan(made: Plan) -> None:
     spec = specs_of(made, ["prediction"])["prediction"]
     assert made.prediction.rms is not None
-    np.testing.assert_allclose(_trace(spec, "predicted")["y"], made.prediction.rms, atol=1e-6)
+    np.testing.assert_allclose(trace_of(spec, "predicted")["y"], made.prediction.rms, atol=1e-6)
     if not np.isnan(made.prediction.window).all():
-        window = np.array(_trace(spec, "window")["y"], dtype=float)
+        window = np.array(trace_of(spec, "window")["y"], dtype=float)
         np.testing.assert_allclose(window, made.prediction.window, atol=1e-6)
 
 
@@ -332,7 +325,7 @@ def _sees(made: Plan, observer: int, away: np.ndarray, time: float) -> bool:
 def test_a_refined_plan_is_shown_before_and_after() -> None:
     scenario = small(
         landmarks_m=[[30.0, 0.0], [40.0, 10.0]],
-        orbit={"radius_m": 20.0, "angular_rate_rad_s": 0.2, "direction": "alternate"},
+        orbit=circling(direction="alternate"),
         duration_s=40.0,
     )
     before = plan(scenario)
@@ -342,12 +335,12 @@ def test_a_refined_plan_is_shown_before_and_after() -> None:
     assert after.refinement is not None
     spec = specs_of(after, ["refinement"])["refinement"]
     for side, merits in (("before", after.refinement.before), ("after", after.refinement.after)):
-        values = _trace(spec, side)["y"]
+        values = trace_of(spec, side)["y"]
         assert values[0] == pytest.approx(merits.predicted_rms, abs=1e-6)
         assert values[3] == pytest.approx(merits.least_distance, abs=1e-6)
     both = figures.comparison(before, after)
     for side, one in (("before", before), ("after", after)):
-        lines = _polylines(_trace(both.to_plotly_json(), f"circles-{side}"))
+        lines = _polylines(trace_of(both.to_plotly_json(), f"circles-{side}"))
         away = np.hypot(*(lines[0] - one.orbits.centers[0]).T)
         np.testing.assert_allclose(away, one.orbits.radii[0], atol=0.02)
 
@@ -407,11 +400,7 @@ def test_areas_and_dropped_links_are_drawn() -> None:
         small(
             area_m=area,
             keep_out_m=[[[30.0, 25.0], [40.0, 25.0], [35.0, 35.0]]],
-            orbit={
-                "radius_m": 20.0,
-                "angular_rate_rad_s": 0.2,
-                "direction": "ccw",
-            },
+            orbit=circling(direction="ccw"),
             sensor={
                 "range_m": 80.0,
                 "fov_deg": 5,
@@ -421,14 +410,14 @@ def test_areas_and_dropped_links_are_drawn() -> None:
         )
     )
     spec = _formation(made)
-    np.testing.assert_allclose(_polylines(_trace(spec, "area"))[0], [*area, area[0]])
-    assert _trace(spec, "keep-out")["fill"] == "toself"
+    np.testing.assert_allclose(_polylines(trace_of(spec, "area"))[0], [*area, area[0]])
+    assert trace_of(spec, "keep-out")["fill"] == "toself"
     assert drawing.verdict_words(made) in spec["layout"]["title"]["subtitle"]["text"]
 
 
 def test_vehicles_that_share_a_circle_share_a_label() -> None:
     made = plan(small(formation={"centers_m": [[0.0, 0.0], [0.0, 0.0], [70.0, 0.0]]}))
-    names = _trace(_formation(made), "names")
+    names = trace_of(_formation(made), "names")
     assert names["text"] == ["v1, v2", "v3"]
 
 

@@ -2,7 +2,6 @@
 
 import json
 import re
-from typing import Any
 
 import numpy as np
 import pytest
@@ -24,6 +23,7 @@ from syncplan.reports.validation_report import (
     sweep_document,
     validation_document,
 )
+from tests.tools.figure_parts import trace_of
 from tests.tools.scenarios import example, small
 
 
@@ -35,13 +35,6 @@ def flown() -> Validation:
 @pytest.fixture(scope="module")
 def report(flown: Validation) -> ValidationDocument:
     return validation_document(flown)
-
-
-def _trace(spec: dict[str, Any], uid: str) -> dict[str, Any]:
-    found = [trace for trace in spec["data"] if trace["uid"] == uid]
-    assert len(found) == 1, uid
-    trace: dict[str, Any] = found[0]
-    return trace
 
 
 def test_a_validation_and_its_report_give_the_same_figures(
@@ -65,7 +58,7 @@ def test_bars_are_the_errors_found_and_predicted(report: ValidationDocument) -> 
         ("median", "median_rms_second_half_m"),
     ):
         expected = [getattr(vehicle, key) for vehicle in report.vehicles]
-        np.testing.assert_allclose(_trace(spec, uid)["y"], expected, atol=1e-6)
+        np.testing.assert_allclose(trace_of(spec, uid)["y"], expected, atol=1e-6)
     bars = [trace["marker"] for trace in spec["data"] if trace["type"] == "bar"]
     patterns = [marker.get("pattern", {}).get("shape", "") for marker in bars]
     assert len(patterns) == 3
@@ -89,11 +82,11 @@ def test_the_band_is_three_sigma_of_each_axis_about_zero(
     for k, vehicle in enumerate(report.vehicles):
         for column in range(3):
             sigma = kept.heading_sigma[:, k] if column == 2 else kept.axis_sigma[:, k, column]
-            band = np.array(_trace(spec, f"band-{vehicle.name}-{column}")["y"])
+            band = np.array(trace_of(spec, f"band-{vehicle.name}-{column}")["y"])
             count = len(band) // 2
             np.testing.assert_allclose(band[:count], 3.0 * sigma[::every], atol=1e-5)
             np.testing.assert_allclose(band[count:][::-1], -3.0 * sigma[::every], atol=1e-5)
-            mean = _trace(spec, f"mean-{vehicle.name}-{column}")
+            mean = trace_of(spec, f"mean-{vehicle.name}-{column}")
             np.testing.assert_allclose(mean["y"], kept.mean_errors[::every, k, column], atol=1e-5)
             np.testing.assert_allclose(mean["x"], every * 0.1 * np.arange(count), atol=1e-6)
     assert "mean error of 20 trials" in spec["layout"]["title"]["subtitle"]["text"]
@@ -117,9 +110,9 @@ def test_a_single_trial_shows_its_error_and_no_spread() -> None:
     one = validate(small(landmarks_m=[[35, 9]]), trials=1, duration=5.0, with_series=True)
     spec = specs_of(one, ["errors"])["errors"]
     assert {trace["uid"].split("-")[0] for trace in spec["data"]} == {"band", "mean"}
-    assert _trace(spec, "mean-v1-0")["name"] == "error"
+    assert trace_of(spec, "mean-v1-0")["name"] == "error"
     final = one.result.final_errors[0, 0]
-    drawn = [_trace(spec, f"mean-v1-{column}")["y"][-1] for column in range(3)]
+    drawn = [trace_of(spec, f"mean-v1-{column}")["y"][-1] for column in range(3)]
     np.testing.assert_allclose(drawn, final, atol=1e-5)
 
 
@@ -148,22 +141,22 @@ def test_consistency_shows_value_band_and_verdict(report: ValidationDocument) ->
     spec = specs_of(report, ["consistency"])["consistency"]
     for name, figure in (("ANEES", report.anees), ("NIS", report.nis)):
         assert figure.band is not None
-        np.testing.assert_allclose(_trace(spec, f"{name}-band")["x"], figure.band)
-        assert _trace(spec, f"{name}-value")["x"] == [figure.value]
+        np.testing.assert_allclose(trace_of(spec, f"{name}-band")["x"], figure.band)
+        assert trace_of(spec, f"{name}-value")["x"] == [figure.value]
         texts = [note["text"] for note in spec["layout"]["annotations"]]
         assert any(text.startswith(name) and figure.verdict in text for text in texts)
         assert any("95 % interval" in text and "over 20 trials" in text for text in texts)
-        tolerated = _trace(spec, f"{name}-tolerated")
+        tolerated = trace_of(spec, f"{name}-tolerated")
         assert (min(tolerated["x"]), max(tolerated["x"])) == (0.9, 1.1)
     covered = [vehicle.coverage_3sigma for vehicle in report.vehicles]
-    np.testing.assert_allclose(_trace(spec, "coverage")["y"], covered, atol=1e-6)
+    np.testing.assert_allclose(trace_of(spec, "coverage")["y"], covered, atol=1e-6)
 
 
 def test_a_dishonest_filter_is_reported_by_symbol_and_words(report: ValidationDocument) -> None:
     wrong = report.anees.model_copy(update={"value": 3.0, "verdict": "optimistic"})
     bad = report.model_copy(update={"anees": wrong})
     spec = specs_of(bad, ["consistency"])["consistency"]
-    assert _trace(spec, "ANEES-value")["marker"]["symbol"] == "triangle-right"
+    assert trace_of(spec, "ANEES-value")["marker"]["symbol"] == "triangle-right"
     low, high = spec["layout"]["xaxis"]["range"]
     assert low < 1.0
     assert high > 3.0
@@ -173,7 +166,7 @@ def test_a_single_trial_has_a_value_and_no_interval() -> None:
     one = validate(small(landmarks_m=[[35, 9]]), trials=1, duration=5.0)
     spec = specs_of(one, ["consistency"])["consistency"]
     assert "ANEES-band" not in {trace["uid"] for trace in spec["data"]}
-    assert _trace(spec, "ANEES-value")["x"] == [one.anees.value]
+    assert trace_of(spec, "ANEES-value")["x"] == [one.anees.value]
     texts = [note["text"] for note in spec["layout"]["annotations"]]
     assert any("1 trial: not judged<br>at least 10 trials are needed" in text for text in texts)
 
@@ -187,7 +180,7 @@ def test_a_report_of_an_earlier_version_keeps_its_band(report: ValidationDocumen
             del figure[key]
     old = ValidationDocument.model_validate(values)
     spec = specs_of(old, ["consistency"])["consistency"]
-    assert _trace(spec, "ANEES-band")["name"] == "95 % band"
+    assert trace_of(spec, "ANEES-band")["name"] == "95 % band"
     accuracy = specs_of(old, ["accuracy"])["accuracy"]
     assert "median" not in {trace["uid"] for trace in accuracy["data"]}
 
@@ -218,12 +211,12 @@ def swept() -> SweepReport:
 def test_sweep_curves_run_over_the_values_in_order(swept: SweepReport) -> None:
     spec = specs_of(swept)["sweep"]
     by_value = {row.value: row for row in swept.rows[:2]}
-    curve = _trace(spec, "x")
+    curve = trace_of(spec, "x")
     assert curve["x"] == [0.2, 0.4]
     np.testing.assert_allclose(
         curve["y"], [by_value[0.2].mean_rms_x_m, by_value[0.4].mean_rms_x_m], atol=1e-6
     )
-    beside = _trace(spec, "y-connected")
+    beside = trace_of(spec, "y-connected")
     assert beside["x"] == [0.2]
     np.testing.assert_allclose(beside["y"], [swept.rows[2].mean_rms_y_m], atol=1e-6)
     assert beside["marker"]["symbol"].endswith("-open")
@@ -234,7 +227,7 @@ def test_sweep_curves_run_over_the_values_in_order(swept: SweepReport) -> None:
 def test_a_row_that_is_not_observable_is_crossed_out(swept: SweepReport) -> None:
     lost = swept.rows[0].model_copy(update={"rank": 5})
     spec = specs_of(SweepReport(swept=swept.swept, rows=[lost, *swept.rows[1:]]))["sweep"]
-    assert _trace(spec, "unobservable")["x"] == [0.4]
+    assert trace_of(spec, "unobservable")["x"] == [0.4]
     assert all(trace["uid"] != "unobservable" for trace in specs_of(swept)["sweep"]["data"])
 
 
@@ -255,13 +248,13 @@ def test_a_report_is_not_compared_with_a_plan(flown: Validation) -> None:
 def test_losses_are_bars_and_those_that_end_observability_are_hatched() -> None:
     document = what_if_document(what_if(example("paper-grid-same")))
     spec = specs_of(document)["losses"]
-    ends, stays = _trace(spec, "ends"), _trace(spec, "stays")
+    ends, stays = trace_of(spec, "ends"), trace_of(spec, "stays")
     assert set(ends["y"]) == {"v3", "v4", "sensor of v3", "sensor of v4", "L1", "L2"}
     assert ends["marker"]["pattern"]["shape"]
     assert spec["layout"]["yaxis"]["categoryarray"] == ends["y"] + stays["y"]
     worst = [one.worst_predicted_rms_m for one in document.losses]
     np.testing.assert_allclose(ends["x"] + stays["x"], np.array(worst, dtype=float), atol=1e-6)
-    assert set(_trace(spec, "baseline")["x"]) == {document.baseline.worst_predicted_rms_m}
+    assert set(trace_of(spec, "baseline")["x"]) == {document.baseline.worst_predicted_rms_m}
     assert Figure(spec).to_json()
     assert figures.figures_of(document)["losses"].layout.xaxis.title.text.endswith("error, m")
 
@@ -276,5 +269,5 @@ def test_of_many_losses_the_most_harmful_are_drawn() -> None:
     found = what_if(example("paper-grid-same"), losses=2)
     spec = specs_of(found)["losses"]
     assert len(spec["layout"]["yaxis"]["categoryarray"]) == 30
-    assert len(_trace(spec, "baseline")["y"]) == 30
+    assert len(trace_of(spec, "baseline")["y"]) == 30
     assert "the 30 most harmful are shown" in spec["layout"]["title"]["subtitle"]["text"]

@@ -17,7 +17,7 @@ from syncplan.recordings import ros_bags
 from syncplan.recordings.log import NOBODY, Log
 from syncplan.recordings.recording_formats import load_log
 from tests.tools.recorded_bags import BagMessages, Message, write_bag, write_messages
-from tests.tools.recordings import Recipe, write_csv, write_recording
+from tests.tools.recordings import Recipe, refusal_of, write_csv, write_recording
 
 OF = BagMessages()
 
@@ -210,31 +210,26 @@ def test_a_fault_is_reported_with_topic_and_reading(
 def test_bags_that_can_not_be_had_are_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def refused(path: Path) -> str:
-        with pytest.raises(InputError) as refusal:
-            load_log(path)
-        return str(refusal.value)
-
     other = write_messages(tmp_path / "other", [("/tf", 0.0, OF.twist(0.0, 0.0, 0.0))])
-    assert "other: holds no topic /NAME/odom; its topics are /tf" in refused(other)
+    assert "other: holds no topic /NAME/odom; its topics are /tf" in refusal_of(other)
     folder = write_messages(tmp_path / "bag", _small())
     monkeypatch.setattr(ros_bags, "MOST_READINGS", 4)
-    assert "bag: holds more than 4 readings; record fewer topics" in refused(folder)
+    assert "bag: holds more than 4 readings; record fewer topics" in refusal_of(folder)
     monkeypatch.undo()
     described = (folder / "metadata.yaml").read_text()
     whole = described.replace("compression_mode: ''", 'compression_mode: "F\\x49LE"')
     assert whole != described
     (folder / "metadata.yaml").write_text(whole)
-    assert "bag: its files are compressed whole; write them plain with `ros2" in refused(folder)
+    assert "bag: its files are compressed whole; write them plain with `ros2" in refusal_of(folder)
     (folder / "metadata.yaml").write_text("rosbag2_bagfile_information: {}")
-    assert "bag: can't be read as a ROS 2 bag: A metadata key is missing" in refused(folder)
+    assert "bag: can't be read as a ROS 2 bag: A metadata key is missing" in refusal_of(folder)
     (folder / "metadata.yaml").unlink()
     (folder / "more.mcap").write_bytes(b"")
-    assert "bag: holds no metadata.yaml; `ros2 bag reindex bag` writes it" in refused(folder)
+    assert "bag: holds no metadata.yaml; `ros2 bag reindex bag` writes it" in refusal_of(folder)
     (tmp_path / "short.mcap").write_bytes(b"\x89MCAP0\r\n")
-    assert "short.mcap: can't be read as a ROS 2 bag: " in refused(tmp_path / "short.mcap")
+    assert "short.mcap: can't be read as a ROS 2 bag: " in refusal_of(tmp_path / "short.mcap")
     (tmp_path / "empty.db3").write_bytes(b"")
-    assert "empty.db3: can't be read as a ROS 2 bag: " in refused(tmp_path / "empty.db3")
+    assert "empty.db3: can't be read as a ROS 2 bag: " in refusal_of(tmp_path / "empty.db3")
     real = builtins.__import__
 
     def without_rosbags(name: str, *others: Any) -> Any:
@@ -244,7 +239,7 @@ def test_bags_that_can_not_be_had_are_named(
 
     monkeypatch.setattr(builtins, "__import__", without_rosbags)
     problem = "bag: is a ROS 2 bag, which needs rosbags: pip install 'syncplan[export]'"
-    assert problem in refused(folder)
+    assert problem in refusal_of(folder)
 
 
 @pytest.mark.parametrize("storage", ["MCAP", "SQLITE3"])

@@ -15,7 +15,7 @@ from syncplan.recordings import csv_layout, named_teams, recorded_files
 from syncplan.recordings.log import NOBODY, Log
 from syncplan.recordings.recording_formats import load_log
 from syncplan.reports.replay_report import replay_document
-from tests.tools.recordings import Recipe, write_csv, write_recording
+from tests.tools.recordings import Recipe, refusal_of, write_csv, write_recording
 
 SMALL = {
     "odometry.csv": """\
@@ -229,53 +229,46 @@ def test_sightings_are_bearings_or_distances(tmp_path: Path) -> None:
 def test_files_that_can_not_be_had_are_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def refused(folder: Path) -> str:
-        with pytest.raises(InputError) as refusal:
-            load_log(folder)
-        return str(refusal.value)
-
     folder = _written(tmp_path / "small", landmarks=None)
     assert "landmarks.csv: is missing; its first line names the columns name, x_m, y_m" in (
-        refused(folder)
+        refusal_of(folder)
     )
     (folder / "landmarks.csv").mkdir()
-    assert "landmarks.csv: is a folder; a text file is needed" in refused(folder)
+    assert "landmarks.csv: is a folder; a text file is needed" in refusal_of(folder)
     (folder / "landmarks.csv").rmdir()
     (folder / "landmarks.csv").write_bytes(b"name,x_m,y_m\n\xff,1,2\n")
-    assert "landmarks.csv: is not a text file in UTF-8" in refused(folder)
+    assert "landmarks.csv: is not a text file in UTF-8" in refusal_of(folder)
     (folder / "landmarks.csv").write_text("name,x_m,y_m\n" + "x" * 200_000)
-    assert "landmarks.csv: line 2: field larger than field limit" in refused(folder)
+    assert "landmarks.csv: line 2: field larger than field limit" in refusal_of(folder)
     (folder / "odometry.csv").write_text(SMALL["odometry.csv"].splitlines()[0])
-    assert "odometry.csv: holds no rows below its first line" in refused(folder)
+    assert "odometry.csv: holds no rows below its first line" in refusal_of(folder)
     _written(folder)
     monkeypatch.setattr(recorded_files, "LARGEST_FILE_BYTES", 50)
-    assert "odometry.csv: is larger than 0 MiB" in refused(folder)
+    assert "odometry.csv: is larger than 0 MiB" in refusal_of(folder)
     monkeypatch.undo()
     monkeypatch.setattr(named_teams, "MOST_ROBOTS", 2)
-    assert "small: holds 3 robots, more than 2" in refused(folder)
+    assert "small: holds 3 robots, more than 2" in refusal_of(folder)
 
 
-def test_a_folder_holds_one_recording(tmp_path: Path, run: Any) -> None:
+def test_a_folder_holds_one_recording(tmp_path: Path, refused: Any) -> None:
     folder = _written(tmp_path / "small")
     (folder / "Barcodes.dat").write_text("1 1\n")
-    status, _, err = run("replay", str(folder))
-    assert status == 2
+    err = refused("replay", str(folder))
     assert "holds 2 recordings, Robot1_Odometry.dat (MRCLAM), odometry.csv (CSV); keep each" in err
     (tmp_path / "empty").mkdir()
-    _, _, err = run("replay", str(tmp_path / "empty"))
+    err = refused("replay", str(tmp_path / "empty"))
     assert (
         "is no recording; the folder or archive of one holds Robot1_Odometry.dat (MRCLAM), odometry"
         in err
     )
 
 
-def test_landmarks_are_chosen_by_name(tmp_path: Path, run: Any) -> None:
+def test_landmarks_are_chosen_by_name(tmp_path: Path, refused: Any) -> None:
     folder = _written(tmp_path / "small")
-    status, _, err = run("replay", str(folder), "--landmarks", "pole,door")
-    assert status == 2
+    err = refused("replay", str(folder), "--landmarks", "pole,door")
     assert "--landmarks: no landmark 'door'; there are pole, gate" in err
     before = (folder / "truth.csv").read_bytes()
-    status, _, err = run("replay", str(folder), "-o", str(folder / "truth.csv"))
+    err = refused("replay", str(folder), "-o", str(folder / "truth.csv"))
     assert "is the file that is read" in err
     assert (folder / "truth.csv").read_bytes() == before
 

@@ -13,14 +13,14 @@ from syncplan.refinement.problem import RefineProblem, circles_of, orbits_of
 from syncplan.refinement.problem_setup import problem_of
 from syncplan.refinement.refiner import options_for, refine
 from syncplan.scenario.objectives import OBJECTIVES
-from tests.tools.scenarios import small
+from tests.tools.scenarios import circling, small
 
 LANDMARKS = [[0.0, 45.0], [70.0, -40.0]]
 
 
 def _pair(directions: Any, **changes: Any) -> dict[str, Any]:
     document: dict[str, Any] = {
-        "orbit": {"radius_m": 20.0, "angular_rate_rad_s": 0.2, "direction": directions},
+        "orbit": circling(direction=directions),
         "formation": {"centers_m": [[0.0, 0.0], [70.0, 0.0]]},
         "landmarks_m": LANDMARKS,
         "sensor": {"range_m": 50.0, "bearing_sigma_rad": 0.1, "sample_time_s": 0.3},
@@ -35,7 +35,7 @@ SCENARIOS: dict[str, dict[str, Any]] = {
     "opposite senses": _pair(["ccw", "cw"]),
     "opposite senses, unequal radii": _pair(
         ["cw", "ccw"],
-        orbit={"radius_m": [17.0, 23.0], "angular_rate_rad_s": 0.2, "direction": ["cw", "ccw"]},
+        orbit=circling(radius_m=[17.0, 23.0], direction=["cw", "ccw"]),
         min_separation_m=12.0,
     ),
     "limited views": _pair(
@@ -62,11 +62,7 @@ SCENARIOS: dict[str, dict[str, Any]] = {
     ),
     "three of both senses": _pair(
         ["ccw", "cw", "ccw"],
-        orbit={
-            "radius_m": [20.0, 18.0, 22.0],
-            "angular_rate_rad_s": 0.2,
-            "direction": ["ccw", "cw", "ccw"],
-        },
+        orbit=circling(radius_m=[20.0, 18.0, 22.0], direction=["ccw", "cw", "ccw"]),
         formation={"centers_m": [[0.0, 0.0], [68.0, 10.0], [140.0, -5.0]]},
         landmarks_m=[[0.0, 45.0], [35.0, -30.0]],
     ),

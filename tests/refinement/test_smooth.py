@@ -20,7 +20,7 @@ from syncplan.refinement.refiner import options_for
 from syncplan.refinement.smooth_bound import coarse_run, smooth_rms
 from syncplan.refinement.smooth_team import SmoothTeam
 from syncplan.scenario.objectives import OBJECTIVES
-from tests.tools.scenarios import example, small
+from tests.tools.scenarios import circling, example, small
 from tests.tools.smooth_problems import (
     MIXED,
     differences,
@@ -171,12 +171,11 @@ def _drawn_pair(generator: np.random.Generator, senses: list[str]) -> RefineProb
     turn = generator.uniform(0.0, 2.0 * np.pi)
     given = plan(
         small(
-            orbit={
-                "radius_m": radii.tolist(),
-                "angular_rate_rad_s": 0.2,
-                "direction": senses,
-                "desync_rad": generator.uniform(-3.0, 3.0, 2).tolist(),
-            },
+            orbit=circling(
+                radius_m=radii.tolist(),
+                direction=senses,
+                desync_rad=generator.uniform(-3.0, 3.0, 2).tolist(),
+            ),
             formation={
                 "centers_m": [[0.0, 0.0], [away * np.cos(turn), away * np.sin(turn)]],
                 "links": [],
@@ -219,7 +218,7 @@ def test_a_separation_that_the_solver_sees_kept_is_kept(senses: list[str]) -> No
 
 def test_the_smooth_separation_of_opposite_senses_is_close_to_the_true_one() -> None:
     problem = _problem(
-        orbit={"radius_m": 20.0, "angular_rate_rad_s": 0.2, "direction": ["ccw", "cw"]},
+        orbit=circling(direction=["ccw", "cw"]),
         formation={"centers_m": [[0.0, 0.0], [49.0, 0.0]]},
         min_separation_m=8.0,
     )

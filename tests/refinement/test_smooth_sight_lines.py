@@ -17,7 +17,7 @@ from syncplan.refinement.problem import RefineProblem, Stage, circles_of, orbits
 from syncplan.refinement.problem_setup import problem_of
 from syncplan.refinement.refiner import options_for, refine
 from syncplan.refinement.smooth_sightings import ConvexPiece, convex_pieces, sight_gap
-from tests.tools.scenarios import small
+from tests.tools.scenarios import circling, small
 from tests.tools.smooth_problems import differences, exact_information, smooth_information
 
 TRIANGLE = np.array([[1.0, 0.0], [4.0, 1.0], [2.0, 3.0]])
@@ -66,12 +66,9 @@ NOTCHED = [[-4.0, 22.0], [4.0, 22.0], [4.0, 30.0], [0.0, 25.0], [-4.0, 30.0]]
 
 def _problem(**changes: Any) -> RefineProblem:
     keys: dict[str, Any] = {
-        "orbit": {
-            "radius_m": [20.0, 17.0, 23.0],
-            "angular_rate_rad_s": 0.2,
-            "direction": ["ccw", "cw", "ccw"],
-            "desync_rad": [0.0, 0.3, -0.2],
-        },
+        "orbit": circling(
+            radius_m=[20.0, 17.0, 23.0], direction=["ccw", "cw", "ccw"], desync_rad=[0.0, 0.3, -0.2]
+        ),
         "formation": {"centers_m": [[0.0, 0.0], [50.0, 5.0], [10.0, 56.0]]},
         "landmarks_m": [[0.0, -40.0], [70.0, 50.0], [40.0, 30.0]],
         "obstacles_m": [SHELF, NOTCHED],

@@ -1,16 +1,13 @@
 """Child processes: gone with whoever started them, however young, and sparing with memory."""
 
 import platform
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from syncplan.runtime.child_processes import ChildProcess
 from tests.tools.processes import alive, wait_until
-
-ROOT = Path(__file__).parents[2]
+from tests.tools.serving import parent_running
 
 
 def test_a_child_that_still_imports_goes_with_its_parent(tmp_path: Path) -> None:
@@ -23,12 +20,8 @@ def test_a_child_that_still_imports_goes_with_its_parent(tmp_path: Path) -> None
         "child = ChildProcess('slow_to_import', 'serve'); "
         "print(child.process.pid, flush=True); time.sleep(3600.0)"
     )
-    parent = subprocess.Popen(
-        [sys.executable, "-c", code], stdout=subprocess.PIPE, cwd=ROOT, text=True
-    )
-    assert parent.stdout is not None
-    with parent.stdout:
-        child = int(parent.stdout.readline())
+    parent, identifier = parent_running(code)
+    child = int(identifier)
     try:
         wait_until((tmp_path / "importing").exists)
         assert alive(child)

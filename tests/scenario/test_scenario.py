@@ -11,7 +11,7 @@ import pytest
 from syncplan.errors import InputError
 from syncplan.scenario.loading import load_scenario, parse_values, scenario_from
 from syncplan.scenario.specification import Scenario
-from tests.tools.scenarios import BAD_FILES, FILES, document
+from tests.tools.scenarios import BAD_FILES, FILES, document, small
 
 REMEDIES = {
     "estimated-without-sigma": ("filter.estimate[0]", "give wind.sigma_mps"),
@@ -280,27 +280,25 @@ def test_the_limit_on_vehicles_can_be_raised() -> None:
 
 
 def test_a_speed_gives_the_rate() -> None:
-    scenario = scenario_from(document(orbit={"radius_m": [20, 10], "speed_mps": [4, 2]}))
+    scenario = small(orbit={"radius_m": [20, 10], "speed_mps": [4, 2]})
     assert scenario.orbit.rate == pytest.approx(0.2)
     assert scenario.period == pytest.approx(10.0 * np.pi)
 
 
 def test_names_come_from_mappings_or_lists() -> None:
-    named = scenario_from(
-        document(
-            formation={
-                "centers_m": {"alpha": [0, 0], "bravo": [70, 0]},
-                "links": [["bravo", "alpha"]],
-            },
-            landmarks_m={"mast": [100, 0]},
-        )
+    named = small(
+        formation={
+            "centers_m": {"alpha": [0, 0], "bravo": [70, 0]},
+            "links": [["bravo", "alpha"]],
+        },
+        landmarks_m={"mast": [100, 0]},
     )
     assert named.vehicle_names == ["alpha", "bravo"]
     assert named.landmark_names == ["mast"]
 
 
 def test_a_resolved_scenario_states_its_defaults_and_centres_and_stays_itself() -> None:
-    scenario = scenario_from(document(formation={"shape": "hex", "count": 5, "spacing_m": 70}))
+    scenario = small(formation={"shape": "hex", "count": 5, "spacing_m": 70})
     resolved = scenario.resolved()
     assert resolved.formation.shape is None
     assert resolved.window_s == scenario.period
@@ -315,7 +313,7 @@ def test_a_resolved_scenario_states_its_defaults_and_centres_and_stays_itself() 
 
 def test_shapes_are_where_the_contract_says() -> None:
     def centers(**formation: Any) -> np.ndarray:
-        return np.array(scenario_from(document(formation=formation)).centers)
+        return np.array(small(formation=formation).centers)
 
     np.testing.assert_allclose(
         centers(shape="line", count=3, spacing_m=70), [[0, 0], [70, 0], [140, 0]]
@@ -348,7 +346,7 @@ def test_broken_json_is_reported_as_json(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("moment", ["2026-05-01T09:00:00Z", "2026-05-01T09:00:00.25+02:00"])
 def test_a_start_time_is_carried_through(moment: str, tmp_path: Path) -> None:
-    assert scenario_from(document(start_time=moment)).start_time == moment
+    assert small(start_time=moment).start_time == moment
     path = tmp_path / "s.yaml"
     path.write_text(
         f"start_time: {moment}\norbit: {{radius_m: 20, angular_rate_rad_s: 0.2}}\n"

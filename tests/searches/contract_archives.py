@@ -4,39 +4,23 @@ Loaded by schemathesis; see tests/searches/search_contract.py. Of itself it can 
 types. A third are recordings, whole; a third are cut off; the others are any bytes.
 """
 
-import bz2
-import gzip
-import io
-import lzma
-import tarfile
-
 import schemathesis
 from hypothesis import strategies as st
 
 from tests.tools.record_examples import RECORDED
-from tests.tools.recordings import zipped
+from tests.tools.recordings import tarred, zipped
 
 __all__ = ["ARCHIVES"]
 
 _FILES = {f"hall/{name}": text.encode() for name, text in RECORDED.items()}
 
 
-def _tarred() -> bytes:
-    stream = io.BytesIO()
-    with tarfile.open(fileobj=stream, mode="w") as archive:
-        for name, content in _FILES.items():
-            entry = tarfile.TarInfo(name)
-            entry.size = len(content)
-            archive.addfile(entry, io.BytesIO(content))
-    return stream.getvalue()
-
-
 ARCHIVES = {
     "application/zip": zipped(_FILES),
-    "application/x-tar": _tarred(),
-    "application/gzip": gzip.compress(_tarred()),
-    "application/x-xz": lzma.compress(_tarred()),
-    "application/x-bzip2": bz2.compress(_tarred()),
+    "application/x-tar": tarred(_FILES),
+    "application/gzip": tarred(_FILES, "gz"),
+    "application/x-xz": tarred(_FILES, "xz"),
+    "application/x-bzip2": tarred(_FILES, "bz2"),
     "application/octet-stream": zipped(_FILES),
 }
 """A small recording by media type."""

@@ -10,24 +10,23 @@ a state at the start or the end differs by more than 1e-6 of its standard deviat
 at the end by more than 1e-6 of itself.
 """
 
-import argparse
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.batch_problem import Prior
 from syncplan.estimation.batch_solution import BatchSolution, solve
 from syncplan.estimation.filter_setup import start_of
 from syncplan.orbits.circles import wrap
-from syncplan.planning.planner import Plan, plan
-from syncplan.scenario.loading import scenario_from
+from syncplan.planning.planner import Plan
 from tests.tools.filter_scenes import Scene, scene_of
-from tests.tools.scenario_draws import draw_document, with_world
+from tests.tools.scenario_draws import certified_plans, draw_document, with_world
+from tests.tools.search_arguments import search_arguments
 
 __all__ = ["Compared", "batch_of", "compare", "compare_drawn", "main"]
 
@@ -116,16 +115,12 @@ def compare_drawn(number: int, *, seed: int) -> Compared:
 
 def _draw_plan(number: int, seed: int) -> Plan:
     generator = np.random.default_rng([seed, number, 4300])
-    while True:
+
+    def drawn() -> dict[str, Any]:
         document = draw_document(generator, 5.0)
-        if number % 2:
-            document = with_world(document, generator)
-        try:
-            made = plan(scenario_from(document), bound="never")
-        except (InputError, NoSolutionError):
-            continue
-        if made.certificate.holds:
-            return made
+        return with_world(document, generator) if number % 2 else document
+
+    return next(certified_plans(drawn, bound="never"))
 
 
 def main(draws: int = 50, seed: int = 0, *, processes: int | None = None) -> bool:
@@ -145,8 +140,4 @@ def main(draws: int = 50, seed: int = 0, *, processes: int | None = None) -> boo
 
 
 if __name__ == "__main__":
-    arguments = argparse.ArgumentParser(description=__doc__)
-    arguments.add_argument("draws", nargs="?", type=int, default=50)
-    arguments.add_argument("seed", nargs="?", type=int, default=0)
-    arguments.add_argument("--processes", type=int)
-    sys.exit(not main(**vars(arguments.parse_args())))
+    sys.exit(not main(**vars(search_arguments(__doc__, 50, trials=False).parse_args())))

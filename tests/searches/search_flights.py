@@ -31,7 +31,6 @@ from typing import Any
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.trials import MonteCarloResult
 from syncplan.flight.flying import Flight, fly
 from syncplan.planning.loss_study import what_if
@@ -41,7 +40,7 @@ from syncplan.refinement.refiner import refine
 from syncplan.scenario.loading import scenario_from
 from tests.tools.flown_trials import flown
 from tests.tools.plain_flights import fly_plainly
-from tests.tools.scenario_draws import draw_document
+from tests.tools.scenario_draws import certified_plans, draw_document
 from tests.tools.scenarios import changed
 
 __all__ = ["TEAMS", "Wanted", "draw_quiet", "main", "team_plan"]
@@ -154,14 +153,8 @@ class Findings:
 def draw_quiet(number: int, seed: int) -> Plan:
     """Return the `number`-th certified plan of a seed with noise alone and a start known well."""
     generator = np.random.default_rng([seed, number, 170_001])
-    while True:
-        document = draw_document(generator, KNOWN_SHARE * 20.0)
-        try:
-            made = plan(scenario_from(document), pilot=False)
-        except (InputError, NoSolutionError):
-            continue
-        if made.certificate.holds:
-            return made
+    drawn = certified_plans(lambda: draw_document(generator, KNOWN_SHARE * 20.0), pilot=False)
+    return next(drawn)
 
 
 def _quiet(number: int, wanted: Wanted, found: Findings) -> None:

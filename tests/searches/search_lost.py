@@ -14,7 +14,6 @@ vehicle's RMS over all trials is over twice its bound, or where ANEES is outside
 trials want more `--slack` of ANEES.
 """
 
-import argparse
 import sys
 import time
 from collections.abc import Sequence
@@ -25,17 +24,16 @@ from functools import partial
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.bounds import posterior_bound
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.montecarlo import run_trials
 from syncplan.estimation.trial_readings import possible_sightings
 from syncplan.orbits.sightings import steps_within
 from syncplan.orbits.team import Team
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.planner import Plan
 from syncplan.scenario.filters import FILTERS
-from syncplan.scenario.loading import scenario_from
-from tests.tools.scenario_draws import draw_document
+from tests.tools.scenario_draws import certified_plans, draw_document
+from tests.tools.search_arguments import search_arguments
 
 __all__ = ["Flight", "draw_plan", "main", "search_one", "started"]
 
@@ -80,15 +78,11 @@ def draw_plan(number: int, seed: int, *, hardly: bool = False) -> Plan:
     Its vehicles may be `hardly` observed.
     """
     generator = np.random.default_rng([seed, number, 16016])
-    while True:
-        try:
-            made = plan(scenario_from(draw_document(generator, 5.0)), bound="always")
-        except (InputError, NoSolutionError):
-            continue
-        if made.certificate.holds and (
-            hardly or np.max(_bound(started(made, OBSERVED_FROM), made)) <= OBSERVED
-        ):
-            return made
+    return next(
+        made
+        for made in certified_plans(lambda: draw_document(generator, 5.0), bound="always")
+        if hardly or np.max(_bound(started(made, OBSERVED_FROM), made)) <= OBSERVED
+    )
 
 
 def started(made: Plan, sigma: float) -> Team:
@@ -174,17 +168,9 @@ def main(
 
 
 if __name__ == "__main__":
-    arguments = argparse.ArgumentParser(description=__doc__)
-    arguments.add_argument("draws", nargs="?", type=int, default=40)
-    arguments.add_argument("seed", nargs="?", type=int, default=0)
-    arguments.add_argument("--trials", type=int, default=50)
-    arguments.add_argument("--processes", type=int)
-    arguments.add_argument("--filters", type=lambda text: text.split(","), default=list(FILTERS))
-    arguments.add_argument(
-        "--sigmas",
-        type=lambda text: [float(one) for one in text.split(",")],
-        default=list(HEADINGS),
-    )
+    arguments = search_arguments(__doc__, 40)
+    arguments.add_argument("--filters", type=lambda text: text.split(","))
+    arguments.add_argument("--sigmas", type=lambda text: [float(one) for one in text.split(",")])
     arguments.add_argument("--hardly", action="store_true")
-    arguments.add_argument("--slack", type=float, default=0.0)
+    arguments.add_argument("--slack", type=float)
     sys.exit(not main(**vars(arguments.parse_args())))

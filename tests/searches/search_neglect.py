@@ -12,7 +12,6 @@ the sensors' range. Fails too where the report's ANEES does not say that the fil
 more than a tenth of the draws whose error is expected to be over 1.5 times the bound.
 """
 
-import argparse
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -26,6 +25,7 @@ from syncplan.planning.planner import Plan, plan
 from syncplan.planning.validation import validate
 from syncplan.scenario.loading import scenario_from
 from tests.searches.search_start_up import draw_plan
+from tests.tools.search_arguments import search_arguments
 
 __all__ = ["Cost", "draw_neglect", "main", "search_one"]
 
@@ -169,18 +169,6 @@ def main(
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("draws", type=int, nargs="?", default=100)
-    parser.add_argument("seed", type=int, nargs="?", default=0)
-    parser.add_argument("--trials", type=int, default=100)
-    parser.add_argument("--processes", type=int)
-    parser.add_argument("--most", type=float, default=MOST_OFF)
-    given = parser.parse_args()
-    passed = main(
-        given.draws,
-        given.seed,
-        trials=given.trials,
-        processes=given.processes,
-        most=given.most,
-    )
-    sys.exit(0 if passed else 1)
+    arguments = search_arguments(__doc__, 100)
+    arguments.add_argument("--most", type=float)
+    sys.exit(not main(**vars(arguments.parse_args())))

@@ -11,19 +11,18 @@ then validated. Fails where the median of error over prediction is further from 
 or more than a tenth are further than `--ninety`.
 """
 
-import argparse
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
-from syncplan.errors import InputError, NoSolutionError
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.planner import Plan
 from syncplan.planning.validation import validate
-from syncplan.scenario.loading import scenario_from
-from tests.tools.scenario_draws import draw_document, with_strays, with_world
+from tests.tools.scenario_draws import certified_plans, draw_document, with_strays, with_world
+from tests.tools.search_arguments import search_arguments
 
 __all__ = ["Prediction", "draw_world", "main", "search_one"]
 
@@ -57,17 +56,13 @@ class Prediction:
 def draw_world(number: int, seed: int, *, strays: bool = False) -> Plan:
     """Return the plan of the `number`-th scenario of a seed whose poses are determined."""
     generator = np.random.default_rng([seed, number, 15015])
-    while True:
+
+    def drawn() -> dict[str, Any]:
         sigma = float(generator.uniform(0.3, LARGEST_SIGMA_M))
         document = with_world(draw_document(generator, sigma), generator)
-        if strays:
-            document = with_strays(document, generator)
-        try:
-            made = plan(scenario_from(document), bound="always")
-        except (InputError, NoSolutionError):
-            continue
-        if made.certificate.holds:
-            return made
+        return with_strays(document, generator) if strays else document
+
+    return next(certified_plans(drawn, bound="always"))
 
 
 def search_one(number: int, *, seed: int, trials: int, strays: bool = False) -> Prediction:
@@ -124,12 +119,8 @@ def main(
 
 
 if __name__ == "__main__":
-    arguments = argparse.ArgumentParser(description=__doc__)
-    arguments.add_argument("draws", nargs="?", type=int, default=100)
-    arguments.add_argument("seed", nargs="?", type=int, default=0)
-    arguments.add_argument("--trials", type=int, default=200)
-    arguments.add_argument("--processes", type=int)
-    arguments.add_argument("--median", type=float, default=MEDIAN)
-    arguments.add_argument("--ninety", type=float, default=NINETY)
+    arguments = search_arguments(__doc__, 100)
+    arguments.add_argument("--median", type=float)
+    arguments.add_argument("--ninety", type=float)
     arguments.add_argument("--strays", action="store_true")
     sys.exit(not main(**vars(arguments.parse_args())))

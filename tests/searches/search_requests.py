@@ -13,7 +13,6 @@ import contextlib
 import http.client
 import io
 import json
-import os
 import socket
 import subprocess
 import sys
@@ -31,7 +30,7 @@ import httpx2
 import numpy as np
 
 from tests.tools.mutations import FIGURES, Sent, draw_request, valid_scenarios
-from tests.tools.processes import PATIENCE_S
+from tests.tools.processes import PATIENCE_S, family
 from tests.tools.serving import ROOT, Server, running
 
 __all__ = ["LARGEST_GROWTH_MB", "SETTINGS", "Found", "main", "search"]
@@ -340,24 +339,12 @@ def _memory(process: int) -> dict[int, Memory]:
     """What a process and each that comes of it hold, once none of them works."""
     time.sleep(1.0)
     held = {}
-    for one in _family(process):
+    for one in family(process):
         with contextlib.suppress(OSError):
             figures = Path(f"/proc/{one}/smaps_rollup").read_text().split("\n")
             sizes = {line.split(":")[0]: line.split()[1] for line in figures[1:] if line}
             held[one] = Memory(int(sizes["Rss"]) / 1024.0, int(sizes["Pss"]) / 1024.0)
     return held
-
-
-def _family(process: int) -> list[int]:
-    parents: dict[int, int] = {}
-    for entry in filter(str.isdigit, os.listdir("/proc")):
-        with contextlib.suppress(OSError):
-            stat = Path(f"/proc/{entry}/stat").read_text()
-            parents[int(entry)] = int(stat.rpartition(")")[2].split()[1])
-    family = [process]
-    for one in family:
-        family += [child for child, parent in parents.items() if parent == one]
-    return family
 
 
 if __name__ == "__main__":

@@ -17,7 +17,6 @@ Where `robust` is behind, MORE times as many trials decide: among few, the large
 vehicles that are hardly observed differ by chance.
 """
 
-import argparse
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
@@ -27,14 +26,13 @@ from typing import Any
 
 import numpy as np
 
-from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.montecarlo import run_trials
 from syncplan.estimation.trial_readings import possible_sightings
 from syncplan.orbits.sightings import steps_within
-from syncplan.planning.planner import Plan, plan
-from syncplan.scenario.loading import scenario_from
-from tests.tools.scenario_draws import HEADING_RAD_A_METRE, draw_document
+from syncplan.planning.planner import Plan
+from tests.tools.scenario_draws import HEADING_RAD_A_METRE, certified_plans, draw_document
+from tests.tools.search_arguments import search_arguments
 
 __all__ = ["Filtered", "draw_disturbed", "main", "search_one"]
 
@@ -79,14 +77,7 @@ class Filtered:
 def draw_disturbed(number: int, seed: int) -> Plan:
     """Return the plan of the `number`-th certified scenario of a seed."""
     generator = np.random.default_rng([seed, number, 27])
-    while True:
-        document = _drawn(generator)
-        try:
-            made = plan(scenario_from(document), bound="always")
-        except (InputError, NoSolutionError):
-            continue
-        if made.certificate.holds:
-            return made
+    return next(certified_plans(lambda: _drawn(generator), bound="always"))
 
 
 def _drawn(generator: np.random.Generator) -> dict[str, Any]:
@@ -172,9 +163,4 @@ def main(
 
 
 if __name__ == "__main__":
-    arguments = argparse.ArgumentParser(description=__doc__)
-    arguments.add_argument("draws", nargs="?", type=int, default=300)
-    arguments.add_argument("seed", nargs="?", type=int, default=0)
-    arguments.add_argument("--trials", type=int, default=20)
-    arguments.add_argument("--processes", type=int)
-    sys.exit(not main(**vars(arguments.parse_args())))
+    sys.exit(not main(**vars(search_arguments(__doc__, 300).parse_args())))

@@ -11,7 +11,6 @@ times. Fails where more than 15 % of those over were not warned of, or more than
 were; few draws want wider limits.
 """
 
-import argparse
 import sys
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -20,13 +19,13 @@ from functools import partial
 
 import numpy as np
 
-from syncplan.errors import InputError, NoSolutionError
-from syncplan.planning.planner import Plan, plan
+from syncplan.errors import NoSolutionError
+from syncplan.planning.planner import Plan
 from syncplan.planning.start_up import CLEARING_INDEX
 from syncplan.planning.validation import validate
 from syncplan.scenario.filters import AUTO, FILTERS
-from syncplan.scenario.loading import scenario_from
-from tests.tools.scenario_draws import draw_document
+from tests.tools.scenario_draws import certified_plans, draw_document
+from tests.tools.search_arguments import search_arguments
 
 __all__ = ["Start", "draw_plan", "main", "search_one"]
 
@@ -58,14 +57,10 @@ def draw_plan(number: int, seed: int, filter_: str = AUTO) -> Plan:
     """Return the plan, for a filter, of the `number`-th certified scenario of a seed."""
     generator = np.random.default_rng([seed, number, 60413])
     sigma = SIGMAS_M[number % len(SIGMAS_M)]
-    while True:
-        document = {**draw_document(generator, sigma), "filter": {"kind": filter_}}
-        try:
-            made = plan(scenario_from(document))
-        except (InputError, NoSolutionError):
-            continue
-        if made.certificate.holds and made.start_up is not None:
-            return made
+    drawn = certified_plans(
+        lambda: {**draw_document(generator, sigma), "filter": {"kind": filter_}}
+    )
+    return next(made for made in drawn if made.start_up is not None)
 
 
 def search_one(number: int, *, seed: int, trials: int, filter_: str) -> Start:
@@ -120,12 +115,8 @@ def _row(label: str, found: Sequence[Start]) -> tuple[float, float]:
 
 
 if __name__ == "__main__":
-    arguments = argparse.ArgumentParser(description=__doc__)
-    arguments.add_argument("draws", nargs="?", type=int, default=200)
-    arguments.add_argument("seed", nargs="?", type=int, default=0)
-    arguments.add_argument("--trials", type=int, default=200)
-    arguments.add_argument("--processes", type=int)
-    arguments.add_argument("--filter", dest="filter_", choices=[AUTO, *FILTERS], default=AUTO)
-    arguments.add_argument("--missed", type=float, default=MOST_MISSED)
-    arguments.add_argument("--wrong", type=float, default=MOST_WRONG)
+    arguments = search_arguments(__doc__, 200)
+    arguments.add_argument("--filter", dest="filter_", choices=[AUTO, *FILTERS])
+    arguments.add_argument("--missed", type=float)
+    arguments.add_argument("--wrong", type=float)
     sys.exit(not main(**vars(arguments.parse_args())))

@@ -13,7 +13,6 @@ determine a vehicle, this is well above the bound of a run that was never thrown
 has beside it. Fails where less than 99 % of the trials of a throw are found again.
 """
 
-import argparse
 import sys
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -32,6 +31,7 @@ from syncplan.estimation.robust_filter import RobustRun
 from syncplan.estimation.trial_readings import TrialReadings, possible_sightings
 from syncplan.orbits.error_states import layout_of
 from tests.searches.search_lost import draw_plan
+from tests.tools.search_arguments import search_arguments
 
 __all__ = ["THROWS", "Thrown", "main", "throw", "thrown_draw"]
 
@@ -150,9 +150,4 @@ def main(draws: int = 40, seed: int = 0, *, trials: int = 13, processes: int | N
 
 
 if __name__ == "__main__":
-    arguments = argparse.ArgumentParser(description=__doc__)
-    arguments.add_argument("draws", nargs="?", type=int, default=40)
-    arguments.add_argument("seed", nargs="?", type=int, default=0)
-    arguments.add_argument("--trials", type=int, default=13)
-    arguments.add_argument("--processes", type=int)
-    sys.exit(not main(**vars(arguments.parse_args())))
+    sys.exit(not main(**vars(search_arguments(__doc__, 40).parse_args())))

@@ -11,7 +11,6 @@ all vehicles. Fails where any key's mean over the draws is off by over 10 %, or 
 is not that of the prediction where the world is as stated.
 """
 
-import argparse
 import sys
 from collections import defaultdict
 from concurrent.futures import ProcessPoolExecutor
@@ -26,6 +25,7 @@ from syncplan.planning.validation import validate
 from syncplan.planning.variations import doubled_sigmas
 from syncplan.scenario.loading import scenario_from
 from tests.searches.search_start_up import draw_plan
+from tests.tools.search_arguments import search_arguments
 
 __all__ = ["Held", "draw_small", "main", "search_one"]
 
@@ -131,11 +131,4 @@ def main(
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("draws", type=int, nargs="?", default=10)
-    parser.add_argument("seed", type=int, nargs="?", default=0)
-    parser.add_argument("--trials", type=int, default=100)
-    parser.add_argument("--processes", type=int)
-    given = parser.parse_args()
-    passed = main(given.draws, given.seed, trials=given.trials, processes=given.processes)
-    sys.exit(0 if passed else 1)
+    sys.exit(not main(**vars(search_arguments(__doc__, 10).parse_args())))

@@ -20,7 +20,6 @@ Printed beside are the draws by level of plan and flight, and how many GO plans 
 sigma below a tenth of the slowest ground speed and gusts below a fiftieth, have warnings.
 """
 
-import argparse
 import sys
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
@@ -38,6 +37,7 @@ from syncplan.planning.judged_team import PlanVerdict
 from syncplan.planning.planner import Plan, plan
 from syncplan.scenario.loading import scenario_from
 from tests.tools.scenario_draws import draw_document
+from tests.tools.search_arguments import search_arguments
 
 __all__ = ["draw_windy", "main"]
 
@@ -161,7 +161,14 @@ def _spared(flight: Flight) -> bool:
     return assess(made.team, rows, lone_rows(made.team, assessed.sightings)).observable
 
 
-def main(draws: int, seed: int, trials: int, most: int, processes: int | None) -> bool:
+def main(
+    draws: int = 200,
+    seed: int = 0,
+    *,
+    trials: int = 20,
+    processes: int | None = None,
+    most: int = 0,
+) -> bool:
     """Print what was found; return whether verdicts agree."""
     with ProcessPoolExecutor(processes) as pool:
         work = partial(_outcome, seed=seed, trials=trials)
@@ -195,10 +202,6 @@ def main(draws: int, seed: int, trials: int, most: int, processes: int | None) -
 
 
 if __name__ == "__main__":
-    arguments = argparse.ArgumentParser(description=__doc__)
-    arguments.add_argument("draws", nargs="?", type=int, default=200)
-    arguments.add_argument("seed", nargs="?", type=int, default=0)
-    arguments.add_argument("--trials", type=int, default=20)
-    arguments.add_argument("--most", type=int, default=0)
-    arguments.add_argument("--processes", type=int)
+    arguments = search_arguments(__doc__, 200)
+    arguments.add_argument("--most", type=int)
     sys.exit(not main(**vars(arguments.parse_args())))

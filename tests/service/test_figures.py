@@ -19,8 +19,8 @@ from syncplan.plotting.figure_table import FIGURES
 from syncplan.plotting.figures import specs_of
 from syncplan.reports.plan_report import plan_document
 from syncplan.scenario.loading import scenario_from
-from tests.tools.api_servers import done, problem
-from tests.tools.scenarios import document, example
+from tests.tools.api_servers import done, planned, problem
+from tests.tools.scenarios import document, example, small
 
 ORIGIN = {"lat_deg": 47.4, "lon_deg": 8.5, "alt_m": 410.0}
 SEEN = {"geo_origin": ORIGIN, "landmarks_m": [[0.0, 60.0], [70.0, 60.0]]}
@@ -32,9 +32,7 @@ NEAR = {"landmarks_m": [[0.0, 60.0], [70.0, 60.0], [-21.0, 0.0]]}
 
 def stored(http: httpx2.Client, **changes: Any) -> str:
     """Return where a new plan is."""
-    answer = http.post("/v1/plans", json=document(**changes))
-    assert answer.status_code == 201, answer.text
-    return str(answer.headers["location"])
+    return f"/v1/plans/{planned(http, **changes)['id']}"
 
 
 def job(http: httpx2.Client, at: str, **request: Any) -> str:
@@ -49,7 +47,7 @@ def test_a_preview_is_the_plan_and_its_figures_and_is_kept_nowhere(ann: httpx2.C
     asked = "figure=formation&figure=spectrum&theme=dark"
     answer = ann.post(f"/v1/previews?{asked}", json=document())
     assert answer.status_code == 200
-    made = syncplan.plan(scenario_from(document()))
+    made = syncplan.plan(small())
     assert problem(ann.post("/v1/previews?figure=comparison", json=document()), 422).errors
     assert answer.json() == {
         "plan": plan_document(made).as_json(),
@@ -96,7 +94,7 @@ def test_a_quick_preview_takes_less_than_half_of_the_time_of_a_whole_one() -> No
 
 def test_figures_of_a_plan_are_the_library_s(ann: httpx2.Client) -> None:
     at = stored(ann)
-    made = syncplan.plan(scenario_from(document()))
+    made = syncplan.plan(small())
     for name in get_args(PlanFigure):
         answer = ann.get(f"{at}/figures/{name}")
         assert answer.json() == specs_of(made, [name])[name], name

@@ -11,9 +11,8 @@ from api.jobs.job_counts import JobCounts
 from api.metrics import Metrics
 from api.storage.database import open_database
 from api.storage.job_records import NewJob, add_job, end_job
-from tests.tools.api_servers import done, key_of, serving, speaking
+from tests.tools.api_servers import done, key_of, planned, serving, speaking
 from tests.tools.processes import wait_until
-from tests.tools.scenarios import document
 from tests.tools.serving import Process, free_port, running, settings_of
 from tests.tools.span_collector import CollectedSpan, SpanCollector, collecting
 
@@ -51,9 +50,7 @@ def clients(
 
 def submitted(http: httpx2.Client, trials: int, headers: dict[str, str]) -> str:
     """Submit a validation and return where its job is."""
-    plan = http.post("/v1/plans", json=document(name=NAME))
-    assert plan.status_code == 201, plan.text
-    path = f"/v1/plans/{plan.json()['id']}/validations"
+    path = f"/v1/plans/{planned(http, name=NAME)['id']}/validations"
     answer = http.post(path, json={"trials": trials}, headers=headers)
     assert answer.status_code == 202, answer.text
     return answer.headers["location"]

@@ -21,9 +21,7 @@ EACH = pytest.mark.parametrize(
 @pytest.fixture
 def empty(address: str | None, tmp_path: Path) -> Iterator[Connection]:
     """A transaction on an empty database, of which nothing stays."""
-    url = load_settings(data_dir=tmp_path, database_url=address).database
-    engine = create_engine(url, poolclass=NullPool)
-    with engine.connect() as connection:
+    with connected(address, tmp_path) as connection:
         yield connection
 
 
@@ -34,32 +32,36 @@ def first(address: str | None, tmp_path: Path) -> Iterator[Connection]:
         restore_sqlite(tmp_path / "syncplan.db")
     else:
         restore_postgresql(address)
-    url = load_settings(data_dir=tmp_path, database_url=address).database
-    engine = create_engine(url, poolclass=NullPool)
-    with engine.connect() as connection:
+    with connected(address, tmp_path) as connection:
         yield connection
+
+
+def connected(address: str | None, folder: Path) -> Connection:
+    """Return a connection to the database in a folder, or at an address."""
+    url = load_settings(data_dir=folder, database_url=address).database
+    return create_engine(url, poolclass=NullPool).connect()
+
+
+def see_tables_of_today(upgraded: Connection) -> None:
+    """Check that upgraded tables are as those that are made anew."""
+    found = schema_of(upgraded, *METADATA.tables)
+    METADATA.drop_all(upgraded)
+    METADATA.create_all(upgraded)
+    assert found == schema_of(upgraded, *METADATA.tables)
 
 
 @EACH
 def test_an_empty_database_gets_the_tables_of_today(empty: Connection) -> None:
-    names = [*METADATA.tables]
     upgrade(empty)
-    assert sorted(inspect(empty).get_table_names()) == sorted(names)
-    upgraded = schema_of(empty, *names)
-    METADATA.drop_all(empty)
-    METADATA.create_all(empty)
-    assert upgraded == schema_of(empty, *names)
+    assert sorted(inspect(empty).get_table_names()) == sorted(METADATA.tables)
+    see_tables_of_today(empty)
 
 
 @EACH
 def test_a_database_of_the_first_version_gets_the_tables_of_today(first: Connection) -> None:
-    names = [*METADATA.tables]
-    assert not set(names) <= set(inspect(first).get_table_names())
+    assert not set(METADATA.tables) <= set(inspect(first).get_table_names())
     upgrade(first)
-    upgraded = schema_of(first, *names)
-    METADATA.drop_all(first)
-    METADATA.create_all(first)
-    assert upgraded == schema_of(first, *names)
+    see_tables_of_today(first)
 
 
 @EACH

@@ -8,10 +8,12 @@ import httpx2
 import pytest
 
 from tests.tools.api_servers import (
+    NOBODY,
     done,
     events_of,
     openapi_document,
     operations_of,
+    planned,
     problem,
     speaking,
 )
@@ -20,7 +22,6 @@ from tests.tools.recordings import zipped
 from tests.tools.scenarios import document
 from tests.tools.serving import Server
 
-NOBODY = "01a1fd95-df6b-7a20-9383-c20e93a41e86"
 LONG = {"trials": 60_000}
 ARCHIVE = zipped({name: text.encode() for name, text in RECORDED.items()})
 OPERATIONS = operations_of(openapi_document())
@@ -37,7 +38,7 @@ def bob(server: Server) -> Iterator[httpx2.Client]:
 @pytest.fixture(scope="module")
 def ended(ann: httpx2.Client) -> str:
     """A validation of Ann's that has succeeded."""
-    at: str = ann.post(f"/v1/plans/{planned(ann)}/validations", json={"trials": 2}).json()["id"]
+    at: str = ann.post(f"/v1/plans/{plan_of(ann)}/validations", json={"trials": 2}).json()["id"]
     done(ann, f"/v1/jobs/{at}")
     return at
 
@@ -45,17 +46,14 @@ def ended(ann: httpx2.Client) -> str:
 @pytest.fixture
 def running(ann: httpx2.Client) -> Iterator[str]:
     """A validation of Ann's that goes on until the test has ended."""
-    at: str = ann.post(f"/v1/plans/{planned(ann)}/validations", json=LONG).json()["id"]
+    at: str = ann.post(f"/v1/plans/{plan_of(ann)}/validations", json=LONG).json()["id"]
     yield at
     ann.post(f"/v1/jobs/{at}/cancel")
 
 
-def planned(http: httpx2.Client) -> str:
+def plan_of(http: httpx2.Client) -> str:
     """Return the identifier of a new plan."""
-    answer = http.post("/v1/plans", json=document(landmarks_m=[[0.0, 60.0], [70.0, 60.0]]))
-    assert answer.status_code == 201
-    made: str = answer.json()["id"]
-    return made
+    return str(planned(http, landmarks_m=[[0.0, 60.0], [70.0, 60.0]])["id"])
 
 
 def recorded(http: httpx2.Client) -> str:
@@ -92,7 +90,7 @@ def test_what_is_anothers_is_not_there(
     ann: httpx2.Client, bob: httpx2.Client, ended: str, running: str, method: str, path: str
 ) -> None:
     """Finished or at work, a job is nothing to Bob; what he tries is what Ann then can do."""
-    plan, recording = planned(ann), recorded(ann)
+    plan, recording = plan_of(ann), recorded(ann)
     for job in (ended, running):
         identifiers = {"plan_id": plan, "job_id": job, "recording_id": recording}
         state = ann.get(f"/v1/jobs/{job}").json()["state"]
@@ -120,7 +118,7 @@ def test_what_is_anothers_is_not_there(
 def test_no_condition_and_no_event_number_opens_what_is_anothers(
     ann: httpx2.Client, bob: httpx2.Client, ended: str
 ) -> None:
-    plan = f"/v1/plans/{planned(ann)}"
+    plan = f"/v1/plans/{plan_of(ann)}"
     etag = ann.get(plan).headers["etag"]
     for name in ("if-match", "if-none-match"):
         for value in ("*", etag):
@@ -137,7 +135,7 @@ def test_no_condition_and_no_event_number_opens_what_is_anothers(
 def test_lists_hold_ones_own_alone_wherever_they_begin(
     ann: httpx2.Client, bob: httpx2.Client, ended: str
 ) -> None:
-    first, own, last = planned(ann), planned(bob), planned(ann)
+    first, own, last = plan_of(ann), plan_of(bob), plan_of(ann)
     listed = [one["id"] for one in bob.get("/v1/plans?limit=200").json()["items"]]
     assert own in listed
     assert not {first, last} & set(listed)
@@ -168,7 +166,7 @@ def test_an_idempotency_key_is_its_owners(
     }
     body = bodies.get(path, {})
     headers = {"idempotency-key": f"shared-{path}".replace("{", "").replace("}", "")}
-    identifiers = {"plan_id": planned(ann), "job_id": running, "recording_id": recorded(ann)}
+    identifiers = {"plan_id": plan_of(ann), "job_id": running, "recording_id": recorded(ann)}
     sent: dict[str, Any] = {"json": body}
     if path == "/v1/recordings":
         sent, headers = {"content": ARCHIVE}, {**headers, "content-type": "application/zip"}

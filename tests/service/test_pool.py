@@ -4,8 +4,6 @@ import contextlib
 import json
 import os
 import signal
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -31,7 +29,7 @@ from api.settings import load_settings
 from syncplan.estimation.trials import CHUNK_TRIALS
 from tests.tools.processes import PATIENCE_S, alive, command, family, wait_until
 from tests.tools.scenarios import FILES, shared_circles
-from tests.tools.serving import ROOT
+from tests.tools.serving import parent_running
 
 LIMITS = limits_of(load_settings())
 GRID = (FILES / "paper-grid-same.yaml").read_bytes()
@@ -185,12 +183,8 @@ def test_children_die_with_a_parent_that_is_killed() -> None:
         "from tests.service.test_pool import *; p = Pool(1, background=True); at_work(p); "
         "print('at work', flush=True); time.sleep(3600)"
     )
-    parent = subprocess.Popen(
-        [sys.executable, "-c", code], stdout=subprocess.PIPE, cwd=ROOT, text=True
-    )
-    assert parent.stdout is not None
-    with parent.stdout:
-        assert parent.stdout.readline() == "at work\n"
+    parent, printed = parent_running(code)
+    assert printed == "at work\n"
     children = processes_of(parent.pid)
     assert children
     parent.kill()

@@ -16,10 +16,12 @@ from syncplan.runtime.files import as_text
 from syncplan.scenario.loading import load_scenario
 from syncplan.scenario.specification import Scenario
 from tests.tools.api_servers import (
+    NOBODY,
     Event,
     done,
     events_of,
     operations_of,
+    planned,
     problem,
     serving,
     speaking,
@@ -27,7 +29,6 @@ from tests.tools.api_servers import (
 from tests.tools.scenarios import BAD_FILES, FILES, document, small
 from tests.tools.serving import Server
 
-NOBODY = "01a1fd95-df6b-7a20-9383-c20e93a41e86"
 YAML = {"content-type": "application/yaml"}
 LANDMARKS = [[190.0, 0.0], [190.0, 70.0]]
 
@@ -62,14 +63,6 @@ def queued(cat: httpx2.Client) -> Iterator[str]:
     at = cat.post(f"/v1/plans/{planned(cat)['id']}/validations").headers["location"]
     yield at
     cat.post(f"{at}/cancel")
-
-
-def planned(http: httpx2.Client, **changes: Any) -> dict[str, Any]:
-    """Return a plan of a small scenario as the service stored it."""
-    answer = http.post("/v1/plans", json=document(**changes))
-    assert answer.status_code == 201, answer.text
-    made: dict[str, Any] = answer.json()
-    return made
 
 
 def faults_of(answer: httpx2.Response) -> list[str]:

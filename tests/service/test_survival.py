@@ -32,13 +32,14 @@ from tests.tools.survival import (
     validation,
 )
 
+pytestmark = pytest.mark.long
+
 LONG = 100_000
 """Trials of a validation that takes minutes."""
 
 # --- killed -------------------------------------------------------------------------------------
 
 
-@pytest.mark.long
 def test_the_jobs_of_a_dead_worker_go_on_with_another(tmp_path: Path) -> None:
     with Site(tmp_path, SYNCPLAN_PROCESSES="1") as site:
         site.serve("--no-worker")
@@ -55,7 +56,6 @@ def test_the_jobs_of_a_dead_worker_go_on_with_another(tmp_path: Path) -> None:
         site.see_all_done()
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("address", ["sqlite"], indirect=True)
 def test_a_client_that_asks_again_gets_each_plan_and_job_once(
     address: str | None, tmp_path: Path
@@ -88,7 +88,6 @@ def test_a_client_that_asks_again_gets_each_plan_and_job_once(
         site.see_all_done()
 
 
-@pytest.mark.long
 def test_what_a_refinement_started_goes_with_the_server(tmp_path: Path) -> None:
     with quick(tmp_path) as site:
         server = site.serve()
@@ -113,7 +112,6 @@ def _parent(process: int) -> int:
 # --- stopped ------------------------------------------------------------------------------------
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(
     ("address", "victim"),
     [("sqlite", "server"), ("postgresql", "worker")],
@@ -161,7 +159,6 @@ def _can_be_locked(file: str) -> bool:
         return True
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("address", ["postgresql"], indirect=True)
 def test_a_worker_frozen_until_it_counts_as_dead_does_no_harm(
     address: str | None, tmp_path: Path
@@ -179,7 +176,6 @@ def test_a_worker_frozen_until_it_counts_as_dead_does_no_harm(
         site.see_all_done()
 
 
-@pytest.mark.long
 def test_a_cancelled_job_stops_long_before_its_end_and_stays_cancelled(tmp_path: Path) -> None:
     with quick(tmp_path) as site:
         site.serve("--no-worker")
@@ -215,7 +211,6 @@ def test_a_cancelled_job_stops_long_before_its_end_and_stays_cancelled(tmp_path:
 # --- begun --------------------------------------------------------------------------------------
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("address", ["sqlite", "postgresql"], indirect=True)
 def test_processes_that_start_on_nothing_at_the_same_moment_all_come_up(
     address: str | None, tmp_path: Path
@@ -255,7 +250,6 @@ def every_request(plan_id: str, job_id: str) -> list[tuple[str, str, dict[str, A
     ]
 
 
-@pytest.mark.long
 def test_the_database_away_for_ten_seconds_costs_nothing_but_time(
     tmp_path: Path, postgres: Postgres
 ) -> None:

@@ -14,7 +14,7 @@ from syncplan.planning.planner import plan
 from syncplan.scenario.formations import SHAPES
 from syncplan.synchronisation.phase_rules import closest_distance, residuals, rules_of
 from syncplan.synchronisation.phases import Synchronisation, alternating_senses, synchronise
-from tests.tools.scenarios import document, example, small
+from tests.tools.scenarios import circling, document, example, small
 
 Array = np.ndarray
 
@@ -152,10 +152,7 @@ def test_phases_without_the_relaxation_are_as_good_and_say_that_none_bounds_them
 
 def test_links_that_cannot_all_be_served_are_dropped_with_a_reason() -> None:
     # four vehicles all linked, neighbours 88 m apart: opposite phases needed everywhere
-    scenario = small(
-        formation={"shape": "ring", "count": 3, "spacing_m": 88.0},
-        landmarks_m=[],
-    )
+    scenario = small(formation={"shape": "ring", "count": 3, "spacing_m": 88.0}, landmarks_m=[])
     made = plan(scenario)
     assert len(made.links) + len(made.dropped_links) == 3
     assert len(made.dropped_links) == 1
@@ -180,12 +177,7 @@ def test_separation_bounds_what_phases_may_choose(separation: float) -> None:
 
 
 def test_overlapping_circles_are_kept_apart() -> None:
-    made = plan(
-        small(
-            formation={"centers_m": [[0, 0], [30, 0], [15, 26]]},
-            min_separation_m=12.0,
-        )
-    )
+    made = plan(small(formation={"centers_m": [[0, 0], [30, 0], [15, 26]]}, min_separation_m=12.0))
     assert not made.too_close
     assert made.approach is not None
     assert made.approach.distance >= 12.0
@@ -207,7 +199,7 @@ def test_a_plan_that_breaks_separation_says_between_whom_and_when() -> None:
         small(
             formation={"centers_m": [[0, 0], [10, 0]], "links": []},
             min_separation_m=15.0,
-            orbit={"radius_m": 20.0, "angular_rate_rad_s": 0.2, "direction": ["ccw", "cw"]},
+            orbit=circling(direction=["ccw", "cw"]),
         )
     )
     assert made.too_close or (made.approach is not None and made.approach.distance >= 15.0)
@@ -215,7 +207,7 @@ def test_a_plan_that_breaks_separation_says_between_whom_and_when() -> None:
         small(
             formation={"centers_m": [[0, 0], [0, 0]], "links": []},
             min_separation_m=15.0,
-            orbit={"radius_m": [20.0, 21.0], "angular_rate_rad_s": 0.2, "direction": ["ccw", "cw"]},
+            orbit=circling(radius_m=[20.0, 21.0], direction=["ccw", "cw"]),
         )
     )
     assert len(impossible.too_close) == 1
@@ -293,8 +285,7 @@ def test_the_number_of_alternating_links_is_the_largest(seed: int) -> None:
 
 def test_vehicles_that_share_a_circle_share_their_sense() -> None:
     scenario = small(
-        formation={"centers_m": [[0, 0], [0, 0], [70, 0]]},
-        orbit={"radius_m": 20.0, "angular_rate_rad_s": 0.2, "direction": "alternate"},
+        formation={"centers_m": [[0, 0], [0, 0], [70, 0]]}, orbit=circling(direction="alternate")
     )
     made = plan(scenario)
     assert made.orbits.senses[0] == made.orbits.senses[1]
@@ -321,11 +312,7 @@ def test_a_mixed_team_takes_each_link_by_its_two_senses() -> None:
     made = plan(
         small(
             formation={"shape": "line", "count": 3, "spacing_m": 70.0},
-            orbit={
-                "radius_m": 20.0,
-                "angular_rate_rad_s": 0.2,
-                "direction": ["ccw", "ccw", "cw"],
-            },
+            orbit=circling(direction=["ccw", "ccw", "cw"]),
         )
     )
     assert [link.min_distance for link in made.links] == pytest.approx([30.0, 30.0])
@@ -336,7 +323,7 @@ def test_a_mixed_team_takes_each_link_by_its_two_senses() -> None:
 def test_an_even_cycle_that_does_not_close_shares_its_residual() -> None:
     scenario = small(
         formation={"centers_m": [[0, 0], [70, 0], [80, 65], [5, 72]]},
-        orbit={"radius_m": 20.0, "angular_rate_rad_s": 0.2, "direction": "alternate"},
+        orbit=circling(direction="alternate"),
     )
     made = plan(scenario)
     assert len(made.links) == 4
@@ -362,11 +349,7 @@ def test_circles_are_shared_whatever_lies_between_them_in_order() -> None:
     made = plan(
         small(
             formation={"centers_m": [[0, 0], [50, 0], [0, 0]]},
-            orbit={
-                "radius_m": [20.0, 20.0 + 1e-12, 20.0 + 2e-12],
-                "angular_rate_rad_s": 0.2,
-                "direction": "alternate",
-            },
+            orbit=circling(radius_m=[20.0, 20.0 + 1e-12, 20.0 + 2e-12], direction="alternate"),
         )
     )
     assert made.orbits.senses[0] == made.orbits.senses[2]
@@ -384,12 +367,7 @@ def test_a_grid_of_a_thousand_has_its_least_separation_between_neighbours() -> N
 
 def test_vehicles_on_one_circle_keep_in_contact_with_room_to_spare() -> None:
     for count in (2, 3):
-        made = plan(
-            small(
-                formation={"centers_m": [[0, 0]] * count},
-                sensor={"range_m": 15.0},
-            )
-        )
+        made = plan(small(formation={"centers_m": [[0, 0]] * count}, sensor={"range_m": 15.0}))
         assert not made.dropped_links
         assert len(made.links) == count * (count - 1) // 2
         assert all(link.tolerance > 0.03 for link in made.links)
@@ -411,7 +389,7 @@ def test_contact_of_crossing_circles_does_not_hang_on_its_limit(
     made = plan(
         small(
             formation={"centers_m": centers},
-            orbit={"radius_m": radii, "angular_rate_rad_s": 0.2},
+            orbit=circling(radius_m=radii),
             sensor={"range_m": reach},
         )
     )
@@ -424,12 +402,7 @@ def test_separation_holds_between_components_of_opposite_senses() -> None:
         made = plan(
             small(
                 formation={"centers_m": centers, "links": [["v1", "v2"], ["v3", "v4"]]},
-                orbit={
-                    "radius_m": 20.0,
-                    "angular_rate_rad_s": 0.2,
-                    "direction": ["ccw", "ccw", "cw", "cw"],
-                    "first_phase_rad": first,
-                },
+                orbit=circling(direction=["ccw", "ccw", "cw", "cw"], first_phase_rad=first),
                 min_separation_m=8.0,
             )
         )
@@ -441,15 +414,10 @@ def test_separation_holds_between_components_of_opposite_senses() -> None:
 def test_a_pair_that_nothing_keeps_apart_costs_the_others_nothing() -> None:
     made = plan(
         small(
-            formation={
-                "centers_m": [[0, 0], [0, 0], [200, 0], [270, 0]],
-                "links": [["v3", "v4"]],
-            },
-            orbit={
-                "radius_m": [20.0, 21.0, 20.0, 20.0],
-                "angular_rate_rad_s": 0.2,
-                "direction": ["ccw", "cw", "ccw", "ccw"],
-            },
+            formation={"centers_m": [[0, 0], [0, 0], [200, 0], [270, 0]], "links": [["v3", "v4"]]},
+            orbit=circling(
+                radius_m=[20.0, 21.0, 20.0, 20.0], direction=["ccw", "cw", "ccw", "ccw"]
+            ),
             min_separation_m=5.0,
         )
     )
@@ -460,25 +428,12 @@ def test_a_pair_that_nothing_keeps_apart_costs_the_others_nothing() -> None:
 
 def test_the_first_vehicle_starts_at_its_phase_whatever_its_sense() -> None:
     for senses in (["cw", "cw"], ["cw", "ccw"]):
-        made = plan(
-            small(
-                orbit={
-                    "radius_m": 20.0,
-                    "angular_rate_rad_s": 0.2,
-                    "direction": senses,
-                    "first_phase_rad": 0.7,
-                }
-            )
-        )
+        made = plan(small(orbit=circling(direction=senses, first_phase_rad=0.7)))
         assert abs(made.orbits.phases[0] - 0.7) < 1e-12
 
 
 def test_the_longer_of_two_ranges_makes_the_link() -> None:
-    made = plan(
-        small(
-            sensor=[{"range_m": 5.0}, {"range_m": 50.0}],
-        )
-    )
+    made = plan(small(sensor=[{"range_m": 5.0}, {"range_m": 50.0}]))
     assert len(made.links) == 1
     assert made.links[0].forward.size == 0
     assert made.links[0].backward.size == 2
@@ -502,11 +457,7 @@ def test_three_linked_vehicles_reach_brute_force_and_stay_below_the_bound(seed: 
     steps = np.linspace(-np.pi, np.pi, 90, endpoint=False)
     second, third = (grid.ravel() for grid in np.meshgrid(steps, steps))
     residual = np.stack(
-        [
-            -second - rules.offset[0],
-            second - third - rules.offset[1],
-            -third - rules.offset[2],
-        ]
+        [-second - rules.offset[0], second - third - rules.offset[1], -third - rules.offset[2]]
     )
     best = float(np.max(np.min(reach[:, None] - closest_distance(rules, residual), axis=0)))
     assert found.margin is not None
@@ -526,12 +477,11 @@ def test_the_phase_tolerance_is_where_contact_is_lost(seed: int) -> None:
     view = 360.0 if seed % 3 == 0 else float(generator.uniform(40.0, 200.0))
     scenario = small(
         formation={"centers_m": [[0, 0], [float(generator.uniform(50, 75)), 0]]},
-        orbit={
-            "radius_m": [20.0, float(generator.uniform(12, 22))],
-            "angular_rate_rad_s": 0.2,
-            "direction": ["ccw", str(generator.choice(["ccw", "cw"]))],
-            "desync_rad": [0.0, float(generator.uniform(-0.5, 0.5))],
-        },
+        orbit=circling(
+            radius_m=[20.0, float(generator.uniform(12, 22))],
+            direction=["ccw", str(generator.choice(["ccw", "cw"]))],
+            desync_rad=[0.0, float(generator.uniform(-0.5, 0.5))],
+        ),
         sensor={"range_m": 50.0, "fov_deg": view},
     )
     made = plan(scenario)
@@ -574,12 +524,7 @@ def test_unlisted_pairs_are_kept_apart_too() -> None:
                     "centers_m": [[0, 0], [70, 0], [0, 47], [70, 117]],
                     "links": [["v1", "v2"], ["v3", "v4"]],
                 },
-                orbit={
-                    "radius_m": 20.0,
-                    "angular_rate_rad_s": 0.2,
-                    "direction": ["ccw", "ccw", "cw", "ccw"],
-                    "first_phase_rad": float(first),
-                },
+                orbit=circling(direction=["ccw", "ccw", "cw", "ccw"], first_phase_rad=float(first)),
                 sensor={"range_m": 70.0},
                 min_separation_m=10.0,
             )

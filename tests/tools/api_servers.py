@@ -14,7 +14,11 @@ from api.main import create_app
 from api.problems import Problem
 from api.settings import load_settings
 from tests.tools.processes import PATIENCE_S, wait_until
+from tests.tools.scenarios import document
 from tests.tools.serving import Server, running, settings_of
+
+NOBODY = "01a1fd95-df6b-7a20-9383-c20e93a41e86"
+"""Identifier of nothing."""
 
 _METHODS = {"delete", "get", "head", "options", "patch", "post", "put", "trace"}
 
@@ -46,14 +50,22 @@ def openapi_document() -> dict[str, Any]:
     return create_app(load_settings(data_dir="/nowhere", max_trials=7777)).openapi()
 
 
-def operations_of(document: Mapping[str, Any]) -> list[tuple[str, str]]:
+def operations_of(described: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Return (method, path) of every operation of an OpenAPI document."""
     return [
         (method.upper(), path)
-        for path, found in document["paths"].items()
+        for path, found in described["paths"].items()
         for method in found
         if method in _METHODS
     ]
+
+
+def planned(http: httpx2.Client, **changes: Any) -> dict[str, Any]:
+    """Return a plan of a small scenario as the service stored it."""
+    answer = http.post("/v1/plans", json=document(**changes))
+    assert answer.status_code == 201, answer.text
+    made: dict[str, Any] = answer.json()
+    return made
 
 
 def ended(http: httpx2.Client, at: str) -> dict[str, Any]:

@@ -1,14 +1,43 @@
-"""A short flight with everything that figures of flights show: six vehicles, a loss, a hold."""
+"""A short flight with everything that figures show, and the record of one that went well."""
 
 from functools import cache
 
 from syncplan.flight.flying import Flight, conclude_flight, flight_run, fly_part
+from syncplan.planning.plan_records import FlownPlan, MeetingsFlown, PhasesFlown
 from syncplan.planning.planner import plan
 from tests.tools.scenarios import changed
 
-__all__ = ["LOST_AT", "short_flight"]
+__all__ = ["LOST_AT", "WELL", "short_flight"]
 
 LOST_AT = 30.0
+
+WELL = FlownPlan(
+    trials=50,
+    seed=0,
+    duration_s=200.0,
+    guidance="track",
+    filter="robust",
+    events=[],
+    filter_lost_share=0.0,
+    out_of_contact_share=0.0,
+    least_separation_m=(25.0, 14.0),
+    too_close_share=None,
+    vehicles=[
+        PhasesFlown(
+            name=f"v{k}",
+            phase_rms_s=0.2,
+            phase_worst_s=0.9,
+            tracking_rms_m=1.2,
+            speed_mps=(3.0, 5.0),
+        )
+        for k in range(1, 7)
+    ],
+    meetings_kept=[
+        MeetingsFlown(between=between, meetings=5, kept_share=1.0)
+        for between in (("v1", "v2"), ("v2", "v3"), ("v3", "L1"), ("v4", "L2"))
+    ],
+)
+"""Record of a flight of the paper's grid in which nothing went wrong."""
 
 
 @cache

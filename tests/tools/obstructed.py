@@ -205,7 +205,7 @@ def _windows_of(windows: Windows, a: int, b: int) -> Array:
 def _misjudged(pair: _Pair, exact: Array) -> list[str]:
     """Where samples, or the middle and the ends of windows and gaps, disagree."""
     t = np.linspace(0.0, pair.period, SAMPLES + 1)
-    wrong = t[pair.sees(t) != _covered(exact, t, pair.period)]
+    wrong = t[pair.sees(t) != covered(exact, t, pair.period)]
     found = [
         f"sample at {moment:.6f} s disagrees"
         for moment in wrong
@@ -224,7 +224,8 @@ def _misjudged(pair: _Pair, exact: Array) -> list[str]:
     return found
 
 
-def _covered(exact: Array, t: Array, period: float) -> Flags:
+def covered(exact: Array, t: np.ndarray, period: float) -> Flags:
+    """Return whether times (k,) of a period are within windows (m, 2)."""
     inside = np.zeros(len(t), dtype=bool)
     for start, end in exact:
         inside |= ((t >= start) & (t <= end)) | ((t + period >= start) & (t + period <= end))

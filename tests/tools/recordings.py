@@ -8,9 +8,12 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
+import pytest
 
+from syncplan.errors import InputError
 from syncplan.orbits.circles import Orbits, heading, position
 from syncplan.recordings.log import Log, RobotLog
+from syncplan.recordings.recording_formats import load_log
 from tests.tools.serving import ROOT
 
 __all__ = [
@@ -19,6 +22,7 @@ __all__ = [
     "REAL",
     "Recipe",
     "part_of",
+    "refusal_of",
     "tarred",
     "write_csv",
     "write_recording",
@@ -152,6 +156,13 @@ def _between(rows: np.ndarray, low: float, high: float) -> np.ndarray:
     """Rows of times in between, and the one before them and after: values there are between."""
     begin, end = np.searchsorted(rows[:, 0], (low, high))
     return rows[max(begin - 1, 0) : end + 1]
+
+
+def refusal_of(path: Path) -> str:
+    """Return the complaint with which a recording is refused."""
+    with pytest.raises(InputError) as refusal:
+        load_log(path)
+    return str(refusal.value)
 
 
 def zipped(files: dict[str, bytes]) -> bytes:

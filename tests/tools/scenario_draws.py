@@ -1,13 +1,18 @@
 """Random scenarios as a user writes them, and with the errors and sensors of the world as it is."""
 
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 
 from syncplan.arrays import Array
+from syncplan.errors import InputError, NoSolutionError
+from syncplan.planning.planner import Plan, plan
+from syncplan.scenario.loading import scenario_from
 from tests.tools.draws import draw_tree
 
 __all__ = [
+    "certified_plans",
     "draw_centers",
     "draw_document",
     "draw_landmarks",
@@ -126,3 +131,14 @@ def with_strays(document: dict[str, Any], generator: np.random.Generator) -> dic
     if which & 2:
         motion["clock_offset_sigma_s"] = float(generator.uniform(0.03, 0.2))
     return {**document, "sensor": sensor, "motion": motion}
+
+
+def certified_plans(draw: Callable[[], dict[str, Any]], **options: Any) -> Iterator[Plan]:
+    """Draw scenarios' values for ever; yield the plans whose certificate holds."""
+    while True:
+        try:
+            made = plan(scenario_from(draw()), **options)
+        except (InputError, NoSolutionError):
+            continue
+        if made.certificate.holds:
+            yield made

@@ -15,10 +15,15 @@ def example(name: str) -> Scenario:
     return load_scenario(FILES / f"{name}.yaml")
 
 
+def circling(**changes: Any) -> dict[str, Any]:
+    """Return an orbit of 20 m at 0.2 rad/s with some of its keys replaced."""
+    return {"radius_m": 20.0, "angular_rate_rad_s": 0.2, **changes}
+
+
 def document(**changes: Any) -> dict[str, Any]:
     """Return a small valid scenario with some of its top keys replaced; None removes a key."""
     base: dict[str, Any] = {
-        "orbit": {"radius_m": 20.0, "angular_rate_rad_s": 0.2, "direction": "ccw"},
+        "orbit": circling(direction="ccw"),
         "formation": {"centers_m": [[0.0, 0.0], [70.0, 0.0]]},
         "sensor": {"range_m": 50.0, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1},
     }

@@ -23,19 +23,24 @@ QUICK = {"SYNCPLAN_HEARTBEAT_S": "0.5", "SYNCPLAN_DEAD_AFTER_S": "2"}
 _WAITING = ("-w", "-t", f"{PATIENCE_S:.0f}")
 
 
+def environment(**settings: str) -> dict[str, str]:
+    """Return the environment without settings of the service, but for those given."""
+    kept = {key: value for key, value in os.environ.items() if not key.startswith("SYNCPLAN_")}
+    return {**kept, **settings}
+
+
 class Process:
     """A `syncplan` command that goes on until it is stopped, of the checkout in a folder."""
 
     def __init__(
         self, command: str, *arguments: str, log: Path, checkout: Path | str = ROOT, **settings: str
     ) -> None:
-        environment = {k: v for k, v in os.environ.items() if not k.startswith("SYNCPLAN_")}
         self.log = log
         with log.open("ab") as errors:
             self.popen = subprocess.Popen(
                 [sys.executable, "-m", "syncplan", command, *arguments],
                 cwd=checkout,
-                env={**environment, **settings},
+                env=environment(**settings),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=errors,
@@ -215,3 +220,13 @@ def open_server(folder: Path) -> Iterator[Server]:
     one = Server(folder / "log", port=None, **settings_of(folder / "data"))
     with running(one):
         yield one
+
+
+def parent_running(code: str) -> tuple[subprocess.Popen[str], str]:
+    """Start a process of Python in the checkout; return it and the first line that it prints."""
+    parent = subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, cwd=ROOT, text=True
+    )
+    assert parent.stdout is not None
+    with parent.stdout:
+        return parent, parent.stdout.readline()
