@@ -150,11 +150,6 @@ class ReplaySettings(RunOptions):
             problem = "poses belong to a start that is given, and only to such"
             raise InputError(problem, key="start_poses")
 
-    @property
-    def has_lasting_errors(self) -> bool:
-        """Whether any lasting error is a state of the filter."""
-        return any(getattr(self, key) > 0.0 for key in self.lasting_errors().values())
-
     @staticmethod
     def lasting_errors() -> Mapping[str, str]:
         """Return the errors that a recording's filter may have as states, and their settings."""

@@ -18,13 +18,14 @@ An archive of trials is a part of a Monte Carlo run as bytes, an .npz file of pl
 
 import io
 from collections.abc import Sequence
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import MISSING, dataclass, field, fields, replace
+from types import EllipsisType
 from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
 
-from syncplan.arrays import Array
+from syncplan.arrays import Array, Flags
 from syncplan.errors import InputError
 from syncplan.estimation.filter_setup import ERROR, SAMPLE_EVERY, SQUARE, VARIANCE, FilterStatistics
 
@@ -118,9 +119,9 @@ class Accuracy:
     late_heading: Array
     final_position: Array
 
-    def overall(self) -> "Accuracy":
-        """Return the root mean squares over vehicles, as 0-d arrays."""
-        values = (getattr(self, field.name) for field in fields(self))
+    def overall(self, vehicles: Flags | EllipsisType = ...) -> "Accuracy":
+        """Return the root mean squares over all vehicles, or those chosen, as 0-d arrays."""
+        values = (getattr(self, field.name)[vehicles] for field in fields(self))
         return Accuracy(*(np.asarray(np.sqrt(np.mean(value**2))) for value in values))
 
 
@@ -242,25 +243,13 @@ def merge(parts: Sequence[MonteCarloResult]) -> MonteCarloResult:
         if part.first_trial % CHUNK_TRIALS:
             problem = f"{part.first_trial} is not a multiple of {CHUNK_TRIALS}"
             raise InputError(problem, key="first_trial")
-    return MonteCarloResult(
-        seed=head.seed,
-        first_trial=head.first_trial,
-        steps=head.steps,
-        mean_squares=np.concatenate([part.mean_squares for part in parts]),
-        late_mean_squares=np.concatenate([part.late_mean_squares for part in parts]),
-        final_errors=np.concatenate([part.final_errors for part in parts]),
-        covered=np.concatenate([part.covered for part in parts]),
-        coverage_samples=head.coverage_samples,
-        nees=np.concatenate([part.nees for part in parts]),
-        nees_samples=np.concatenate([part.nees_samples for part in parts]),
-        nis_sums=np.concatenate([part.nis_sums for part in parts]),
-        accepted=np.concatenate([part.accepted for part in parts]),
-        gated=np.concatenate([part.gated for part in parts]),
-        branches=joined([branch for part in parts for branch in part.branches]),
-        state_squares=np.concatenate([part.state_squares for part in parts]),
-        late_state_squares=np.concatenate([part.late_state_squares for part in parts]),
-        states_covered=np.concatenate([part.states_covered for part in parts]),
-    )
+    by_trial: dict[str, Any] = {
+        one.name: np.concatenate([getattr(part, one.name) for part in parts])
+        for one in fields(head)
+        if isinstance(getattr(head, one.name), np.ndarray)
+    }
+    branches = joined([branch for part in parts for branch in part.branches])
+    return replace(head, branches=branches, **by_trial)
 
 
 def accuracy(result: MonteCarloResult) -> Accuracy:

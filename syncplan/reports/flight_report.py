@@ -1,7 +1,7 @@
 """Flights as documents, with what their figures mean in words."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from pydantic import Field
@@ -21,6 +21,7 @@ from syncplan.reports.run_figures import (
     FilterRecord,
     Spread,
     TrueWorldReport,
+    errors_of,
     expected_in_truth,
     keys_in_truth,
     spread_of,
@@ -330,7 +331,7 @@ def _tolerance(plan: Plan, k: int) -> float | None:
 def _errors(flight: "Flight", k: int, bound: float, tracking: Array) -> FlightErrors:
     accuracy, predicted = flight.accuracy, flight.predicted
     return FlightErrors(
-        **_figures(accuracy, k, float(flight.coverage[k])),
+        **errors_of(accuracy, k, float(flight.coverage[k])),
         predicted_rms_m=None if predicted is None else float(predicted[k]),
         bound_rms_m=bound,
         rms_over_bound=_share(float(accuracy.late_position[k]), bound),
@@ -341,40 +342,17 @@ def _errors(flight: "Flight", k: int, bound: float, tracking: Array) -> FlightEr
 def _overall(flight: "Flight") -> FlightErrors:
     """Over all vehicles that are there in the second half."""
     there, predicted = flight.there, flight.predicted
-    accuracy = flight.accuracy
     bound = float(np.sqrt(np.mean(flight.bound[there] ** 2)))
-
-    def overall(name: str) -> float:
-        return float(np.sqrt(np.mean(getattr(accuracy, name)[there] ** 2)))
-
-    late = overall("late_position")
+    found = errors_of(flight.accuracy.overall(there), (), float(np.mean(flight.coverage[there])))
     return FlightErrors(
-        rms_m=overall("position"),
-        rms_second_half_m=late,
-        rms_x_m=overall("x"),
-        rms_y_m=overall("y"),
-        rms_heading_rad=overall("heading"),
-        final_error_m=overall("final_position"),
-        coverage_3sigma=float(np.mean(flight.coverage[there])),
+        **found,
         predicted_rms_m=None
         if predicted is None
         else float(np.sqrt(np.mean(predicted[there] ** 2))),
         bound_rms_m=bound,
-        rms_over_bound=_share(late, bound),
+        rms_over_bound=_share(found["rms_second_half_m"], bound),
         tracking_rms_m=float(np.sqrt(flight.result.figures.tracking_squares[:, there].mean())),
     )
-
-
-def _figures(accuracy: Any, k: int, covered: float) -> dict[str, float]:
-    return {
-        "rms_m": float(accuracy.position[k]),
-        "rms_second_half_m": float(accuracy.late_position[k]),
-        "rms_x_m": float(accuracy.x[k]),
-        "rms_y_m": float(accuracy.y[k]),
-        "rms_heading_rad": float(accuracy.heading[k]),
-        "final_error_m": float(accuracy.final_position[k]),
-        "coverage_3sigma": covered,
-    }
 
 
 def _separation(flight: "Flight") -> FlownSeparation | None:

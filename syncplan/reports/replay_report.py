@@ -6,14 +6,22 @@ import numpy as np
 from pydantic import Field
 
 from syncplan import __version__
-from syncplan.documents import Document, DocumentPart
+from syncplan.documents import Document, DocumentPart, finite_or_none
 from syncplan.estimation.recorded_observability import SeenOverTime
-from syncplan.estimation.replay_results import ErrorsFromTruth, KindCounts, Replay
+from syncplan.estimation.replay_results import KindCounts, Replay
 from syncplan.estimation.replay_settings import ReplaySettings
 from syncplan.estimation.replay_tuning import Tuning
 from syncplan.estimation.trials import series
 from syncplan.reports.replay_notes import notes_of
-from syncplan.reports.run_figures import RunReport, Series, Spread, series_of, spread_of
+from syncplan.reports.run_figures import (
+    Errors,
+    RunReport,
+    Series,
+    Spread,
+    errors_of,
+    series_of,
+    spread_of,
+)
 from syncplan.scenario.filters import AUTO
 
 WALK = frozenset({"bearing_walk_sigma_rad", "bearing_walk_time_s"})
@@ -285,13 +293,6 @@ class ReplayDocument(RunReport):
         return 1
 
 
-_ERRORS = (
-    *("rms_m", "rms_second_half_m", "rms_x_m", "rms_y_m", "rms_heading_rad"),
-    *("final_error_m", "coverage_3sigma"),
-)
-"""Figures of a robot that take truth."""
-
-
 def replay_document(replayed: Replay) -> ReplayDocument:
     """Return the report of the filter on a recording."""
     names = [robot.name for robot in replayed.log.robots]
@@ -308,7 +309,12 @@ def replay_document(replayed: Replay) -> ReplayDocument:
         filter=_filter(replayed),
         position_rmse_m=float(overall.position) if overall else None,
         heading_rmse_rad=float(overall.heading) if overall else None,
-        robots=_errors_of(found, names) if found else _estimates_of(replayed, names),
+        robots=[
+            RobotFigures(name=name, **errors_of(found.accuracy, k, float(found.coverage[k])))
+            for k, name in enumerate(names)
+        ]
+        if found
+        else _estimates_of(replayed, names),
         coverage_3sigma=float(found.coverage.mean()) if found else None,
         anees=spread_of(found.anees) if found else None,
         nis=spread_of(replayed.nis),
@@ -369,7 +375,7 @@ def _seen(seen: SeenOverTime, names: list[str]) -> SeenRecord:
             )
             for gap in seen.gaps
         ],
-        median_position_sigma_m=median if np.isfinite(median) else None,
+        median_position_sigma_m=finite_or_none(median),
     )
 
 
@@ -380,19 +386,15 @@ def _tuning(tuning: Tuning) -> TuningRecord:
         before=_sigmas(tuning.before),
         after=_sigmas(tuning.after),
         accepted=tuning.accepted,
-        gain=_finite(tuning.gain),
-        gain_on_rest=_finite(tuning.verdict.gain),
+        gain=finite_or_none(tuning.gain),
+        gain_on_rest=finite_or_none(tuning.verdict.gain),
         gain_on_rest_sigma=tuning.verdict.gain_sigma,
-        error_ratio=_finite(tuning.verdict.error_ratio),
+        error_ratio=finite_or_none(tuning.verdict.error_ratio),
         error_ratio_sigma=tuning.verdict.error_ratio_sigma,
         white=tuning.verdict.white,
         bearing_growth=tuning.bearing_growth,
         range_growth=tuning.range_growth,
     )
-
-
-def _finite(value: float) -> float | None:
-    return value if np.isfinite(value) else None
 
 
 def _sigmas(settings: ReplaySettings) -> Sigmas:
@@ -423,23 +425,6 @@ def _counts(counts: KindCounts) -> ReadingCounts:
     )
 
 
-def _errors_of(found: ErrorsFromTruth, names: list[str]) -> list[RobotFigures]:
-    accuracy = found.accuracy
-    return [
-        RobotFigures(
-            name=name,
-            rms_m=float(accuracy.position[k]),
-            rms_second_half_m=float(accuracy.late_position[k]),
-            rms_x_m=float(accuracy.x[k]),
-            rms_y_m=float(accuracy.y[k]),
-            rms_heading_rad=float(accuracy.heading[k]),
-            final_error_m=float(accuracy.final_position[k]),
-            coverage_3sigma=float(found.coverage[k]),
-        )
-        for k, name in enumerate(names)
-    ]
-
-
 def _estimates_of(replayed: Replay, names: list[str]) -> list[RobotFigures]:
     """Figures of robots of whom it is not known where they truly were."""
     kept = series(replayed.result)
@@ -448,7 +433,7 @@ def _estimates_of(replayed: Replay, names: list[str]) -> list[RobotFigures]:
     return [
         RobotFigures(
             name=name,
-            **dict.fromkeys(_ERRORS),
+            **dict.fromkeys(Errors.model_fields),
             final_x_m=float(last[k, 0]),
             final_y_m=float(last[k, 1]),
             final_heading_rad=float(last[k, 2]),

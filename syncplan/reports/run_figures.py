@@ -10,7 +10,7 @@ from pydantic import Field, JsonValue
 from syncplan.arrays import Array
 from syncplan.documents import Document, DocumentPart, VersionedDocument, finite_or_none
 from syncplan.estimation.consistency import FEWEST_TRIALS, TOLERANCE, Consistency
-from syncplan.estimation.trials import MonteCarloResult, series
+from syncplan.estimation.trials import Accuracy, MonteCarloResult, series
 from syncplan.phrases import listed
 from syncplan.planning.planner import Plan
 from syncplan.scenario.filters import FilterName, MotionName
@@ -261,6 +261,19 @@ def spread_of(figure: Consistency) -> Spread:
         count=figure.count,
         basis=figure.basis,
     )
+
+
+def errors_of(accuracy: Accuracy, vehicle: int | tuple[()], covered: float) -> dict[str, float]:
+    """Return the figures of Errors: a vehicle's, or () for those of an overall accuracy."""
+    return {
+        "rms_m": float(accuracy.position[vehicle]),
+        "rms_second_half_m": float(accuracy.late_position[vehicle]),
+        "rms_x_m": float(accuracy.x[vehicle]),
+        "rms_y_m": float(accuracy.y[vehicle]),
+        "rms_heading_rad": float(accuracy.heading[vehicle]),
+        "final_error_m": float(accuracy.final_position[vehicle]),
+        "coverage_3sigma": covered,
+    }
 
 
 def series_of(result: MonteCarloResult, names: Sequence[str], sample_time: float) -> Series:

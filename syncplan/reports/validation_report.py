@@ -27,6 +27,7 @@ from syncplan.reports.run_figures import (
     TrueKey,
     TrueWorldReport,
     VehicleFigures,
+    errors_of,
     expected_in_truth,
     interval_words,
     keys_in_truth,
@@ -258,18 +259,9 @@ def _overall(validation: Validation) -> ErrorFigures:
 def _figures(
     accuracy: Accuracy, vehicle: int | tuple[()], predicted: float | None, covered: float
 ) -> dict[str, Any]:
-    late = float(accuracy.late_position[vehicle])
-    return {
-        "rms_m": float(accuracy.position[vehicle]),
-        "rms_second_half_m": late,
-        "rms_x_m": float(accuracy.x[vehicle]),
-        "rms_y_m": float(accuracy.y[vehicle]),
-        "rms_heading_rad": float(accuracy.heading[vehicle]),
-        "final_error_m": float(accuracy.final_position[vehicle]),
-        "predicted_rms_m": predicted,
-        "rms_over_predicted": late / predicted if predicted else None,
-        "coverage_3sigma": covered,
-    }
+    found = errors_of(accuracy, vehicle, covered)
+    ratio = found["rms_second_half_m"] / predicted if predicted else None
+    return {**found, "predicted_rms_m": predicted, "rms_over_predicted": ratio}
 
 
 def _series(validation: Validation) -> Series:
