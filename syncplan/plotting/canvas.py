@@ -187,7 +187,7 @@ def bar_marker(color: str, pattern: str = "", *, edge_px: float = 0.8, size: int
 
 
 def row_bars(
-    uid: str, name: str, rows: Sequence[str], x: list[float | None], marker: Spec, **more: Any
+    uid: str, name: str, rows: Sequence[Any], x: list[float | None], marker: Spec, **more: Any
 ) -> Spec:
     """Return lying bars, each as long as x in its row of a figure of rows."""
     bars = {"type": "bar", "orientation": "h", "uid": uid, "name": name, "y": list(rows), "x": x}

@@ -16,7 +16,18 @@ from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.observability.rank import DISTINCT_LANDMARKS, RANK_TOLERANCE
 from syncplan.orbits.graphs import disjoint_sets
 from syncplan.planning.planner import Plan
-from syncplan.plotting.canvas import Spec, axis, bar_marker, escaped, layout, numbers, panel_title
+from syncplan.plotting.canvas import (
+    Spec,
+    axis,
+    bar_marker,
+    escaped,
+    layout,
+    line_trace,
+    mark_trace,
+    numbers,
+    panel_title,
+    row_bars,
+)
 from syncplan.plotting.figure_style import BLUE, INK, MUTED, PURPLE, VERMILLION, FigureStyle
 from syncplan.plotting.formation_figures import verdict_words
 from syncplan.plotting.links import Standing, body_names, grouped, hover
@@ -227,20 +238,18 @@ def _bars(lanes: list[Lane], names: list[str]) -> list[Spec]:
     for shown in dict.fromkeys(lane.sighting.shown for lane in lanes):
         drawn = [lane for lane in lanes if lane.sighting.shown == shown]
         traces.append(
-            {
-                "type": "bar",
-                "uid": f"bars-{shown.key}",
-                "name": shown.text,
-                "orientation": "h",
-                "base": numbers([lane.start for lane in drawn], 6),
-                "x": numbers([lane.end - lane.start for lane in drawn], 6),
-                "y": numbers([lane.at for lane in drawn], 4),
-                "width": numbers([lane.width for lane in drawn], 4),
-                "marker": bar_marker(shown.color, shown.pattern, edge_px=0.6),
-                "hovertext": [_window_words(lane, names) for lane in drawn],
-                "hoverinfo": "text",
-                "textposition": "none",
-            }
+            row_bars(
+                f"bars-{shown.key}",
+                shown.text,
+                numbers([lane.at for lane in drawn], 4),
+                numbers([lane.end - lane.start for lane in drawn], 6),
+                bar_marker(shown.color, shown.pattern, edge_px=0.6),
+                base=numbers([lane.start for lane in drawn], 6),
+                width=numbers([lane.width for lane in drawn], 4),
+                hovertext=[_window_words(lane, names) for lane in drawn],
+                hoverinfo="text",
+                textposition="none",
+            )
         )
     return traces
 
@@ -296,16 +305,13 @@ def spectrum_spec(plan: Plan) -> Spec:
     width = [0.5, len(values) + 0.5]
     traces = [
         _points(order[:rank], drawn[:rank], values[:rank], "counts for the rank", "circle", BLUE),
-        {
-            "type": "scatter",
-            "uid": "tolerance",
-            "mode": "lines",
-            "name": "tolerance, 1e-8 of the largest",
-            "x": width,
-            "y": [limit, limit],
-            "line": {"color": MUTED, "dash": "dash", "width": 1.5},
-            "hoverinfo": "skip",
-        },
+        line_trace(
+            "tolerance",
+            "tolerance, 1e-8 of the largest",
+            width,
+            [limit, limit],
+            {"color": MUTED, "dash": "dash", "width": 1.5},
+        ),
     ]
     if rank < len(values):
         rest = slice(rank, None)
@@ -332,17 +338,10 @@ def spectrum_spec(plan: Plan) -> Spec:
 def _points(
     order: np.ndarray, drawn: np.ndarray, values: np.ndarray, name: str, symbol: str, color: str
 ) -> Spec:
-    return {
-        "type": "scatter",
-        "uid": f"values-{symbol}",
-        "mode": "markers",
-        "name": name,
-        "x": order.tolist(),
-        "y": numbers(drawn),
-        "text": [f"{value:.3e}" for value in values],
-        "marker": {"symbol": symbol, "size": 9, "color": color, "line": {"color": INK, "width": 0}},
-        "hovertemplate": "%{x}: %{text}<extra></extra>",
-    }
+    marker = {"symbol": symbol, "size": 9, "color": color, "line": {"color": INK, "width": 0}}
+    said, x, y = "%{x}: %{text}<extra></extra>", order.tolist(), numbers(drawn)
+    text = [f"{value:.3e}" for value in values]
+    return mark_trace(f"values-{symbol}", name, x, y, marker, said, text=text)
 
 
 def _gap(rank: int, drawn: np.ndarray, gap: float, limit: float) -> Spec:

@@ -7,7 +7,7 @@ import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import unit
-from syncplan.plotting.canvas import Spec, numbers
+from syncplan.plotting.canvas import Spec, mark_trace, numbers
 from syncplan.plotting.figure_style import INK
 from syncplan.plotting.links import link_ends
 from syncplan.plotting.maps import Mapped, MapView
@@ -109,19 +109,18 @@ def landmark_trace(
     steps = away * (half[:, None] + 0.5 * star) / view.scale
     chosen = _chosen(plan.landmarks, steps, half / view.scale, about)
     return [
-        {
-            "type": "scatter",
-            "uid": "landmarks",
-            "name": "landmark",
-            "mode": "markers+text",
-            "x": numbers(plan.landmarks[:, 0], view.places),
-            "y": numbers(plan.landmarks[:, 1], view.places),
-            "text": shown,
-            "textposition": [_PLACES[k][0] for k in chosen],
-            "textfont": {"size": round(size, 1), "color": INK},
-            "marker": {"symbol": "star", "size": star, "color": INK},
-            "hovertemplate": "%{text}<br>%{x} m, %{y} m<extra></extra>",
-        }
+        mark_trace(
+            "landmarks",
+            "landmark",
+            numbers(plan.landmarks[:, 0], view.places),
+            numbers(plan.landmarks[:, 1], view.places),
+            {"symbol": "star", "size": star, "color": INK},
+            "%{text}<br>%{x} m, %{y} m<extra></extra>",
+            mode="markers+text",
+            text=shown,
+            textposition=[_PLACES[k][0] for k in chosen],
+            textfont={"size": round(size, 1), "color": INK},
+        )
     ]
 
 

@@ -9,7 +9,16 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.orbits.circles import Orbits, heading, position, unit
 from syncplan.planning.planner import Plan
-from syncplan.plotting.canvas import Spec, axis, compass, decimals, gapped, line_trace, numbers
+from syncplan.plotting.canvas import (
+    Spec,
+    axis,
+    compass,
+    decimals,
+    gapped,
+    line_trace,
+    mark_trace,
+    numbers,
+)
 from syncplan.plotting.figure_style import BLUE, INK, MUTED, ORANGE, FigureStyle, translucent
 
 Corners = Sequence[tuple[float, float]]
@@ -243,17 +252,8 @@ def pointer(view: MapView, largest: float, angles: Any, color: str) -> Spec:
 
 def pointer_entry(group: str, name: str, size: float) -> Spec:
     """Return the legend's entry of a trace of pointers, upright and on the line of its words."""
-    return {
-        "type": "scatter",
-        "mode": "markers",
-        "uid": f"{group}-entry",
-        "name": name,
-        "legendgroup": group,
-        "x": [None],
-        "y": [None],
-        "marker": {"symbol": "triangle-up", "size": 0.8 * size, "color": INK},
-        "hoverinfo": "skip",
-    }
+    marker = {"symbol": "triangle-up", "size": 0.8 * size, "color": INK}
+    return mark_trace(f"{group}-entry", name, [None], [None], marker, legendgroup=group)
 
 
 def sense_heads(plan: Mapped, view: MapView, color: str, chosen: Array) -> Spec:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from syncplan.arrays import Array
 from syncplan.errors import InputError
-from syncplan.plotting.canvas import Spec, axis, escaped, layout, numbers, panel_title
+from syncplan.plotting.canvas import Spec, axis, escaped, layout, line_trace, numbers, panel_title
 from syncplan.plotting.figure_style import INK, SKY, VERMILLION, FigureStyle, translucent
 from syncplan.reports.replay_report import EstimatedPath, ReplayDocument
 from syncplan.reports.run_figures import Series, StateErrorSeries, VehicleSeries
@@ -108,20 +108,10 @@ def panel_line(
     Nothing is said of it when pointed at where `hover` is empty.
     """
     suffix = str(number + 1) if number else ""
-    return {
-        "type": "scatter",
-        "mode": "lines",
-        "uid": uid,
-        "name": name,
-        "legendgroup": group,
-        "showlegend": number == 0,
-        "xaxis": f"x{suffix}",
-        "yaxis": f"y{suffix}",
-        "x": numbers(x, 6),
-        "y": y,
-        "line": line,
-        **({"hovertemplate": hover} if hover else {"hoverinfo": "skip"}),
-    }
+    shown: Spec = {"legendgroup": group, "showlegend": number == 0}
+    shown |= {"xaxis": f"x{suffix}", "yaxis": f"y{suffix}"}
+    said = {"hovertemplate": hover} if hover else {}
+    return line_trace(uid, name, numbers(x, 6), y, line, **shown, **said)
 
 
 def _band(number: int, key: str, times: Array, middle: Array, sigma: Array) -> Spec:
