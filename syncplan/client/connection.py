@@ -69,7 +69,7 @@ class Remote:
         method: str,
         path: str,
         body: Mapping[str, Any] | bytes | None = None,
-        parameters: dict[str, str | list[str]] | None = None,
+        parameters: Mapping[str, Any] | None = None,
         accept: str | None = None,
     ) -> "Response":
         """Return the answer to a request, repeated while the service is away or busy.

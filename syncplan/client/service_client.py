@@ -186,7 +186,7 @@ class Client:
         Raises InputError.
         """
         body = _as_planned(subject)
-        parameters: dict[str, str | list[str]] | None = {"steady": "true"} if steady else None
+        parameters = {"steady": "true"} if steady else None
         return RemotePlan.of(values_of(self._remote.send("POST", "/v1/plans", body, parameters)))
 
     def stored(self, plan_id: str) -> RemotePlan:
@@ -206,11 +206,7 @@ class Client:
         bound: BoundChoice = "auto",
     ) -> WhatIfDocument:
         """Return the effects of losses on a plan that the service stores; see syncplan.what_if."""
-        parameters: dict[str, str | list[str]] = {
-            "lose": list(lose),
-            "losses": str(losses),
-            "bound": bound,
-        }
+        parameters = {"lose": list(lose), "losses": str(losses), "bound": bound}
         answer = self._remote.send("GET", f"/v1/plans/{_id(plan)}/what-if", None, parameters)
         return WhatIfDocument.model_validate(values_of(answer, "losses"))
 
@@ -221,7 +217,7 @@ class Client:
 
         It has the name of its folder if none is given. Raises InputError.
         """
-        parameters: dict[str, str | list[str]] | None = None if name is None else {"name": name}
+        parameters = None if name is None else {"name": name}
         body = archived(Path(recording))
         answer = self._remote.send("POST", "/v1/recordings", body, parameters)
         return RemoteRecording.of(values_of(answer, "robots"))
@@ -234,9 +230,7 @@ class Client:
 
     def refine(self, plan: RemotePlan | str, **options: Any) -> RemoteJob:
         """Begin to refine a plan; options as syncplan.refine takes them. See wait."""
-        return RemoteJob.of(
-            values_of(self._remote.send("POST", f"/v1/plans/{_id(plan)}/refinements", options))
-        )
+        return self._job("POST", f"/v1/plans/{_id(plan)}/refinements", options)
 
     def validate(
         self,
@@ -265,31 +259,31 @@ class Client:
     def sweep(self, scenario: Scenario | Mapping[str, Any], **options: Any) -> RemoteJob:
         """Begin a sweep; options are the keys of the service's request, such as range_m."""
         body = {"scenario": _as_document(scenario), **options}
-        return RemoteJob.of(values_of(self._remote.send("POST", "/v1/sweeps", body)))
+        return self._job("POST", "/v1/sweeps", body)
 
     def replay(self, recording: RemoteRecording | str, **options: Any) -> RemoteJob:
         """Begin a replay; options are the keys of the service's request, such as delay_s."""
-        path = f"/v1/recordings/{_id(recording)}/replays"
-        return RemoteJob.of(values_of(self._remote.send("POST", path, options)))
+        return self._job("POST", f"/v1/recordings/{_id(recording)}/replays", options)
 
     def _begin(
         self, plan: RemotePlan | str, jobs: str, options: FilterOptions, **further: Any
     ) -> RemoteJob:
         """The job that takes options on a plan, with the plan if that is at hand."""
-        path = f"/v1/plans/{_id(plan)}/{jobs}"
         body = {**options.as_request(), **further}
-        job = RemoteJob.of(values_of(self._remote.send("POST", path, body)))
+        job = self._job("POST", f"/v1/plans/{_id(plan)}/{jobs}", body)
         return replace(job, plan=plan) if isinstance(plan, RemotePlan) else job
 
     def job(self, job_id: str) -> RemoteJob:
         """Return a job as it is now."""
-        return RemoteJob.of(values_of(self._remote.send("GET", f"/v1/jobs/{_id(job_id)}")))
+        return self._job("GET", f"/v1/jobs/{_id(job_id)}")
 
     def cancel(self, job: RemoteJob | str) -> RemoteJob:
         """Stop a job; raises RemoteError if it has ended otherwise."""
-        return RemoteJob.of(
-            values_of(self._remote.send("POST", f"/v1/jobs/{_id(job)}/cancel", None))
-        )
+        return self._job("POST", f"/v1/jobs/{_id(job)}/cancel")
+
+    def _job(self, method: str, path: str, body: Mapping[str, Any] | None = None) -> RemoteJob:
+        """The job that the service answers with."""
+        return RemoteJob.of(values_of(self._remote.send(method, path, body)))
 
     def wait(
         self,
