@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from syncplan.cli.console import Format, say
+from syncplan.cli.console import Format, check_output, say
 from syncplan.errors import InputError
 from syncplan.estimation.replay_settings import Poses
 from syncplan.options import Option, RunOptions, options_of
 
 if TYPE_CHECKING:
     from syncplan.planning.judged_team import PlanVerdict
+    from syncplan.planning.plan_files import Loaded
     from syncplan.planning.planner import Plan
     from syncplan.planning.variations import StressTest
 
@@ -43,6 +44,18 @@ MaxVehicles = Annotated[
     int | None,
     typer.Option(min=1, help="Accept teams up to this size (default 2000)", show_default=False),
 ]
+
+
+def loaded_file(subject: str, output: Path | None, max_vehicles: int | None) -> "Loaded":
+    """Return the content of a plan or scenario file, once the output is known to be writable.
+
+    Raises InputError as `check_output` and syncplan.planning.plan_files.load do.
+    """
+    from syncplan.planning.plan_files import load
+    from syncplan.scenario.models import MAX_VEHICLES
+
+    check_output(output, subject)
+    return load(subject, max_vehicles=max_vehicles or MAX_VEHICLES)
 
 
 def beginning_with(names: Iterable[str], *, listed: bool = False) -> Callable[[str], list[str]]:

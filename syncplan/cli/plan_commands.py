@@ -70,12 +70,10 @@ def _plan(
 
     A plan file is judged again with its own orbits.
     """
-    from syncplan.planning.plan_files import load, plan_of
+    from syncplan.planning.plan_files import plan_of
     from syncplan.reports.plan_report import plan_document
-    from syncplan.scenario.models import MAX_VEHICLES
 
-    console.check_output(output, subject)
-    loaded = load(subject, max_vehicles=max_vehicles or MAX_VEHICLES)
+    loaded = arguments.loaded_file(subject, output, max_vehicles)
     if not loaded.scenario.formation.placed and sys.stderr.isatty():
         console.say("looking for centres ...")
     if loaded.scenario.size > LARGE_TEAM and sys.stderr.isatty():
@@ -168,12 +166,10 @@ def _refine(
 ) -> int:
     """Move phases, centres and radii to the best plan near the one given; options override the
     scenario's refine section. If nothing better is found, write nothing and exit with 4."""
-    from syncplan.planning.plan_files import load, plan_of
+    from syncplan.planning.plan_files import plan_of
     from syncplan.refinement.refiner import options_for
-    from syncplan.scenario.models import MAX_VEHICLES
 
-    console.check_output(output, subject)
-    loaded = load(subject, max_vehicles=max_vehicles or MAX_VEHICLES)
+    loaded = arguments.loaded_file(subject, output, max_vehicles)
     changes: dict[str, Any] = {
         "vary": None if vary is None else [one.strip() for one in vary.split(",")],
         "center_box_m": center_box_m,
@@ -352,12 +348,10 @@ def _what_if(
     the most harmful first. A vehicle whose sensor is lost flies on and is seen by others."""
     from syncplan.planning.loss_study import what_if
     from syncplan.planning.lost_parts import lost_together, possible_losses
-    from syncplan.planning.plan_files import load, plan_of
+    from syncplan.planning.plan_files import plan_of
     from syncplan.reports.loss_report import what_if_document
-    from syncplan.scenario.models import MAX_VEHICLES
 
-    console.check_output(output, subject)
-    loaded = load(subject, max_vehicles=max_vehicles or MAX_VEHICLES)
+    loaded = arguments.loaded_file(subject, output, max_vehicles)
     known = {*loaded.scenario.vehicle_names, *loaded.scenario.landmark_names}
     names = [] if lose is None else [lose] if lose in known else _separated(lose)
     if names:

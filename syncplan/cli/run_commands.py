@@ -64,14 +64,12 @@ def _validate(
     max_vehicles: arguments.MaxVehicles = None,
 ) -> int:
     """Run the filter on a plan: Monte Carlo errors beside the bound, and consistency."""
-    from syncplan.planning.plan_files import in_world, load, plan_of
+    from syncplan.planning.plan_files import in_world, plan_of
     from syncplan.planning.validation import choose_filter, validate
     from syncplan.planning.variations import stress_worlds, stressed
     from syncplan.reports.validation_report import stress_document, validation_document
-    from syncplan.scenario.models import MAX_VEHICLES
 
-    console.check_output(output, subject)
-    flown = plan_of(load(subject, max_vehicles=max_vehicles or MAX_VEHICLES), pilot=False)
+    flown = plan_of(arguments.loaded_file(subject, output, max_vehicles), pilot=False)
     chosen = choose_filter(flown, options).applied(options)
     there = in_world(flown, options.truth)
     console.compile_filter(chosen, [there.team.count])
@@ -197,12 +195,10 @@ def _fly(
 ) -> int:
     """Fly a plan in closed loop: vehicles steer by their estimates, in wind, with losses."""
     from syncplan.flight.flying import conclude_flight, flight_run, fly_part
-    from syncplan.planning.plan_files import load, plan_of
+    from syncplan.planning.plan_files import plan_of
     from syncplan.reports.flight_report import flight_document
-    from syncplan.scenario.models import MAX_VEHICLES
 
-    console.check_output(output, subject)
-    plan = plan_of(load(subject, max_vehicles=max_vehicles or MAX_VEHICLES), pilot=False)
+    plan = plan_of(arguments.loaded_file(subject, output, max_vehicles), pilot=False)
     run = flight_run(plan, options)
     console.compile_flight(run.team)
     with console.progress_bar("flights", options.trials) as progress:
