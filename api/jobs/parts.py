@@ -13,7 +13,7 @@ from collections.abc import Awaitable, Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from threading import Event
-from typing import Any, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 from sqlalchemy import Connection
 
@@ -156,6 +156,7 @@ def _unless_away(function: Callable[[], None]) -> None:
 
 
 T = TypeVar("T")
+P = ParamSpec("P")
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,12 +202,14 @@ def current() -> Runtime:
     return _in_use[0]
 
 
-async def in_transaction(function: Callable[[Connection], T]) -> T:
+async def in_transaction(
+    function: Callable[Concatenate[Connection, P], T], *arguments: P.args, **named: P.kwargs
+) -> T:
     """Call a function in a transaction, waiting for the database if it is away."""
 
     def transact() -> T:
         with current().database.writing() as connection:
-            return function(connection)
+            return function(connection, *arguments, **named)
 
     return await asyncio.to_thread(patiently, transact)
 
@@ -257,12 +260,7 @@ async def computed(part: Part, submit: Submit) -> Any:
         await _stay_if_closing(part)
     except _FailedError as failed:
         document = dict(failed.document)
-        ended = await in_transaction(
-            lambda connection: job_records.end_job(
-                connection, part.job_id, "failed", error=document
-            )
-        )
-        if ended:
+        if await in_transaction(job_records.end_job, part.job_id, "failed", error=document):
             await asyncio.to_thread(current().counts.job_over, part.job_id)
     return None
 
@@ -270,11 +268,7 @@ async def computed(part: Part, submit: Submit) -> Any:
 async def _tried(part: Part, submit: Submit) -> Any:
     pause_s = _PAUSE_S
     while True:
-        history = await in_transaction(
-            lambda connection: part_records.begin_part(
-                connection, part.job_id, part.number, VERSION
-            )
-        )
+        history = await in_transaction(part_records.begin_part, part.job_id, part.number, VERSION)
         if history is None:
             return None
         if history.attempts > MOST_ATTEMPTS:
@@ -295,9 +289,7 @@ async def _tried(part: Part, submit: Submit) -> Any:
 
 async def _count_death(part: Part, error: ChildGoneError) -> None:
     """Count that a child ended at a part; raises the job's failure if that was once too often."""
-    deaths = await in_transaction(
-        lambda connection: part_records.count_death(connection, part.job_id, part.number)
-    )
+    deaths = await in_transaction(part_records.count_death, part.job_id, part.number)
     _logger.error(
         "a process computing %s of job %s ended (%d of %d): %s",
         part.name,
@@ -390,6 +382,4 @@ async def _stay_if_closing(part: Part) -> None:
 
 
 async def _withdraw(part: Part) -> None:
-    await in_transaction(
-        lambda connection: part_records.withdraw_part(connection, part.job_id, part.number)
-    )
+    await in_transaction(part_records.withdraw_part, part.job_id, part.number)

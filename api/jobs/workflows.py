@@ -78,9 +78,7 @@ _AHEAD = 256
 async def begin_job(job_id: str) -> None:
     """Divide a job into batches, or compute it whole."""
     with current().at(job_id):
-        job = await in_transaction(
-            lambda connection: job_records.start_job(connection, job_id, VERSION)
-        )
+        job = await in_transaction(job_records.start_job, job_id, VERSION)
         if job is None:
             return
         if isinstance(JOB_KINDS[job.spec.kind].task, TrialTask):
@@ -93,9 +91,7 @@ async def begin_job(job_id: str) -> None:
 async def compute_batch(job_id: str, number: int) -> None:
     """Compute a batch of a job's trials."""
     with current().at(batch_id(job_id, number)):
-        job = await in_transaction(
-            lambda connection: job_records.begun_job(connection, job_id, VERSION)
-        )
+        job = await in_transaction(job_records.begun_job, job_id, VERSION)
         if job is None:
             await asyncio.to_thread(current().queue.drop, job_id)
         else:
@@ -106,9 +102,7 @@ async def compute_batch(job_id: str, number: int) -> None:
 async def conclude_job(job_id: str) -> None:
     """Make the report of a job whose batches are all computed."""
     with current().at(conclusion_id(job_id)):
-        job = await in_transaction(
-            lambda connection: job_records.begun_job(connection, job_id, VERSION)
-        )
+        job = await in_transaction(job_records.begun_job, job_id, VERSION)
         if job is not None:
             await _conclude(job)
 
@@ -119,7 +113,7 @@ async def conclude_job(job_id: str) -> None:
 async def _divide(job: BegunJob) -> None:
     runtime, job_id = current(), job.spec.id
     batches = []
-    if not await in_transaction(lambda connection: part_records.is_divided(connection, job_id)):
+    if not await in_transaction(part_records.is_divided, job_id):
         runs = await computed(
             Part(job_id, BEGINNING, "measuring", _limit_s(job)),
             _task(job, "measured_runs", job.spec),
@@ -137,9 +131,7 @@ async def _divide(job: BegunJob) -> None:
 
 async def _compute_batch(job: BegunJob, number: int) -> None:
     job_id = job.spec.id
-    batch = await in_transaction(
-        lambda connection: part_records.next_batch(connection, job_id, number)
-    )
+    batch = await in_transaction(part_records.next_batch, job_id, number)
     if batch is None:
         return
     name = f"the batch of trials {batch.first_trial} to {batch.first_trial + batch.trials - 1}"
@@ -173,9 +165,7 @@ def _enter_next(connection: Connection, job: BegunJob, places: range) -> None:
 
 async def _conclude(job: BegunJob) -> None:
     job_id = job.spec.id
-    batches = await in_transaction(
-        lambda connection: part_records.finished_batches(connection, job_id)
-    )
+    batches = await in_transaction(part_records.finished_batches, job_id)
     result = await computed(
         Part(job_id, CONCLUSION, "the report", _limit_s(job)),
         _task(job, "concluded_job", job.spec, batches),
@@ -190,9 +180,7 @@ async def _compute_whole(job: BegunJob) -> None:
 
     async def submit(watched: WatchedPart, history: PartHistory) -> Ticket:
         # each time: an attempt that died has left some
-        starts = await in_transaction(
-            lambda connection: part_records.finished_starts(connection, job.spec.id)
-        )
+        starts = await in_transaction(part_records.finished_starts, job.spec.id)
         earlier = EarlierWork(starts, history.computed_s)
         return _submitted(job, "computed_job", job.spec, earlier, workers, progress=watched.take)
 
