@@ -60,15 +60,17 @@ def check_size(scenario: Scenario, limits: RequestLimits) -> None:
     check_at_most("formation", scenario.size, limits.vehicles, " vehicles")
     for key, length in (("duration_s", scenario.duration_s), ("window_s", scenario.window)):
         check_at_most(key, length / scenario.sample_time, limits.samples, " samples")
-    _check_plan_work(scenario, limits)
+    work = work_of(scenario)
+    # without the bound, no sample is looked at
+    if work is not None and work.bounded:
+        _check_work(scenario, work, MOST_BOUND_WORK, limits)
 
 
 def check_run_work(scenario: Scenario, duration: float, limits: RequestLimits) -> None:
     """Raise InputError if a trial of the filter over `duration` s is more than a task can do."""
     work = work_of(scenario, duration)
     if work is not None:
-        _check_sightings(scenario, work, limits)
-        _check_work(work, MOST_TRIAL_WORK)
+        _check_work(scenario, work, MOST_TRIAL_WORK, limits)
 
 
 def check_flights(
@@ -114,29 +116,18 @@ def check_replay_work(sightings: int, robots: int, limits: RequestLimits) -> Non
             )
 
 
-def _check_plan_work(scenario: Scenario, limits: RequestLimits) -> None:
-    work = work_of(scenario)
-    # without the bound, no sample is looked at
-    if work is not None and work.bounded:
-        _check_sightings(scenario, work, limits)
-        _check_work(work, MOST_BOUND_WORK)
-
-
-def _check_sightings(scenario: Scenario, work: ExpectedWork, limits: RequestLimits) -> None:
+def _check_work(scenario: Scenario, work: ExpectedWork, most: float, limits: RequestLimits) -> None:
     if work.sightings > limits.sightings:
         raise InputError(
             f"about {work.sightings:.2g} sightings expected of {scenario.size} vehicles; this "
             f"service takes up to {limits.sightings:.2g} in a run; {_REMEDY}",
             key="sensor",
         )
-
-
-def _check_work(work: ExpectedWork, limit: float) -> None:
-    if work.pass_work > limit:
+    if work.pass_work > most:
         raise InputError(
             f"about {work.sightings:.2g} sightings expected, whose filter takes "
             f"{work.pass_work:.2g} operations, sightings times squared size of the state; this "
-            f"service takes up to {limit:.2g}; {_REMEDY}",
+            f"service takes up to {most:.2g}; {_REMEDY}",
             key="sensor",
         )
 
