@@ -88,8 +88,9 @@ class FailedRequest:
     title: str = ""
 
 
-def _deliberate(error: ServiceError) -> FailedRequest:
-    return FailedRequest(error.status, error.detail, _named(error), error.headers, error.errors)
+def _deliberate(error: ServiceError, logged: Logged = Logged.NOTHING) -> FailedRequest:
+    reason = _named(error)
+    return FailedRequest(error.status, error.detail, reason, error.headers, error.errors, logged)
 
 
 def _input(error: InputError) -> FailedRequest:
@@ -167,9 +168,7 @@ def _unforeseen(error: Exception) -> FailedRequest:
 
 
 def _with_line(error: ServiceError) -> FailedRequest:
-    return FailedRequest(
-        error.status, error.detail, _named(error), error.headers, logged=Logged.LINE
-    )
+    return _deliberate(error, Logged.LINE)
 
 
 def _named(error: ServiceError) -> str:
