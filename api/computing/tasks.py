@@ -8,7 +8,7 @@ import json
 import time
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Literal, TypedDict
+from typing import TYPE_CHECKING, Any, Literal
 
 from api.documents import (
     PlanText,
@@ -38,7 +38,8 @@ from syncplan.reports.job_contract import JobKindName
 from syncplan.scenario.loading import decoded, parse_document, scenario_from
 
 if TYPE_CHECKING:
-    from syncplan.planning.planner import BoundChoice, Plan
+    from syncplan.planning.planner import BoundChoice, JudgementOptions, Plan
+    from syncplan.plotting.canvas import Spec
     from syncplan.plotting.figure_style import Theme
 
 # --- requests -----------------------------------------------------------------------------------
@@ -172,20 +173,8 @@ _SMALL = {
 # --- previews, figures, losses, exports -----------------------------------------------------------
 
 
-class _LeftOut(TypedDict):
-    bound: "BoundChoice"
-    margin_bound: bool
-    pilot: bool
-    single_points: bool
-
-
-_QUICK: _LeftOut = {
-    "bound": "never",
-    "margin_bound": False,
-    "pilot": False,
-    "single_points": False,
-}
-"""What a plan is not asked for while somebody drags."""
+_QUICK: "JudgementOptions" = {"bound": "never", "pilot": False, "single_points": False}
+"""What a plan is not asked for while somebody drags, beside the bound of its margin."""
 
 
 def previewed(
@@ -201,13 +190,11 @@ def previewed(
     A `quick` one is the plan without what takes most of the time, which its findings name.
     """
     from syncplan.planning.plan_files import plan_of
-    from syncplan.plotting.figure_style import FigureStyle
-    from syncplan.plotting.figures import specs_of
     from syncplan.reports.plan_report import plan_document
 
     loaded = loaded_body(body, syntax, limits)
-    made = plan_of(loaded, **_QUICK) if quick else plan_of(loaded)
-    specs = specs_of(made, names, style=FigureStyle(theme=theme)) if names else {}
+    made = plan_of(loaded, margin_bound=False, **_QUICK) if quick else plan_of(loaded)
+    specs = _specs(made, names, theme) if names else {}
     return _compact({"plan": plan_document(made).as_json(), "figures": specs})
 
 
@@ -216,28 +203,28 @@ def plan_figure(text: str, name: str, theme: "Theme", parent_text: str | None) -
 
     With its parent's text, the plan is shown beside its parent.
     """
-    from syncplan.plotting.figure_style import FigureStyle
-    from syncplan.plotting.figures import specs_of
     from syncplan.reports.refinement_report import RefinementResult
 
-    style = FigureStyle(theme=theme)
     if parent_text is not None:
-        specs = specs_of(_judged(parent_text), [name], style=style, after=_judged(text))
-        return _compact(specs[name])
+        return _compact(_specs(_judged(parent_text), [name], theme, after=_judged(text))[name])
     record = json.loads(text).get("refinement")
     refined = None if record is None else RefinementResult.model_validate(record)
-    return _compact(specs_of(_judged(text), [name], style=style, refined=refined)[name])
+    return _compact(_specs(_judged(text), [name], theme, refined=refined)[name])
 
 
 def report_figure(text: str, kind: JobKindName, name: str, theme: "Theme") -> str:
     """Return a figure of a job's report as JSON; raises InputError."""
-    from syncplan.plotting.figure_style import FigureStyle
-    from syncplan.plotting.figures import specs_of
-
     model = JOB_KINDS[kind].report
     assert model is not None
     report: Any = model.model_validate_json(text)
-    return _compact(specs_of(report, [name], style=FigureStyle(theme=theme))[name])
+    return _compact(_specs(report, [name], theme)[name])
+
+
+def _specs(subject: Any, names: Sequence[str], theme: "Theme", **beside: Any) -> dict[str, "Spec"]:
+    from syncplan.plotting.figure_style import FigureStyle
+    from syncplan.plotting.figures import specs_of
+
+    return specs_of(subject, names, style=FigureStyle(theme=theme), **beside)
 
 
 def judged_losses(
