@@ -1,6 +1,6 @@
 """The errors syncplan raises on purpose; a message names the object, its value and a remedy."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 MOST_LINES = 10
@@ -60,6 +60,14 @@ class InputError(SyncplanError):
         super().__init__(_in_one_line(source, key, problem))
         for line in self.lines()[1:]:
             self.add_note(line)
+
+    @classmethod
+    def of(cls, faults: Sequence[Fault], *, source: str = "", more: int = 0) -> "InputError":
+        """Return the error of faults, in the words of the first; `more` are not listed."""
+        first, others = faults[0], len(faults) - 1 + more
+        problem = f"{first.problem} (and {others} more)" if others else first.problem
+        problem = f"{first.value}: {problem}" if first.value else problem
+        return cls(problem, key=first.key, source=source, faults=tuple(faults), more=more)
 
     def within(self, section: str) -> "InputError":
         """Return the error with its keys inside `section` of a larger document."""

@@ -144,13 +144,8 @@ def error_of(problem: Mapping[str, Any], message: str, status: int | None) -> Sy
     """Return the error that a problem, or the failure of a job, means to the caller."""
     errors = problem.get("errors") or []
     if errors:
-        faults = tuple(
-            Fault(one["path"], one["message"], str(one.get("value", ""))) for one in errors
-        )
-        first, more = faults[0], len(faults) - 1
-        text = first.problem if more == 0 else f"{first.problem} (and {more} more)"
-        return InputError(
-            f"{first.value}: {text}" if first.value else text, key=first.key, faults=faults
+        return InputError.of(
+            [Fault(one["path"], one["message"], str(one.get("value", ""))) for one in errors]
         )
     if problem.get("title") == "No solution":
         return NoSolutionError(message)

@@ -54,9 +54,7 @@ def check_derived(document: Mapping[str, Any], orbits: Orbits, source: str) -> N
                 )
                 faults.append(Fault(f"{place}{key}", problem, _shown(keys[key])))
     if faults:
-        first, more = faults[0], len(faults) - 1
-        problem = f"{first.value}: {first.problem}" + (f" (and {more} more)" if more else "")
-        raise InputError(problem, key=first.key, source=source, faults=tuple(faults))
+        raise InputError.of(faults, source=source)
 
 
 def _derived(orbits: Orbits) -> list[tuple[str, str, Array, Array]]:

@@ -110,13 +110,8 @@ def validation_fault(error: ValidationError, model: type[BaseModel], source: str
     """
     faults = error.errors(include_url=False)
     faults.sort(key=lambda item: item["type"] != "extra_forbidden")
-    listed = tuple(_fault(dict(item), model) for item in faults[:LARGEST_LIST])
-    first, more = listed[0], len(faults) - 1
-    problem = first.problem if more == 0 else f"{first.problem} (and {more} more)"
-    message = f"{first.value}: {problem}" if first.value else problem
-    raise InputError(
-        message, key=first.key, source=source, faults=listed, more=len(faults) - len(listed)
-    ) from None
+    listed = [_fault(dict(item), model) for item in faults[:LARGEST_LIST]]
+    raise InputError.of(listed, source=source, more=len(faults) - len(listed)) from None
 
 
 def _fault(item: dict[str, Any], model: type[BaseModel]) -> Fault:
