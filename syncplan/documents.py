@@ -78,6 +78,11 @@ def finite_or_none(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
+def windows_of(windows: Array) -> list[Window]:
+    """Return windows (k, 2) s as documents hold them."""
+    return [(float(start), float(end)) for start, end in windows]
+
+
 def point_of(values: Sequence[float] | Array) -> Point:
     """Return x and y as documents hold them."""
     return float(values[0]), float(values[1])

@@ -12,7 +12,14 @@ import numpy as np
 from pydantic import Field
 
 from syncplan.arrays import Array
-from syncplan.documents import DocumentPart, Point, VersionedDocument, Window
+from syncplan.documents import (
+    DocumentPart,
+    Point,
+    VersionedDocument,
+    Window,
+    point_of,
+    windows_of,
+)
 from syncplan.exporting.exported_files import ExportedFile, Written
 from syncplan.exporting.mission_routes import ACCELERATION
 from syncplan.exporting.scheduled_plan import ScheduledPlan, moment, places_of, start_of
@@ -302,7 +309,7 @@ def sync_document(flown: ScheduledPlan, format_: str, written: Written) -> SyncD
                 b=names[item.b],
                 planned=planned,
                 min_distance_m=item.min_distance,
-                windows_s=_windows(item.windows),
+                windows_s=windows_of(item.windows),
                 tolerance_s=_tolerance(flown, [item]),
             )
             for planned, items in ((True, plan.links), (False, plan.incidental_links))
@@ -313,7 +320,7 @@ def sync_document(flown: ScheduledPlan, format_: str, written: Written) -> SyncD
                 vehicle=names[item.a],
                 landmark=landmarks[item.b - plan.orbits.count],
                 min_distance_m=item.min_distance,
-                windows_s=_windows(item.windows),
+                windows_s=windows_of(item.windows),
             )
             for item in plan.landmark_links
         ],
@@ -334,14 +341,14 @@ def _vehicles(flown: ScheduledPlan, written: Written) -> list[SyncedVehicle]:
             name=name,
             file=written.own_files[k] if written.own_files else None,
             topic=written.topics[k] if written.topics else None,
-            center_m=_pair(orbits.centers[k]),
+            center_m=point_of(orbits.centers[k]),
             center_lat_deg=centers[k][0],
             center_lon_deg=centers[k][1],
             radius_m=float(orbits.radii[k]),
             direction="ccw" if orbits.senses[k] > 0.0 else "cw",
             phase_rad=float(orbits.phases[k] % (2.0 * np.pi)),
             entry=EntryPoint(
-                position_m=_pair(where[k]),
+                position_m=point_of(where[k]),
                 lat_deg=entries[k][0],
                 lon_deg=entries[k][1],
                 altitude_m=flown.altitudes[k],
@@ -386,12 +393,4 @@ def _degrees(flown: ScheduledPlan, points: Array) -> list[tuple[float | None, fl
     places = places_of(flown, points)
     if places is None:
         return [(None, None)] * len(points)
-    return [_pair(place) for place in places]
-
-
-def _pair(values: Array) -> tuple[float, float]:
-    return float(values[0]), float(values[1])
-
-
-def _windows(windows: Array) -> list[tuple[float, float]]:
-    return [(float(start), float(end)) for start, end in windows]
+    return [point_of(place) for place in places]

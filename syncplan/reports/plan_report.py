@@ -7,7 +7,6 @@ import numpy as np
 from pydantic import Field
 
 from syncplan import __version__
-from syncplan.arrays import Array
 from syncplan.documents import (
     Document,
     DocumentPart,
@@ -16,6 +15,7 @@ from syncplan.documents import (
     Window,
     finite_or_none,
     point_of,
+    windows_of,
 )
 from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.orbits.circles import heading, position
@@ -316,12 +316,12 @@ def _link(plan: Plan, item: LinkVerdict, names: list[str]) -> Link:
         min_distance_m=item.min_distance,
         contact_s=item.contact,
         contact_share=_contact_share(plan, item),
-        windows_s=_windows(item.windows),
+        windows_s=windows_of(item.windows),
         directed=[
             DirectedContact(
                 **{"from": one},
                 to=other,
-                windows_s=_windows(windows),
+                windows_s=windows_of(windows),
                 contact_s=float(np.sum(windows[:, 1] - windows[:, 0])),
             )
             for one, other, windows in ways
@@ -348,7 +348,7 @@ def _landmark_link(
         vehicle=names[item.a],
         landmark=landmarks[item.b - plan.orbits.count],
         min_distance_m=item.min_distance,
-        windows_s=_windows(item.windows),
+        windows_s=windows_of(item.windows),
         contact_s=item.contact,
         rank=item.rank,
         certified=item.certified,
@@ -408,10 +408,6 @@ def _predicted_states(plan: Plan) -> list[PredictedStateError] | None:
         for one in plan.prediction.states
     ]
     return found or None
-
-
-def _windows(windows: Array) -> list[Window]:
-    return [(float(start), float(end)) for start, end in windows]
 
 
 def _sense(value: float) -> Literal["ccw", "cw"]:
