@@ -26,7 +26,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from syncplan.arrays import Array, Flags
-from syncplan.errors import InputError
+from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.filter_setup import ERROR, SAMPLE_EVERY, SQUARE, VARIANCE, FilterStatistics
 
 CHUNK_TRIALS = 16
@@ -250,6 +250,24 @@ def merge(parts: Sequence[MonteCarloResult]) -> MonteCarloResult:
     }
     branches = joined([branch for part in parts for branch in part.branches])
     return replace(head, branches=branches, **by_trial)
+
+
+def check_whole(
+    result: MonteCarloResult, trials: int, vehicles: Flags | EllipsisType = ...
+) -> None:
+    """Raise InputError where trials of a run are missing, NoSolutionError where filters diverged.
+
+    Of vehicles that are not among those given, errors may be NaN.
+    """
+    if (result.first_trial, result.trials) != (0, trials):
+        problem = f"{result.trials} from {result.first_trial} on given, of {trials}"
+        raise InputError(problem, key="parts")
+    lost = int(np.sum(~np.isfinite(result.mean_squares[:, vehicles]).all(axis=(1, 2))))
+    if lost:
+        raise NoSolutionError(
+            f"the filter diverged in {lost} of {trials} trials: its errors are no longer finite; "
+            "smaller sigmas or a shorter sample time may help"
+        )
 
 
 def accuracy(result: MonteCarloResult) -> Accuracy:

@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 
 from syncplan.arrays import Array, Flags
-from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.consistency import Consistency, anees, coverage, nis
 from syncplan.estimation.filter_options import steps_in_run
 from syncplan.estimation.filter_setup import judged_from
-from syncplan.estimation.trials import Accuracy, accuracy
+from syncplan.estimation.trials import Accuracy, accuracy, check_whole
 from syncplan.flight.flight_events import FlightEvents, events_of
 from syncplan.flight.flight_limits import FlightLimits, FlownWorld
 from syncplan.flight.flight_options import FlightOptions
@@ -282,16 +281,7 @@ def conclude_flight(run: FlightRun, parts: Sequence[FlightResult]) -> Flight:
     """
     result = joined_flights(parts)
     found, gate = result.estimates, run.options.gate_probability
-    if (found.first_trial, found.trials) != (0, run.trials):
-        problem = f"{found.trials} from {found.first_trial} on given, of {run.trials}"
-        raise InputError(problem, key="parts")
-    staying = run.team.present[-1]
-    broken = int(np.sum(~np.isfinite(found.mean_squares[:, staying]).all(axis=(1, 2))))
-    if broken:
-        raise NoSolutionError(
-            f"the filter diverged in {broken} of {run.trials} trials: its errors are no longer "
-            "finite; smaller sigmas or a shorter sample time may help"
-        )
+    check_whole(found, run.trials, run.team.present[-1])
     return Flight(
         run=run,
         result=result,

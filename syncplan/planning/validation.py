@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.errors import InputError, NoSolutionError
+from syncplan.errors import NoSolutionError
 from syncplan.estimation.bounds import posterior_bound
 from syncplan.estimation.consistency import (
     Consistency,
@@ -28,6 +28,7 @@ from syncplan.estimation.trials import (
     MonteCarloResult,
     TrialErrors,
     accuracy,
+    check_whole,
     merge,
     trial_errors,
 )
@@ -275,16 +276,7 @@ def conclude(run: TrialRun, parts: Sequence[MonteCarloResult]) -> Validation:
     NoSolutionError where the filter diverged.
     """
     result = merge(parts)
-    if (result.first_trial, result.trials) != (0, run.trials):
-        problem = f"{result.trials} from {result.first_trial} on given, of {run.trials}"
-        raise InputError(problem, key="parts")
-    flown = run.plan
-    lost = int(np.sum(~np.isfinite(result.mean_squares).all(axis=(1, 2))))
-    if lost:
-        raise NoSolutionError(
-            f"the filter diverged in {lost} of {run.trials} trials: its errors are no longer "
-            "finite; smaller sigmas or a shorter sample time may help"
-        )
+    check_whole(result, run.trials)
     found, (prediction, over_time) = accuracy(result), _prediction(run)
     expected = _expected(run, prediction)
     return Validation(
@@ -299,7 +291,7 @@ def conclude(run: TrialRun, parts: Sequence[MonteCarloResult]) -> Validation:
         predicted_over_time=over_time,
         expected=expected,
         coverage=coverage(result.covered.mean(axis=0), result.coverage_samples),
-        anees=anees(result.nees, 3 * flown.orbits.count),
+        anees=anees(result.nees, 3 * run.plan.orbits.count),
         nis=nis(result.nis_sums, result.accepted, run.options.gate_probability),
     )
 
