@@ -244,22 +244,16 @@ def judge_errors(
     extended = assess_extended(assessed) if layout.size <= most_states else None
     if extended is None:
         return ErrorVerdict(layout.size, None)
-    modes = name_error_modes(team, assessed.observability, extended, names)
-    return ErrorVerdict(layout.size, extended, tuple(modes))
-
-
-def name_error_modes(
-    team: Team, poses: Observability, found: ExtendedObservability, names: Sequence[str]
-) -> list[ErrorMode]:
-    """Return a named mode for each dimension in which errors are not determined.
-
-    `poses` is the verdict with all errors known; `names` are those of the vehicles.
-    """
-    return [_mode(team, found, vector, names) for vector in _directions(poses, found)]
+    directions = _directions(assessed.observability, extended)
+    modes = tuple(_mode(team, extended, vector, names) for vector in directions)
+    return ErrorVerdict(layout.size, extended, modes)
 
 
 def _directions(poses: Observability, found: ExtendedObservability) -> Array:
-    """(k, size) null vectors beside those of the poses alone, each with an error of its own."""
+    """(k, size) null vectors beside those of the poses alone, each with an error of its own.
+
+    `poses` is the verdict with all errors known.
+    """
     from scipy.linalg import qr
 
     if not len(found.null_space):

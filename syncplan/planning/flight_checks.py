@@ -88,9 +88,9 @@ def start_uncertain(judged: JudgedTeam) -> Iterator[PlanFinding]:
     nearest = judged.approach
     if nearest is None or judged.flight is not None:
         return
-    noise, pair = judged.noise, (nearest.a, nearest.b)
+    noise, pair, radii = judged.noise, (nearest.a, nearest.b), judged.orbits.radii
     turned = 2.0 * (1.0 - exp(-0.5 * noise.heading_sigma**2))
-    apart = hypot(*(hypot(noise.position_sigma, sqrt(turned) * _radius(judged, k)) for k in pair))
+    apart = hypot(*(hypot(noise.position_sigma, sqrt(turned) * radii[k]) for k in pair))
     room = nearest.distance - judged.scenario.separation
     if apart > max(room, 0.0):
         names = tuple(judged.scenario.vehicle_names[k] for k in pair)
@@ -176,10 +176,6 @@ def _coordinate_errors(judged: JudgedTeam) -> Array | None:
     if rms is None or judged.flight is not None or not judged.observability.observable:
         return None
     return np.asarray(rms / sqrt(2.0))
-
-
-def _radius(judged: JudgedTeam, vehicle: int) -> float:
-    return float(judged.orbits.radii[vehicle])
 
 
 def _room(judged: JudgedTeam, room: float) -> str:

@@ -150,7 +150,7 @@ def _studied(
                 progress(len(found))
     return WhatIf(
         plan,
-        _baseline(plan),
+        _judged_as(plan, ()),
         tuple(sorted(found, key=lambda one: one.harm, reverse=True)),
         _critical(found) if plan.observable else (),
     )
@@ -181,14 +181,15 @@ class _Study:
         plan = self.plan
         return LossBounds.along(plan.team, self.assessed.windows, plan.scenario.duration_s)
 
-    def judged_after(self, loss: Loss) -> JudgedTeam:
-        """Return the remainder after a loss, with all that the verdict on it rests on."""
+    def outcome(self, loss: Loss) -> LossOutcome:
+        """Return the remainder after a loss, judged afresh."""
         left = remainder_of(self.plan.team, loss)
         assessed = assess_remainder(self.assessed, left)
         scenario = scenario_after(self.plan.scenario, loss)
         pairs = listed_pairs(scenario, left.team)
         prediction = self._predicted(left, assessed)
-        return judged(assessed, scenario, pairs, prediction, remainder=True)
+        found = judged(assessed, scenario, pairs, prediction, remainder=True)
+        return _judged_as(found, names_of(loss, self.plan.scenario))
 
     def _predicted(self, left: Remainder, assessed: Assessment) -> Prediction:
         rms, note = None, why_no_bound(left.team, self.plan.scenario.duration_s, self.bound)
@@ -209,7 +210,7 @@ def _in_order(study: _Study, losses: Sequence[Loss], threads: int) -> Generator[
         pending: list[Future[LossOutcome]] = []
         try:
             for loss in losses:
-                pending.append(pool.submit(_outcome, study, loss))
+                pending.append(pool.submit(study.outcome, loss))
                 if len(pending) > 2 * threads:
                     yield pending.pop(0).result()
             while pending:
@@ -217,14 +218,6 @@ def _in_order(study: _Study, losses: Sequence[Loss], threads: int) -> Generator[
         finally:
             for one in pending:
                 one.cancel()
-
-
-def _outcome(study: _Study, loss: Loss) -> LossOutcome:
-    return _judged_as(study.judged_after(loss), names_of(loss, study.plan.scenario))
-
-
-def _baseline(plan: Plan) -> LossOutcome:
-    return _judged_as(plan, ())
 
 
 def _judged_as(found: JudgedTeam, lost: tuple[str, ...]) -> LossOutcome:
