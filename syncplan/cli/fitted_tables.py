@@ -19,6 +19,11 @@ _FEWEST_COLUMNS = 2
 _LEAST_NAME = 6
 
 
+def cell(value: float | None, form: str = ".3g") -> str:
+    """Return a number as a cell of a table, a dash where there is none."""
+    return "-" if value is None else format(value, form)
+
+
 class FittedTable:
     """A table whose first column is text and whose others are numbers.
 

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from syncplan.cli.fitted_tables import MOST_ROWS, FittedTable
+from syncplan.cli.fitted_tables import MOST_ROWS, FittedTable, cell
 from syncplan.phrases import listed, percent
 from syncplan.placement.centers import Placement
 from syncplan.planning.judged_team import PlanVerdict
@@ -117,7 +117,7 @@ def show_losses(document: WhatIfDocument, console: Console) -> None:
         table.add_row(
             escape(_lost(one.lost)),
             f"{one.rank} of {one.state_dim}",
-            _metres(one.worst_predicted_rms_m),
+            cell(one.worst_predicted_rms_m),
             "[green]GO[/]" if one.verdict.go else "[red]NO-GO[/]",
             escape("; ".join(_undetected(one))),
         )
@@ -155,10 +155,6 @@ def _critical(document: WhatIfDocument) -> str:
         return f"none of {judged} losses ends observability"
     named = listed([_lost(names) for names in document.critical], MOST_NAMED)
     return f"[red]{len(document.critical)} critical[/] of {judged}: {escape(named)}"
-
-
-def _metres(value: float | None) -> str:
-    return "-" if value is None else f"{value:.3g}"
 
 
 def show_plan(document: PlanDocument, console: Console) -> None:
@@ -247,7 +243,6 @@ def _vehicle_table(document: PlanDocument) -> FittedTable:
     )
     errors = document.predicted_rms_m.vehicles
     for vehicle in document.vehicles[:MOST_ROWS]:
-        error = errors[vehicle.name]
         table.add_row(
             escape(vehicle.name),
             _point(vehicle.center_m),
@@ -257,7 +252,7 @@ def _vehicle_table(document: PlanDocument) -> FittedTable:
             f"{vehicle.speed_mps:.4g}",
             _point(vehicle.position_m),
             f"{vehicle.heading_rad:.4f}",
-            "-" if error is None else f"{error:.3g}",
+            cell(errors[vehicle.name]),
         )
     table.count_hidden(len(document.vehicles) - MOST_ROWS)
     return table

@@ -4,7 +4,7 @@ import numpy as np
 from rich.console import Console
 from rich.markup import escape
 
-from syncplan.cli.fitted_tables import MOST_ROWS, FittedTable
+from syncplan.cli.fitted_tables import MOST_ROWS, FittedTable, cell
 from syncplan.cli.plan_tables import show_findings, show_verdict
 from syncplan.phrases import listed, percent
 from syncplan.reports.flight_report import (
@@ -19,7 +19,6 @@ from syncplan.reports.run_figures import (
     ErrorFigures,
     FilterRecord,
     Spread,
-    StateErrorFigures,
     interval_words,
     verdict_words,
 )
@@ -92,30 +91,27 @@ def show_sweep(report: SweepReport, console: Console) -> None:
         goes=("rank", "p_n", "p_e", "ANEES"),
     )
     for label, one in zip(labels, reports, strict=True):
-        bound = one.overall.predicted_rms_m
         means.add_row(
             label,
             f"{np.mean([v.rms_y_m for v in one.vehicles]):.2f}",
             f"{np.mean([v.rms_x_m for v in one.vehicles]):.2f}",
             f"{one.overall.rms_second_half_m:.2f}",
-            "-" if bound is None else f"{bound:.2f}",
-            "-" if one.anees.value is None else f"{one.anees.value:.2f}",
+            cell(one.overall.predicted_rms_m, ".2f"),
+            cell(one.anees.value, ".2f"),
             "full" if one.observable else "short",
         )
     console.print(means)
 
 
 def _figures(figures: ErrorFigures) -> list[str]:
-    predicted, ratio = figures.predicted_rms_m, figures.rms_over_predicted
-    median = figures.median_rms_second_half_m
     return [
         f"{figures.rms_x_m:.3g}",
         f"{figures.rms_y_m:.3g}",
         f"{figures.rms_m:.3g}",
         f"{figures.rms_second_half_m:.3g}",
-        "-" if median is None else f"{median:.3g}",
-        "-" if predicted is None else f"{predicted:.3g}",
-        "-" if ratio is None else f"{ratio:.2f}",
+        cell(figures.median_rms_second_half_m),
+        cell(figures.predicted_rms_m),
+        cell(figures.rms_over_predicted, ".2f"),
         f"{100.0 * figures.coverage_3sigma:.1f} %",
     ]
 
@@ -141,8 +137,8 @@ def stress_table(report: ValidationDocument) -> FittedTable | None:
             escape(one.world),
             f"{one.rms_second_half_m:.3g}",
             f"{one.harm:.2f}",
-            "-" if one.expected_rms_m is None else f"{one.expected_rms_m:.3g}",
-            "-" if one.anees.value is None else f"{one.anees.value:.2f}",
+            cell(one.expected_rms_m),
+            cell(one.anees.value, ".2f"),
         )
     return table
 
@@ -220,11 +216,10 @@ def _cells(one: FlownVehicle) -> list[str]:
     unseen = f"{one.longest_without_sighting_s:.4g}"
     if one.errors is None or one.phase_error_s is None:
         return ["lost", *["-"] * 5, kept, unseen]
-    ratio = one.errors.rms_over_bound
     return [
         f"{one.errors.rms_second_half_m:.3g}",
         f"{one.errors.bound_rms_m:.3g}",
-        "-" if ratio is None else f"{ratio:.2f}",
+        cell(one.errors.rms_over_bound, ".2f"),
         f"{one.errors.tracking_rms_m:.3g}",
         f"{one.phase_error_s.rms:.3g}",
         f"{one.phase_error_s.worst:.3g}",
@@ -351,13 +346,9 @@ def found_states_table(report: FlightDocument | ValidationDocument) -> FittedTab
             one.unit,
             f"{one.rms:.3g}",
             f"{one.rms_second_half:.3g}",
-            "-" if (bound := _bound(one)) is None else f"{bound:.3g}",
-            "-" if one.ratio is None else f"{one.ratio:.2f}",
+            cell(one.bound_rms if isinstance(one, FlownStateError) else one.predicted_rms),
+            cell(one.ratio, ".2f"),
             f"{100.0 * one.coverage:.1f} %",
         )
     table.count_hidden(len(report.errors) - MOST_ROWS)
     return table
-
-
-def _bound(one: FlownStateError | StateErrorFigures) -> float | None:
-    return one.bound_rms if isinstance(one, FlownStateError) else one.predicted_rms
