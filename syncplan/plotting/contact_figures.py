@@ -16,18 +16,7 @@ from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.observability.rank import DISTINCT_LANDMARKS, RANK_TOLERANCE
 from syncplan.orbits.graphs import disjoint_sets
 from syncplan.planning.planner import Plan
-from syncplan.plotting.canvas import (
-    Spec,
-    axis,
-    bar_marker,
-    escaped,
-    layout,
-    line_trace,
-    mark_trace,
-    numbers,
-    panel_title,
-    row_bars,
-)
+from syncplan.plotting import canvas
 from syncplan.plotting.figure_style import BLUE, INK, MUTED, PURPLE, VERMILLION, FigureStyle
 from syncplan.plotting.formation_figures import verdict_words
 from syncplan.plotting.links import Standing, body_names, grouped, hover
@@ -72,7 +61,7 @@ class Lane:
     sighting: Row
 
 
-def timeline_spec(plan: Plan, style: FigureStyle) -> Spec:
+def timeline_spec(plan: Plan, style: FigureStyle) -> canvas.Spec:
     """Return the figure of all sightings over [0, T), with the growth of their union below.
 
     A window that passes T goes on from 0.
@@ -87,15 +76,15 @@ def timeline_spec(plan: Plan, style: FigureStyle) -> Spec:
     split = _UNION_PX / inner
     period = plan.orbits.period
     longest = max(period, plan.connectivity_period or 0.0)
-    title = f"{escaped(plan.scenario.name or 'Plan')}: who sees whom, when"
-    drawn = layout(
+    title = f"{canvas.escaped(plan.scenario.name or 'Plan')}: who sees whom, when"
+    drawn = canvas.layout(
         title,
         note=_note(plan),
         inner=inner,
         above=12,
         barmode="overlay",
-        xaxis=axis("time within a period, s", range=[0, period], domain=[0, 1], anchor="y"),
-        yaxis=axis(
+        xaxis=canvas.axis("time within a period, s", range=[0, period], domain=[0, 1], anchor="y"),
+        yaxis=canvas.axis(
             domain=[1.0 - bars_px / inner, 1],
             range=[len(labels) - 0.5, -0.5],
             tickmode="array",
@@ -104,9 +93,9 @@ def timeline_spec(plan: Plan, style: FigureStyle) -> Spec:
             tickfont={"size": _LABEL_FONT_PX},
             ticks="",
         ),
-        xaxis2=axis("watched from time 0 for, s", range=[0, longest], anchor="y2"),
-        yaxis2=axis("number", domain=[0, split], rangemode="tozero", anchor="x2"),
-        annotations=[panel_title("What the union of the sightings joins", 0, split)],
+        xaxis2=canvas.axis("watched from time 0 for, s", range=[0, longest], anchor="y2"),
+        yaxis2=canvas.axis("number", domain=[0, split], rangemode="tozero", anchor="x2"),
+        annotations=[canvas.panel_title("What the union of the sightings joins", 0, split)],
     )
     return {"data": [*_bars(lanes, names), *_union_traces(plan)], "layout": drawn}
 
@@ -232,20 +221,20 @@ def _note(plan: Plan) -> str:
     )
 
 
-def _bars(lanes: list[Lane], names: list[str]) -> list[Spec]:
+def _bars(lanes: list[Lane], names: list[str]) -> list[canvas.Spec]:
     """One trace for each kind of link, so that the legend distinguishes them."""
     traces = []
     for shown in dict.fromkeys(lane.sighting.shown for lane in lanes):
         drawn = [lane for lane in lanes if lane.sighting.shown == shown]
         traces.append(
-            row_bars(
+            canvas.row_bars(
                 f"bars-{shown.key}",
                 shown.text,
-                numbers([lane.at for lane in drawn], 4),
-                numbers([lane.end - lane.start for lane in drawn], 6),
-                bar_marker(shown.color, shown.pattern, edge_px=0.6),
-                base=numbers([lane.start for lane in drawn], 6),
-                width=numbers([lane.width for lane in drawn], 4),
+                canvas.numbers([lane.at for lane in drawn], 4),
+                canvas.numbers([lane.end - lane.start for lane in drawn], 6),
+                canvas.bar_marker(shown.color, shown.pattern, edge_px=0.6),
+                base=canvas.numbers([lane.start for lane in drawn], 6),
+                width=canvas.numbers([lane.width for lane in drawn], 4),
                 hovertext=[_window_words(lane, names) for lane in drawn],
                 hoverinfo="text",
                 textposition="none",
@@ -261,18 +250,18 @@ def _window_words(lane: Lane, names: list[str]) -> str:
     return f"{who}, {lane.start:.4g} to {lane.end:.4g} s<br>{words}"
 
 
-def _union_traces(plan: Plan) -> list[Spec]:
+def _union_traces(plan: Plan) -> list[canvas.Spec]:
     times, groups, held = union_growth(plan)
     longest = max(plan.orbits.period, plan.connectivity_period or 0.0)
-    at = numbers(np.append(times, longest), 6)
+    at = canvas.numbers(np.append(times, longest), 6)
 
-    def line(uid: str, name: str, x: list[Any], y: list[Any], look: Spec) -> Spec:
+    def line(uid: str, name: str, x: list[Any], y: list[Any], look: canvas.Spec) -> canvas.Spec:
         shared = {"type": "scatter", "mode": "lines", "xaxis": "x2", "yaxis": "y2"}
         return {**shared, "uid": uid, "name": name, "x": x, "y": y, "line": look}
 
-    joined, seen = (numbers(np.append(values, values[-1])) for values in (groups, held))
+    joined, seen = (canvas.numbers(np.append(values, values[-1])) for values in (groups, held))
     name = "groups of vehicles not yet joined to each other"
-    look: Spec = {"shape": "hv", "color": BLUE, "width": 2.5}
+    look: canvas.Spec = {"shape": "hv", "color": BLUE, "width": 2.5}
     traces = [line("groups", name, at, joined, look)]
     name = "vehicles in groups that have seen two landmarks"
     look = {"shape": "hv", "color": PURPLE, "width": 2.5, "dash": "dash"}
@@ -294,7 +283,7 @@ _FLOOR = 1e-18
 """Share of the largest singular value below which one is drawn at the floor."""
 
 
-def spectrum_spec(plan: Plan) -> Spec:
+def spectrum_spec(plan: Plan) -> canvas.Spec:
     """Return the figure of the singular values in descending order, on a logarithmic axis."""
     verdict = plan.observability
     values, rank = verdict.singular_values, verdict.rank
@@ -305,7 +294,7 @@ def spectrum_spec(plan: Plan) -> Spec:
     width = [0.5, len(values) + 0.5]
     traces = [
         _points(order[:rank], drawn[:rank], values[:rank], "counts for the rank", "circle", BLUE),
-        line_trace(
+        canvas.line_trace(
             "tolerance",
             "tolerance, 1e-8 of the largest",
             width,
@@ -317,18 +306,18 @@ def spectrum_spec(plan: Plan) -> Spec:
         rest = slice(rank, None)
         name = "does not count: unobservable"
         traces.insert(1, _points(order[rest], drawn[rest], values[rest], name, "x", VERMILLION))
-    title = f"{escaped(plan.scenario.name or 'Plan')}: singular values"
+    title = f"{canvas.escaped(plan.scenario.name or 'Plan')}: singular values"
     low = min(float(drawn[-1]), limit) / 3.0
-    shown = layout(
+    shown = canvas.layout(
         title,
         note=f"{verdict_words(plan)}; positions in mean radii",
         inner=320,
-        xaxis=axis("number, largest first", range=width),
-        yaxis=axis(
+        xaxis=canvas.axis("number, largest first", range=width),
+        yaxis=canvas.axis(
             "singular value",
             type="log",
             exponentformat="e",
-            range=numbers(np.log10([low, 3.0 * largest]), 4),
+            range=canvas.numbers(np.log10([low, 3.0 * largest]), 4),
         ),
         annotations=[_gap(rank, drawn, verdict.gap, limit)],
     )
@@ -337,14 +326,14 @@ def spectrum_spec(plan: Plan) -> Spec:
 
 def _points(
     order: np.ndarray, drawn: np.ndarray, values: np.ndarray, name: str, symbol: str, color: str
-) -> Spec:
+) -> canvas.Spec:
     marker = {"symbol": symbol, "size": 9, "color": color, "line": {"color": INK, "width": 0}}
-    said, x, y = "%{x}: %{text}<extra></extra>", order.tolist(), numbers(drawn)
+    said, x, y = "%{x}: %{text}<extra></extra>", order.tolist(), canvas.numbers(drawn)
     text = [f"{value:.3e}" for value in values]
-    return mark_trace(f"values-{symbol}", name, x, y, marker, said, text=text)
+    return canvas.mark_trace(f"values-{symbol}", name, x, y, marker, said, text=text)
 
 
-def _gap(rank: int, drawn: np.ndarray, gap: float, limit: float) -> Spec:
+def _gap(rank: int, drawn: np.ndarray, gap: float, limit: float) -> canvas.Spec:
     """Trace between the last value that counts and the first that does not, or at the tolerance.
 
     The words stand in the larger part of the gap, away from the line of the tolerance.
