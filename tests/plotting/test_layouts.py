@@ -58,6 +58,8 @@ def test_title_plot_and_legend_share_the_height_and_texts_fit_the_width(
         for text, size in zip(texts, (17.0, 13.0), strict=True):
             most = max(map(len, text.split("<br>")))
             assert most <= max(8, (width - 28) / (0.5 * size * scale))
+        lines = [len(text.split("<br>")) for text in texts]
+        assert margin["t"] > scale * np.dot(lines, (17.0, 13.0)), name
         for text in named:
             most = max(map(len, text.split("<br>")))
             assert most <= max(8, (width - 28 - 46) / (0.5 * 12.0 * scale))

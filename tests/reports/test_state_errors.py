@@ -37,6 +37,9 @@ def test_further_states_have_their_errors_beside_the_bound() -> None:
         assert one.predicted_rms == pytest.approx(found.predicted_errors[k].rms)
         assert one.ratio == pytest.approx(one.rms_second_half / found.predicted_errors[k].rms)
         assert 0.97 < one.coverage <= 1.0
+    assert found.predicted is not None
+    overall = document.overall.predicted_rms_m
+    assert overall == pytest.approx(np.sqrt(np.mean(found.predicted**2)))
     assert document.series is not None
     assert document.series.errors is not None
     steps = found.result.steps
