@@ -1,7 +1,8 @@
-"""Rank with errors as states: known ranks, paths flown with errors, and words for what is lost."""
+"""Rank with errors as states: known ranks, dense algebra, and words for what is lost."""
 
 import json
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -11,18 +12,15 @@ from syncplan.arrays import Array
 from syncplan.observability import error_modes
 from syncplan.observability.error_modes import ExtendedObservability, assess_extended, judge_errors
 from syncplan.observability.rank import RANK_TOLERANCE, Assessment, assess_team
-from syncplan.observability.referred_rows import NEAREST
-from syncplan.orbits.circles import Orbits, heading, position, wrap
-from syncplan.orbits.error_states import ERROR_STATES, StateLayout
-from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, measured_by_kind, sigmas_by_kind
-from syncplan.orbits.team import Team
+from syncplan.observability.referred_rows import dense_rows, state_rows
+from syncplan.orbits.circles import Orbits
+from syncplan.orbits.error_states import ERROR_STATES
 from syncplan.planning import planner
-from syncplan.planning.judged_team import PlanFinding
 from syncplan.planning.planner import Plan, judge, plan
 from syncplan.reports.plan_report import plan_document
 from syncplan.scenario.specification import Scenario
 from tests.tools.draws import draw_equipped_team
-from tests.tools.scenarios import changed, circling, small
+from tests.tools.scenarios import changed, circling, findings_of, planned, small
 
 REFINED = Path(__file__).parents[1] / "data" / "refined-alternate-grid.json"
 
@@ -71,10 +69,6 @@ def _extended(made: Plan) -> ExtendedObservability:
     return made.error_verdict.extended
 
 
-def _findings(made: Plan, code: str) -> list[PlanFinding]:
-    return [one for one in made.verdict.findings if one.code == code]
-
-
 @pytest.mark.parametrize("formation", ["paper-grid-same", "refined"])
 @pytest.mark.parametrize(
     ("kinds", "number"),
@@ -101,7 +95,7 @@ def test_wind_and_biases_are_determined_in_one_window(
         *(kind.replace("_", " ") for kind in kinds),
     ]
     assert all(one.determined and not one.undetermined for one in verdict.states)
-    assert not _findings(made, "needs-prior") + _findings(made, "error-undetermined")
+    assert not findings_of(made, "needs-prior") + findings_of(made, "error-undetermined")
 
 
 @pytest.mark.parametrize("more", [(), ("turn_rate_bias",), ("wind", "bearing_bias")])
@@ -112,7 +106,7 @@ def test_speed_scale_is_one_short_on_the_grid_of_one_sense(more: tuple[str, ...]
     assert found.gap > 1e6
     assert made.observable
     assert not found.poses_determined
-    (finding,) = _findings(made, "needs-prior")
+    (finding,) = findings_of(made, "needs-prior")
     assert finding.level == "warning"
     assert ALTERNATING in finding.message
     assert finding.cure is not None
@@ -132,7 +126,7 @@ def test_what_cures_the_speed_scales_does(keys: dict[str, object]) -> None:
     made = _planned("paper-grid-same" if keys else "refined", "speed_scale", **keys)
     found = _extended(made)
     assert (found.rank, found.state_dim) == (24, 24)
-    assert not _findings(made, "needs-prior")
+    assert not findings_of(made, "needs-prior")
 
 
 def test_a_vehicle_that_sees_nobody_has_a_bearing_bias_that_nobody_can_detect() -> None:
@@ -147,7 +141,7 @@ def test_a_vehicle_that_sees_nobody_has_a_bearing_bias_that_nobody_can_detect() 
     assert (found.rank, found.state_dim) == (23, 24)
     determined = found.determined[found.layout.columns["bearing_bias"][:, 0]]
     assert determined.tolist() == [False] + 5 * [True]
-    (finding,) = _findings(made, "error-undetermined")
+    (finding,) = findings_of(made, "error-undetermined")
     assert (finding.level, finding.subjects) == ("note", ("v1",))
     assert "bearing bias of v1; rank 23 of 24" in finding.message
     assert "compass" not in (finding.cure.text if finding.cure else "")
@@ -155,7 +149,7 @@ def test_a_vehicle_that_sees_nobody_has_a_bearing_bias_that_nobody_can_detect() 
 
 def test_without_landmarks_nobody_can_detect_the_wind() -> None:
     # all drift alike; that the team shifts and turns is said elsewhere
-    made = plan(small(wind={"sigma_mps": 1.0}), bound="never")
+    made = planned(wind={"sigma_mps": 1.0})
     assert [one.description for one in made.unobservable][:2] == [
         "shift of everything along x",
         "shift of everything along y",
@@ -180,7 +174,7 @@ def test_without_landmarks_nobody_can_detect_that_all_is_larger() -> None:
 
 def test_errors_that_trade_against_each_other_are_named_together() -> None:
     two = [{"range_m": 50.0, "bearing_bias_sigma_rad": 0.02}] * 2
-    made = plan(small(sensor=two), bound="never")
+    made = planned(sensor=two)
     assert made.error_verdict is not None
     (mode,) = made.error_verdict.modes
     assert mode.description == "bearing biases of v1 against v2, with motions of the team"
@@ -221,7 +215,7 @@ def test_a_plan_without_such_errors_says_nothing_of_them() -> None:
 def test_too_many_states_are_counted_and_not_judged(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(planner, "MOST_STATES", 19)
     made = _planned("paper-grid-same", "wind")
-    (finding,) = _findings(made, "error-undetermined")
+    (finding,) = findings_of(made, "error-undetermined")
     assert "not checked for 20 states" in finding.message
     assert plan_document(made).observability.extended is None
 
@@ -229,104 +223,37 @@ def test_too_many_states_are_counted_and_not_judged(monkeypatch: pytest.MonkeyPa
 # --- against other computations ------------------------------------------------------------------
 
 
-def _flown(orbits: Orbits, layout: StateLayout, state: Array, times: Array) -> Array:
-    """(n, s, 3) poses at times (s,) from a state in m, rad and the errors' units: exact arcs."""
-    poses = state[: 3 * layout.count].reshape(-1, 3, 1)
-
-    def errors(name: str) -> Array:
-        if name not in layout.columns:
-            return np.zeros((layout.count, len(ERROR_STATES[name].axes), 1))
-        columns = layout.columns[name]
-        return np.where(columns >= 0, state[columns], 0.0)[:, :, None]
-
-    rate = orbits.turn_rates[:, None] + errors("turn_rate_bias")[:, 0]
-    ways = (1.0 + errors("speed_scale")[:, 0]) * orbits.speeds[:, None] / rate
-    psi = poses[:, 2] + rate * times
-    wind = errors("wind")
-    x = poses[:, 0] + ways * (np.sin(psi) - np.sin(poses[:, 2])) + wind[:, 0] * times
-    y = poses[:, 1] + ways * (np.cos(poses[:, 2]) - np.cos(psi)) + wind[:, 1] * times
-    return np.stack([x, y, psi], axis=2)
-
-
-def _readings(assessed: Assessment, layout: StateLayout, state: Array) -> Array:
-    """(s,) what is measured on the paths from a state."""
-    team, seen = assessed.team, assessed.sightings
-    seconds = np.asarray(seen.steps * team.sensors.sample_time, dtype=float)
-    if "clock_offset" in layout.columns:
-        seconds = seconds + state[layout.columns["clock_offset"][seen.observers, 0]]
-    times, place = np.unique(seconds, return_inverse=True)
-    flown = _flown(team.orbits, layout, state, times)
-    still = np.broadcast_to(team.landmarks[:, None], (len(team.landmarks), len(times), 2))
-    places = np.concatenate([flown[:, :, :2], still])
-    q = places[seen.targets, place] - places[seen.observers, place]
-    read = measured_by_kind(seen.kinds, q.T, flown[seen.observers, place, 2])
-    if "bearing_bias" in layout.columns:
-        columns = layout.columns["bearing_bias"][seen.observers, 0]
-        bearing = seen.kinds == list(SIGHTING_KINDS).index("bearing")
-        read = read + np.where(bearing & (columns >= 0), state[columns], 0.0)
-    return np.asarray(read)
-
-
-def _numeric(assessed: Assessment, layout: StateLayout) -> Array:
-    """The whitened matrix by central differences of readings, columns scaled as ours."""
-    team, seen = assessed.team, assessed.sightings
-    start = np.column_stack([position(team.orbits, 0.0), heading(team.orbits, 0.0)])
-    state = np.r_[start.ravel(), np.zeros(len(layout.sigmas))]
-    unit = float(team.orbits.radii.mean())
-    scales = np.r_[np.tile([unit, unit, 1.0], team.count), layout.sigmas]
-    distance = np.array([name == "distance" for name in SIGHTING_KINDS])[seen.kinds]
-    own = seen.observers == seen.targets
-    made = np.where(own, 1.0, np.sqrt(team.sensors.detection[seen.observers]))
-    weights = made / sigmas_by_kind(team.sensors, seen.kinds, seen.observers)
-    h = 1e-5
-    columns = []
-    for k in range(layout.size):
-        step = h * scales[k] * (np.arange(layout.size) == k)
-        change = _readings(assessed, layout, state + step) - _readings(
-            assessed, layout, state - step
-        )
-        change = np.where(distance, change, wrap(change))
-        columns.append(weights * change / (2.0 * h))
-    return np.column_stack(columns)
-
-
-def _well_apart(team: Team, assessed: Assessment) -> bool:
-    """Whether no sighting is so near that differences of bearings mean nothing."""
-    seen = assessed.sightings
-    tau = seen.steps * team.sensors.sample_time
-    places = np.stack([position(team.orbits, time) for time in np.unique(tau)])
-    index = np.unique(tau, return_inverse=True)[1]
-    still = np.broadcast_to(team.landmarks, (len(places), *team.landmarks.shape))
-    places = np.concatenate([places, still], axis=1)
-    apart = places[index, seen.targets] - places[index, seen.observers]
-    near = np.hypot(apart[:, 0], apart[:, 1])[seen.observers != seen.targets]
-    return bool(np.all(near > 50.0 * NEAREST * team.orbits.radii.mean()))
-
-
-def _assessments(number: int) -> list[tuple[Assessment, ExtendedObservability]]:
-    """Drawn teams with errors as states, no sighting from very near."""
+@cache
+def _assessments() -> list[tuple[Assessment, ExtendedObservability]]:
+    """Eighty drawn teams with errors as states."""
     found: list[tuple[Assessment, ExtendedObservability]] = []
     seed = 0
-    while len(found) < number:
+    while len(found) < 80:
         seed += 1
         team = draw_equipped_team(np.random.default_rng(seed))
         assessed = assess_team(team, team.orbits.period)
         extended = assess_extended(assessed)
-        if extended is not None and len(assessed.sightings.steps) and _well_apart(team, assessed):
+        if extended is not None and len(assessed.sightings.steps):
             found.append((assessed, extended))
     return found
 
 
-def test_the_rank_is_that_of_readings_on_paths_flown_with_errors() -> None:
+def _rows(assessed: Assessment, found: ExtendedObservability) -> Array:
+    """All rows in full, errors in units of their sigmas."""
+    layout = found.layout
+    return dense_rows(state_rows(assessed.team, assessed.sightings, layout), layout.size)
+
+
+def test_singular_values_and_null_space_are_those_of_all_rows() -> None:
     short = 0
-    for assessed, found in _assessments(80):
-        numeric = _numeric(assessed, found.layout)
+    for assessed, found in _assessments():
+        rows = _rows(assessed, found)
         values = np.zeros(found.state_dim)
-        simulated = np.linalg.svd(numeric, compute_uv=False)
-        values[: len(simulated)] = simulated[: found.state_dim]
-        np.testing.assert_allclose(found.singular_values, values, atol=1e-6 * values[0])
+        whole = np.linalg.svd(rows, compute_uv=False)
+        values[: len(whole)] = whole[: found.state_dim]
+        np.testing.assert_allclose(found.singular_values, values, atol=1e-12 * values[0])
         if len(found.null_space):
-            unseen = np.linalg.norm(numeric @ found.null_space.T, axis=0)
+            unseen = np.linalg.norm(rows @ found.null_space.T, axis=0)
             assert unseen.max() < 1e-6 * values[0]
             short += 1
     assert short > 10
@@ -334,14 +261,13 @@ def test_the_rank_is_that_of_readings_on_paths_flown_with_errors() -> None:
 
 def test_poses_are_determined_where_the_errors_cannot_make_up_for_them() -> None:
     both = [0, 0]
-    for assessed, found in _assessments(80):
-        values = found.singular_values / found.singular_values[0]
-        if np.any((values > 1e-12) & (values < 1e-6)):
+    for assessed, found in _assessments():
+        judged = np.linalg.svd(_without_errors(assessed, found), compute_uv=False)
+        values = np.concatenate([found.singular_values, judged]) / found.singular_values[0]
+        clear = 1e3 * RANK_TOLERANCE
+        if np.any((values > 1e-12) & (values < clear)):
             continue
-        numeric_free = _without_errors(assessed, found)
-        judged = np.linalg.svd(numeric_free, compute_uv=False)
-        clear = judged > 1e3 * RANK_TOLERANCE * found.singular_values[0]
-        full = len(clear) == 3 * found.layout.count and bool(clear.all())
+        full = len(judged) == 3 * found.layout.count and bool(values.min() > clear)
         assert found.poses_determined == full
         assert assessed.observability.observable or not full
         both[full] += 1
@@ -350,21 +276,17 @@ def test_poses_are_determined_where_the_errors_cannot_make_up_for_them() -> None
 
 def _without_errors(assessed: Assessment, found: ExtendedObservability) -> Array:
     """The columns of poses, with all that the errors' columns span taken out."""
-    from syncplan.observability.referred_rows import dense_rows, state_rows
-
-    layout = found.layout
-    rows = dense_rows(state_rows(assessed.team, assessed.sightings, layout), layout.size)
-    errors = rows[:, 3 * layout.count :]
+    rows, poses = _rows(assessed, found), 3 * found.layout.count
+    errors = rows[:, poses:]
     left, values, _ = np.linalg.svd(errors, full_matrices=False)
     span = left[:, values > 1e-10 * values[0]] if values.size and values[0] else left[:, :0]
-    poses = rows[:, : 3 * layout.count]
-    return np.asarray(poses - span @ (span.T @ poses))
+    return np.asarray(rows[:, :poses] - span @ (span.T @ rows[:, :poses]))
 
 
 def test_null_spaces_of_large_teams_are_those_by_all_singular_vectors(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    for assessed, found in _assessments(15):
+    for assessed, found in _assessments()[:15]:
         with monkeypatch.context() as patch:
             patch.setattr(error_modes, "VECTORS_LIMIT", 0)
             if found.gap > 1e6:
@@ -378,7 +300,7 @@ def test_null_spaces_of_large_teams_are_those_by_all_singular_vectors(
 
 
 def test_one_mode_is_named_for_each_dimension_that_errors_lack() -> None:
-    for assessed, found in _assessments(40):
+    for assessed, found in _assessments()[:40]:
         names = [f"v{k + 1}" for k in range(assessed.team.count)]
         verdict = judge_errors(assessed, names, 1000)
         assert verdict is not None

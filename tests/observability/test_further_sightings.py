@@ -14,7 +14,7 @@ from syncplan.observability.rank import (
     pair_rows,
 )
 from syncplan.orbits.sighting_kinds import of_targets
-from syncplan.orbits.sightings import Loss, remainder_of
+from syncplan.orbits.sightings import Loss, remainder_of, single_losses
 from syncplan.planning.planner import Plan, plan
 from syncplan.scenario.specification import Scenario
 from tests.tools.draws import draw_equipped_team
@@ -97,13 +97,10 @@ def test_compasses_are_rows_of_their_vehicle_alone(seed: int) -> None:
 def test_what_a_loss_leaves_is_what_the_team_left_sees(seed: int) -> None:
     team = draw_equipped_team(np.random.default_rng(seed))
     assessed = assess_team(team, team.orbits.period)
-    for k in range(team.count):
-        for loss in (Loss(sensors=(k,)), Loss(vehicles=(k,))):
-            left = remainder_of(team, loss)
-            if not left.team.count:
-                continue
-            found = assess_remainder(assessed, left)
-            _same(found, assess_team(left.team, team.orbits.period))
+    for loss in single_losses(team):
+        left = remainder_of(team, loss)
+        if left.team.count:
+            _same(assess_remainder(assessed, left), assess_team(left.team, team.orbits.period))
 
 
 def _same(one: Assessment, other: Assessment) -> None:

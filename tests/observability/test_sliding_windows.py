@@ -18,7 +18,7 @@ from syncplan.recordings.log import Log, RobotLog
 from syncplan.recordings.recording_formats import load_log
 from syncplan.reports.replay_report import replay_document
 from tests.tools.recordings import Recipe, write_recording
-from tests.tools.serving import ROOT
+from tests.tools.scenarios import example
 
 
 @pytest.mark.parametrize(
@@ -26,7 +26,7 @@ from tests.tools.serving import ROOT
     [("paper-grid-same", 18), ("paper-grid-alternate", 16), ("landmark-bridge", 5)],
 )
 def test_on_circles_a_window_has_the_rank_of_the_plan(name: str, rank: int) -> None:
-    plan = syncplan.plan(syncplan.load_scenario(ROOT / "examples" / "scenarios" / f"{name}.yaml"))
+    plan = syncplan.plan(example(name), bound="never")
     team = plan.team
     assessed = assess_team(team, team.orbits.period)
     seen = assessed.sightings

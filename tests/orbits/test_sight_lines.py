@@ -157,24 +157,6 @@ def test_a_landmark_on_a_wall_is_seen_from_before_it_alone() -> None:
 
 
 @pytest.mark.parametrize("draw", range(40))
-def test_an_obstacle_blocks_both_ways_alike(draw: int) -> None:
-    team = draw_obstructed(np.random.default_rng([21, draw]))
-    sensors = replace(
-        team.sensors,
-        ranges=np.full(team.count, 60.0),
-        fields_of_view=np.full(team.count, 2.0 * np.pi),
-    )
-    windows = find_windows(replace(team, sensors=sensors))
-    way = {
-        (int(a), int(b)): windows.of(k)
-        for k, (a, b) in enumerate(zip(windows.observers, windows.targets, strict=True))
-    }
-    for (a, b), found in way.items():
-        if b < team.count:
-            np.testing.assert_array_equal(found, way[b, a])
-
-
-@pytest.mark.parametrize("draw", range(40))
 def test_windows_turn_and_shift_with_everything(draw: int) -> None:
     team = draw_obstructed(np.random.default_rng([22, draw]))
     turn, shift = 0.9, np.array([3.0e4, -1.0e4])
@@ -200,14 +182,6 @@ def test_an_obstacle_far_away_changes_no_byte() -> None:
     beside = find_windows(replace(team, obstacles=(far,)))
     for name in Windows.__slots__:
         np.testing.assert_array_equal(getattr(beside, name), getattr(without, name))
-
-
-def test_an_obstacle_only_takes_from_contact() -> None:
-    for draw in range(20):
-        team = draw_obstructed(np.random.default_rng([23, draw]))
-        free, left = find_windows(replace(team, obstacles=())), find_windows(team)
-        for pair, seconds in _contact(left).items():
-            assert seconds <= _contact(free)[pair] + 1e-9
 
 
 def test_landmarks_in_an_obstacle_are_hidden_and_those_on_its_wall_are_not() -> None:

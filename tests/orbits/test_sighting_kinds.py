@@ -5,21 +5,12 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from syncplan.arrays import Array
 from syncplan.estimation.correction_kernels import sight_poses
 from syncplan.observability.referred_rows import sighting_rows
-from syncplan.orbits.circles import heading, position, wrap
+from syncplan.orbits.circles import wrap
 from syncplan.orbits.contacts import find_windows
-from syncplan.orbits.sighting_kinds import (
-    BEARING,
-    COMPASS,
-    DISTANCE,
-    SIGHTING_KINDS,
-    SightingKind,
-    place_of,
-)
+from syncplan.orbits.sighting_kinds import BEARING, COMPASS, DISTANCE, SIGHTING_KINDS, place_of
 from syncplan.orbits.sightings import sample_sightings
-from syncplan.orbits.team import Team
 from tests.tools.draws import draw_team, sightings_of
 
 
@@ -34,50 +25,6 @@ def test_slopes_are_the_derivative_of_what_is_measured(name: str) -> None:
         np.testing.assert_allclose(slopes[axis], weights * change / (2.0 * h), rtol=1e-4)
     turned = kind.measured(q, psi + h) - kind.measured(q, psi - h)
     np.testing.assert_allclose(turned / (2.0 * h), kind.by_heading, atol=1e-8)
-
-
-def _measured_after(team: Team, kind: SightingKind, a: int, change: Array, time: float) -> float:
-    """What a sees of b = 0 at `time` if a starts off by `change` (x, y, heading)."""
-    orbits = team.orbits
-    turn = np.array(
-        [[np.cos(change[2]), -np.sin(change[2])], [np.sin(change[2]), np.cos(change[2])]]
-    )
-    begin, now = position(orbits, 0.0)[a], position(orbits, time)[a]
-    own = begin + change[:2] + turn @ (now - begin)
-    ahead = heading(orbits, time)[a] + change[2]
-    return float(kind.measured(position(orbits, time)[0] - own, ahead))
-
-
-@pytest.mark.parametrize("name", SIGHTING_KINDS)
-def test_rows_of_any_kind_are_the_derivative_by_the_observers_pose(name: str) -> None:
-    kind, checked = SIGHTING_KINDS[name], 0
-    for seed in range(40):
-        team = draw_team(np.random.default_rng(seed))
-        team = replace(_with_all_kinds(team), landmarks=team.landmarks[:0])
-        seen = sightings_of(team, 30)
-        rows = sighting_rows(team, seen, 1.0)
-        of_target = (seen.targets == 0) & (seen.observers != 0) | (not kind.of_target)
-        chosen = np.flatnonzero(of_target & (seen.kinds == place_of(kind)))
-        for s in chosen[:: max(len(rows) // 10, 1)]:
-            a, time = int(seen.observers[s]), float(seen.steps[s]) * team.sensors.sample_time
-            away = position(team.orbits, time)[a] - position(team.orbits, time)[0]
-            if kind.of_target and np.hypot(*away) < 0.05 * team.orbits.radii.mean():
-                continue
-            steps = np.diag([1e-6 * team.orbits.radii.mean()] * 2 + [1e-6])
-            numeric = [
-                (
-                    _measured_after(team, kind, a, +one, time)
-                    - _measured_after(team, kind, a, -one, time)
-                )
-                for one in steps
-            ]
-            if max(abs(value) for value in numeric) > 1.0:
-                continue  # the branch cut of the arc tangent
-            expected = np.array(numeric) / (2.0 * np.diag(steps)) / kind.sigmas(team.sensors)[a]
-            scale = np.abs(rows[s]).max()
-            np.testing.assert_allclose(rows[s, :3], expected, atol=1e-4 * scale + 1e-6)
-            checked += 1
-    assert checked > 20
 
 
 def test_each_sighting_is_of_a_kind_that_its_observers_sensor_measures() -> None:
@@ -133,22 +80,14 @@ def test_a_slow_compass_is_read_at_multiples_of_its_interval() -> None:
 
 
 def test_a_sighting_made_with_some_probability_counts_as_that_share_of_one() -> None:
-    team = _with_all_kinds(draw_team(np.random.default_rng(3)))
+    team = draw_team(np.random.default_rng(3))
+    sensors = replace(team.sensors, range_sigmas=np.array(0.3), compass_sigmas=np.array(0.04))
+    team = replace(team, sensors=sensors.only(np.arange(team.count)))
     seen = sightings_of(team, 30)
     missed = replace(team, sensors=replace(team.sensors, detection=np.full(team.count, 0.49)))
     share = np.where(seen.kinds == place_of(COMPASS), 1.0, 0.7)
     rows = sighting_rows(team, seen)
     np.testing.assert_allclose(sighting_rows(missed, seen), rows * share[:, None], rtol=1e-14)
-
-
-def _with_all_kinds(team: Team) -> Team:
-    """The team with distances and compasses beside its bearings."""
-    sensors = replace(
-        team.sensors,
-        range_sigmas=np.linspace(0.1, 0.4, team.count),
-        compass_sigmas=np.linspace(0.02, 0.05, team.count),
-    )
-    return replace(team, sensors=sensors)
 
 
 @pytest.mark.parametrize("name", SIGHTING_KINDS)

@@ -15,7 +15,7 @@ from syncplan.scenario.areas import Area
 from syncplan.scenario.formations import SHAPES
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.specification import Scenario
-from tests.tools.scenarios import circling, document, small
+from tests.tools.scenarios import circling, small
 
 Edges = list[tuple[int, int]]
 
@@ -85,6 +85,8 @@ GRAPHS = {
     **{f"ring of {count}": ring(count) for count in (3, 4, 5, 7, 12)},
     "grid 3 x 3": shape_edges("grid", 9, 3),
     "grid 6 x 6": shape_edges("grid", 36, 6),
+    # so many that only the pairs nearby are used
+    "grid 7 x 7": shape_edges("grid", 49, 7),
     "hex patch": shape_edges("hex", 14, 4),
     "star of 5": star(5),
     "star of 6": star(6),
@@ -121,11 +123,6 @@ def test_unequal_circles_and_ranges_are_drawn_each_by_its_own() -> None:
     near, far = place(mixed).gaps
     assert near <= 5.0 * (1.0 - MARGIN_SHARE)
     assert 5.0 < far <= 40.0 - 5.0 * MARGIN_SHARE
-
-
-def test_a_large_grid_uses_only_the_pairs_nearby() -> None:
-    edges = shape_edges("grid", 49, 7)
-    assert_drawn(place(linked(edges)), edges, 50.0)
 
 
 def test_without_landmark_or_area_the_drawing_is_about_the_origin() -> None:
@@ -384,12 +381,10 @@ def test_names_of_vehicles_are_kept_in_order() -> None:
 
 @pytest.mark.parametrize("direction", ["ccw", "alternate"])
 def test_every_listed_link_of_a_placed_ring_comes_into_contact(direction: str) -> None:
-    scenario = scenario_from(
-        {
-            **document(landmarks_m=[[190.0, 0.0], [190.0, 70.0]]),
-            "orbit": circling(direction=direction),
-            "formation": {"links": [[f"v{a + 1}", f"v{b + 1}"] for a, b in ring(6)]},
-        }
+    scenario = small(
+        landmarks_m=[[190.0, 0.0], [190.0, 70.0]],
+        orbit=circling(direction=direction),
+        formation={"links": [[f"v{a + 1}", f"v{b + 1}"] for a, b in ring(6)]},
     )
     made = plan(place(scenario).scenario, bound="never")
     assert [(link.a, link.b) for link in made.links] == ring(6)

@@ -4,20 +4,27 @@ import numpy as np
 import pytest
 
 from syncplan.orbits.error_states import ERROR_STATES, layout_of
-from syncplan.planning.expected_work import work_of
+from syncplan.planning.expected_work import ExpectedWork, work_of
 from syncplan.planning.planner import plan
 from syncplan.planning.validation import trial_run
 from syncplan.scenario.loading import scenario_from
+from syncplan.scenario.specification import Scenario
 from tests.tools.scenarios import EVERYTHING, FILES, changed, example, shared_circles, small
 
 NAMES = sorted(path.stem for path in FILES.glob("*.yaml"))
 
 
+def expected(scenario: Scenario, duration: float | None = None) -> ExpectedWork:
+    """The work of a team whose centres are given."""
+    work = work_of(scenario, duration)
+    assert work is not None
+    return work
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_sightings_expected_are_about_those_of_the_plan(name: str) -> None:
     scenario = example(name)
-    work = work_of(scenario)
-    assert work is not None
+    work = expected(scenario)
     # obstacles are left out of the count
     made = plan(changed(name, obstacles_m=[]), bound="never", pilot=False)
     run = trial_run(made, trials=1)
@@ -30,9 +37,8 @@ def test_sightings_expected_are_about_those_of_the_plan(name: str) -> None:
 
 def test_vehicles_that_share_circles_see_each_other_at_every_sample() -> None:
     scenario = scenario_from(shared_circles(2))
-    work = work_of(scenario)
+    work = expected(scenario)
     run = trial_run(plan(scenario, bound="never", pilot=False), trials=1)
-    assert work is not None
     assert 1.0 <= work.sightings / len(run.sightings.observers) < 1.5
 
 
@@ -43,8 +49,7 @@ def test_a_landmark_is_in_range_for_the_share_that_geometry_says() -> None:
         landmarks_m=[[40.0, 0.0]],
         sensor={"range_m": 30.0, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1},
     )
-    work = work_of(scenario, 100.0)
-    assert work is not None
+    work = expected(scenario, 100.0)
     assert work.sightings == pytest.approx(1000 * np.arccos(1100 / 1600) / np.pi)
 
 
@@ -67,8 +72,7 @@ def test_a_landmark_is_in_a_narrow_view_for_the_share_that_geometry_says(
         landmarks_m=[landmark],
         sensor={**sensor, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1},
     )
-    work = work_of(scenario, 100.0)
-    assert work is not None
+    work = expected(scenario, 100.0)
     assert work.sightings == pytest.approx(1000.0 * share)
 
 
@@ -79,19 +83,15 @@ def test_nothing_is_expected_where_centres_are_yet_to_be_found() -> None:
 
 def test_further_kinds_count_and_intervals_are_left_out_of_the_count() -> None:
     plain, kinds = example("paper-grid-same"), {"range_sigma_m": 1.0, "interval_s": 0.5}
-    before, after = work_of(plain), work_of(changed(plain.name, sensor=kinds))
-    assert before is not None
-    assert after is not None
+    before, after = expected(plain), expected(changed(plain.name, sensor=kinds))
     assert after.sightings == pytest.approx(before.sightings * 2.0 / 5.0)
-    heading = work_of(changed(plain.name, heading_sigma_rad=0.1))
-    assert heading is not None
+    heading = expected(changed(plain.name, heading_sigma_rad=0.1))
     samples = plain.duration_s / plain.sample_time
     assert heading.sightings == pytest.approx(before.sightings + 6.0 * samples)
 
 
 def test_errors_widen_the_state_whether_estimated_or_not() -> None:
-    before = work_of(example("paper-grid-same"))
-    assert before is not None
+    before = expected(example("paper-grid-same"))
     for estimate in ("all", "none"):
         made = changed(
             "paper-grid-same",
@@ -99,8 +99,7 @@ def test_errors_widen_the_state_whether_estimated_or_not() -> None:
             wind=EVERYTHING["wind"],
             filter={"estimate": estimate},
         )
-        work = work_of(made)
-        assert work is not None
+        work = expected(made)
         # poses, wind, scales, biases, clocks and gusts
         size = 18 + 2 + 6 + 6 + 6 + 12
         assert work.pass_work == pytest.approx(before.pass_work * (size / 18.0) ** 2)

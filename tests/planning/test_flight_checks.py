@@ -15,8 +15,8 @@ from syncplan.planning.judged_team import PlanFinding
 from syncplan.planning.plan_records import FlownPlan, MeetingsFlown
 from syncplan.planning.planner import Plan
 from tests.tools.flown import WELL
+from tests.tools.scenarios import example
 
-GRID = "examples/scenarios/paper-grid-same.yaml"
 HARD = Path(__file__).parents[1] / "data" / "hard"
 
 
@@ -27,7 +27,7 @@ def with_(part: Any, **changes: Any) -> Any:
 
 @pytest.fixture(scope="module")
 def plan() -> Plan:
-    return syncplan.plan(syncplan.load_scenario(GRID), pilot=False)
+    return syncplan.plan(example("paper-grid-same"), pilot=False)
 
 
 def levels(plan: Plan, record: FlownPlan) -> dict[str, str]:

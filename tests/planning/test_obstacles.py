@@ -9,20 +9,16 @@ import pytest
 from syncplan.landmarks.site_information import candidate_information
 from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.sightings import Loss, remainder_of
-from syncplan.planning.judged_team import PlanFinding
-from syncplan.planning.planner import Plan, judge, plan
-from tests.tools.scenarios import circling, small
+from syncplan.planning.planner import Plan, judge
+from tests.tools.phase_teams import meet_when_shifted
+from tests.tools.scenarios import circling, findings_of, planned
 
 WALL = [[33.0, -60.0], [37.0, -60.0], [37.0, 60.0], [33.0, 60.0]]
 LANDMARKS = [[0.0, 40.0], [70.0, 40.0]]
 
 
 def made(**changes: Any) -> Plan:
-    return plan(small(**{"landmarks_m": LANDMARKS, **changes}), bound="never")
-
-
-def found(judged: Plan, code: str) -> list[PlanFinding]:
-    return [one for one in judged.verdict.findings if one.code == code]
+    return planned(**{"landmarks_m": LANDMARKS, **changes})
 
 
 def test_a_link_behind_a_wall_is_dropped_and_the_wall_is_named() -> None:
@@ -31,7 +27,7 @@ def test_a_link_behind_a_wall_is_dropped_and_the_wall_is_named() -> None:
     assert not judged.links
     (lost,) = judged.dropped_links
     assert lost.reason == "sight is blocked by obstacles_m[1] at all phases"
-    (reported,) = found(judged, "link-lost")
+    (reported,) = findings_of(judged, "link-lost")
     assert reported.subjects == ("v1", "v2")
     assert reported.cure is not None
     assert "nothing between them" in reported.cure.text
@@ -57,26 +53,26 @@ def test_a_wall_beside_the_line_of_centres_leaves_the_plan_as_it_was() -> None:
 
 def test_a_landmark_within_an_obstacle_is_warned_of_and_one_on_its_outline_is_not() -> None:
     judged = made(landmarks_m=[[0.0, 40.0], [35.0, 20.0], [33.0, 10.0]], obstacles_m=[WALL])
-    (reported,) = found(judged, "landmark-hidden")
+    (reported,) = findings_of(judged, "landmark-hidden")
     assert reported.level == "warning"
     assert reported.subjects == ("L2",)
     assert "L2 lies within obstacles_m[0]" in reported.message
     seen = {link.b - judged.team.count for link in judged.landmark_links}
     assert seen == {0, 2}
-    assert found(made(), "landmark-hidden") == []
+    assert findings_of(made(), "landmark-hidden") == []
 
 
 def test_a_vehicle_that_flies_within_an_obstacle_is_warned_of() -> None:
     hall = [[-30.0, -30.0], [100.0, -30.0], [100.0, 50.0], [-30.0, 50.0]]
     judged = made(obstacles_m=[WALL, hall])
-    (reported,) = found(judged, "vehicle-hidden")
+    (reported,) = findings_of(judged, "vehicle-hidden")
     assert reported.level == "warning"
     assert reported.subjects == ("v1", "v2")
     assert "v1, v2 lies within obstacles_m[1]" in reported.message
     # a path that only passes through is sometimes seen, and one round an obstacle always
     inner = [[-5.0, -5.0], [5.0, -5.0], [5.0, 5.0], [-5.0, 5.0]]
     crossed = [[0.0, -30.0], [100.0, -30.0], [100.0, 50.0], [0.0, 50.0]]
-    (reported,) = found(made(obstacles_m=[inner, crossed]), "vehicle-hidden")
+    (reported,) = findings_of(made(obstacles_m=[inner, crossed]), "vehicle-hidden")
     assert reported.subjects == ("v2",)
 
 
@@ -133,14 +129,10 @@ def test_a_phase_that_slips_by_more_than_its_tolerance_loses_sight() -> None:
     (link,) = judged.links
     assert link.tolerance < made(sensor=sensor).links[0].tolerance == np.pi
 
-    def meets(slip: float) -> bool:
-        phases = judged.orbits.phases + np.array([0.0, slip])
-        windows = find_windows(judged.team.on(replace(judged.orbits, phases=phases)))
-        return bool(np.any(windows.targets[np.diff(windows.first) > 0] == 1))
-
-    assert meets(0.999 * link.tolerance)
-    assert meets(-0.999 * link.tolerance)
-    assert not (meets(1.001 * link.tolerance) and meets(-1.001 * link.tolerance))
+    assert meet_when_shifted(judged, 0.999 * link.tolerance)
+    assert meet_when_shifted(judged, -0.999 * link.tolerance)
+    beyond = (1.001 * link.tolerance, -1.001 * link.tolerance)
+    assert not all(meet_when_shifted(judged, slip) for slip in beyond)
 
 
 def test_a_link_that_nothing_can_serve_has_no_say_in_the_senses() -> None:

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 import syncplan
-from syncplan.planning.judged_team import PlanFinding
 from syncplan.planning.path_checks import wind_made_up_for
 from syncplan.planning.planner import Plan, judge
 from tests.tools.flown import WELL
-from tests.tools.scenarios import changed
+from tests.tools.scenarios import changed, findings_of
 
 HIGH = 6.0
 QUANTILE = sqrt(-2.0 * log(0.05))
@@ -28,10 +27,6 @@ def in_wind(plan: Plan, wind: dict[str, float], **keys: Any) -> Plan:
     limits = {"speed_mps": [1.0, HIGH]}
     scenario = changed("paper-grid-same", **{"limits": limits, "wind": wind, **keys})
     return judge(scenario, plan.orbits, bound="never", single_points=False)
-
-
-def found(judged: Plan, code: str) -> list[PlanFinding]:
-    return [one for one in judged.verdict.findings if one.code == code]
 
 
 @pytest.mark.parametrize("speed", [0.5, 3.0, 5.9])
@@ -62,7 +57,7 @@ def test_wind_warns_where_it_takes_all_airspeed_and_stops_where_turns_take_longe
             {"sigma_mps": sigma},
             {"sigma_mps": 0.6 * sigma, "gust_sigma_mps": 0.8 * sigma},
         ):
-            all_found = found(in_wind(plan, wind), "over-limit")
+            all_found = findings_of(in_wind(plan, wind), "over-limit")
             assert [one.level for one in all_found] == ([] if level is None else [level])
             held = {"warning": HIGH - 4.0, "stop": most, None: 0.0}[level]
             share = 1.0 - exp(-0.5 * (held / sigma) ** 2)
@@ -70,13 +65,13 @@ def test_wind_warns_where_it_takes_all_airspeed_and_stops_where_turns_take_longe
                 assert f"v1 needs {4.0 + strongest:.3g} m/s" in one.message
                 assert f"in {100.0 * share:.3g} % of winds" in one.message
                 assert set(one.subjects) == set(plan.scenario.vehicle_names)
-    assert found(in_wind(plan, {"sigma_mps": 6.0}, limits=None), "over-limit") == []
+    assert findings_of(in_wind(plan, {"sigma_mps": 6.0}, limits=None), "over-limit") == []
 
 
 def test_wind_over_half_the_ground_speed_warns_with_limits_and_without(plan: Plan) -> None:
     for limits in (None, {"speed_mps": [0.1, 50.0]}):
-        assert found(in_wind(plan, {"sigma_mps": 1.99}, limits=limits), "strong-wind") == []
-        (one,) = found(in_wind(plan, {"sigma_mps": 2.01}, limits=limits), "strong-wind")
+        assert findings_of(in_wind(plan, {"sigma_mps": 1.99}, limits=limits), "strong-wind") == []
+        (one,) = findings_of(in_wind(plan, {"sigma_mps": 2.01}, limits=limits), "strong-wind")
         assert one.level == "warning"
         assert one.cure is not None
         assert "fly" in one.cure.text
@@ -90,11 +85,11 @@ def test_a_start_warns_where_its_sigma_is_over_the_room_of_the_nearest(plan: Pla
     for sigma, warned in ((0.99 * enough, False), (1.01 * enough, True)):
         start = {"position_m": sigma, "heading_rad": turn}
         judged = in_wind(plan, {}, initial_sigma=start)
-        assert bool(found(judged, "start-uncertain")) == warned
-        assert found(replace(judged, flight=WELL), "start-uncertain") == []
+        assert bool(findings_of(judged, "start-uncertain")) == warned
+        assert findings_of(replace(judged, flight=WELL), "start-uncertain") == []
     # what is to be kept apart is no room
     judged = in_wind(plan, {}, initial_sigma=start, min_separation_m=1.0)
-    assert "29 m to min_separation_m 1" in found(judged, "start-uncertain")[0].message
+    assert "29 m to min_separation_m 1" in findings_of(judged, "start-uncertain")[0].message
 
 
 def off_by(plan: Plan, errors: list[float]) -> Plan:
@@ -111,8 +106,8 @@ def test_predicted_errors_warn_where_two_sigma_use_up_the_separation(plan: Plan)
         errors[k[0]], errors[k[1]] = (share * one * 0.5 * least for one in (0.6, 0.8))
         assert hypot(errors[k[0]], errors[k[1]]) == pytest.approx(0.5 * share * least)
         judged = off_by(plan, errors)
-        assert bool(found(judged, "separation-uncertain")) == warned
-        assert found(replace(judged, flight=WELL), "separation-uncertain") == []
+        assert bool(findings_of(judged, "separation-uncertain")) == warned
+        assert findings_of(replace(judged, flight=WELL), "separation-uncertain") == []
 
 
 def test_predicted_errors_warn_where_they_may_end_meetings_that_are_needed(plan: Plan) -> None:
@@ -122,12 +117,12 @@ def test_predicted_errors_warn_where_they_may_end_meetings_that_are_needed(plan:
         errors = [0.01] * 6
         errors[2] = 0.5 * share * room
         judged = off_by(plan, errors)
-        mine = found(judged, "meetings-uncertain")
+        mine = findings_of(judged, "meetings-uncertain")
         assert bool(mine) == warned
-        assert found(replace(judged, flight=WELL), "meetings-uncertain") == []
+        assert findings_of(replace(judged, flight=WELL), "meetings-uncertain") == []
     assert "v3-L1 by 1.98 sigma" in mine[0].message
     # one end of a link that can be spared: phases a hundred times as far off as its own bear
     spare = next(one for one in plan.links if (one.a, one.b) == (1, 4))
     narrow = replace(spare, tolerance=1e-4)
     links = tuple(narrow if one is spare else one for one in plan.links)
-    assert found(replace(off_by(plan, [0.2] * 6), links=links), "meetings-uncertain") == []
+    assert findings_of(replace(off_by(plan, [0.2] * 6), links=links), "meetings-uncertain") == []

@@ -10,13 +10,7 @@ from syncplan.planning import start_up
 from syncplan.planning.judged_team import PlanFinding
 from syncplan.planning.plan_files import loaded_from, plan_of
 from syncplan.planning.planner import Plan, plan
-from syncplan.planning.start_up import (
-    CLEARING_INDEX,
-    SAFE_RATIO,
-    InputStart,
-    StartTrials,
-    StartUp,
-)
+from syncplan.planning.start_up import CLEARING_INDEX, SAFE_RATIO, InputStart, StartTrials, StartUp
 from syncplan.planning.validation import validate
 from syncplan.refinement.refiner import refine
 from syncplan.reports.plan_report import plan_document
@@ -51,10 +45,15 @@ def start_of(judged: Plan) -> StartUp:
     return judged.start_up
 
 
+def trials_of(judged: Plan) -> StartTrials:
+    trials = start_of(judged).trials
+    assert trials is not None
+    return trials
+
+
 def test_an_uncertain_start_is_warned_of_with_error_and_prediction(uncertain: Plan) -> None:
     (reported,) = found(uncertain)
-    trials = start_of(uncertain).trials
-    assert trials is not None
+    trials = trials_of(uncertain)
     assert reported.level == "warning"
     assert uncertain.verdict.go
     worst = int(np.argmax(trials.ratios))
@@ -86,8 +85,7 @@ def test_the_robust_filter_is_not_warned_of_where_the_extended_one_is(asked: str
     made = plan(grid(filter_=asked))
     start = start_of(made)
     assert start.filter == "robust"
-    assert start.trials is not None
-    assert start.trials.pilot
+    assert trials_of(made).pilot
     assert start.worst_ratio < 1.3
     assert found(made) == []
     assert plan_document(made).as_json()["start_up"]["pilot"]["filter"] == "robust"
@@ -123,7 +121,7 @@ def test_trials_that_find_no_harm_are_silent(
     # as if the index cleared nothing
     monkeypatch.setattr(start_up, "CLEARING_INDEX", 0.0)
     made = plan(grid(1.0, 0.02))
-    assert start_of(made).trials is not None
+    assert trials_of(made).pilot
     assert start_of(made).worst_ratio <= SAFE_RATIO
     assert found(made) == []
 
@@ -139,8 +137,7 @@ def test_a_pilot_that_left_errors_out_does_not_clear_a_plan_with_errors_as_state
     (reported,) = found(made)
     assert reported.level == "note"
     assert "left these errors out" in reported.message
-    own = start_of(made).trials
-    assert own is not None
+    own = trials_of(made)
     with_all = replace(start_of(made), trials=replace(own, pilot=False))
     assert found(replace(made, start_up=with_all)) == []
     assert found(plan(small(**lasting, duration_s=60.0, filter={"estimate": "none"}))) == []
@@ -168,10 +165,7 @@ def test_a_plan_that_predicts_nothing_says_nothing_of_its_start(bound: Any) -> N
 def test_the_same_plan_is_judged_the_same_again(uncertain: Plan) -> None:
     again = plan(grid())
     assert found(again) == found(uncertain)
-    before, after = start_of(uncertain).trials, start_of(again).trials
-    assert before is not None
-    assert after is not None
-    np.testing.assert_array_equal(before.found, after.found)
+    np.testing.assert_array_equal(trials_of(uncertain).found, trials_of(again).found)
 
 
 def test_a_validation_speaks_of_its_own_trials(uncertain: Plan) -> None:
@@ -188,27 +182,24 @@ def test_a_validation_speaks_of_its_own_trials(uncertain: Plan) -> None:
 
 def test_a_long_run_is_piloted_over_its_first_periods(uncertain: Plan) -> None:
     long = plan(grid().model_copy(update={"duration_s": 500.0}))
-    trials = start_of(long).trials
-    assert trials is not None
+    trials = trials_of(long)
     assert trials.duration == pytest.approx(5.0 * long.orbits.period)
     short = plan(grid().model_copy(update={"duration_s": trials.duration}))
     assert short.prediction.rms is not None
     np.testing.assert_allclose(trials.predicted, short.prediction.rms, rtol=1e-9)
-    alone = start_of(short).trials
-    assert alone is not None
+    alone = trials_of(short)
     np.testing.assert_allclose(trials.found, alone.found, rtol=1e-9)
 
 
 def test_the_document_holds_the_figures(uncertain: Plan) -> None:
     values = plan_document(uncertain).as_json()["start_up"]
-    start = start_of(uncertain)
-    assert start.trials is not None
+    start, trials = start_of(uncertain), trials_of(uncertain)
     assert values["index"] == start.index.value
     assert values["observer"] == uncertain.scenario.vehicle_names[start.index.observer]
     ratios = values["pilot"]["rms_over_predicted"]
     assert list(ratios) == uncertain.scenario.vehicle_names
-    assert list(ratios.values()) == start.trials.ratios.tolist()
-    lost = replace(start.trials, found=np.full(6, np.inf))
+    assert list(ratios.values()) == trials.ratios.tolist()
+    lost = replace(trials, found=np.full(6, np.inf))
     gone = replace(uncertain, start_up=replace(start, trials=lost))
     assert plan_document(gone).as_json()["start_up"]["pilot"]["rms_over_predicted"]["v1"] is None
     assert "v1 lost" in found(gone)[0].message
@@ -235,8 +226,7 @@ def test_a_refinement_that_starts_worse_says_so(
     refined: Plan, before: float, after: float, level: str | None
 ) -> None:
     assert refined.refinement is not None
-    start = refined.refinement.start_before
-    assert start is not None
+    assert refined.refinement.start_before is not None
     given = InputStart(index=1.0, worst_rms_over_predicted=before)
     record = replace(refined.refinement, improved=True, start_before=given)
     reported = found(

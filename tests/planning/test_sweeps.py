@@ -8,7 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 from syncplan.errors import InputError
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, plan
 from syncplan.planning.variations import connected_range, sweep
 from syncplan.plotting.study_figures import sweep_spec
 from syncplan.reports.validation_report import SweepReport, sweep_document, validation_document
@@ -31,24 +31,26 @@ def test_a_speed_gives_way_to_a_swept_rate() -> None:
     assert SWEPT_KEYS["angular_rate"].varied(example("four-ground-robots"), 0.5).orbit.rate == 0.5
 
 
+def _connected(made: Plan) -> list[bool]:
+    """Whether all are connected, at moments of a period."""
+    period = made.orbits.period
+    graphs = [
+        union_over(made.windows, period, moment, 0.0).to_undirected()
+        for moment in np.linspace(0.0, period, 50).tolist()
+    ]
+    return [one.number_of_nodes() == 4 and nx.is_connected(one) for one in graphs]
+
+
 def test_at_the_connected_range_the_team_is_connected_at_every_instant() -> None:
     made = plan(small(landmarks_m=[[-300, 0], [-340, 0]]))
     reach = connected_range(made)
     # each landmark needs a vehicle in range, one landmark is of no help to another
     assert 340.0 < reach < 365.0
-    wide = plan(SWEPT_KEYS["range"].varied(made.scenario, reach))
-    for moment in np.linspace(0.0, wide.orbits.period, 50):
-        graph = union_over(wide.windows, wide.orbits.period, float(moment), 0.0).to_undirected()
-        assert graph.number_of_nodes() == 4
-        assert nx.is_connected(graph)
-    narrow = plan(SWEPT_KEYS["range"].varied(made.scenario, 0.95 * reach))
-    connected = [
-        nx.is_connected(
-            union_over(narrow.windows, narrow.orbits.period, float(t), 0.0).to_undirected()
-        )
-        for t in np.linspace(0.0, narrow.orbits.period, 50)
-    ]
-    assert not all(connected)
+    wide, narrow = (
+        plan(SWEPT_KEYS["range"].varied(made.scenario, share * reach)) for share in (1.0, 0.95)
+    )
+    assert all(_connected(wide))
+    assert not all(_connected(narrow))
 
 
 def test_what_cannot_be_swept_is_refused_before_anything_runs() -> None:

@@ -6,28 +6,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-import shapely
-from hypothesis import example as known
-from hypothesis import given
-from hypothesis import strategies as st
 
 from syncplan.orbits.circles import position
-from syncplan.planning.judged_team import PlanFinding
 from syncplan.planning.plan_files import loaded_from, stated
 from syncplan.planning.planner import Plan, judge, plan
 from syncplan.planning.verdict_checks import CHECKS
-from syncplan.scenario.areas import Area
-from tests.tools.scenarios import example, small
+from tests.tools.scenarios import example, findings_of, planned
 
 CROSSING = {"centers_m": [[0.0, 0.0], [25.0, 0.0]]}
-
-
-def made(**changes: Any) -> Plan:
-    return plan(small(**changes), bound="never")
-
-
-def found(judged: Plan, code: str) -> list[PlanFinding]:
-    return [one for one in judged.verdict.findings if one.code == code]
 
 
 def together(judged: Plan, **changes: Any) -> Plan:
@@ -52,7 +38,7 @@ def test_a_plan_that_nothing_speaks_against_is_a_go() -> None:
 
 
 def test_findings_bear_the_code_of_their_check_and_come_in_its_order() -> None:
-    judged = together(made(formation=CROSSING, landmarks_m=[[20.5, 0.0]]))
+    judged = together(planned(formation=CROSSING, landmarks_m=[[20.5, 0.0]]))
     codes = [one.code for one in judged.verdict.findings]
     assert codes == sorted(codes, key=list(CHECKS).index)
     for code, check in CHECKS.items():
@@ -62,7 +48,7 @@ def test_findings_bear_the_code_of_their_check_and_come_in_its_order() -> None:
 def test_every_lost_motion_stops_and_its_change_cures_it() -> None:
     scenario = example("paper-grid-alternate")
     judged = plan(scenario, bound="never")
-    lost = found(judged, "unobservable")
+    lost = findings_of(judged, "unobservable")
     assert len(lost) == 2
     assert judged.verdict.headline == "NO-GO: 2 reasons"
     for one in lost:
@@ -76,8 +62,8 @@ def test_every_lost_motion_stops_and_its_change_cures_it() -> None:
 
 def test_a_change_that_would_turn_the_team_as_a_whole_is_not_offered() -> None:
     # one sense and one phase: the line of sight never turns
-    judged = together(made(formation={"centers_m": [[0.0, 0.0], [30.0, 0.0]]}))
-    stretches = [one for one in found(judged, "unobservable") if "stretch" in one.message]
+    judged = together(planned(formation={"centers_m": [[0.0, 0.0], [30.0, 0.0]]}))
+    stretches = [one for one in findings_of(judged, "unobservable") if "stretch" in one.message]
     assert stretches
     assert all(one.cure is not None and not one.cure.change for one in stretches)
 
@@ -100,10 +86,10 @@ def test_a_change_that_would_turn_the_team_as_a_whole_is_not_offered() -> None:
 def test_vehicles_nearer_than_stated_or_than_a_tenth_of_the_radius_stop(
     apart: float, separation: float | None, limit: str | None
 ) -> None:
-    crossing = together(made(formation=CROSSING), min_separation_m=separation)
+    crossing = together(planned(formation=CROSSING), min_separation_m=separation)
     centers = np.array([[0.0, 0.0], [apart, 0.0]])
     judged = judge(crossing.scenario, replace(crossing.orbits, centers=centers), bound="never")
-    reported = found(judged, "vehicles-too-close")
+    reported = findings_of(judged, "vehicles-too-close")
     assert len(reported) == (limit is not None)
     for one in reported:
         assert one.level == "stop"
@@ -120,7 +106,7 @@ def test_vehicles_nearer_than_stated_or_than_a_tenth_of_the_radius_stop(
 def test_plans_from_before_verdicts_state_0_where_no_separation_was_given(
     written: dict[str, Any], separation: float | None
 ) -> None:
-    judged = made(min_separation_m=0.0)
+    judged = planned(min_separation_m=0.0)
     loaded = loaded_from({**stated(judged.scenario, judged.orbits), **written})
     assert loaded.scenario.min_separation_m == separation
     again = loaded_from(stated(loaded.scenario, judged.orbits))
@@ -128,17 +114,19 @@ def test_plans_from_before_verdicts_state_0_where_no_separation_was_given(
 
 
 def test_a_separation_met_to_the_accuracy_of_a_solver_is_met() -> None:
-    judged = together(made(formation=CROSSING), min_separation_m=25.0 * (1.0 + 8e-9))
-    assert found(judged, "vehicles-too-close") == []
+    judged = together(planned(formation=CROSSING), min_separation_m=25.0 * (1.0 + 8e-9))
+    assert findings_of(judged, "vehicles-too-close") == []
     assert judged.too_close == ()
     judged = together(judged, min_separation_m=25.0 * (1.0 + 1e-4))
-    assert len(found(judged, "vehicles-too-close")) == 1
+    assert len(findings_of(judged, "vehicles-too-close")) == 1
     assert len(judged.too_close) == 1
 
 
 def test_of_many_that_are_too_close_five_are_worded_and_the_rest_is_counted() -> None:
-    judged = made(formation={"shape": "line", "count": 8, "spacing_m": 70.0}, min_separation_m=90.0)
-    each = found(judged, "vehicles-too-close")
+    judged = planned(
+        formation={"shape": "line", "count": 8, "spacing_m": 70.0}, min_separation_m=90.0
+    )
+    each = findings_of(judged, "vehicles-too-close")
     assert len(each) == 6
     assert each[-1].message.startswith("2 more pairs")
 
@@ -157,8 +145,8 @@ def test_of_many_that_are_too_close_five_are_worded_and_the_rest_is_counted() ->
 def test_a_landmark_is_an_obstacle(
     landmark: list[float], clearance: float | None, nearer: float | None
 ) -> None:
-    judged = made(landmarks_m=[landmark, [0.0, 90.0]], landmark_clearance_m=clearance)
-    reported = found(judged, "landmark-too-close")
+    judged = planned(landmarks_m=[landmark, [0.0, 90.0]], landmark_clearance_m=clearance)
+    reported = findings_of(judged, "landmark-too-close")
     assert len(reported) == (nearer is not None)
     where = position(judged.orbits, np.linspace(0.0, judged.orbits.period, 20_001))[:, 0]
     least = float(np.hypot(*(where - landmark).T).min())
@@ -187,42 +175,16 @@ ALL_ROUND = [[-90.0, -90.0], [200.0, -90.0], [200.0, 90.0], [-90.0, 90.0]]
 def test_circles_keep_to_the_area_and_out_of_what_is_closed(
     key: str, polygon: Any, code: str | None
 ) -> None:
-    judged = made(**{key: polygon})
+    judged = planned(**{key: polygon})
     codes = {one.code for one in judged.verdict.stops} - {"unobservable"}
     assert codes == ({code} if code else set())
-
-
-# corners to the millimetre: closer ones make shapely divide by zero
-CORNERS = st.integers(-60_000, 60_000).map(lambda mm: mm / 1000.0)
-
-
-@given(st.lists(st.tuples(CORNERS, CORNERS), min_size=3, max_size=7), st.floats(2.0, 40.0))
-@known([(-5.0, -5.0), (5.0, -5.0), (5.0, 5.0), (-5.0, 5.0)], 20.0)
-@known([(-50.0, -50.0), (50.0, -50.0), (50.0, 50.0), (-50.0, 50.0)], 20.0)
-@known([(10.0, -5.0), (30.0, -5.0), (30.0, 5.0), (10.0, 5.0)], 20.0)
-def test_a_path_is_clear_of_a_polygon_by_what_its_points_are(corners: Any, radius: float) -> None:
-    hull = shapely.MultiPoint(corners).convex_hull
-    if hull.geom_type != "Polygon" or hull.area < 1.0:
-        return
-    polygon = np.array(hull.exterior.coords)[:-1]
-    angle = np.linspace(0.0, 2.0 * np.pi, 2001)
-    path = shapely.points(radius * np.column_stack([np.cos(angle), np.sin(angle)]))
-    sampled = float(shapely.distance(path, shapely.Polygon(polygon)).min())
-    area = Area(None, (polygon,))
-    ((clear,),) = area.path_clearances(np.zeros((1, 2)), np.array([radius]))
-    # between two samples a path comes nearer by less than half an arc
-    slack = radius * np.pi / 2000.0
-    if clear > 0.0:
-        assert clear - 1e-9 <= sampled <= clear + slack
-    else:
-        assert sampled <= slack
 
 
 def test_a_speed_that_refinement_may_still_mend_stops_till_then() -> None:
     limits = {"speed_mps": [1.0, 3.0]}
     refine = {"vary": ["phases", "radii"], "radius_m": [10.0, 15.0]}
-    judged = made(limits=limits, refine=refine)
-    reported = found(judged, "over-limit")
+    judged = planned(limits=limits, refine=refine)
+    reported = findings_of(judged, "over-limit")
     assert {one.subjects for one in reported} == {(name,) for name in judged.scenario.vehicle_names}
     assert "4 m/s; limits.speed_mps allows 1 to 3" in reported[0].message
 
@@ -230,15 +192,15 @@ def test_a_speed_that_refinement_may_still_mend_stops_till_then() -> None:
 def test_links_that_are_lost_or_nearly_lost_are_warned_of() -> None:
     apart = {"centers_m": [[0.0, 0.0], [60.0, 0.0]]}
     sensor = {"range_m": 20.01, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1}
-    judged = made(formation=apart, sensor=sensor)
-    (fragile,) = found(judged, "link-fragile")
+    judged = planned(formation=apart, sensor=sensor)
+    (fragile,) = findings_of(judged, "link-fragile")
     assert fragile.level == "warning"
     late = judged.links[0].tolerance / judged.orbits.rate
     assert f"v1-v2 by {late:.3g} s" in fragile.message
-    longer = made(formation=apart, sensor={**sensor, "range_m": 30.0})
-    assert found(longer, "link-fragile") == []
+    longer = planned(formation=apart, sensor={**sensor, "range_m": 30.0})
+    assert findings_of(longer, "link-fragile") == []
     parted = together(judged)
-    (lost,) = found(parted, "link-lost")
+    (lost,) = findings_of(parted, "link-lost")
     assert lost.level == "warning"
     assert lost.subjects == ("v1", "v2")
 
@@ -246,7 +208,7 @@ def test_links_that_are_lost_or_nearly_lost_are_warned_of() -> None:
 def test_a_verdict_is_found_once_and_afresh_for_a_changed_plan(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    judged = made(landmarks_m=[[20.5, 0.0], [0.0, 90.0]])
+    judged = planned(landmarks_m=[[20.5, 0.0], [0.0, 90.0]])
     reported: list[str] = []
     for code, check in list(CHECKS.items()):
 

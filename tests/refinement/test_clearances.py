@@ -14,7 +14,7 @@ from syncplan.orbits.circles import position
 from syncplan.orbits.contacts import landmark_gaps
 from syncplan.planning.judged_team import landmark_limit
 from syncplan.planning.plan_files import loaded_from, plan_of
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.planner import Plan
 from syncplan.refinement.constraints import (
     area_clearances,
     kept_landmarks,
@@ -27,7 +27,8 @@ from syncplan.refinement.problem_setup import problem_of
 from syncplan.refinement.refiner import options_for, refine
 from syncplan.reports.plan_report import plan_document
 from syncplan.scenario.areas import Area
-from tests.tools.scenarios import small
+from tests.tools.scenarios import planned
+from tests.tools.smooth_problems import record_of
 
 INSTANTS = 20_000
 SENSED = [[0.0, 45.0], [70.0, -40.0]]
@@ -38,7 +39,7 @@ LENGTHS = st.integers(-40_000, 40_000).map(lambda mm: mm / 1000.0)
 
 
 def made(**changes: Any) -> Plan:
-    return plan(small(**{"landmarks_m": SENSED, "duration_s": 60.0, **changes}), bound="never")
+    return planned(**{"landmarks_m": SENSED, "duration_s": 60.0, **changes})
 
 
 def posed(given_plan: Plan, **options: Any) -> RefineProblem:
@@ -78,9 +79,8 @@ def test_a_plan_that_passes_a_landmark_too_near_is_cleared(
     )
     assert "landmark-too-close" in findings(near)
     refined = refine(near, starts=1, workers=1, objective="logdet", **options)
-    assert refined.refinement is not None
-    assert refined.refinement.improved
-    assert refined.refinement.cleared
+    assert record_of(refined).improved
+    assert record_of(refined).cleared
     assert "landmark-too-close" not in findings(refined)
     assert "cleared" in findings(refined)
     assert nearest(refined) >= asked(refined) * (1.0 - 1e-6)
@@ -91,9 +91,8 @@ def test_a_plan_that_passes_a_landmark_too_near_is_cleared(
 def test_a_clear_plan_stays_clear_though_sightings_are_best_from_near() -> None:
     given_plan = made(landmarks_m=[*SENSED, [0.0, -24.0], [83.0, 20.0]], min_separation_m=5.0)
     refined = refine(given_plan, starts=1, workers=1, objective="logdet")
-    assert refined.refinement is not None
-    assert refined.refinement.improved
-    assert not refined.refinement.cleared
+    assert record_of(refined).improved
+    assert not record_of(refined).cleared
     assert nearest(refined) >= asked(refined) * (1.0 - 1e-6)
     # where landmarks are no obstacles, it comes nearer
     scenario = given_plan.scenario.model_copy(update={"landmark_clearance_m": 0.0})
@@ -104,9 +103,8 @@ def test_a_clear_plan_stays_clear_though_sightings_are_best_from_near() -> None:
 def test_phases_alone_move_no_path_and_the_finding_says_so() -> None:
     near = made(landmarks_m=[*SENSED, [0.0, -20.5]])
     refined = refine(near, starts=1, workers=1, objective="logdet", vary=["phases"])
-    assert refined.refinement is not None
-    assert refined.refinement.improved
-    assert not refined.refinement.cleared
+    assert record_of(refined).improved
+    assert not record_of(refined).cleared
     (reported,) = (one for one in refined.verdict.stops if one.code == "landmark-too-close")
     assert reported.cure is not None
     assert "phases alone, which moves no path" in reported.cure.text
@@ -128,8 +126,7 @@ def test_a_plan_that_orbits_an_obstacle_is_refined_and_still_does(area: Any) -> 
     orbiting = made(keep_out_m=[SQUARE], area_m=area, min_separation_m=5.0)
     assert "in-keep-out" not in findings(orbiting)
     refined = refine(orbiting, starts=1, workers=1, objective="logdet")
-    assert refined.refinement is not None
-    assert refined.refinement.improved
+    assert record_of(refined).improved
     assert "in-keep-out" not in findings(refined)
     obstacle = Area(None, (np.array(SQUARE),))
     assert obstacle.goes_round(0, refined.orbits.centers, refined.orbits.radii).tolist() == [

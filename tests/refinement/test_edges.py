@@ -9,6 +9,7 @@ from syncplan.errors import NoSolutionError
 from syncplan.planning.planner import Plan, plan
 from syncplan.refinement.refiner import refine
 from tests.tools.scenarios import small
+from tests.tools.smooth_problems import record_of
 
 PERIOD_S = 2.0 * np.pi / 0.2
 FAR = {"centers_m": [[0.0, 0.0], [500.0, 0.0]]}
@@ -51,8 +52,7 @@ def _given(**changes: Any) -> Plan:
 def test_thin_problems_come_back_no_worse(case: str) -> None:
     changes, options = THIN[case]
     given = _given(**changes)
-    record = refine(given, starts=1, workers=1, **options).refinement
-    assert record is not None
+    record = record_of(refine(given, starts=1, workers=1, **options))
     assert record.improved or record.reason
     assert record.after.rank >= record.before.rank
     objective = record.objective
@@ -61,8 +61,7 @@ def test_thin_problems_come_back_no_worse(case: str) -> None:
 
 def test_hardly_any_time_gives_the_plan_back() -> None:
     given = _given()
-    record = refine(given, time_limit_s=1e-9, workers=1).refinement
-    assert record is not None
+    record = record_of(refine(given, time_limit_s=1e-9, workers=1))
     assert (record.improved, record.cut_short) == (False, True)
     assert "cut short" in record.reason
     assert "time_limit_s" in record.reason
@@ -76,8 +75,7 @@ def test_a_margin_larger_than_the_range_is_refused_by_name() -> None:
 def test_named_vehicles_keep_their_names() -> None:
     given = _given(formation={"centers_m": {"ann": [0.0, 0.0], "bob": [70.0, 0.0]}})
     refined = refine(given, starts=1, workers=1, objective="logdet")
-    assert refined.refinement is not None
-    assert refined.refinement.improved
+    assert record_of(refined).improved
     assert refined.scenario.vehicle_names == ["ann", "bob"]
 
 
@@ -102,8 +100,7 @@ def test_vehicles_are_not_flown_into_each_other_where_no_separation_is_asked_for
     refined = refine(given, starts=1, workers=1, objective="trace")
     assert given.approach is not None
     assert refined.approach is not None
-    assert refined.refinement is not None
-    assert refined.refinement.improved
+    assert record_of(refined).improved
     assert refined.approach.distance >= min(given.approach.distance, 10.0) * (1.0 - 1e-6)
 
 
@@ -112,8 +109,7 @@ def test_a_margin_that_is_asked_for_holds_in_the_result_even_if_the_plan_had_les
     given = _given()
     for margin, reached in ((15.0, True), (28.0, True), (40.0, False)):
         refined = refine(given, starts=1, workers=1, margin_m=margin)
-        record = refined.refinement
-        assert record is not None
+        record = record_of(refined)
         assert record.improved == reached
         if reached:
             assert refined.links[0].min_distance <= 50.0 - margin + 1e-6
@@ -126,8 +122,7 @@ def test_circles_that_start_outside_their_area_end_inside_or_not_at_all() -> Non
     moved = _given(area_m=[[-17.0, -21.0], [97.0, -21.0], [97.0, 30.0], [-17.0, 30.0]])
     for one in (given, moved):
         refined = refine(one, starts=1, workers=1)
-        assert refined.refinement is not None
-        assert refined.refinement.improved
+        assert record_of(refined).improved
         area = np.array(one.scenario.area_m)
         reach = refined.orbits.radii[:, None]
         assert np.all(refined.orbits.centers - reach >= area.min(axis=0) - 1e-6)

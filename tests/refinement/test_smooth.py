@@ -8,28 +8,27 @@ import numpy as np
 import pytest
 
 from syncplan.arrays import Array
-from syncplan.estimation.bounds import posterior_bound
 from syncplan.orbits.circles import relative_motion
-from syncplan.orbits.contacts import find_windows, least_distances
+from syncplan.orbits.contacts import least_distances
 from syncplan.planning.planner import Plan, judge, plan
 from syncplan.refinement.constraints import separations
 from syncplan.refinement.nlp import StageNlp, nlp_of
-from syncplan.refinement.problem import RefineProblem, Stage, circles_of, orbits_of
+from syncplan.refinement.problem import RefineProblem, circles_of, orbits_of
 from syncplan.refinement.problem_setup import problem_of
 from syncplan.refinement.refiner import options_for
-from syncplan.refinement.smooth_bound import coarse_run, smooth_rms
-from syncplan.refinement.smooth_team import SmoothTeam
 from syncplan.scenario.objectives import OBJECTIVES
-from tests.tools.scenarios import circling, example, small
+from tests.tools.scenarios import circling, example, planned, small
 from tests.tools.smooth_problems import (
     MIXED,
-    differences,
-    exact_information,
+    STAGE,
+    assert_slopes,
+    exact_rms,
+    information_errors,
     scaled_circles,
     smooth_information,
+    smooth_rms_of,
 )
 
-STAGE = Stage(samples=64, width=0.05, barrier=0.1, iterations=1, tolerance=1e-5, last=True)
 PERIOD_S = 2.0 * np.pi / 0.2
 UNEQUAL = [
     {"range_m": reach, "bearing_sigma_rad": sigma, "sample_time_s": 0.2}
@@ -56,38 +55,24 @@ def _problem_of(given: Plan, objective: str = "logdet", refine: Any = None) -> R
     return problem_of(given, options)
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {},
-        {"sensor": UNEQUAL},
-        {"sensor": VIEWS},
-        {"window_s": 0.55 * PERIOD_S, "sensor": VIEWS},
-        {"window_s": 2.3 * PERIOD_S, "sensor": UNEQUAL},
-        {"orbit": {**MIXED["orbit"], "direction": "cw"}, "sensor": VIEWS},
-        {"sensor": FURTHER, "heading_sigma_rad": [0.05, 0.2, 0.1]},
-        {"sensor": FURTHER, "window_s": 0.55 * PERIOD_S},
-    ],
-    ids=[
-        "alike",
-        "unequal ranges",
-        "views",
-        "part of a turn",
-        "several turns",
-        "one sense",
-        "distances and compasses",
-        "distances in part of a turn",
-    ],
-)
+SIGHTED: dict[str, dict[str, Any]] = {
+    "alike": {},
+    "unequal ranges": {"sensor": UNEQUAL},
+    "views": {"sensor": VIEWS},
+    "part of a turn": {"window_s": 0.55 * PERIOD_S, "sensor": VIEWS},
+    "several turns": {"window_s": 2.3 * PERIOD_S, "sensor": UNEQUAL},
+    "one sense": {"orbit": {**MIXED["orbit"], "direction": "cw"}, "sensor": VIEWS},
+    "distances and compasses": {"sensor": FURTHER, "heading_sigma_rad": [0.05, 0.2, 0.1]},
+    "distances in part of a turn": {"sensor": FURTHER, "window_s": 0.55 * PERIOD_S},
+}
+
+
+@pytest.mark.parametrize("changes", SIGHTED.values(), ids=SIGHTED)
 def test_the_information_approaches_the_exact_one_as_the_step_narrows(
     changes: dict[str, Any],
 ) -> None:
     problem = _problem(**changes)
-    exact = exact_information(problem)
-    off = [
-        np.abs(smooth_information(problem, width) - exact).max() / np.abs(exact).max()
-        for width in (0.1, 0.01, 1e-3, 1e-6)
-    ]
+    _, off = information_errors(problem)
     assert off[1] < 0.5 * off[0]
     assert off[2] < 0.03
     assert off[3] < 1e-5
@@ -122,10 +107,7 @@ def test_objective_gradients_are_those_of_finitedifferences(objective: str, sens
     value, sides = nlp.objective.value, nlp.sides_of(circles_of(problem.orbits))
     function = ca.Function("f", [nlp.variables], [value])
     slope = ca.Function("g", [nlp.variables, nlp.sides], [value, ca.gradient(value, nlp.variables)])
-    found = np.array((nlp.gradient or slope)(at, sides)[1]).ravel()
-    wanted = differences(function, at)[0]
-    assert np.all(np.isfinite(found))
-    np.testing.assert_allclose(found, wanted, atol=1e-6 * np.abs(wanted).max(), rtol=1e-5)
+    assert_slopes((nlp.gradient or slope)(at, sides)[1], function, at)
 
 
 CONVEX = [[-60.0, -60.0], [130.0, -60.0], [130.0, 130.0], [-60.0, 130.0]]
@@ -158,31 +140,25 @@ def test_the_sparse_jacobian_of_the_constraints_is_that_of_finitedifferences(
     assert set(np.sign(sides)) == {1.0, -1.0}
     values, jacobian = nlp.jacobian(at, sides)
     function = ca.Function("g", [nlp.variables, nlp.sides], [nlp.constraints])
-    wanted = differences(lambda moved: function(moved, sides), at)
     np.testing.assert_allclose(np.array(values), np.array(function(at, sides)))
-    np.testing.assert_allclose(
-        np.array(ca.DM(jacobian)), wanted, atol=1e-6 * np.abs(wanted).max(), rtol=1e-5
-    )
+    assert_slopes(jacobian, lambda moved: function(moved, sides), at)
 
 
 def _drawn_pair(generator: np.random.Generator, senses: list[str]) -> RefineProblem:
     radii = generator.uniform(5.0, 30.0, 2)
     away = radii.sum() + generator.uniform(-8.0, 12.0)
     turn = generator.uniform(0.0, 2.0 * np.pi)
-    given = plan(
-        small(
-            orbit=circling(
-                radius_m=radii.tolist(),
-                direction=senses,
-                desync_rad=generator.uniform(-3.0, 3.0, 2).tolist(),
-            ),
-            formation={
-                "centers_m": [[0.0, 0.0], [away * np.cos(turn), away * np.sin(turn)]],
-                "links": [],
-            },
-            min_separation_m=float(10.0 ** generator.uniform(-0.5, 1.2)),
+    given = planned(
+        orbit=circling(
+            radius_m=radii.tolist(),
+            direction=senses,
+            desync_rad=generator.uniform(-3.0, 3.0, 2).tolist(),
         ),
-        bound="never",
+        formation={
+            "centers_m": [[0.0, 0.0], [away * np.cos(turn), away * np.sin(turn)]],
+            "links": [],
+        },
+        min_separation_m=float(10.0 ** generator.uniform(-0.5, 1.2)),
     )
     return problem_of(given, options_for(given.scenario, None, {}))
 
@@ -233,45 +209,32 @@ def test_the_smooth_separation_of_opposite_senses_is_close_to_the_true_one() -> 
         assert ratio**2 - 0.08 <= float(value(moved)) <= ratio**2
 
 
-def _smooth_rms(problem: RefineProblem, width: float) -> Array:
-    run = coarse_run(problem)
-    team = SmoothTeam.of(problem, run.times)
-    circles = ca.MX.sym("X", 4, problem.orbits.count)
-    rms = smooth_rms(problem, run, team, circles, width).value
-    return (
-        np.array(ca.Function("r", [circles], [rms])(scaled_circles(problem))).ravel()
-        * problem.scale
-    )
-
-
-def _exact_rms(problem: RefineProblem) -> Array:
-    windows = find_windows(problem.team)
-    return posterior_bound(problem.team, windows, problem.duration).rms_second_half()
-
-
 def test_the_smooth_error_of_the_paper_grid_is_near_the_posterior_bound() -> None:
     given = plan(example("paper-grid-same"))
     problem = problem_of(given, options_for(given.scenario, None, {}))
-    np.testing.assert_allclose(_smooth_rms(problem, 0.02), _exact_rms(problem), rtol=0.01)
-
-
-def test_the_smooth_error_of_mixed_radii_is_near_the_posterior_bound() -> None:
-    # at phases that meet the rules: the smooth error's distance from the exact one depends on them
-    orbits = plan(small(**MIXED, sensor=UNEQUAL)).orbits
-    given = judge(small(**MIXED, sensor=VIEWS), orbits)
-    problem = replace(_problem_of(given), duration=120.0)
-    np.testing.assert_allclose(_smooth_rms(problem, 0.02), _exact_rms(problem), rtol=0.01)
+    exact = exact_rms(problem.team, problem.duration)
+    np.testing.assert_allclose(smooth_rms_of(problem), exact, rtol=0.01)
 
 
 @pytest.mark.parametrize(
-    "further", [{}, {"heading_sigma_rad": [0.05, 0.2, 0.1]}], ids=["distances", "and compasses"]
+    ("changes", "tolerance"),
+    [
+        ({"sensor": VIEWS}, 0.01),
+        # sightings that are few make a turn's coarse steps rougher than those of bearings alone
+        ({"sensor": FURTHER}, 0.03),
+        ({"sensor": FURTHER, "heading_sigma_rad": [0.05, 0.2, 0.1]}, 0.03),
+    ],
+    ids=["views", "distances", "and compasses"],
 )
-def test_the_smooth_error_counts_all_that_is_sighted(further: dict[str, Any]) -> None:
-    # sightings that are few make a turn's coarse steps rougher than those of bearings alone
+def test_the_smooth_error_of_mixed_radii_is_near_the_posterior_bound(
+    changes: dict[str, Any], tolerance: float
+) -> None:
+    # at phases that meet the rules: the smooth error's distance from the exact one depends on them
     orbits = plan(small(**MIXED, sensor=UNEQUAL)).orbits
-    given = judge(small(**MIXED, **further, sensor=FURTHER), orbits)
-    problem = replace(_problem_of(given), duration=120.0)
-    np.testing.assert_allclose(_smooth_rms(problem, 0.02), _exact_rms(problem), rtol=0.03)
+    problem = replace(_problem_of(judge(small(**MIXED, **changes), orbits)), duration=120.0)
+    np.testing.assert_allclose(
+        smooth_rms_of(problem), exact_rms(problem.team, problem.duration), rtol=tolerance
+    )
 
 
 @pytest.mark.parametrize(
@@ -290,15 +253,8 @@ def test_the_smooth_error_follows_radii_that_change(
     problem = _problem("predicted_rms", RADII, sensor=sensor, motion=motion)
     wider = circles_of(problem.orbits)
     wider[2] *= [1.15, 0.9, 1.1]
-    moved = replace(problem, team=problem.team.on(orbits_of(wider, problem.orbits)))
-    run = coarse_run(problem)
-    team = SmoothTeam.of(problem, run.times)
-    circles = ca.MX.sym("X", 4, 3)
-    rms = smooth_rms(problem, run, team, circles, 0.02).value
-    scaled = wider.copy()
-    scaled[:3] /= problem.scale
-    found = np.array(ca.Function("r", [circles], [rms])(scaled)).ravel() * problem.scale
-    np.testing.assert_allclose(found, _exact_rms(moved), rtol=tolerance)
+    exact = exact_rms(problem.team.on(orbits_of(wider, problem.orbits)), problem.duration)
+    np.testing.assert_allclose(smooth_rms_of(problem, wider), exact, rtol=tolerance)
 
 
 def test_variables_and_circles_are_each_others_inverse() -> None:

@@ -3,24 +3,17 @@
 from dataclasses import replace
 from typing import Any
 
-import casadi as ca
 import numpy as np
 import pytest
 
-from syncplan.arrays import Array
-from syncplan.estimation.bounds import posterior_bound
-from syncplan.orbits.contacts import find_windows
 from syncplan.planning.planner import judge, plan
 from syncplan.refinement.nlp import nlp_of
-from syncplan.refinement.problem import RefineProblem, Stage, circles_of
+from syncplan.refinement.problem import RefineProblem, circles_of
 from syncplan.refinement.problem_setup import problem_of
 from syncplan.refinement.refiner import options_for
-from syncplan.refinement.smooth_bound import coarse_run, smooth_rms
-from syncplan.refinement.smooth_team import SmoothTeam
 from tests.tools.scenarios import small
-from tests.tools.smooth_problems import MIXED, differences, scaled_circles
+from tests.tools.smooth_problems import MIXED, STAGE, assert_slopes, exact_rms, smooth_rms_of
 
-STAGE = Stage(samples=64, width=0.05, barrier=0.1, iterations=1, tolerance=1e-5, last=True)
 NOISE = {"speed_sigma_mps": 0.1, "turn_rate_sigma_rad_s": 0.01}
 
 BIASED = {"bearing_bias_sigma_rad": 0.1}
@@ -48,50 +41,28 @@ def _problem(sensor: dict[str, Any], changes: dict[str, Any], **refine: Any) -> 
     return problem_of(given, options_for(scenario, None, refine))
 
 
-def _rms(problem: RefineProblem) -> Array:
-    run = coarse_run(problem)
-    team = SmoothTeam.of(problem, run.times)
-    circles = ca.MX.sym("X", 4, problem.orbits.count)
-    rms = smooth_rms(problem, run, team, circles, 0.02).value
-    found = ca.Function("r", [circles], [rms])(scaled_circles(problem))
-    return np.array(found).ravel() * problem.scale
+CASES: dict[str, tuple[dict[str, Any], dict[str, Any], float]] = {
+    "wind": ({}, WIND, 0.01),
+    "gusts": ({}, GUSTS, 0.05),
+    "speed scales": ({}, SCALES, 0.01),
+    "turn-rate biases": ({}, TURNS, 0.005),
+    "bearing biases": (BIASED, {}, 0.01),
+    "bearing walks": (WALKING, {}, 0.03),
+    "compass": (BIASED, {"heading_sigma_rad": 0.2}, 0.01),
+    "all": (BIASED | WALKING, ALL, 0.05),
+}
 
 
-@pytest.mark.parametrize(
-    ("sensor", "changes", "tolerance"),
-    [
-        ({}, WIND, 0.01),
-        ({}, GUSTS, 0.05),
-        ({}, SCALES, 0.01),
-        ({}, TURNS, 0.005),
-        (BIASED, {}, 0.01),
-        (WALKING, {}, 0.03),
-        (BIASED, {"heading_sigma_rad": 0.2}, 0.01),
-        (BIASED | WALKING, ALL, 0.05),
-    ],
-    ids=[
-        "wind",
-        "gusts",
-        "speed scales",
-        "turn-rate biases",
-        "bearing biases",
-        "bearing walks",
-        "compass",
-        "all",
-    ],
-)
+@pytest.mark.parametrize(("sensor", "changes", "tolerance"), CASES.values(), ids=CASES)
 def test_the_smooth_error_with_errors_as_states_is_near_the_posterior_bound(
     sensor: dict[str, Any], changes: dict[str, Any], tolerance: float
 ) -> None:
     # how much larger the errors make it; the coarse steps alone leave 2 % to poses without errors
     problem = _problem(sensor, changes)
     poses = replace(problem.team, errors=replace(problem.team.errors, estimated=()))
-    exact, without = (
-        posterior_bound(team, find_windows(team), problem.duration).rms_second_half()
-        for team in (problem.team, poses)
-    )
+    exact, without = (exact_rms(team, problem.duration) for team in (problem.team, poses))
     assert exact.mean() > (1.0 + 3.0 * tolerance) * without.mean()
-    smooth = _rms(problem) / _rms(replace(problem, team=poses))
+    smooth = smooth_rms_of(problem) / smooth_rms_of(replace(problem, team=poses))
     np.testing.assert_allclose(smooth, exact / without, rtol=tolerance)
 
 
@@ -105,6 +76,4 @@ def test_the_gradient_with_all_errors_is_that_of_finite_differences() -> None:
     assert nlp.gradient is not None
     value, slope = nlp.gradient(at, sides)
     np.testing.assert_allclose(float(value), float(nlp.values(at, sides)[0]), rtol=1e-14)
-    wanted = differences(lambda moved: nlp.values(moved, sides)[0], at)[0]
-    found = np.array(slope).ravel()
-    np.testing.assert_allclose(found, wanted, atol=1e-6 * np.abs(wanted).max(), rtol=1e-5)
+    assert_slopes(slope, lambda moved: nlp.values(moved, sides)[0], at)

@@ -11,6 +11,7 @@ from syncplan.refinement.ipopt import SolverRun, StagedSolver, Steering
 from syncplan.refinement.measures import Measurement, measure
 from syncplan.refinement.refiner import refine
 from tests.tools.scenarios import small
+from tests.tools.smooth_problems import record_of
 
 
 @pytest.fixture(scope="module")
@@ -39,8 +40,7 @@ def test_once_time_is_over_the_sharpest_candidate_that_passes_is_enough(
     pair: Plan, measured: list[int]
 ) -> None:
     better = refine(pair, starts=1, workers=1, time_limit_s=1e-6)
-    assert better.refinement is not None
-    assert better.refinement.cut_short
+    assert record_of(better).cut_short
     assert len(measured) == 1
 
 
@@ -61,5 +61,4 @@ def test_the_time_includes_the_measurement_of_the_plan_itself(
     monkeypatch.setattr("syncplan.refinement.refiner.measure", slowly)
     monkeypatch.setattr(time, "monotonic", lambda: real() + now[0])
     better = refine(pair, starts=1, workers=1, time_limit_s=500.0)
-    assert better.refinement is not None
-    assert better.refinement.cut_short
+    assert record_of(better).cut_short

@@ -30,11 +30,33 @@ def hull_of(corners: Any) -> Array:
     return np.array(hull.exterior.coords)[:-1]
 
 
+def path(center: Any, radius: float) -> Array:
+    """(2, SAMPLES) points along a circle."""
+    angle = np.linspace(0.0, 2.0 * np.pi, SAMPLES, endpoint=False)
+    return np.reshape(center, (2, 1)) + radius * np.array([np.cos(angle), np.sin(angle)])
+
+
 def crosses(polygon: Array, center: Any, radius: float) -> bool:
     """Whether any of many points on the path is inside the polygon: one that touches it is not."""
-    angle = np.linspace(0.0, 2.0 * np.pi, SAMPLES, endpoint=False)
-    x, y = np.reshape(center, (2, 1)) + radius * np.array([np.cos(angle), np.sin(angle)])
-    return bool(shapely.contains_xy(shapely.Polygon(polygon), x, y).any())
+    return bool(shapely.contains_xy(shapely.Polygon(polygon), *path(center, radius)).any())
+
+
+@given(CORNERS, PLACES, RADII)
+@known(INNER, (0.0, 0.0), 20.0)
+@known([(10.0, -5.0), (30.0, -5.0), (30.0, 5.0), (10.0, 5.0)], (0.0, 0.0), 20.0)
+def test_a_path_is_clear_of_a_polygon_by_what_its_points_are(
+    corners: Any, center: Any, radius: float
+) -> None:
+    polygon = hull_of(corners)
+    points = shapely.points(path(center, radius).T)
+    sampled = float(shapely.distance(points, shapely.Polygon(polygon)).min())
+    ((clear,),) = Area(None, (polygon,)).path_clearances(np.array([center]), np.array([radius]))
+    # between two samples a path comes nearer by less than half an arc
+    slack = radius * np.pi / SAMPLES
+    if clear > 0.0:
+        assert clear - 1e-9 <= sampled <= clear + slack
+    else:
+        assert sampled <= slack
 
 
 @given(CORNERS, PLACES, RADII)
@@ -46,15 +68,15 @@ def test_a_disc_clears_a_keep_out_where_its_path_does_and_it_does_not_go_round_i
     polygon = hull_of(corners)
     area = Area(None, (polygon,))
     centers, radii = np.array([center]), np.array([radius])
-    disc, ((path,),) = area.clearances(centers, radii)[0], area.path_clearances(centers, radii)
+    disc, ((clear,),) = area.clearances(centers, radii)[0], area.path_clearances(centers, radii)
     (round_it,) = area.goes_round(0, centers, radii)
-    if path <= 0.0:
+    if clear <= 0.0:
         assert disc <= 0.0
     elif round_it:
         assert disc < 0.0
         assert np.all(np.hypot(*(polygon - center).T) < radius)
     else:
-        assert disc == path
+        assert disc == clear
 
 
 @given(CORNERS, PLACES, RADII)

@@ -1,20 +1,22 @@
 """Phases against the paper's rules, brute force, and the relaxation's bound."""
 
 import itertools
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from syncplan.orbits.circles import Orbits, heading, position, wrap
-from syncplan.orbits.contacts import closest_approach, pairs_nearer_than
+from syncplan.orbits.circles import Orbits
+from syncplan.orbits.contacts import circle_gaps, closest_approach, pairs_nearer_than
 from syncplan.orbits.graphs import odd_cycle, two_colouring
 from syncplan.planning.planner import plan
 from syncplan.scenario.formations import SHAPES
 from syncplan.synchronisation.phase_rules import closest_distance, residuals, rules_of
 from syncplan.synchronisation.phases import Synchronisation, alternating_senses, synchronise
-from tests.tools.scenarios import circling, document, example, small
+from tests.tools.phase_teams import cameras, largest_margin_apart, meet_when_shifted, team_of
+from tests.tools.scenarios import circling, example, planned, small
 
 Array = np.ndarray
 
@@ -96,28 +98,6 @@ def test_a_triangle_alternates_all_but_one_link() -> None:
     assert made.alternating_proven
 
 
-def test_three_phases_reach_what_a_grid_search_finds() -> None:
-    scenario = example("triangle-alternate")
-    made = plan(scenario)
-    orbits, reach = made.orbits, np.full(3, 50.0)
-    pairs = np.array([[0, 1], [1, 2], [0, 2]])
-    rules = rules_of(orbits, reach, pairs)
-    steps = np.linspace(0.0, 2.0 * np.pi, 240, endpoint=False)
-    best = -np.inf
-    for second in steps:
-        theta = np.stack([np.zeros(240), np.full(240, second), steps], axis=1)
-        margin = np.min(
-            [50.0 - closest_distance(rules, residuals(rules, row)) for row in theta], axis=1
-        )
-        best = max(best, float(margin.max()))
-    found = made.synchronisation
-    assert found is not None
-    assert found.margin is not None
-    assert found.bound is not None
-    assert best - 1e-9 <= found.margin <= found.bound + 1e-6
-    assert found.margin - best < 0.3  # the grid's spacing is 1.5 degrees
-
-
 @pytest.mark.parametrize(
     ("shape", "count", "columns", "spacing"), [("hex", 10, 4, 70.0), ("ring", 7, None, 72.0)]
 )
@@ -161,7 +141,7 @@ def test_links_that_cannot_all_be_served_are_dropped_with_a_reason() -> None:
 
 def test_no_link_is_dropped_when_phases_exist_that_serve_all() -> None:
     for spacing in (74.0, 80.0, 84.0):
-        made = plan(small(formation={"shape": "ring", "count": 3, "spacing_m": spacing}))
+        made = planned(formation={"shape": "ring", "count": 3, "spacing_m": spacing})
         # three phases 120 degrees apart come to spacing - 34.64 m
         served = spacing - 20.0 * np.sqrt(3.0) <= 50.0
         assert (len(made.dropped_links) == 0) == served
@@ -176,13 +156,6 @@ def test_separation_bounds_what_phases_may_choose(separation: float) -> None:
     assert least.max() <= 50.0
 
 
-def test_overlapping_circles_are_kept_apart() -> None:
-    made = plan(small(formation={"centers_m": [[0, 0], [30, 0], [15, 26]]}, min_separation_m=12.0))
-    assert not made.too_close
-    assert made.approach is not None
-    assert made.approach.distance >= 12.0
-
-
 def test_an_odd_ring_keeps_its_separation_and_most_of_its_margin() -> None:
     centers = SHAPES["ring"].centers(5, 72.0)
     pairs = np.array([[0, 1], [1, 2], [2, 3], [3, 4], [0, 4]])
@@ -195,20 +168,16 @@ def test_an_odd_ring_keeps_its_separation_and_most_of_its_margin() -> None:
 
 
 def test_a_plan_that_breaks_separation_says_between_whom_and_when() -> None:
-    made = plan(
-        small(
-            formation={"centers_m": [[0, 0], [10, 0]], "links": []},
-            min_separation_m=15.0,
-            orbit=circling(direction=["ccw", "cw"]),
-        )
+    made = planned(
+        formation={"centers_m": [[0, 0], [10, 0]], "links": []},
+        min_separation_m=15.0,
+        orbit=circling(direction=["ccw", "cw"]),
     )
     assert made.too_close or (made.approach is not None and made.approach.distance >= 15.0)
-    impossible = plan(
-        small(
-            formation={"centers_m": [[0, 0], [0, 0]], "links": []},
-            min_separation_m=15.0,
-            orbit=circling(radius_m=[20.0, 21.0], direction=["ccw", "cw"]),
-        )
+    impossible = planned(
+        formation={"centers_m": [[0, 0], [0, 0]], "links": []},
+        min_separation_m=15.0,
+        orbit=circling(radius_m=[20.0, 21.0], direction=["ccw", "cw"]),
     )
     assert len(impossible.too_close) == 1
     close = impossible.too_close[0]
@@ -238,8 +207,7 @@ def test_the_least_distance_of_a_residual_is_that_of_the_orbits(seed: int) -> No
     orbits = Orbits(centers, radii, senses, phases, 1.0)
     rules = rules_of(orbits, np.full(2, 50.0), pairs)
     closed = float(closest_distance(rules, residuals(rules, senses * phases))[0])
-    exact = closest_approach(orbits)
-    assert exact is not None
+    (exact,) = pairs_nearer_than(orbits, np.inf)
     tau = np.linspace(0.0, 2.0 * np.pi, 20001)[:, None]
     places = centers + radii[:, None] * np.stack(
         [np.cos(phases + senses * tau), np.sin(phases + senses * tau)], axis=-1
@@ -283,15 +251,6 @@ def test_the_number_of_alternating_links_is_the_largest(seed: int) -> None:
     assert senses[0] == 1.0
 
 
-def test_vehicles_that_share_a_circle_share_their_sense() -> None:
-    scenario = small(
-        formation={"centers_m": [[0, 0], [0, 0], [70, 0]]}, orbit=circling(direction="alternate")
-    )
-    made = plan(scenario)
-    assert made.orbits.senses[0] == made.orbits.senses[1]
-    assert made.orbits.senses[2] != made.orbits.senses[0]
-
-
 @given(st.integers(0, 2**32 - 1))
 def test_a_graph_has_two_colours_or_an_odd_cycle(seed: int) -> None:
     generator = np.random.default_rng(seed)
@@ -309,11 +268,9 @@ def test_a_graph_has_two_colours_or_an_odd_cycle(seed: int) -> None:
 
 
 def test_a_mixed_team_takes_each_link_by_its_two_senses() -> None:
-    made = plan(
-        small(
-            formation={"shape": "line", "count": 3, "spacing_m": 70.0},
-            orbit=circling(direction=["ccw", "ccw", "cw"]),
-        )
+    made = planned(
+        formation={"shape": "line", "count": 3, "spacing_m": 70.0},
+        orbit=circling(direction=["ccw", "ccw", "cw"]),
     )
     assert [link.min_distance for link in made.links] == pytest.approx([30.0, 30.0])
     turns = made.orbits.senses.tolist()
@@ -332,27 +289,32 @@ def test_an_even_cycle_that_does_not_close_shares_its_residual() -> None:
     assert not made.dropped_links
 
 
-def test_the_document_helper_makes_a_valid_scenario() -> None:
-    assert small().size == len(document()["formation"]["centers_m"])
-
-
-@pytest.mark.parametrize("count", [2, 3, 4, 5])
-def test_vehicles_on_one_circle_spread_out(count: int) -> None:
-    made = plan(small(formation={"centers_m": [[0, 0]] * count}))
+@pytest.mark.parametrize(
+    ("count", "reach", "least"),
+    [*((n, 50.0, 36.0 * np.sin(np.pi / n)) for n in (2, 3, 4, 5)), (2, 15.0, 3.0), (3, 15.0, 3.0)],
+)
+def test_vehicles_on_one_circle_spread_out_and_keep_in_contact(
+    count: int, reach: float, least: float
+) -> None:
+    made = planned(formation={"centers_m": [[0, 0]] * count}, sensor={"range_m": reach})
     assert made.approach is not None
-    even = 40.0 * np.sin(np.pi / count)
-    assert made.approach.distance > 0.9 * even
+    assert made.approach.distance > least
     assert not made.dropped_links
+    assert len(made.links) == count * (count - 1) // 2
+    assert all(link.tolerance > 0.03 for link in made.links)
 
 
-def test_circles_are_shared_whatever_lies_between_them_in_order() -> None:
-    made = plan(
-        small(
-            formation={"centers_m": [[0, 0], [50, 0], [0, 0]]},
-            orbit=circling(radius_m=[20.0, 20.0 + 1e-12, 20.0 + 2e-12], direction="alternate"),
-        )
-    )
-    assert made.orbits.senses[0] == made.orbits.senses[2]
+@pytest.mark.parametrize(
+    ("centers", "senses"),
+    [([[0, 0], [0, 0]], [1.0, 1.0]), ([[0, 0], [50, 0], [0, 0]], [1.0, -1.0, 1.0])],
+)
+def test_vehicles_that_share_a_circle_share_their_sense_in_any_order(
+    centers: list[list[float]], senses: list[float]
+) -> None:
+    radii = [20.0 + 1e-12 * k for k in range(len(centers))]
+    orbit = circling(radius_m=radii, direction="alternate")
+    made = planned(formation={"centers_m": centers}, orbit=orbit)
+    assert made.orbits.senses.tolist() == senses
 
 
 def test_a_grid_of_a_thousand_has_its_least_separation_between_neighbours() -> None:
@@ -363,16 +325,6 @@ def test_a_grid_of_a_thousand_has_its_least_separation_between_neighbours() -> N
     nearest = closest_approach(orbits)
     assert nearest is not None
     assert abs(nearest.distance - 30.0) < 1e-9
-
-
-def test_vehicles_on_one_circle_keep_in_contact_with_room_to_spare() -> None:
-    for count in (2, 3):
-        made = plan(small(formation={"centers_m": [[0, 0]] * count}, sensor={"range_m": 15.0}))
-        assert not made.dropped_links
-        assert len(made.links) == count * (count - 1) // 2
-        assert all(link.tolerance > 0.03 for link in made.links)
-        assert made.approach is not None
-        assert made.approach.distance > 3.0
 
 
 @pytest.mark.parametrize(
@@ -386,40 +338,19 @@ def test_vehicles_on_one_circle_keep_in_contact_with_room_to_spare() -> None:
 def test_contact_of_crossing_circles_does_not_hang_on_its_limit(
     centers: list[list[float]], radii: list[float], reach: float
 ) -> None:
-    made = plan(
-        small(
-            formation={"centers_m": centers},
-            orbit=circling(radius_m=radii),
-            sensor={"range_m": reach},
-        )
+    made = planned(
+        formation={"centers_m": centers},
+        orbit=circling(radius_m=radii),
+        sensor={"range_m": reach},
     )
     assert made.links[0].tolerance > 0.05
 
 
-def test_separation_holds_between_components_of_opposite_senses() -> None:
-    centers = [[0, 0], [70, 0], [13.562158, 35.594416], [90.463662, 59.271268]]
-    for first in (0.0, 2.0, 5.893433):
-        made = plan(
-            small(
-                formation={"centers_m": centers, "links": [["v1", "v2"], ["v3", "v4"]]},
-                orbit=circling(direction=["ccw", "ccw", "cw", "cw"], first_phase_rad=first),
-                min_separation_m=8.0,
-            )
-        )
-        assert made.approach is not None
-        assert made.approach.distance >= 8.0
-        assert len(made.links) == 2
-
-
 def test_a_pair_that_nothing_keeps_apart_costs_the_others_nothing() -> None:
-    made = plan(
-        small(
-            formation={"centers_m": [[0, 0], [0, 0], [200, 0], [270, 0]], "links": [["v3", "v4"]]},
-            orbit=circling(
-                radius_m=[20.0, 21.0, 20.0, 20.0], direction=["ccw", "cw", "ccw", "ccw"]
-            ),
-            min_separation_m=5.0,
-        )
+    made = planned(
+        formation={"centers_m": [[0, 0], [0, 0], [200, 0], [270, 0]], "links": [["v3", "v4"]]},
+        orbit=circling(radius_m=[20.0, 21.0, 20.0, 20.0], direction=["ccw", "cw", "ccw", "ccw"]),
+        min_separation_m=5.0,
     )
     assert len(made.links) == 1
     assert abs(made.links[0].min_distance - 30.0) < 1e-6
@@ -428,12 +359,12 @@ def test_a_pair_that_nothing_keeps_apart_costs_the_others_nothing() -> None:
 
 def test_the_first_vehicle_starts_at_its_phase_whatever_its_sense() -> None:
     for senses in (["cw", "cw"], ["cw", "ccw"]):
-        made = plan(small(orbit=circling(direction=senses, first_phase_rad=0.7)))
+        made = planned(orbit=circling(direction=senses, first_phase_rad=0.7))
         assert abs(made.orbits.phases[0] - 0.7) < 1e-12
 
 
 def test_the_longer_of_two_ranges_makes_the_link() -> None:
-    made = plan(small(sensor=[{"range_m": 5.0}, {"range_m": 50.0}]))
+    made = planned(sensor=[{"range_m": 5.0}, {"range_m": 50.0}])
     assert len(made.links) == 1
     assert made.links[0].forward.size == 0
     assert made.links[0].backward.size == 2
@@ -450,20 +381,17 @@ def test_three_linked_vehicles_reach_brute_force_and_stay_below_the_bound(seed: 
     corner = sides[1] * np.array([np.cos(angle), np.sin(angle)])
     centers = np.array([[0.0, 0.0], [sides[0], 0.0], corner])
     radii = generator.uniform(15.0, 24.0, 3) if seed % 2 else np.full(3, 20.0)
-    senses = generator.choice([-1.0, 1.0], 3)
-    pairs, reach = np.array([[0, 1], [1, 2], [0, 2]]), np.full(3, 100.0)
-    found = synchronise(centers, radii, senses, reach, pairs, 0.3)
-    rules = rules_of(Orbits(centers, radii, senses, np.zeros(3), 1.0), reach, pairs)
-    steps = np.linspace(-np.pi, np.pi, 90, endpoint=False)
-    second, third = (grid.ravel() for grid in np.meshgrid(steps, steps))
-    residual = np.stack(
-        [-second - rules.offset[0], second - third - rules.offset[1], -third - rules.offset[2]]
+    team = team_of(
+        centers,
+        np.array([[0, 1], [1, 2], [0, 2]]),
+        cameras(3, 100.0, 2.0 * np.pi, 0.0),
+        radii=radii,
+        senses=generator.choice([-1.0, 1.0], 3),
     )
-    best = float(np.max(np.min(reach[:, None] - closest_distance(rules, residual), axis=0)))
+    found, best = team.synchronised(margin_bound=True), largest_margin_apart(team)
     assert found.margin is not None
-    crossing = np.any(rules.distance < rules.radius_a + rules.radius_b)
-    if not crossing:
-        assert found.margin >= best - 0.3
+    if circle_gaps(centers, radii, team.pairs).min() > 0.0:
+        assert found.margin >= best - 0.05
     if found.bound is not None:
         # the relaxation's solver stops at relative gaps of 1e-8, seen up to 3e-6 m here
         assert found.bound >= best - 1e-4
@@ -489,46 +417,47 @@ def test_the_phase_tolerance_is_where_contact_is_lost(seed: int) -> None:
         return
     tolerance = made.links[0].tolerance
 
-    def met(slip: float) -> bool:
-        orbits = made.orbits
-        late = Orbits(
-            orbits.centers,
-            orbits.radii,
-            orbits.senses,
-            orbits.phases + np.array([0.0, slip]),
-            orbits.rate,
-        )
-        tau = np.linspace(0.0, orbits.period, 4000)
-        places = position(late, tau)
-        for a, b in ((0, 1), (1, 0)):
-            away = places[:, b] - places[:, a]
-            bearing = np.arctan2(away[:, 1], away[:, 0]) - heading(late, tau)[:, a]
-            near = np.hypot(*away.T) <= 50.0
-            if np.any(near & (np.abs(wrap(bearing)) <= np.radians(view) / 2.0)):
-                return True
-        return False
-
     for slip in np.linspace(0.0, 0.97 * tolerance, 12):
-        assert met(slip)
-        assert met(-slip)
+        assert meet_when_shifted(made, slip)
+        assert meet_when_shifted(made, -slip)
     if tolerance < np.pi - 0.1:
-        assert not (met(tolerance + 0.03) and met(-tolerance - 0.03))
+        beyond = (tolerance + 0.03, -tolerance - 0.03)
+        assert not all(meet_when_shifted(made, slip) for slip in beyond)
 
 
-def test_unlisted_pairs_are_kept_apart_too() -> None:
-    # v1-v2 and v3-v4 are linked; v1 and v3 pass each other at 7 m unless phases prevent it
-    for first in np.linspace(0.0, 6.0, 9):
-        made = plan(
-            small(
-                formation={
-                    "centers_m": [[0, 0], [70, 0], [0, 47], [70, 117]],
-                    "links": [["v1", "v2"], ["v3", "v4"]],
-                },
-                orbit=circling(direction=["ccw", "ccw", "cw", "ccw"], first_phase_rad=float(first)),
-                sensor={"range_m": 70.0},
-                min_separation_m=10.0,
-            )
+@pytest.mark.parametrize(
+    ("centers", "links", "directions", "reach", "least"),
+    [
+        # v1-v2 and v3-v4 are linked; v1 and v3 pass each other at 7 m unless phases prevent it
+        (
+            [[0, 0], [70, 0], [0, 47], [70, 117]],
+            [["v1", "v2"], ["v3", "v4"]],
+            ["ccw", "ccw", "cw", "ccw"],
+            70.0,
+            10.0,
+        ),
+        (
+            [[0, 0], [70, 0], [13.562158, 35.594416], [90.463662, 59.271268]],
+            [["v1", "v2"], ["v3", "v4"]],
+            ["ccw", "ccw", "cw", "cw"],
+            50.0,
+            8.0,
+        ),
+        ([[0, 0], [30, 0], [15, 26]], None, "ccw", 50.0, 12.0),
+    ],
+    ids=["unlisted pairs", "components of opposite senses", "overlapping circles"],
+)
+def test_separation_holds_whoever_is_linked(
+    centers: Any, links: Any, directions: Any, reach: float, least: float
+) -> None:
+    for first in (0.0, 0.75, 2.0, 3.0, 4.5, 5.893433):
+        made = planned(
+            formation={"centers_m": centers, "links": links},
+            orbit=circling(direction=directions, first_phase_rad=first),
+            sensor={"range_m": reach},
+            min_separation_m=least,
         )
+        assert not made.too_close
         assert made.approach is not None
-        assert made.approach.distance >= 10.0
-        assert len(made.links) == 2
+        assert made.approach.distance >= least
+        assert links is None or len(made.links) == 2

@@ -5,14 +5,6 @@ from dataclasses import replace
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.observability.rank import (
-    Certificate,
-    Observability,
-    assess,
-    certify,
-    link_information,
-    lone_rows,
-)
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.error_states import ERROR_STATES
@@ -141,15 +133,6 @@ def sightings_of(team: Team, last_step: int) -> Sightings:
     """Return what the team sees from step 0 to `last_step`."""
     windows = find_windows(team)
     return sample_sightings(windows, team.orbits.period, team.sensors, 0, last_step)
-
-
-def judge_team(team: Team) -> tuple[Certificate, Observability]:
-    """Return the certificate and the verdict over one period."""
-    last = int(np.ceil(team.orbits.period / team.sensors.sample_time - 1e-9)) - 1
-    sightings = sightings_of(team, last)
-    links = link_information(team, sightings)
-    verdict = assess(team, links, lone_rows(team, sightings))
-    return certify(team, verdict, links), verdict
 
 
 def _tiny(generator: np.random.Generator, count: int) -> Array:

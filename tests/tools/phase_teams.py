@@ -1,14 +1,15 @@
 """Small teams whose phases are chosen, and the best phases of all by brute force."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index, as_pairs
 from syncplan.orbits.circles import Orbits
-from syncplan.orbits.contacts import circle_gaps
+from syncplan.orbits.contacts import circle_gaps, find_windows
 from syncplan.orbits.team import Sensors, Team
+from syncplan.planning.planner import Plan
 from syncplan.synchronisation.contact_tables import contact_of_pairs, seeing_team
 from syncplan.synchronisation.phase_rules import closest_distance, rules_of
 from syncplan.synchronisation.phases import Synchronisation, synchronise
@@ -135,6 +136,14 @@ def draw_seeing(generator: np.random.Generator, *, tree: bool) -> PhaseTeam:
         radii=radii,
         senses=1.0 if one_sense else generator.choice([-1.0, 1.0], count),
     )
+
+
+def meet_when_shifted(made: Plan, slip: float) -> bool:
+    """Return whether the first two vehicles see each other with the second's phase slipped, rad."""
+    phases = made.orbits.phases + slip * (np.arange(made.orbits.count) == 1)
+    pair = np.array([0, 1])
+    windows = find_windows(made.team.on(replace(made.orbits, phases=phases)), (pair, pair[::-1]))
+    return bool(len(windows.starts))
 
 
 # --- contact --------------------------------------------------------------------------------------

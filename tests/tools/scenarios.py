@@ -3,6 +3,8 @@
 from pathlib import Path
 from typing import Any
 
+from syncplan.planning.judged_team import PlanFinding
+from syncplan.planning.planner import Plan, plan
 from syncplan.scenario.loading import load_scenario, scenario_from
 from syncplan.scenario.specification import Scenario
 
@@ -34,6 +36,11 @@ def document(**changes: Any) -> dict[str, Any]:
 def small(**changes: Any) -> Scenario:
     """Return the scenario of `document(**changes)`."""
     return scenario_from(document(**changes))
+
+
+def planned(**changes: Any) -> Plan:
+    """Return the plan of `small(**changes)`, its errors not predicted."""
+    return plan(small(**changes), bound="never")
 
 
 def shared_circles(per_circle: int) -> dict[str, Any]:
@@ -74,3 +81,8 @@ def changed(name: str, **keys: Any) -> Scenario:
         merged = isinstance(value, dict)
         base[key] = {**base.get(key, {}), **value} if merged else value
     return scenario_from(base)
+
+
+def findings_of(judged: Plan, code: str) -> list[PlanFinding]:
+    """Return the findings of a plan that have this code."""
+    return [one for one in judged.verdict.findings if one.code == code]

@@ -1,4 +1,4 @@
-"""What the solver sees of a refinement problem, and the same by the exact code and differences."""
+"""What the solver sees of a refinement problem, and the same by the exact code."""
 
 from collections.abc import Callable
 from typing import Any
@@ -7,10 +7,16 @@ import casadi as ca
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.observability.referred_rows import sighting_rows
+from syncplan.estimation.bounds import posterior_bound
+from syncplan.observability.referred_rows import dense_rows, state_rows
 from syncplan.orbits.contacts import find_windows
+from syncplan.orbits.error_states import layout_of
 from syncplan.orbits.sightings import sightings_over
-from syncplan.refinement.problem import RefineProblem, circles_of, samples_of
+from syncplan.orbits.team import Team
+from syncplan.planning.plan_records import RefinementRecord
+from syncplan.planning.planner import Plan
+from syncplan.refinement.problem import RefineProblem, Stage, circles_of, samples_of
+from syncplan.refinement.smooth_bound import coarse_run, smooth_rms
 from syncplan.refinement.smooth_team import SmoothTeam
 
 MIXED: dict[str, Any] = {
@@ -28,12 +34,21 @@ MIXED: dict[str, Any] = {
 }
 """Three vehicles of unequal circles and both senses, three landmarks; without sensors."""
 
+STAGE = Stage(samples=64, width=0.05, barrier=0.1, iterations=1, tolerance=1e-5, last=True)
+"""A stage of the solver."""
 
-def scaled_circles(problem: RefineProblem) -> Array:
-    """Return the plan's circles (4, n), lengths in its mean radius."""
-    circles = circles_of(problem.orbits)
-    circles[:3] /= problem.scale
-    return circles
+
+def record_of(refined: Plan) -> RefinementRecord:
+    """Return the record of a plan that was refined."""
+    assert refined.refinement is not None
+    return refined.refinement
+
+
+def scaled_circles(problem: RefineProblem, circles: Array | None = None) -> Array:
+    """Return circles (4, n), or the plan's, with lengths in its mean radius."""
+    scaled = circles_of(problem.orbits) if circles is None else circles.copy()
+    scaled[:3] /= problem.scale
+    return scaled
 
 
 def smooth_information(problem: RefineProblem, width: float, most: int = 10_000) -> Array:
@@ -46,26 +61,46 @@ def smooth_information(problem: RefineProblem, width: float, most: int = 10_000)
 
 
 def exact_information(problem: RefineProblem) -> Array:
-    """Return the windowed information (3 n, 3 n) of the plan's sightings, row by row."""
-    team, n = problem.team, problem.orbits.count
+    """Return the windowed information (3 n, 3 n) of the plan's sightings."""
+    team, poses = problem.team, layout_of(problem.team, [])
     seen = sightings_over(team, find_windows(team), problem.window)
-    total = np.zeros((3 * n, 3 * n))
-    rows = sighting_rows(team, seen)
-    for row, observer, target in zip(rows, seen.observers, seen.targets, strict=True):
-        dense = np.zeros(3 * n)
-        dense[3 * observer : 3 * observer + 3] += row[:3]
-        if target < n:
-            dense[3 * target : 3 * target + 3] += row[3:]
-        total += np.outer(dense, dense)
-    return total
+    rows = dense_rows(state_rows(team, seen, poses), poses.size)
+    return np.asarray(rows.T @ rows)
 
 
-def differences(function: Callable[[Array], Any], at: Array, step: float = 1e-6) -> Array:
-    """Return (outputs, variables) the slopes by central differences."""
+def information_errors(problem: RefineProblem) -> tuple[Array, list[float]]:
+    """Return the exact information, and by what share of it narrower and narrower steps are off."""
+    exact = exact_information(problem)
+    off = [
+        float(np.abs(smooth_information(problem, width) - exact).max() / np.abs(exact).max())
+        for width in (0.1, 0.01, 1e-3, 1e-6)
+    ]
+    return exact, off
+
+
+def smooth_rms_of(problem: RefineProblem, circles: Array | None = None) -> Array:
+    """Return (n,) the smooth error in m of circles (4, n), or of the plan's."""
+    run = coarse_run(problem)
+    team = SmoothTeam.of(problem, run.times)
+    symbols = ca.MX.sym("X", 4, problem.orbits.count)
+    rms = smooth_rms(problem, run, team, symbols, 0.02).value
+    found = ca.Function("r", [symbols], [rms])(scaled_circles(problem, circles))
+    return np.array(found).ravel() * problem.scale
+
+
+def exact_rms(team: Team, duration: float) -> Array:
+    """Return (n,) the error in m by the posterior bound."""
+    return posterior_bound(team, find_windows(team), duration).rms_second_half()
+
+
+def assert_slopes(found: Any, function: Callable[[Array], Any], at: Array) -> None:
+    """Check slopes (outputs, variables) against central differences."""
     columns = []
-    for k in range(len(at)):
-        shift = np.zeros(len(at))
-        shift[k] = step
-        up, down = (np.array(function(at + sign * shift)).ravel() for sign in (1.0, -1.0))
-        columns.append((up - down) / (2.0 * step))
-    return np.array(columns).T
+    for step in 1e-6 * np.eye(len(at)):
+        up, down = (np.array(function(at + sign * step)).ravel() for sign in (1.0, -1.0))
+        columns.append((up - down) / 2e-6)
+    wanted, slopes = np.array(columns).T, np.array(ca.DM(found))
+    assert np.all(np.isfinite(slopes))
+    np.testing.assert_allclose(
+        slopes.reshape(wanted.shape), wanted, atol=1e-6 * np.abs(wanted).max(), rtol=1e-5
+    )
