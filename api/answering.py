@@ -13,6 +13,7 @@ import re
 import time
 import uuid
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 
 from fastapi import FastAPI
 from starlette.datastructures import Headers
@@ -24,7 +25,6 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from api.failures import TABLE, answer_to, failure_of, problem_answer, route_template
 from api.logs import REQUEST_ID
 from api.metrics import Metrics
-from api.problems import document_problems
 
 REQUEST_LOGGER = "api.requests"
 PROBES = frozenset({"/healthz", "/readyz", "/metrics"})
@@ -89,13 +89,13 @@ def answer_requests(
     app.add_middleware(
         Answering, metrics=metrics, body_limit_bytes=body_limit_bytes, larger=larger or {}
     )
-    document_problems(app)
 
 
 async def _unlogged(request: Request, error: Exception) -> Response:
     return problem_answer(request, failure_of(error))
 
 
+@dataclass(frozen=True, slots=True)
 class Answering:
     """ASGI middleware, outermost: no exception escapes it, no body exceeds the limit.
 
@@ -104,13 +104,10 @@ class Answering:
     answered, and a stream stays in flight until it ends.
     """
 
-    def __init__(
-        self, app: ASGIApp, metrics: Metrics, body_limit_bytes: int, larger: Mapping[str, int]
-    ) -> None:
-        self.app = app
-        self.metrics = metrics
-        self.limit = body_limit_bytes
-        self.larger = larger
+    app: ASGIApp
+    metrics: Metrics
+    body_limit_bytes: int
+    larger: Mapping[str, int]
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer one request, whatever happens inside; anything but HTTP goes through untouched."""
@@ -121,7 +118,7 @@ class Answering:
         request_id = given if _SANE.fullmatch(given) else uuid.uuid4().hex
         scope.setdefault("state", {})["request_id"] = request_id
         token = REQUEST_ID.set(request_id)
-        limit = self.larger.get(scope["path"], self.limit)
+        limit = self.larger.get(scope["path"], self.body_limit_bytes)
         exchange = _Exchange(scope, receive, send, self.metrics, request_id.encode(), limit)
         with self.metrics.in_flight.track_inprogress():
             try:
@@ -131,29 +128,21 @@ class Answering:
                 REQUEST_ID.reset(token)
 
 
+@dataclass(slots=True, eq=False)
 class _Exchange:
     """A request and its answer, as they pass."""
 
-    def __init__(
-        self,
-        scope: Scope,
-        receive: Receive,
-        send: Send,
-        metrics: Metrics,
-        request_id: bytes,
-        limit: int,
-    ) -> None:
-        self.scope = scope
-        self._receive = receive
-        self._send = send
-        self._metrics = metrics
-        self._request_id = request_id
-        self._limit = limit
-        self._started = time.perf_counter()
-        self._taken = 0
-        self._status: int | None = None
-        self._sent = 0
-        self._complete = False
+    scope: Scope
+    _receive: Receive
+    _send: Send
+    _metrics: Metrics
+    _request_id: bytes
+    _limit: int
+    _started: float = field(default_factory=time.perf_counter)
+    _taken: int = 0
+    _status: int | None = None
+    _sent: int = 0
+    _complete: bool = False
 
     async def run(self, app: ASGIApp) -> None:
         """Answer with what the application sends, or the problem that it has."""

@@ -117,14 +117,14 @@ def body_kind(request: Request) -> Literal["json", "yaml"]:
         raise _unsupported("no Content-Type", f"the body must be {_BODIES}")
     medium, *parameters = (piece.strip() for piece in given[0].split(";"))
     medium = medium.lower()
-    kind = _kind(medium)
-    if len(given) > 1 or kind is None:
+    is_json = _JSON.fullmatch(medium) is not None
+    if len(given) > 1 or not (is_json or medium in _YAML):
         raise _unsupported(", ".join(given), f"the body must be {_BODIES}")
     for parameter in parameters:
         name, _, value = parameter.partition("=")
         if name.strip().lower() == "charset" and value.strip(' "').lower() not in _UTF8:
             raise _unsupported(given[0], f"the body must be {_BODIES}")
-    return kind
+    return "json" if is_json else "yaml"
 
 
 def check_archive(request: Request) -> None:
@@ -143,12 +143,6 @@ def _check_coding(request: Request) -> None:
     coding = request.headers.get("content-encoding", "identity").strip().lower()
     if coding not in ("", "identity"):
         raise _unsupported(f"Content-Encoding {coding}", "the body must not be compressed")
-
-
-def _kind(medium: str) -> Literal["json", "yaml"] | None:
-    if _JSON.fullmatch(medium):
-        return "json"
-    return "yaml" if medium in _YAML else None
 
 
 def _unsupported(what: str, allowed: str) -> ServiceError:

@@ -13,8 +13,8 @@ evenly; after that moment it takes the connection, whatever keeps the other.
 import logging
 import mmap
 import os
+import resource
 import struct
-import sys
 import tempfile
 from collections import Counter
 from collections.abc import Callable
@@ -40,7 +40,6 @@ _log = logging.getLogger("api.connections")
 
 _ENOUGH = 65_536
 """Far above what any limit of the service needs; some systems allow a thousand million."""
-_UNKNOWN = 1024
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,10 +80,6 @@ def limits_of_connections(settings: Settings, descriptors: int) -> ConnectionLim
 
 def raise_limit() -> int:
     """Raise the limit of open files as far as the system lets this process; return what it is."""
-    if sys.platform == "win32":
-        return _UNKNOWN
-    import resource
-
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     wanted = _ENOUGH if hard == resource.RLIM_INFINITY else min(hard, _ENOUGH)
     if soft != resource.RLIM_INFINITY and soft < wanted:

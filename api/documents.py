@@ -3,16 +3,16 @@
 import io
 import json
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from api.limits import RequestLimits, check_size
 from syncplan.errors import InputError
-from syncplan.recordings.log import Overview
+from syncplan.planning.plan_files import Loaded, loaded_from
+from syncplan.planning.planner import Plan
+from syncplan.recordings.log import Overview, overview_of, pack_log
+from syncplan.reports.plan_report import plan_document
+from syncplan.runtime.files import as_text
 from syncplan.scenario.loading import decoded, parse_document
-
-if TYPE_CHECKING:
-    from syncplan.planning.plan_files import Loaded
-    from syncplan.planning.planner import Plan
 
 Syntax = Literal["json", "yaml"]
 
@@ -28,13 +28,11 @@ class PlanText:
     predicted_rms_m: float | None
 
 
-def loaded_body(body: bytes, syntax: Syntax, limits: RequestLimits) -> "Loaded":
+def loaded_body(body: bytes, syntax: Syntax, limits: RequestLimits) -> Loaded:
     """Return the scenario that a body holds, or the plan: a scenario with its orbits.
 
     Raises InputError, also for what exceeds the limits.
     """
-    from syncplan.planning.plan_files import loaded_from
-
     document = parse_document(decoded(body, ""), "", syntax)
     loaded = loaded_from(document, max_vehicles=limits.vehicles)
     try:
@@ -44,20 +42,15 @@ def loaded_body(body: bytes, syntax: Syntax, limits: RequestLimits) -> "Loaded":
     return loaded
 
 
-def loaded_plan(text: str) -> "Loaded":
+def loaded_plan(text: str) -> Loaded:
     """Return the scenario and the orbits of a stored plan."""
-    from syncplan.planning.plan_files import loaded_from
-
     document = parse_document(text, "", "json")
     # its size was allowed when it was stored
     return loaded_from(document, max_vehicles=len(document["vehicles"]))
 
 
-def as_plan_text(plan: "Plan") -> PlanText:
+def as_plan_text(plan: Plan) -> PlanText:
     """Return a plan as it is stored."""
-    from syncplan.reports.plan_report import plan_document
-    from syncplan.runtime.files import as_text
-
     document = plan_document(plan)
     predicted = document.predicted_rms_m
     return PlanText(
@@ -85,7 +78,6 @@ def packed_recording(body: bytes, name: str | None) -> PackedRecording:
 
     Raises InputError, whose key is the file at fault.
     """
-    from syncplan.recordings.log import overview_of, pack_log
     from syncplan.recordings.recording_formats import read_archive
 
     try:

@@ -89,7 +89,8 @@ class FailedRequest:
 
 
 def _deliberate(error: ServiceError, logged: Logged = Logged.NOTHING) -> FailedRequest:
-    reason = _named(error)
+    # the class of the error, as in too-many-requests
+    reason = re.sub(r"(?<=[a-z])(?=[A-Z])", "-", type(error).__name__).lower()
     return FailedRequest(error.status, error.detail, reason, error.headers, error.errors, logged)
 
 
@@ -169,11 +170,6 @@ def _unforeseen(error: Exception) -> FailedRequest:
 
 def _with_line(error: ServiceError) -> FailedRequest:
     return _deliberate(error, Logged.LINE)
-
-
-def _named(error: ServiceError) -> str:
-    """The class of an error that is raised on purpose, as in too-many-requests."""
-    return re.sub(r"(?<=[a-z])(?=[A-Z])", "-", type(error).__name__).lower()
 
 
 TABLE: dict[type[Exception], Callable[[Any], FailedRequest]] = {

@@ -32,8 +32,6 @@ from syncplan.reports.job_contract import JobState, has_ended
 # --- events ---------------------------------------------------------------------------------------
 
 
-T = TypeVar("T")
-
 MOST_EVENTS = 500
 """Most events that are read at a time."""
 
@@ -67,35 +65,25 @@ def events_after(
 
 def heads_of(connection: Connection, job_ids: Sequence[str]) -> dict[str, JobHead]:
     """Return the heads of jobs by their identifiers; those that are not there are left out."""
-    found = {}
-    for some in _portions(job_ids):
-        query = select(jobs.c.id, jobs.c.state, jobs.c.events).where(jobs.c.id.in_(some))
-        found.update({row[0]: JobHead(row[1], row[2]) for row in connection.execute(query)})
-    return found
+    query = select(jobs.c.id, jobs.c.state, jobs.c.events).where(jobs.c.id.in_(job_ids))
+    return {row[0]: JobHead(row[1], row[2]) for row in connection.execute(query)}
 
 
 def newest_events(
     connection: Connection, after: Mapping[str, int]
 ) -> Iterator[tuple[str, int, str]]:
     """Yield (job, number, JSON) of the events of jobs after a number each, each job's in order."""
-    for some in _portions(list(after.items())):
-        wanted = (
-            and_(job_events.c.job_id == job_id, job_events.c.number > number)
-            for job_id, number in some
-        )
-        query = (
-            select(job_events.c.job_id, job_events.c.number, job_events.c.data)
-            .where(or_(*wanted))
-            .order_by(job_events.c.job_id, job_events.c.number)
-        )
-        for row in connection.execute(query):
-            yield row[0], row[1], row[2]
-
-
-def _portions(items: Sequence[T]) -> Iterator[list[T]]:
-    rest = iter(items)
-    while some := list(islice(rest, _JOBS_AT_ONCE)):
-        yield some
+    wanted = (
+        and_(job_events.c.job_id == job_id, job_events.c.number > number)
+        for job_id, number in after.items()
+    )
+    query = (
+        select(job_events.c.job_id, job_events.c.number, job_events.c.data)
+        .where(or_(*wanted))
+        .order_by(job_events.c.job_id, job_events.c.number)
+    )
+    for row in connection.execute(query):
+        yield row[0], row[1], row[2]
 
 
 # --- a job that is followed -----------------------------------------------------------------------
@@ -360,15 +348,19 @@ Found = tuple[JobHead | None, list[tuple[int, str]]]
 
 def _look(connection: Connection, asked: Mapping[str, int]) -> dict[str, Found]:
     """News of each job after an event, the newest MOST_RECENT at most."""
-    heads = heads_of(connection, list(asked))
-    after = {
-        name: max(asked[name], head.events - MOST_RECENT)
-        for name, head in heads.items()
-        if head.events > asked[name]
-    }
-    found: dict[str, Found] = {name: (head, []) for name, head in heads.items()}
-    for name, number, data in newest_events(connection, after):
-        found[name][1].append((number, data))
+    found: dict[str, Found] = {}
+    rest = iter(asked)
+    while some := list(islice(rest, _JOBS_AT_ONCE)):
+        heads = heads_of(connection, some)
+        found.update({name: (head, []) for name, head in heads.items()})
+        after = {
+            name: max(asked[name], head.events - MOST_RECENT)
+            for name, head in heads.items()
+            if head.events > asked[name]
+        }
+        if after:
+            for name, number, data in newest_events(connection, after):
+                found[name][1].append((number, data))
     return found
 
 

@@ -4,7 +4,7 @@ Both answer, log, count and check keys alike.
 """
 
 from collections.abc import AsyncIterator, Callable, Mapping
-from contextlib import ExitStack, asynccontextmanager
+from contextlib import ExitStack, asynccontextmanager, closing
 from functools import partial
 from typing import Any
 
@@ -87,7 +87,7 @@ def create_worker_app(
         counts,
         PlanReader(database),
         PlanWriter(database),
-        heartbeat=worker.guard,
+        worker.guard,
     )
     _watch(app, database, worker.queue, {"jobs": worker.pool.depth})
     app.include_router(service_routes.health)
@@ -155,23 +155,21 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
 def _begun(app: FastAPI, last_first: ExitStack) -> Service:
     """Begin all that the application works with; `last_first` ends it, the processes first."""
     settings: Settings = app.state.settings
-    database = open_database(settings.database)
-    last_first.callback(database.close)
-    queue = JobQueue(settings.database)
-    last_first.callback(queue.close)
-    plans, writer = PlanReader(database), PlanWriter(database)
-    last_first.callback(plans.close)
-    last_first.callback(writer.close)
+    ends = last_first.enter_context
+    database = ends(closing(open_database(settings.database)))
+    queue = ends(closing(JobQueue(settings.database)))
+    plans = ends(closing(PlanReader(database)))
+    writer = ends(closing(PlanWriter(database)))
     counts = JobCounts(database, app.state.metrics.jobs)
-    worker: Worker | None = None
+    depths, heartbeat = {}, None
     if settings.embedded_worker:
         # what can't be written to just now can be read nevertheless
-        worker = Worker(settings, database, counts, patient=True)
-        last_first.callback(worker.close)
+        worker = ends(closing(Worker(settings, database, counts, patient=True)))
+        depths["jobs"], heartbeat = worker.pool.depth, worker.guard
     else:
         guard = Guard(settings, database, queue, None, job_over=counts.job_over)
         guard.start()
-        last_first.callback(guard.close)
+        ends(closing(guard))
     pool = Pool(
         app.state.share.of(settings.process_count),
         background=False,
@@ -179,22 +177,10 @@ def _begun(app: FastAPI, last_first: ExitStack) -> Service:
         most_waiting=settings.max_plan_queue,
         most_of_owner=settings.max_requests,
     )
-    last_first.callback(pool.close)
-    depths = {"requests": pool.depth}
-    if worker is not None:
-        depths["jobs"] = worker.pool.depth
-    _watch(app, database, queue, depths)
-    return Service(
-        settings,
-        limits_of(settings),
-        database,
-        pool,
-        queue,
-        counts,
-        plans,
-        writer,
-        heartbeat=None if worker is None else worker.guard,
-    )
+    ends(closing(pool))
+    _watch(app, database, queue, {"requests": pool.depth, **depths})
+    limits = limits_of(settings)
+    return Service(settings, limits, database, pool, queue, counts, plans, writer, heartbeat)
 
 
 def _watch(

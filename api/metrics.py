@@ -20,24 +20,8 @@ from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4, generate_late
 from prometheus_client.multiprocess import MultiProcessCollector, mark_process_dead
 from prometheus_client.registry import Collector
 
-REQUEST_S = (
-    0.001,
-    0.002,
-    0.005,
-    0.01,
-    0.025,
-    0.05,
-    0.1,
-    0.15,
-    0.25,
-    0.5,
-    1.0,
-    2.5,
-    5.0,
-    10.0,
-    20.0,
-)
-JOB_S = (0.1, 0.5, 1.0, 2.5, 5.0, 10.0, 30.0, 60.0, 300.0, 900.0, 3600.0, 14400.0)
+REQUEST_S = (0.001, 0.002, 0.005, 0.01, 0.025, 0.05, 0.1, 0.15, 0.25, 0.5, 1, 2.5, 5, 10, 20)
+JOB_S = (0.1, 0.5, 1, 2.5, 5, 10, 30, 60, 300, 900, 3600, 14400)
 
 MetricType = Literal["counter", "gauge", "histogram"]
 Owner = Literal["process", "service"]
@@ -180,34 +164,35 @@ METRICS: Mapping[str, MetricEntry] = {entry.name: entry for entry in _ENTRIES}
 """Every metric by its name."""
 
 
-def as_counter(name: str) -> Counter:
-    """Return a counter of the table, not registered yet."""
+def as_counter(name: str, registry: CollectorRegistry) -> Counter:
+    """Return a counter of the table."""
     entry = METRICS[name]
-    return Counter(entry.name, entry.meaning, entry.labels, registry=None)
+    return Counter(entry.name, entry.meaning, entry.labels, registry=registry)
 
 
-def as_histogram(name: str) -> Histogram:
-    """Return a histogram of the table, not registered yet."""
+def as_histogram(name: str, registry: CollectorRegistry) -> Histogram:
+    """Return a histogram of the table."""
     entry = METRICS[name]
-    return Histogram(entry.name, entry.meaning, entry.labels, buckets=entry.buckets, registry=None)
+    return Histogram(
+        entry.name, entry.meaning, entry.labels, buckets=entry.buckets, registry=registry
+    )
 
 
 # --- jobs -----------------------------------------------------------------------------------------
 
 
 class JobTally:
-    """Counts of the jobs that this process ended, and of the parts that it computed."""
+    """Counts of the jobs that this process ended, and of the parts that it computed.
+
+    An application exposes them by their registry.
+    """
 
     def __init__(self) -> None:
-        self._waits = as_histogram("syncplan_job_wait_seconds")
-        self._durations = as_histogram("syncplan_job_duration_seconds")
-        self._failures = as_counter("syncplan_job_failures")
-        self._parts = as_histogram("syncplan_part_duration_seconds")
-
-    @property
-    def collectors(self) -> tuple[Collector, ...]:
-        """Collectors that an application registers to expose the counts."""
-        return self._waits, self._durations, self._failures, self._parts
+        self.registry = CollectorRegistry()
+        self._waits = as_histogram("syncplan_job_wait_seconds", self.registry)
+        self._durations = as_histogram("syncplan_job_duration_seconds", self.registry)
+        self._failures = as_counter("syncplan_job_failures", self.registry)
+        self._parts = as_histogram("syncplan_part_duration_seconds", self.registry)
 
     def ended(
         self, kind: str, outcome: str, *, waited_s: float, took_s: float, reason: str | None = None
@@ -250,27 +235,18 @@ class Metrics:
     """The metrics of one application, in a registry of its own; `jobs` counts those of a worker."""
 
     def __init__(self, jobs: JobTally | None = None) -> None:
-        registry = CollectorRegistry()
-        self._registry = registry
-        self._requests = as_counter("syncplan_http_requests")
-        self._latency = as_histogram("syncplan_http_request_duration_seconds")
-        self._refusals = as_counter("syncplan_http_refusals")
+        self._registry = registry = CollectorRegistry()
+        self._requests = as_counter("syncplan_http_requests", registry)
+        self._latency = as_histogram("syncplan_http_request_duration_seconds", registry)
+        self._refusals = as_counter("syncplan_http_refusals", registry)
         in_flight = METRICS["syncplan_http_requests_in_flight"]
         self.in_flight = Gauge(
-            in_flight.name, in_flight.meaning, registry=None, multiprocess_mode="livesum"
+            in_flight.name, in_flight.meaning, registry=registry, multiprocess_mode="livesum"
         )
         self.jobs = jobs or JobTally()
         self._of_process = _Watched()
         self._of_service = _Watched()
-        for one in (
-            self._requests,
-            self._latency,
-            self._refusals,
-            self.in_flight,
-            *self.jobs.collectors,
-            self._of_process,
-            self._of_service,
-        ):
+        for one in (self.jobs.registry, self._of_process, self._of_service):
             registry.register(one)
         self._process = ProcessCollector(registry=registry)
         self._published = _Published()

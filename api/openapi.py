@@ -6,8 +6,9 @@ example of a status; `python -m tests.tools.record_examples` renews them.
 """
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from importlib.resources import files
 from typing import Any
 
@@ -17,7 +18,7 @@ from pydantic.json_schema import models_json_schema
 
 from api.calls import ARCHIVES
 from api.job_kinds.job_table import JOB_KINDS
-from api.problems import REFERENCE, extend_document, problem_responses
+from api.problems import REFERENCE, Problem, problem_responses
 from api.responses import JobEvent, StoredPlan
 from api.service import limits_of
 from api.settings import Settings
@@ -176,7 +177,9 @@ _DONE = {"200", "201", "202", "204"}
 
 def document_operations(app: FastAPI) -> None:
     """Let the OpenAPI document of `app` hold what FastAPI can't know of its operations."""
-    extend_document(app, lambda document: _completed(document, app.state.settings))
+    plain = app.openapi
+    # FastAPI's documented way to extend the document, which is made when it is first requested
+    setattr(app, "openapi", cache(lambda: _completed(plain(), app.state.settings)))  # noqa: B010
 
 
 def operations(document: Tree) -> Iterator[Tree]:
@@ -276,20 +279,21 @@ def _request_body(body: Body, examples: Tree) -> Tree:
 
 def _schemas(settings: Settings) -> Tree:
     """The schemas that the operations below refer to, with the limits of this service."""
-    models: Sequence[type[BaseModel]] = [
-        *dict.fromkeys(model for body in BODIES.values() for model in body.models),
-        *RESULTS,
-        JobEvent,
-    ]
-    _, definitions = models_json_schema(
-        [(model, "validation") for model in models], ref_template=REFERENCE
-    )
-    schemas: Tree = definitions["$defs"]
+    taken = dict.fromkeys(model for body in BODIES.values() for model in body.models)
+    schemas = {**_definitions(Problem), **_definitions(*taken, *RESULTS, JobEvent)}
     limits = limits_of(settings)
     for kind in JOB_KINDS.values():
         for key, limit in kind.request.limited.items():
             _bound(schemas[kind.request.__name__], key, getattr(limits, limit))
     return schemas
+
+
+def _definitions(*models: type[BaseModel]) -> Tree:
+    _, definitions = models_json_schema(
+        [(model, "validation") for model in models], ref_template=REFERENCE
+    )
+    found: Tree = definitions["$defs"]
+    return found
 
 
 def _bound(schema: Tree, key: str, most: float) -> None:

@@ -7,12 +7,10 @@ of its status.
 import json
 import math
 import reprlib
-from collections.abc import Callable, Mapping, Sequence
-from functools import cache
+from collections.abc import Mapping, Sequence
 from http import HTTPStatus
 from typing import Any
 
-from fastapi import FastAPI
 from pydantic import BaseModel, ConfigDict, Field
 
 MEDIA_TYPE = "application/problem+json"
@@ -25,46 +23,42 @@ _LONGEST_VALUE = 200
 _SAFE_INTEGER = 2**53
 _SHORT = reprlib.Repr()
 _SHORT.maxstring = _SHORT.maxother = 60
+_ID = "5b1f0c52a7c14f7e9d4b8a1a6f0b6f0e"
+_FORM = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
 
 class FaultEntry(BaseModel):
     """One fault of a request: where it is, what stands there, and what is allowed."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = _FORM
 
-    path: str = Field(
-        description="dotted path inside the body, or query., path., header. and the name",
-        examples=["sensor.range_m"],
-    )
-    value: Any = Field(
-        default=None, description="what stands there, shortened where it is long", examples=[-5]
-    )
-    message: str = Field(
-        description="what is wrong, and what is allowed", examples=["-5: must be greater than 0"]
-    )
+    path: str = Field(examples=["sensor.range_m"])
+    """dotted path inside the body, or query., path., header. and the name"""
+    value: Any = Field(default=None, examples=[-5])
+    """what stands there, shortened where it is long"""
+    message: str = Field(examples=["-5: must be greater than 0"])
+    """what is wrong, and what is allowed"""
 
 
 class Problem(BaseModel):
     """Why a request was not served, as RFC 9457 has it."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = _FORM
 
-    type: str = Field(default="about:blank", description="the kind of problem, beyond its status")
-    title: str = Field(description="the status in words", examples=["Not Found"])
-    status: int = Field(ge=400, le=599, description="the HTTP status", examples=[404])
-    detail: str = Field(
-        description="what happened to this request", examples=["there is nothing at this path"]
-    )
-    instance: str | None = Field(
-        default=None, description="the path of the request", examples=["/v1/plans/0"]
-    )
-    errors: list[FaultEntry] | None = Field(
-        default=None, description="the faults of the request, if known"
-    )
-    request_id: str = Field(
-        description="the id under which the log holds this request, also in x-request-id",
-        examples=["5b1f0c52a7c14f7e9d4b8a1a6f0b6f0e"],
-    )
+    type: str = "about:blank"
+    """the kind of problem, beyond its status"""
+    title: str = Field(examples=["Not Found"])
+    """the status in words"""
+    status: int = Field(ge=400, le=599, examples=[404])
+    """the HTTP status"""
+    detail: str = Field(examples=["there is nothing at this path"])
+    """what happened to this request"""
+    instance: str | None = Field(default=None, examples=["/v1/plans/0"])
+    """the path of the request"""
+    errors: list[FaultEntry] | None = None
+    """the faults of the request, if known"""
+    request_id: str = Field(examples=[_ID])
+    """the id under which the log holds this request, also in x-request-id"""
 
 
 def title_of(status: int) -> str:
@@ -221,7 +215,6 @@ def _retry_after(seconds: float) -> dict[str, str]:
 
 REFERENCE = "#/components/schemas/{model}"
 """How the document refers to a schema by its name."""
-_ID = "5b1f0c52a7c14f7e9d4b8a1a6f0b6f0e"
 _FAULT = FaultEntry(path="sensor.range_m", value=-5, message="-5: must be greater than 0")
 _RETRY = {
     "Retry-After": {
@@ -255,44 +248,11 @@ _DETAILS = {
 
 
 def problem_responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
-    """Return FastAPI's `responses=` for these statuses of an operation."""
-    return {status: _response(status) for status in statuses}
+    """Return FastAPI's `responses=` for these statuses of an operation.
 
-
-def document_problems(app: FastAPI) -> None:
-    """Let the OpenAPI document of `app` hold the schema that problem_responses refers to.
-
-    The answer 422 that FastAPI documents on its own gives way to the problem that is sent.
+    An operation that checks what it takes names 422, or FastAPI documents an answer of its own.
     """
-
-    def change(document: dict[str, Any]) -> dict[str, Any]:
-        schemas = document.setdefault("components", {}).setdefault("schemas", {})
-        for name in ("HTTPValidationError", "ValidationError"):
-            schemas.pop(name, None)
-        if "Problem" not in schemas:
-            schema = Problem.model_json_schema(ref_template=REFERENCE, mode="serialization")
-            schemas.update(schema.pop("$defs"))
-            schemas["Problem"] = schema
-        for path in document.get("paths", {}).values():
-            for operation in path.values():
-                _mend(operation.get("responses", {}))
-        return document
-
-    extend_document(app, change)
-
-
-def extend_document(app: FastAPI, change: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
-    """Complete the OpenAPI document of `app`; it is made when it is first requested."""
-    plain = app.openapi
-    # FastAPI's documented way to extend the document
-    setattr(app, "openapi", cache(lambda: change(plain())))  # noqa: B010
-
-
-def _mend(responses: dict[str, Any]) -> None:
-    content = responses.get("422", {}).get("content", {})
-    schema = content.get("application/json", {}).get("schema", {})
-    if schema.get("$ref", "").endswith("/HTTPValidationError"):
-        responses["422"] = _response(422)
+    return {status: _response(status) for status in statuses}
 
 
 def _response(status: int) -> dict[str, Any]:

@@ -43,21 +43,6 @@ _PUBLISH_EVERY_S = 1.0
 _logger = logging.getLogger("syncplan.serve")
 
 
-@dataclass(frozen=True, slots=True)
-class Enrolment:
-    """Message from the supervisor to a process that it starts.
-
-    Attributes
-    ----------
-    listening, table : descriptors of the socket and of the table of connections
-    """
-
-    settings: Settings
-    share: Share
-    listening: int
-    table: int
-
-
 @dataclass(slots=True, eq=False)
 class _Member:
     """A place among the processes and who has it.
@@ -160,7 +145,7 @@ class _Supervisor:
         kept = (self._listening.fileno(), self._table.descriptor)
         try:
             member.process = ChildProcess("api.processes", "serve", heir=True, keep=kept)
-            member.process.connection.send(Enrolment(self._settings, member.share, *kept))
+            member.process.connection.send((self._settings, member.share, *kept))
         except OSError as error:
             _logger.error("HTTP process %d could not be started: %s", member.share.number, error)
             self._lost(member)
@@ -205,9 +190,12 @@ def serve(descriptor: int) -> None:
     from api.server import serve_until_told
 
     connection = connect_to_parent(descriptor)
-    given: Enrolment = connection.recv()
-    configure_logs(given.settings.log_level)
-    app = create_app(divided(given.settings, given.share), given.share)
+    settings: Settings
+    share: Share
+    # then the descriptors of the socket and of the table of connections
+    settings, share, listening_at, table_at = connection.recv()
+    configure_logs(settings.log_level)
+    app = create_app(divided(settings, share), share)
     threading.Thread(target=_end_with, args=(connection,), daemon=True, name="supervisor").start()
     threading.Thread(
         target=_publish, args=(app.state.metrics,), daemon=True, name="metrics"
@@ -217,8 +205,8 @@ def serve(descriptor: int) -> None:
         with contextlib.suppress(OSError):
             connection.send("ready")
 
-    place = Place(ConnectionTable(given.table, given.share.count), given.share.number, ready)
-    with socket.socket(fileno=given.listening) as listening:
+    place = Place(ConnectionTable(table_at, share.count), share.number, ready)
+    with socket.socket(fileno=listening_at) as listening:
         started = serve_until_told(app, listening, place)
     logging.shutdown()
     # threads may wait for a database that is away

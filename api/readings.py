@@ -7,6 +7,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from datetime import datetime
 
 from sqlalchemy import func, select, text
@@ -24,6 +25,7 @@ KEPT_S = 1.0
 _LONGEST_READ_MS = 2000
 
 
+@dataclass(slots=True, eq=False)
 class Cached:
     """A source whose readings, or whose failure, hold for `kept_s`; one thread at a time reads.
 
@@ -31,28 +33,21 @@ class Cached:
     the others get the last one: a database that hangs costs one thread, not one for each scrape.
     """
 
-    def __init__(
-        self,
-        source: Source,
-        *,
-        kept_s: float = KEPT_S,
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
-        self._source = source
-        self._kept_s = kept_s
-        self._clock = clock
-        self._lock = threading.Lock()
-        self._until: float | None = None
-        self._last: Readings | Exception = {}
+    source: Source
+    kept_s: float = KEPT_S
+    clock: Callable[[], float] = time.monotonic
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+    _until: float | None = None
+    _last: Readings | Exception = field(default_factory=dict)
 
     def __call__(self) -> Readings:
         """Return the newest readings there are; raises what reading raised."""
         # the first one is waited for
         if self._lock.acquire(blocking=self._until is None):
             try:
-                if self._until is None or self._clock() >= self._until:
+                if self._until is None or self.clock() >= self._until:
                     self._last = self._read()
-                    self._until = self._clock() + self._kept_s
+                    self._until = self.clock() + self.kept_s
             finally:
                 self._lock.release()
         last = self._last
@@ -62,7 +57,7 @@ class Cached:
 
     def _read(self) -> Readings | Exception:
         try:
-            return self._source()
+            return self.source()
         except Exception as error:
             return error
 

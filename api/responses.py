@@ -15,76 +15,97 @@ _TIME = "2026-05-01T09:00:00.000000Z"
 
 
 class _Answer(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+    )
 
 
 class StoredPlan(PlanDocument):
     """A plan as the library makes it, with what was added when it was stored."""
 
+    model_config = ConfigDict(use_attribute_docstrings=True)
+
     id: str = Field(examples=[_ID])
-    created_at: str = Field(description="RFC 3339, UTC", examples=[_TIME])
-    parent_id: str | None = Field(description="The plan this one was refined from")
+    created_at: str = Field(examples=[_TIME])
+    """RFC 3339, UTC"""
+    parent_id: str | None
+    """The plan this one was refined from"""
 
 
 class PlanSummary(_Answer):
     """A plan as lists show it."""
 
     id: str = Field(examples=[_ID])
-    parent_id: str | None = Field(description="The plan this one was refined from")
-    created_at: str = Field(description="RFC 3339, UTC", examples=[_TIME])
-    name: str | None = Field(description="The scenario's title", examples=["survey"])
+    parent_id: str | None
+    """The plan this one was refined from"""
+    created_at: str = Field(examples=[_TIME])
+    """RFC 3339, UTC"""
+    name: str | None = Field(examples=["survey"])
+    """The scenario's title"""
     vehicles: int = Field(examples=[6])
     observable: bool
-    predicted_rms_m: float | None = Field(description="Of all vehicles", examples=[1.29])
+    predicted_rms_m: float | None = Field(examples=[1.29])
+    """Of all vehicles"""
 
 
 class PlanPage(_Answer):
     """Plans, newest first."""
 
     items: list[PlanSummary]
-    next: str | None = Field(description="Where the next page is; null on the last")
+    next: str | None
+    """Where the next page is; null on the last"""
 
 
 class Recording(_Answer):
     """A recording in short."""
 
     id: str = Field(examples=[_ID])
-    created_at: str = Field(description="RFC 3339, UTC", examples=[_TIME])
-    size: int = Field(description="Bytes that it takes here", examples=[184_320])
+    created_at: str = Field(examples=[_TIME])
+    """RFC 3339, UTC"""
+    size: int = Field(examples=[184_320])
+    """Bytes that it takes here"""
     name: str = Field(examples=["hall"])
-    robots: list[str] = Field(description="Names", examples=[["rover", "mule"]])
-    landmarks: list[int | str] = Field(
-        description="Names; numbers where the files number them", examples=[["pole", "gate"]]
-    )
-    begin_s: float = Field(description="When the odometry begins, by the recording's clock")
-    duration_s: float = Field(description="Of the odometry")
-    bearings: int = Field(description="Sightings with a direction")
-    distances: int = Field(description="Sightings with a distance")
-    has_truth: bool = Field(description="Whether it holds where every robot truly was")
+    robots: list[str] = Field(examples=[["rover", "mule"]])
+    """Names"""
+    landmarks: list[int | str] = Field(examples=[["pole", "gate"]])
+    """Names; numbers where the files number them"""
+    begin_s: float
+    """When the odometry begins, by the recording's clock"""
+    duration_s: float
+    """Of the odometry"""
+    bearings: int
+    """Sightings with a direction"""
+    distances: int
+    """Sightings with a distance"""
+    has_truth: bool
+    """Whether it holds where every robot truly was"""
 
 
 class RecordingPage(_Answer):
     """Recordings, newest first."""
 
     items: list[Recording]
-    next: str | None = Field(description="Where the next page is; null on the last")
+    next: str | None
+    """Where the next page is; null on the last"""
 
 
 class FigureValues(_Answer):
     """A figure as Plotly takes it."""
 
-    data: list[dict[str, Any]] = Field(description="Plotly's traces")
-    layout: dict[str, Any] = Field(description="Plotly's layout")
-    frames: list[dict[str, Any]] | None = Field(
-        default=None, description="Plotly's frames, of an animation"
-    )
+    data: list[dict[str, Any]]
+    """Plotly's traces"""
+    layout: dict[str, Any]
+    """Plotly's layout"""
+    frames: list[dict[str, Any]] | None = None
+    """Plotly's frames, of an animation"""
 
 
 class Preview(_Answer):
     """A plan that was not stored, with figures of it."""
 
     plan: PlanDocument
-    figures: dict[str, FigureValues] = Field(description="The figures asked for, by name")
+    figures: dict[str, FigureValues]
+    """The figures asked for, by name"""
 
 
 class Progress(_Answer):
@@ -109,28 +130,30 @@ class Job(_Answer):
     kind: JobKindName
     state: JobState
     progress: Progress
-    request: dict[str, Any] | None = Field(
-        description="What was asked, defaults filled in; null in lists"
-    )
-    plan_id: str | None = Field(description="The plan it is about; null for a sweep and a replay")
-    recording_id: str | None = Field(
-        default=None,
-        description="The recording it is about; only there for a replay",
-        exclude_if=lambda value: value is None,
-    )
-    created_at: str = Field(description="RFC 3339, UTC", examples=[_TIME])
+    request: dict[str, Any] | None
+    """What was asked, defaults filled in; null in lists"""
+    plan_id: str | None
+    """The plan it is about; null for a sweep and a replay"""
+    recording_id: str | None = Field(default=None, exclude_if=lambda value: value is None)
+    """The recording it is about; only there for a replay"""
+    created_at: str = Field(examples=[_TIME])
+    """RFC 3339, UTC"""
     started_at: str | None
     ended_at: str | None
-    result: str | None = Field(description="Where the result is, once the job has succeeded")
-    result_plan_id: str | None = Field(description="The plan a refinement made")
-    error: Failure | None = Field(description="Why the job failed")
+    result: str | None
+    """Where the result is, once the job has succeeded"""
+    result_plan_id: str | None
+    """The plan a refinement made"""
+    error: Failure | None
+    """Why the job failed"""
 
 
 class JobPage(_Answer):
     """Jobs, newest first."""
 
     items: list[Job]
-    next: str | None = Field(description="Where the next page is; null on the last")
+    next: str | None
+    """Where the next page is; null on the last"""
 
 
 class JobEvent(_Answer):
@@ -138,7 +161,8 @@ class JobEvent(_Answer):
 
     state: JobState
     progress: Progress
-    at: str = Field(description="RFC 3339, UTC", examples=[_TIME])
+    at: str = Field(examples=[_TIME])
+    """RFC 3339, UTC"""
 
 
 def recording_answer(row: RecordingRow) -> Recording:

@@ -345,20 +345,14 @@ async def _current_owner(request: Request, credentials: _Credentials) -> str:
     else:
         throttle: KeyThrottle = request.app.state.key_throttle
         address = request.client.host if request.client else ""
-        owner = _owner_at(address, credentials.credentials, keyring, throttle)
+        throttle.admit(address, credentials.credentials)
+        try:
+            owner = keyring.owner_of(credentials.credentials)
+        except Unauthorized:
+            throttle.refused(address)
+            raise
+        throttle.accepted(address, credentials.credentials)
     request.state.owner = owner
-    return owner
-
-
-def _owner_at(address: str, presented: str, keyring: Keyring, throttle: KeyThrottle) -> str:
-    """The owner of a key that came from an address, unless that has to wait."""
-    throttle.admit(address, presented)
-    try:
-        owner = keyring.owner_of(presented)
-    except Unauthorized:
-        throttle.refused(address)
-        raise
-    throttle.accepted(address, presented)
     return owner
 
 

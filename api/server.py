@@ -55,7 +55,7 @@ async def accept_connections(
     loop = asyncio.get_running_loop()
     listening.setblocking(False)
     seldom = SeldomLog(_log)
-    with _Spare() as spare:
+    with contextlib.closing(_Spare()) as spare:
         while True:
             try:
                 if gives_way is None:
@@ -121,17 +121,11 @@ class _Spare:
 
     def __init__(self) -> None:
         self._descriptor: int | None = None
-
-    def __enter__(self) -> "_Spare":
         self._hold()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._let_go()
 
     def turn_away(self, listening: socket.socket, refusal: bytes) -> None:
         """Take one connection in place of the spare descriptor, answer, and close it."""
-        self._let_go()
+        self.close()
         with contextlib.suppress(OSError):
             one, _ = listening.accept()
             with one:
@@ -143,7 +137,8 @@ class _Spare:
         with contextlib.suppress(OSError):
             self._descriptor = os.open(os.devnull, os.O_RDONLY)
 
-    def _let_go(self) -> None:
+    def close(self) -> None:
+        """Let go of the descriptor."""
         if self._descriptor is not None:
             os.close(self._descriptor)
             self._descriptor = None

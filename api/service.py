@@ -3,14 +3,13 @@
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from threading import Event
 from typing import Annotated
 
 from fastapi import Depends, Request
 
 from api.computing.pool import Pool
-from api.following import JobWatch
 from api.jobs.guard import Guard
 from api.jobs.job_counts import JobCounts
 from api.jobs.queue import JobQueue
@@ -54,15 +53,8 @@ Ending = Event
 
 def limits_of(settings: Settings) -> RequestLimits:
     """Return the limits on requests that the settings state."""
-    return RequestLimits(
-        vehicles=settings.max_vehicles,
-        samples=settings.max_samples,
-        trials=settings.max_trials,
-        run_s=settings.max_run_s,
-        refine_s=settings.max_refine_s,
-        sweep_values=settings.max_sweep_values,
-        sightings=settings.max_sightings,
-    )
+    names = [one.name for one in fields(RequestLimits)]
+    return RequestLimits(**{name: getattr(settings, f"max_{name}") for name in names})
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,11 +91,3 @@ async def _service(request: Request) -> Service:
 
 
 CurrentService = Annotated[Service, Depends(_service)]
-
-
-async def _watch(request: Request) -> JobWatch:
-    watch: JobWatch = request.app.state.watch
-    return watch
-
-
-CurrentWatch = Annotated[JobWatch, Depends(_watch)]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError, ValidationInfo
+from pydantic import AfterValidator, Field, ValidationError, ValidationInfo
 from pydantic import field_validator as checked
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 from sqlalchemy.engine import URL, make_url
@@ -65,6 +65,16 @@ Count = Annotated[int, Field(ge=1)]
 Seconds = Annotated[float, Field(gt=0)]
 
 
+def _absolute(value: Path) -> Path:
+    path = os.path.expanduser(value)
+    if path.startswith("~"):
+        raise ValueError("has no home folder to start from; give an absolute path")
+    return Path(os.path.abspath(path))
+
+
+AbsolutePath = Annotated[Path, AfterValidator(_absolute)]
+
+
 class Settings(BaseSettings):
     """Everything an operator can set; each field is the variable SYNCPLAN_ and its name."""
 
@@ -75,102 +85,79 @@ class Settings(BaseSettings):
         frozen=True,
         extra="forbid",
         allow_inf_nan=False,
+        use_attribute_docstrings=True,
     )
 
-    host: str = Field(default="127.0.0.1", description="address or name to listen on")
-    port: int = Field(
-        default=8000, ge=0, le=65535, description="port to listen on; 0 takes a free one"
-    )
-    data_dir: Path = Field(
-        default_factory=lambda: _data_home() / "syncplan",
-        description="folder of the embedded database",
-    )
-    database_url: str | None = Field(
+    host: str = "127.0.0.1"
+    """address or name to listen on"""
+    port: int = Field(default=8000, ge=0, le=65535)
+    """port to listen on; 0 takes a free one"""
+    data_dir: AbsolutePath = Field(default_factory=lambda: _data_home() / "syncplan")
+    """folder of the embedded database"""
+    database_url: Annotated[str, AfterValidator(checked_address)] | None = Field(
         default=None,
         repr=False,
         description="sqlite:///FILE or postgresql://USER:PASSWORD@HOST/NAME; SQLite in the data "
         "folder if not given",
     )
-    api_keys: Annotated[tuple[ApiKey, ...], NoDecode] = Field(
-        default=(),
-        description="keys that clients may present: NAME:KEY or KEY, separated by commas",
-    )
-    api_keys_file: Path | None = Field(
-        default=None,
-        description="file of further keys, NAME:KEY a line; changes count within a second",
-    )
-    insecure: bool = Field(default=False, description="listen beyond this machine without a key")
+    api_keys: Annotated[tuple[ApiKey, ...], NoDecode] = ()
+    """keys that clients may present: NAME:KEY or KEY, separated by commas"""
+    api_keys_file: AbsolutePath | None = None
+    """file of further keys, NAME:KEY a line; changes count within a second"""
+    insecure: bool = False
+    """listen beyond this machine without a key"""
     allowed_hosts: Annotated[tuple[str, ...], NoDecode] = Field(
         default=(),
         description="names, beside those of this machine, under which a service without keys "
         "answers, and whose pages may ask it; separated by commas",
     )
-    max_refused_keys: Count = Field(
-        default=20, description="most wrong keys that an address may present in a minute"
-    )
+    max_refused_keys: Count = 20
+    """most wrong keys that an address may present in a minute"""
     max_connections: Count | None = Field(
         default=None,
         description="most connections; what the file descriptors of a process allow, at most "
         "4096 for each HTTP process, if not given",
     )
-    max_connections_per_address: Count | None = Field(
-        default=None,
-        description="most connections of a client's address (IPv6: of its /64); half of all if "
-        "not given",
-    )
-    head_timeout_s: Seconds = Field(
-        default=10.0, description="longest time for the head of a request to arrive, in seconds"
-    )
-    body_timeout_s: Seconds = Field(
-        default=30.0, description="longest time for the body of a request to arrive, in seconds"
-    )
-    answer_timeout_s: Seconds = Field(
-        default=30.0,
-        description="longest time in which a client may read nothing of its answer, in seconds",
-    )
-    idle_timeout_s: Seconds = Field(
-        default=5.0,
-        description="longest time between an answer and the next request of a connection, in "
-        "seconds",
-    )
-    body_limit_bytes: Count = Field(
-        default=2**20, description="largest body of a request, in bytes"
-    )
-    recording_limit_bytes: Count = Field(
-        default=2**26, description="largest archive of a recording, in bytes"
-    )
-    max_vehicles: Count = Field(default=200, description="most vehicles in a scenario")
-    max_samples: Count = Field(default=20_000, description="most samples in a run or a window")
-    max_trials: Count = Field(default=100_000, description="most trials of a Monte Carlo")
-    max_run_s: Seconds = Field(
-        default=100_000.0, description="longest duration of a run that may be asked for, in seconds"
-    )
-    max_refine_s: Seconds = Field(
-        default=600.0, description="longest search of a refinement, in seconds"
-    )
-    max_sweep_values: Count = Field(default=50, description="most values in a sweep")
-    max_sightings: Count = Field(
-        default=5_000_000,
-        description="most sightings in a run, as expected from circles and ranges",
-    )
-    plan_timeout_s: Seconds = Field(
-        default=20.0,
-        description="longest time from a request's body to its answer, in seconds",
-    )
-    max_queued_jobs: Count = Field(default=20, description="most unfinished jobs of one owner")
-    max_plan_queue: Count = Field(
-        default=256, description="most requests waiting for a process, of all owners together"
-    )
-    max_requests: Count = Field(
-        default=64, description="most requests of one owner that wait for a process or compute"
-    )
-    max_streams: Count = Field(
-        default=100, description="most event streams that one owner may have open"
-    )
-    processes: Count | None = Field(
-        default=None,
-        description="child processes that compute; one for each usable core if not given",
-    )
+    max_connections_per_address: Count | None = None
+    """most connections of a client's address (IPv6: of its /64); half of all if not given"""
+    head_timeout_s: Seconds = 10.0
+    """longest time for the head of a request to arrive, in seconds"""
+    body_timeout_s: Seconds = 30.0
+    """longest time for the body of a request to arrive, in seconds"""
+    answer_timeout_s: Seconds = 30.0
+    """longest time in which a client may read nothing of its answer, in seconds"""
+    idle_timeout_s: Seconds = 5.0
+    """longest time between an answer and the next request of a connection, in seconds"""
+    body_limit_bytes: Count = 2**20
+    """largest body of a request, in bytes"""
+    recording_limit_bytes: Count = 2**26
+    """largest archive of a recording, in bytes"""
+    max_vehicles: Count = 200
+    """most vehicles in a scenario"""
+    max_samples: Count = 20_000
+    """most samples in a run or a window"""
+    max_trials: Count = 100_000
+    """most trials of a Monte Carlo"""
+    max_run_s: Seconds = 100_000.0
+    """longest duration of a run that may be asked for, in seconds"""
+    max_refine_s: Seconds = 600.0
+    """longest search of a refinement, in seconds"""
+    max_sweep_values: Count = 50
+    """most values in a sweep"""
+    max_sightings: Count = 5_000_000
+    """most sightings in a run, as expected from circles and ranges"""
+    plan_timeout_s: Seconds = 20.0
+    """longest time from a request's body to its answer, in seconds"""
+    max_queued_jobs: Count = 20
+    """most unfinished jobs of one owner"""
+    max_plan_queue: Count = 256
+    """most requests waiting for a process, of all owners together"""
+    max_requests: Count = 64
+    """most requests of one owner that wait for a process or compute"""
+    max_streams: Count = 100
+    """most event streams that one owner may have open"""
+    processes: Count | None = None
+    """child processes that compute; one for each usable core if not given"""
     task_memory_bytes: Annotated[int, Field(ge=2**28)] | None = Field(
         default=None,
         description="most memory of a child process, in bytes; what the machine or container has, "
@@ -181,64 +168,42 @@ class Settings(BaseSettings):
         description="processes that answer requests on one socket; child processes and limits of "
         "the whole service are divided among them",
     )
-    job_niceness: Annotated[int, Field(ge=0, le=19)] = Field(
-        default=10,
-        description="how far processes of jobs yield to those of requests, as nice does, 0 to 19",
-    )
-    keep_jobs_s: Seconds = Field(
-        default=7 * 86400.0, description="how long ended jobs are kept, in seconds"
-    )
-    keep_plans_s: Seconds | None = Field(
-        default=None, description="how long plans are kept, in seconds; for ever if not given"
-    )
-    max_plans: Count = Field(
-        default=20_000, description="most stored plans of one owner before no more can be posted"
-    )
-    keep_recordings_s: Seconds = Field(
-        default=7 * 86400.0, description="how long recordings are kept, in seconds"
-    )
-    max_recordings: Count = Field(
-        default=20, description="most stored recordings of one owner before no more can be posted"
-    )
-    keep_answers_s: Seconds = Field(
-        default=86400.0,
-        description="how long an answer is kept under its Idempotency-Key, in seconds",
-    )
-    heartbeat_s: Seconds = Field(
-        default=2.0, description="time between a worker's heartbeats, in seconds"
-    )
-    dead_after_s: Seconds = Field(
-        default=8.0, description="silence after which a worker counts as dead, in seconds"
-    )
-    batch_s: Seconds = Field(
-        default=7.0, description="computing time aimed at for a batch, in seconds"
-    )
-    job_task_s: Seconds = Field(
-        default=3600.0, description="longest time to compute a part of a job, in seconds"
-    )
-    max_job_seconds: Seconds = Field(
-        default=30 * 86400.0,
-        description="most computing time of one owner's jobs in 24 hours, in seconds",
-    )
-    version_grace_s: Seconds = Field(
-        default=600.0,
-        description="how long jobs wait for a worker of the version that began them, in seconds",
-    )
-    embedded_worker: bool = Field(default=True, description="let the server run jobs as well")
-    worker_host: str = Field(
-        default="127.0.0.1", description="address or name at which a worker listens, with a port"
-    )
-    worker_port: int | None = Field(
-        default=None,
-        ge=0,
-        le=65535,
-        description="port at which a worker answers /healthz, /readyz and /metrics; none if not "
-        "given",
-    )
-    log_level: Literal["debug", "info", "warning", "error"] = Field(
-        "info", description="least severity that is logged"
-    )
-    telemetry: bool = Field(default=False, description="export traces and metrics by OpenTelemetry")
+    job_niceness: Annotated[int, Field(ge=0, le=19)] = 10
+    """how far processes of jobs yield to those of requests, as nice does, 0 to 19"""
+    keep_jobs_s: Seconds = 7 * 86400.0
+    """how long ended jobs are kept, in seconds"""
+    keep_plans_s: Seconds | None = None
+    """how long plans are kept, in seconds; for ever if not given"""
+    max_plans: Count = 20_000
+    """most stored plans of one owner before no more can be posted"""
+    keep_recordings_s: Seconds = 7 * 86400.0
+    """how long recordings are kept, in seconds"""
+    max_recordings: Count = 20
+    """most stored recordings of one owner before no more can be posted"""
+    keep_answers_s: Seconds = 86400.0
+    """how long an answer is kept under its Idempotency-Key, in seconds"""
+    heartbeat_s: Seconds = 2.0
+    """time between a worker's heartbeats, in seconds"""
+    dead_after_s: Seconds = 8.0
+    """silence after which a worker counts as dead, in seconds"""
+    batch_s: Seconds = 7.0
+    """computing time aimed at for a batch, in seconds"""
+    job_task_s: Seconds = 3600.0
+    """longest time to compute a part of a job, in seconds"""
+    max_job_seconds: Seconds = 30 * 86400.0
+    """most computing time of one owner's jobs in 24 hours, in seconds"""
+    version_grace_s: Seconds = 600.0
+    """how long jobs wait for a worker of the version that began them, in seconds"""
+    embedded_worker: bool = True
+    """let the server run jobs as well"""
+    worker_host: str = "127.0.0.1"
+    """address or name at which a worker listens, with a port"""
+    worker_port: int | None = Field(default=None, ge=0, le=65535)
+    """port at which a worker answers /healthz, /readyz and /metrics; none if not given"""
+    log_level: Literal["debug", "info", "warning", "error"] = "info"
+    """least severity that is logged"""
+    telemetry: bool = False
+    """export traces and metrics by OpenTelemetry"""
 
     @property
     def database(self) -> str:
@@ -263,21 +228,6 @@ class Settings(BaseSettings):
         if self.task_memory_bytes is not None:
             return self.task_memory_bytes
         return max((usable_memory() or 0) // self.process_count, LEAST_TASK_MEMORY_BYTES)
-
-    @checked("data_dir", "api_keys_file")
-    @classmethod
-    def _absolute(cls, value: Path | None) -> Path | None:
-        if value is None:
-            return None
-        path = os.path.expanduser(value)
-        if path.startswith("~"):
-            raise ValueError("has no home folder to start from; give an absolute path")
-        return Path(os.path.abspath(path))
-
-    @checked("database_url")
-    @classmethod
-    def _known_database(cls, value: str | None) -> str | None:
-        return None if value is None else checked_address(value)
 
     @checked("api_keys", mode="before")
     @classmethod
@@ -386,11 +336,6 @@ class Share:
     number: int = 0
     count: int = 1
 
-    @property
-    def first(self) -> bool:
-        """Whether this process does what one process alone does."""
-        return self.number == 0
-
     def of(self, total: int) -> int:
         """Return this process's part of a total; parts add up to it, but each is at least 1."""
         return max(1, (total + self.count - 1 - self.number) // self.count)
@@ -405,6 +350,6 @@ def divided(settings: Settings, share: Share) -> Settings:
     update: dict[str, Any] = {
         name: share.of(total) for name in _DIVIDED if (total := getattr(settings, name)) is not None
     }
-    if not share.first:
+    if share.number > 0:
         update["embedded_worker"] = False
     return settings.model_copy(update=update)

@@ -14,7 +14,7 @@ from typing import Any
 
 from api.computing import tasks
 from api.job_kinds.job_kind import FinishedStart, Progress
-from syncplan.errors import Fault, InputError, NoGoError, NoSolutionError, ProcessEndedError
+from syncplan.errors import InputError, NoGoError, NoSolutionError, ProcessEndedError
 from syncplan.runtime.child_processes import ChildProcess, connect_to_parent
 from syncplan.runtime.machine import limit_memory
 
@@ -32,19 +32,16 @@ class TimeUp(BaseException):
 class Alarm:
     """Raises TimeUp in the main thread once a task's time is over, again and again until cleared.
 
-    Code that never returns to Python is not asked: whoever waits for it ends the process. Does
-    nothing on systems without interval timers.
+    Code that never returns to Python is not asked: whoever waits for it ends the process.
     """
 
     def __init__(self) -> None:
         self._set = False
-        self._possible = hasattr(signal, "setitimer")
-        if self._possible:
-            signal.signal(signal.SIGALRM, self._ring)
+        signal.signal(signal.SIGALRM, self._ring)
 
     def set(self, seconds: float | None) -> None:
         """Start the time of a task; None for one without limit."""
-        if self._possible and seconds is not None:
+        if seconds is not None:
             self._set = True
             signal.setitimer(signal.ITIMER_REAL, max(seconds, _LEAST_S), _AGAIN_S)
 
@@ -61,8 +58,7 @@ class Alarm:
         """End the time of a task."""
         # first: nothing is raised from here on
         self._set = False
-        if self._possible:
-            signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
 
     def _ring(self, *_: object) -> None:
         if self._set:
@@ -152,7 +148,7 @@ class Child:
                 elif kind == "done":
                     return value
                 else:
-                    raise _as_error(*value)
+                    raise value
         except (EOFError, OSError):
             complaint = self._process.complaint()
             gone = OutOfMemoryError if _of_memory(complaint) else ChildGoneError
@@ -167,22 +163,6 @@ class Child:
         """End the process, which must be idle, and free what it holds."""
         self._process.kill()
         self._process.end()
-
-
-def _as_error(kind: str, problem: str, key: str, faults: list[tuple[str, str, str]]) -> Exception:
-    if kind == "input":
-        return InputError(problem, key=key, faults=tuple(Fault(*one) for one in faults))
-    return _ERRORS.get(kind, TaskFailedError)(problem)
-
-
-_ERRORS: dict[str, type[Exception]] = {
-    "no memory": OutOfMemoryError,
-    "no time": TooSlowError,
-    "process": ChildGoneError,
-    "no solution": NoSolutionError,
-    "no go": NoGoError,
-}
-"""Errors of a task that are raised again here, by the word that stands for them on the way."""
 
 
 def serve(descriptor: int) -> None:
@@ -220,7 +200,7 @@ def serve(descriptor: int) -> None:
                 alarm.set(timeout_s)
                 answer = _outcome(getattr(tasks, name), *arguments, *extra)
             except TimeUp:
-                answer = "failed", ("no time", "out of time", "", [])
+                answer = "failed", TooSlowError("out of time")
             finally:
                 alarm.clear()
             connection.send(("memory", _memory()))
@@ -228,21 +208,17 @@ def serve(descriptor: int) -> None:
 
 
 def _outcome(task: Callable[..., Any], *arguments: Any) -> tuple[str, Any]:
-    """Return the answer to a task: its value, or how it failed."""
+    """Return the answer to a task: its value, or the error to raise where it was asked for."""
     try:
         return "done", task(*arguments)
-    except InputError as error:
-        faults = [(one.key, one.problem, one.value) for one in error.faults]
-        return "failed", ("input", error.problem, error.key, faults)
-    except NoSolutionError as error:
-        return "failed", ("no solution", str(error), "", [])
-    except NoGoError as error:
-        return "failed", ("no go", str(error), "", [])
+    except (InputError, NoSolutionError, NoGoError) as error:
+        return "failed", error
     except Exception as error:
-        lacking = isinstance(error, MemoryError) or _of_memory(str(error))
-        if isinstance(error, ProcessEndedError) and not lacking:
-            return "failed", ("process", str(error), "", [])
-        return "failed", ("no memory" if lacking else "fault", traceback.format_exc(), "", [])
+        if isinstance(error, MemoryError) or _of_memory(str(error)):
+            return "failed", OutOfMemoryError(traceback.format_exc())
+        if isinstance(error, ProcessEndedError):
+            return "failed", ChildGoneError(str(error))
+        return "failed", TaskFailedError(traceback.format_exc())
 
 
 def _of_memory(complaint: str) -> bool:

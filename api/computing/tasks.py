@@ -10,6 +10,8 @@ from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Literal
 
+from pydantic import ValidationError
+
 from api.documents import (
     PlanText,
     Syntax,
@@ -34,11 +36,19 @@ from api.job_kinds.job_kind import (
 from api.job_kinds.job_table import JOB_KINDS
 from api.limits import RequestLimits
 from syncplan.estimation.trials import CHUNK_TRIALS
+from syncplan.planning.loss_study import what_if
+from syncplan.planning.plan_files import plan_of
+from syncplan.planning.planner import BoundChoice, JudgementOptions, Plan, plan
+from syncplan.planning.validation import run_part, trial_run
 from syncplan.reports.job_contract import JobKindName
+from syncplan.reports.loss_report import what_if_document
+from syncplan.reports.plan_report import plan_document
+from syncplan.reports.refinement_report import RefinementResult
+from syncplan.runtime.files import as_text
 from syncplan.scenario.loading import decoded, parse_document, scenario_from
+from syncplan.scenario.quantities import validation_fault
 
 if TYPE_CHECKING:
-    from syncplan.planning.planner import BoundChoice, JudgementOptions, Plan
     from syncplan.plotting.canvas import Spec
     from syncplan.plotting.figure_style import Theme
 
@@ -50,8 +60,6 @@ def made_plan(body: bytes, syntax: Syntax, limits: RequestLimits, steady: bool) 
 
     Raises InputError, NoSolutionError.
     """
-    from syncplan.planning.plan_files import plan_of
-
     return as_plan_text(plan_of(loaded_body(body, syntax, limits), steady=steady))
 
 
@@ -68,10 +76,6 @@ def checked_request(
     It is about a plan, or a recording in short, or neither. The work is counted in the kind's
     unit. Raises InputError.
     """
-    from pydantic import ValidationError
-
-    from syncplan.scenario.quantities import validation_fault
-
     model = JOB_KINDS[kind].request
     document = parse_document(decoded(body, ""), "", syntax) if body.strip() else {}
     try:
@@ -145,13 +149,9 @@ def _trial_task(spec: JobSpec) -> TrialTask[Any, Any]:
 
 def warm_up(trials: bool) -> None:
     """Load what the first task would otherwise wait for: the filter, or what draws figures."""
-    from syncplan.planning.planner import plan
-
     made = plan(scenario_from(_SMALL))
     as_plan_text(made)
     if trials:
-        from syncplan.planning.validation import run_part, trial_run
-
         run_part(trial_run(made, trials=1, duration=1.0), 0, 1, threads=1)
     else:
         ready()
@@ -173,7 +173,7 @@ _SMALL = {
 # --- previews, figures, losses, exports -----------------------------------------------------------
 
 
-_QUICK: "JudgementOptions" = {"bound": "never", "pilot": False, "single_points": False}
+_QUICK: JudgementOptions = {"bound": "never", "pilot": False, "single_points": False}
 """What a plan is not asked for while somebody drags, beside the bound of its margin."""
 
 
@@ -189,9 +189,6 @@ def previewed(
 
     A `quick` one is the plan without what takes most of the time, which its findings name.
     """
-    from syncplan.planning.plan_files import plan_of
-    from syncplan.reports.plan_report import plan_document
-
     loaded = loaded_body(body, syntax, limits)
     made = plan_of(loaded, margin_bound=False, **_QUICK) if quick else plan_of(loaded)
     specs = _specs(made, names, theme) if names else {}
@@ -203,8 +200,6 @@ def plan_figure(text: str, name: str, theme: "Theme", parent_text: str | None) -
 
     With its parent's text, the plan is shown beside its parent.
     """
-    from syncplan.reports.refinement_report import RefinementResult
-
     if parent_text is not None:
         return _compact(_specs(_judged(parent_text), [name], theme, after=_judged(text))[name])
     record = json.loads(text).get("refinement")
@@ -227,14 +222,8 @@ def _specs(subject: Any, names: Sequence[str], theme: "Theme", **beside: Any) ->
     return specs_of(subject, names, style=FigureStyle(theme=theme), **beside)
 
 
-def judged_losses(
-    text: str, lose: Sequence[str], losses: Literal[1, 2], bound: "BoundChoice"
-) -> str:
+def judged_losses(text: str, lose: Sequence[str], losses: Literal[1, 2], bound: BoundChoice) -> str:
     """Return the effects of losses on a plan as JSON; raises InputError for an unknown name."""
-    from syncplan.planning.loss_study import what_if
-    from syncplan.reports.loss_report import what_if_document
-    from syncplan.runtime.files import as_text
-
     found = what_if(_judged(text), lose, losses=losses, bound=bound, threads=1)
     return as_text(what_if_document(found).as_json())
 
@@ -248,9 +237,7 @@ def exported(text: str, name: str, options: Mapping[str, Any]) -> tuple[bytes, t
 
 
 @lru_cache(maxsize=4)
-def _judged(text: str) -> "Plan":
-    from syncplan.planning.plan_files import plan_of
-
+def _judged(text: str) -> Plan:
     return plan_of(loaded_plan(text))
 
 

@@ -193,7 +193,7 @@ class JobKind:
 
     Attributes
     ----------
-    title, plural : the kind as sentences name it
+    name, plural : the kind, also as sentences name it
     unit : what its work is counted in
     report : model of the report it results in; None if it results in a plan
     figures : what figures of that report are figures of; None if none can be drawn
@@ -201,7 +201,6 @@ class JobKind:
     """
 
     name: JobKindName
-    title: str
     plural: str
     unit: str
     request: type[JobRequest]

@@ -17,8 +17,8 @@ from api.job_kinds.job_kind import (
 )
 from api.job_kinds.option_requests import with_keys
 from api.limits import RequestLimits, check_at_most
-from syncplan.planning.plan_files import Loaded
-from syncplan.refinement.refiner import options_for
+from syncplan.planning.plan_files import Loaded, plan_of
+from syncplan.refinement.refiner import options_for, refine
 from syncplan.scenario.models import RefineOptions
 from syncplan.scenario.truths import optional_keys
 
@@ -54,9 +54,7 @@ def _refined(spec: JobSpec, earlier: EarlierWork, workers: int, progress: Progre
 
     Progress counts the starts that must have ended, since others have begun.
     """
-    from syncplan.planning.plan_files import plan_of
     from syncplan.refinement.parallel_starts import EarlierSearch
-    from syncplan.refinement.refiner import refine
 
     assert spec.plan is not None
     changes = RefinementRequest.model_validate_json(spec.request).changes()
@@ -76,7 +74,6 @@ def _refined(spec: JobSpec, earlier: EarlierWork, workers: int, progress: Progre
 
 REFINEMENT = JobKind(
     name="refinement",
-    title="refinement",
     plural="refinements",
     unit="starts",
     request=RefinementRequest,

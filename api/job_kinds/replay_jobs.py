@@ -21,9 +21,10 @@ from api.limits import RequestLimits, check_replay_work
 from syncplan.errors import InputError
 from syncplan.estimation.recorded_starts import check_start
 from syncplan.estimation.replay_settings import ReplayOptions
-from syncplan.estimation.replay_tuning import FIT_SHARE, MOST_RUNS
-from syncplan.recordings.log import Overview, chosen_landmarks
-from syncplan.reports.replay_report import ReplayDocument
+from syncplan.estimation.replay_tuning import FIT_SHARE, MOST_RUNS, tuned
+from syncplan.recordings.log import Overview, chosen_landmarks, unpack_log
+from syncplan.reports.replay_report import ReplayDocument, replay_document
+from syncplan.runtime.files import as_text
 from syncplan.scenario.quantities import Many, Name
 
 Coordinate = Annotated[float, Field(ge=-1e12, le=1e12)]
@@ -54,11 +55,7 @@ def _fitted(sightings: int, runs: int) -> int:
 
 
 def _replayed(spec: JobSpec, _earlier: EarlierWork, _workers: int, progress: Progress) -> JobReport:
-    from syncplan.estimation.replay_tuning import tuned
     from syncplan.estimation.replays import replay_with
-    from syncplan.recordings.log import unpack_log
-    from syncplan.reports.replay_report import replay_document
-    from syncplan.runtime.files import as_text
 
     if spec.recording is None:
         raise InputError("the recording was deleted; send it again", key="recording_id")
@@ -76,7 +73,6 @@ def _replayed(spec: JobSpec, _earlier: EarlierWork, _workers: int, progress: Pro
 
 REPLAY = JobKind(
     name="replay",
-    title="replay",
     plural="replays",
     unit="sightings",
     request=ReplayRequest,

@@ -15,8 +15,10 @@ from api.job_kinds.trial_jobs import FILTER_TRIALS
 from api.limits import RequestLimits, check_at_most, check_size, check_trials
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import SweepOptions
-from syncplan.planning.validation import TrialRun, Validation
-from syncplan.reports.validation_report import SweepReport
+from syncplan.planning.validation import TrialRun, Validation, trial_run
+from syncplan.planning.variations import ValidatedRow, options_of_row, planned_rows
+from syncplan.reports.validation_report import SweepReport, sweep_document, validation_document
+from syncplan.runtime.files import as_text
 from syncplan.scenario.dotted_keys import SWEPT_KEYS, SweptKey, numeric_keys, swept_key
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.quantities import Many, fault
@@ -169,8 +171,6 @@ def _within(section: str) -> Iterator[None]:
 
 @lru_cache(maxsize=2)
 def _planned(spec: JobSpec) -> list[Any]:
-    from syncplan.planning.variations import planned_rows
-
     request = SweepRequest.model_validate_json(spec.request)
     scenario = scenario_from(request.scenario)
     key, values = request.swept()
@@ -179,18 +179,11 @@ def _planned(spec: JobSpec) -> list[Any]:
 
 @lru_cache(maxsize=2)
 def _runs(spec: JobSpec) -> list[TrialRun]:
-    from syncplan.planning.validation import trial_run
-    from syncplan.planning.variations import options_of_row
-
     options = SweepRequest.model_validate_json(spec.request).run_options()
     return [trial_run(row.plan, options_of_row(row.plan, options)) for row in _planned(spec)]
 
 
 def _report(spec: JobSpec, concluded: Sequence[Validation]) -> JobReport:
-    from syncplan.planning.variations import ValidatedRow
-    from syncplan.reports.validation_report import sweep_document, validation_document
-    from syncplan.runtime.files import as_text
-
     request = SweepRequest.model_validate_json(spec.request)
     rows = [
         ValidatedRow(row.label, row.value, one)
@@ -202,7 +195,6 @@ def _report(spec: JobSpec, concluded: Sequence[Validation]) -> JobReport:
 
 SWEEP = JobKind(
     name="sweep",
-    title="sweep",
     plural="sweeps",
     unit="trials",
     request=SweepRequest,

@@ -25,46 +25,48 @@ from api.job_kinds.job_kind import (
 from api.job_kinds.option_requests import SUBSTEPS, TRUTH, TrialRequest, our_keys, takes_options
 from api.limits import RequestLimits, check_flights, check_trials
 from syncplan.estimation.filter_options import ValidationOptions
+from syncplan.estimation.trials import pack, unpack
 from syncplan.flight.flight_events import events_of
 from syncplan.flight.flight_options import GUIDANCES, FlightOptions
-from syncplan.planning.plan_files import Loaded
-from syncplan.planning.validation import TrialRun, Validation, asked_filter
+from syncplan.planning.plan_files import Loaded, plan_of
+from syncplan.planning.validation import (
+    TrialRun,
+    Validation,
+    asked_filter,
+    conclude,
+    run_part,
+    trial_run,
+)
 from syncplan.planning.variations import joined_worlds, stress_runs, stress_worlds
-from syncplan.reports.flight_report import FlightDocument
-from syncplan.reports.validation_report import ValidationDocument
+from syncplan.reports.flight_report import FlightDocument, flight_document
+from syncplan.reports.validation_report import (
+    ValidationDocument,
+    stress_document,
+    validation_document,
+)
+from syncplan.runtime.files import as_text
 from syncplan.scenario.specification import Scenario
 
 if TYPE_CHECKING:
     from syncplan.flight.flying import Flight, FlightRun
 
 
-class PlanTrialRequest(TrialRequest):
-    """What requests for trials of a plan have in common."""
-
-    def work(self, subject: JobSubject, limits: RequestLimits) -> int:
-        """Return the number of trials; raises InputError if it exceeds a limit."""
-        assert isinstance(subject, Loaded)
-        self.check_run(subject.scenario, limits)
-        return self.trials_of(subject.scenario, limits)
-
-    def trials_of(self, scenario: Scenario, limits: RequestLimits) -> int:
-        """Return the number of trials of a scenario; raises InputError if it exceeds a limit."""
-        raise NotImplementedError
-
-
 # --- validations ----------------------------------------------------------------------------------
 
 
 @takes_options(ValidationOptions, substeps=SUBSTEPS, truth=TRUTH)
-class ValidationRequest(PlanTrialRequest):
+class ValidationRequest(TrialRequest):
     """A Monte Carlo run of the filter on a plan."""
 
     def run_options(self) -> ValidationOptions:
         """Return the options of the trials."""
         return ValidationOptions.of_request(self.model_dump(exclude_none=True))
 
-    def trials_of(self, scenario: Scenario, limits: RequestLimits) -> int:
+    def work(self, subject: JobSubject, limits: RequestLimits) -> int:
         """Return the number of trials, of all worlds; raises InputError if it exceeds a limit."""
+        assert isinstance(subject, Loaded)
+        scenario = subject.scenario
+        self.check_run(scenario, limits)
         world = self.in_world(scenario)
         options = self.run_options()
         trials = options.trials * (1 + len(stress_worlds(world)) if options.stress else 1)
@@ -72,37 +74,26 @@ class ValidationRequest(PlanTrialRequest):
         return trials
 
 
-def _validation_computed(
-    run: "TrialRun", first: int, trials: int, progress: TrialProgress
-) -> bytes:
-    from syncplan.estimation.trials import pack
-    from syncplan.planning.validation import run_part
-
+def _validation_computed(run: TrialRun, first: int, trials: int, progress: TrialProgress) -> bytes:
     return pack(run_part(run, first, trials, threads=1, progress=progress))
 
 
-def _validation_concluded(run: "TrialRun", parts: Sequence[bytes]) -> "Validation":
-    from syncplan.estimation.trials import unpack
-    from syncplan.planning.validation import conclude
-
+def _validation_concluded(run: TrialRun, parts: Sequence[bytes]) -> Validation:
     return conclude(run, [unpack(one) for one in parts])
 
 
-def _validation_effort(run: "TrialRun") -> float:
+def _validation_effort(run: TrialRun) -> float:
     """Samples and sightings of a trial."""
     return run.steps + len(run.sightings.observers)
 
 
-FILTER_TRIALS: "TrialMethod[TrialRun, Validation]" = TrialMethod(
+FILTER_TRIALS: TrialMethod[TrialRun, Validation] = TrialMethod(
     _validation_computed, _validation_concluded, _validation_effort
 )
 
 
 @lru_cache(maxsize=2)
 def _validation_runs(spec: JobSpec) -> list[TrialRun]:
-    from syncplan.planning.plan_files import plan_of
-    from syncplan.planning.validation import trial_run
-
     assert spec.plan is not None
     options = ValidationOptions.of_request(json.loads(spec.request))
     plan = plan_of(loaded_plan(spec.plan), pilot=False)
@@ -112,10 +103,6 @@ def _validation_runs(spec: JobSpec) -> list[TrialRun]:
 
 
 def _validation_report(spec: JobSpec, concluded: Sequence[Validation]) -> JobReport:
-    from syncplan.estimation.trials import pack
-    from syncplan.reports.validation_report import stress_document, validation_document
-    from syncplan.runtime.files import as_text
-
     nominal, *others = concluded
     if others:
         worlds = ["", *stress_worlds(nominal.plan.scenario)]
@@ -127,7 +114,6 @@ def _validation_report(spec: JobSpec, concluded: Sequence[Validation]) -> JobRep
 
 VALIDATION = JobKind(
     name="validation",
-    title="validation",
     plural="validations",
     unit="trials",
     request=ValidationRequest,
@@ -166,15 +152,18 @@ Events = Annotated[list[Event], Field(max_length=MOST_EVENTS)]
     hold=Events,
     wind=Velocity | None,
 )
-class FlightRequest(PlanTrialRequest):
+class FlightRequest(TrialRequest):
     """Flights of a plan in closed loop."""
 
     def run_options(self) -> FlightOptions:
         """Return the options of the flights."""
         return FlightOptions.of_request(self.model_dump(exclude_none=True))
 
-    def trials_of(self, scenario: Scenario, limits: RequestLimits) -> int:
+    def work(self, subject: JobSubject, limits: RequestLimits) -> int:
         """Return the number of flights; raises InputError if it exceeds a limit."""
+        assert isinstance(subject, Loaded)
+        scenario = subject.scenario
+        self.check_run(scenario, limits)
         options = self.run_options()
         length, guidance = self.length(scenario), GUIDANCES[options.guidance]
         check_flights(options.trials, scenario, length, guidance, limits)
@@ -193,7 +182,6 @@ class FlightRequest(PlanTrialRequest):
 @lru_cache(maxsize=2)
 def _flight_runs(spec: JobSpec) -> "list[FlightRun]":
     from syncplan.flight.flying import flight_run
-    from syncplan.planning.plan_files import plan_of
 
     assert spec.plan is not None
     options = FlightOptions.of_request(json.loads(spec.request))
@@ -221,8 +209,6 @@ def _flight_effort(run: "FlightRun") -> float:
 
 def _flight_report(_: JobSpec, concluded: "Sequence[Flight]") -> JobReport:
     from syncplan.flight.flight_results import pack_flight
-    from syncplan.reports.flight_report import flight_document
-    from syncplan.runtime.files import as_text
 
     (flight,) = concluded
     return JobReport(as_text(flight_document(flight).as_json()), trials=pack_flight(flight.result))
@@ -230,7 +216,6 @@ def _flight_report(_: JobSpec, concluded: "Sequence[Flight]") -> JobReport:
 
 FLIGHT = JobKind(
     name="flight",
-    title="flight",
     plural="flights",
     unit="trials",
     request=FlightRequest,

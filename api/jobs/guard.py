@@ -19,6 +19,7 @@ import threading
 import time
 from collections import defaultdict
 from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
 
 from sqlalchemy import Connection
 
@@ -49,34 +50,28 @@ _MOST_BEGUN = 50
 _logger = logging.getLogger("syncplan.guard")
 
 
+@dataclass(slots=True, eq=False)
 class StrandedJobs:
     """Looks for jobs that nobody works on.
 
-    Parameters
+    Attributes
     ----------
     version_grace_s : how long jobs wait for a worker of the version that began them; None where
         jobs of other versions are left alone
     job_over : called with each job that is failed
     """
 
-    def __init__(
-        self,
-        database: Database,
-        queue: JobQueue,
-        version_grace_s: float | None,
-        job_over: Callable[[str], None],
-    ) -> None:
-        self._database = database
-        self._queue = queue
-        self._grace_s = version_grace_s
-        self._job_over = job_over
-        self._suspects: set[WaitingJob] = set()
+    database: Database
+    queue: JobQueue
+    version_grace_s: float | None
+    job_over: Callable[[str], None]
+    _suspects: set[WaitingJob] = field(default_factory=set)
 
     def look(self) -> None:
         """Begin jobs anew, move them to this version, or fail them, as they need."""
-        with self._database.reading() as connection:
+        with self.database.reading() as connection:
             waiting = jobs_that_wait(connection)
-            gone = _GoneVersions(self._grace_s, connection)
+            is_gone = self._gone_versions(connection)
         active = self._active_versions()
         suspects = set()
         for job in waiting:
@@ -86,7 +81,7 @@ class StrandedJobs:
                 # begun by nobody, or just taken by a version
                 version = next(iter(known)) or VERSION
             if version not in (VERSION, ANY_VERSION):
-                if gone.is_gone(version):
+                if is_gone(version):
                     _logger.warning("job %s moves from version %s to %s", job.id, version, VERSION)
                     self._begin_anew(job, VERSION, keep=False)
             elif not known:
@@ -95,57 +90,46 @@ class StrandedJobs:
             self._revive(job)
         self._suspects = suspects
 
+    def _gone_versions(self, connection: Connection) -> Callable[[str | None], bool]:
+        """What says whether nobody runs a version any more; one from before version 2 is None."""
+        if self.version_grace_s is None:
+            return lambda version: False
+        living, seen = executors.living_versions(connection), executors.last_seen(connection)
+        since = earlier(executors.agreed_moment(connection), self.version_grace_s)
+        return lambda version: (
+            version not in living and (version is None or seen.get(version, "") < since)
+        )
+
     def _active_versions(self) -> Mapping[str, set[str | None]]:
         """The versions of the workflows that wait or run, for each job."""
         found: defaultdict[str, set[str | None]] = defaultdict(set)
         # of this application: others may keep theirs in the same database
-        for one in self._queue.client.list_workflows(
-            status=_ACTIVE, application_name=APPLICATION, load_input=False, load_output=False
-        ):
+        for one in self.queue.workflows(status=_ACTIVE, application_name=APPLICATION):
             found[one.workflow_id[:_ID_LENGTH]].add(one.app_version)
         return found
 
     def _revive(self, job: WaitingJob) -> None:
         """Fail a job that a fault has ended; begin it anew if nothing works on it for two looks."""
-        broken = self._queue.client.list_workflows(
-            workflow_id_prefix=job.id, status=_BROKEN, load_input=False, load_output=False, limit=1
-        )
+        broken = self.queue.workflows(workflow_id_prefix=job.id, status=_BROKEN, limit=1)
         if broken or job.begun >= _MOST_BEGUN:
             _logger.error("job %s was lost: workflows %s", job.id, [one.status for one in broken])
-            with self._database.writing() as connection:
+            with self.database.writing() as connection:
                 ended = job_records.end_job(connection, job.id, "failed", error=_LOST)
             if ended:
-                self._job_over(job.id)
+                self.job_over(job.id)
         elif job in self._suspects:
             _logger.warning("job %s has no workflow; it begins anew", job.id)
             self._begin_anew(job, job.version or ANY_VERSION, keep=True)
 
     def _begin_anew(self, job: WaitingJob, version: str, *, keep: bool) -> None:
-        with self._database.writing() as connection:
+        with self.database.writing() as connection:
             if not begin_anew(connection, job, version, keep=keep):
                 return
         # no job without a row is entered, and none entered twice: should this process end here,
         # the job has no workflow, and the next look finds it
-        self._queue.delete(job.id)
-        with self._database.writing() as connection:
-            self._queue.add_job(connection, job.id, job.owner, version or None)
-
-
-class _GoneVersions:
-    """Which versions nobody runs any more, as of one moment."""
-
-    def __init__(self, grace_s: float | None, connection: Connection) -> None:
-        self._grace_s = grace_s
-        self._living = executors.living_versions(connection)
-        self._last_seen = executors.last_seen(connection)
-        now = executors.agreed_moment(connection)
-        self._since = "" if grace_s is None else earlier(now, grace_s)
-
-    def is_gone(self, version: str | None) -> bool:
-        """Return whether jobs of a version wait no longer; one from before version 2 is None."""
-        if self._grace_s is None or version in self._living:
-            return False
-        return version is None or self._last_seen.get(version, "") < self._since
+        self.queue.delete(job.id)
+        with self.database.writing() as connection:
+            self.queue.add_job(connection, job.id, job.owner, version or None)
 
 
 # --- heartbeats -----------------------------------------------------------------------------------
@@ -274,12 +258,7 @@ class Guard:
     def _resume_orphans(self) -> None:
         """Put abandoned workflows back: of processes not on the list, or dropped by this one."""
         # of this application: others may keep theirs in the same database
-        begun = self._client.list_workflows(
-            status="PENDING",
-            application_name=APPLICATION,
-            load_input=False,
-            load_output=False,
-        )
+        begun = self._queue.workflows(status="PENDING", application_name=APPLICATION)
         with self._database.reading() as connection:
             living = executors.living(connection)
         orphans: dict[str | None, list[str]] = defaultdict(list)

@@ -9,7 +9,7 @@ those of jobs that have ended or that another version works on.
 import asyncio
 import logging
 import threading
-from collections.abc import Awaitable, Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from threading import Event
@@ -26,12 +26,14 @@ from api.computing.child import (
 )
 from api.computing.pool import Pool
 from api.computing.turns import GivenUpError, PoolFullError, Ticket
-from api.job_kinds.job_kind import FinishedStart
+from api.job_kinds.job_kind import EarlierWork, FinishedStart, TrialTask
+from api.job_kinds.job_table import JOB_KINDS
 from api.jobs.job_counts import JobCounts
 from api.jobs.queue import VERSION, JobQueue
 from api.settings import Settings
 from api.storage import job_records, part_records
 from api.storage.database import Database, patiently, unavailable
+from api.storage.job_records import BegunJob
 from api.storage.part_records import PartHistory
 from syncplan.errors import InputError, NoSolutionError
 
@@ -124,7 +126,14 @@ class PartWatch:
 
     def _run(self) -> None:
         while not self._stop.wait(_LOOK_EVERY_S):
-            _unless_away(self.look)
+            try:
+                self.look()
+            except Exception as error:
+                # there is a next time
+                if unavailable(error):
+                    _logger.warning("the database is away: %s", error)
+                else:
+                    _logger.exception("could not look after the parts at work")
 
     def look(self) -> None:
         """Enter what is new of all parts, and give up those that nobody waits for."""
@@ -139,17 +148,6 @@ class PartWatch:
                 part.note(self._database)
             elif part.ticket is not None:
                 part.ticket.cancel()
-
-
-def _unless_away(function: Callable[[], None]) -> None:
-    """Call a function; while the database is away, there is a next time."""
-    try:
-        function()
-    except Exception as error:
-        if unavailable(error):
-            _logger.warning("the database is away: %s", error)
-        else:
-            _logger.exception("could not look after the parts at work")
 
 
 # --- the runtime ----------------------------------------------------------------------------------
@@ -223,6 +221,9 @@ MOST_DEATHS = 5
 MOST_ATTEMPTS = 200
 """How often a part may be begun: workers that are killed with all their children count here."""
 
+_BEYOND_OWN_LIMIT = 2.0
+"""A job computed whole may take so many times as long as it may be asked to, at least."""
+
 _PAUSE_S = 0.5
 _LONGEST_PAUSE_S = 30.0
 
@@ -235,26 +236,35 @@ class Part:
     ----------
     number : of its row; see api.storage.part_records
     name : as messages call it
-    limit_s : s that it may take
+    task : what computes it, given the job and `arguments`
+    resumes : whether the task is given the work kept of earlier attempts as well, before those
     """
 
-    job_id: str
+    job: BegunJob
     number: int
     name: str
-    limit_s: float
+    task: str
+    arguments: tuple[object, ...] = ()
+    resumes: bool = False
+
+    @property
+    def job_id(self) -> str:
+        """Identifier of the job."""
+        return self.job.spec.id
+
+    @property
+    def limit_s(self) -> float:
+        """How long it may take (s); a job computed whole has a limit of its own, too."""
+        settings = current().settings
+        if isinstance(JOB_KINDS[self.job.spec.kind].task, TrialTask):
+            return settings.job_task_s
+        return max(settings.job_task_s, _BEYOND_OWN_LIMIT * settings.max_refine_s)
 
 
-Submit = Callable[[WatchedPart, PartHistory], Awaitable[Ticket]]
-"""Hands a part's task in, knowing what became of the part so far."""
-
-
-async def computed(part: Part, submit: Submit) -> Any:
-    """Return the result of the task of a part; None where its job has ended, or fails with it.
-
-    `submit` hands the task in, each time that it is tried.
-    """
+async def computed(part: Part) -> Any:
+    """Return the result of the task of a part; None where its job has ended, or fails with it."""
     try:
-        return await _tried(part, submit)
+        return await _tried(part)
     except (GivenUpError, PoolFullError):
         # its job has ended, or the pool is closed
         await _stay_if_closing(part)
@@ -265,7 +275,7 @@ async def computed(part: Part, submit: Submit) -> Any:
     return None
 
 
-async def _tried(part: Part, submit: Submit) -> Any:
+async def _tried(part: Part) -> Any:
     pause_s = _PAUSE_S
     while True:
         history = await in_transaction(part_records.begin_part, part.job_id, part.number, VERSION)
@@ -274,7 +284,7 @@ async def _tried(part: Part, submit: Submit) -> Any:
         if history.attempts > MOST_ATTEMPTS:
             raise _internal(f"{part.name} was begun {MOST_ATTEMPTS} times and never finished")
         try:
-            return await _tried_once(part, history, submit)
+            return await _tried_once(part, history)
         except ChildNotStartedError as error:
             # no fault of the part's
             _logger.error("%s of job %s waits: %s", part.name, part.job_id, error)
@@ -305,11 +315,25 @@ async def _count_death(part: Part, error: ChildGoneError) -> None:
         )
 
 
-async def _tried_once(part: Part, history: PartHistory, submit: Submit) -> Any:
+async def _tried_once(part: Part, history: PartHistory) -> Any:
     runtime = current()
     outcome = "failed"
+    arguments = part.arguments
+    if part.resumes:
+        # each time: an attempt that died has left some
+        starts = await in_transaction(part_records.finished_starts, part.job_id)
+        arguments = (EarlierWork(starts, history.computed_s), *arguments)
     with runtime.watch.over(part.job_id, part.number) as watched:
-        watched.ticket = await submit(watched, history)
+        watched.ticket = runtime.pool.submit(
+            part.task,
+            part.job.spec,
+            *arguments,
+            owner=part.job.owner,
+            timeout_s=part.limit_s,
+            # a child that dies is for the part to count
+            retries=0,
+            progress=watched.take,
+        )
         try:
             value = await asyncio.wrap_future(watched.ticket.future)
             outcome = "done"

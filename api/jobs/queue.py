@@ -15,7 +15,14 @@ from collections.abc import Iterable
 from datetime import UTC, datetime
 from typing import Any, NoReturn
 
-from dbos import DBOS, DBOSClient, DBOSPortableJSONSerializer, EnqueueOptions, Serializer
+from dbos import (
+    DBOS,
+    DBOSClient,
+    DBOSPortableJSONSerializer,
+    EnqueueOptions,
+    Serializer,
+    WorkflowStatus,
+)
 from dbos._serialization import DefaultSerializer, deserialize_value
 from sqlalchemy import Connection
 
@@ -119,16 +126,9 @@ class JobQueue:
         The first turns of all the owner's jobs come before the second ones of any.
         """
         for number, turn in numbers:
-            identifier = batch_id(job_id, number)
+            batch, priority = (job_id, number), _FIRST + turn
             self._enter(
-                connection,
-                BATCH_WORKFLOW,
-                identifier,
-                owner,
-                VERSION,
-                _FIRST + turn,
-                job_id,
-                number,
+                connection, BATCH_WORKFLOW, batch_id(*batch), owner, VERSION, priority, *batch
             )
 
     def add_conclusion(self, connection: Connection, job_id: str, owner: str) -> None:
@@ -157,15 +157,14 @@ class JobQueue:
             options["app_version"] = version
         self.client.enqueue_in_transaction(connection, options, *arguments)
 
+    def workflows(self, **which: Any) -> list[WorkflowStatus]:
+        """Return the workflows that DBOS lists for `which`, without what they take and give."""
+        return self.client.list_workflows(**which, load_input=False, load_output=False)
+
     def oldest(self) -> datetime | None:
         """Return when the part was entered that has waited longest; None if none waits."""
-        found = self.client.list_workflows(
-            status="ENQUEUED",
-            queue_name=PARTS_QUEUE,
-            application_name=APPLICATION,
-            load_input=False,
-            load_output=False,
-            limit=1,
+        found = self.workflows(
+            status="ENQUEUED", queue_name=PARTS_QUEUE, application_name=APPLICATION, limit=1
         )
         if not found or found[0].created_at is None:
             return None
@@ -173,20 +172,12 @@ class JobQueue:
 
     def drop(self, job_id: str) -> None:
         """Take what waits of a job that has ended out of the queue, where it comes to nothing."""
-        waiting = self.client.list_workflows(
-            workflow_id_prefix=job_id,
-            status="ENQUEUED",
-            app_version=VERSION,
-            load_input=False,
-            load_output=False,
-        )
+        waiting = self.workflows(workflow_id_prefix=job_id, status="ENQUEUED", app_version=VERSION)
         self.client.cancel_workflows([one.workflow_id for one in waiting])
 
     def delete(self, job_id: str) -> None:
         """Delete all workflows of a job, whatever became of them."""
-        found = self.client.list_workflows(
-            workflow_id_prefix=job_id, load_input=False, load_output=False
-        )
+        found = self.workflows(workflow_id_prefix=job_id)
         self.client.delete_workflows([one.workflow_id for one in found])
 
     def promote(self, version: str, timestamp: int) -> None:

@@ -19,11 +19,10 @@ from itertools import pairwise
 from dbos import DBOS
 from sqlalchemy import Connection
 
-from api.computing.turns import Ticket
 from api.documents import PlanText
-from api.job_kinds.job_kind import Batch, EarlierWork, JobReport, Progress, TrialTask
+from api.job_kinds.job_kind import Batch, JobReport, TrialTask
 from api.job_kinds.job_table import JOB_KINDS
-from api.jobs.parts import Part, Submit, WatchedPart, computed, current, in_transaction
+from api.jobs.parts import Part, computed, current, in_transaction
 from api.jobs.queue import (
     BATCH_WORKFLOW,
     BEGIN_WORKFLOW,
@@ -35,7 +34,7 @@ from api.jobs.queue import (
 from api.storage import job_records, part_records
 from api.storage.holdings import add_plan
 from api.storage.job_records import BegunJob
-from api.storage.part_records import BEGINNING, CONCLUSION, PartHistory
+from api.storage.part_records import BEGINNING, CONCLUSION
 from api.storage.tables import moment, new_id
 from syncplan.estimation.trials import CHUNK_TRIALS
 
@@ -66,9 +65,6 @@ def batches_of(runs: Sequence[tuple[int, float]], batch_s: float, processes: int
 
 # --- workflows ------------------------------------------------------------------------------------
 
-
-_BEYOND_OWN_LIMIT = 2.0
-"""A job computed whole may take so many times as long as it may be asked to, at least."""
 
 _AHEAD = 256
 """How many batches of a job are in the queue at most."""
@@ -114,10 +110,7 @@ async def _divide(job: BegunJob) -> None:
     runtime, job_id = current(), job.spec.id
     batches = []
     if not await in_transaction(part_records.is_divided, job_id):
-        runs = await computed(
-            Part(job_id, BEGINNING, "measuring", _limit_s(job)),
-            _task(job, "measured_runs", job.spec),
-        )
+        runs = await computed(Part(job, BEGINNING, "measuring", "measured_runs"))
         if runs is None:
             return
         batches = batches_of(runs, runtime.settings.batch_s, runtime.settings.process_count)
@@ -135,10 +128,7 @@ async def _compute_batch(job: BegunJob, number: int) -> None:
     if batch is None:
         return
     name = f"the batch of trials {batch.first_trial} to {batch.first_trial + batch.trials - 1}"
-    data = await computed(
-        Part(job_id, number, name, _limit_s(job)),
-        _task(job, "computed_batch", job.spec, batch, with_progress=True),
-    )
+    data = await computed(Part(job, number, name, "computed_batch", (batch,)))
     if data is None:
         return
 
@@ -164,61 +154,18 @@ def _enter_next(connection: Connection, job: BegunJob, places: range) -> None:
 
 
 async def _conclude(job: BegunJob) -> None:
-    job_id = job.spec.id
-    batches = await in_transaction(part_records.finished_batches, job_id)
-    result = await computed(
-        Part(job_id, CONCLUSION, "the report", _limit_s(job)),
-        _task(job, "concluded_job", job.spec, batches),
-    )
-    await _succeed(job, result)
+    batches = await in_transaction(part_records.finished_batches, job.spec.id)
+    part = Part(job, CONCLUSION, "the report", "concluded_job", (batches,))
+    await _succeed(job, await computed(part))
 
 
 async def _compute_whole(job: BegunJob) -> None:
     runtime = current()
     # processes of its own, beside those at work for others
     workers = max(runtime.settings.process_count - runtime.pool.depth().running, 1)
-
-    async def submit(watched: WatchedPart, history: PartHistory) -> Ticket:
-        # each time: an attempt that died has left some
-        starts = await in_transaction(part_records.finished_starts, job.spec.id)
-        earlier = EarlierWork(starts, history.computed_s)
-        return _submitted(job, "computed_job", job.spec, earlier, workers, progress=watched.take)
-
-    kind = JOB_KINDS[job.spec.kind].title
-    await _succeed(
-        job, await computed(Part(job.spec.id, BEGINNING, f"the {kind}", _limit_s(job)), submit)
-    )
-
-
-def _task(job: BegunJob, task: str, *arguments: object, with_progress: bool = False) -> Submit:
-    """How a task of a job is handed in."""
-
-    async def submit(watched: WatchedPart, _history: PartHistory) -> Ticket:
-        progress = watched.take if with_progress else None
-        return _submitted(job, task, *arguments, progress=progress)
-
-    return submit
-
-
-def _submitted(job: BegunJob, task: str, *arguments: object, progress: Progress | None) -> Ticket:
-    """A task of a job, handed in; a child that dies is for the part to count."""
-    runtime = current()
-    return runtime.pool.submit(
-        task,
-        *arguments,
-        owner=job.owner,
-        timeout_s=_limit_s(job),
-        retries=0,
-        progress=progress,
-    )
-
-
-def _limit_s(job: BegunJob) -> float:
-    """How long a part of a job may take; a job computed whole has a limit of its own, too."""
-    settings = current().settings
-    if isinstance(JOB_KINDS[job.spec.kind].task, TrialTask):
-        return settings.job_task_s
-    return max(settings.job_task_s, _BEYOND_OWN_LIMIT * settings.max_refine_s)
+    name = f"the {job.spec.kind}"
+    part = Part(job, BEGINNING, name, "computed_job", (workers,), resumes=True)
+    await _succeed(job, await computed(part))
 
 
 async def _succeed(job: BegunJob, result: PlanText | JobReport | None) -> None:
@@ -233,8 +180,7 @@ async def _succeed(job: BegunJob, result: PlanText | JobReport | None) -> None:
         plan_id = new_id(moment(connection))
         if not job_records.end_job(connection, job_id, "succeeded", plan_id=plan_id):
             return False
-        owner, parent_id = job_records.owner_and_plan(connection, job_id)
-        add_plan(connection, owner, result, plan_id=plan_id, parent_id=parent_id)
+        add_plan(connection, job.owner, result, plan_id=plan_id, parent_id=job.plan_id)
         return True
 
     if await in_transaction(keep):

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Header, Query, Response
+from fastapi import APIRouter, Depends, Header, Query, Request, Response
 from sqlalchemy import Connection
 from starlette.concurrency import run_in_threadpool
 
@@ -16,7 +16,7 @@ from api.responses import Job, JobPage, job_answer
 from api.routes.plan_routes import Before, Identifier, Limit, find_or_refuse, page_and_next
 from api.routes.recording_routes import find_recording_or_refuse, recording_or_refuse
 from api.security import CurrentKey, CurrentOwner
-from api.service import CurrentService, CurrentWatch, Service
+from api.service import CurrentService, Service
 from api.storage import job_records
 from api.storage.holdings import Answer, body_of
 from api.storage.job_records import JobRow, NewJob
@@ -88,8 +88,7 @@ def read_jobs(
     """Your jobs, newest first, a page at a time."""
     with service.database.reading() as connection:
         found = job_records.list_jobs(connection, owner, limit + 1, before, state)
-    ids = [row.id for row in found]
-    rows, following = page_and_next("/v1/jobs", found, ids, limit, state=state)
+    rows, following = page_and_next("/v1/jobs", found, limit, state=state)
     return JobPage(items=[job_answer(row) for row in rows], next=following)
 
 
@@ -127,10 +126,10 @@ def read_job(row: Owned) -> Job:
     responses=problem_responses(401, 404, 406, 422, 429, 503),
 )
 async def follow_job(
+    request: Request,
     row: Owned,
     owner: CurrentOwner,
     key: CurrentKey,
-    watch: CurrentWatch,
     last_event_id: Annotated[
         str,
         Header(
@@ -142,7 +141,7 @@ async def follow_job(
 
     It also ends with the server; send Last-Event-ID to continue where it ended.
     """
-    return EventStream(watch, Follower(owner, key, row.id, int(last_event_id)))
+    return EventStream(request.app.state.watch, Follower(owner, key, row.id, int(last_event_id)))
 
 
 @router.post(

@@ -49,7 +49,7 @@ def tables_script() -> str:
         "ALTERNATIVES": ALTERNATIVES,
         "JOB_KINDS": {
             name: {
-                "title": kind.title.capitalize(),
+                "title": name.capitalize(),
                 "collection": kind.plural,
                 "unit": kind.unit,
                 "reports": kind.report is not None,

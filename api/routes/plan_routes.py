@@ -4,11 +4,12 @@ A list comes a page at a time: newest first, each page naming the next.
 """
 
 from collections.abc import Sequence
-from typing import Annotated, TypeVar
+from functools import partial
+from typing import Annotated, Any, TypeVar
 from urllib.parse import urlencode
 
 from fastapi import APIRouter, Depends, Header, Path, Query, Request, Response
-from sqlalchemy import Connection
+from sqlalchemy import Connection, Row
 from starlette.concurrency import run_in_threadpool
 
 from api.calls import CurrentCall, accepts, answer_once, computed
@@ -20,14 +21,16 @@ from api.service import CurrentService, Service, service_of
 from api.storage.holdings import (
     Answer,
     PlanRow,
+    RecordingRow,
     add_plan,
     body_of,
     delete_plan,
     has_room,
     list_plans,
 )
+from api.storage.job_records import JobRow
 
-Row = TypeVar("Row")
+Listed = TypeVar("Listed", JobRow, RecordingRow, Row[*tuple[Any, ...]])
 
 Limit = Annotated[int, Query(ge=1, le=200, description="Most entries on a page")]
 Before = Annotated[
@@ -37,15 +40,15 @@ Before = Annotated[
 
 
 def page_and_next(
-    path: str, rows: Sequence[Row], identifiers: Sequence[str], limit: int, **chosen: str | None
-) -> tuple[Sequence[Row], str | None]:
+    path: str, rows: Sequence[Listed], limit: int, **chosen: str | None
+) -> tuple[Sequence[Listed], str | None]:
     """Return the first `limit` rows, and where the next page is; None if there are no more.
 
     `chosen` are the parameters that selected the rows.
     """
     if len(rows) <= limit:
         return rows, None
-    query = {"limit": limit, "before": identifiers[limit - 1], **chosen}
+    query = {"limit": limit, "before": rows[limit - 1].id, **chosen}
     return rows[:limit], f"{path}?{urlencode({k: v for k, v in query.items() if v is not None})}"
 
 
@@ -78,11 +81,7 @@ async def create_plan(
     A plan in its place keeps its orbits and is judged afresh.
     """
 
-    async def compute() -> PlanText:
-        made: PlanText = await computed(
-            call, "made_plan", call.body, call.syntax, call.service.limits, steady
-        )
-        return made
+    asked = (call.body, call.syntax, call.service.limits, steady)
 
     def store(connection: Connection, made: PlanText) -> Answer:
         most = call.service.settings.max_plans
@@ -92,7 +91,8 @@ async def create_plan(
         headers = {"location": f"/v1/plans/{row.id}", "etag": f'"{row.etag}"'}
         return Answer(call.digest, 201, headers, body_of(row))
 
-    return await answer_once(call, compute, store, together=True)
+    make = partial(computed, call, "made_plan", *asked)
+    return await answer_once(call, make, store, together=True)
 
 
 @router.get(
@@ -111,8 +111,8 @@ def read_plans(
     """Summaries of your plans, newest first, a page at a time."""
     with service.database.reading() as connection:
         found = list_plans(connection, owner, limit + 1, before)
-    rows, following = page_and_next("/v1/plans", found, [one["id"] for one in found], limit)
-    return PlanPage(items=[PlanSummary(**one) for one in rows], next=following)
+    rows, following = page_and_next("/v1/plans", found, limit)
+    return PlanPage(items=[PlanSummary(**one._mapping) for one in rows], next=following)
 
 
 @router.get(

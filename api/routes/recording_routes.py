@@ -94,8 +94,7 @@ def read_recordings(
     """Your recordings, newest first, a page at a time."""
     with service.database.reading() as connection:
         found = holdings.list_recordings(connection, owner, limit + 1, before)
-    ids = [row.id for row in found]
-    rows, following = page_and_next("/v1/recordings", found, ids, limit)
+    rows, following = page_and_next("/v1/recordings", found, limit)
     return RecordingPage(items=[recording_answer(row) for row in rows], next=following)
 
 

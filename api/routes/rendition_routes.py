@@ -4,10 +4,11 @@ Previews are figures of a scenario while it changes. Exports are zip archives.
 """
 
 import json
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from fastapi import APIRouter, Depends, Query, Response
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, ConfigDict, Field
 from starlette.concurrency import run_in_threadpool
 
 from api.calls import Caller, CurrentCall, CurrentCaller, accepts, answer_once, computed
@@ -68,15 +69,10 @@ async def create_preview(
     A plan in its place keeps its orbits and is judged afresh.
     """
 
-    async def compute() -> str:
-        names = list(dict.fromkeys(figure or ()))
-        limits = call.service.limits
-        made: str = await computed(
-            call, "previewed", call.body, call.syntax, limits, quick, names, theme
-        )
-        return made
-
-    return await answer_once(call, compute, lambda _, made: Answer(call.digest, 200, {}, made))
+    names = list(dict.fromkeys(figure or ()))
+    asked = (call.body, call.syntax, call.service.limits, quick, names, theme)
+    make = partial(computed, call, "previewed", *asked)
+    return await answer_once(call, make, lambda _, made: Answer(call.digest, 200, {}, made))
 
 
 @router.get(
@@ -192,26 +188,24 @@ else:
 class ExportQuery(BaseModel):
     """Options of an export, as syncplan.exporting.format_table has them."""
 
-    autopilot: AutopilotName = Field("ardupilot", description="Autopilot that missions are for")
-    vehicle: VehicleName = Field("multicopter", description="Kind of vehicle that flies them")
-    altitude_m: float | None = Field(
-        None,
-        ge=-1000,
-        le=100_000,
-        description="Height above the origin; the format's own if not given",
-    )
-    altitude_step_m: float = Field(
-        0.0, ge=0, le=1000, description="How much higher each vehicle flies than the one before"
-    )
-    turns: int | None = Field(
-        None,
-        ge=1,
-        le=20_000,
-        description="Whole turns flown; the scenario's duration if not given",
-    )
-    waypoints: bool = Field(False, description="Waypoints where loiter turns would do")
-    snap_radius: bool = Field(False, description="Fly the nearest radii that ArduPilot can store")
-    force: bool = Field(False, description="Export the plan although its verdict is no-go")
+    model_config = ConfigDict(use_attribute_docstrings=True)
+
+    autopilot: AutopilotName = "ardupilot"
+    """Autopilot that missions are for"""
+    vehicle: VehicleName = "multicopter"
+    """Kind of vehicle that flies them"""
+    altitude_m: float | None = Field(None, ge=-1000, le=100_000)
+    """Height above the origin; the format's own if not given"""
+    altitude_step_m: float = Field(0.0, ge=0, le=1000)
+    """How much higher each vehicle flies than the one before"""
+    turns: int | None = Field(None, ge=1, le=20_000)
+    """Whole turns flown; the scenario's duration if not given"""
+    waypoints: bool = False
+    """Waypoints where loiter turns would do"""
+    snap_radius: bool = False
+    """Fly the nearest radii that ArduPilot can store"""
+    force: bool = False
+    """Export the plan although its verdict is no-go"""
 
 
 @router.get(

@@ -1,11 +1,11 @@
 """The service itself: whether it lives and is ready, its metrics, its schemas."""
 
-from collections.abc import Awaitable, Callable
 from functools import cache
 from typing import Any, Literal
 
 from fastapi import APIRouter, Depends, Request, Response
 from pydantic import BaseModel
+from pydantic.json_schema import JsonSchemaMode
 from sqlalchemy.exc import DBAPIError
 
 from api.calls import accepts
@@ -87,37 +87,30 @@ schemas = APIRouter(
 )
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
-_SCHEMAS: dict[str, tuple[str, Callable[[], dict[str, Any]]]] = {
-    "scenario": (
-        "The JSON Schema of the scenarios that POST /plans takes.",
-        Scenario.model_json_schema,
-    ),
-    "plan": (
-        "The JSON Schema of a stored plan.",
-        lambda: StoredPlan.model_json_schema(mode="serialization"),
-    ),
-}
-"""What each schema is, and what makes it."""
 
 
 @cache
-def _schema(name: str) -> dict[str, Any]:
-    return {"$schema": _DIALECT, **_SCHEMAS[name][1]()}
+def _schema(model: type[BaseModel], mode: JsonSchemaMode) -> dict[str, Any]:
+    return {"$schema": _DIALECT, **model.model_json_schema(mode=mode)}
 
 
-def _reader(name: str) -> Callable[[], Awaitable[dict[str, Any]]]:
-    async def read_schema() -> dict[str, Any]:
-        return _schema(name)
+@schemas.get(
+    "/scenario",
+    operation_id="readScenarioSchema",
+    summary="Schema of scenarios",
+    responses=problem_responses(406),
+)
+async def read_scenario_schema() -> dict[str, Any]:
+    """The JSON Schema of the scenarios that POST /plans takes."""
+    return _schema(Scenario, "validation")
 
-    return read_schema
 
-
-for _name, (_sentence, _) in _SCHEMAS.items():
-    schemas.add_api_route(
-        f"/{_name}",
-        _reader(_name),
-        operation_id=f"read{_name.capitalize()}Schema",
-        summary=f"Schema of {_name}s",
-        description=_sentence,
-        responses=problem_responses(406),
-    )
+@schemas.get(
+    "/plan",
+    operation_id="readPlanSchema",
+    summary="Schema of plans",
+    responses=problem_responses(406),
+)
+async def read_plan_schema() -> dict[str, Any]:
+    """The JSON Schema of a stored plan."""
+    return _schema(StoredPlan, "serialization")

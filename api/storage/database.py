@@ -199,11 +199,9 @@ class Database:
         self.is_sqlite = engine.dialect.name == "sqlite"
         self._write_check = WriteCheck(engine)
 
-    @contextmanager
-    def reading(self) -> Iterator[Connection]:
-        """A connection to read with."""
-        with self.engine.connect() as connection:
-            yield connection
+    def reading(self) -> Connection:
+        """Return a connection to read with, which a block closes at its end."""
+        return self.engine.connect()
 
     @contextmanager
     def writing(self) -> Iterator[Connection]:

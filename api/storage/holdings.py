@@ -7,14 +7,14 @@ repeated with its Idempotency-Key gets the answer of before.
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
-from sqlalchemy import Connection, Exists, bindparam, delete, exists, func, insert, select
+from sqlalchemy import Connection, Exists, Row, bindparam, delete, exists, func, insert, select
 from sqlalchemy.exc import IntegrityError
 
 from api.documents import PackedRecording, PlanText
-from api.storage.tables import NOW, answers, jobs, moment, new_id, plans, recordings
+from api.storage.tables import NOW, answers, jobs, moment, new_id, newest, plans, recordings
 from syncplan.reports.job_contract import UNFINISHED
 
 # --- plans ----------------------------------------------------------------------------------------
@@ -34,15 +34,7 @@ class PlanRow:
     text: str
 
 
-_LISTED = (
-    plans.c.id,
-    plans.c.parent_id,
-    plans.c.created_at,
-    plans.c.name,
-    plans.c.vehicles,
-    plans.c.observable,
-    plans.c.predicted_rms_m,
-)
+_LISTED = tuple(column for column in plans.c if column.name not in ("owner", "etag", "text"))
 _ADD = insert(plans)
 # built once: building a statement takes longer than carrying it out
 _FIND = select(
@@ -67,19 +59,7 @@ def add_plan(
         etag=hashlib.sha256(made.text.encode()).hexdigest(),
         text=made.text,
     )
-    values = {
-        "id": row.id,
-        "owner": owner,
-        "parent_id": parent_id,
-        "created_at": row.created_at,
-        "name": made.name,
-        "vehicles": made.vehicles,
-        "observable": made.observable,
-        "predicted_rms_m": made.predicted_rms_m,
-        "etag": row.etag,
-        "text": row.text,
-    }
-    connection.execute(_ADD, values)
+    connection.execute(_ADD, {**asdict(row), **asdict(made), "owner": owner})
     return row
 
 
@@ -93,12 +73,9 @@ def find_plans(connection: Connection, wanted: Sequence[tuple[str, str]]) -> lis
 
 def list_plans(
     connection: Connection, owner: str, limit: int, before: str | None
-) -> list[dict[str, Any]]:
+) -> Sequence[Row[*tuple[Any, ...]]]:
     """Return summaries of up to `limit` of an owner's plans, newest first, older than `before`."""
-    query = select(*_LISTED).where(plans.c.owner == owner).order_by(plans.c.id.desc())
-    if before is not None:
-        query = query.where(plans.c.id < before)
-    return [dict(row) for row in connection.execute(query.limit(limit)).mappings()]
+    return newest(connection, plans, select(*_LISTED), owner, limit, before)
 
 
 def delete_plan(connection: Connection, owner: str, plan_id: str) -> None:
@@ -152,16 +129,8 @@ def add_recording(connection: Connection, owner: str, packed: PackedRecording) -
     """Store a recording and return it."""
     created_at = moment(connection)
     row = RecordingRow(new_id(created_at), created_at, len(packed.data), packed.overview)
-    connection.execute(
-        insert(recordings).values(
-            id=row.id,
-            owner=owner,
-            created_at=created_at,
-            size=row.size,
-            overview=row.overview,
-            data=packed.data,
-        )
-    )
+    values = {**asdict(row), "owner": owner, "data": packed.data}
+    connection.execute(insert(recordings).values(values))
     return row
 
 
@@ -176,10 +145,8 @@ def list_recordings(
     connection: Connection, owner: str, limit: int, before: str | None
 ) -> list[RecordingRow]:
     """Return up to `limit` of an owner's recordings, newest first, older than `before`."""
-    query = select(*_SHOWN).where(recordings.c.owner == owner).order_by(recordings.c.id.desc())
-    if before is not None:
-        query = query.where(recordings.c.id < before)
-    return [RecordingRow(*row) for row in connection.execute(query.limit(limit))]
+    found = newest(connection, recordings, select(*_SHOWN), owner, limit, before)
+    return [RecordingRow(*row) for row in found]
 
 
 def count_recordings(connection: Connection, owner: str) -> int:
@@ -226,28 +193,18 @@ class Answer:
 
 def find_answer(connection: Connection, owner: str, key: str) -> Answer | None:
     """Return the answer given to an owner's key, or None."""
-    found = connection.execute(
-        select(answers.c.request_digest, answers.c.status, answers.c.headers, answers.c.body).where(
-            answers.c.owner == owner, answers.c.key == key
-        )
-    ).first()
-    return None if found is None else Answer(found[0], found[1], json.loads(found[2]), found[3])
+    query = select(answers).where(answers.c.owner == owner, answers.c.key == key)
+    row = connection.execute(query).first()
+    if row is None:
+        return None
+    return Answer(row.request_digest, row.status, json.loads(row.headers), row.body)
 
 
 def keep_answer(connection: Connection, owner: str, key: str, answer: Answer) -> None:
     """Keep an answer; raises AnswerTakenError if there is one for the key already."""
+    values = {**asdict(answer), "headers": json.dumps(answer.headers)}
     try:
-        connection.execute(
-            insert(answers).values(
-                owner=owner,
-                key=key,
-                request_digest=answer.request_digest,
-                status=answer.status,
-                headers=json.dumps(answer.headers),
-                body=answer.body,
-                created_at=NOW,
-            )
-        )
+        connection.execute(insert(answers).values(owner=owner, key=key, created_at=NOW, **values))
     except IntegrityError:
         raise AnswerTakenError from None
 

@@ -7,7 +7,7 @@ number k asks for those after it.
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from sqlalchemy import Connection, delete, func, insert, null, select, update
@@ -22,6 +22,7 @@ from api.storage.tables import (
     jobs,
     moment,
     new_id,
+    newest,
     recordings,
 )
 from syncplan.reports.job_contract import UNFINISHED, EndState, JobKindName, JobState
@@ -51,7 +52,7 @@ class JobRow:
 
 @dataclass(frozen=True, slots=True)
 class NewJob:
-    """A job as it is requested; `request` is checked, `work` its amount in the kind's unit.
+    """A job as it is requested; `request` is checked, `total` its work in the kind's unit.
 
     `plan_text` is a copy, so that the job outlives the plan; `traceparent` is the trace of the
     request.
@@ -59,7 +60,7 @@ class NewJob:
 
     kind: JobKindName
     request: str
-    work: int
+    total: int
     plan_id: str | None
     plan_text: str | None
     traceparent: str | None = None
@@ -77,17 +78,11 @@ def add_job(connection: Connection, owner: str, new: NewJob) -> JobRow:
     job_id = new_id(created_at)
     connection.execute(
         insert(jobs).values(
+            **asdict(new),
             id=job_id,
             owner=owner,
-            kind=new.kind,
             state="queued",
-            request=new.request,
-            plan_id=new.plan_id,
-            plan_text=new.plan_text,
-            recording_id=new.recording_id,
-            traceparent=new.traceparent,
             done=0,
-            total=new.work,
             created_at=created_at,
             events=0,
             version=ANY_VERSION,
@@ -114,12 +109,10 @@ def list_jobs(
     state: JobState | None = None,
 ) -> list[JobRow]:
     """Return up to `limit` of an owner's jobs, newest first, older than `before`."""
-    query = select(*_LISTED).where(jobs.c.owner == owner).order_by(jobs.c.id.desc())
-    if before is not None:
-        query = query.where(jobs.c.id < before)
+    query = select(*_LISTED)
     if state is not None:
         query = query.where(jobs.c.state == state)
-    return [JobRow(*row) for row in connection.execute(query.limit(limit))]
+    return [JobRow(*row) for row in newest(connection, jobs, query, owner, limit, before)]
 
 
 def hold_owner(connection: Connection, owner: str) -> None:
@@ -203,11 +196,12 @@ def change(
 
 @dataclass(frozen=True, slots=True)
 class BegunJob:
-    """A job under way; `begun` counts how often it was begun anew."""
+    """A job under way, the plan it is about, and how often it was begun anew."""
 
     spec: JobSpec
     owner: str
     begun: int
+    plan_id: str | None
 
 
 def start_job(connection: Connection, job_id: str, version: str) -> BegunJob | None:
@@ -225,12 +219,12 @@ def begun_job(connection: Connection, job_id: str, version: str) -> BegunJob | N
     """Return a job that runs and was begun by this version; None otherwise."""
     specified = (jobs.c.id, jobs.c.kind, jobs.c.request, jobs.c.plan_text, recordings.c.data)
     query = (
-        select(jobs.c.owner, jobs.c.begun, *specified)
+        select(*specified, jobs.c.owner, jobs.c.begun, jobs.c.plan_id)
         .outerjoin_from(jobs, recordings, jobs.c.recording_id == recordings.c.id)
         .where(jobs.c.id == job_id, jobs.c.state == "running", jobs.c.version == version)
     )
     found = connection.execute(query).first()
-    return None if found is None else BegunJob(JobSpec(*found[2:]), found[0], found[1])
+    return None if found is None else BegunJob(JobSpec(*found[:5]), *found[5:])
 
 
 @dataclass(frozen=True, slots=True)
@@ -251,14 +245,6 @@ def life_of(connection: Connection, job_id: str) -> JobLife | None:
     columns = (jobs.c[name] for name in JobLife.__dataclass_fields__)
     found = connection.execute(select(*columns).where(jobs.c.id == job_id)).first()
     return None if found is None else JobLife(*found)
-
-
-def owner_and_plan(connection: Connection, job_id: str) -> tuple[str, str | None]:
-    """Return a job's owner and the plan it is about."""
-    found = connection.execute(
-        select(jobs.c.owner, jobs.c.plan_id).where(jobs.c.id == job_id)
-    ).one()
-    return found[0], found[1]
 
 
 def report_of(connection: Connection, job_id: str) -> str | None:

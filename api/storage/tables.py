@@ -6,6 +6,7 @@ reads that of the machine, which is the one its processes share.
 """
 
 import secrets
+from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from typing import Any
 from uuid import UUID
@@ -20,6 +21,8 @@ from sqlalchemy import (
     Integer,
     LargeBinary,
     MetaData,
+    Row,
+    Select,
     String,
     Table,
     Text,
@@ -64,6 +67,24 @@ def earlier(time: str, seconds: float) -> str:
     """Return a time so many seconds before another, both as tables hold them."""
     when = datetime.fromisoformat(time) - timedelta(seconds=seconds)
     return when.strftime("%Y-%m-%dT%H:%M:%S.%fZ")
+
+
+def newest(
+    connection: Connection,
+    table: Table,
+    query: Select[*tuple[Any, ...]],
+    owner: str,
+    limit: int,
+    before: str | None,
+) -> Sequence[Row[*tuple[Any, ...]]]:
+    """Return up to `limit` of an owner's rows that a query selects, newest first.
+
+    They are older than the identifier `before`, if one is given.
+    """
+    query = query.where(table.c.owner == owner).order_by(table.c.id.desc()).limit(limit)
+    if before is not None:
+        query = query.where(table.c.id < before)
+    return connection.execute(query).all()
 
 
 def new_id(time: str) -> str:

@@ -442,5 +442,5 @@ def test_plans_are_forgotten_by_their_age_alone(connection: Connection) -> None:
     forget_plans(connection, "2026-01-01T00:00:00.000000Z")
     assert len(list_plans(connection, "ann", 10, None)) == 2
     forget_plans(connection, "2026-01-03T00:00:00.000000Z")
-    assert [one["id"] for one in list_plans(connection, "ann", 10, None)] == [rows[2].id]
+    assert [one.id for one in list_plans(connection, "ann", 10, None)] == [rows[2].id]
     assert list_plans(connection, "eve", 10, None) == []
