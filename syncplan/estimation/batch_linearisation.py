@@ -29,10 +29,8 @@ from syncplan.arrays import Array
 from syncplan.estimation.batch_problem import (
     FAR,
     Linearised,
-    Prior,
-    Scratch,
+    Problem,
     Trajectory,
-    Window,
     add_prior_cost,
     change,
     correct_readings,
@@ -42,16 +40,13 @@ from syncplan.estimation.batch_problem import (
 from syncplan.estimation.correction_kernels import (
     AT_ONCE,
     NONE,
-    Correction,
     correct_covariance,
     correct_state,
     dot,
-    multiply,
-    refer,
+    half_of,
     sight,
-    take_off,
 )
-from syncplan.estimation.filter_setup import DRIFT, FilterSetup, MotionModel
+from syncplan.estimation.filter_setup import DRIFT, MotionModel
 from syncplan.estimation.kernels import Lanes, inner, lean
 from syncplan.estimation.motion_kernels import (
     LEAST_LEFT,
@@ -68,25 +63,18 @@ from syncplan.estimation.motion_kernels import (
 
 
 @lean
-def linear_pass(
-    setup: FilterSetup,
-    window: Window,
-    prior: Prior,
-    path: Trajectory,
-    found: Linearised,
-    frame: Frame,
-    scratch: Scratch,
-    lanes: Lanes,
-) -> None:
-    """Filter along the trajectories, filling in `found`.
+def linear_pass(problem: Problem, path: Trajectory, lanes: Lanes) -> None:
+    """Filter along the trajectories, filling in what the problem has `found`.
 
-    State and covariance at the end, as the last sighting leaves them, are those in `scratch`.
+    State and covariance at the end, as the last sighting leaves them, are those in its scratch.
     """
-    x, P, mean, work = scratch.x, scratch.P, scratch.mean, scratch.work
+    setup, window, found, scratch = problem.setup, problem.window, problem.found, problem.scratch
+    x, P, mean, work, frame = scratch.x, scratch.P, scratch.mean, scratch.work, scratch.frame
     speeds, turn_rates, ones = scratch.speeds, scratch.turn_rates, scratch.ones
     copy(path.start, x, lanes)
     for lane in range(len(lanes)):
         found.cost[lane], found.linear_cost[lane] = 0.0, 0.0
+    prior = problem.prior
     add_prior_cost(prior, path, found.cost, lanes)
     for k in range(len(P)):
         P[k] = 0.0
@@ -96,21 +84,21 @@ def linear_pass(
     left = NONE
     for k in range(len(path.speeds)):
         motion = motion_in(setup, window.begin + k + 1)
-        correct_readings(motion, window, path, k, speeds, turn_rates, found.cost, lanes)
+        correct_readings(problem, path, k, motion, found.cost, lanes)
         for i in range(len(speeds)):
             move(x, i, speeds, turn_rates, motion, setup.states, work.slopes, lanes)
             add_reading_noise(P, i, motion, setup.states, frame, work.slopes, lanes)
-            _expect_noise(mean, i, k, motion, path, work.slopes, found.ways, lanes)
+            _expect_noise(problem, path, i, k, motion, lanes)
         if grow_older(setup, motion.time, frame) < LEAST_LEFT:
             _keep_frame(left, frame, found, lanes)
-            _carry_mean(mean, scratch.carried, ones, setup, frame, lanes)
+            _carry_mean(problem, lanes)
             bring_to_now(P, setup.states, frame, lanes)
             left += 1
             found.ended[k] = 1.0
         change(x, setup, motion.time, path.changes, k, found.cost, lanes)
         add_changes(P, setup, motion.time, frame, lanes)
-        _expect_changes(mean, k, setup, path.changes, frame, found, lanes)
-        _take_in(x, P, mean, k, setup, window, speeds, turn_rates, frame, work, found, lanes)
+        _expect_changes(problem, path.changes, k, lanes)
+        _take_in(problem, k, lanes)
     correct_state(x, mean, 0, ones, setup.states, frame, lanes)
     bring_to_now(P, setup.states, frame, lanes)
 
@@ -128,17 +116,11 @@ def _keep_frame(place: int, frame: Frame, found: Linearised, lanes: Lanes) -> No
 
 @inner
 def _expect_noise(
-    mean: Array,
-    i: int,
-    k: int,
-    motion: MotionModel,
-    path: Trajectory,
-    slopes: Array,
-    ways: Array,
-    lanes: Lanes,
+    problem: Problem, path: Trajectory, i: int, k: int, motion: MotionModel, lanes: Lanes
 ) -> None:
     """Refer the mean to zero noise of sample k of vehicle i, in P's frame."""
-    r = 3 * i
+    r, ways = 3 * i, problem.found.ways
+    mean, slopes = problem.scratch.mean, problem.scratch.work.slopes
     for c in range(4):
         for lane in range(len(lanes)):
             ways[k, i, c, lane] = slopes[2 + c, lane]
@@ -150,17 +132,10 @@ def _expect_noise(
 
 
 @inner
-def _expect_changes(
-    mean: Array,
-    k: int,
-    setup: FilterSetup,
-    gains: Array,
-    frame: Frame,
-    found: Linearised,
-    lanes: Lanes,
-) -> None:
+def _expect_changes(problem: Problem, gains: Array, k: int, lanes: Lanes) -> None:
     """The same of bias states that change, which P's frame takes for larger by 1 / what is left."""
-    states, left = setup.states, frame.left
+    found, mean, frame = problem.found, problem.scratch.mean, problem.scratch.frame
+    states, left = problem.setup.states, frame.left
     begin, first = states.first_changing, mean.shape[1] - len(left)
     for c in range(len(left)):
         found.lefts[k, c] = left[c]
@@ -180,10 +155,10 @@ def _expect_changes(
 
 
 @inner
-def _carry_mean(
-    mean: Array, now: Array, ones: Array, setup: FilterSetup, frame: Frame, lanes: Lanes
-) -> None:
-    """Bring the mean (1, 3n + e, lanes) from P's frame to the present; `now` is scratch."""
+def _carry_mean(problem: Problem, lanes: Lanes) -> None:
+    """Bring the mean (1, 3n + e, lanes) from P's frame to the present."""
+    setup, scratch = problem.setup, problem.scratch
+    mean, now, ones, frame = scratch.mean, scratch.carried, scratch.ones, scratch.frame
     for k in range(len(now)):
         for lane in range(len(lanes)):
             now[k, lane] = 0.0
@@ -194,68 +169,45 @@ def _carry_mean(
 
 
 @inner
-def _take_in(
-    x: Array,
-    P: Array,
-    mean: Array,
-    k: int,
-    setup: FilterSetup,
-    window: Window,
-    speeds: Array,
-    turn_rates: Array,
-    frame: Frame,
-    work: Correction,
-    found: Linearised,
-    lanes: Lanes,
-) -> None:
+def _take_in(problem: Problem, k: int, lanes: Lanes) -> None:
     """Correct mean and P by the sightings of a sample; x is the trajectory's."""
-    begin, seen, innovation = first_sighting(setup, window), work.seen, work.innovation
-    columns, h, halves = work.columns, work.entries, work.halves
+    setup, window, found, scratch = problem.setup, problem.window, problem.found, problem.scratch
+    x, P, mean, work, frame = scratch.x, scratch.P, scratch.mean, scratch.work, scratch.frame
+    speeds, turn_rates, innovation = scratch.speeds, scratch.turn_rates, work.innovation
+    begin, seen, columns, h = first_sighting(setup, window), work.seen, work.columns, work.entries
     first, last = setup.first[window.begin + k + 1], setup.first[window.begin + k + 2]
     done = first
     for s in range(first, last):
         place, pending = s - begin, s - done
         sight(s, place, x, window.sightings, speeds, turn_rates, setup, work, lanes)
-        count = refer(s, setup, frame, work, lanes)
+        gains = found.gains[done - begin :]
+        count = half_of(s, P, pending, gains, setup, frame, work, lanes)
         found.counts[place] = count
         for c in range(count):
             found.columns[place, c] = columns[c]
             for lane in range(len(lanes)):
                 found.entries[place, c, lane] = h[c, lane]
-        multiply(P, columns, h, count, halves, pending, lanes)
-        for j in range(pending):
-            dot(columns, h, count, halves, j, seen, 1, lanes)
-            take_off(found.gains, done - begin + j, seen, 1, halves, pending, lanes)
-        dot(columns, h, count, halves, pending, seen, 0, lanes)
         dot(columns, h, count, mean, 0, seen, 1, lanes)
-        _weigh(setup.variances[s], setup.gate, window.temper, seen, innovation, found, place, lanes)
+        _weigh(problem, s, place, lanes)
         for i in range(len(P)):
             for lane in range(len(lanes)):
-                found.gains[place, i, lane] = halves[pending, i, lane] * seen[0, lane]
-                mean[0, i, lane] += found.gains[place, i, lane] * innovation[lane]
+                gains[pending, i, lane] = work.halves[pending, i, lane] * seen[0, lane]
+                mean[0, i, lane] += gains[pending, i, lane] * innovation[lane]
         if pending + 1 == AT_ONCE or s + 1 == last:
-            gains = found.gains[done - begin : s + 1 - begin]
-            correct_covariance(P, halves, gains, pending + 1, lanes)
+            correct_covariance(P, work.halves, gains, pending + 1, lanes)
             done = s + 1
 
 
 @inner
-def _weigh(
-    variance: float,
-    gate: float,
-    temper: Array,
-    seen: Array,
-    innovation: Array,
-    found: Linearised,
-    place: int,
-    lanes: Lanes,
-) -> None:
+def _weigh(problem: Problem, s: int, place: int, lanes: Lanes) -> None:
     """Turn h' P h in seen[0] into 1 / S, and the innovation into nu; 0 where none counts.
 
     seen[1] holds h' m.
     """
+    gate, temper, found = problem.setup.gate, problem.window.temper, problem.found
+    seen, innovation = problem.scratch.work.seen, problem.scratch.work.innovation
     for lane in range(len(lanes)):
-        read = variance * temper[lane]
+        read = problem.setup.variances[s] * temper[lane]
         off = innovation[lane]
         square = off * off / read if off == off else 0.0
         cost = misfit(square, gate, temper[lane])
@@ -278,16 +230,9 @@ def _weigh(
 
 
 @lean
-def smooth(
-    setup: FilterSetup,
-    window: Window,
-    prior: Prior,
-    found: Linearised,
-    path: Trajectory,
-    scratch: Scratch,
-    lanes: Lanes,
-) -> None:
+def smooth(problem: Problem, lanes: Lanes) -> None:
     """Fill in the trajectories that are best if all were linear."""
+    setup, window, prior, found, path, scratch = problem
     adjoint, width, begin = scratch.adjoint, len(lanes), first_sighting(setup, window)
     adjoint[:] = 0.0
     left = int(found.ended.sum())
@@ -296,12 +241,12 @@ def smooth(
         first = setup.first[window.begin + k + 1] - begin
         last = setup.first[window.begin + k + 2] - begin
         for place in range(last - 1, first - 1, -1):
-            _pull(adjoint, place, found, scratch.share, lanes)
+            _pull(problem, place, lanes)
         if path.changes.shape[1]:
-            _smooth_changes(adjoint, k, setup, motion.time, found, path.changes, lanes)
+            _smooth_changes(problem, k, motion.time, lanes)
             if found.ended[k] > 0.0:
                 left -= 1
-                _refer_adjoint(adjoint, setup, found, left, lanes)
+                _refer_adjoint(problem, left, lanes)
         for i in range(path.speeds.shape[1]):
             r, ways = 3 * i, found.ways
             for lane in range(width):
@@ -316,8 +261,9 @@ def smooth(
 
 
 @inner
-def _pull(adjoint: Array, place: int, found: Linearised, share: Array, lanes: Lanes) -> None:
+def _pull(problem: Problem, place: int, lanes: Lanes) -> None:
     """lambda += h (nu / S - g' lambda) by the sighting at a place."""
+    found, adjoint, share = problem.found, problem.scratch.adjoint, problem.scratch.share
     columns, entries, gains = found.columns, found.entries, found.gains
     for lane in range(len(lanes)):
         share[lane] = 0.0
@@ -333,17 +279,10 @@ def _pull(adjoint: Array, place: int, found: Linearised, share: Array, lanes: La
 
 
 @inner
-def _smooth_changes(
-    adjoint: Array,
-    k: int,
-    setup: FilterSetup,
-    time: float,
-    found: Linearised,
-    gains: Array,
-    lanes: Lanes,
-) -> None:
+def _smooth_changes(problem: Problem, k: int, time: float, lanes: Lanes) -> None:
     """Fill in the gains of changing bias states in sample k."""
-    states = setup.states
+    setup, found, gains = problem.setup, problem.found, problem.best.changes
+    states, adjoint = setup.states, problem.scratch.adjoint
     begin, first = states.first_changing, len(adjoint) - found.lefts.shape[1]
     for c in range(begin, len(adjoint)):
         for lane in range(len(lanes)):
@@ -362,11 +301,10 @@ def _smooth_changes(
 
 
 @inner
-def _refer_adjoint(
-    adjoint: Array, setup: FilterSetup, found: Linearised, place: int, lanes: Lanes
-) -> None:
+def _refer_adjoint(problem: Problem, place: int, lanes: Lanes) -> None:
     """lambda = F' lambda, into the frame that was left at a place."""
-    states, ways = setup.states, found.frames
+    found, adjoint = problem.found, problem.scratch.adjoint
+    states, ways = problem.setup.states, found.frames
     first = len(adjoint) - found.frame_lefts.shape[1]
     for c in range(states.first_changing, len(adjoint)):
         for lane in range(len(lanes)):

@@ -16,7 +16,7 @@ from syncplan.arrays import Array, Index
 from syncplan.estimation.correction_kernels import Correction, correction_of, sight
 from syncplan.estimation.filter_setup import FilterSetup, MotionModel
 from syncplan.estimation.kernels import Lanes, inner, lean
-from syncplan.estimation.motion_kernels import copy, gained, kept, motion_in, move
+from syncplan.estimation.motion_kernels import Frame, copy, frame_of, gained, kept, motion_in, move
 
 FAR = 2.0
 """Standard deviations from which on a reading's pull grows no further, where some may be wild."""
@@ -109,7 +109,7 @@ class Scratch(NamedTuple):
     adjoint : (3n + e, lanes)
     speeds, turn_rates : (n, lanes)
     cost, share, ones : (lanes,)
-    work : scratch of sightings
+    work, frame : of sightings; the frame is that of the present between passes
     """
 
     x: Array
@@ -123,6 +123,7 @@ class Scratch(NamedTuple):
     share: Array
     ones: Array
     work: Correction
+    frame: Frame
 
 
 def scratch_of(setup: FilterSetup, width: int) -> Scratch:
@@ -140,32 +141,48 @@ def scratch_of(setup: FilterSetup, width: int) -> Scratch:
         share=np.empty(width),
         ones=np.ones(width),
         work=correction_of(setup.states, size, width),
+        frame=frame_of(setup.states, width),
     )
 
 
+class Problem(NamedTuple):
+    """A least-squares problem, and what its last linear pass left.
+
+    Fields
+    ------
+    setup, window, prior : what is read and known
+    found : by the pass
+    best : trajectories that are best if all were linear
+    scratch : whose state and covariance are those at the end of the pass
+    """
+
+    setup: FilterSetup
+    window: Window
+    prior: Prior
+    found: Linearised
+    best: Trajectory
+    scratch: Scratch
+
+
 @lean
-def trajectory_cost(
-    setup: FilterSetup,
-    window: Window,
-    prior: Prior,
-    path: Trajectory,
-    scratch: Scratch,
-    lanes: Lanes,
-) -> None:
-    """Fill in twice the negative log-likelihood of each trajectory, `cost`, less a constant.
+def trajectory_cost(problem: Problem, path: Trajectory, lanes: Lanes) -> None:
+    """Fill in twice the negative log-likelihood of each trajectory, scratch's `cost`.
+
+    Less a constant.
 
     A sighting that is far off counts as `misfit` has it.
     """
+    setup, window, scratch = problem.setup, problem.window, problem.scratch
     x, cost, work = scratch.x, scratch.cost, scratch.work
     speeds, turn_rates = scratch.speeds, scratch.turn_rates
     n, begin = len(speeds), first_sighting(setup, window)
     copy(path.start, x, lanes)
     for lane in range(len(lanes)):
         cost[lane] = 0.0
-    add_prior_cost(prior, path, cost, lanes)
+    add_prior_cost(problem.prior, path, cost, lanes)
     for k in range(len(path.speeds)):
         motion = motion_in(setup, window.begin + k + 1)
-        correct_readings(motion, window, path, k, speeds, turn_rates, cost, lanes)
+        correct_readings(problem, path, k, motion, cost, lanes)
         for i in range(n):
             move(x, i, speeds, turn_rates, motion, setup.states, work.slopes, lanes)
         change(x, setup, motion.time, path.changes, k, cost, lanes)
@@ -202,16 +219,10 @@ def add_prior_cost(prior: Prior, path: Trajectory, cost: Array, lanes: Lanes) ->
 
 @inner
 def correct_readings(
-    motion: MotionModel,
-    window: Window,
-    path: Trajectory,
-    k: int,
-    speeds: Array,
-    turn_rates: Array,
-    cost: Array,
-    lanes: Lanes,
+    problem: Problem, path: Trajectory, k: int, motion: MotionModel, cost: Array, lanes: Lanes
 ) -> None:
     """Fill in readings (n, lanes) of a sample with their noise taken off; add what it costs."""
+    window, speeds, turn_rates = problem.window, problem.scratch.speeds, problem.scratch.turn_rates
     by_speed = 1.0 / motion.speed_variance if motion.speed_variance > 0.0 else 0.0
     by_turn = 1.0 / motion.turn_rate_variance if motion.turn_rate_variance > 0.0 else 0.0
     for i in range(len(speeds)):

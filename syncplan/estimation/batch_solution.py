@@ -21,7 +21,7 @@ from syncplan.estimation.batch_linearisation import linear_pass, smooth
 from syncplan.estimation.batch_problem import (
     Linearised,
     Prior,
-    Scratch,
+    Problem,
     Trajectory,
     Window,
     scratch_of,
@@ -31,7 +31,7 @@ from syncplan.estimation.correction_kernels import most_entries
 from syncplan.estimation.filter_setup import FilterSetup
 from syncplan.estimation.kernels import Lanes, has_compiled, lanes_of
 from syncplan.estimation.lane_filter import specimen
-from syncplan.estimation.motion_kernels import LEAST_LEFT, frame_of
+from syncplan.estimation.motion_kernels import LEAST_LEFT
 from syncplan.estimation.start_search import (
     CLOSE_ENOUGH,
     MOST_HALVINGS,
@@ -90,9 +90,9 @@ def solve(
     path = _still(prior.mean if start is None else start, setup, K)
     window = Window(begin, speeds, turn_rates, sightings, np.ones(width))
     thin, kept = _thinned(setup, begin, begin + K)
-    coarse = _Problem.of(thin, window._replace(sightings=sightings[kept]), prior, K)
+    coarse = problem_of(thin, window._replace(sightings=sightings[kept]), prior, K)
     taken = _descend(coarse, path, TEMPERS[:-1], MOST_STEPS[:-1], CLOSE_ENOUGH[:-1])
-    fine = _Problem.of(setup, window, prior, K)
+    fine = problem_of(setup, window, prior, K)
     taken += _descend(fine, path, TEMPERS[-1:], MOST_STEPS[-1:], (close_enough,))
     made = np.sum(~np.isnan(sightings), axis=0)
     return BatchSolution(path, fine.found.cost, made, fine.scratch.x, fine.scratch.P, taken)
@@ -114,13 +114,9 @@ def _calls(n: int) -> list[tuple[Any, tuple[Any, ...]]]:
     setup, readings, *_ = specimen(n)[0]
     window = Window(0, readings.speeds, readings.turn_rates, readings.sightings, np.ones(1))
     prior = Prior(np.zeros((3 * n, 1)), np.ones(3 * n))
-    problem = _Problem.of(setup, window, prior, 0)
-    case, own, best = (setup, window, prior), (problem.scratch, problem.lanes), problem.best
-    return [
-        (linear_pass, (*case, best, problem.found, frame_of(setup.states, 1), *own)),
-        (smooth, (*case, problem.found, best, *own)),
-        (trajectory_cost, (*case, best, *own)),
-    ]
+    problem, lanes = problem_of(setup, window, prior, 0), lanes_of(n, 1)
+    along = problem, problem.best, lanes
+    return [(linear_pass, along), (smooth, (problem, lanes)), (trajectory_cost, along)]
 
 
 def _still(start: Array, setup: FilterSetup, K: int) -> Trajectory:
@@ -162,83 +158,53 @@ def _thinned(setup: FilterSetup, begin: int, end: int) -> tuple[FilterSetup, Ind
     return thin, chosen
 
 
-@dataclass(slots=True)
-class _Problem:
-    """A least-squares problem, and what its last linear pass left."""
-
-    setup: FilterSetup
-    window: Window
-    prior: Prior
-    found: Linearised
-    best: Trajectory
-    scratch: Scratch
-    lanes: Lanes
-
-    @classmethod
-    def of(cls, setup: FilterSetup, window: Window, prior: Prior, K: int) -> "_Problem":
-        width, first = prior.mean.shape[1], setup.first
-        sightings = int(first[window.begin + K + 1] - first[window.begin + 1])
-        return cls(
-            setup=setup,
-            window=window,
-            prior=prior,
-            found=_empty(setup, window.begin, K, sightings, width),
-            best=_still(prior.mean, setup, K),
-            scratch=scratch_of(setup, width),
-            lanes=lanes_of(setup.vehicles, width),
-        )
-
-    def linearise(self, path: Trajectory) -> None:
-        """Filter along trajectories; `found` and, at the end, `scratch` have what that leaves."""
-        frame = frame_of(self.setup.states, len(self.found.cost))
-        case = self.setup, self.window, self.prior, path
-        linear_pass(*case, self.found, frame, self.scratch, self.lanes)
-
-    def smooth(self) -> None:
-        """Fill in the trajectories that are best if all were linear."""
-        case = self.setup, self.window, self.prior
-        smooth(*case, self.found, self.best, self.scratch, self.lanes)
-
-    def cost_of(self, path: Trajectory) -> Array:
-        """(lanes,) what trajectories cost."""
-        case = self.setup, self.window, self.prior, path
-        trajectory_cost(*case, self.scratch, self.lanes)
-        return self.scratch.cost.copy()
+def problem_of(setup: FilterSetup, window: Window, prior: Prior, K: int) -> Problem:
+    """Return the problem of a window of K samples, as yet without a linear pass."""
+    width, first = prior.mean.shape[1], setup.first
+    sightings = int(first[window.begin + K + 1] - first[window.begin + 1])
+    return Problem(
+        setup=setup,
+        window=window,
+        prior=prior,
+        found=_empty(setup, window.begin, K, sightings, width),
+        best=_still(prior.mean, setup, K),
+        scratch=scratch_of(setup, width),
+    )
 
 
 def _descend(
-    problem: _Problem,
+    problem: Problem,
     path: Trajectory,
     tempers: tuple[float, ...],
     most: tuple[int, ...],
     close: tuple[float, ...],
 ) -> Index:
     """Take the paths down to a minimum, in place; return the number of steps of each."""
-    window, found = problem.window, problem.found
-    width = len(found.cost)
+    window, found, width = problem.window, problem.found, path.start.shape[1]
+    lanes = lanes_of(problem.setup.vehicles, width)
     at, taken = Tempering.of(width, tempers, most, close), np.zeros(width, dtype=np.int64)
     while True:
         window.temper[:] = at.factors
-        problem.linearise(path)
+        linear_pass(problem, path, lanes)
         settled = at.settled(found.cost - found.linear_cost)
         moving = at.moving(settled)
         if not moving.any():
             return taken
-        problem.smooth()
-        moved = _searched(problem, path, moving)
+        smooth(problem, lanes)
+        moved = _searched(problem, path, moving, lanes)
         taken += moving
         at.advance(settled | ~moved)
 
 
-def _searched(problem: _Problem, path: Trajectory, moving: Flags) -> Flags:
+def _searched(problem: Problem, path: Trajectory, moving: Flags, lanes: Lanes) -> Flags:
     """Move each path towards its best as far as its cost falls; return which moved."""
     cost, best = problem.found.cost, problem.best
     # too little to show in the cost, and so near the minimum that the whole step is right
     little = cost - problem.found.linear_cost < ROUNDING * cost
     share, found, there = np.ones(len(cost)), moving & little, best
     for _ in range(MOST_HALVINGS):
-        tried = problem.cost_of(there)
-        found |= moving & (tried < cost)
+        trajectory_cost(problem, there, lanes)
+        found |= moving & (problem.scratch.cost < cost)
         if np.all(found | ~moving):
             break
         share[~found] *= 0.5
@@ -251,11 +217,8 @@ def _searched(problem: _Problem, path: Trajectory, moving: Flags) -> Flags:
 
 def _empty(setup: FilterSetup, begin: int, K: int, sightings: int, width: int) -> Linearised:
     n, size, e = setup.vehicles, len(setup.initial_variances), len(setup.states.variances)
-    m, most, frames = (
-        len(setup.states.acts),
-        most_entries(setup.states),
-        _frames_left(setup, begin, K),
-    )
+    m, most = len(setup.states.acts), most_entries(setup.states)
+    frames = _frames_left(setup, begin, K)
     return Linearised(
         columns=np.zeros((sightings, most), dtype=np.int64),
         entries=np.zeros((sightings, most, width)),

@@ -33,7 +33,7 @@ for normal errors (Isserlis). Added to the variance of the sighting, it keeps a 
 is uncertain from believing its first sightings too much. A compass is linear and has no such term.
 The mean of the term is left out.
 
-Extension: a further kind of sighting needs one function beside `_bearings` and a branch of `sight`.
+Extension: a further kind of sighting needs a branch of `sight_poses`.
 
 Source: Bar-Shalom, Li, Kirubarajan (2001), 10.3, and 10.3.2 (second-order extended Kalman filter).
 """
@@ -151,65 +151,6 @@ def _way(
 
 
 @inner
-def _bearings(
-    x: Array,
-    observer: int,
-    target: int,
-    n: int,
-    landmarks: Array,
-    bearings: Array,
-    s: int,
-    row: Array,
-    innovation: Array,
-    lanes: Lanes,
-) -> None:
-    """Fill in a bearing's innovation (lanes,) and the observer's part (3, lanes) of its row.
-
-    The target's part is the negative of the first two.
-    """
-    for lane in range(len(lanes)):
-        dx, dy = _way(x, observer, target, n, landmarks, lane)
-        square = max(dx * dx + dy * dy, SMALLEST_SQUARE)
-        row[0, lane], row[1, lane], row[2, lane] = dy / square, -dx / square, -1.0
-        innovation[lane] = bearings[s, lane] - (math.atan2(dy, dx) - x[3 * observer + 2, lane])
-    for lane in range(len(lanes)):
-        turns = np.floor((innovation[lane] + math.pi) / (2.0 * math.pi))
-        innovation[lane] -= 2.0 * math.pi * turns
-
-
-@inner
-def _distances(
-    x: Array,
-    observer: int,
-    target: int,
-    n: int,
-    landmarks: Array,
-    distances: Array,
-    s: int,
-    row: Array,
-    innovation: Array,
-    lanes: Lanes,
-) -> None:
-    """Fill in a distance's innovation and row, as `_bearings` does a bearing's."""
-    for lane in range(len(lanes)):
-        dx, dy = _way(x, observer, target, n, landmarks, lane)
-        rho = math.sqrt(max(dx * dx + dy * dy, SMALLEST_SQUARE))
-        row[0, lane], row[1, lane], row[2, lane] = -dx / rho, -dy / rho, 0.0
-        innovation[lane] = distances[s, lane] - rho
-
-
-@inner
-def _headings(
-    x: Array, observer: int, headings: Array, s: int, row: Array, innovation: Array, lanes: Lanes
-) -> None:
-    """Fill in a compass's innovation and row; it has no target, whose part is zero."""
-    for lane in range(len(lanes)):
-        row[0, lane], row[1, lane], row[2, lane] = 0.0, 0.0, 1.0
-        turn = headings[s, lane] - x[3 * observer + 2, lane]
-        innovation[lane] = turn - 2.0 * math.pi * math.floor((turn + math.pi) / (2.0 * math.pi))
-
-
-@part
 def sight_poses(
     kind: int,
     x: Array,
@@ -217,23 +158,40 @@ def sight_poses(
     target: int,
     n: int,
     landmarks: Array,
-    measured: Array,
-    s: int,
+    read: Array,
     row: Array,
     innovation: Array,
     lanes: Lanes,
 ) -> None:
-    """Fill in innovation and row of sighting s, of the kind at this place in SIGHTING_KINDS.
+    """Fill in a sighting's innovation (lanes,) and the observer's part (3, lanes) of its row.
 
-    Shapes are as in `_bearings`; x (3n or more, lanes) begins with poses, and targets from n on are
-    landmarks. A kind that is not in the table leaves both as they are.
+    The target's part is the negative of the first two. `kind` is its place in SIGHTING_KINDS, and
+    `read` (lanes,) what it reads; x (3n or more, lanes) begins with poses, and targets from n on
+    are landmarks. A compass has its own vehicle as target.
     """
-    if kind == BEARING_KIND:
-        _bearings(x, observer, target, n, landmarks, measured, s, row, innovation, lanes)
-    elif kind == DISTANCE_KIND:
-        _distances(x, observer, target, n, landmarks, measured, s, row, innovation, lanes)
-    elif kind == COMPASS_KIND:
-        _headings(x, observer, measured, s, row, innovation, lanes)
+    for lane in range(len(lanes)):
+        dx, dy = _way(x, observer, target, n, landmarks, lane)
+        square, psi = max(dx * dx + dy * dy, SMALLEST_SQUARE), x[3 * observer + 2, lane]
+        if kind == BEARING_KIND:
+            row[0, lane], row[1, lane], row[2, lane] = dy / square, -dx / square, -1.0
+            innovation[lane] = read[lane] - (math.atan2(dy, dx) - psi)
+        elif kind == DISTANCE_KIND:
+            rho = math.sqrt(square)
+            row[0, lane], row[1, lane], row[2, lane] = -dx / rho, -dy / rho, 0.0
+            innovation[lane] = read[lane] - rho
+        else:
+            row[0, lane], row[1, lane], row[2, lane] = 0.0, 0.0, 1.0
+            innovation[lane] = read[lane] - psi
+    if kind != DISTANCE_KIND:
+        _wrap(innovation, lanes)
+
+
+@inner
+def _wrap(angles: Array, lanes: Lanes) -> None:
+    """Bring angles (lanes,) within half a turn."""
+    for lane in range(len(lanes)):
+        turns = np.floor((angles[lane] + math.pi) / (2.0 * math.pi))
+        angles[lane] -= 2.0 * math.pi * turns
 
 
 @part
@@ -257,10 +215,10 @@ def sight(
     begin, end = states.first[o] + 1, states.first[o + 1]
     clock = states.clocks[o]
     if clock >= 0:
-        _sight_later(kind, x, o, t, measured, row, clock, setup, speeds, turn_rates, work, lanes)
+        _sight_later(s, x, measured[row], clock, setup, speeds, turn_rates, work, lanes)
     else:
-        landmarks, seen = setup.landmarks, work.seen
-        sight_poses(kind, x, o, t, n, landmarks, measured, row, seen, work.innovation, lanes)
+        read, seen, innovation = measured[row], work.seen, work.innovation
+        sight_poses(kind, x, o, t, n, setup.landmarks, read, seen, innovation, lanes)
     for m in range(begin, end):
         if states.acts[m] == SHIFT and states.kinds[m] == kind:
             _expect_shift(x, states.columns[m], kind, work.innovation, lanes)
@@ -270,20 +228,16 @@ def sight(
 def _expect_shift(x: Array, column: int, kind: int, innovation: Array, lanes: Lanes) -> None:
     """Take the shift that is expected of a sighting, a state, off its innovation."""
     for lane in range(len(lanes)):
-        off = innovation[lane] - x[column, lane]
-        if kind != DISTANCE_KIND:
-            off -= 2.0 * math.pi * math.floor((off + math.pi) / (2.0 * math.pi))
-        innovation[lane] = off
+        innovation[lane] -= x[column, lane]
+    if kind != DISTANCE_KIND:
+        _wrap(innovation, lanes)
 
 
 @linked
 def _sight_later(
-    kind: int,
+    s: int,
     x: Array,
-    o: int,
-    t: int,
-    measured: Array,
-    row: int,
+    read: Array,
     clock: int,
     setup: FilterSetup,
     speeds: Array,
@@ -292,6 +246,7 @@ def _sight_later(
     lanes: Lanes,
 ) -> None:
     """The same of a sighting whose stamp is off by the state in column `clock`."""
+    kind, o, t = setup.kinds[s], setup.observers[s], setup.targets[s]
     n, rates, seen = len(speeds), work.rates, work.seen
     rates[1] = 0.0
     for place, i in enumerate((o, t)):
@@ -302,7 +257,7 @@ def _sight_later(
     own, bodies = NONE, NONE + 2
     poses = work.places.reshape(6, len(lanes))
     landmarks, innovation = setup.landmarks, work.innovation
-    sight_poses(kind, poses, own, target, bodies, landmarks, measured, row, seen, innovation, lanes)
+    sight_poses(kind, poses, own, target, bodies, landmarks, read, seen, innovation, lanes)
     for lane in range(len(lanes)):
         along = seen[0, lane] * (rates[0, 0, lane] - rates[1, 0, lane])
         across = seen[1, lane] * (rates[0, 1, lane] - rates[1, 1, lane])
@@ -455,14 +410,7 @@ def refer_place(
 
 
 @inner
-def spread(
-    P: Array,
-    a: int,
-    b: int,
-    work: Correction,
-    row: int,
-    lanes: Lanes,
-) -> None:
+def spread(P: Array, a: int, b: int, work: Correction, row: int, lanes: Lanes) -> None:
     """Fill in h_a' P h_b, sums[row] (lanes,), of the rows of two axes."""
     columns, h, sums = work.axis_columns, work.axis_entries, work.sums
     for lane in range(len(lanes)):
@@ -475,27 +423,6 @@ def spread(
             for lane in range(len(lanes)):
                 product = share * h[a, p, lane] * h[b, q, lane]
                 sums[row, lane] += product * P[i, j, lane]
-
-
-@inner
-def _share(
-    columns: Index,
-    h: Array,
-    axis: int,
-    count: int,
-    halves: Array,
-    place: int,
-    sums: Array,
-    row: int,
-    lanes: Lanes,
-) -> None:
-    """Fill in h . u, sums[row] (lanes,), of the row of an axis and the half at a place."""
-    for lane in range(len(lanes)):
-        sums[row, lane] = 0.0
-    for c in range(count):
-        k = columns[axis, c]
-        for lane in range(len(lanes)):
-            sums[row, lane] += h[axis, c, lane] * halves[place, k, lane]
 
 
 @part
@@ -521,12 +448,16 @@ def _curve(
         refer_place(o, axis, -1.0, apart, states, frame, work, lanes)
         if not apart:
             refer_place(t, axis, 1.0, apart, states, frame, work, lanes)
+        # in threes, as those of other rows
+        end = work.counts[axis] + 2
+        columns[axis, work.counts[axis] : end], h[axis, work.counts[axis] : end] = 0, 0.0
     for row in range(3):
         spread(P, row // 2, (row + 1) // 2, work, row, lanes)
     for j in range(pending):
         for axis in range(2):
-            _share(columns, h, axis, work.counts[axis], work.halves, j, sums, 3 + axis, lanes)
-            _share(columns, h, axis, work.counts[axis], work.gains, j, sums, 5 + axis, lanes)
+            own, entries, count = columns[axis], h[axis], work.counts[axis]
+            dot(own, entries, count, work.halves, j, sums, 3 + axis, lanes)
+            dot(own, entries, count, work.gains, j, sums, 5 + axis, lanes)
         for lane in range(len(lanes)):
             sums[0, lane] -= sums[5, lane] * sums[3, lane]
             mixed = sums[5, lane] * sums[4, lane] + sums[6, lane] * sums[3, lane]
@@ -620,6 +551,31 @@ def take_off(
             halves[place, k, lane] -= gains[j, k, lane] * shares[row, lane]
 
 
+@part
+def half_of(
+    s: int,
+    P: Array,
+    pending: int,
+    gains: Array,
+    setup: FilterSetup,
+    frame: Frame,
+    work: Correction,
+    lanes: Lanes,
+) -> int:
+    """Fill in row, half and, in seen[0], h' P h of sighting s; return the row's count.
+
+    The corrections by the `pending` sightings before it, of these gains, P has not had yet.
+    """
+    columns, h, halves, seen = work.columns, work.entries, work.halves, work.seen
+    count = refer(s, setup, frame, work, lanes)
+    multiply(P, columns, h, count, halves, pending, lanes)
+    for j in range(pending):
+        dot(columns, h, count, halves, j, seen, 0, lanes)
+        take_off(gains, j, seen, 0, halves, pending, lanes)
+    dot(columns, h, count, halves, pending, seen, 0, lanes)
+    return count
+
+
 @inner
 def correct_state(
     x: Array,
@@ -682,7 +638,6 @@ def correct(
     `is_off`, x is what the state is off it.
     """
     setup, readings, statistics = run.setup, run.readings, run.statistics
-    columns, h = work.columns, work.entries
     seen, innovation, halves, gains = work.seen, work.innovation, work.halves, work.gains
     speeds, turn_rates = readings.speeds[step - 1], readings.turn_rates[step - 1]
     first, end = setup.first[step], setup.first[step + 1]
@@ -696,12 +651,7 @@ def correct(
         sight(s, s, about, readings.sightings, speeds, turn_rates, setup, work, lanes)
         if is_off:
             _expect_off(s, x, setup, work, lanes)
-        count = refer(s, setup, frame, work, lanes)
-        multiply(P, columns, h, count, halves, pending, lanes)
-        for j in range(pending):
-            dot(columns, h, count, halves, j, seen, 0, lanes)
-            take_off(gains, j, seen, 0, halves, pending, lanes)
-        dot(columns, h, count, halves, pending, seen, 0, lanes)
+        half_of(s, P, pending, gains, setup, frame, work, lanes)
         _weigh(setup.variances[s], setup.gate, work, statistics, lanes)
         if s < len(statistics.innovations):
             for lane in range(len(lanes)):

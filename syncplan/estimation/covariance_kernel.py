@@ -132,12 +132,7 @@ def _along(
         for begin in range(first[k], first[k + 1], BLOCK):
             end = min(begin + BLOCK, first[k + 1])
             _project(
-                covariance,
-                rows[begin:end],
-                observers[begin:end],
-                targets[begin:end],
-                halves,
-                inner,
+                covariance, rows[begin:end], observers[begin:end], targets[begin:end], halves, inner
             )
             if not _factor(inner, halves[: end - begin], end - begin):
                 return False

@@ -38,7 +38,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.estimation.foreseen_sightings import Asked, Foreseen, Groups
+from syncplan.estimation.foreseen_sightings import Foreseen, Groups
 from syncplan.estimation.referred_run import GROUP_ROWS, SYMMETRIC, UPPER, Run, grouped
 from syncplan.observability.referred_rows import SightingRows, dense_rows
 
@@ -107,8 +107,7 @@ def foreseen_along(
     `functions` are of the first s rows, those up to sample `until`. The answers are filled in on
     the way.
     """
-    number = len(functions[0].entries)
-    foreseen = Foreseen(np.zeros((2, 2, number)), np.ones(number))
+    foreseen = Foreseen.of_rows(len(functions[0].entries))
 
     def covariances() -> Iterator[Array]:
         for sample in carried_along(run, covariance, keep_until=until):
@@ -147,7 +146,9 @@ def suits_groups(run: Run, covariance: Array) -> bool:
     if not run.poses_alone or run.count > GROUPED_VEHICLES:
         return False
     steepest = float(np.max(np.einsum("sc,sc->s", run.rows.entries, run.rows.entries), initial=0.0))
-    return steepest * _sum_of_variances(run, covariance) <= GROUPED_INNOVATION
+    # no variance along the run is above those at the start with all noise
+    most = float(np.trace(covariance) + run.noise[[0, 3, 5]].sum())
+    return steepest * most <= GROUPED_INNOVATION
 
 
 def variances_by_groups(run: Run, covariance: Array) -> Array:
@@ -156,28 +157,20 @@ def variances_by_groups(run: Run, covariance: Array) -> Array:
     The four are xx + yy, x psi, y psi and psi psi. `covariance` is (3 n, 3 n) at time 0. Raises
     LinAlgError where an innovation covariance is not positive definite in floating point.
     """
-    return _by_groups(run, covariance.copy(), None)
+    none = np.zeros((2, 0, 6))
+    return _by_groups(run, covariance.copy(), none, Foreseen.of_rows(0))
 
 
-def foreseen_by_groups(
-    run: Run, covariance: Array, functions: Array, weights: Array
-) -> tuple[Array, Foreseen]:
+def foreseen_by_groups(run: Run, covariance: Array, functions: Array) -> tuple[Array, Foreseen]:
     """Return the same as variances_by_groups, and what is known before each row of two functions.
 
-    `functions` is (2, s, 6), of the states that the first s rows concern, s whole samples. Rows
-    that cannot have the largest moment of the two, over the innovation's variance and times their
-    `weights` (s,), are passed over.
+    `functions` is (2, s, 6), of the states that the first s rows concern, s whole samples.
     """
-    asked = Asked(functions, weights, _sum_of_variances(run, covariance))
-    return _by_groups(run, covariance.copy(), asked), asked.found
+    foreseen = Foreseen.of_rows(functions.shape[1])
+    return _by_groups(run, covariance.copy(), functions, foreseen), foreseen
 
 
-def _sum_of_variances(run: Run, covariance: Array) -> float:
-    """Return an upper limit of all variances along the run: those at the start with all noise."""
-    return float(np.trace(covariance) + run.noise[[0, 3, 5]].sum())
-
-
-def _by_groups(run: Run, covariance: Array, asked: Asked | None) -> Array:
+def _by_groups(run: Run, covariance: Array, functions: Array, foreseen: Foreseen) -> Array:
     sample = np.repeat(np.arange(len(run.first) - 1), np.diff(run.first))
     blocks = _blocks(run.count)
     until_sample = run.first[1:]
@@ -200,11 +193,10 @@ def _by_groups(run: Run, covariance: Array, asked: Asked | None) -> Array:
         rows, noisy = grouped(run, np.arange(begin, end), run.rows.entries[own], noise, since)
         ceiling = float(np.trace(covariance) + noise[[0, 3, 5], :, -1].sum())
         groups = _brought_in(covariance, rows, noisy, ceiling)
-        if asked is not None:
-            asked.of_groups(run, noise, since, begin, groups)
+        foreseen.of_groups(run, functions, noise, since, begin, groups)
         row = until_sample[done:until] - 1 - begin
         found[..., done:until] = _four(noise[..., done - start : until - start])
-        four = _four(groups.own)[..., row // GROUP_ROWS]
+        four = _four(_own_blocks(groups.before))[..., row // GROUP_ROWS]
         found[..., done:until] += four - _reductions(groups.halves, row)
         covariance[blocks] += noise[..., sample[end - 1] - start][SYMMETRIC]
         start, done = sample[end - 1], until
@@ -235,7 +227,7 @@ def _brought_in(covariance: Array, rows: Array, noisy: Array, ceiling: float) ->
         variances[k] = np.einsum("ii->i", factor)[:size]
         halves[:, k] = half.T
         covariance -= half @ half.T
-    return Groups(before, _own_blocks(before), halves, variances * variances)
+    return Groups(before, halves, variances * variances)
 
 
 def _own_blocks(covariances: Array) -> Array:

@@ -118,11 +118,7 @@ def _present(team: Team) -> dict[str, ErrorState]:
 
 
 def _shape(state: ErrorState, count: int, steps: int) -> tuple[int, int, int]:
-    return (
-        1 if state.constant else steps + 1,
-        1 if state.common else count,
-        len(state.axes),
-    )
+    return (1 if state.constant else steps + 1, 1 if state.common else count, len(state.axes))
 
 
 def _stacked(parts: list[Array], times: int, lanes: int) -> Array:

@@ -59,11 +59,7 @@ class FilterOptions(RunOptions):
         "of the scenario's truth; plan, prediction and filter keep the scenario's own values",
         example={"wind": {"gust_sigma_mps": 0.6}},
     )
-    with_series: bool = option(
-        False,
-        "Add errors and sigmas over time to the report",
-        key="series",
-    )
+    with_series: bool = option(False, "Add errors and sigmas over time to the report", key="series")
     model: MotionName | None = option(
         None, "Former name of filter: arc is ekf, euler is paper", former=True
     )

@@ -147,6 +147,11 @@ class FilterSetup(NamedTuple):
         """Number of vehicles."""
         return len(self.lost_variances)
 
+    @property
+    def sighted_at(self) -> Index:
+        """(s,) step of each sighting."""
+        return np.repeat(np.arange(len(self.first) - 1), np.diff(self.first))
+
 
 class Readings(NamedTuple):
     """Readings of the filter, a lane for each trial.

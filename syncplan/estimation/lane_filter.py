@@ -40,18 +40,18 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.estimation.correction_kernels import OFF, WHOLE, Correction, correct, correction_of
+from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.filter_setup import (
     DRIFT,
-    SAMPLE_EVERY,
     SPEED,
     TURN,
     FilterRun,
     FilterSetup,
     FilterStatistics,
-    MotionModel,
     Readings,
     State,
     States,
+    build_setup,
     run_without_truth,
     start_of,
 )
@@ -61,7 +61,6 @@ from syncplan.estimation.kernels import (
     compiled_beside,
     has_compiled,
     inner,
-    lanes_for,
     lanes_of,
     lean,
     part,
@@ -87,6 +86,8 @@ from syncplan.estimation.statistics_kernels import (
     record,
     takes_covariance,
 )
+from syncplan.orbits.error_states import StateLayout
+from syncplan.orbits.noise import Noise
 
 Scratch = tuple[Frame, Correction, Comparison]
 """What a kernel that runs a filter works in."""
@@ -101,13 +102,7 @@ def scratch_of(setup: FilterSetup, width: int) -> Scratch:
 
 @part
 def step_filter(
-    x: Array,
-    P: Array,
-    step: int,
-    run: FilterRun,
-    frame: Frame,
-    work: Correction,
-    lanes: Lanes,
+    x: Array, P: Array, step: int, run: FilterRun, frame: Frame, work: Correction, lanes: Lanes
 ) -> None:
     """Take x (3n + e, lanes) and P, which stays in its frame, through a step."""
     speeds, turn_rates = run.readings.speeds[step - 1], run.readings.turn_rates[step - 1]
@@ -215,24 +210,15 @@ def _add(x: Array, other: Array, share: float, lanes: Lanes) -> None:
 
 @inner
 def _predict_ideal(
-    true: Array,
-    after: Array,
-    off: Array,
-    P: Array,
-    setup: FilterSetup,
-    readings: Readings,
-    step: int,
-    frame: Frame,
-    work: Correction,
-    speeds: Array,
-    turn_rates: Array,
-    lanes: Lanes,
+    off: Array, P: Array, step: int, run: FilterRun, scratch: Scratch, lanes: Lanes
 ) -> None:
-    """Advance what is off the truth, and P, by a step from the state `true` to the state `after`.
-
-    `speeds` and `turn_rates` (n, lanes) are scratch; `true` is `after` in the end.
-    """
+    """Advance what is off the truth, and P, by a step; so is the true state."""
+    setup, readings, (frame, work, compared) = run.setup, run.readings, scratch
     motion, slopes, states = motion_in(setup, step), work.slopes, setup.states
+    # what else there is to work in is free while a state is predicted
+    true, after, n = compared.true, compared.errors, readings.speeds.shape[1]
+    speeds, turn_rates = compared.column[:n], compared.factor[:n]
+    fill_truth(after, run.truth, step, lanes)
     for i in range(len(speeds)):
         _read_truly(i, motion.time, true, after, states, speeds, turn_rates, slopes, lanes)
         move(true, i, speeds, turn_rates, motion, states, slopes, lanes)
@@ -258,21 +244,14 @@ def _filter_ideally(
     run: FilterRun, scratch: Scratch, lanes: Lanes, x: Array, P: Array, begin: int, end: int
 ) -> None:
     """Take x and P, lower triangle, from step `begin` to step `end`."""
-    setup, readings, truth, statistics = run.setup, run.readings, run.truth, run.statistics
-    frame, work, compared = scratch
-    # what else there is to work in is free while a state is predicted
-    after, n = compared.errors, readings.speeds.shape[1]
-    speeds, turn_rates = compared.column[:n], compared.factor[:n]
+    setup, statistics, (frame, work, compared) = run.setup, run.statistics, scratch
     # the kernel takes and leaves a whole state, and holds what it is off the truth meanwhile
     true = compared.true
-    fill_truth(true, truth, begin, lanes)
+    fill_truth(true, run.truth, begin, lanes)
     _add(x, true, -1.0, lanes)
     for step in range(begin, end + 1):
         if step > begin:
-            fill_truth(after, truth, step, lanes)
-            _predict_ideal(
-                true, after, x, P, setup, readings, step, frame, work, speeds, turn_rates, lanes
-            )
+            _predict_ideal(x, P, step, run, scratch, lanes)
             correct(x, P, step, run, true, OFF, frame, work, lanes)
         elif begin > 0:
             continue
@@ -288,9 +267,6 @@ def _filter_ideally(
 
 class Stepped(Protocol):
     """A filter that is advanced from step to step: a LaneFilter, or a flight with one in it."""
-
-    def lanes_for(self, n: int) -> int:
-        """Return how many trials of n vehicles it is best to filter side by side."""
 
     def advance(self, run: FilterRun, state: State, begin: int, end: int) -> None:
         """Take a state from step `begin` to step `end`, in place."""
@@ -354,11 +330,6 @@ class LaneFilter:
 
     kernel: Any
 
-    @staticmethod
-    def lanes_for(n: int) -> int:
-        """Return how many trials of n vehicles it is best to filter side by side."""
-        return lanes_for(n)
-
     def run(self, run: FilterRun, streams: Sequence[np.random.SeedSequence] = ()) -> State:
         """Return the state at the end, and add to the statistics on the way.
 
@@ -407,39 +378,21 @@ def compile_prediction(n: int) -> None:
 
 def specimen(n: int) -> tuple[Any, ...]:
     """Return arguments of a kernel for n vehicles without bias states, and no step."""
-    index = np.zeros(0, dtype=np.int64)
-    rows = np.arange(n)
-    setup = FilterSetup(
-        states=States(
-            first=np.arange(n + 1),
-            acts=np.zeros(n, dtype=np.int64),
-            columns=3 * rows + 2,
-            clocks=np.full(n, -1),
-            axes=np.tile([0, 2], (n, 1)),
-            kinds=np.full(n, -1),
-            common=np.zeros(n, dtype=bool),
-            variances=np.zeros(0),
-            first_changing=3 * n,
-            decays=np.zeros(0),
-        ),
-        spans=np.zeros(0),
-        compared=np.zeros(1, dtype=np.int64),
-        samples=0,
+    none = np.zeros(0, dtype=np.int64)
+    setup = build_setup(
+        layout=StateLayout((), {}, np.zeros(0), np.zeros(0), n),
         landmarks=np.zeros((0, 2)),
         first=np.zeros(2, dtype=np.int64),
-        observers=index,
-        targets=index,
-        kinds=index,
+        observers=none,
+        targets=none,
+        kinds=none,
         variances=np.zeros(0),
-        initial_variances=np.ones(3 * n),
-        motion=MotionModel(time=1.0, substeps=0, speed_variance=0.0, turn_rate_variance=0.0),
-        gate=math.inf,
-        second_order=False,
+        noise=Noise(speed_sigma=0.0, turn_rate_sigma=0.0, position_sigma=1.0, heading_sigma=1.0),
+        sample_time=1.0,
         period=1.0,
-        judged_from=0,
-        lost_variances=np.ones((n, 3)),
-        sample_every=SAMPLE_EVERY,
-        noise_known=True,
+        reach=1.0,
+        options=FilterOptions(),
+        samples=0,
     )
     still = np.zeros((0, n, 1))
     readings = Readings(np.zeros((n, 3, 1)), still, still, np.zeros((0, 1)))

@@ -9,10 +9,11 @@ Chunks are computed side by side, over threads, and delivered in order.
 
 import threading
 from collections import deque
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
+from functools import partial
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -20,12 +21,7 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import FilterOptions, lane_filter_of
-from syncplan.estimation.filter_setup import (
-    FilterRun,
-    FilterSetup,
-    build_setup,
-    empty_statistics,
-)
+from syncplan.estimation.filter_setup import FilterRun, FilterSetup, build_setup, empty_statistics
 from syncplan.estimation.trial_readings import TrialReadings
 from syncplan.estimation.trials import (
     CHUNK_TRIALS,
@@ -57,36 +53,45 @@ class StoppedError(Exception):
 
 
 def chunks_in_order(
-    compute: Callable[[range, threading.Event], Result], begin: int, end: int, threads: int
+    compute: Callable[[range, threading.Event], Result],
+    trials: range,
+    threads: int,
+    progress: Callable[[int], None] | None,
 ) -> Generator[Result]:
     """Return the results of all chunks of the trials, in order, a few computed ahead.
 
     `compute` takes the trials of a chunk, and an event: where that is set it raises StoppedError.
     Whatever interrupts the caller also stops the threads, each after its present trials.
+    `progress` is called with the number of trials done.
     """
+    ahead = 2 * threads
     pending: deque[Future[Result]] = deque()
     stop = threading.Event()
+    chunks = [trials[k : k + CHUNK_TRIALS] for k in range(0, len(trials), CHUNK_TRIALS)]
     with ThreadPoolExecutor(threads) as pool:
         try:
-            for start in range(begin, end, CHUNK_TRIALS):
-                chunk = range(start, min(start + CHUNK_TRIALS, end))
-                pending.append(pool.submit(compute, chunk, stop))
-                if len(pending) > 2 * threads:
-                    yield pending.popleft().result()
-            while pending:
+            for place, chunk in enumerate(chunks):
+                while len(pending) <= ahead and place + len(pending) < len(chunks):
+                    pending.append(pool.submit(compute, chunks[place + len(pending)], stop))
                 yield pending.popleft().result()
+                if progress is not None:
+                    progress(chunk.stop - trials.start)
         finally:
             stop.set()
 
 
-@dataclass(frozen=True, slots=True)
-class _Run:
-    """All that the trials of a run share."""
+def lanes_side_by_side(trials: range, n: int, stopped: threading.Event) -> Iterator[range]:
+    """Yield the trials of a chunk of n vehicles that are filtered side by side, in order.
 
-    readings: TrialReadings
-    lane_filter: "LaneFilter"
-    options: FilterOptions
-    end: int
+    Raises StoppedError once the run was interrupted.
+    """
+    from syncplan.estimation.kernels import lanes_for
+
+    lanes = lanes_for(n)
+    for k in range(0, len(trials), lanes):
+        if stopped.is_set():
+            raise StoppedError
+        yield trials[k : k + lanes]
 
 
 def run_trials(
@@ -116,28 +121,18 @@ def run_trials(
     _check_sightings(sightings, team.count, len(team.landmarks))
     assumed = replace(team, sensors=known.sensors, noise=known.noise, errors=known.errors)
     layout = layout_of(assumed)
-    setup, truth = _setup(assumed, layout, sightings, steps, options), poses_over(team, steps)
-    run = _Run(
-        readings=TrialReadings.of(team, truth, setup, layout, options.seed),
-        lane_filter=lane_filter_of(options.filter_model),
-        options=options,
-        end=first_trial + options.trials,
-    )
-    run.lane_filter.compile(team.count)
+    setup, truth = setup_along(assumed, layout, sightings, steps, options), poses_over(team, steps)
+    lane_filter = lane_filter_of(options.filter_model)
+    lane_filter.compile(team.count)
+    readings = TrialReadings.of(team, truth, setup, layout, options.seed)
+    compute = partial(_chunk, readings, lane_filter, options)
+    trials = range(first_trial, first_trial + options.trials)
     parts: list[MonteCarloResult] = []
     branches: tuple[Branch, ...] = ()
-    computed = chunks_in_order(
-        lambda chunk, stop: _chunk(run, chunk, stop),
-        first_trial,
-        run.end,
-        side_by_side,
-    )
-    with closing(computed) as chunks:
+    with closing(chunks_in_order(compute, trials, side_by_side, progress)) as chunks:
         for part in chunks:
             parts.append(replace(part, branches=()))
             branches = joined([*branches, *part.branches])
-            if progress is not None:
-                progress(part.first_trial + part.trials - first_trial)
     return replace(merge(parts), branches=branches)
 
 
@@ -182,10 +177,10 @@ def poses_over(team: Team, steps: int) -> Array:
     return np.concatenate([places, headings[..., None]], axis=2)
 
 
-def _setup(
+def setup_along(
     team: Team, layout: StateLayout, sightings: Sightings, steps: int, options: FilterOptions
 ) -> FilterSetup:
-    """The set-up of a run of `steps` samples along the team's circles."""
+    """Return the set-up of a run of `steps` samples about a team's circles."""
     orbits, sensors = team.orbits, team.sensors
     first = sightings.first_of_steps(steps)
     seen = slice(first[1], first[-1])
@@ -208,17 +203,17 @@ def _setup(
     )
 
 
-def _chunk(run: _Run, chunk: range, stopped: threading.Event) -> MonteCarloResult:
+def _chunk(
+    readings: TrialReadings,
+    lane_filter: "LaneFilter",
+    options: FilterOptions,
+    chunk: range,
+    stopped: threading.Event,
+) -> MonteCarloResult:
     """The result of the trials of a chunk."""
-    readings, lane_filter = run.readings, run.lane_filter
-    n, steps = readings.team.count, readings.setup.samples
-    lanes = lane_filter.lanes_for(n)
-    samples = steps if run.options.with_series else None
-    found = []
-    for first in range(chunk.start, chunk.stop, lanes):
-        if stopped.is_set():
-            raise StoppedError
-        trials = range(first, min(first + lanes, chunk.stop))
+    n, steps, found = readings.team.count, readings.setup.samples, []
+    samples = steps if options.with_series else None
+    for trials in lanes_side_by_side(chunk, n, stopped):
         counted = empty_statistics(len(trials), readings.layout.size, samples)
         streams = [readings.stream(trial) for trial in trials]
         lane_filter.run(FilterRun(readings.setup, *readings.drawn(trials), counted), streams)
@@ -227,7 +222,7 @@ def _chunk(run: _Run, chunk: range, stopped: threading.Event) -> MonteCarloResul
         found,
         n,
         steps=steps,
-        seed=run.options.seed,
+        seed=options.seed,
         first_trial=chunk.start,
         judged_from=readings.setup.judged_from,
     )

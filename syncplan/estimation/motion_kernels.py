@@ -28,7 +28,6 @@ import numpy as np
 from syncplan.arrays import Array, Flags
 from syncplan.estimation.filter_setup import (
     DRIFT,
-    HEADING,
     SPEED,
     TURN,
     FilterSetup,
@@ -48,7 +47,7 @@ SMALL = 0.03
 
 
 class Frame(NamedTuple):
-    """The frame of a covariance, and scratch to leave it.
+    """The frame of a covariance.
 
     Fields
     ------
@@ -56,26 +55,17 @@ class Frame(NamedTuple):
         moved its vehicle's pose since; of headings, beside themselves
     left : (e,) share that is left of each bias state, 1 of constants
     fresh : (1,) whether it is that of the present step: all ways are zero
-    before : (m, 3, lanes), turned : (3, 3, lanes) scratch
     """
 
     ways: Array
     left: Array
     fresh: Flags
-    before: Array
-    turned: Array
 
 
 def frame_of(states: States, width: int) -> Frame:
     """Return the frame of the present step."""
-    m = len(states.acts)
-    return Frame(
-        np.zeros((m, 3, width)),
-        np.ones(len(states.variances)),
-        np.ones(1, dtype=np.bool_),
-        np.empty((m, 3, width)),
-        np.empty((3, 3, width)),
-    )
+    ways, left = np.zeros((len(states.acts), 3, width)), np.ones(len(states.variances))
+    return Frame(ways, left, np.ones(1, dtype=np.bool_))
 
 
 # --- the motion of poses ------------------------------------------------------------------------
@@ -359,52 +349,22 @@ def bring_to_now(P: Array, states: States, frame: Frame, lanes: Lanes) -> None:
 
 @inner
 def _carry(P: Array, i: int, states: States, frame: Frame, lanes: Lanes) -> None:
-    """P = F P F' of the passages to the pose of vehicle i.
+    """P = F P F' of the passages to the pose of vehicle i, state by state and axis by axis.
 
-    With W its ways and C the rows of P of the states that move it, the rows of the pose become
-    N = P + W C; its own block is then N + N_C W', where N_C are N's columns of these states.
+    Its heading is the first of these states, before another one moves it.
     """
-    r, ways, before, turned = 3 * i, frame.ways, frame.before, frame.turned
-    begin, end = states.first[i], states.first[i + 1]
-    for m in range(begin, end):
-        c = states.columns[m]
-        for b in range(3):
-            p, q = max(c, r + b), min(c, r + b)
-            for lane in range(len(lanes)):
-                before[m, b, lane] = P[p, q, lane]
-    for m in range(begin, end):
+    ways = frame.ways
+    for m in range(states.first[i], states.first[i + 1]):
         c = states.columns[m]
         for a in range(states.axes[m, 0], states.axes[m, 1]):
-            for k in range(r):
-                p, q = max(c, k), min(c, k)
-                for lane in range(len(lanes)):
-                    P[r + a, k, lane] += ways[m, a, lane] * P[p, q, lane]
-            for k in range(r + 3, len(P)):
-                p, q = max(c, k), min(c, k)
-                for lane in range(len(lanes)):
-                    P[k, r + a, lane] += ways[m, a, lane] * P[p, q, lane]
-    for a in range(3):
-        for b in range(3):
-            p, q = r + max(a, b), r + min(a, b)
+            r = 3 * i + a
+            p, q = max(c, r), min(c, r)
             for lane in range(len(lanes)):
-                turned[a, b, lane] = P[p, q, lane]
-    for m in range(begin, end):
-        for a in range(states.axes[m, 0], states.axes[m, 1]):
-            for b in range(3):
-                for lane in range(len(lanes)):
-                    turned[a, b, lane] += ways[m, a, lane] * before[m, b, lane]
-    for m in range(begin, end):
-        c = states.columns[m]
-        for b in range(states.axes[m, 0], states.axes[m, 1]):
-            for a in range(b, 3):
-                if states.acts[m] == HEADING:
+                way = ways[m, a, lane]
+                P[r, r, lane] += way * (2.0 * P[p, q, lane] + way * P[c, c, lane])
+            for k in range(len(P)):
+                if k != r:
+                    p, q = max(c, k), min(c, k)
+                    e, f = max(r, k), min(r, k)
                     for lane in range(len(lanes)):
-                        turned[a, b, lane] += ways[m, b, lane] * turned[a, 2, lane]
-                else:
-                    p, q = max(c, r + a), min(c, r + a)
-                    for lane in range(len(lanes)):
-                        turned[a, b, lane] += ways[m, b, lane] * P[p, q, lane]
-    for a in range(3):
-        for b in range(a + 1):
-            for lane in range(len(lanes)):
-                P[r + a, r + b, lane] = turned[a, b, lane]
+                        P[e, f, lane] += ways[m, a, lane] * P[p, q, lane]

@@ -66,11 +66,7 @@ class OnlineFilter:
     """
 
     def __init__(
-        self,
-        setup: FilterSetup,
-        initial: Array,
-        model: FilterModel,
-        stream: np.random.SeedSequence,
+        self, setup: FilterSetup, initial: Array, model: FilterModel, stream: np.random.SeedSequence
     ) -> None:
         """Begin at time 0, at poses `initial` (n, 3); runs and truth of `setup` do not matter.
 
@@ -259,9 +255,7 @@ class OnlineFilter:
         first[k + 2 :] = first[k + 1]
         self._run.given = self._run.given._replace(
             setup=setup._replace(
-                spans=grown(setup.spans, k, steps),
-                compared=np.full(steps + 1, -1),
-                first=first,
+                spans=grown(setup.spans, k, steps), compared=np.full(steps + 1, -1), first=first
             ),
             readings=readings._replace(
                 speeds=grown(readings.speeds, k, steps),

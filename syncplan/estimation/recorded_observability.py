@@ -121,7 +121,7 @@ def _along_odometry(run: RecordedRun, poses: Array, used: Index, begins: Index) 
     """
     setup, n, paths = run.setup, run.layout.count, _paths(run)
     o, t = run.sightings.observers[used], run.sightings.targets[used]
-    step_of = np.repeat(np.arange(len(setup.first) - 1), np.diff(setup.first))[used]
+    step_of = setup.sighted_at[used]
     at_sample = np.flatnonzero(setup.compared >= 0)
 
     def placed(k: int, of: slice) -> tuple[Array, Array]:

@@ -186,10 +186,7 @@ def _estimates(truth: Array, result: MonteCarloResult) -> Array:
 
 
 def _in_thread(
-    run: RecordedRun,
-    options: FilterOptions,
-    counted: FilterStatistics,
-    progress: Seen | None,
+    run: RecordedRun, options: FilterOptions, counted: FilterStatistics, progress: Seen | None
 ) -> tuple[Array, Array]:
     """State (3n + e, 1) and covariance at the end, filtered in another thread.
 

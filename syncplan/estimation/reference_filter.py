@@ -192,12 +192,7 @@ def _later(
 
 
 def update_state(
-    state: Array,
-    P: Array,
-    s: int,
-    reading: float,
-    setup: FilterSetup,
-    read: Read | None = None,
+    state: Array, P: Array, s: int, reading: float, setup: FilterSetup, read: Read | None = None
 ) -> tuple[Array, Array, float, float]:
     """Return state, covariance, innovation and its variance after sighting s of the set-up.
 

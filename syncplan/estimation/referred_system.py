@@ -30,12 +30,7 @@ from syncplan.estimation.start_up_index import (
     index_of_run,
     second_order_terms,
 )
-from syncplan.observability.referred_rows import (
-    SightingRows,
-    error_moves,
-    pose_columns,
-    state_rows,
-)
+from syncplan.observability.referred_rows import SightingRows, error_moves, pose_columns, state_rows
 from syncplan.orbits.circles import Orbits, perpendicular, phase, unit
 from syncplan.orbits.contacts import Windows
 from syncplan.orbits.error_states import ERROR_STATES, StateLayout
@@ -210,14 +205,12 @@ class ReferredSystem:
         """Return the bound along the run with its start-up index."""
         last = first_samples(self.team)
         seen = self.sightings.until(last)
-        terms = second_order_terms(self.team, seen, self.scale)
+        functions = second_order_terms(self.team, seen, self.scale)
         if suits_groups(self.run, covariance):
-            variances, foreseen = foreseen_by_groups(
-                self.run, covariance, terms.functions, terms.weights
-            )
+            variances, foreseen = foreseen_by_groups(self.run, covariance, functions)
             bound = self.of_poses(variances)
         else:
-            along, across = (self._with_errors(seen, six) for six in terms.functions)
+            along, across = (self._with_errors(seen, six) for six in functions)
             covariances, foreseen = foreseen_along(self.run, covariance, (along, across), last)
             bound = self.carried(covariances)
         return replace(bound, start_up=index_of_run(self.team, seen, foreseen))

@@ -222,33 +222,11 @@ def tuned(
 BEARING_PLACE, DISTANCE_PLACE = place_of(BEARING), place_of(DISTANCE)
 
 
-@dataclass(frozen=True, slots=True)
-class _End:
-    """Where the filter was at the end of what was fitted to: (n, 3), and sigmas in m and rad."""
-
-    poses: Array
-    position_sigma: float
-    heading_sigma: float
-
-    def as_start_of(self, settings: ReplaySettings) -> ReplaySettings:
-        """Settings that start there."""
-        known_to = {
-            "position_sigma": self.position_sigma,
-            "heading_sigma": self.heading_sigma,
-        }
-        noise = replace(settings.noise, **known_to)
-        return replace(settings, start_poses=self.poses, noise=noise)
-
-
 class _Fit:
     """Runs of the filter on a recording, counted."""
 
     def __init__(
-        self,
-        log: Log,
-        settings: ReplaySettings,
-        options: FilterOptions,
-        progress: Progress | None,
+        self, log: Log, settings: ReplaySettings, options: FilterOptions, progress: Progress | None
     ) -> None:
         self.log, self.progress, self.runs = log, progress, 0
         self.settings = replace(settings, portion=(0.0, FIT_SHARE))
@@ -294,11 +272,18 @@ class _Fit:
         return replace(self.simplex(alone, WALK), distances=best.distances)
 
     def rest(self, settings: ReplaySettings) -> ReplaySettings:
-        """The settings for what was not fitted to."""
+        """The settings for what was not fitted to; a start that is given is where that ended."""
         later = replace(settings, portion=(FIT_SHARE, 1.0))
         if settings.start != "given":
             return later
-        return self.end(settings).as_start_of(later)
+        _, made = self.run(settings, with_series=True)
+        kept = series(made.result)
+        noise = replace(
+            settings.noise,
+            position_sigma=float(kept.axis_sigma[-1].max()),
+            heading_sigma=float(kept.heading_sigma[-1].max()),
+        )
+        return replace(later, start_poses=made.estimates[-1], noise=noise)
 
     def verdicts(
         self, rivals: Sequence[ReplaySettings], fitted: ReplaySettings
@@ -311,8 +296,10 @@ class _Fit:
 
     def of(self, settings: ReplaySettings) -> Predictions | None:
         """All predictions; None where the filter diverges."""
+        self.count(TURNS)
+        turns = tuple(range(TURNS))
         try:
-            return self.predictions(settings, tuple(range(TURNS)))
+            return predictions_of(self.log, settings, self.options, turns, TURNS, self.farthest)
         except (InputError, NoSolutionError):
             return None
 
@@ -338,21 +325,6 @@ class _Fit:
         self.runs += runs
         if self.progress is not None:
             self.progress(min(self.runs, MOST_RUNS))
-
-    def predictions(self, settings: ReplaySettings, turns: tuple[int, ...]) -> Predictions:
-        """Predictions, by settings, of the sightings that the turns withhold."""
-        self.count(len(turns))
-        return predictions_of(self.log, settings, self.options, turns, TURNS, self.farthest)
-
-    def end(self, settings: ReplaySettings) -> _End:
-        """Where the filter with settings is at the end."""
-        _, made = self.run(settings, with_series=True)
-        kept = series(made.result)
-        return _End(
-            poses=made.estimates[-1],
-            position_sigma=float(kept.axis_sigma[-1].max()),
-            heading_sigma=float(kept.heading_sigma[-1].max()),
-        )
 
     def cost(self, settings: ReplaySettings) -> float:
         """The mean negative log-likelihood of innovations; infinite where the filter diverges."""

@@ -29,12 +29,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
-from syncplan.estimation.filter_setup import (
-    FilterSetup,
-    Readings,
-    State,
-    run_without_truth,
-)
+from syncplan.estimation.filter_setup import FilterSetup, Readings, State, run_without_truth
 from syncplan.estimation.lane_filter import EXTENDED
 
 CLEARLY = math.log(1e6)

@@ -13,8 +13,6 @@ solution counts for more. A trial whose alternative was dropped is not solved ag
 innovations have grown further.
 
 What a trial does depends on that trial alone; starts are drawn from its own stream.
-
-Batch solutions are of some lanes over a window, from the prior and from drawn starts.
 """
 
 from collections.abc import Sequence
@@ -26,15 +24,8 @@ import numpy as np
 from syncplan.arrays import Array, Flags, Index
 from syncplan.estimation.batch_problem import Prior
 from syncplan.estimation.batch_solution import compile_solver, solve, solver_is_compiled
-from syncplan.estimation.filter_setup import (
-    FilterRun,
-    FilterSetup,
-    Readings,
-    State,
-    poses_of,
-    start_of,
-)
-from syncplan.estimation.kernels import compiled_beside
+from syncplan.estimation.filter_setup import FilterRun, State, poses_of, start_of
+from syncplan.estimation.kernels import compiled_beside, lanes_for
 from syncplan.estimation.lane_filter import EXTENDED, LaneFilter, LaneRun, Stepped
 from syncplan.estimation.rivals import LOOKS, Rivals, lanes_of_state
 from syncplan.estimation.start_search import DOUBT, ROUNDS, STARTS, is_credible, search_further
@@ -65,75 +56,6 @@ class Solved:
         self.covariance[..., mine] = other.covariance[..., its]
 
 
-@dataclass(frozen=True, slots=True)
-class LaneSolver:
-    """Solves lanes of a run from step `begin` to step `end`.
-
-    Attributes
-    ----------
-    setup, readings : of the run
-    streams : of each lane, from which its starts are drawn
-    at_once : lanes solved side by side
-    begin, end : steps
-    """
-
-    setup: FilterSetup
-    readings: Readings
-    streams: Sequence[np.random.SeedSequence]
-    at_once: int
-    begin: int
-    end: int
-
-    def best(self, poses: Array, variances: Array, lanes: Index) -> Solved:
-        """Return the best solutions of some lanes.
-
-        The prior is about `poses` (n, 3, all lanes), its bias states are zero, and `variances`
-        (3n + e,) are its own. Where noise does not explain the solution, more starts are drawn.
-        """
-        mean = np.zeros((len(variances), poses.shape[-1]))
-        mean[: 3 * len(poses)] = poses.reshape(-1, poses.shape[-1])
-        prior = Prior(mean, variances)
-        best = self._solved(prior, lanes, None)
-
-        def tried(missing: Index, number: int) -> Solved:
-            away = [self._drawn(variances, lane, number) for lane in lanes[missing]]
-            again = lanes[np.repeat(missing, ROUNDS[number])]
-            return self._solved(prior, again, np.concatenate(away, axis=1))
-
-        known = self.setup.noise_known
-        search_further(best, best.sightings, tried, noise_known=known)
-        return best
-
-    def _drawn(self, variances: Array, lane: int, number: int) -> Array:
-        """(3n + e, starts) deviations from the prior of the starts of a round."""
-        own = self.streams[lane]
-        key = (*own.spawn_key, self.begin, number)
-        child = np.random.SeedSequence(own.entropy, spawn_key=key)
-        draws = np.random.default_rng(child).standard_normal((ROUNDS[number], len(variances)))
-        return np.asarray((np.sqrt(variances) * draws).T)
-
-    def _solved(self, prior: Prior, lanes: Index, away: Array | None) -> Solved:
-        """Solutions of lanes, which may recur, from starts as far `away` from the prior's."""
-        steps, first = slice(self.begin, self.end), self.setup.first
-        window = slice(first[self.begin + 1], first[self.end + 1])
-        parts = []
-        for k in range(0, len(lanes), self.at_once):
-            own = lanes[k : k + self.at_once]
-            about = Prior(np.ascontiguousarray(prior.mean[:, own]), prior.variances)
-            start = None if away is None else about.mean + away[:, k : k + self.at_once]
-            speeds = np.ascontiguousarray(self.readings.speeds[steps][..., own])
-            turn_rates = np.ascontiguousarray(self.readings.turn_rates[steps][..., own])
-            made = np.ascontiguousarray(self.readings.sightings[window][..., own])
-            parts.append(solve(self.setup, speeds, turn_rates, made, about, self.begin, start))
-        return Solved(
-            lanes=lanes,
-            cost=np.concatenate([one.cost for one in parts]),
-            sightings=np.concatenate([one.sightings for one in parts]),
-            state=np.concatenate([one.state for one in parts], axis=-1),
-            covariance=np.concatenate([one.covariance for one in parts], axis=-1),
-        )
-
-
 ALARM = 1.2
 """Mean of innovation^2 / variance over a period above which a filter may be lost."""
 
@@ -160,10 +82,6 @@ class RobustFilter:
     """
 
     base: LaneFilter
-
-    def lanes_for(self, n: int) -> int:
-        """Return how many trials of n vehicles it is best to filter side by side."""
-        return self.base.lanes_for(n)
 
     def is_compiled(self, n: int) -> bool:
         """Return whether all kernels for n vehicles are in memory or in numba's disk cache."""
@@ -338,14 +256,54 @@ class RobustRun(LaneRun):
         self.rivals = self.rivals.joined(formed)
 
     def _best(self, poses: Array, variances: Array, lanes: Index, begin: int, end: int) -> Solved:
-        """The best solutions of some lanes, from the prior about `poses` and, in need, others."""
-        solver = LaneSolver(self.setup, self.readings, self.streams, self.lanes_at_once, begin, end)
-        return solver.best(poses, variances, lanes)
+        """Return the best solutions of some lanes over the steps from `begin` to `end`.
 
-    @property
-    def lanes_at_once(self) -> int:
-        """How many lanes are solved side by side."""
-        return self.base.lanes_for(len(self.readings.initial))
+        The prior is about `poses` (n, 3, all lanes), its bias states are zero, and `variances`
+        (3n + e,) are its own. Where noise does not explain the solution, more starts are drawn.
+        """
+        mean = np.zeros((len(variances), poses.shape[-1]))
+        mean[: 3 * len(poses)] = poses.reshape(-1, poses.shape[-1])
+        prior = Prior(mean, variances)
+        best = self._solved(prior, lanes, begin, end)
+
+        def tried(missing: Index, number: int) -> Solved:
+            away = [self._drawn(variances, lane, begin, number) for lane in lanes[missing]]
+            again = lanes[np.repeat(missing, ROUNDS[number])]
+            return self._solved(prior, again, begin, end, np.concatenate(away, axis=1))
+
+        known = self.setup.noise_known
+        search_further(best, best.sightings, tried, noise_known=known)
+        return best
+
+    def _drawn(self, variances: Array, lane: int, begin: int, number: int) -> Array:
+        """(3n + e, starts) deviations from the prior of the starts of a round."""
+        own = self.streams[lane]
+        key = (*own.spawn_key, begin, number)
+        child = np.random.SeedSequence(own.entropy, spawn_key=key)
+        draws = np.random.default_rng(child).standard_normal((ROUNDS[number], len(variances)))
+        return np.asarray((np.sqrt(variances) * draws).T)
+
+    def _solved(
+        self, prior: Prior, lanes: Index, begin: int, end: int, away: Array | None = None
+    ) -> Solved:
+        """Solutions of lanes, which may recur, from starts as far `away` from the prior's."""
+        readings, first, width = self.readings, self.setup.first, lanes_for(self.setup.vehicles)
+        window, parts = slice(first[begin + 1], first[end + 1]), []
+        for k in range(0, len(lanes), width):
+            own = lanes[k : k + width]
+            about = Prior(np.ascontiguousarray(prior.mean[:, own]), prior.variances)
+            start = None if away is None else about.mean + away[:, k : k + width]
+            speeds = np.ascontiguousarray(readings.speeds[begin:end][..., own])
+            turn_rates = np.ascontiguousarray(readings.turn_rates[begin:end][..., own])
+            made = np.ascontiguousarray(readings.sightings[window][..., own])
+            parts.append(solve(self.setup, speeds, turn_rates, made, about, begin, start))
+        return Solved(
+            lanes=lanes,
+            cost=np.concatenate([one.cost for one in parts]),
+            sightings=np.concatenate([one.sightings for one in parts]),
+            state=np.concatenate([one.state for one in parts], axis=-1),
+            covariance=np.concatenate([one.covariance for one in parts], axis=-1),
+        )
 
 
 def steps_passing(spans: Array, period: float, share: int = 1) -> Index:

@@ -56,30 +56,18 @@ def first_samples(team: Team) -> int:
     return steps_within(PERIODS * team.orbits.period, team.sensors.sample_time)
 
 
-@dataclass(frozen=True, slots=True)
-class SecondOrderTerms:
-    """Terms that the tangents of sightings leave out: products of two functions of the states.
+def second_order_terms(team: Team, sightings: Sightings, scale: float) -> Array:
+    """Return (2, s, 6) the two functions whose product the tangent of each sighting leaves out.
 
-    Attributes
-    ----------
-    functions : (2, s, 6) of errors at time 0, as lines_of_sight
-    weights : (s,) of the product squared, over the variance of the sighting
+    They are of errors at time 0, positions in `scale` m, as lines_of_sight.
     """
-
-    functions: Array
-    weights: Array
-
-
-def second_order_terms(team: Team, sightings: Sightings, scale: float) -> SecondOrderTerms:
-    """Return the second-order term of each sighting, positions in `scale` m."""
     lines = lines_of_sight(team, sightings, scale)
     functions = np.zeros_like(lines)
     for place, kind in enumerate(SIGHTING_KINDS.values()):
         term, chosen = kind.second_order, sightings.kinds == place
         if term is not None and chosen.any():
             functions[:, chosen] = lines[list(term.ways)][:, chosen]
-    sigmas = sigmas_by_kind(team.sensors, sightings.kinds, sightings.observers)
-    return SecondOrderTerms(functions, _sizes(team, sightings) ** 2 * sigmas**-2.0)
+    return functions
 
 
 def lines_of_sight(team: Team, sightings: Sightings, scale: float) -> Array:

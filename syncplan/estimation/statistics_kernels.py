@@ -138,36 +138,17 @@ def record(
             for lane in range(len(lanes)):
                 e = errors[k, lane]
                 statistics.covered[k, lane] += 1.0 if e * e <= 9.0 * P[k, k, lane] else 0.0
-        _add_nees(
-            P,
-            errors,
-            work.block,
-            work.column,
-            work.factor,
-            work.total,
-            work.valid,
-            statistics,
-            lanes,
-        )
+        _add_nees(P, work, statistics, lanes)
 
 
 @inner
-def _add_nees(
-    P: Array,
-    error: Array,
-    A: Array,
-    u: Array,
-    factor: Array,
-    total: Array,
-    valid: Array,
-    sums: FilterStatistics,
-    lanes: Lanes,
-) -> None:
+def _add_nees(P: Array, work: Comparison, sums: FilterStatistics, lanes: Lanes) -> None:
     """Add e' P^-1 e of the poses by a square-root-free Cholesky factorisation of a copy of P.
 
     Lanes whose covariance is not positive definite (to rounding) are left out of sum and count. The
     errors of the poses are overwritten.
     """
+    _, error, A, u, factor, total, valid = work
     size = len(A)
     for lane in range(len(lanes)):
         total[lane], valid[lane] = 0.0, 1.0

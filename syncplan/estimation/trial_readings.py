@@ -45,6 +45,23 @@ def filter_stream(seed: int, trial: int) -> np.random.SeedSequence:
     return np.random.SeedSequence(seed, spawn_key=(trial, FILTERS_OWN))
 
 
+def split_draws(
+    seed: int, trials: range, sizes: tuple[int, ...], normal: int | None = None
+) -> list[Array]:
+    """Return what each of trials draws, (size, lanes) for each size.
+
+    The first so many are standard normal numbers, all if None, and the others uniform ones.
+    """
+    draws, total = np.empty((len(trials), sum(sizes))), sum(sizes[:normal])
+    for trial, row in zip(trials, draws, strict=True):
+        sequence = np.random.SeedSequence(seed, spawn_key=(trial,))
+        generator = np.random.Generator(np.random.PCG64(sequence))
+        generator.standard_normal(out=row[:total])
+        if total < len(row):
+            generator.random(out=row[total:])
+    return np.split(draws.T, np.cumsum(sizes)[:-1])
+
+
 def in_moving_air(team: Team) -> bool:
     """Return whether headings differ from trial to trial."""
     return team.errors.of("wind") > 0.0 or team.errors.of("gusts") > 0.0
@@ -106,7 +123,7 @@ class TrialReadings:
             truth=truth,
             setup=setup,
             layout=layout,
-            sightings=_true_sightings(truth, setup),
+            sightings=measured_by_kind(setup.kinds, *_away(truth, setup)),
             sigmas=sigmas_by_kind(team.sensors, setup.kinds, setup.observers),
             seed=seed,
         )
@@ -152,14 +169,7 @@ class TrialReadings:
         normal = (3 * n, steps * n, steps * n, len(self.sightings), errors)
         missed = int(self._groups()[-1]) + 1 if self._misses() else 0
         sizes = (*normal, missed, len(self.sightings) if has_false_bearings(self.team) else 0)
-        draws, total = np.empty((len(trials), sum(sizes))), sum(normal)
-        for trial, row in zip(trials, draws, strict=True):
-            sequence = np.random.SeedSequence(self.seed, spawn_key=(trial,))
-            generator = np.random.Generator(np.random.PCG64(sequence))
-            generator.standard_normal(out=row[:total])
-            if total < len(row):
-                generator.random(out=row[total:])
-        return np.split(draws.T, np.cumsum(sizes)[:-1])
+        return split_draws(self.seed, trials, sizes, len(normal))
 
     def _pose_sigmas(self) -> Array:
         noise = self.team.noise
@@ -190,10 +200,10 @@ class TrialReadings:
             shifted = ERROR_STATES[name].shifts
             if shifted:
                 chosen = setup.kinds == list(SIGHTING_KINDS).index(shifted)
-                at = np.minimum(self._steps()[chosen], len(values) - 1)
+                at = np.minimum(setup.sighted_at[chosen], len(values) - 1)
                 found[chosen] += values[at, setup.observers[chosen], 0]
         if in_moving_air(self.team):
-            step = self._steps()
+            step = setup.sighted_at
             turned = flown.headings[step, setup.observers]
             turned -= self.truth[step, setup.observers, 2, None]
             if np.any(self.team.sensors.fields_of_view < FULL_VIEW):
@@ -229,7 +239,7 @@ class TrialReadings:
         """
         setup, orbits, time = self.setup, self.team.orbits, self.team.sensors.sample_time
         observers, targets, count = setup.observers, setup.targets, self.team.count
-        among, step = np.where(targets < count, targets, observers), self._steps()
+        among, step = np.where(targets < count, targets, observers), setup.sighted_at
         offsets = np.asarray(errors.constant("delay"))[observers]
         found = np.empty(offsets.shape)
         for lane, later in enumerate(offsets.T):
@@ -259,10 +269,6 @@ class TrialReadings:
         half[~of_targets(setup.kinds) | (half >= np.pi)] = np.inf
         return np.asarray(np.abs(wrap(ahead[:, None] - turned)) > half[:, None])
 
-    def _steps(self) -> Index:
-        """(s,) sample of each sighting."""
-        return np.repeat(np.arange(len(self.setup.first) - 1), np.diff(self.setup.first))
-
     def _misses(self) -> bool:
         return has_misses(self.team) and bool(self._missable().any())
 
@@ -274,7 +280,7 @@ class TrialReadings:
     def _groups(self) -> Index:
         """(s,) which draw decides on a sighting; those of one sample, observer and target share."""
         setup, missable = self.setup, self._missable()
-        of = np.column_stack([self._steps(), setup.observers, setup.targets])[missable]
+        of = np.column_stack([setup.sighted_at, setup.observers, setup.targets])[missable]
         new = np.ones(len(of), dtype=bool)
         new[1:] = np.any(of[1:] != of[:-1], axis=1)
         groups = np.zeros(len(missable), dtype=np.int64)
@@ -283,17 +289,10 @@ class TrialReadings:
         return np.maximum.accumulate(groups)
 
 
-def _true_sightings(truth: Array, setup: FilterSetup) -> Array:
-    """(s,) sightings without noise; angles are not wrapped."""
-    away, heading = _away(truth, setup)
-    return measured_by_kind(setup.kinds, away, heading)
-
-
 def _away(truth: Array, setup: FilterSetup) -> tuple[Array, Array]:
     """(2, s) m from observer to target, and (s,) rad, the observer's nominal heading."""
-    steps = len(truth) - 1
-    step = np.repeat(np.arange(steps + 1), np.diff(setup.first))
-    fixed = np.broadcast_to(setup.landmarks, (steps + 1, *setup.landmarks.shape))
+    step = setup.sighted_at
+    fixed = np.broadcast_to(setup.landmarks, (len(truth), *setup.landmarks.shape))
     places = np.concatenate([truth[:, :, :2], fixed], axis=1)
     away = places[step, setup.targets] - places[step, setup.observers]
     return away.T, truth[step, setup.observers, 2]

@@ -127,12 +127,7 @@ def predictions_of(
 
 
 def _predicted(
-    log: Log,
-    settings: ReplaySettings,
-    options: FilterOptions,
-    turn: int,
-    of: int,
-    farthest: float,
+    log: Log, settings: ReplaySettings, options: FilterOptions, turn: int, of: int, farthest: float
 ) -> tuple[Any, ...]:
     run = run_of(log, settings, options)
     seen = run.sightings

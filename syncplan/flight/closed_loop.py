@@ -16,7 +16,7 @@ The filter is that of `lane_filter`, and so is the state.
 import math
 
 from syncplan.arrays import Array, Index
-from syncplan.estimation.filter_setup import COMPASS_KIND, FilterRun, FilterSetup, Readings, Truth
+from syncplan.estimation.filter_setup import COMPASS_KIND, FilterRun, FilterSetup, Truth
 from syncplan.estimation.kernels import Lanes, inner, lean
 from syncplan.estimation.lane_filter import Scratch, step_filter
 from syncplan.estimation.motion_kernels import bring_to_now, copy, move
@@ -58,12 +58,12 @@ def fly_to(
     x: Array,
     flight: FlightSetup,
     flown: Flown,
-    setup: FilterSetup,
-    readings: Readings,
+    run: FilterRun,
     slopes: Array,
     lanes: Lanes,
 ) -> None:
     """Fly until step `target` by the filter's estimate, which is that of step `at`."""
+    setup, readings = run.setup, run.readings
     while flown.places[0] < target:
         step = flown.places[0]
         speeds, turn_rates = readings.speeds[at:step], readings.turn_rates[at:step]
@@ -107,12 +107,7 @@ def _hear(setup: FilterSetup, sightings: Array, step: int, heard: Index, lanes: 
 
 @inner
 def _compare(
-    x: Array,
-    flight: FlightSetup,
-    truth: Truth,
-    step: int,
-    compared: Comparison,
-    lanes: Lanes,
+    x: Array, flight: FlightSetup, truth: Truth, step: int, compared: Comparison, lanes: Lanes
 ) -> None:
     """Fill in the errors at a step; those of the pose of a vehicle that is gone are zero."""
     n = len(flight.circles.radii)
@@ -143,7 +138,7 @@ def fly_lanes(
         record(P, setup, begin, compared, statistics, lanes)
     for step in range(begin + 1, end + 1):
         ahead = min(step + flight.mishaps.late, flight.steps)
-        fly_to(ahead, step - 1, x, flight, flown, setup, readings, work.slopes, lanes)
+        fly_to(ahead, step - 1, x, flight, flown, run, work.slopes, lanes)
         step_filter(x, P, step, run, frame, work, lanes)
         _hear(setup, readings.sightings, step, flown.heard, lanes)
         looks = step % flight.contact.look_every == 0

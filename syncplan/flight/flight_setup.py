@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from syncplan.arrays import Array, Index
 from syncplan.flight.anchors import Anchors
+from syncplan.orbits.circles import Orbits
 
 
 class Circles(NamedTuple):
@@ -30,6 +31,13 @@ class Circles(NamedTuple):
     senses: Array
     phases: Array
     rate: float
+
+    @classmethod
+    def of(cls, orbits: Orbits) -> "Circles":
+        """Return the circles of a plan."""
+        parts = orbits.centers, orbits.radii, orbits.senses, orbits.phases
+        centers, radii, senses, phases = (np.array(one, dtype=float) for one in parts)
+        return cls(centers, radii, senses, phases, float(orbits.rate))
 
 
 class Response(NamedTuple):

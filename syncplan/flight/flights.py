@@ -10,8 +10,8 @@ Figures over time are sums over all trials, which follow the binary tree of
 
 import threading
 from collections.abc import Callable
-from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from syncplan.estimation.batch_solution import solver_is_compiled
 from syncplan.estimation.filter_setup import FilterStatistics, empty_statistics
 from syncplan.estimation.kernels import compiled_beside
 from syncplan.estimation.lane_filter import compile_steps
-from syncplan.estimation.montecarlo import StoppedError, chunks_in_order
+from syncplan.estimation.montecarlo import chunks_in_order, lanes_side_by_side
 from syncplan.estimation.trials import CHUNK_TRIALS, Branch, result_of
 from syncplan.flight.flight_records import RecordedSteps, Track
 from syncplan.flight.flight_results import (
@@ -131,20 +131,8 @@ def fly_trials(
     `progress` is called with the number of trials done. Raises InputError for fewer than 1 thread.
     """
     compile_flights(team)
-    parts: list[FlightResult] = []
-    end = first_trial + trials
-
-    def chunk(trials: range, stop: threading.Event) -> FlightResult:
-        return _chunk(team, trials, stop)
-
-    found = chunks_in_order(chunk, first_trial, end, threads_for(threads))
-    with closing(found) as results:
-        for part in results:
-            parts.append(part)
-            if progress is not None:
-                done = part.estimates
-                progress(done.first_trial + done.trials - first_trial)
-    return joined_flights(parts)
+    asked, compute = range(first_trial, first_trial + trials), partial(_chunk, team)
+    return joined_flights(list(chunks_in_order(compute, asked, threads_for(threads), progress)))
 
 
 def flight_is_compiled(team: FlownTeam) -> bool:
@@ -172,11 +160,8 @@ def _chunk(team: FlownTeam, trials: range, stop: threading.Event) -> FlightResul
     figures: list[FlightFigures] = []
     sums: list[Array] = []
     tracks: list[Track] = []
-    lanes, judged_from = ClosedLoop.lanes_for(n), 0
-    for first in range(trials.start, trials.stop, lanes):
-        if stop.is_set():
-            raise StoppedError
-        part = range(first, min(first + lanes, trials.stop))
+    judged_from = 0
+    for part in lanes_side_by_side(trials, n, stop):
         flown = FlownLanes.begun(team, part, empty_statistics(len(part), team.size))
         flown.advance(team.steps)
         judged_from = flown.setup.judged_from

@@ -21,12 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
-from syncplan.estimation.correction_kernels import (
-    OFF,
-    correct,
-    refer_place,
-    spread,
-)
+from syncplan.estimation.correction_kernels import OFF, correct, refer_place, spread
 from syncplan.estimation.filter_setup import (
     SAMPLE_EVERY,
     FilterRun,

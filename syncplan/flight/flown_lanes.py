@@ -24,7 +24,7 @@ from syncplan.estimation.filter_setup import (
     poses_of,
     start_of,
 )
-from syncplan.estimation.kernels import Lanes, has_compiled, lanes_for, lanes_of
+from syncplan.estimation.kernels import Lanes, has_compiled, lanes_of
 from syncplan.estimation.lane_filter import LaneRun, scratch_of
 from syncplan.estimation.online_filter import with_room
 from syncplan.estimation.robust_filter import RobustRun
@@ -63,18 +63,12 @@ class LaneGuidance:
         ]
 
     def command(
-        self,
-        flight: FlightSetup,
-        flown: Flown,
-        x: Array,
-        at: int,
-        filtered: tuple[FilterSetup, Readings],
-        lanes: Lanes,
+        self, flight: FlightSetup, flown: Flown, x: Array, at: int, run: FilterRun, lanes: Lanes
     ) -> None:
         """Write the commands of the leg that begins now, from the estimate x at step `at`."""
         step, n = int(flown.places[0]), len(flown.scales)
-        (setup, readings), slopes = filtered, np.empty((12, len(lanes)))
-        read = readings.speeds[at:step], readings.turn_rates[at:step]
+        setup, slopes = run.setup, np.empty((12, len(lanes)))
+        read = run.readings.speeds[at:step], run.readings.turn_rates[at:step]
         carry_on(x, flown.ahead, *read, setup, slopes, lanes)
         mishaps = flight.mishaps
         gone = mishaps.gone_from[:n] <= step
@@ -125,11 +119,6 @@ class ClosedLoop:
 
     flight: FlightSetup
     flown: Flown
-
-    @staticmethod
-    def lanes_for(n: int) -> int:
-        """Return how many trials of n vehicles it is best to fly side by side."""
-        return lanes_for(n)
 
     @staticmethod
     def is_compiled() -> bool:
@@ -210,9 +199,8 @@ class FlownLanes:
 
     def _decide(self) -> None:
         if self.guidance is not None:
-            filtered, (flight, lanes) = (self.setup, self.readings), self._aloft
-            x, _ = self.run.state
-            self.guidance.command(flight, self.flown, x, self.run.at, filtered, lanes)
+            (flight, lanes), run, (x, _) = self._aloft, self.run, self.run.state
+            self.guidance.command(flight, self.flown, x, run.at, run.given, lanes)
 
     def _fly_ahead(self, end: int, rows: int) -> None:
         """Fly until step `end` before the filter takes anything in: sightings are late."""
@@ -226,7 +214,7 @@ class FlownLanes:
             self._make_room(rows * (until - step))
             self._decide()
             flight, lanes = self._aloft
-            fly_to(until, 0, x, flight, flown, self.setup, self.readings, slopes, lanes)
+            fly_to(until, 0, x, flight, flown, self.run.given, slopes, lanes)
 
     @property
     def _aloft(self) -> tuple[FlightSetup, Lanes]:

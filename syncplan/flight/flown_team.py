@@ -7,7 +7,9 @@ import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
 from syncplan.estimation.drawn_errors import DrawnErrors, error_draws
-from syncplan.estimation.filter_setup import FilterSetup, Readings, Truth, build_setup
+from syncplan.estimation.filter_setup import FilterSetup, Readings, Truth
+from syncplan.estimation.montecarlo import setup_along
+from syncplan.estimation.trial_readings import split_draws
 from syncplan.flight.anchors import Anchors, anchors_of
 from syncplan.flight.flight_events import FlightEvents, Hold
 from syncplan.flight.flight_limits import FlightLimits, FlownWorld
@@ -28,7 +30,7 @@ from syncplan.orbits.circles import heading, position
 from syncplan.orbits.contacts import Windows
 from syncplan.orbits.error_states import StateLayout, layout_of
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, of_targets, samples_between
-from syncplan.orbits.sightings import samples_before
+from syncplan.orbits.sightings import Sightings, samples_before
 from syncplan.orbits.team import Team
 
 NEVER = np.iinfo(np.int64).max
@@ -116,27 +118,14 @@ class FlownTeam:
 
     def filter_setup(self) -> FilterSetup:
         """Return the filter's set-up for some trials, as yet without sightings."""
-        team, sensors = self.team, self.team.sensors
-        return build_setup(
-            layout=self.layout,
-            landmarks=np.array(team.landmarks, dtype=np.float64).reshape(-1, 2),
-            first=np.zeros(self.steps + 2, dtype=np.int64),
-            observers=np.zeros(0, dtype=np.int64),
-            targets=np.zeros(0, dtype=np.int64),
-            kinds=np.zeros(0, dtype=np.int64),
-            variances=np.zeros(0),
-            noise=team.noise,
-            sample_time=sensors.sample_time,
-            period=team.orbits.period,
-            reach=2.0 * float(np.mean(team.orbits.radii)),
-            options=self.options,
-            samples=self.steps,
-        )
+        none = Sightings(*np.zeros((4, 0), dtype=np.int64))
+        return setup_along(self.team, self.layout, none, self.steps, self.options)
 
     def begun(self, trials: range) -> tuple[Flown, Readings, Truth]:
         """Return trials at time 0, what they read, as yet no sightings, and their true states."""
         n, steps, lanes = self.team.count, self.steps, len(trials)
-        poses, speeds, turns, lasting = self._draws(trials)
+        sizes = (3 * n, steps * n, steps * n, error_draws(self.true_team, steps))
+        poses, speeds, turns, lasting = split_draws(self.options.seed, trials, sizes)
         errors = self._errors(lasting)
         constants, changing = errors.states(self.layout, steps, lanes)
         path = np.zeros((steps + 1, n, 3, lanes))
@@ -182,16 +171,6 @@ class FlownTeam:
         )
         return flown, readings, Truth(path, constants, changing)
 
-    def _draws(self, trials: range) -> list[Array]:
-        """Draws of poses, speeds, turn rates, lasting errors, each (d, lanes)."""
-        steps, n = self.steps, self.team.count
-        sizes = (3 * n, steps * n, steps * n, error_draws(self.true_team, steps))
-        draws = np.empty((len(trials), sum(sizes)))
-        for trial, row in zip(trials, draws, strict=True):
-            sequence = np.random.SeedSequence(self.options.seed, spawn_key=(trial,))
-            np.random.Generator(np.random.PCG64(sequence)).standard_normal(out=row)
-        return np.split(draws.T, np.cumsum(sizes)[:-1])
-
     def _errors(self, draws: Array) -> DrawnErrors:
         errors = DrawnErrors.of(self.true_team, self.steps, draws)
         if self.options.wind is None:
@@ -212,16 +191,10 @@ def team_in_flight(
     lag: float,
 ) -> FlownTeam:
     """Return the set-up of a flight of a team in a world; `lag` in s is what guidance counts on."""
-    orbits, time, true = team.orbits, team.sensors.sample_time, world.team
+    time, true = team.sensors.sample_time, world.team
     anchors = anchors_of(team, windows, limits.separation)
     setup = FlightSetup(
-        circles=Circles(
-            np.array(orbits.centers, dtype=float),
-            np.array(orbits.radii, dtype=float),
-            np.array(orbits.senses, dtype=float),
-            np.array(orbits.phases, dtype=float),
-            float(orbits.rate),
-        ),
+        circles=Circles.of(team.orbits),
         response=Response(
             np.array(world.limits.least_speeds, dtype=float),
             np.array(world.limits.most_speeds, dtype=float),

@@ -227,9 +227,7 @@ def fly(
 
 
 def flight_run(
-    subject: PlanSubject,
-    options: FlightOptions | None = None,
-    **changes: Any,
+    subject: PlanSubject, options: FlightOptions | None = None, **changes: Any
 ) -> FlightRun:
     """Return the set-up of a flight, whose parts fly_part flies and conclude_flight joins."""
     chosen = replace(options or FlightOptions(), **changes)

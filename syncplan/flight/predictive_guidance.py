@@ -32,17 +32,16 @@ import numpy as np
 
 from syncplan.arrays import Array, Flags, Index, short_repr
 from syncplan.flight.flight_limits import FlightLimits
-from syncplan.flight.predictive_model import (
-    SEARCHED,
-    Bounds,
-    Course,
-    Laws,
-    Orbiting,
-    Predicted,
-    lay_course,
-)
+from syncplan.flight.flight_setup import Circles
+from syncplan.flight.predictive_model import SEARCHED, Bounds, Course, Laws, Predicted, lay_course
 from syncplan.flight.predictive_program import Program, Weights, write_separation
-from syncplan.flight.predictive_team import TeamState, guess_flights, improve_flight
+from syncplan.flight.predictive_team import (
+    Aim,
+    TeamFlights,
+    TeamState,
+    guess_flights,
+    improve_flight,
+)
 from syncplan.flight.reference_tracking import tracking_gains
 from syncplan.orbits.circles import Orbits
 
@@ -260,15 +259,17 @@ class PredictiveGuidance:
     ) -> None:
         chosen = options or PredictiveOptions()
         n, steps = orbits.count, chosen.steps
-        self._orbits, self._options = orbits, chosen
+        self._circles = Circles.of(orbits)
         self._step = max(chosen.interval, STEP_ANGLE / orbits.rate)
-        self._laws = _laws(orbits, limits, self._step)
-        self._bounds = _bounds(limits, chosen)
-        self._weights = _weights(orbits, limits, chosen, self._step)
-        self._neighbours = min(chosen.neighbours, n - 1)
-        self._seen, self._guesses, self._found = (_foreseen(n, steps) for _ in range(3))
         places, headings = np.empty((n, SEARCHED * steps + 1, 2)), np.empty((n, steps + 1))
-        self._course = Course(places, headings, np.empty((n, steps, 2)), np.empty((n, 2)))
+        self._aim = Aim(
+            Course(places, headings, np.empty((n, steps, 2)), np.empty((n, 2))),
+            _laws(orbits, limits, self._step),
+            _bounds(limits, chosen),
+            _weights(orbits, limits, chosen, self._step),
+        )
+        self._neighbours = min(chosen.neighbours, n - 1)
+        self._flights = TeamFlights(*(_foreseen(n, steps) for _ in range(3)))
         self._programs = _programs(n, steps, self._neighbours)
         self._free, self._apart = ProgramSolver(steps), None
         if self._neighbours > 0 and limits.separation > 0.0:
@@ -291,14 +292,15 @@ class PredictiveGuidance:
         commanded last, `held` (n,) says who does not steer, `moved` (n, 2) m how far from its place
         each circle is flown.
         """
-        n = self._orbits.count
+        n, circles, aim = len(poses), self._circles, self._aim
         held = np.zeros(n, dtype=np.bool_) if held is None else held
-        state, course = self._state(time, poses, before, held), self._course
-        course.winds[:] = winds
-        lay_course(self._circles(moved), time, self._step, course)
-        laws, bounds, weights, programs = self._laws, self._bounds, self._weights, self._programs
-        seen, guesses, found = self._seen, self._guesses, self._found
-        guess_flights(state, course, laws, bounds, weights, seen, guesses, programs)
+        if moved is not None:
+            circles = circles._replace(centers=circles.centers + moved)
+        state = self._state(time, poses, before, held)
+        aim.course.winds[:] = winds
+        lay_course(circles, time, self._step, aim.course)
+        guess_flights(state, self._flights, aim, self._programs)
+        _, guesses, found = self._flights
         found.commands[:], found.poses[:] = guesses.commands, guesses.poses
         status, iterations = np.full(n, int(Status.HELD)), np.zeros(n, dtype=np.int64)
         shortfalls, multipliers = np.zeros(n), np.zeros_like(self.memory.multipliers)
@@ -318,14 +320,9 @@ class PredictiveGuidance:
             iterations,
         )
 
-    def _circles(self, moved: Array | None) -> Orbiting:
-        orbits = self._orbits
-        centers = orbits.centers if moved is None else orbits.centers + moved
-        return Orbiting(centers, orbits.radii, orbits.turn_rates, orbits.phases)
-
     def _state(self, time: float, poses: Array, before: Array, held: Flags) -> TeamState:
         """State of the team now; the last decision counts only if it is one of the past."""
-        last, (least, most, _) = self.memory, self._bounds
+        last, (least, most, _) = self.memory, self._aim.bounds
         known = last.known & (last.time <= time)
         steps = (time - last.time) / self._step
         within = np.clip(before, least, most)
@@ -335,39 +332,29 @@ class PredictiveGuidance:
     def _solve(self, i: int, state: TeamState) -> tuple[Solution, float, int]:
         """Fill in the flight of vehicle i; return the solution, m of shortfall and iterations."""
         program = Program(*(part[i] for part in self._programs))
+        (seen, guesses, _), weights = self._flights, self._aim.weights
         solution = self._free.solve(program, self.memory.multipliers[i])
         short = self._improve(i, solution.change, state)
         if self._apart is None or short <= 0.0:
             return solution, 0.0, solution.iterations
         write_separation(
             i,
-            self._guesses.commands[i],
-            self._guesses.poses[i],
-            self._seen.poses,
-            self._weights,
+            guesses.commands[i],
+            guesses.poses[i],
+            seen.poses,
+            weights,
             self._apart.starts,
             self._neighbours,
             program,
         )
         apart = self._apart.solve(program, solution.multipliers)
-        short = max(self._improve(i, apart.change, state) - GUARD * self._weights.near[i], 0.0)
+        short = max(self._improve(i, apart.change, state) - GUARD * weights.near[i], 0.0)
         iterations = solution.iterations + apart.iterations
         return apart._replace(multipliers=solution.multipliers), short, iterations
 
     def _improve(self, i: int, change: Array, state: TeamState) -> float:
         """Fill in the flight of vehicle i with the best share of a change; return m it lacks."""
-        return improve_flight(
-            i,
-            change,
-            state.before[i],
-            self._seen,
-            self._guesses,
-            self._found,
-            self._course,
-            self._laws,
-            self._bounds,
-            self._weights,
-        )
+        return improve_flight(i, change, state.before[i], self._flights, self._aim)
 
 
 def _laws(orbits: Orbits, limits: FlightLimits, step: float) -> Laws:

@@ -16,29 +16,13 @@ from typing import NamedTuple
 
 from syncplan.arrays import Array
 from syncplan.estimation.kernels import inner, kernel
+from syncplan.flight.flight_setup import Circles
 
 SEARCHED = 2
 """Horizons that are searched for a place to intercept the plan at."""
 
 NEAR = 2.0
 """Steps below which the plan is not intercepted any more, but tracked."""
-
-
-class Orbiting(NamedTuple):
-    """Circles as they are flown.
-
-    Fields
-    ------
-    centers : (n, 2) m
-    radii : (n,) m
-    turns : (n,) rad/s, positive counter-clockwise
-    phases : (n,) rad at time 0
-    """
-
-    centers: Array
-    radii: Array
-    turns: Array
-    phases: Array
 
 
 class Bounds(NamedTuple):
@@ -138,19 +122,20 @@ def roll(pose: Array, after: Array, v: float, w: float, step: float, wind: Array
 
 
 @kernel
-def lay_course(circles: Orbiting, time: float, step: float, course: Course) -> None:
+def lay_course(circles: Circles, time: float, step: float, course: Course) -> None:
     """Fill in the course from `time` s on, in steps of `step` s; its winds are given."""
-    centers, radii, turns, phases = circles
+    centers, radii, senses, phases, rate = circles
     places, headings, feed, winds = course
     for i in range(len(radii)):
+        turn = senses[i] * rate
         for k in range(places.shape[1]):
-            angle = phases[i] + turns[i] * (time + k * step)
+            angle = phases[i] + turn * (time + k * step)
             places[i, k, 0] = centers[i, 0] + radii[i] * math.cos(angle)
             places[i, k, 1] = centers[i, 1] + radii[i] * math.sin(angle)
         for k in range(headings.shape[1]):
-            angle = phases[i] + turns[i] * (time + k * step)
-            east = -turns[i] * radii[i] * math.sin(angle) - winds[i, 0]
-            north = turns[i] * radii[i] * math.cos(angle) - winds[i, 1]
+            angle = phases[i] + turn * (time + k * step)
+            east = -turn * radii[i] * math.sin(angle) - winds[i, 0]
+            north = turn * radii[i] * math.cos(angle) - winds[i, 1]
             headings[i, k] = math.atan2(north, east)
         for k in range(feed.shape[1]):
             w = _wrapped(headings[i, k + 1] - headings[i, k]) / step

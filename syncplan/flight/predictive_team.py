@@ -26,6 +26,30 @@ SHARES = (1.0, 0.5, 0.25, 0.125)
 """Of the step that the program asks for, the best is taken."""
 
 
+class Aim(NamedTuple):
+    """What flights of a team are predicted and judged by."""
+
+    course: Course
+    laws: Laws
+    bounds: Bounds
+    weights: Weights
+
+
+class TeamFlights(NamedTuple):
+    """Predicted flights of a team.
+
+    Fields
+    ------
+    seen : by what was decided last
+    guesses : first guesses
+    found : as they come out
+    """
+
+    seen: Predicted
+    guesses: Predicted
+    found: Predicted
+
+
 class TeamState(NamedTuple):
     """State of the team at a step.
 
@@ -84,17 +108,9 @@ def _foresee_decided(
 
 
 @kernel
-def guess_flights(
-    state: TeamState,
-    course: Course,
-    laws: Laws,
-    bounds: Bounds,
-    weights: Weights,
-    seen: Predicted,
-    guesses: Predicted,
-    programs: Program,
-) -> None:
+def guess_flights(state: TeamState, flights: TeamFlights, aim: Aim, programs: Program) -> None:
     """Fill in the flights foreseen, the best first guess of each, and the program about it."""
+    (seen, guesses, _), (course, laws, bounds, weights) = flights, aim
     n = len(state.poses)
     for i in range(n):
         _foresee_decided(i, state, course, laws, bounds, seen)
@@ -120,35 +136,18 @@ def guess_flights(
             programs.scale[i],
         )
         write_program(
-            i,
-            guesses.commands[i],
-            guesses.poses[i],
-            state.before[i],
-            course,
-            weights,
-            bounds,
-            own,
+            i, guesses.commands[i], guesses.poses[i], state.before[i], course, weights, bounds, own
         )
 
 
 @kernel
-def improve_flight(
-    i: int,
-    change: Array,
-    before: Array,
-    seen: Predicted,
-    guesses: Predicted,
-    found: Predicted,
-    course: Course,
-    laws: Laws,
-    bounds: Bounds,
-    weights: Weights,
-) -> float:
+def improve_flight(i: int, change: Array, before: Array, flights: TeamFlights, aim: Aim) -> float:
     """Fill in a flight of vehicle i that is better than its guess, changed by a share of `change`.
 
     `change` (2N,) is in units of the plan's speed and rate. Returns by how many m the flight is too
     near others. It is exact and within limits; it is the guess where no share makes that better.
     """
+    (seen, guesses, found), (course, laws, bounds, weights) = flights, aim
     guess, steps = guesses.commands[i], guesses.commands.shape[1]
     least, short = cost_of(i, guess, guesses.poses[i], seen.poses, course, weights)
     _keep(guess, guesses.poses[i], found, i)

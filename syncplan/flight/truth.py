@@ -30,12 +30,7 @@ import math
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.estimation.filter_setup import (
-    BEARING_KIND,
-    COMPASS_KIND,
-    DISTANCE_KIND,
-    FilterSetup,
-)
+from syncplan.estimation.filter_setup import BEARING_KIND, COMPASS_KIND, DISTANCE_KIND, FilterSetup
 from syncplan.estimation.kernels import Lanes, inner, linked
 from syncplan.estimation.motion_kernels import shortening
 from syncplan.flight.flight_setup import Eyes, FlightSetup, Flown
@@ -62,11 +57,8 @@ def is_held(held_from: Index, held_until: Index, i: int, step: int) -> bool:
 def _obey(flight: FlightSetup, flown: Flown, i: int, step: int, lanes: Lanes) -> None:
     """Keep the commands of vehicle i within its limits, and count where they are at one."""
     vehicles, mishaps = flight.response, flight.mishaps
-    least, most, turn = (
-        vehicles.least_speeds[i],
-        vehicles.most_speeds[i],
-        vehicles.most_turn_rates[i],
-    )
+    least, most = vehicles.least_speeds[i], vehicles.most_speeds[i]
+    turn = vehicles.most_turn_rates[i]
     late = 2 * step > flight.steps
     held = is_held(mishaps.held_from, mishaps.held_until, i, step)
     there = mishaps.gone_from[i] > step
@@ -88,12 +80,7 @@ def _obey(flight: FlightSetup, flown: Flown, i: int, step: int, lanes: Lanes) ->
 
 @inner
 def move_truly(
-    flight: FlightSetup,
-    flown: Flown,
-    step: int,
-    speeds: Array,
-    turn_rates: Array,
-    lanes: Lanes,
+    flight: FlightSetup, flown: Flown, step: int, speeds: Array, turn_rates: Array, lanes: Lanes
 ) -> None:
     """Move all vehicles through the sample that begins at `step`; fill in readings (n, lanes)."""
     time, vehicles = flight.time, flight.response
@@ -128,25 +115,19 @@ LOW_HALF = np.uint64(0xFFFFFFFF)
 
 @linked
 def sight_truly(
-    flight: FlightSetup,
-    flown: Flown,
-    step: int,
-    setup: FilterSetup,
-    sightings: Array,
-    lanes: Lanes,
+    flight: FlightSetup, flown: Flown, step: int, setup: FilterSetup, sightings: Array, lanes: Lanes
 ) -> None:
     """Record the sightings of a step: of what, in `setup`, and what they read, in `sightings`."""
     eyes, mishaps = flight.eyes, flight.mishaps
     ranges, landmarks, gone = eyes.ranges, eyes.landmarks, mishaps.gone_from
-    every, sigmas, blind = eyes.every, eyes.sigmas, mishaps.blind_from
     path, first, n = flown.path, setup.first, len(ranges)
     pose, away = path[step], flown.away
     for o in range(n):
         if gone[o] <= step:
             continue
-        bearing = _is_due(every, sigmas, blind, BEARING_KIND, o, step)
-        distance = _is_due(every, sigmas, blind, DISTANCE_KIND, o, step)
-        compass = _is_due(every, sigmas, blind, COMPASS_KIND, o, step)
+        bearing = _is_due(flight, BEARING_KIND, o, step)
+        distance = _is_due(flight, DISTANCE_KIND, o, step)
+        compass = _is_due(flight, COMPASS_KIND, o, step)
         for t in range(n + len(landmarks)):
             if t == o:
                 if compass:
@@ -172,11 +153,12 @@ def sight_truly(
 
 
 @inner
-def _is_due(every: Index, sigmas: Array, blind: Index, kind: int, o: int, step: int) -> bool:
+def _is_due(flight: FlightSetup, kind: int, o: int, step: int) -> bool:
     """Whether a vehicle measures a kind at a step."""
-    if not np.isfinite(sigmas[kind, o]) or step % every[kind, o] != 0:
+    eyes = flight.eyes
+    if not np.isfinite(eyes.sigmas[kind, o]) or step % eyes.every[kind, o] != 0:
         return False
-    return bool(step < blind[kind, o])
+    return bool(step < flight.mishaps.blind_from[kind, o])
 
 
 @inner

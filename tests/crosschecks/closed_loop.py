@@ -17,7 +17,7 @@ from syncplan.arrays import Array, Flags
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.filter_setup import FilterSetup
-from syncplan.estimation.montecarlo import _setup
+from syncplan.estimation.montecarlo import setup_along
 from syncplan.estimation.reference_filter import (
     covariance_at_start,
     predict_state,
@@ -171,7 +171,7 @@ def _every_bearing(team: Team) -> FilterSetup:
     n, bodies = team.count, team.count + len(team.landmarks)
     observers, targets = (one.ravel() for one in np.indices((n, bodies)))
     every = Sightings(np.ones_like(observers), observers, targets, np.zeros_like(observers))
-    return _setup(team, layout_of(team), every, 1, FilterOptions())
+    return setup_along(team, layout_of(team), every, 1, FilterOptions())
 
 
 def _bearings(team: Team, poses: Array) -> tuple[Array, Flags]:

@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from syncplan.arrays import Array, Flags
-from syncplan.estimation.batch_problem import FAR, Prior, Trajectory, Window
+from syncplan.estimation.batch_linearisation import linear_pass, smooth
+from syncplan.estimation.batch_problem import FAR, Prior, Trajectory, Window, trajectory_cost
 from syncplan.estimation.batch_solution import (
     THINNING,
     BatchSolution,
-    _Problem,
     _thinned,
+    problem_of,
     solve,
 )
 from syncplan.estimation.filter_setup import DELAY, DISTANCE_KIND, FilterSetup
@@ -216,10 +217,10 @@ def dense(case: Case, lane: int, path: Trajectory) -> Dense:
 )
 def test_a_step_is_that_of_dense_least_squares(name: str) -> None:
     case = case_of(CASES[name]())
-    problem = _Problem.of(case.setup, case.window, case.prior, SAMPLES)
-    problem.linearise(case.path)
+    problem = problem_of(case.setup, case.window, case.prior, SAMPLES)
+    linear_pass(problem, case.path, LANES)
     x, P = problem.scratch.x, problem.scratch.P
-    problem.smooth()
+    smooth(problem, LANES)
     assert ("gusts" in name or "all" in name) <= (problem.found.ended.sum() >= 2)
     for lane in (0, 1) if name in ("all states", "with a gate") else (1,):
         plain = dense(case, lane, case.path)
@@ -249,7 +250,9 @@ def test_a_step_is_that_of_dense_least_squares(name: str) -> None:
 @pytest.mark.parametrize("name", CASES)
 def test_the_cost_of_a_trajectory_is_a_plain_sum(name: str) -> None:
     case = case_of(CASES[name]())
-    found = _Problem.of(case.setup, case.window, case.prior, SAMPLES).cost_of(case.path)
+    problem = problem_of(case.setup, case.window, case.prior, SAMPLES)
+    trajectory_cost(problem, case.path, LANES)
+    found = problem.scratch.cost
     assert np.isnan(case.window.sightings).any()
     for lane in range(2):
         innovations, _ = rolled_out(case, lane, stacked(case.path, lane))

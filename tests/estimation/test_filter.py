@@ -29,7 +29,7 @@ from syncplan.estimation.filter_setup import (
     empty_statistics,
     start_of,
 )
-from syncplan.estimation.kernels import WIDE_UP_TO, has_compiled, kernel
+from syncplan.estimation.kernels import WIDE_UP_TO, has_compiled, kernel, lanes_for
 from syncplan.estimation.lane_filter import EXTENDED, IDEAL, LaneFilter, specimen
 from syncplan.estimation.reference_filter import (
     displacement,
@@ -368,7 +368,7 @@ def test_a_large_team_in_one_lane_has_the_bytes_of_many_lanes() -> None:
     poses = random.uniform(0.0, 500.0, (steps + 1, n, 3, 1))
     truth = Truth(poses, np.zeros((0, 4)), np.zeros((steps + 1, 0, 4)))
     given = Scene(setup, readings, truth)
-    assert EXTENDED.lanes_for(n) == 1
+    assert lanes_for(n) == 1
     one = of_lanes(given, slice(2, 3))
     for many, alone in zip(filtered(given)[:2], filtered(one)[:2], strict=True):
         assert alone.tobytes() == many[..., 2:3].tobytes()

@@ -1,6 +1,5 @@
 """Monte Carlo runs: reproducible to the byte, true to their definitions, honest about sigma."""
 
-import threading
 from collections.abc import Callable
 from dataclasses import fields, replace
 from itertools import pairwise
@@ -212,9 +211,9 @@ def test_an_interrupt_propagates_and_leaves_the_queued_chunks_undone(
     started: list[Any] = []
     chunk = montecarlo._chunk
 
-    def counted(run: Any, trials: range, stop: threading.Event) -> MonteCarloResult:
-        started.append((run, trials, stop))
-        return chunk(run, trials, stop)
+    def counted(*given: Any) -> MonteCarloResult:
+        started.append(given)
+        return chunk(*given)
 
     def interrupt(done: int) -> None:
         raise KeyboardInterrupt

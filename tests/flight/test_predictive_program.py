@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from syncplan.arrays import Array
+from syncplan.flight.flight_setup import Circles
 from syncplan.flight.predictive_guidance import ProgramSolver
-from syncplan.flight.predictive_model import Bounds, Course, Orbiting, lay_course, roll
+from syncplan.flight.predictive_model import Bounds, Course, lay_course, roll
 from syncplan.flight.predictive_program import (
     Program,
     Weights,
@@ -47,9 +48,8 @@ def _drawn(seed: int, separation: float = 0.0) -> Scene:
         np.empty((3, 2 * STEPS + 1, 2)), np.empty((3, STEPS + 1)), np.empty((3, STEPS, 2)), winds
     )
     centers = np.array([[0.0, 0.0], [30.0, 0.0], [0.0, 35.0]])
-    turns = np.array([0.2, -0.2, 0.2])
-    orbiting = Orbiting(centers, np.full(3, 20.0), turns, generator.uniform(0.0, 6.0, 3))
-    lay_course(orbiting, 1.7, STEP, course)
+    senses, phases = np.array([1.0, -1.0, 1.0]), generator.uniform(0.0, 6.0, 3)
+    lay_course(Circles(centers, np.full(3, 20.0), senses, phases, 0.2), 1.7, STEP, course)
     commands = np.column_stack([generator.uniform(1.0, 7.0, STEPS), generator.normal(size=STEPS)])
     commands[0, 1] = 0.0  # straight on, where slopes are those of a series
     start = np.array([*(course.places[0, 0] + generator.normal(size=2) * 8.0), 1.0])

@@ -12,6 +12,7 @@ from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.sighting_kinds import BEARING, COMPASS, DISTANCE, SIGHTING_KINDS, place_of
 from syncplan.orbits.sightings import sample_sightings
 from tests.tools.draws import draw_team, sightings_of
+from tests.tools.inner_kernels import called_alone
 
 
 @pytest.mark.parametrize("name", SIGHTING_KINDS)
@@ -97,15 +98,14 @@ def test_the_compiled_filter_has_every_kind(name: str, target: int) -> None:
     lanes, landmarks = 5, np.array([[3.0, -4.0]])
     x, measured = random.normal(size=(2, 3, lanes)), random.normal(size=lanes)
     row, innovation = np.full((3, lanes), np.nan), np.full(lanes, np.nan)
-    sight_poses(
+    called_alone(sight_poses)(
         place_of(kind),
         x.reshape(6, lanes),
         0,
         target,
         2,
         landmarks,
-        measured[None],
-        0,
+        measured,
         row,
         innovation,
         np.zeros(lanes, dtype=np.int8),

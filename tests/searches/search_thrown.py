@@ -26,7 +26,7 @@ from syncplan.estimation.bounds import posterior_bound
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.filter_setup import FilterRun, empty_statistics, poses_of
 from syncplan.estimation.lane_filter import EXTENDED
-from syncplan.estimation.montecarlo import _setup, poses_over
+from syncplan.estimation.montecarlo import poses_over, setup_along
 from syncplan.estimation.robust_filter import RobustRun
 from syncplan.estimation.trial_readings import TrialReadings, possible_sightings
 from syncplan.orbits.error_states import layout_of
@@ -90,7 +90,7 @@ def thrown_draw(number: int, *, seed: int, trials: int, throws: Sequence[str]) -
     middle = int(np.ceil(passed * period / sample - 1e-9))
     steps = int(np.ceil((passed + LATER) * period / sample - 1e-9))
     seen, layout, n = possible_sightings(team, made.windows, steps), layout_of(team), team.count
-    setup = _setup(team, layout, seen, steps, FilterOptions(filter="robust"))
+    setup = setup_along(team, layout, seen, steps, FilterOptions(filter="robust"))
     trial_readings = TrialReadings.of(team, poses_over(team, steps), setup, layout, seed + 1)
     readings, truth = trial_readings.drawn(range(trials))
     streams = [trial_readings.stream(trial) for trial in range(trials)]

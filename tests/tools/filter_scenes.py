@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from syncplan.arrays import Array
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.filter_setup import FilterSetup, Readings, Truth
-from syncplan.estimation.montecarlo import _setup, poses_over
+from syncplan.estimation.montecarlo import poses_over, setup_along
 from syncplan.estimation.trial_readings import TrialReadings, possible_sightings
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import find_windows
@@ -111,7 +111,7 @@ def scene_of(team: Team, steps: int, lanes: int, *, seed: int = 3, **changes: ob
     """Return the first trials of a team; changes are of FilterOptions."""
     options = FilterOptions(**changes)  # type: ignore[arg-type]
     seen, layout = possible_sightings(team, find_windows(team), steps), layout_of(team)
-    setup = _setup(team, layout, seen, steps, options)
+    setup = setup_along(team, layout, seen, steps, options)
     trials = TrialReadings.of(team, poses_over(team, steps), setup, layout, seed)
     return Scene(setup, *trials.drawn(range(lanes)))
 
