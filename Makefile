@@ -82,7 +82,7 @@ search-tuning:          ARGUMENTS = first-half
 search-predictions:     ARGUMENTS = 16 $(SEED) --trials 100 --median 0.06 --ninety 0.15
 search-neglect:         ARGUMENTS = 12 $(SEED) --most 0.2
 search-batch:           ARGUMENTS = 3 $(SEED)
-search-flights:         ARGUMENTS = 32 $(SEED) --draws 2 --losses 32 --plain 1 \
+search-flights:         ARGUMENTS = 32 $(SEED) --draws 2 --losses 32 \
                         --teams 'same,side camera' --spare 1 --alike 0.1 --threads 1
 search-holds:           ARGUMENTS = 8 $(SEED)
 # fixed draws: of 24 teams a day, two may lose more than 5 % of their flights, as those of 26112500 do

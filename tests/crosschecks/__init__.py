@@ -3,7 +3,7 @@
 The packages that simulate them are no dependencies of syncplan: tests/crosschecks/requirements.txt.
 
 plants            what every plant offers
-unicycle_team     the simple model of flight, an independent loop in plain NumPy
+unicycle_team     the simple model of flight as a plant
 multirotor_lanes  RotorPy's multirotor for many vehicles at once
 velocity_loop     from air speed and turn rate to thrust and attitude
 rotorpy_team      multirotors of RotorPy
@@ -11,9 +11,7 @@ jsbsim_planes     aeroplanes of JSBSim
 responses         systematic errors and lags of a plant
 known_plants      the plants that can be flown
 courses           what is flown
-tracking          commands from estimates
 closed_loop       vehicles that steer by what a filter estimates
-kernel_flights    what syncplan.flight itself flies
 comparisons       two flights under the same noise, side by side
 check_plants      the script
 """

@@ -14,20 +14,15 @@ commanded: of both, nothing fails.
 import argparse
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 
-import numpy as np
-
 from tests.crosschecks.closed_loop import fly
-from tests.crosschecks.comparisons import HEAD, compared, summary_of
-from tests.crosschecks.courses import AIRS, COURSES, READINGS, Flying, flown_of
-from tests.crosschecks.kernel_flights import summary_of_kernels
-from tests.crosschecks.known_plants import PLANTS, Known
-from tests.crosschecks.plants import MakePlant
-from tests.crosschecks.responses import answer_to, steady_errors
-
-__all__ = ["Wanted", "check", "main", "show_responses"]
+from tests.crosschecks.comparisons import HEAD, compared, summary_of, summary_of_kernels
+from tests.crosschecks.courses import AIRS, COURSES, READINGS, Flying, run_of
+from tests.crosschecks.known_plants import PLANTS
+from tests.tools.flown_trials import flown_of
 
 HELD_TO = "measured"
 """The readings with which a plant has to agree with the model."""
@@ -39,45 +34,25 @@ class Wanted:
 
     trials: int
     seed: int
-    courses: tuple[str, ...]
-    airs: tuple[str, ...]
-    readings: tuple[str, ...]
+    courses: Sequence[str]
+    airs: Sequence[str]
+    readings: Sequence[str]
     duration: float | None
-
-
-def show_responses(known: Known, make: MakePlant) -> None:
-    """Print systematic errors and lags of a plant."""
-    for speed, turn_rate in known.circles:
-        for wind in (0.0, 0.25 * speed):
-            air, settled = np.array([wind, 0.0]), known.settled
-            found = steady_errors(make, (speed, turn_rate), air, known.sample, settled)
-            print(
-                f"  {speed:g} m/s, {turn_rate:g} rad/s in wind of {wind:g} m/s: "
-                f"{found.speed:+.4f} m/s, {found.turn_rate:+.6f} rad/s, slips {found.slip:.3f} m/s"
-            )
-    for step in known.steps:
-        answer = answer_to(make, step, known.sample)
-        print(
-            f"  {step.before} to {step.after}: lag {answer.lag:.2f} s, off by {answer.misfit:.2f} "
-            f"of the step, overshoot {answer.overshoot:.2f}"
-        )
 
 
 def check(name: str, wanted: Wanted) -> bool:
     """Print how a plant compares with the model; return whether it agrees, if it should."""
     known, agree = PLANTS[name], True
     make = known.make()
-    print(f"{name}: mean errors on circles, responses to steps", flush=True)
-    show_responses(known, make)
     for course in (one for one in known.courses if one in wanted.courses):
         made = COURSES[course].plan()
         print(f"{name} on {course}, the simple model first\n{HEAD}", flush=True)
         for air, readings in product(wanted.airs, wanted.readings):
             duration = wanted.duration or COURSES[course].duration
             how = Flying(air, readings, known.lag, duration, wanted.trials, wanted.seed)
-            flown, begun = flown_of(COURSES[course], made, how), time.monotonic()
-            model = summary_of_kernels(flown, wanted.trials)
-            flight = fly(flown, wanted.trials, known.lag, make)
+            run, begun = run_of(COURSES[course], made, how), time.monotonic()
+            model = summary_of_kernels(flown_of(run, range(wanted.trials)))
+            flight = fly(run, wanted.trials, make)
             plant = summary_of(flight, made.orbits, known.sample)
             found = compared(model, plant, float(made.orbits.radii.mean()))
             agree &= found.agrees or readings != HELD_TO
@@ -99,18 +74,11 @@ def _arguments() -> tuple[list[str], Wanted]:
     aligned = [name for name, known in PLANTS.items() if known.aligned]
     said.add_argument("--plants", nargs="+", choices=list(PLANTS), default=aligned)
     said.add_argument("--courses", nargs="+", choices=list(COURSES), default=list(COURSES))
-    said.add_argument("--air", nargs="+", choices=AIRS, default=AIRS)
+    said.add_argument("--air", dest="airs", nargs="+", choices=AIRS, default=AIRS)
     said.add_argument("--readings", nargs="+", choices=READINGS, default=READINGS)
     said.add_argument("--duration", type=float)
-    given = said.parse_args()
-    return given.plants, Wanted(
-        trials=given.trials,
-        seed=given.seed,
-        courses=tuple(given.courses),
-        airs=tuple(given.air),
-        readings=tuple(given.readings),
-        duration=given.duration,
-    )
+    given = vars(said.parse_args())
+    return given.pop("plants"), Wanted(**given)
 
 
 if __name__ == "__main__":

@@ -7,8 +7,7 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.orbits.circles import Orbits, position
 from tests.crosschecks.closed_loop import Flight
-
-__all__ = ["HEAD", "Comparison", "Summary", "compared", "kept_of", "summary_of"]
+from tests.tools.flown_trials import FlownTrials
 
 MOST_ERROR = 0.10
 MOST_SEPARATION = 0.1
@@ -94,11 +93,18 @@ HEAD = (
 """Of a table of comparisons."""
 
 
-def kept_of(path: Array, orbits: Orbits, time: float) -> tuple[Array, Array, Array]:
-    """Return tracking, starting and separation, as Summary has them, of a path.
+def summary_of_kernels(flown: FlownTrials) -> Summary:
+    """Return the figures of what syncplan.flight itself flies: the simple model."""
+    run, lanes = flown.run, flown.lanes
+    kept = _kept(np.moveaxis(flown.path, -1, 1), run.plan.orbits, run.plan.sensors.sample_time)
+    n, late = run.plan.team.count, run.team.steps - run.team.steps // 2
+    poses = lanes.statistics.late_squares[: 3 * n].reshape(n, 3, -1)
+    squares = poses[:, :2].sum(axis=1).mean(axis=0) / late
+    return Summary(np.sqrt(squares), *kept, flown.figures.sightings.astype(float))
 
-    `path` is (steps + 1, trials, n, 3), samples last `time` s.
-    """
+
+def _kept(path: Array, orbits: Orbits, time: float) -> tuple[Array, Array, Array]:
+    """Tracking, starting and separation, as Summary has them, of (steps + 1, trials, n, 3)."""
     places = path[..., :2]
     plan = position(orbits, time * np.arange(len(places)))[:, None]
     a, b = np.triu_indices(orbits.count, 1)
@@ -110,7 +116,7 @@ def kept_of(path: Array, orbits: Orbits, time: float) -> tuple[Array, Array, Arr
 
 def summary_of(flight: Flight, orbits: Orbits, time: float) -> Summary:
     """Return the figures of a flight whose samples last `time` s."""
-    kept = kept_of(flight.path, orbits, time)
+    kept = _kept(flight.path, orbits, time)
     estimation = _late_rms((flight.estimates - flight.path)[..., :2])
     return Summary(estimation, *kept, flight.sightings)
 

@@ -1,21 +1,14 @@
 """What is flown in cross-checks: plans, the air, and what the filter takes for motion."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
-from syncplan.flight.flight_events import FlightEvents
-from syncplan.flight.flight_limits import FlightLimits, FlownWorld
-from syncplan.flight.flight_options import FlightOptions
-from syncplan.flight.flown_team import FlownTeam, team_in_flight
-from syncplan.orbits.contacts import find_windows
-from syncplan.orbits.noise import ErrorSigmas
-from syncplan.planning.planner import Plan, plan
+from syncplan.flight.flying import FlightRun, flight_run
+from syncplan.planning.planner import Plan, judge, plan
 from syncplan.refinement.refiner import refine
-from syncplan.scenario.loading import load_scenario
-
-__all__ = ["AIRS", "COURSES", "READINGS", "Course", "Flying", "flown_of"]
+from syncplan.scenario.loading import load_scenario, scenario_from
 
 HERE, EXAMPLES = Path(__file__).parent, Path(__file__).parents[2] / "examples" / "scenarios"
 
@@ -45,12 +38,12 @@ class Course:
         made = plan(load_scenario(self.scenario), pilot=False, single_points=False)
         return refine(made, workers=1) if self.refined else made
 
-    def errors(self, air: str) -> ErrorSigmas:
-        """Return the wind of one of AIRS."""
+    def blows(self, air: str) -> dict[str, float]:
+        """Return the wind of one of AIRS, as a scenario has it."""
         if air == "still":
-            return ErrorSigmas()
-        gust = self.gust if air == "gusts" else 0.0
-        return ErrorSigmas({"wind": self.wind, "gusts": gust}, estimated=("wind", "gusts"))
+            return {}
+        gusts = {"gust_sigma_mps": self.gust, "gust_time_s": 10.0}
+        return {"sigma_mps": self.wind, **(gusts if air == "gusts" else {})}
 
 
 COURSES: Mapping[str, Course] = MappingProxyType(
@@ -75,17 +68,12 @@ class Flying:
     seed: int
 
 
-def flown_of(course: Course, made: Plan, how: Flying) -> FlownTeam:
+def run_of(course: Course, made: Plan, how: Flying) -> FlightRun:
     """Return the set-up of flights of a course's plan."""
-    team = replace(made.team, errors=course.errors(how.air))
-    limits = FlightLimits.of(made.scenario, made.orbits)
-    return team_in_flight(
-        team,
-        find_windows(team),
-        limits,
-        FlownWorld(team, limits, how.lag, how.readings == "measured"),
-        round(how.duration / team.sensors.sample_time),
-        FlightOptions(trials=how.trials, seed=how.seed),
-        FlightEvents(),
-        how.lag,
+    keys = made.scenario.model_dump(exclude_none=True)
+    motion = {**keys["motion"], "lag_s": how.lag, "readings": how.readings}
+    scenario = scenario_from({**keys, "motion": motion, "wind": course.blows(how.air)})
+    disturbed = judge(scenario, made.orbits, bound="never", pilot=False, single_points=False)
+    return flight_run(
+        disturbed, trials=how.trials, seed=how.seed, duration=how.duration, filter="ekf"
     )

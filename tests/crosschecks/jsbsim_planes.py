@@ -14,9 +14,7 @@ from typing import Any
 import numpy as np
 
 from syncplan.arrays import Array
-from tests.crosschecks.plants import Done, MakePlant, needed
-
-__all__ = ["STEP", "JsbsimPlanes", "planes"]
+from tests.crosschecks.plants import Done
 
 STEP = 1.0 / 120.0
 """s, of JSBSim and of the autopilot."""
@@ -134,24 +132,12 @@ class JsbsimPlanes:
         return Done(rows[:, :3], means)
 
 
-def planes() -> MakePlant:
-    """Return what makes aeroplanes; raises MissingPlantError where JSBSim is missing."""
-    _jsbsim()
-    return JsbsimPlanes
-
-
-def _jsbsim() -> Any:
-    os.environ.setdefault("JSBSIM_DEBUG", "0")
-    try:
-        import jsbsim
-    except ImportError as error:
-        raise needed("JSBSim", error) from error
-    return jsbsim
-
-
 def _trimmed(heading: float, speed: float) -> Any:
     """A model in level flight at `heading` rad from north, clockwise, and `speed` m/s."""
-    model = _jsbsim().FGFDMExec(None)
+    os.environ.setdefault("JSBSIM_DEBUG", "0")
+    import jsbsim
+
+    model = jsbsim.FGFDMExec(None)
     model.set_debug_level(0)
     model.load_model(AIRCRAFT)
     model.set_dt(STEP)

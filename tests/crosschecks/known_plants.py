@@ -4,13 +4,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from tests.crosschecks.jsbsim_planes import planes
+from tests.crosschecks.jsbsim_planes import JsbsimPlanes
 from tests.crosschecks.plants import MakePlant
 from tests.crosschecks.responses import Step
 from tests.crosschecks.rotorpy_team import hummingbirds
 from tests.crosschecks.velocity_loop import ALIGNED, DROOPING, LoopGains
-
-__all__ = ["PLANTS", "Known"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +17,7 @@ class Known:
 
     Attributes
     ----------
-    make : returns what makes it; raises MissingPlantError where its package is missing
+    make : returns what makes it
     courses : names of those that it flies
     lag : s, of the simple model beside it: about those found by `responses`
     circles : m/s, rad/s at which its steady errors are looked at
@@ -62,7 +60,7 @@ PLANTS: Mapping[str, Known] = MappingProxyType(
         "multirotor": _multirotor(ALIGNED, 0.17),
         "drooping": _multirotor(DROOPING, 0.1, aligned=False),
         "plane": Known(
-            make=planes,
+            make=lambda: JsbsimPlanes,
             courses=("planes",),
             lag=1.2,
             circles=((46.0, 0.0767), (42.0, -0.0767), (50.0, 0.09)),

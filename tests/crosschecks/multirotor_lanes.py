@@ -18,8 +18,6 @@ import numpy as np
 
 from syncplan.arrays import Array
 
-__all__ = ["Multirotors", "attitude_of", "multirotors_of"]
-
 PLACE, VELOCITY, ATTITUDE = slice(0, 3), slice(3, 6), slice(6, 10)
 RATES, WIND, ROTORS = slice(10, 13), slice(13, 16), slice(16, 20)
 

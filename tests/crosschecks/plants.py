@@ -12,8 +12,6 @@ from typing import Protocol
 
 from syncplan.arrays import Array
 
-__all__ = ["Done", "MakePlant", "MissingPlantError", "Plant", "needed"]
-
 
 @dataclass(frozen=True, slots=True)
 class Done:
@@ -48,15 +46,3 @@ class MakePlant(Protocol):
 
         Their samples last `time` s.
         """
-
-
-class MissingPlantError(Exception):
-    """Someone else's vehicles are not installed."""
-
-
-def needed(package: str, error: ImportError) -> MissingPlantError:
-    """Return the error to raise where a package of the cross-checks is missing."""
-    return MissingPlantError(
-        f"{package} is not installed ({error}); the cross-checks need: "
-        "pip install --no-deps --requirement tests/crosschecks/requirements.txt"
-    )

@@ -14,8 +14,6 @@ from syncplan.arrays import Array
 from tests.crosschecks.plants import MakePlant
 from tests.crosschecks.unicycle_team import Response
 
-__all__ = ["Steady", "Step", "StepResponse", "answer_to", "flown", "steady_errors"]
-
 SPEED, TURN_RATE = 0, 1
 """Columns of commands."""
 

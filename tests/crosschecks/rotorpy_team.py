@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.orbits.circles import unit
+from syncplan.orbits.circles import dot, unit
 from tests.crosschecks.multirotor_lanes import (
     ATTITUDE,
     PLACE,
@@ -23,10 +23,8 @@ from tests.crosschecks.multirotor_lanes import (
     attitude_of,
     multirotors_of,
 )
-from tests.crosschecks.plants import Done, MakePlant, Plant, needed
+from tests.crosschecks.plants import Done, MakePlant, Plant
 from tests.crosschecks.velocity_loop import ALIGNED, LoopGains, VelocityLoop, yaw_of
-
-__all__ = ["STEP", "Mover", "RotorPyTeam", "hummingbird", "hummingbirds", "own_steps"]
 
 STEP = 0.01
 """s, for which rotors are commanded."""
@@ -38,15 +36,10 @@ Mover = Callable[[Array, Array, Array], Array]
 
 
 def hummingbird(**integrator: Any) -> Any:
-    """Return a Hummingbird of RotorPy; raises MissingPlantError where RotorPy is missing.
+    """Return a Hummingbird of RotorPy; `integrator` has further arguments of SciPy's solve_ivp."""
+    from rotorpy.vehicles.hummingbird_params import quad_params
+    from rotorpy.vehicles.multirotor import Multirotor
 
-    `integrator` has further arguments of SciPy's solve_ivp.
-    """
-    try:
-        from rotorpy.vehicles.hummingbird_params import quad_params
-        from rotorpy.vehicles.multirotor import Multirotor
-    except ImportError as error:
-        raise needed("RotorPy", error) from error
     settings = {"method": "RK45", **integrator}
     return Multirotor(quad_params, control_abstraction="cmd_ctatt", integrator_kwargs=settings)
 
@@ -96,36 +89,31 @@ class RotorPyTeam:
             return vehicles.step(states, vehicles.rotors_for(states, thrusts, attitudes), STEP)
 
         self._mover: Mover = mover or in_lanes
-        self.slipped = np.zeros(k)
-        """m/s, mean velocity through the air across the heading in the last sample."""
 
     def fly(self, commands: Array, wind: Array, disturbance: Array) -> Done:
         """Return what they do in the next sample, as Plant has it."""
         asked = commands + disturbance
         self.state[:, WIND][:, :2] = wind
-        begun, flown = self._yaw, np.zeros((len(commands), 2))
-        before = self._through_air()
+        begun, flown = self._yaw, np.zeros(len(commands))
+        before = self._air_speed()
         for _ in range(self._steps):
             demanded = self._loop.demand(self.state, self._yaw, asked, STEP)
             self.state = self._mover(self.state, *demanded)
             self._yaw = yaw_of(attitude_of(self.state[:, ATTITUDE]), self._yaw)
-            after = self._through_air()
+            after = self._air_speed()
             flown += 0.5 * (before + after) / self._steps
             before = after
-        self.slipped = flown[:, 1]
         poses = np.column_stack([self.state[:, PLACE][:, :2], self._yaw])
         turned = (self._yaw - begun) / (self._steps * STEP)
-        return Done(poses, np.column_stack([flown[:, 0], turned]))
+        return Done(poses, np.column_stack([flown, turned]))
 
-    def _through_air(self) -> Array:
-        """(k, 2) m/s, velocity through the air along the heading and to its left."""
-        air = (self.state[:, VELOCITY] - self.state[:, WIND])[:, :2]
-        c, s = np.cos(self._yaw), np.sin(self._yaw)
-        return np.column_stack([c * air[:, 0] + s * air[:, 1], c * air[:, 1] - s * air[:, 0]])
+    def _air_speed(self) -> Array:
+        """(k,) m/s, velocity through the air along the heading."""
+        return dot((self.state[:, VELOCITY] - self.state[:, WIND])[:, :2], unit(self._yaw))
 
 
 def hummingbirds(gains: LoopGains = ALIGNED) -> MakePlant:
-    """Return what makes Hummingbirds; raises MissingPlantError where RotorPy is missing."""
+    """Return what makes Hummingbirds."""
     vehicles = multirotors_of(hummingbird())
 
     def made(poses: Array, commands: Array, wind: Array, time: float) -> Plant:

@@ -1,4 +1,4 @@
-"""The simple model of flight as a loop in plain NumPy: unicycles that lag behind their commands.
+"""The simple model of flight as a plant: unicycles that lag behind their commands.
 
 The response r to a command c follows r' = (c - r) / lag. In a sample of length T a vehicle flies an
 arc at the response's mean, over ground moved by T times the wind:
@@ -13,8 +13,6 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.estimation.reference_filter import displacement
 from tests.crosschecks.plants import Done, MakePlant, Plant
-
-__all__ = ["Response", "UnicycleTeam", "unicycles"]
 
 
 class Response:

@@ -25,8 +25,6 @@ from tests.crosschecks.multirotor_lanes import (
     attitude_of,
 )
 
-__all__ = ["ALIGNED", "DROOPING", "LoopGains", "VelocityLoop", "yaw_of"]
-
 HEIGHT_GAINS = (4.0, 4.0, 1.0)
 """1/s^2, 1/s, 1/s^3: of height, of climb, of height's integral."""
 

@@ -49,19 +49,6 @@ def test_the_true_error_equals_that_of_the_filters_own_recursion(
     assert neglected_errors(team) == tuple(name for name in whole.names if name not in names)
 
 
-def test_a_filter_that_neglects_nothing_meets_its_bound(grid: Plan) -> None:
-    team = _estimating(grid.team, ALL)
-    found = expected_errors(team, grid.windows, 40.0)
-    bound = posterior_bound(team, grid.windows, 40.0)
-    np.testing.assert_allclose(found.position_variance, bound.position_variance, rtol=1e-7)
-
-
-def test_neglecting_costs_no_less_than_estimating(grid: Plan) -> None:
-    bound = posterior_bound(_estimating(grid.team, ALL), grid.windows, 60.0)
-    found = expected_errors(_estimating(grid.team, ()), grid.windows, 60.0)
-    assert np.all(found.position_variance >= bound.position_variance * (1.0 - 1e-9))
-
-
 @pytest.mark.parametrize(
     "errors",
     [ErrorSigmas({"speed_scale": 0.02, "turn_rate_bias": 0.005}), ErrorSigmas({"wind": 0.05})],

@@ -20,7 +20,6 @@ from syncplan.estimation.consistency import (
     recorded_nis,
 )
 from syncplan.estimation.trials import TrialErrors
-from tests.searches.search_consistency import search
 
 SAMPLES = st.lists(st.integers(0, 1000), min_size=2, max_size=40).filter(lambda x: len(set(x)) > 1)
 
@@ -192,13 +191,3 @@ def test_medians_and_shares_are_those_of_the_trials() -> None:
     np.testing.assert_allclose(each.share_over(limits), [0.5, 0.25])
     assert each.overall_share_over(limits) == 0.75
     assert each.overall_share_over(10.0 * limits) == 0.25
-
-
-def test_validations_call_a_true_filter_consistent_and_a_sure_one_optimistic() -> None:
-    outcome = search(8, 1, 48)
-    assert outcome.passed
-    assert {one.anees.basis for one in outcome.true} == {"trials"}
-    ratios = [
-        s.anees.value / t.anees.value for s, t in zip(outcome.sure, outcome.true, strict=True)
-    ]
-    np.testing.assert_allclose(ratios, 1.5625, rtol=1e-6)

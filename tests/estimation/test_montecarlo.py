@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import fields, replace
+from functools import cache
 from itertools import pairwise
 from typing import Any
 
@@ -15,38 +16,30 @@ from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.montecarlo import StoppedError, run_trials
 from syncplan.estimation.trial_readings import TrialReadings
 from syncplan.estimation.trials import MonteCarloResult, accuracy, merge, series
-from syncplan.orbits.circles import Orbits
-from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.error_states import layout_of
 from syncplan.orbits.noise import Noise
 from syncplan.orbits.sightings import Sightings, sample_sightings
-from syncplan.orbits.team import Sensors, Team
+from syncplan.orbits.team import Team
+from syncplan.planning.planner import Plan, plan
 from tests.estimation.test_filter import filtered
 from tests.searches.search_consistency import believing
 from tests.tools.filter_scenes import scene_of
+from tests.tools.scenarios import example
 
 Scene = tuple[Team, Sightings, int]
 
-CENTERS = np.array([[0, 0], [70, 0], [140, 0], [140, 70], [70, 70], [0, 70]], dtype=float)
-LANDMARKS = np.array([[190.0, 0.0], [190.0, 70.0]])
-NOISE = Noise(speed_sigma=0.1, turn_rate_sigma=0.01, position_sigma=5.0, heading_sigma=0.1)
+
+@cache
+def _grid() -> Plan:
+    return plan(example("paper-grid-same"), bound="never", pilot=False)
 
 
-def paper_grid(steps: int, bearing_sigma: float = 0.1, noise: Noise = NOISE) -> Scene:
+def paper_grid(steps: int, bearing_sigma: float = 0.1, noise: Noise | None = None) -> Scene:
     """Team, sightings and steps on the paper's grid."""
-    n = len(CENTERS)
-    opposite = np.array([0.0, np.pi, 0.0, np.pi, 0.0, np.pi])
-    orbits = Orbits(CENTERS, np.full(n, 20.0), np.ones(n), 0.3 + opposite, 0.2)
-    sensors = Sensors(
-        ranges=np.full(n, 50.0),
-        fields_of_view=np.full(n, 2.0 * np.pi),
-        boresights=np.zeros(n),
-        bearing_sigmas=np.full(n, bearing_sigma),
-        sample_time=0.1,
-    )
-    windows = find_windows(Team(orbits, LANDMARKS, sensors, noise))
-    sightings = sample_sightings(windows, orbits.period, sensors, 1, steps)
-    return Team(orbits, LANDMARKS, sensors, noise), sightings, steps
+    made = _grid()
+    sensors = replace(made.sensors, bearing_sigmas=np.full(6, bearing_sigma))
+    team = replace(made.team, sensors=sensors, noise=noise or made.noise)
+    return team, sample_sightings(made.windows, made.orbits.period, sensors, 1, steps), steps
 
 
 def flown(
@@ -194,15 +187,6 @@ def test_sigmas_that_are_all_believed_too_small_scale_nees_and_leave_the_errors(
     np.testing.assert_allclose(sure.nis_sums, true.nis_sums / 0.64, rtol=1e-9)
     same = run_trials(team, sightings, steps, options, believed=team)
     assert bytes_of(same) == bytes_of(true)
-
-
-def test_a_gate_turns_away_its_share_of_good_bearings() -> None:
-    noise = Noise(0.1, 0.01, position_sigma=0.5, heading_sigma=0.1)
-    scene = paper_grid(300, bearing_sigma=0.01, noise=noise)
-    result = flown(scene, 64, 2, gate_probability=0.95)
-    assert np.all(result.accepted + result.gated == len(scene[1].steps))
-    share = result.gated.sum() / (result.gated + result.accepted).sum()
-    assert share == pytest.approx(0.05, abs=0.01)
 
 
 def test_an_interrupt_propagates_and_leaves_the_queued_chunks_undone(

@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -712,11 +713,7 @@ def test_a_bearing_walk_makes_the_filter_of_real_robots_more_consistent(
 
 
 def _copy(folder: Path, tmp_path: Path) -> Path:
-    target = tmp_path / "recording"
-    target.mkdir()
-    for path in folder.iterdir():
-        (target / path.name).write_bytes(path.read_bytes())
-    return target
+    return Path(shutil.copytree(folder, tmp_path / "recording"))
 
 
 def _small_recording(tmp_path_factory: pytest.TempPathFactory) -> Path:

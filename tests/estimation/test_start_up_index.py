@@ -3,14 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from syncplan.estimation.bounds import posterior_bound
 from syncplan.estimation.foreseen_sightings import Foreseen
 from syncplan.estimation.start_up_index import index_of_run, lines_of_sight, second_order_terms
-from syncplan.orbits.circles import position
 from syncplan.orbits.sighting_kinds import COMPASS, place_of
-from syncplan.orbits.sightings import Sightings, sample_sightings
+from syncplan.orbits.sightings import Sightings
 from syncplan.orbits.team import Team
 from syncplan.planning.planner import plan
 from tests.tools.scenarios import example, small
@@ -27,31 +25,6 @@ def test_a_compass_leaves_nothing_out() -> None:
     np.testing.assert_array_equal(second_order_terms(team, seen, 20.0), 0.0)
     foreseen = Foreseen(np.ones((2, 2, 1)), np.ones(1))
     assert index_of_run(team, seen, foreseen).value == 0.0
-
-
-def test_along_and_across_add_up_to_the_way_between_the_two() -> None:
-    grid = plan(example("paper-grid-same"), bound="never")
-    team = grid.team
-    seen = sample_sightings(grid.windows, grid.orbits.period, grid.sensors, 1, 200)
-    along, across = lines_of_sight(team, seen, 20.0)
-    generator = np.random.default_rng(1)
-    start = generator.normal(size=(team.count, 3))
-    step = 1e-6
-    for s in generator.integers(0, len(seen.steps), 40):
-        observer, target, time = seen.observers[s], seen.targets[s], 0.1 * seen.steps[s]
-        was, is_now = position(team.orbits, 0.0), position(team.orbits, time)
-        moved = is_now - was
-        turned = np.column_stack([-moved[:, 1], moved[:, 0]])
-        bodies = np.concatenate([is_now, team.landmarks])
-        shift = np.zeros_like(bodies)
-        shift[: team.count] = step * (20.0 * start[:, :2] + turned * start[:, 2:])
-        q = bodies[target] - bodies[observer]
-        nudged = q + shift[target] - shift[observer]
-        states = np.concatenate([start[observer], start[target] if target < 6 else np.zeros(3)])
-        stretch = np.hypot(*nudged) / np.hypot(*q) - 1.0
-        turn = np.arctan2(nudged[1], nudged[0]) - np.arctan2(q[1], q[0])
-        assert step * along[s] @ states == pytest.approx(stretch, abs=1e-10)
-        assert step * across[s] @ states == pytest.approx(turn, abs=1e-10)
 
 
 def test_the_bound_is_the_same_with_and_without_its_index() -> None:

@@ -4,10 +4,8 @@ import pytest
 
 from syncplan.errors import Fault, InputError
 from syncplan.estimation.trials import pack, unpack
-from syncplan.planning.plan_files import loaded_from, plan_of
 from syncplan.planning.planner import plan
 from syncplan.planning.validation import conclude, run_part, trial_run, validate
-from syncplan.reports.plan_report import plan_document
 from syncplan.reports.validation_report import validation_document
 from syncplan.runtime.files import as_text
 from tests.tools.scenarios import example, small
@@ -35,15 +33,6 @@ def test_a_missing_part_is_refused() -> None:
 def test_bytes_that_are_no_part_are_refused(data: bytes) -> None:
     with pytest.raises(InputError, match="not a part of a run"):
         unpack(data)
-
-
-def test_a_plan_document_reads_back_as_the_plan_it_states() -> None:
-    made = plan(example("crooked-line-alternate"))
-    again = plan_of(loaded_from(plan_document(made).as_json()))
-    assert again.orbits.phases.tolist() == made.orbits.phases.tolist()
-    assert again.prediction.rms is not None
-    assert made.prediction.rms is not None
-    assert again.prediction.rms.tolist() == made.prediction.rms.tolist()
 
 
 def test_every_fault_of_a_scenario_is_listed_with_its_key_and_value() -> None:

@@ -7,7 +7,12 @@ import numpy as np
 import pytest
 
 from syncplan.arrays import Array
-from syncplan.estimation import covariances
+from syncplan.estimation import (
+    covariances,
+    foreseen_sightings,
+    referred_run,
+    referred_system,
+)
 from syncplan.estimation.bounds import LossBounds, posterior_bound, steady_bound
 from syncplan.estimation.covariances import carried_along
 from syncplan.estimation.referred_system import ReferredSystem
@@ -18,7 +23,7 @@ from syncplan.orbits.sightings import Loss, remainder_of
 from syncplan.orbits.team import Team
 from syncplan.planning.planner import Plan, plan
 from tests.tools.dense_models import dense_covariances, dense_run, start_of
-from tests.tools.scenarios import EVERYTHING, changed, example, small
+from tests.tools.scenarios import EVERYTHING, changed, circling, example, small
 
 SCALES_AND_BIASES = {"speed_scale_sigma": 0.02, "turn_rate_bias_sigma_rad_s": 0.005}
 STATES = [(), *((name,) for name in ERROR_STATES), tuple(ERROR_STATES)]
@@ -49,9 +54,22 @@ def test_the_posterior_bound_equals_the_recursion_of_the_filters_model(
     _assert_bound_of_the_model(_estimating(grid.team, names), grid, 400)
 
 
-@pytest.mark.parametrize("name", ["mixed-radii-camera", "landmark-bridge"])
-def test_it_does_so_where_vehicles_differ_and_where_they_are_not_observable(name: str) -> None:
-    made = plan(example(name), bound="never")
+@pytest.mark.parametrize("sizes", [(64, 24), (7, 1), (1, 5), (16, 3), None])
+@pytest.mark.parametrize("name", ["mixed-radii-camera", "landmark-bridge", "nothing seen at first"])
+def test_it_does_so_by_groups_of_any_size_and_by_samples(
+    name: str, sizes: tuple[int, int] | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where vehicles differ, and where they are not observable."""
+    late = {"first_phase_rad": -1.5, "direction": "ccw"}
+    alone = {"formation": {"centers_m": [[0.0, 0.0]]}, "landmarks_m": [[0.0, 45.0]]}
+    given = example(name) if "-" in name else small(orbit=circling(**late), **alone)
+    made = plan(given, bound="never")
+    if sizes is None:
+        monkeypatch.setattr(covariances, "GROUPED_VEHICLES", 0)
+    else:
+        for module in (covariances, foreseen_sightings, referred_run):
+            monkeypatch.setattr(module, "GROUP_ROWS", sizes[0])
+        monkeypatch.setattr(covariances, "GROUPS_AT_ONCE", sizes[1])
     _assert_bound_of_the_model(made.team, made, 300)
 
 
@@ -70,11 +88,18 @@ def _assert_bound_of_the_model(team: Team, made: Plan, steps: int) -> None:
         assert found.errors is None
 
 
+def test_the_covariance_at_the_start_of_a_run_is_left_as_it_is(grid: Plan) -> None:
+    team = _estimating(grid.team, ())
+    system = ReferredSystem.along(team, grid.windows, 20, layout_of(team))
+    start = system.start.copy()
+    covariances.variances_by_groups(system.run, start)
+    assert len(list(carried_along(system.run, start))) == 21
+    np.testing.assert_array_equal(start, system.start)
+
+
 def test_many_samples_are_as_good_as_few_at_once(
     grid: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from syncplan.estimation import referred_run, referred_system
-
     team = _estimating(grid.team, tuple(ERROR_STATES))
     whole = posterior_bound(team, grid.windows, 15.0, start_up=True)
     monkeypatch.setattr(referred_system, "_SAMPLES_AT_ONCE", 7)

@@ -15,25 +15,21 @@ from syncplan.flight.flying import FlightRun, conclude_flight, flight_run, fly_p
 from syncplan.planning.planner import plan
 from syncplan.reports.flight_report import flight_document
 from syncplan.runtime.files import as_text
-from tests.tools.scenarios import example
+from tests.flight.test_flying import OPTIONS, QUICK, TRIALS
+from tests.tools.scenarios import small
 
 
 @pytest.fixture(scope="module")
 def run() -> FlightRun:
-    """A flight with all that a result can hold."""
-    return flight_run(
-        plan(example("biased-grid")),
-        trials=20,
-        duration=12.0,
-        lose=("v6@6",),
-        hold=("v2@2:3",),
-        with_series=True,
-    )
+    """A flight with all that a result can hold: states, batch solutions, losses and series."""
+    made = plan(small(**QUICK), pilot=False)
+    return flight_run(made, trials=TRIALS, with_series=True, **OPTIONS)
 
 
 @pytest.fixture(scope="module")
 def parts(run: FlightRun) -> list[FlightResult]:
-    return [fly_part(run, first, count, threads=1) for first, count in ((0, 16), (16, 4))]
+    cuts = ((0, 16, 1), (16, 20, 3))
+    return [fly_part(run, first, count, threads=threads) for first, count, threads in cuts]
 
 
 def leaves(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
@@ -48,13 +44,17 @@ def leaves(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
         yield name, value
 
 
-def test_a_flight_in_parts_gives_the_report_of_the_whole_to_the_byte(
+def test_a_flight_in_parts_on_any_threads_is_the_whole_to_the_byte(
     run: FlightRun, parts: list[FlightResult]
 ) -> None:
-    whole = conclude_flight(run, [fly_part(run, 0, 20, threads=1)])
+    whole = conclude_flight(run, [fly_part(run, 0, TRIALS, threads=2)])
     joined = conclude_flight(run, [unpack_flight(pack_flight(one)) for one in parts])
     reports = [as_text(flight_document(one).as_json()) for one in (whole, joined)]
     assert reports[0] == reports[1]
+    found, wanted = dict(leaves(joined.result)), dict(leaves(whole.result))
+    assert len(found) == len(wanted) > 40
+    for name, value in wanted.items():
+        assert np.asarray(found[name]).tobytes() == np.asarray(value).tobytes(), name
 
 
 def test_every_bit_of_a_part_is_kept_and_its_type(parts: list[FlightResult]) -> None:

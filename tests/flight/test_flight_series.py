@@ -10,13 +10,12 @@ from hypothesis import strategies as st
 from syncplan.errors import InputError
 from syncplan.flight.flight_options import FlightOptions
 from syncplan.flight.flight_records import MOMENTS, MOST_TIMES, RecordedSteps, tracked_trials
-from syncplan.flight.flight_results import FlightResult, joined_flights
+from syncplan.flight.flight_results import FlightResult
 from syncplan.flight.flights import FlightSeries, mean_series
 from syncplan.flight.flying import FlightRun, flight_run, fly_part
 from syncplan.planning.planner import Plan, plan
 from tests.tools.scenarios import changed
 
-CHUNK = 16
 OPTIONS = FlightOptions(
     trials=20, seed=3, filter="ekf", lose=("v6@30",), with_series=True, duration=48.0
 )
@@ -128,18 +127,6 @@ def test_ellipses_are_the_filters_own_sigma(run: FlightRun) -> None:
     np.testing.assert_allclose(np.sqrt(own), sigma, rtol=1e-12)
     across = result.tracks[0].covariances
     assert (across[..., 2] ** 2 <= across[..., 0] * across[..., 1])[:, :5].all()
-
-
-def test_parts_and_threads_give_the_bytes_of_the_whole(run: FlightRun, whole: FlightResult) -> None:
-    parts = [fly_part(run, 0, CHUNK, threads=2), fly_part(run, CHUNK, run.trials - CHUNK)]
-    joined = joined_flights(parts)
-    assert len(joined.tracks) == len(whole.tracks) == 3
-    for mine, its in zip(joined.tracks, whole.tracks, strict=True):
-        for name in ("true", "estimated", "covariances"):
-            assert getattr(mine, name).tobytes() == getattr(its, name).tobytes()
-    one, two = (mean_series(run.team, of) for of in (joined, whole))
-    for each in fields(FlightSeries):
-        assert getattr(one, each.name).tobytes() == getattr(two, each.name).tobytes()
 
 
 @pytest.mark.parametrize("guidance", ["track", "mpc"])

@@ -9,7 +9,6 @@ import pytest
 
 import syncplan
 from syncplan.errors import InputError
-from syncplan.flight.flight_options import FlightOptions
 from syncplan.flight.flown_lanes import FlownLanes
 from syncplan.flight.flying import FlightRun, flight_run
 from syncplan.flight.navigator import Navigator
@@ -194,16 +193,9 @@ def test_sightings_are_named_as_the_scenario_names_them(plan: Plan) -> None:
         navigator.named([("v9", "v2", "bearing", 0.3)])
 
 
-def test_what_is_no_reading_of_the_team_is_refused(plan: Plan) -> None:
-    navigator = Navigator(plan)
-    with pytest.raises(InputError, match="must be 6 numbers"):
-        navigator.step(Sensed(np.zeros(5)))
-    with pytest.raises(InputError, match="no such observer"):
-        navigator.step(Sensed(sightings=[TimedSighting(6, 0, 0, 0.1)]))
-    with pytest.raises(InputError, match="v1 has no sigma for a distance"):
-        navigator.step(Sensed(sightings=[TimedSighting(0, 1, 1, 30.0)]))
+def test_what_is_no_state_and_no_start_of_the_team_is_refused(plan: Plan) -> None:
     with pytest.raises(InputError, match="is no state of a navigator"):
-        navigator.restore(b"nothing")
+        Navigator(plan).restore(b"nothing")
     with pytest.raises(InputError, match="must be 6 poses"):
         Navigator(plan, start=np.zeros((2, 3)))
 
@@ -211,6 +203,8 @@ def test_what_is_no_reading_of_the_team_is_refused(plan: Plan) -> None:
 @pytest.mark.parametrize(
     ("read", "message"),
     [
+        (Sensed(np.zeros(5)), "must be 6 numbers"),
+        (Sensed(sightings=[TimedSighting(0, 1, 1, 30.0)]), "v1 has no sigma for a distance"),
         (Sensed(np.array([4.0] * 5 + [np.inf])), "speeds: must be finite, or NaN"),
         (Sensed(sightings=[TimedSighting(0, 1, 0, np.inf)]), "must be finite, or NaN if it is"),
         (Sensed(sightings=[TimedSighting(2, 2, 0, 0.3)]), "the target of a compass, and of it al"),
@@ -232,8 +226,3 @@ def test_a_sighting_that_is_nan_was_not_made(plan: Plan) -> None:
         given.step(Sensed(sightings=[TimedSighting(0, 1, 0, np.nan)]))
         without.step(Sensed())
     assert given.save() == without.save()
-
-
-def test_its_options_are_those_of_flights() -> None:
-    with pytest.raises(InputError, match="is unknown; choose track"):
-        FlightOptions(guidance="autopilot")

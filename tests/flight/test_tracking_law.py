@@ -13,7 +13,7 @@ from syncplan.flight.reference_tracking import tracking_commands, tracking_gains
 from syncplan.flight.tracking_law import command_plan, track
 from syncplan.orbits.circles import heading, perpendicular, position, unit
 from syncplan.planning.planner import plan
-from tests.tools.exact_flights import paper_grid, tracking
+from tests.tools.exact_flights import fly, paper_grid, tracking
 from tests.tools.inner_kernels import called_alone
 from tests.tools.scenarios import changed
 
@@ -106,29 +106,22 @@ def test_an_offset_goes_at_the_rate_that_the_gains_say(across: bool) -> None:
     way = perpendicular(ahead) if across else ahead
     poses = np.column_stack([position(orbits, begin), heading(orbits, begin)])
     poses[:, :2] += off * way
-    left = _flown_from(orbits, limits, poses, begin, 6.0)
-    time = 0.1 * np.arange(len(left))
+    flight = fly(orbits, limits, tracking(orbits, limits), 1, begin, begin + 6.0, start=poses)
+    left, time = flight.off(), flight.times - begin
     rate = 2.0 * gains.place
     expected = (1.0 + rate * time) * np.exp(-rate * time) if across else np.exp(-gains.place * time)
     # commands are held for a sample of 0.1 s
     np.testing.assert_allclose(left / off, np.tile(expected[:, None], 6), atol=0.05)
 
 
-def _flown_from(
-    orbits: Any, limits: FlightLimits, poses: Array, begin: float, span: float
-) -> Array:
-    """(k, n) m off the plan, of vehicles that start at `poses` and know where they are."""
-    guide, found = tracking(orbits, limits), []
-    for k in range(round(span / 0.1)):
-        time = begin + 0.1 * k
-        found.append(np.hypot(*(poses[:, :2] - position(orbits, time)).T))
-        commands = guide(time, poses, poses, np.zeros(6, dtype=bool))
-        turns = 0.1 * commands[:, 1]
-        chords = 0.1 * commands[:, 0] * np.sinc(0.5 * turns / np.pi)
-        poses = np.column_stack(
-            [poses[:, :2] + chords[:, None] * unit(poses[:, 2] + 0.5 * turns), poses[:, 2] + turns]
-        )
-    return np.array(found)
+def test_commands_stay_within_limits_wherever_a_vehicle_is() -> None:
+    orbits, limits = paper_grid()
+    generator, guide = np.random.default_rng(1), tracking(orbits, limits)
+    for _ in range(50):
+        poses = generator.normal(size=(6, 3)) * [100.0, 100.0, 3.0]
+        speeds, turn_rates = guide(12.3, poses, poses, np.zeros(6, dtype=bool)).T
+        assert np.all((limits.least_speeds <= speeds) & (speeds <= limits.most_speeds))
+        assert np.all(np.abs(turn_rates) <= limits.most_turn_rates)
 
 
 def test_commands_that_act_late_lower_both_gains() -> None:

@@ -1,6 +1,6 @@
 """Search for flights that are not what plans and theory promise.
 
-    python -m tests.searches.search_flights [TRIALS [SEED]] [--draws N] [--losses N] [--plain N]
+    python -m tests.searches.search_flights [TRIALS [SEED]] [--draws N] [--losses N]
         [--teams NAME,NAME] [--spare N] [--alike SHARE] [--threads N]
 
 Part of `make check-all`, which flies few trials of two teams. Three tables:
@@ -12,9 +12,8 @@ draws but those of bearings. Fails where the RMS position errors differ: the rat
 
 Wind. Five teams, 400 s from an initial sigma of 5 m in a wind of 1 m/s (sigma, unknown, common) are
 flown, then with gusts of 0.2 m/s as well. Fails where the filter is lost in more than 0.2 % of the
-trials (1 % with gusts), a vehicle out of contact in more than 0.5 % (1 %), the RMS over all
-vehicles more than 1.3 (1.5) times the bound along the paths, or where least separation or meetings
-kept differ from those of the same loop in plain NumPy. Few trials want some to `--spare`.
+trials (1 % with gusts), a vehicle out of contact in more than 0.5 % (1 %), or the RMS over all
+vehicles more than 1.3 (1.5) times the bound along the paths. Few trials want some to `--spare`.
 
 Losses. Each vehicle of these teams is lost at half time, without gusts. Fails where the RMS error
 of the others in the second half is over 25 % off what syncplan.what_if predicts. That is of a run
@@ -38,12 +37,8 @@ from syncplan.planning.planner import Plan, plan
 from syncplan.planning.validation import validate
 from syncplan.refinement.refiner import refine
 from syncplan.scenario.loading import scenario_from
-from tests.tools.flown_trials import flown
-from tests.tools.plain_flights import fly_plainly
 from tests.tools.scenario_draws import certified_plans, draw_document
 from tests.tools.scenarios import changed
-
-__all__ = ["TEAMS", "Wanted", "draw_quiet", "main", "team_plan"]
 
 KNOWN_SHARE = 0.025
 """Of the radii, 20 m on average: the initial sigma of flights with noise alone."""
@@ -52,7 +47,7 @@ ALIKE, RESAMPLES = 0.02, 2000
 
 WIND = {"sigma_mps": 1.0}
 GUSTS = {"gust_sigma_mps": 0.2, "gust_time_s": 10.0}
-DURATION_S, PLAIN_S = 400.0, 100.0
+DURATION_S = 400.0
 
 MOST_LOST = {False: 0.002, True: 0.01}
 MOST_OUT_OF_CONTACT = {False: 0.005, True: 0.01}
@@ -60,7 +55,6 @@ MOST_OVER_BOUND = {False: 1.3, True: 1.5}
 """Without and with gusts."""
 
 LOSS_OFF = 0.25
-AGREED = 1e-6
 
 
 def _tree() -> dict[str, Any]:
@@ -121,7 +115,6 @@ class Wanted:
     trials : of each flight
     draws : scenarios with noise alone
     losses : trials of each loss
-    plain : trials that the plain loop flies too
     teams : names in TEAMS
     spare : trials that may be lost, or out of contact, beyond the limits
     alike : how far from 1 the ratio of two RMS errors may be, whatever its interval
@@ -131,7 +124,6 @@ class Wanted:
     seed: int = 0
     draws: int = 10
     losses: int = 100
-    plain: int = 2
     teams: tuple[str, ...] = tuple(TEAMS)
     spare: int = 0
     alike: float = ALIKE
@@ -197,7 +189,6 @@ def _windy(name: str, gusts: bool, wanted: Wanted, found: Findings) -> None:
         faults.append(f"out of contact in {alone}")
     if not over <= MOST_OVER_BOUND[gusts]:
         faults.append(f"RMS {over:.2f} times the bound")
-    faults += _other_than_plain(made, wanted)
     tracking = np.sqrt(np.nanmean(figures.tracking_squares))
     text = (
         f"{name:11s}  {'gusts' if gusts else 'wind':5s}  {lost:4d}  {alone:4d}  {over:5.3f}  "
@@ -216,24 +207,6 @@ def _over_bound(flight: Flight) -> tuple[float, float]:
 
 def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
-
-
-def _other_than_plain(made: Plan, wanted: Wanted) -> list[str]:
-    """How separation and meetings differ from those of the plain loop, without batch solutions."""
-    if not wanted.plain:
-        return []
-    options: Any = {"duration": PLAIN_S, "filter": "second-order", "seed": wanted.seed + 2}
-    compiled, faults = flown(made, range(wanted.plain), **options), []
-    for trial in range(wanted.plain):
-        plain, figures = fly_plainly(compiled.run, trial, bound=False), compiled.figures
-        if abs(figures.separations[trial] - plain.least_separation()) > AGREED:
-            faults.append(f"separation of trial {trial} is not that of the plain loop")
-        kept, planned = plain.meetings()
-        if sum(planned.values()) != figures.planned_meetings.sum():
-            faults.append("other meetings are planned than in the plain loop")
-        if sum(kept.values()) != figures.kept_meetings[trial].sum():
-            faults.append(f"meetings kept in trial {trial} are not those of the plain loop")
-    return faults
 
 
 def _losses(name: str, wanted: Wanted, found: Findings) -> None:
@@ -294,7 +267,6 @@ if __name__ == "__main__":
     parser.add_argument("seed", type=int, nargs="?", default=0)
     parser.add_argument("--draws", type=int, default=10)
     parser.add_argument("--losses", type=int, default=100)
-    parser.add_argument("--plain", type=int, default=2)
     parser.add_argument("--teams", default=",".join(TEAMS))
     parser.add_argument("--spare", type=int, default=0)
     parser.add_argument("--alike", type=float, default=ALIKE)

@@ -29,8 +29,6 @@ from tests.tools.flown_trials import lanes_begun
 from tests.tools.predictive_check import DecisionCheck, check_decision
 from tests.tools.scenarios import changed
 
-__all__ = ["main"]
-
 HOLD = ("v2@100:20",)
 SEPARATION_M = 10.0
 LIMITS: dict[str, dict[str, Any]] = {

@@ -35,8 +35,6 @@ from syncplan.scenario.filters import FILTERS
 from tests.tools.scenario_draws import certified_plans, draw_document
 from tests.tools.search_arguments import search_arguments
 
-__all__ = ["Flight", "draw_plan", "main", "search_one", "started"]
-
 HEADINGS = {5.0: 0.1, 15.0: 0.3, 30.0: 0.6, 50.0: 1.0}
 """rad of initial sigma for each position's in m."""
 

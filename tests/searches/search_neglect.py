@@ -27,8 +27,6 @@ from syncplan.scenario.loading import scenario_from
 from tests.searches.search_start_up import draw_plan
 from tests.tools.search_arguments import search_arguments
 
-__all__ = ["Cost", "draw_neglect", "main", "search_one"]
-
 OFF, MOST_OFF = 0.3, 0.1
 COSTLY = 1.5
 """Expected over predicted error from which on the ANEES has to find the filter optimistic."""

@@ -24,8 +24,6 @@ from syncplan.planning.validation import validate
 from tests.tools.scenario_draws import certified_plans, draw_document, with_strays, with_world
 from tests.tools.search_arguments import search_arguments
 
-__all__ = ["Prediction", "draw_world", "main", "search_one"]
-
 LARGEST_SIGMA_M = 2.0
 MEDIAN, NINETY = 0.03, 0.08
 SHOWN = 10

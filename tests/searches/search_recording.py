@@ -25,8 +25,6 @@ from syncplan.recordings.log import Log
 from syncplan.recordings.recording_formats import load_log
 from tests.tools.recordings import REAL
 
-__all__ = ["after_a_minute", "main"]
-
 CASES: list[tuple[str, list[int] | None, bool, float]] = [
     ("bearings, landmarks 7 and 15", [7, 15], False, 0.195),
     ("bearings, all landmarks", None, False, 0.115),

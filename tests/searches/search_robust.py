@@ -34,8 +34,6 @@ from syncplan.planning.planner import Plan
 from tests.tools.scenario_draws import HEADING_RAD_A_METRE, certified_plans, draw_document
 from tests.tools.search_arguments import search_arguments
 
-__all__ = ["Filtered", "draw_disturbed", "main", "search_one"]
-
 FILTERS = ("ekf", "second-order", "robust")
 
 LASTING = (

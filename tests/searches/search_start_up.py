@@ -27,8 +27,6 @@ from syncplan.scenario.filters import AUTO, FILTERS
 from tests.tools.scenario_draws import certified_plans, draw_document
 from tests.tools.search_arguments import search_arguments
 
-__all__ = ["Start", "draw_plan", "main", "search_one"]
-
 SIGMAS_M = (0.5, 2.0, 5.0, 15.0, 30.0)
 
 OVER, WELL = 2.0, 1.3

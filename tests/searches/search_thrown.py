@@ -33,8 +33,6 @@ from syncplan.orbits.error_states import layout_of
 from tests.searches.search_lost import draw_plan
 from tests.tools.search_arguments import search_arguments
 
-__all__ = ["THROWS", "Thrown", "main", "throw", "thrown_draw"]
-
 THROWS = ("together", "apart", "one", "turned")
 """What of the estimate is thrown off."""
 

@@ -27,8 +27,6 @@ from syncplan.scenario.loading import scenario_from
 from tests.searches.search_start_up import draw_plan
 from tests.tools.search_arguments import search_arguments
 
-__all__ = ["Held", "draw_small", "main", "search_one"]
-
 OFF = 0.1
 
 

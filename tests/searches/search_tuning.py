@@ -24,8 +24,6 @@ from syncplan.recordings.recording_formats import load_log
 from tests.searches.search_recording import CASES
 from tests.tools.recordings import REAL, part_of
 
-__all__ = ["PORTIONS", "Split", "compared", "main"]
-
 PORTIONS = {"whole": (0.0, 1.0), "first-half": (0.0, 0.5), "second-half": (0.5, 1.0)}
 """Shares of the recording at which a split begins and ends."""
 

@@ -39,8 +39,6 @@ from syncplan.scenario.loading import scenario_from
 from tests.tools.scenario_draws import draw_document
 from tests.tools.search_arguments import search_arguments
 
-__all__ = ["draw_windy", "main"]
-
 OF_LINKS = {"meetings-missed", "phase-not-kept"}
 """Codes of findings that stop a flight for what links do."""
 

@@ -75,8 +75,8 @@ def dense_run(
     sigmas = sigmas_by_kind(team.sensors, seen.kinds, seen.observers)
     names = list(SIGHTING_KINDS)
     for k in range(1, steps + 1):
-        bodies = np.concatenate([position(team.orbits, k * team.sensors.sample_time)])
-        bodies = np.concatenate([bodies, team.landmarks])
+        places = position(team.orbits, k * team.sensors.sample_time)
+        bodies = np.concatenate([places, team.landmarks])
         own = np.flatnonzero(seen.steps == k)
         H = np.zeros((len(own), layout.size))
         for row, s in zip(H, own, strict=True):

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -12,9 +11,7 @@ from syncplan.flight.predictive_guidance import Decision, PredictiveGuidance
 from syncplan.flight.reference_tracking import tracking_commands, tracking_gains
 from syncplan.orbits.circles import Orbits, perpendicular, phase, position, unit, wrap
 from syncplan.planning.planner import plan
-from syncplan.scenario.loading import load_scenario
-
-SCENARIOS = Path(__file__).resolve().parents[2] / "examples" / "scenarios"
+from tests.tools.scenarios import example
 
 SAMPLE = 0.1
 
@@ -70,7 +67,7 @@ class Flight:
 
 def paper_grid() -> tuple[Orbits, FlightLimits]:
     """The plan of paper-grid-same and its limits in flight, at least 10 m apart."""
-    made = plan(load_scenario(SCENARIOS / "paper-grid-same.yaml"))
+    made = plan(example("paper-grid-same"))
     limits = FlightLimits.of(made.scenario, made.team.orbits)
     return made.team.orbits, replace(limits, separation=10.0)
 
@@ -99,13 +96,15 @@ def fly(
     end: float,
     hold: Hold | None = None,
     wind: Array | None = None,
+    start: Array | None = None,
 ) -> Flight:
-    """Return a flight from the right start; commands change every so many `samples`."""
+    """Return a flight; commands change every so many `samples`.
+
+    It begins at poses `start` (n, 3), by default the right ones.
+    """
     blow = np.zeros(2) if wind is None else wind
-    poses, before = (
-        at_start(orbits, begin, blow),
-        np.column_stack([orbits.speeds, orbits.turn_rates]),
-    )
+    poses = at_start(orbits, begin, blow) if start is None else start
+    before = np.column_stack([orbits.speeds, orbits.turn_rates])
     path, done = [poses], []
     commands = before
     for k in range(round((end - begin) / SAMPLE)):

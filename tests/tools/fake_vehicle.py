@@ -16,8 +16,6 @@ from tests.tools.processes import PATIENCE_S
 # pymavlink chooses its dialect as it is imported
 os.environ.setdefault("MAVLINK20", "1")
 
-__all__ = ["FakeVehicle", "StoredLoiter", "flying", "stored_loiter"]
-
 MISSION_ITEM, LOITER_TURNS = 16, 18
 PX4_ACCEPTS = {16, 17, 19, 20, 21, 22, 31, 177, 178}
 UNSUPPORTED, ACCEPTED = 3, 0

@@ -18,18 +18,6 @@ from syncplan.orbits.error_states import ERROR_STATES, layout_of
 from syncplan.orbits.noise import ErrorSigmas, Noise
 from syncplan.orbits.team import Sensors, Team
 
-__all__ = [
-    "ALL",
-    "BUT_CLOCKS",
-    "CHOICES",
-    "Scene",
-    "a_team",
-    "derivative",
-    "quiet",
-    "scene_of",
-    "true_state",
-]
-
 ALL = tuple(ERROR_STATES)
 
 BUT_CLOCKS = tuple(name for name in ALL if name != "clock_offset")

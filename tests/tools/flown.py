@@ -7,8 +7,6 @@ from syncplan.planning.plan_records import FlownPlan, MeetingsFlown, PhasesFlown
 from syncplan.planning.planner import plan
 from tests.tools.scenarios import changed
 
-__all__ = ["LOST_AT", "WELL", "short_flight"]
-
 LOST_AT = 30.0
 
 WELL = FlownPlan(

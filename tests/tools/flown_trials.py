@@ -1,6 +1,7 @@
 """Trials of a flight as the package flies them, looked at from inside."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,6 @@ from syncplan.flight.flown_lanes import FlownLanes
 from syncplan.flight.flown_team import FlownTeam
 from syncplan.flight.flying import FlightRun, flight_run
 from tests.tools.plain_truth import Sighting
-
-__all__ = ["FlownTrials", "flown", "lanes_begun"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,27 +40,22 @@ class FlownTrials:
 
     def sightings(self, lane: int) -> list[list[Sighting]]:
         """Of each step."""
-        setup, read = self.lanes.setup, self.lanes.readings.sightings
-        found: list[list[Sighting]] = []
-        for begin, end in zip(setup.first[:-1], setup.first[1:], strict=True):
-            found.append(
-                [
-                    Sighting(
-                        int(setup.observers[s]),
-                        int(setup.targets[s]),
-                        int(setup.kinds[s]),
-                        float(read[s, lane]),
-                    )
-                    for s in range(begin, end)
-                    if np.isfinite(read[s, lane])
-                ]
-            )
-        return found
+        setup, read = self.lanes.setup, self.lanes.readings.sightings[:, lane]
+        columns = (setup.observers, setup.targets, setup.kinds, read)
+        every = [Sighting(*row) for row in zip(*(one.tolist() for one in columns), strict=False)]
+        return [
+            [one for one in every[begin:end] if np.isfinite(one.reading)]
+            for begin, end in pairwise(setup.first.tolist())
+        ]
 
 
 def flown(subject: Any, chosen: range, **changes: Any) -> FlownTrials:
     """Return some trials of a flight, flown side by side."""
-    run = flight_run(subject, None, **changes)
+    return flown_of(flight_run(subject, None, **changes), chosen)
+
+
+def flown_of(run: FlightRun, chosen: range) -> FlownTrials:
+    """Return some trials of a flight that is set up, flown side by side."""
     lanes = lanes_begun(run.team, chosen)
     lanes.advance(run.team.steps)
     return FlownTrials(run, lanes, figures_of(run.team, lanes))

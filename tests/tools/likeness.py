@@ -8,8 +8,6 @@ An identifier (UUID) stands for the one that was shown in its place, from then o
 import re
 from collections.abc import Sequence
 
-__all__ = ["Likeness"]
-
 _UUID = r"[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}"
 _MOMENT = r"\d{4}-\d\d-\d\dT[\d:.]+Z"
 _DECIMAL = r"\d+\.\d+(?:[eE][-+]?\d+)?|\d+[eE][-+]?\d+"

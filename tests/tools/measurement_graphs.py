@@ -5,8 +5,6 @@ import numpy as np
 
 from syncplan.orbits.contacts import Windows
 
-__all__ = ["union_over"]
-
 
 def union_over(windows: Windows, period: float, start: float, length: float) -> nx.DiGraph:
     """Return the union of the RPMG over [start, start + length] s as a directed networkx graph.

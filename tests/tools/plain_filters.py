@@ -24,8 +24,6 @@ from syncplan.estimation.reference_filter import (
 from syncplan.orbits.circles import unit, wrap
 from tests.tools.filter_scenes import Scene, derivative, true_state
 
-__all__ = ["Plain", "beyond_tangent", "extended_steps", "ideal_steps", "in_step"]
-
 
 class Plain(NamedTuple):
     """A step of a plain filter.

@@ -31,8 +31,6 @@ from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
 from tests.tools.plain_filters import beyond_tangent
 from tests.tools.plain_truth import PlainTruth, Sighting, planned, steps_until
 
-__all__ = ["PlainFlight", "fly_plainly"]
-
 SURE_SIGMAS, LEAD_PERIODS, LOOKS_IN_PERIOD = 4.0, 0.5, 32
 
 
@@ -94,83 +92,38 @@ class PlainFlight:
                 found = min(found, float(apart.min(initial=np.inf)))
         return found
 
-    def meetings(self) -> tuple[dict[tuple[int, int], int], dict[tuple[int, int], int]]:
-        """How many meetings each pair kept, and how many were planned.
 
-        One a period, about the middle of the longest window of either direction; those count whose
-        period is wholly in the run, and over before one of the two is gone.
-        """
-        team, windows = self.truth.team, self.truth.run.team.windows
-        period, time = team.orbits.period, team.sensors.sample_time
-        longest: dict[tuple[int, int], tuple[float, float]] = {}
-        for k, (o, t) in enumerate(zip(windows.observers, windows.targets, strict=True)):
-            pair = (int(min(o, t)), int(max(o, t)))
-            for begin, end in windows.of(k):
-                found = (float(end - begin), float(begin + end) / 2.0 % period)
-                if found[0] > longest.get(pair, (0.0, 0.0))[0]:
-                    longest[pair] = found
-        times: dict[tuple[int, int], list[float]] = {pair: [] for pair in longest}
-        for step, sightings in enumerate(self.truth.sightings):
-            for one in sightings:
-                pair = (min(one.observer, one.target), max(one.observer, one.target))
-                if pair in times:
-                    times[pair].append(step * time)
-        kept, planned = dict.fromkeys(longest, 0), dict.fromkeys(longest, 0)
-        for pair, (_, middle) in longest.items():
-            last = next(
-                (k for k in range(len(self.there)) if any(self.truth.gone(b, k) for b in pair)),
-                len(self.there) - 1,
-            )
-            begin = middle - 0.5 * period
-            while begin + period <= last * time + 1e-9:
-                if begin >= 0.0:
-                    planned[pair] += 1
-                    kept[pair] += any(begin <= at < begin + period for at in times[pair])
-                begin += period
-        return kept, planned
-
-
-def fly_plainly(run: FlightRun, trial: int, *, bound: bool = True) -> PlainFlight:
-    """Return a trial of a flight; `bound` says whether its bound is found too."""
-    truth, loop, steps = PlainTruth(run, trial), _Filter(run), run.team.steps
-    n, late, period = run.team.team.count, run.options.late, run.team.team.orbits.period
-    time = run.team.team.sensors.sample_time
-    look_every = max(1, round(period / time / LOOKS_IN_PERIOD))
+def fly_plainly(run: FlightRun, trial: int) -> PlainFlight:
+    """Return a trial of a flight."""
+    truth, loop, steps = PlainTruth(run, trial), PlainLoop(run), run.team.steps
+    n, late = run.team.team.count, run.options.late
     states, variances, moved = [loop.state], [np.diag(loop.P)], [loop.moved.copy()]
     there = np.array([[not truth.gone(i, k) for i in range(n)] for k in range(steps + 1)])
     trues = np.array([_true_state(run, truth, k) for k in range(steps + 1)])
     nees = [0.0]
-    losses = {steps_until(one.time, time) for one in run.events.losses}
-    if 0 in losses:
-        loop.lose(0, truth)
+    loop.lose(truth)
     for step in range(1, steps + 1):
         while truth.flown < min(step + late, steps):
             truth.fly(loop.commands(truth))
-        loop.predict(truth)
-        loop.correct(truth.sightings[step])
-        if step in losses:
-            loop.lose(step, truth)
-        if step % look_every == 0:
-            loop.move_circles(truth)
+        loop.follow(truth)
         trues[step] = _true_state(run, truth, step)
         states.append(loop.state)
         variances.append(np.diag(loop.P))
         moved.append(loop.moved.copy())
         nees.append(_nees(loop, trues[step], there[step]))
-    bounds = _bounds(run, truth, trues) if bound else np.zeros((steps + 1, n))
     return PlainFlight(
         truth,
         np.array(states),
         trues,
         np.array(variances),
         np.array(nees),
-        bounds,
+        _bounds(run, truth, trues),
         np.array(moved),
         there.astype(float),
     )
 
 
-class _Filter:
+class PlainLoop:
     """The filter and its steering; `state` and `P` are after the sightings of step `at`."""
 
     def __init__(self, run: FlightRun) -> None:
@@ -183,14 +136,23 @@ class _Filter:
         self.anchors: Anchors = anchors_of(self.team, run.team.windows, run.limits.separation)
         self.at = 0
 
-    def predict(self, truth: PlainTruth) -> None:
+    def follow(self, truth: PlainTruth) -> None:
+        """Take in what a sample brought: readings, sightings, losses."""
+        self._predict(truth)
+        self._correct(truth.sightings[self.at])
+        self.lose(truth)
+        samples = self.team.orbits.period / self.team.sensors.sample_time
+        if self.at % max(1, round(samples / LOOKS_IN_PERIOD)) == 0:
+            self._move_circles(truth)
+
+    def _predict(self, truth: PlainTruth) -> None:
         """Take in the motion readings of a sample."""
         speeds, turn_rates = truth.speeds[self.at], truth.turn_rates[self.at]
         self.state, self.P = predict_state(self.state, self.P, speeds, turn_rates, self.setup)
         self.read = speeds, turn_rates
         self.at += 1
 
-    def correct(self, sightings: list[Sighting]) -> None:
+    def _correct(self, sightings: list[Sighting]) -> None:
         """Take in sightings."""
         for one in sightings:
             setup = _with(self.setup, one, _variance(one, self.team))
@@ -199,19 +161,20 @@ class _Filter:
                 self.state, self.P, 0, one.reading, setup, self.read
             )
 
-    def lose(self, step: int, truth: PlainTruth) -> None:
-        """Go on without what is lost at a step."""
-        n, windows = self.team.count, self.run.team.windows
+    def lose(self, truth: PlainTruth) -> None:
+        """Go on without what is lost now."""
+        n, windows, step = self.team.count, self.run.team.windows, self.at
         time = self.team.sensors.sample_time
-        for one in self.run.events.losses:
-            if steps_until(one.time, time) == step:
-                for vehicle in one.loss.vehicles:
-                    own = slice(3 * vehicle, 3 * vehicle + 3)
-                    kept = self.P[own, own].copy()
-                    self.P[own], self.P[:, own] = 0.0, 0.0
-                    self.P[own, own] = kept
-                    # whatever is thought of it: nobody's estimate depends on it
-                    self.state[own] += 1000.0
+        now = [one for one in truth.lost(step) if steps_until(one.time, time) == step]
+        if not now:
+            return
+        for vehicle in (vehicle for one in now for vehicle in one.loss.vehicles):
+            own = slice(3 * vehicle, 3 * vehicle + 3)
+            kept = self.P[own, own].copy()
+            self.P[own], self.P[:, own] = 0.0, 0.0
+            self.P[own, own] = kept
+            # whatever is thought of it: nobody's estimate depends on it
+            self.state[own] += 1000.0
         there = np.array([not truth.gone(b, step) for b in range(n + len(self.team.landmarks))])
         blind = {o for one in truth.lost(step) for o in one.loss.sensors}
         left = np.array(
@@ -242,7 +205,7 @@ class _Filter:
         free = FlightLimits(-endless, endless, endless, 0.0)
         return tracking_commands(orbits, free, gains, step * time, poses, winds)
 
-    def move_circles(self, truth: PlainTruth) -> None:
+    def _move_circles(self, truth: PlainTruth) -> None:
         """Move circles to their anchors by what is not known for sure."""
         if self.run.options.guidance == "none":
             return
@@ -302,7 +265,7 @@ def _true_state(run: FlightRun, truth: PlainTruth, step: int) -> Array:
     return found
 
 
-def _nees(loop: _Filter, true: Array, there: Array) -> float:
+def _nees(loop: PlainLoop, true: Array, there: Array) -> float:
     n = loop.team.count
     off = (loop.state - true)[: 3 * n]
     off[2::3] = wrap(off[2::3])

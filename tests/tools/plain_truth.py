@@ -16,20 +16,6 @@ from syncplan.flight.flying import FlightRun
 from syncplan.orbits.circles import heading, position
 from syncplan.orbits.team import Team
 
-__all__ = [
-    "BEARING",
-    "COMPASS",
-    "DISTANCE",
-    "PlainTruth",
-    "Sighting",
-    "draws_of",
-    "hidden_by",
-    "planned",
-    "steps_until",
-    "uniform",
-    "words",
-]
-
 BEARING, DISTANCE, COMPASS = range(3)
 
 
@@ -137,6 +123,7 @@ class PlainTruth:
     saturated : (steps, n) whether a command was at a limit, and not for a hold
     sightings : of each step
     seen : (steps + 1, n) whether a vehicle was in a sighting
+    response_mean : (n, 2) m/s, rad/s, mean of what commands make of vehicles in the last sample
     """
 
     def __init__(self, run: FlightRun, trial: int) -> None:
@@ -151,6 +138,7 @@ class PlainTruth:
         self.speeds, self.turn_rates = np.zeros((steps, n)), np.zeros((steps, n))
         self.commands, self.saturated = np.zeros((steps, n, 2)), np.zeros((steps, n), dtype=bool)
         self.response = np.column_stack([self.team.orbits.speeds, self.team.orbits.turn_rates])
+        self.response_mean = self.response
         self.sightings: list[list[Sighting]] = [[] for _ in range(steps + 1)]
         self.seen: Flags = np.zeros((steps + 1, n), dtype=bool)
         self.flown = 0
@@ -174,24 +162,48 @@ class PlainTruth:
 
     def fly(self, wanted: Array) -> None:
         """Fly a sample by commands (n, 2), and look around at its end."""
-        k, time = self.flown, self.team.sensors.sample_time
-        for i in range(self.team.count):
-            mean = self._obeyed(i, wanted[i])
-            noise = np.array(
-                [
-                    self.team.noise.speed_sigma * self.draws["speeds"][k, i],
-                    self.team.noise.turn_rate_sigma * self.draws["turn_rates"][k, i],
-                ]
-            )
-            measured = self.run.plan.scenario.motion.readings == "measured"
-            read, done = (mean + noise, mean) if measured else (mean, mean - noise)
-            self.speeds[k, i], self.turn_rates[k, i] = read
-            v = done[0] * (1.0 + self.errors["speed_scale"][i])
-            w = done[1] + self.errors["turn_rate_bias"][i]
-            air = self.errors["wind"][0] + self.errors["gusts"][k, i]
-            self.path[k + 1, i] = _after(self.path[k, i], v, w, air, time)
+        done = self.obey(wanted) + self.disturbance
+        v = done[:, 0] * (1.0 + self.errors["speed_scale"])
+        w = done[:, 1] + self.errors["turn_rate_bias"]
+        now, time = self.path[self.flown], self.team.sensors.sample_time
+        poses = [_after(*one, time) for one in zip(now, v, w, self.air, strict=True)]
+        self.arrive(np.array(poses), done)
+
+    @property
+    def air(self) -> Array:
+        """(n, 2) m/s, wind and gusts in the sample that begins."""
+        return np.asarray(self.errors["wind"] + self.errors["gusts"][self.flown])
+
+    @property
+    def disturbance(self) -> Array:
+        """(n, 2) m/s, rad/s by which vehicles fly more than they respond in the sample that begins.
+
+        Noise is on what they read where that is measured, and on what they fly where it is not.
+        """
+        return np.zeros_like(self._noise) if self._measured else -self._noise
+
+    def obey(self, wanted: Array) -> Array:
+        """Return the mean response (n, 2) of vehicles to commands (n, 2), m/s, rad/s."""
+        self.response_mean = np.array([self._obeyed(i, one) for i, one in enumerate(wanted)])
+        return self.response_mean
+
+    def arrive(self, poses: Array, done: Array) -> None:
+        """End the sample at poses (n, 3) after what was done in it (n, 2), and look around."""
+        read = done + self._noise if self._measured else self.response_mean
+        self.speeds[self.flown], self.turn_rates[self.flown] = read.T
         self.flown += 1
+        self.path[self.flown] = poses
         self._look(self.flown)
+
+    @property
+    def _noise(self) -> Array:
+        noise, k = self.team.noise, self.flown
+        speeds, turn_rates = self.draws["speeds"][k], self.draws["turn_rates"][k]
+        return np.column_stack([noise.speed_sigma * speeds, noise.turn_rate_sigma * turn_rates])
+
+    @property
+    def _measured(self) -> bool:
+        return self.run.plan.scenario.motion.readings == "measured"
 
     def _obeyed(self, i: int, wanted: Array) -> Array:
         """The mean response (2,) of a vehicle over a sample, in m/s and rad/s."""

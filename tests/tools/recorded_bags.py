@@ -9,8 +9,7 @@ import numpy as np
 
 from syncplan.recordings.log import Log
 from syncplan.recordings.ros_bags import DETECTIONS, typestore
-
-__all__ = ["BagMessages", "Message", "write_bag", "write_messages"]
+from tests.tools.recordings import names_of
 
 Message = tuple[str, float, Any]
 """A topic, a time in s, and what is said on it then."""
@@ -65,9 +64,7 @@ class BagMessages:
         return self.odometry(time, 0.0, 0.0, self._pose(x, y, heading))
 
     def _hypothesis(self, name: str, score: float, x: float, y: float) -> Any:
-        pose = self._new(
-            "geometry_msgs/msg/PoseWithCovariance", self._pose(x, y, 0.0), np.zeros(36)
-        )
+        pose = self._new("geometry_msgs/msg/PoseWithCovariance", self._pose(x, y, 0.0), _NONE)
         guess = self._new("vision_msgs/msg/ObjectHypothesis", name, score)
         return self._new("vision_msgs/msg/ObjectHypothesisWithPose", guess, pose)
 
@@ -80,13 +77,10 @@ class BagMessages:
         )
 
     def _twist(self, speed: float, turn: float) -> Any:
-        spin = self._new("geometry_msgs/msg/Vector3", 0.0, 0.0, turn)
-        return self._new(
-            "geometry_msgs/msg/Twist", self._new("geometry_msgs/msg/Vector3", speed, 0.0, 0.0), spin
-        )
+        return self._new("geometry_msgs/msg/Twist", self._vector(x=speed), self._vector(z=turn))
 
-    def _vector(self) -> Any:
-        return self._new("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
+    def _vector(self, x: float = 0.0, z: float = 0.0) -> Any:
+        return self._new("geometry_msgs/msg/Vector3", x, 0.0, z)
 
     def _header(self, time: float) -> Any:
         stamp = self._new(
@@ -124,8 +118,7 @@ def write_messages(folder: Path, messages: Iterable[Message], storage: str = "MC
 
 def _messages(log: Log) -> list[Message]:
     of = BagMessages()
-    names = {robot.subject: robot.name for robot in log.robots}
-    names |= dict(zip(log.landmark_subjects.tolist(), map(str, log.landmark_names), strict=True))
+    names = names_of(log)
     begin = min(float(robot.odometry[0, 0]) for robot in log.robots)
     fixed = [
         (str(name), *place)

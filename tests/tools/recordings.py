@@ -16,19 +16,6 @@ from syncplan.recordings.log import Log, RobotLog
 from syncplan.recordings.recording_formats import load_log
 from tests.tools.serving import ROOT
 
-__all__ = [
-    "CLOCK",
-    "LANDMARKS",
-    "REAL",
-    "Recipe",
-    "part_of",
-    "refusal_of",
-    "tarred",
-    "write_csv",
-    "write_recording",
-    "zipped",
-]
-
 REAL = ROOT.parent / "shared" / "data" / "mrclam6.tar.xz"
 """The recording of real robots that some tests need, beside the checkout."""
 
@@ -104,8 +91,7 @@ def write_recording(folder: Path, recipe: Recipe, seed: int = 0) -> Path:
 def write_csv(log: Log, folder: Path) -> Path:
     """Write a recording as a folder of CSV files; return the folder."""
     folder.mkdir(parents=True, exist_ok=True)
-    names = {robot.subject: robot.name for robot in log.robots}
-    names |= dict(zip(log.landmark_subjects.tolist(), map(str, log.landmark_names), strict=True))
+    names = names_of(log)
     odometry, sightings, truth = [], [], []
     for robot in log.robots:
         odometry += [(robot.name, *row) for row in robot.odometry.tolist()]
@@ -156,6 +142,13 @@ def _between(rows: np.ndarray, low: float, high: float) -> np.ndarray:
     """Rows of times in between, and the one before them and after: values there are between."""
     begin, end = np.searchsorted(rows[:, 0], (low, high))
     return rows[max(begin - 1, 0) : end + 1]
+
+
+def names_of(log: Log) -> dict[int, str]:
+    """Return the names of robots and landmarks by number."""
+    names = {robot.subject: robot.name for robot in log.robots}
+    landmarks = zip(log.landmark_subjects.tolist(), map(str, log.landmark_names), strict=True)
+    return names | dict(landmarks)
 
 
 def refusal_of(path: Path) -> str:
