@@ -5,7 +5,6 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
-import pytest
 from rich.console import Console
 
 from syncplan.cli.run_tables import _print_missed
@@ -66,39 +65,6 @@ def test_a_terminal_shows_vehicles_and_what_happened(printed: Any) -> None:
         "less than a period, 31.4 s, is left",
     ):
         assert words in out
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("--lose", "v9@20"), "lose: 'v9': is neither a vehicle"),
-        (("--lose", "v3@-2"), "lose: v3@-2: -2 s is no time of the flight, which is from 0 to 40"),
-        (("--lose", "v3@40"), "lose: v3@40: 40 s is no time of the flight"),
-        (("--lose", "v3"), "lose: 'v3' has no time"),
-        (("--hold", "v2@39"), "hold: 'v2@39' is no hold"),
-        (("--hold", "v2@10:5", "--hold", "v2@12:5"), "hold: v2 is held twice at 12 s"),
-        (
-            ("--hold", "v1@30:300"),
-            "--hold: v1@30:300: ends at 330 s, after the flight of 40 s",
-        ),
-        (("--lose", "L1@39.95"), "lose: L1@39.95: the last sample of the flight begins at 39.9 s"),
-        (("--late", "400"), "--late: 400 given, the flight has 400 samples; give fewer"),
-        (("--wind", "1.5"), "--wind: '1.5': give two numbers, such as 1.5,0"),
-        (("--wind", "1,north"), "--wind"),
-        (("--dropout", "1"), "dropout: 1 given; allowed is at least 0 and less than 1"),
-        (("--late", "-1"), "late: -1 given"),
-        (("--filter", "ideal"), "'ideal' is not one of 'auto', 'ekf'"),
-        (("--guidance", "luck"), "guidance"),
-    ],
-)
-def test_what_is_wrong_is_said_in_one_line_and_nothing_is_written(
-    refused: Any, tmp_path: Path, arguments: tuple[str, ...], message: str
-) -> None:
-    target = tmp_path / "flight.json"
-    err = refused("fly", GRID, *QUICK, *arguments, "-o", str(target))
-    assert message in " ".join(err.split())
-    assert not target.exists()
-    assert len(err.strip().splitlines()) == 1 or "guidance" in message
 
 
 def test_links_are_distinguished_from_others_only_where_there_are_others() -> None:

@@ -7,7 +7,6 @@ from typing import Any
 import pytest
 
 from syncplan.scenario.loading import load_scenario
-from tests.tools.scenarios import document
 
 SCENARIO = """# a survey of the harbour
 name: "survey"   # quoted, as it was
@@ -70,11 +69,11 @@ def test_all_else_of_the_file_stays_as_it_was_written(
 
 @pytest.mark.parametrize("ending", [".json", ".yaml"])
 def test_a_file_of_either_kind_is_written_from_either_kind(
-    run: Any, tmp_path: Path, ending: str
+    run: Any, written: Any, tmp_path: Path, ending: str
 ) -> None:
     (tmp_path / "sites.yaml").write_text(SITES)
-    subject, target = tmp_path / "given.json", tmp_path / f"chosen{ending}"
-    subject.write_text(json.dumps(document(landmarks_m={"mast": [20, 45]}, duration_s=20)))
+    target = tmp_path / f"chosen{ending}"
+    subject = Path(written(landmarks_m={"mast": [20, 45]}, duration_s=20))
     report = chosen(run, subject, target)
     scenario = load_scenario(target)
     assert set(scenario.landmark_names) == {"mast", *report["chosen"]}
@@ -85,20 +84,20 @@ def test_a_file_of_either_kind_is_written_from_either_kind(
     assert load_scenario(target).landmarks_m == scenario.landmarks_m
 
 
-def test_centres_that_were_found_are_written_with_the_landmarks(run: Any, tmp_path: Path) -> None:
+def test_centres_that_were_found_are_written_with_the_landmarks(
+    run: Any, written: Any, tmp_path: Path
+) -> None:
     (tmp_path / "sites.yaml").write_text("a: [5, 30]\nb: [30, 5]\nc: [60, 60]\n")
-    subject, target = tmp_path / "links.json", tmp_path / "chosen.yaml"
-    links = {"links": [["v1", "v2"]]}
+    target = tmp_path / "chosen.yaml"
     area = [[-30, -30], [90, -30], [90, 90], [-30, 90]]
-    subject.write_text(json.dumps(document(formation=links, area_m=area, duration_s=20)))
-    report = chosen(run, subject, target)
+    links = written(formation={"links": [["v1", "v2"]]}, area_m=area, duration_s=20)
+    report = chosen(run, Path(links), target)
     stated = [[*one["center_m"]] for one in report["plan"]["vehicles"]]
     assert [[*place] for place in load_scenario(target).centers] == stated
 
 
-def test_what_was_read_is_not_written_over(refused: Any, survey: Path) -> None:
-    sites = survey.with_name("sites.yaml")
-    for target in (survey, sites):
-        options = ("--candidates", str(sites), "--choose", "1", "--scenario-out", str(target))
-        assert "is the file that is read" in refused("landmarks", str(survey), *options)
-    assert survey.read_text() == SCENARIO
+def test_the_candidates_are_not_written_over(refused: Any, survey: Path) -> None:
+    sites = str(survey.with_name("sites.yaml"))
+    options = ("--candidates", sites, "--choose", "1", "--scenario-out", sites)
+    assert "is the file that is read" in refused("landmarks", str(survey), *options)
+    assert Path(sites).read_text() == SITES

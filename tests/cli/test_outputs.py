@@ -28,22 +28,36 @@ COMMANDS: dict[str, tuple[str, ...]] = {
 """Each reads a file that is none: that the output is complained of says that it comes first."""
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+ENDINGS = {"plot": "html", "export": "zip"}
+OUTPUTS = [*((name, "-o") for name in COMMANDS), ("landmarks", "--scenario-out")]
+
+
+def _target(folder: Path, command: str) -> Path:
+    return folder / f"x.{ENDINGS.get(command, 'json')}"
+
+
+@pytest.mark.parametrize(("command", "option"), OUTPUTS)
 def test_a_missing_folder_is_said_before_anything_is_read(
-    refused: Any, tmp_path: Path, command: str
+    refused: Any, tmp_path: Path, command: str, option: str
 ) -> None:
-    ending = {"plot": "html", "export": "zip"}.get(command, "json")
-    target = tmp_path / "nodir" / f"x.{ending}"
-    err = refused(*COMMANDS[command], "-o", str(target))
+    target = _target(tmp_path / "nodir", command)
+    err = refused(*COMMANDS[command], option, str(target))
     problem = f"can't be written: there is no directory {target.parent}; make it first"
     assert err == f"syncplan: {target}: {problem}\n"
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_scenario_of_chosen_landmarks_is_checked_as_well(refused: Any, tmp_path: Path) -> None:
-    target = tmp_path / "nodir" / "chosen.yaml"
-    err = refused(*COMMANDS["landmarks"], "--scenario-out", str(target))
-    assert f"{target}: can't be written: there is no directory" in err
+# what replay reads are folders, as a rule
+@pytest.mark.parametrize(("command", "option"), [one for one in OUTPUTS if "replay" not in one])
+def test_the_file_that_is_read_is_not_written_over(
+    refused: Any, tmp_path: Path, command: str, option: str
+) -> None:
+    target = _target(tmp_path, command)
+    target.write_text("{}")
+    name, _, *options = COMMANDS[command]
+    err = refused(name, str(target), *options, option, str(target))
+    assert err == f"syncplan: {target}: is the file that is read; give another one to write\n"
+    assert target.read_text() == "{}"
 
 
 def test_a_file_to_replace_is_as_it_was_after_the_check(refused: Any, tmp_path: Path) -> None:
@@ -87,15 +101,3 @@ def test_writing_and_checking_refuse_alike(tmp_path: Path) -> None:
     with pytest.raises(InputError) as written:
         write_text(target, "{}")
     assert str(checked.value) == str(written.value)
-
-
-@pytest.mark.parametrize("threads", ["0", "-3"])
-@pytest.mark.parametrize("command", ["fly", "validate", "what-if"])
-def test_fewer_threads_than_one_are_refused_in_one_line(
-    refused: Any, tmp_path: Path, command: str, threads: str
-) -> None:
-    target = tmp_path / "x.json"
-    err = refused(command, GRID, "--threads", threads, "-o", str(target))
-    assert err.splitlines()[-1].endswith(f"threads: {threads} given, at least 1 is needed")
-    assert "internal fault" not in err
-    assert not target.exists()

@@ -23,7 +23,7 @@ from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.figures import specs_of
 from tests.tools.image_browser import BROWSER, needs_browser
 from tests.tools.processes import PATIENCE_S
-from tests.tools.scenarios import FILES, circling, document, small
+from tests.tools.scenarios import FILES, circling, document, example, small
 
 GRID = str(FILES / "paper-grid-alternate.yaml")
 
@@ -94,17 +94,8 @@ def test_a_page_holds_all_figures_and_fetches_nothing(run: Run, tmp_path: Path) 
 
 def test_the_page_holds_what_the_library_draws(run: Run) -> None:
     _, out, _ = run("plot", GRID, "--figure", "formation", "--figure", "spectrum")
-    page = _page(out)
-    from syncplan.scenario.loading import load_scenario
-
-    made = plan(load_scenario(GRID))
-    assert page.values == json.loads(json.dumps(specs_of(made, ["formation", "spectrum"])))
-
-
-def test_the_same_file_gives_the_same_page(run: Run) -> None:
-    one = run("plot", GRID)[1]
-    assert one == run("plot", GRID, "-o", "-")[1]
-    assert one.startswith("<!DOCTYPE html>")
+    made = specs_of(plan(example("paper-grid-alternate")), ["formation", "spectrum"])
+    assert _page(out).values == json.loads(json.dumps(made))
 
 
 def test_names_in_a_page_can_break_out_of_nothing(run: Run, written: Any) -> None:
@@ -127,7 +118,9 @@ def test_values_in_a_page_end_no_script() -> None:
 def test_a_plan_file_and_its_scenario_give_the_same_page(run: Run, tmp_path: Path) -> None:
     made = tmp_path / "plan.json"
     assert run("plan", GRID, "-o", str(made))[0] == 0
-    assert run("plot", str(made))[1] == run("plot", GRID)[1]
+    page = run("plot", str(made))[1]
+    assert page.startswith("<!DOCTYPE html>")
+    assert page == run("plot", GRID, "-o", "-")[1]
 
 
 def test_standard_input_is_read_for_a_dash(printed: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -166,39 +159,6 @@ def test_a_refined_plan_file_keeps_its_before_and_after(
     assert before["y"][3] == pytest.approx(stated, abs=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "reported"),
-    [
-        (
-            ("-o", "plan.gif"),
-            "--output: 'plan.gif': its name must end in .html, .png, .svg or .pdf",
-        ),
-        (("--figure", "pie"), "--figure: 'pie': choose from formation, animation"),
-        (("--figure", "refinement"), "the plan was not refined"),
-        (("--figure", "comparison"), "there is no second plan (--compare)"),
-        (("--width", "100"), "--width: 100: choose from 240 to 4000"),
-        (("--height", "100"), "--height: 100: choose from 160 to 8000"),
-        (("--height", "165"), "--height: 165 px leave no room for the plot; at this width it"),
-        (("--font-scale", "nan"), "--font-scale: nan: choose from 0.5 to 3"),
-        (("--pixel-ratio", "7"), "--pixel-ratio: 7: choose from 1 to 6"),
-        (("--theme", "blue"), "'blue' is not one of 'light', 'dark'"),
-        (("--compare", "none.json"), "none.json: no such file"),
-    ],
-)
-def test_what_can_not_be_drawn_is_said_in_one_line(
-    refused: Any,
-    arguments: tuple[str, ...],
-    reported: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    err = refused("plot", GRID, *arguments)
-    assert reported in err
-    assert err.count("\n") == 1
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_at_a_terminal_a_file_is_asked_for(refused: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
     assert "--output: give the file to write, such as -o figures.html" in refused("plot", GRID)
@@ -217,13 +177,6 @@ def test_a_damaged_report_is_refused_by_file_and_key(
     assert f"{report}: rows" in refused("plot", str(report))
 
 
-def test_a_plan_is_not_written_over(run: Run, tmp_path: Path) -> None:
-    source = tmp_path / "plan.html"
-    source.write_text(json.dumps(document()))
-    assert run("plot", str(source), "-o", str(source))[0] == 2
-    assert json.loads(source.read_text()) == document()
-
-
 @pytest.mark.parametrize("missing", ["plotly", "kaleido"])
 def test_a_missing_extra_is_named(
     refused: Any, missing: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -233,9 +186,8 @@ def test_a_missing_extra_is_named(
         importlib.util, "find_spec", lambda name, *rest: None if name == missing else real(name)
     )
     # None in sys.modules makes an import fail as if nothing were installed
-    for name in [n for n in sys.modules if n.split(".")[0] == missing]:
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setitem(sys.modules, missing, None)
+    for name in {missing, *(n for n in sys.modules if n.startswith(f"{missing}."))}:
+        monkeypatch.setitem(sys.modules, name, None)
     target = tmp_path / "plan.png"
     err = refused("plot", GRID, "-o", str(target))
     assert f"needs {missing}: pip install 'syncplan[plot]'" in err
@@ -360,10 +312,8 @@ def test_a_browser_that_never_answers_is_given_up(
 @needs_browser
 @pytest.mark.long
 def test_an_image_has_the_colours_of_its_theme(run: Run, tmp_path: Path) -> None:
-    for theme, paper, other in (
-        ("light", "rgb(255, 255, 255)", "rgb(22, 22, 26)"),
-        ("dark", "rgb(22, 22, 26)", "rgb(255, 255, 255)"),
-    ):
+    light, dark = "rgb(255, 255, 255)", "rgb(22, 22, 26)"
+    for theme, paper, other in (("light", light, dark), ("dark", dark, light)):
         target = tmp_path / f"{theme}.svg"
         assert run("plot", GRID, "--theme", theme, "-o", str(target))[0] == 0
         drawn = target.read_text(encoding="utf-8")
@@ -401,9 +351,7 @@ def test_a_page_takes_a_theme_and_a_width(run: Run) -> None:
 def test_a_narrow_page_shows_figures_laid_out_for_a_column(run: Run, tmp_path: Path) -> None:
     target = tmp_path / "plan.html"
     assert run("plot", GRID, "--figure", "formation", "-o", str(target))[0] == 0
-    from syncplan.scenario.loading import load_scenario
-
-    made = plan(load_scenario(GRID))
+    made = plan(example("paper-grid-alternate"))
     for window, style in ((1200, FigureStyle()), (500, FigureStyle(width=400))):
         height = specs_of(made, ["formation"], style=style)["formation"]["layout"]["height"]
         dom = _dumped(target, tmp_path, f"--window-size={window},900")
@@ -437,19 +385,10 @@ def test_a_browser_draws_the_page_and_plays_it_without_a_fault(run: Run, tmp_pat
 def _dumped(page: Path, work: Path, *more: str) -> str:
     """A page's elements once its script has run, without a fault."""
     assert BROWSER is not None
+    how = ("--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={work / 'profile'}")
+    seen = ("--enable-logging=stderr", "--virtual-time-budget=6000", "--dump-dom")
     done = subprocess.run(
-        [
-            BROWSER,
-            "--headless",
-            "--no-sandbox",
-            "--disable-gpu",
-            f"--user-data-dir={work / 'profile'}",
-            "--enable-logging=stderr",
-            "--virtual-time-budget=6000",
-            *more,
-            "--dump-dom",
-            page.as_uri(),
-        ],
+        [BROWSER, *how, *seen, *more, page.as_uri()],
         capture_output=True,
         text=True,
         timeout=PATIENCE_S,

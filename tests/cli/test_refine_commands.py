@@ -12,7 +12,7 @@ import pytest
 
 from syncplan.cli import command_line
 from tests.tools.processes import PATIENCE_S, wait_until, worked
-from tests.tools.scenarios import FILES, circling
+from tests.tools.scenarios import FILES
 
 GRID = str(FILES / "paper-grid-same.yaml")
 ALTERNATE = str(FILES / "paper-grid-alternate.yaml")
@@ -60,79 +60,6 @@ def test_plan_with_refine_gives_what_refine_gives(run: Any, written: Any) -> Non
     scenario = json.loads(run("plan", GRID)[1])["scenario"]
     path = written(**scenario, refine={"starts": 1, "objective": "logdet"})
     assert run("plan", path, "--refine")[1] == run("refine", path)[1]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "reported"),
-    [
-        (("--objective", "best"), "--objective: 'best': must be 'predicted_rms'"),
-        (("--center-box-m", "0"), "--center-box-m: 0.0: must be greater than 0"),
-        (("--vary", "radii", "--radius-m", "25,15"), "--radius-m: [25.0, 15.0]: the least is"),
-        (("--vary", "radii"), "--radius-m: is missing"),
-        (("--radius-m", "15,25"), "--radius-m: does nothing unless vary names radii"),
-        (("--vary", "phases,speed"), "--vary: 'speed': must be 'phases'"),
-        (("--time-limit-s", "0"), "--time-limit-s: 0.0: must be greater than 0"),
-        (("--starts", "0"), "--starts: 0: must be greater than or equal to 1"),
-    ],
-)
-def test_bad_options_are_one_clear_line(
-    refused: Any, tmp_path: Path, arguments: tuple[str, ...], reported: str
-) -> None:
-    output = tmp_path / "kept.json"
-    output.write_text("kept")
-    err = refused("refine", GRID, *arguments, "-o", str(output))
-    assert err.count("\n") == 1
-    assert reported in err
-    assert output.read_text() == "kept"
-
-
-@pytest.mark.parametrize(
-    ("changes", "reported"),
-    [
-        ({"refine": {"objective": "best"}}, "refine.objective: 'best': must be"),
-        ({"refine": {"center_box_m": 0}}, "refine.center_box_m: 0: must be greater than 0"),
-        ({"area_m": []}, "area_m: has 0 corners"),
-        ({"area_m": [[0, 0], [1, 1], [2, 2]]}, "area_m: encloses nothing"),
-        (
-            {"keep_out_m": [[[0, 0], [9, 9], [9, 0], [1, 9]]]},
-            "keep_out_m[0]: is not a simple polygon",
-        ),
-        ({"limits": {"speed_mps": [6, 5]}}, "limits.speed_mps: [6.0, 5.0]: the least is larger"),
-        ({"limits": {"speed_mps": [5, 6]}}, "limits.speed_mps: v1 flies 4 m/s"),
-        ({"limits": {"turn_rate_rad_s": 0.1}}, "limits.turn_rate_rad_s: 0.1: the orbits turn at"),
-    ],
-)
-def test_bad_sections_are_one_clear_line(
-    refused: Any, written: Any, changes: dict[str, Any], reported: str
-) -> None:
-    err = refused("refine", written(**changes))
-    assert err.count("\n") == 1
-    assert reported in err
-
-
-@pytest.mark.parametrize(
-    ("changes", "options", "reported"),
-    [
-        (
-            {"min_separation_m": 40.0, "sensor": {"range_m": 30.0}},
-            (),
-            "link v1-v2: separation 40 m against range 30 m",
-        ),
-        ({}, ("--margin-m", "60"), "link v1-v2: margin 60 m leaves nothing of range 50 m"),
-        (
-            {"area_m": [[0, 0], [30, 0], [30, 30], [0, 30]]},
-            (),
-            "v1: no place for a circle of 20 m inside area_m",
-        ),
-    ],
-)
-def test_constraints_that_conflict_are_named(
-    run: Any, written: Any, changes: dict[str, Any], options: tuple[str, ...], reported: str
-) -> None:
-    status, out, err = run("refine", written(landmarks_m=LANDMARKS, **changes), *options)
-    assert (status, out) == (4, "")
-    assert reported in err
-    assert err.count("\n") == 1
 
 
 def test_what_can_not_be_bettered_comes_back_with_the_reason_and_is_not_written(
@@ -189,18 +116,6 @@ def test_place_gives_a_scenario_that_plan_takes(run: Any, written: Any, tmp_path
     assert json.loads(run("plan", scenario)[1])["vehicles"] == first["vehicles"]
 
 
-def test_a_star_that_does_not_fit_is_refused_with_the_reason(run: Any, written: Any) -> None:
-    links = [["v1", f"v{k}"] for k in range(2, 9)]
-    scenario = written(
-        formation={"links": links},
-        orbit=circling(radius_m=50.0),
-        sensor={"range_m": 10.0},
-    )
-    status, out, err = run("place", scenario)
-    assert (status, out) == (4, "")
-    assert "at most 6 fit round it" in err
-
-
 def test_landmarks_chooses_among_the_candidates_of_a_file(
     printed: Any, refused: Any, tmp_path: Path
 ) -> None:
@@ -251,13 +166,6 @@ def test_links_that_meet_outside_the_window_are_kept_too(run: Any, written: Any)
         ("v1", "v2"),
         ("v2", "v3"),
     ]
-
-
-def test_radii_that_no_allowed_speed_has_are_a_conflict(run: Any, written: Any) -> None:
-    scenario = written(limits={"speed_mps": [3.0, 5.0]}, landmarks_m=LANDMARKS)
-    status, out, err = run("refine", scenario, "--vary", "radii", "--radius-m", "30,40")
-    assert (status, out) == (4, "")
-    assert "radii of 30 to 40 m at 0.2 rad/s mean 6 to 8 m/s against limits.speed_mps 3 to 5" in err
 
 
 @pytest.mark.long

@@ -19,7 +19,7 @@ from syncplan.reports.plan_report import plan_document
 from syncplan.reports.validation_report import validation_document
 from syncplan.runtime.files import as_text
 from tests.tools.api_servers import done
-from tests.tools.processes import PATIENCE_S, wait_until
+from tests.tools.processes import PATIENCE_S, alive, family, wait_until
 from tests.tools.scenarios import FILES
 from tests.tools.serving import (
     ROOT,
@@ -64,13 +64,6 @@ def refused(done: "subprocess.CompletedProcess[str]") -> str:
 
 
 # --- arguments and settings ---------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", ["serve", "worker"])
-def test_help_ends_with_an_example(printed: Any, name: str) -> None:
-    out = printed(name, "--help")
-    example = " ".join(out[out.index("Example: SYNCPLAN_") :].split())
-    assert example.partition(" --port")[0].endswith(f" syncplan {name}")
 
 
 @pytest.mark.parametrize("name", ["serve", "worker"])
@@ -227,14 +220,14 @@ def test_a_signal_ends_the_server_with_a_job_at_work(
         made = http.post("/v1/plans", content=GRID.read_bytes(), headers=YAML).json()
         job = http.post(f"/v1/plans/{made['id']}/validations", json={"trials": 50000}).json()
         wait_until(lambda: working(http, job["id"]))
-        children = children_of(server.popen.pid)
+        _, *children = family(server.popen.pid)
         assert len(children) >= 2
         # whoever follows the job does not keep the server from ending
         with http.stream("GET", f"/v1/jobs/{job['id']}/events"):
             server.popen.send_signal(number)
             assert server.popen.wait(timeout=PATIENCE_S) == 0
     assert {path.name for path in (tmp_path / "data").iterdir()} == LEFT
-    wait_until(lambda: not any(Path(f"/proc/{child}").exists() for child in children))
+    wait_until(lambda: not any(map(alive, children)))
     said = server.log.read_text()
     assert "timeout graceful shutdown exceeded" not in said
     assert "Traceback" not in said
@@ -249,7 +242,7 @@ def test_a_signal_ends_a_worker(tmp_path: Path, number: signal.Signals) -> None:
     with running(worker):
         wait_until(lambda: "with" in log.read_text())
         yielding = {os.nice(0) + 3}
-        wait_until(lambda: niceness_of(children_of(worker.popen.pid)) == yielding)
+        wait_until(lambda: niceness_of_children(worker.popen.pid) == yielding)
         worker.popen.send_signal(number)
         assert worker.popen.wait(timeout=PATIENCE_S) == 0
     assert {path.name for path in (tmp_path / "data").iterdir()} == LEFT
@@ -264,22 +257,9 @@ def working(http: httpx2.Client, job_id: str) -> bool:
     return bool(http.get(f"/v1/jobs/{job_id}").json()["progress"]["done"] > 0)
 
 
-def niceness_of(processes: list[int]) -> set[int]:
-    """How far these processes yield to others."""
-    return {os.getpriority(os.PRIO_PROCESS, one) for one in processes}
-
-
-def children_of(pid: int) -> list[int]:
-    """The processes that a process has started."""
-    found = []
-    for path in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            fields = path.read_text().rpartition(")")[2].split()
-        except OSError:
-            continue
-        if int(fields[1]) == pid:
-            found.append(int(path.parent.name))
-    return found
+def niceness_of_children(process: int) -> set[int]:
+    """How far the processes that came of one yield to others."""
+    return {os.getpriority(os.PRIO_PROCESS, one) for one in family(process)[1:]}
 
 
 # --- the same bytes everywhere ------------------------------------------------------------------

@@ -12,6 +12,7 @@ import pytest
 
 import syncplan
 from syncplan.reports.validation_report import validation_document
+from tests.tools.scenarios import changed
 
 ROOT = Path(__file__).parents[2]
 FOUND = sorted(
@@ -157,13 +158,10 @@ def test_examples_print_when_run(name: str) -> None:
 
 def test_the_bound_is_reached_where_the_filter_is_nearly_linear() -> None:
     """Bearing sigma 0.01 rad, initial sigma 0.5 m: within 10 % of the bound, and consistent."""
-    from syncplan.scenario.loading import scenario_from
-    from tests.tools.scenarios import example
-
-    document = example("paper-grid-same").model_dump(exclude_none=True)
-    document["sensor"]["bearing_sigma_rad"] = 0.01
-    document["initial_sigma"]["position_m"] = 0.5
-    report = syncplan.validate(scenario_from(document), trials=200, seed=1)
+    sharp = changed(
+        "paper-grid-same", sensor={"bearing_sigma_rad": 0.01}, initial_sigma={"position_m": 0.5}
+    )
+    report = syncplan.validate(sharp, trials=200, seed=1)
     assert report.predicted is not None
     np.testing.assert_allclose(report.accuracy.late_position, report.predicted, rtol=0.1)
     assert report.anees.verdict == "consistent"

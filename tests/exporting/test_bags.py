@@ -1,7 +1,6 @@
-"""ROS 2 bags: read back by rosbags, by Foxglove's MCAP reader and by SQLite, they hold the plan."""
+"""ROS 2 bags: read back by rosbags and by Foxglove's MCAP reader, they hold the plan."""
 
 import io
-import sqlite3
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -81,19 +80,6 @@ def test_foxglove_reads_the_mcap_as_rosbags_does(tmp_path: Path) -> None:
             assert one.pose.position.x == other.pose.position.x
             assert one.pose.orientation.z == other.pose.orientation.z
             assert one.header.stamp.nanosec == other.header.stamp.nanosec
-
-
-def test_sqlite_reads_the_other_bag(tmp_path: Path) -> None:
-    _exported("rosbag2", tmp_path)
-    database = sqlite3.connect(tmp_path / "team_rosbag2" / "team_rosbag2.db3")
-    try:
-        rows = database.execute(
-            "select name, type, serialization_format, count(*) from topics "
-            "join messages on topics.id = messages.topic_id group by topics.id"
-        ).fetchall()
-    finally:
-        database.close()
-    assert rows == [(topic, "nav_msgs/msg/Path", "cdr", 1) for topic in TOPICS]
 
 
 @pytest.mark.parametrize("name", ["rosbag2", "mcap"])

@@ -25,7 +25,7 @@ from syncplan.exporting.formats import ALL, FORMATS, ExportOptions, as_archive, 
 from syncplan.exporting.sidecar import SyncDocument
 from syncplan.orbits.circles import heading, position
 from syncplan.reports.plan_report import plan_document
-from tests.tools.exported import FORCED, ORIGIN, contents, mixed_team, team, to_plane
+from tests.tools.exported import FORCED, ORIGIN, contents, mixed_team, sidecar_of, team, to_plane
 from tests.tools.processes import PATIENCE_S
 from tests.tools.scenarios import FILES, circling, small
 
@@ -40,9 +40,7 @@ def scenario_file(tmp_path: Path) -> str:
 
 
 def _sidecar(name: str = "qgc", **options: Any) -> dict[str, Any]:
-    made = export(mixed_team(), name, ExportOptions(**options))
-    read: dict[str, Any] = json.loads(contents(made, ".sync.json")[f"team.{name}.sync.json"])
-    return read
+    return sidecar_of(export(mixed_team(), name, ExportOptions(**options)))
 
 
 # --- formats ------------------------------------------------------------------------------------
@@ -153,12 +151,8 @@ def test_names_stay_recognisable(names: list[str], files: list[str], tokens: lis
 
 
 def test_titles_avoid_what_systems_reserve() -> None:
-    assert [file_title(one) for one in ("", "con", "LPT1", "a/../b")] == [
-        "plan",
-        "con_",
-        "LPT1_",
-        "a____b",
-    ]
+    titles = {"": "plan", "con": "con_", "LPT1": "LPT1_", "a/../b": "a____b"}
+    assert {one: file_title(one) for one in titles} == titles
 
 
 # --- poses --------------------------------------------------------------------------------------
@@ -217,11 +211,8 @@ def test_the_sidecar_says_where_when_and_how_fast_each_vehicle_joins() -> None:
         assert (entry["time_s"], entry["time"]) == (0.0, reported["start_time"])
         assert entry["altitude_m"] == 40.0
         assert vehicle["direction"] == plan.scenario.orbit.direction[k]
-    assert [one["file"] for one in reported["vehicles"]] == [
-        "team-left.plan",
-        "team-mid.plan",
-        "team-far_out.plan",
-    ]
+    files = [one["file"] for one in reported["vehicles"]]
+    assert files == ["team-left.plan", "team-mid.plan", "team-far_out.plan"]
     assert [one["topic"] for one in _sidecar("mcap")["vehicles"]][2] == "/far_out/path"
 
 
@@ -270,8 +261,7 @@ def test_the_procedure_is_one_that_can_be_followed_with_these_files(
 
 
 def test_without_a_start_time_a_copter_waits_for_its_command() -> None:
-    made = export(team(start_time=None), "qgc")
-    reported = json.loads(contents(made, ".sync.json")["team.qgc.sync.json"])
+    reported = sidecar_of(export(team(start_time=None), "qgc"))
     assert any("make start_item the current item of all" in step for step in reported["procedure"])
     assert {one["start_item"] for one in reported["vehicles"]} == {3}
 
@@ -283,7 +273,7 @@ def test_the_sidecar_says_how_late_is_too_near(direction: Any) -> None:
         formation={"centers_m": [[0, 0], [25, 0], [90, 40]]},
         min_separation_m=5.0,
     )
-    reported = json.loads(contents(export(plan, "csv", FORCED), ".sync.json")["team.csv.sync.json"])
+    reported = sidecar_of(export(plan, "csv", FORCED))
     first, second, third = (one["separation_tolerance_s"] for one in reported["vehicles"])
     assert first == second
     assert third is None  # its circle is 28 m from the others
@@ -328,7 +318,7 @@ def test_every_sidecar_fits_its_schema(name: str, printed: Any) -> None:
 def test_the_sidecar_separates_planned_meetings_from_others() -> None:
     places = {"left": [-40, 10], "mid": [30, 0], "right": [90, 40]}
     plan = team(formation={"centers_m": places, "links": [["left", "mid"]]})
-    reported = json.loads(contents(export(plan, "csv"), ".sync.json")["team.csv.sync.json"])
+    reported = sidecar_of(export(plan, "csv"))
     assert [(one["a"], one["b"], one["planned"]) for one in reported["meetings"]] == [
         ("left", "mid", True),
         ("mid", "right", False),
@@ -336,11 +326,8 @@ def test_the_sidecar_separates_planned_meetings_from_others() -> None:
 
 
 def test_one_vehicle_without_landmarks_goes_out_in_every_format() -> None:
-    alone = team(
-        orbit=circling(direction="cw"),
-        formation={"centers_m": [[0, 0]]},
-        landmarks_m=[],
-    )
+    formation = {"centers_m": [[0, 0]]}
+    alone = team(orbit=circling(direction="cw"), formation=formation, landmarks_m=[])
     made = export(alone, ALL, FORCED)
     assert {file.name.split("/")[0] for file in made.files} == set(FORMATS)
     reported = json.loads(contents(made, ".sync.json")["qgc/team.qgc.sync.json"])
@@ -400,9 +387,8 @@ def test_the_command_writes_what_the_library_makes(
     plan_file = tmp_path / "plan.json"
     assert run("plan", scenario_file, "-o", str(plan_file))[0] == 0
     folder = tmp_path / "deep" / "missions"
-    status, out, err = run(
-        "export", str(plan_file), "--format", "qgc", "-o", str(folder), "--altitude-m", "60"
-    )
+    options = ("--format", "qgc", "--altitude-m", "60")
+    status, out, err = run("export", str(plan_file), *options, "-o", str(folder))
     assert (status, out) == (0, "")
     assert f"wrote {folder}: 7 files" in err
     assert "CIRCLE_RATE" in err
@@ -427,30 +413,3 @@ def test_the_command_writes_an_archive_to_standard_output(scenario_file: str) ->
     assert done.returncode == 0, done.stderr
     with zipfile.ZipFile(io.BytesIO(done.stdout)) as archive:
         assert archive.namelist() == ["paper-grid-same.poses.csv", "paper-grid-same.csv.sync.json"]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--format", "qgc"], "paper-grid-same.yaml: geo_origin: is missing"),
-        (["--format", "gpx"], "--format"),
-        (["--format", "csv", "--sagitta-m", "0"], "--sagitta-m: 0: must be from"),
-        (["--format", "csv", "--turns", "1", "--duration", "3"], "--turns: goes without"),
-        (["--format", "csv", "--sample-time-s", "0.0001"], "--sample-time-s: 0.0001: makes"),
-        (["--format", "ardupilot", "--autopilot", "px4"], "--autopilot: px4: "),
-    ],
-)
-def test_bad_input_to_the_command_is_one_line(
-    arguments: list[str], words: str, refused: Any, tmp_path: Path
-) -> None:
-    folder = tmp_path / "out"
-    source = str(FILES / "paper-grid-same.yaml")
-    err = refused("export", source, *arguments, "-o", str(folder))
-    assert words in err
-    assert err.count("\n") == 1
-    assert not folder.exists()
-
-
-def test_help_has_an_example(printed: Any) -> None:
-    out = printed("export", "--help")
-    assert "Example: syncplan export plan.json --format qgc -o missions" in " ".join(out.split())

@@ -1,6 +1,7 @@
 """Maps: GeoJSON read by geojson and shapely, KML by fastkml, both show the plan's circles."""
 
 import io
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 from syncplan.exporting.formats import ExportOptions, export
 from syncplan.orbits.circles import position
+from syncplan.planning.planner import Plan
 from tests.tools.exported import FORCED, contents, mixed_team, team, to_plane
 
 ANTIMERIDIAN = {"lat_deg": -17.0, "lon_deg": 179.9998, "alt_m": 0.0}
@@ -53,24 +55,6 @@ def test_the_features_read_by_geojson_lie_where_the_plan_has_them() -> None:
     assert np.abs(to_plane(mast.geometry.coordinates[::-1]) - [30.0, 60.0]).max() < 0.01
 
 
-def test_circles_are_cut_at_the_antimeridian() -> None:
-    from shapely.geometry import shape
-
-    plan = team(geo_origin=ANTIMERIDIAN)
-    crossing = 0
-    for k, circle in enumerate(_of(_collection(plan), "circle")):
-        line = shape(circle.geometry)
-        parts = list(getattr(line, "geoms", [line]))
-        crossing += len(parts) > 1
-        for part in parts:
-            west, _, east, _ = part.bounds
-            assert east - west < 1.0
-        places = np.concatenate([np.array(part.coords)[:, ::-1] for part in parts])
-        off = np.hypot(*(to_plane(places, ANTIMERIDIAN) - plan.orbits.centers[k]).T)
-        assert np.abs(off - plan.orbits.radii[k]).max() < 0.01
-    assert crossing >= 1
-
-
 def _placemarks(plan: Any, **options: Any) -> dict[str, Any]:
     from fastkml import KML
     from fastkml.features import Placemark
@@ -96,20 +80,27 @@ def test_the_circles_read_by_fastkml_are_the_plans() -> None:
     assert "mast" in marks
 
 
-def test_circles_across_the_antimeridian_are_parted_in_kml_as_well() -> None:
-    plan = team(geo_origin=ANTIMERIDIAN)
+def _geojson_circles(plan: Plan) -> list[Any]:
+    from shapely.geometry import shape
+
+    return [shape(one.geometry) for one in _of(_collection(plan), "circle")]
+
+
+def _kml_circles(plan: Plan) -> list[Any]:
     marks = _placemarks(plan)
-    parts = [
-        list(getattr(marks[f"{name} circle"].geometry, "geoms", [marks[f"{name} circle"].geometry]))
-        for name in plan.scenario.vehicle_names
-    ]
-    assert max(map(len, parts)) > 1
-    for k, lines in enumerate(parts):
-        places = [np.array(line.coords) for line in lines]
+    return [marks[f"{name} circle"].geometry for name in plan.scenario.vehicle_names]
+
+
+@pytest.mark.parametrize("circles_of", [_geojson_circles, _kml_circles])
+def test_circles_are_cut_at_the_antimeridian(circles_of: Callable[[Plan], list[Any]]) -> None:
+    plan = team(geo_origin=ANTIMERIDIAN)
+    circles = [list(getattr(circle, "geoms", [circle])) for circle in circles_of(plan)]
+    assert max(map(len, circles)) > 1
+    for k, parts in enumerate(circles):
+        places = [np.array(part.coords) for part in parts]
         assert all(np.ptp(one[:, 0]) < 1.0 for one in places)
-        off = np.concatenate([to_plane(one[:, 1::-1], ANTIMERIDIAN) for one in places])
-        off = np.hypot(*(off - plan.orbits.centers[k]).T)
-        assert np.abs(off - plan.orbits.radii[k]).max() < 0.01
+        off = to_plane(np.concatenate(places)[:, 1::-1], ANTIMERIDIAN) - plan.orbits.centers[k]
+        assert np.abs(np.hypot(*off.T) - plan.orbits.radii[k]).max() < 0.01
 
 
 def test_tracks_read_by_fastkml_are_the_plan_in_time() -> None:

@@ -15,7 +15,7 @@ from syncplan.exporting.formats import FORMATS, ExportOptions, export
 from syncplan.exporting.mission_routes import px4_corner_speed, snapped_radii
 from syncplan.orbits.circles import position
 from syncplan.planning.planner import Plan
-from tests.tools.exported import ORIGIN, contents, mixed_team, team, to_plane
+from tests.tools.exported import ORIGIN, contents, mixed_team, sidecar_of, team, to_plane
 from tests.tools.fake_vehicle import stored_loiter
 from tests.tools.scenarios import circling
 
@@ -114,7 +114,7 @@ def test_waypoints_read_by_pymavlink_keep_the_plan_in_place_and_in_time(
 
 def test_the_speed_of_the_legs_is_in_the_sidecar() -> None:
     made = export(mixed_team(), "qgc", ExportOptions(waypoints=True))
-    vehicles = json.loads(contents(made, ".sync.json")["team.qgc.sync.json"])["vehicles"]
+    vehicles = sidecar_of(made)["vehicles"]
     for vehicle, text in zip(vehicles, contents(made, ".plan").values(), strict=True):
         assert vehicle["leg_speed_mps"] == json.loads(text)["mission"]["items"][0]["params"][1]
         assert 0.98 < vehicle["leg_speed_mps"] / vehicle["speed_mps"] < 1.0
@@ -172,7 +172,7 @@ def test_radii_that_ardupilot_cuts_off_are_reported() -> None:
 def test_snapped_radii_are_what_ardupilot_stores_at_the_common_rate(tmp_path: Path) -> None:
     plan = team(**LARGE)
     made = export(plan, "ardupilot", ExportOptions(snap_radius=True))
-    sidecar = json.loads(contents(made, ".sync.json")["team.ardupilot.sync.json"])
+    sidecar = sidecar_of(made)
     radii = []
     time = np.linspace(0.0, 100.0, 101)
     for k, text in enumerate(contents(made, ".waypoints").values()):
@@ -195,9 +195,8 @@ def test_snapped_radii_are_what_ardupilot_stores_at_the_common_rate(tmp_path: Pa
 def test_meetings_of_snapped_circles_are_judged_afresh() -> None:
     snapped = export(team(**LARGE), "ardupilot", ExportOptions(snap_radius=True))
     plain = export(team(**LARGE), "ardupilot")
-    name = "team.ardupilot.sync.json"
-    reported = [json.loads(contents(made, name)[name])["meetings"][0] for made in (plain, snapped)]
-    assert reported[0]["min_distance_m"] != pytest.approx(reported[1]["min_distance_m"], abs=1e-3)
+    one, other = (sidecar_of(made)["meetings"][0]["min_distance_m"] for made in (plain, snapped))
+    assert one != pytest.approx(other, abs=1e-3)
 
 
 def test_snapping_that_loses_a_meeting_says_so() -> None:
@@ -295,7 +294,7 @@ def test_copters_wait_at_the_entry_for_the_first_whole_second_of_the_plan(waypoi
     assert (wait["frame"], wait["params"][:4]) == (2, [-1.0, 9.0, 0.0, 1.0])
     made = export(mixed_team(), "qgc", ExportOptions(waypoints=waypoints))
     assert any("all vehicles begin 0.75 s after start_time" in note for note in made.notes)
-    reported = json.loads(contents(made, ".sync.json")["team.qgc.sync.json"])["vehicles"]
+    reported = sidecar_of(made)["vehicles"]
     assert {one["start_item"] for one in reported} == {items[3]["doJumpId"]} == {4}
     whole = team(start_time="2026-05-01T23:59:59Z")
     assert items_of(plan=whole)[2]["params"][:4] == [-1.0, 23.0, 59.0, 59.0]
@@ -319,14 +318,14 @@ def test_others_do_not_wait(options: Any) -> None:
 def test_the_rate_of_each_copter_has_the_sign_of_its_radius() -> None:
     plan = mixed_team()
     made = export(plan, "qgc")
-    reported = json.loads(contents(made, ".sync.json")["team.qgc.sync.json"])["vehicles"]
+    reported = sidecar_of(made)["vehicles"]
     for vehicle, text in zip(reported, contents(made, ".plan").values(), strict=True):
         radius = json.loads(text)["mission"]["items"][-1]["params"][2]
         rate = vehicle["autopilot_parameters"]["CIRCLE_RATE"]
         assert rate == pytest.approx(math.copysign(math.degrees(0.2), radius))
     assert [one["direction"] for one in reported] == ["ccw", "cw", "ccw"]
     planes = export(plan, "qgc", ExportOptions(vehicle="fixed_wing"))
-    reported = json.loads(contents(planes, ".sync.json")["team.qgc.sync.json"])["vehicles"]
+    reported = sidecar_of(planes)["vehicles"]
     assert [one["autopilot_parameters"] for one in reported] == [{}, {}, {}]
 
 
@@ -389,7 +388,7 @@ def test_vehicles_fly_one_above_the_other_where_that_is_asked_for() -> None:
     options = ExportOptions(altitude_m=40.0, altitude_step_m=5.0)
     for name in ("qgc", "csv", "kml", "geojson", "crazyswarm"):
         made = export(mixed_team(), name, options)
-        reported = json.loads(contents(made, ".sync.json")[f"team.{name}.sync.json"])["vehicles"]
+        reported = sidecar_of(made)["vehicles"]
         assert [one["entry"]["altitude_m"] for one in reported] == [40.0, 45.0, 50.0]
     for k, text in enumerate(contents(export(mixed_team(), "qgc", options), ".plan").values()):
         items = json.loads(text)["mission"]["items"]

@@ -1,12 +1,26 @@
 """A browser on a service that stays up for all tests of the page."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from playwright.sync_api import Page
 
 from tests.tools.browsing import Tabs, Visit, chromium, visiting
 from tests.tools.serving import Server, open_server
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Make the marker known that tests of the page alone have."""
+    config.addinivalue_line("markers", "quick: a test of the page that `make check` runs too")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Leave the tests of the page to `make check-all`, but for those that are marked quick."""
+    for item in items:
+        if item.path.parent == Path(__file__).parent and not item.get_closest_marker("quick"):
+            item.add_marker(pytest.mark.long)
 
 
 # as long as Playwright runs, no other test may run an event loop

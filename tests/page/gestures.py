@@ -6,9 +6,13 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
+import httpx2
 from playwright.sync_api import Download, Locator, Page, Route, expect
 
+from tests.tools.serving import Server
+
 __all__ = [
+    "copied",
     "download",
     "downloaded",
     "drag",
@@ -19,6 +23,7 @@ __all__ = [
     "refine",
     "saved",
     "sidecar_of",
+    "stored",
     "unzipped",
     "validate",
 ]
@@ -57,6 +62,19 @@ def plan_id_of(page: Page) -> str:
 def phases(page: Page) -> Locator:
     """Where the verdict shows where the phases come from."""
     return page.get_by_role("row", name="Phases").get_by_role("cell")
+
+
+def copied(page: Page) -> str:
+    """Copy the link to the plan on show; return the plan's identifier."""
+    page.get_by_role("button", name="Copy link").click()
+    expect(page.locator("#notice")).to_contain_text("Link copied")
+    return plan_id_of(page)
+
+
+def stored(page: Page, server: Server) -> dict[str, Any]:
+    """The plan in the page's address, as the service keeps it."""
+    found: dict[str, Any] = httpx2.get(f"{server.url}/v1/plans/{plan_id_of(page)}").json()
+    return found
 
 
 def refine(page: Page) -> None:

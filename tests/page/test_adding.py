@@ -36,7 +36,6 @@ def _blocked(scenario: Tree) -> list[str]:
     ],
     ids=["landmarks", "areas", "one vehicle"],
 )
-@pytest.mark.long
 def test_vehicles_that_are_added_lie_in_free_space_and_are_selected(
     visit: Visit, page: Page, changes: Tree
 ) -> None:
@@ -58,7 +57,6 @@ def test_vehicles_that_are_added_lie_in_free_space_and_are_selected(
     assert accessibility_faults(page) == []
 
 
-@pytest.mark.long
 def test_a_vehicle_that_is_added_to_listed_links_is_linked_and_the_team_stays_a_go(
     visit: Visit, page: Page
 ) -> None:
@@ -71,6 +69,7 @@ def test_a_vehicle_that_is_added_to_listed_links_is_linked_and_the_team_stays_a_
     assert ["v5", "v7"] not in downloaded(page)["formation"]["links"]
 
 
+@pytest.mark.quick
 def test_where_there_is_no_room_none_is_added_and_the_page_says_so(page: Page) -> None:
     tight = [[-25.0, -25.0], [95.0, -25.0], [95.0, 25.0], [-25.0, 25.0]]
     opened(page, document(name="tight", area_m=tight))
@@ -79,7 +78,6 @@ def test_where_there_is_no_room_none_is_added_and_the_page_says_so(page: Page) -
     assert len(downloaded(page)["formation"]["centers_m"]) == 2
 
 
-@pytest.mark.long
 def test_landmarks_that_are_added_keep_clear_of_the_circles_and_are_selected(
     visit: Visit, page: Page
 ) -> None:
@@ -131,6 +129,7 @@ def _free(page: Page, scenarios: list[Tree], what: str) -> list[dict[str, float]
     return found
 
 
+@pytest.mark.quick
 def test_free_centres_of_drawn_teams_are_clear_of_everything_and_within_reach(
     visit: Visit,
 ) -> None:
@@ -153,6 +152,7 @@ def test_free_centres_of_drawn_teams_are_clear_of_everything_and_within_reach(
     assert reached == len(drawn)
 
 
+@pytest.mark.quick
 def test_free_places_among_obstacles_are_in_sight_of_the_team(visit: Visit) -> None:
     generator = np.random.default_rng(14)
     drawn = [_drawn(generator) for _ in range(40)]

@@ -22,7 +22,6 @@ ALTERNATE = "paper-grid-alternate"
 SAME = "paper-grid-same"
 
 
-@pytest.mark.long
 def test_a_lost_motion_is_drawn_and_its_cure_reported_and_cures_it(
     visit: Visit, page: Page
 ) -> None:
@@ -47,7 +46,6 @@ def test_a_lost_motion_is_drawn_and_its_cure_reported_and_cures_it(
     expect(page.locator(".finding.stop")).to_have_count(0)
 
 
-@pytest.mark.long
 def test_a_cure_is_reported_in_words_and_has_a_button(visit: Visit, page: Page) -> None:
     visit.choose(ALTERNATE)
     motion = page.locator(".finding.stop").first
@@ -65,7 +63,6 @@ def test_a_cure_is_reported_in_words_and_has_a_button(visit: Visit, page: Page) 
     expect(page.get_by_role("button", name="Desynchronise by 0.2")).to_have_count(0)
 
 
-@pytest.mark.long
 def test_vehicles_nearer_than_asked_for_are_reported_in_a_line_of_their_own(
     visit: Visit, page: Page
 ) -> None:
@@ -82,7 +79,6 @@ def test_vehicles_nearer_than_asked_for_are_reported_in_a_line_of_their_own(
     expect(reported).to_have_count(0)
 
 
-@pytest.mark.long
 def test_a_landmark_moves_by_mouse_and_the_view_stays_while_it_does(
     visit: Visit, page: Page
 ) -> None:
@@ -104,7 +100,6 @@ def test_a_landmark_moves_by_mouse_and_the_view_stays_while_it_does(
     assert float(page.get_by_label("North (m)", exact=True).input_value()) > 0.0
 
 
-@pytest.mark.long
 def test_a_quick_plan_says_what_follows_until_the_whole_one_is_there(
     visit: Visit, page: Page
 ) -> None:
@@ -125,7 +120,6 @@ def test_a_quick_plan_says_what_follows_until_the_whole_one_is_there(
     expect(predicted).not_to_contain_text("follows")
 
 
-@pytest.mark.long
 def test_the_map_shows_all_of_what_was_opened_and_no_more_than_that(
     visit: Visit, page: Page
 ) -> None:
@@ -143,7 +137,6 @@ def test_the_map_shows_all_of_what_was_opened_and_no_more_than_that(
         assert more.max() >= 1.0
 
 
-@pytest.mark.long
 def test_everything_can_be_done_by_keyboard(visit: Visit, page: Page) -> None:
     visit.choose(ALTERNATE)
     handle(page, "v2").focus()
@@ -165,7 +158,6 @@ def test_everything_can_be_done_by_keyboard(visit: Visit, page: Page) -> None:
     expect(page.locator("#moment-text")).not_to_have_text("0 s")
 
 
-@pytest.mark.long
 def test_senses_radii_ranges_and_fields_of_view_of_one_vehicle_and_of_all(
     visit: Visit, page: Page
 ) -> None:
@@ -188,6 +180,7 @@ def test_senses_radii_ranges_and_fields_of_view_of_one_vehicle_and_of_all(
     assert {one["range_m"] for one in scenario["sensor"]} == {60}
 
 
+@pytest.mark.quick
 def test_vehicles_and_landmarks_come_and_go(visit: Visit, page: Page) -> None:
     page.get_by_role("button", name="Add vehicle").click()
     visit.verdict("rank 21 of 21")
@@ -202,7 +195,6 @@ def test_vehicles_and_landmarks_come_and_go(visit: Visit, page: Page) -> None:
     expect(page.locator("#handles button.vehicle")).to_have_count(5)
 
 
-@pytest.mark.long
 def test_a_fault_is_reported_next_to_its_field(visit: Visit, page: Page) -> None:
     visit.expect_complaints("422")
     visit.choose(SAME)
@@ -231,7 +223,6 @@ def dimmed(page: Page) -> bool:
     return bool(shown[0])
 
 
-@pytest.mark.long
 def test_a_number_half_typed_leaves_no_verdict_that_looks_current(visit: Visit, page: Page) -> None:
     visit.expect_complaints("422")
     field = page.get_by_label("Field of view (°)", exact=True)
@@ -252,7 +243,6 @@ def test_a_number_half_typed_leaves_no_verdict_that_looks_current(visit: Visit, 
 
 
 @pytest.mark.parametrize("name", ["misspelt-key", "not-yaml", "nan-rate"])
-@pytest.mark.long
 def test_a_bad_file_is_refused_in_words(visit: Visit, page: Page, name: str) -> None:
     visit.expect_complaints("422")
     page.get_by_label("Open a file").set_input_files(BAD_FILES / f"{name}.yaml")
@@ -262,7 +252,6 @@ def test_a_bad_file_is_refused_in_words(visit: Visit, page: Page, name: str) -> 
     visit.verdict("Observable: rank 18 of 18")
 
 
-@pytest.mark.long
 def test_a_file_of_a_scenario_or_of_a_plan_opens(visit: Visit, page: Page, server: Server) -> None:
     page.get_by_label("Open a file").set_input_files(FILES / "four-ground-robots.yaml")
     visit.verdict("Observable: rank 12 of 12")
@@ -274,13 +263,13 @@ def test_a_file_of_a_scenario_or_of_a_plan_opens(visit: Visit, page: Page, serve
     visit.verdict("Not observable: rank 16 of 18")
 
 
+@pytest.mark.quick
 def test_a_click_by_an_unsteady_hand_chooses_and_moves_nothing(page: Page) -> None:
     drag(page, "v2", (2.0, -1.0))
     expect(page.get_by_label("Centre east")).to_have_value("70")
     expect(page.get_by_role("button", name="Undo")).to_have_attribute("aria-disabled", "true")
 
 
-@pytest.mark.long
 def test_a_field_that_is_typed_anew_moves_nothing_meanwhile(visit: Visit, page: Page) -> None:
     handle(page, "v4").click()
     page.get_by_label("Centre east").fill("")
@@ -292,7 +281,6 @@ def test_a_field_that_is_typed_anew_moves_nothing_meanwhile(visit: Visit, page: 
     expect(handle(page, "v4")).to_have_attribute("aria-label", "Circle of v4, centre at 141, 70 m")
 
 
-@pytest.mark.long
 def test_what_is_typed_at_one_go_is_one_step_to_undo(visit: Visit, page: Page) -> None:
     # circles of 1 m are out of each other's range
     visit.expect_complaints("422")
@@ -306,7 +294,6 @@ def test_what_is_typed_at_one_go_is_one_step_to_undo(visit: Visit, page: Page) -
     expect(page.get_by_role("button", name="Undo")).to_have_attribute("aria-disabled", "true")
 
 
-@pytest.mark.long
 def test_escape_takes_a_drag_back(visit: Visit, page: Page) -> None:
     # on its way v4 may lose the link it needs, if a preview is as quick as that
     visit.expect_complaints("422")
@@ -325,7 +312,6 @@ def test_escape_takes_a_drag_back(visit: Visit, page: Page) -> None:
     expect(page.get_by_role("button", name="Undo")).to_have_attribute("aria-disabled", "true")
 
 
-@pytest.mark.long
 def test_keys_undo_and_redo_and_arrows_in_a_row_are_one_step(visit: Visit, page: Page) -> None:
     moved = handle(page, "v4")
     moved.focus()
@@ -353,6 +339,7 @@ def test_keys_undo_and_redo_and_arrows_in_a_row_are_one_step(visit: Visit, page:
     expect(moved).to_have_attribute("aria-label", raised)
 
 
+@pytest.mark.quick
 def test_the_chosen_one_of_two_on_one_place_lies_above(page: Page) -> None:
     opened(
         page,
@@ -368,7 +355,6 @@ def test_the_chosen_one_of_two_on_one_place_lies_above(page: Page) -> None:
         assert page.evaluate(top) == name
 
 
-@pytest.mark.long
 def test_half_an_origin_is_no_fault_and_its_altitude_stays(visit: Visit, page: Page) -> None:
     page.locator("summary", has_text="Place and time").click()
     altitude = page.get_by_label("Altitude of the origin")
@@ -394,7 +380,6 @@ def test_half_an_origin_is_no_fault_and_its_altitude_stays(visit: Visit, page: P
     expect(altitude).to_have_value("")
 
 
-@pytest.mark.long
 def test_vehicles_named_by_numbers_keep_their_order(visit: Visit, page: Page) -> None:
     scenario = document(
         name="numbers",
@@ -410,7 +395,6 @@ def test_vehicles_named_by_numbers_keep_their_order(visit: Visit, page: Page) ->
     assert found["orbit"]["radius_m"] == [20, 15]
 
 
-@pytest.mark.long
 def test_a_window_that_was_given_stays_and_one_of_a_period_follows_it(
     visit: Visit, page: Page
 ) -> None:
@@ -424,6 +408,7 @@ def test_a_window_that_was_given_stays_and_one_of_a_period_follows_it(
         assert downloaded(page).get("window_s") == kept
 
 
+@pytest.mark.quick
 def test_undo_goes_back_over_an_opened_file_with_the_fields_it_needs(
     visit: Visit, page: Page
 ) -> None:

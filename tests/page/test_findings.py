@@ -37,7 +37,6 @@ UNCERTAIN = document(
     ],
     ids=lambda value: value["name"] if isinstance(value, dict) else "",
 )
-@pytest.mark.long
 def test_findings_are_the_same_word_for_word_everywhere(
     scenario: dict[str, Any],
     codes: set[str],

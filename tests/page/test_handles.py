@@ -63,7 +63,6 @@ def _center(page: Page) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("by", [(600.0, 300.0), (-500.0, -400.0), (0.0, 2000.0)])
-@pytest.mark.long
 def test_a_circle_that_is_dragged_beyond_the_map_stops_at_its_edge_with_its_ring(
     visit: Visit, page: Page, by: tuple[float, float]
 ) -> None:
@@ -92,6 +91,7 @@ def test_a_circle_that_is_dragged_beyond_the_map_stops_at_its_edge_with_its_ring
     expect(handle(page, "v3").locator(".ring")).to_be_hidden()
 
 
+@pytest.mark.quick
 def test_a_landmark_that_is_dragged_beyond_the_map_stops_at_its_edge(
     visit: Visit, page: Page
 ) -> None:
@@ -105,7 +105,6 @@ def test_a_landmark_that_is_dragged_beyond_the_map_stops_at_its_edge(
     assert _is_within(page, "L1")
 
 
-@pytest.mark.long
 def test_a_typed_place_beyond_the_map_comes_into_view_though_it_is_at_fault(
     visit: Visit, page: Page
 ) -> None:
@@ -123,6 +122,7 @@ def test_a_typed_place_beyond_the_map_comes_into_view_though_it_is_at_fault(
     assert _middle(page, "v3") == pytest.approx(_on_screen(page, 140.0, 0.0), abs=1.5)
 
 
+@pytest.mark.quick
 def test_keys_move_a_circle_no_farther_than_the_map_goes(visit: Visit, page: Page) -> None:
     visit.expect_complaints("net::ERR")
     page.route("**/v1/previews*", lambda route: route.abort())
@@ -135,7 +135,6 @@ def test_keys_move_a_circle_no_farther_than_the_map_goes(visit: Visit, page: Pag
 
 
 @pytest.mark.parametrize("size", [DESKTOP, (900, 900), (720, 450), PHONE])
-@pytest.mark.long
 def test_handles_stay_on_their_circles_when_the_window_changes(
     tabs: Tabs, server: Server, size: tuple[int, int]
 ) -> None:

@@ -8,12 +8,10 @@ import httpx2
 import pytest
 from playwright.sync_api import Page, Route, expect
 
-from tests.page.gestures import plan_id_of, refine, validate
+from tests.page.gestures import copied, refine, stored, validate
 from tests.tools.api_servers import key_of, serving, speaking
 from tests.tools.browsing import Tabs, Visit, accessibility_faults, visiting
 from tests.tools.serving import QUICK, Server, running, settings_of
-
-pytestmark = pytest.mark.long
 
 ALTERNATE = "paper-grid-alternate"
 
@@ -23,6 +21,20 @@ def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     """A server that wants a key."""
     with serving(tmp_path_factory.mktemp("guarded"), "ann bob") as one:
         yield one
+
+
+@pytest.fixture
+def keyless(tabs: Tabs, guarded: Server) -> Iterator[Visit]:
+    """A visit to that server, which is refused until a key is entered."""
+    with visiting(tabs, guarded.url) as one:
+        one.expect_complaints("401")
+        yield one
+
+
+def enter_key(page: Page, key: str) -> None:
+    """Enter a key where it is asked for."""
+    page.get_by_label("API key").fill(key)
+    page.keyboard.press("Enter")
 
 
 def test_a_server_that_dies_in_mid_job_and_returns_costs_nothing_but_time(
@@ -43,77 +55,67 @@ def test_a_server_that_dies_in_mid_job_and_returns_costs_nothing_but_time(
             expect(page.locator(".outcome")).to_contain_text("of 1500 trials")
 
 
-def test_a_service_with_keys_asks_for_one(tabs: Tabs, guarded: Server) -> None:
-    with visiting(tabs, guarded.url) as visit:
-        page = visit.page
-        visit.expect_complaints("401")
-        field = page.get_by_label("API key")
-        expect(field).to_be_focused()
-        expect(page.locator("#notice")).to_have_text(re.compile("^This service needs a key"))
-        expect(page.locator("#notice.bad")).to_have_count(0)
-        expect(page.locator("body")).not_to_contain_text("Authorization")
-        expect(page.get_by_role("button", name="Change key")).to_be_hidden()
-        assert accessibility_faults(page) == []
-        field.fill("wrong")
-        page.keyboard.press("Enter")
-        expect(page.locator("#key-fault")).to_contain_text("not known")
-        field.fill(key_of("ann"))
-        page.keyboard.press("Enter")
-        visit.verdict("Observable: rank 18 of 18")
-        expect(page.locator("#key-form")).to_be_hidden()
-        expect(page.locator("#notice")).to_be_empty()
+def test_a_service_with_keys_asks_for_one(keyless: Visit) -> None:
+    page = keyless.page
+    field = page.get_by_label("API key")
+    expect(field).to_be_focused()
+    expect(page.locator("#notice")).to_have_text(re.compile("^This service needs a key"))
+    expect(page.locator("#notice.bad")).to_have_count(0)
+    expect(page.locator("body")).not_to_contain_text("Authorization")
+    expect(page.get_by_role("button", name="Change key")).to_be_hidden()
+    assert accessibility_faults(page) == []
+    field.fill("wrong")
+    page.keyboard.press("Enter")
+    expect(page.locator("#key-fault")).to_contain_text("not known")
+    field.fill(key_of("ann"))
+    page.keyboard.press("Enter")
+    keyless.verdict("Observable: rank 18 of 18")
+    expect(page.locator("#key-form")).to_be_hidden()
+    expect(page.locator("#notice")).to_be_empty()
 
 
-def test_a_key_with_a_character_that_nobody_sees_is_refused_at_its_field(
-    tabs: Tabs, guarded: Server
+def test_a_key_with_a_character_that_nobody_sees_is_refused_at_its_field(keyless: Visit) -> None:
+    page = keyless.page
+    key = key_of("ann")
+    for wrong, reported in (
+        (f"{key[:3]}\u200b{key[3:]}", "character 4 is U+200B"),
+        ("", "Enter the key"),
+        ("two words", "character 4 is U+0020"),
+    ):
+        enter_key(page, wrong)
+        expect(page.locator("#key-fault")).to_contain_text(reported)
+        expect(page.get_by_label("API key")).to_have_attribute("aria-invalid", "true")
+    assert accessibility_faults(page) == []
+    enter_key(page, f"  {key}\n")
+    keyless.verdict("Observable: rank 18 of 18")
+
+
+def test_a_key_can_be_changed_and_others_plans_look_like_none(
+    keyless: Visit, guarded: Server
 ) -> None:
-    with visiting(tabs, guarded.url) as visit:
-        page = visit.page
-        visit.expect_complaints("401")
-        key = key_of("ann")
-        for wrong, reported in (
-            (f"{key[:3]}\u200b{key[3:]}", "character 4 is U+200B"),
-            ("", "Enter the key"),
-            ("two words", "character 4 is U+0020"),
-        ):
-            page.get_by_label("API key").fill(wrong)
-            page.keyboard.press("Enter")
-            expect(page.locator("#key-fault")).to_contain_text(reported)
-            expect(page.get_by_label("API key")).to_have_attribute("aria-invalid", "true")
-        assert accessibility_faults(page) == []
-        page.get_by_label("API key").fill(f"  {key}\n")
-        page.keyboard.press("Enter")
-        visit.verdict("Observable: rank 18 of 18")
-
-
-def test_a_key_can_be_changed_and_others_plans_look_like_none(tabs: Tabs, guarded: Server) -> None:
-    with visiting(tabs, guarded.url) as visit:
-        page = visit.page
-        visit.expect_complaints("401", "404", "422")
-        page.get_by_label("API key").fill(key_of("ann"))
-        page.keyboard.press("Enter")
-        visit.verdict("Observable: rank 18 of 18")
-        page.get_by_role("button", name="Copy link").click()
-        expect(page.locator("#notice")).to_contain_text("Link copied")
-        change = page.get_by_role("button", name="Change key")
-        change.click()
-        expect(page.get_by_label("API key")).to_be_focused()
-        assert accessibility_faults(page) == []
-        page.get_by_role("button", name="Keep the current key").click()
-        expect(change).to_be_focused()
-        change.click()
-        page.get_by_label("API key").fill(key_of("bob"))
-        page.keyboard.press("Enter")
-        visit.settle()
-        assert page.evaluate("sessionStorage.getItem('syncplan-key')") == key_of("bob")
-        visit.verdict("Observable: rank 18 of 18")
-        with speaking(guarded, "ann") as http:
-            owned = http.get("/v1/plans").json()["items"]
-        for plan in (owned[0]["id"], "nonsense"):
-            page.goto(f"{guarded.url}/?plan={plan}")
-            expect(page.locator("#dead-link")).to_contain_text(
-                "There is no such plan, or it belongs to another key."
-            )
+    keyless.expect_complaints("401", "404", "422")
+    page = keyless.page
+    enter_key(page, key_of("ann"))
+    keyless.verdict("Observable: rank 18 of 18")
+    copied(page)
+    change = page.get_by_role("button", name="Change key")
+    change.click()
+    expect(page.get_by_label("API key")).to_be_focused()
+    assert accessibility_faults(page) == []
+    page.get_by_role("button", name="Keep the current key").click()
+    expect(change).to_be_focused()
+    change.click()
+    enter_key(page, key_of("bob"))
+    keyless.settle()
+    assert page.evaluate("sessionStorage.getItem('syncplan-key')") == key_of("bob")
+    keyless.verdict("Observable: rank 18 of 18")
+    with speaking(guarded, "ann") as http:
+        owned = http.get("/v1/plans").json()["items"]
+    for plan in (owned[0]["id"], "nonsense"):
+        page.goto(f"{guarded.url}/?plan={plan}")
+        expect(page.locator("#dead-link")).to_contain_text(
+            "There is no such plan, or it belongs to another key."
+        )
 
 
 def test_while_a_request_is_tried_again_the_page_says_so(visit: Visit, page: Page) -> None:
@@ -160,22 +162,18 @@ def test_an_edit_while_the_service_is_away_is_planned_once_it_is_back(
     expect(page.get_by_label("Desynchronise by")).to_have_value("0.2")
 
 
-def test_an_edit_that_waits_for_a_key_is_not_lost(tabs: Tabs, guarded: Server) -> None:
-    with visiting(tabs, guarded.url) as visit:
-        page = visit.page
-        visit.expect_complaints("401")
-        page.get_by_label("API key").fill(key_of("ann"))
-        page.keyboard.press("Enter")
-        visit.choose(ALTERNATE)
-        page.evaluate("sessionStorage.clear()")
-        page.get_by_label("Desynchronise by").fill("0.2")
-        expect(page.get_by_label("API key")).to_be_focused()
-        visit.doubt("Waiting for a key")
-        page.get_by_label("API key").fill(key_of("ann"))
-        page.keyboard.press("Enter")
-        visit.verdict("Observable: rank 18 of 18")
-        expect(page.locator("#map-name")).to_have_text(ALTERNATE)
-        expect(page.get_by_label("Desynchronise by")).to_have_value("0.2")
+def test_an_edit_that_waits_for_a_key_is_not_lost(keyless: Visit) -> None:
+    page = keyless.page
+    enter_key(page, key_of("ann"))
+    keyless.choose(ALTERNATE)
+    page.evaluate("sessionStorage.clear()")
+    page.get_by_label("Desynchronise by").fill("0.2")
+    expect(page.get_by_label("API key")).to_be_focused()
+    keyless.doubt("Waiting for a key")
+    enter_key(page, key_of("ann"))
+    keyless.verdict("Observable: rank 18 of 18")
+    expect(page.locator("#map-name")).to_have_text(ALTERNATE)
+    expect(page.get_by_label("Desynchronise by")).to_have_value("0.2")
 
 
 def test_a_refined_plan_opens_though_its_parent_was_deleted(
@@ -184,7 +182,7 @@ def test_a_refined_plan_opens_though_its_parent_was_deleted(
     visit.choose(ALTERNATE)
     refine(page)
     expect(page.locator(".outcome")).to_contain_text("Predicted error")
-    plan = httpx2.get(f"{server.url}/v1/plans/{plan_id_of(page)}").json()
+    plan = stored(page, server)
     assert httpx2.delete(f"{server.url}/v1/plans/{plan['parent_id']}").status_code == 204
     visit.expect_complaints("404")
     page.reload()

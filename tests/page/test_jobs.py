@@ -4,16 +4,13 @@ import re
 from typing import Any
 
 import httpx2
-import pytest
 from playwright.sync_api import Page, expect
 
 from syncplan.scenario.loading import load_scenario
-from tests.page.gestures import opened, plan_id_of, refine, validate
+from tests.page.gestures import copied, opened, plan_id_of, refine, stored, validate
 from tests.tools.browsing import Tabs, Visit, accessibility_faults, visiting
 from tests.tools.scenarios import FILES, document
 from tests.tools.serving import Server
-
-pytestmark = pytest.mark.long
 
 ALTERNATE = "paper-grid-alternate"
 
@@ -43,9 +40,8 @@ def test_refine_compare_validate_and_open_the_link_again(
         page.get_by_role("tab", name=name).click()
         assert page.evaluate("document.getElementById('panel-plot').data.length") > 0
     assert accessibility_faults(page) == []
-    plan = httpx2.get(f"{server.url}/v1/plans/{plan_id_of(page)}").json()
-    page.get_by_role("button", name="Copy link").click()
-    expect(page.locator("#notice")).to_contain_text(plan["id"])
+    plan = stored(page, server)
+    assert copied(page) == plan["id"]
     link = page.evaluate("navigator.clipboard.readText()")
     assert link == f"{server.url}/?plan={plan['id']}"
     with visiting(tabs, link) as again:
@@ -59,21 +55,16 @@ def test_refine_compare_validate_and_open_the_link_again(
 def test_what_refinement_may_move_by_suits_the_team_that_was_opened(
     visit: Visit, page: Page
 ) -> None:
-    box, least, most = (
-        page.get_by_label(label)
-        for label in (
-            "How far a centre may move each way, in m",
-            "Least radius in m",
-            "Largest radius in m",
-        )
-    )
-    expect(box).to_have_value("5")
-    expect(least).to_have_value("15")
-    expect(most).to_have_value("25")
+    box = page.get_by_label("How far a centre may move each way, in m")
+    least, most = (page.get_by_label(f"{which} radius in m") for which in ("Least", "Largest"))
+
+    def offered(*values: str) -> None:
+        for field, value in zip((box, least, most), values, strict=True):
+            expect(field).to_have_value(value)
+
+    offered("5", "15", "25")
     visit.choose("four-ground-robots")
-    expect(box).to_have_value("0.13")
-    expect(least).to_have_value("0.38")
-    expect(most).to_have_value("0.63")
+    offered("0.13", "0.38", "0.63")
     box.fill("0.2")
     visit.choose("mixed-radii-camera")
     expect(box).to_have_value("0.2")
@@ -215,11 +206,8 @@ def test_a_flight_shows_what_it_came_to_and_plays_on_the_map(
     expect(outcome).to_contain_text("RMS over the second half of 4 flights")
     (job,) = httpx2.get(f"{server.url}/v1/jobs?limit=1").json()["items"]
     asked = httpx2.get(f"{server.url}/v1/jobs/{job['id']}").json()["request"]
-    assert (asked["wind_mps"], asked["lose"], asked["hold"]) == (
-        [0.5, -0.25],
-        ["v6@30"],
-        ["v2@5:3"],
-    )
+    given = {"wind_mps": [0.5, -0.25], "lose": ["v6@30"], "hold": ["v2@5:3"]}
+    assert given.items() <= asked.items()
     expect(outcome.locator(".badge")).to_contain_text(re.compile(r"Off the plan by [\d.]+ m"))
     expect(outcome).to_contain_text("of the planned meetings were kept")
     expect(outcome).to_contain_text(re.compile(r"Least separation [\d.]+ m in the median flight"))

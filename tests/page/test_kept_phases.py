@@ -8,7 +8,17 @@ import httpx2
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.page.gestures import download, downloaded, handle, phases, plan_id_of, refine, sidecar_of
+from tests.page.gestures import (
+    copied,
+    download,
+    downloaded,
+    handle,
+    phases,
+    plan_id_of,
+    refine,
+    sidecar_of,
+    stored,
+)
 from tests.tools.api_servers import done
 from tests.tools.browsing import Tabs, Visit, visiting
 from tests.tools.processes import PATIENCE_S
@@ -56,20 +66,11 @@ def predicted(page: Page) -> Any:
     return page.get_by_role("row", name="Predicted RMS error")
 
 
-def stored(page: Page, server: Server) -> Tree:
-    """The plan that Copy link leads to."""
-    page.get_by_role("button", name="Copy link").click()
-    expect(page.locator("#notice")).to_contain_text("Link copied")
-    found: Tree = httpx2.get(f"{server.url}/v1/plans/{plan_id_of(page)}").json()
-    return found
-
-
 def phases_of(plan: Tree) -> list[float]:
     """Where the vehicles of a plan begin."""
     return [one["phase_rad"] for one in plan["vehicles"]]
 
 
-@pytest.mark.long
 def test_an_edit_that_moves_nothing_keeps_a_refined_plan(
     at_refined: Visit, server: Server, refined: Tree
 ) -> None:
@@ -85,13 +86,13 @@ def test_an_edit_that_moves_nothing_keeps_a_refined_plan(
     at_refined.settle()
     expect(phases(page)).to_have_text("refined")
     expect(predicted(page)).not_to_contain_text(error_of(refined))
+    copied(page)
     kept = stored(page, server)
     assert kept["id"] != refined["id"]
     assert phases_of(kept) == phases_of(refined)
     assert kept["scenario"]["name"] == "another name"
 
 
-@pytest.mark.long
 def test_a_value_typed_again_is_the_plan_that_was_stored(at_refined: Visit, refined: Tree) -> None:
     page = at_refined.page
     field = page.get_by_label("Duration")
@@ -102,7 +103,6 @@ def test_a_value_typed_again_is_the_plan_that_was_stored(at_refined: Visit, refi
     expect(predicted(page)).to_contain_text(error_of(refined))
 
 
-@pytest.mark.long
 def test_undo_and_redo_bring_a_refined_plan_back_under_its_address(
     at_refined: Visit, refined: Tree
 ) -> None:
@@ -134,7 +134,6 @@ def test_undo_and_redo_bring_a_refined_plan_back_under_its_address(
     assert "plan=" not in page.url
 
 
-@pytest.mark.long
 def test_what_is_put_back_by_hand_is_the_refined_plan_again(
     at_refined: Visit, refined: Tree
 ) -> None:
@@ -150,7 +149,6 @@ def test_what_is_put_back_by_hand_is_the_refined_plan_again(
     assert plan_id_of(page) == refined["id"]
 
 
-@pytest.mark.long
 def test_an_export_after_its_origin_was_entered_is_of_the_refined_plan(
     at_refined: Visit, server: Server, refined: Tree
 ) -> None:
@@ -168,13 +166,12 @@ def test_an_export_after_its_origin_was_entered_is_of_the_refined_plan(
     expect(predicted(page)).to_contain_text(error_of(refined))
     archive = download(page, "Export")
     assert "qgc" in archive.suggested_filename
-    exported = httpx2.get(f"{server.url}/v1/plans/{plan_id_of(page)}").json()
+    exported = stored(page, server)
     assert phases_of(exported) == phases_of(refined)
     assert exported["predicted_rms_m"] == refined["predicted_rms_m"]
     assert sidecar_of(archive)["vehicles"]
 
 
-@pytest.mark.long
 def test_a_plan_file_opens_as_that_plan_and_is_stored_as_that(
     page: Page, server: Server, refined: Tree, tmp_path: Path
 ) -> None:
@@ -186,6 +183,7 @@ def test_a_plan_file_opens_as_that_plan_and_is_stored_as_that(
     expect(page.locator("#notice")).to_contain_text("given.plan.json: the plan with its own phases")
     page.get_by_label("Moment in the period").press("ArrowRight")
     expect(page.locator("#moment-text")).not_to_have_text("0 s")
+    copied(page)
     kept = stored(page, server)
     assert phases_of(kept) == phases_of(refined)
     page.reload()
@@ -193,6 +191,7 @@ def test_a_plan_file_opens_as_that_plan_and_is_stored_as_that(
     expect(predicted(page)).to_contain_text(error_of(refined))
 
 
+@pytest.mark.quick
 def test_a_fault_in_a_plan_file_is_reported_by_its_path(
     visit: Visit, page: Page, refined: Tree, tmp_path: Path
 ) -> None:
@@ -206,7 +205,6 @@ def test_a_fault_in_a_plan_file_is_reported_by_its_path(
     visit.verdict("Observable: rank 18 of 18")
 
 
-@pytest.mark.long
 def test_the_scenario_of_a_refined_plan_is_said_to_lack_its_phases(at_refined: Visit) -> None:
     page = at_refined.page
     downloaded(page)
@@ -217,7 +215,6 @@ def test_the_scenario_of_a_refined_plan_is_said_to_lack_its_phases(at_refined: V
     expect(phases(page)).to_have_text("from a file")
 
 
-@pytest.mark.long
 def test_back_leads_from_a_refined_plan_to_the_one_before_it(visit: Visit, page: Page) -> None:
     visit.choose(ALTERNATE)
     refine(page)

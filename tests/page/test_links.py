@@ -1,12 +1,9 @@
 """The links of a formation: listed ones that come out of reach, and those that follow it."""
 
-import pytest
 from playwright.sync_api import Page, expect
 
 from tests.page.gestures import downloaded, drag, handle
 from tests.tools.browsing import Visit, accessibility_faults
-
-pytestmark = pytest.mark.long
 
 ALTERNATE = "paper-grid-alternate"
 

@@ -1,12 +1,10 @@
 """What if, on the page: every loss judged by the service, the most harmful first."""
 
-import pytest
 from playwright.sync_api import Page, expect
 
 from tests.tools.browsing import Visit, accessibility_faults
 
 
-@pytest.mark.long
 def test_losses_are_judged_shown_and_forgotten_with_the_scenario(visit: Visit, page: Page) -> None:
     visit.choose("paper-grid-same")
     visit.settle()

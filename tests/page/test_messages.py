@@ -7,12 +7,10 @@ import httpx2
 import pytest
 from playwright.sync_api import Page, Route, expect
 
-from tests.page.gestures import drag, plan_id_of
+from tests.page.gestures import copied, drag, plan_id_of
 from tests.tools.browsing import DESKTOP, PHONE, Tabs, Visit, accessibility_faults, visiting
 from tests.tools.scenarios import document
 from tests.tools.serving import Server
-
-pytestmark = pytest.mark.long
 
 GONE = "00000000-0000-4000-8000-000000000000"
 NO_PLAN = "There is no such plan, or it belongs to another key."
@@ -124,9 +122,7 @@ def test_back_to_a_plan_that_was_deleted_keeps_the_one_on_show(
     visit: Visit, page: Page, server: Server
 ) -> None:
     visit.expect_complaints("404")
-    page.get_by_role("button", name="Copy link").click()
-    expect(page.locator("#notice")).to_contain_text("Link copied")
-    kept = plan_id_of(page)
+    kept = copied(page)
     page.evaluate(f"history.pushState(null, '', '?plan={GONE}')")
     page.evaluate(f"history.pushState(null, '', '?plan={kept}')")
     page.go_back()

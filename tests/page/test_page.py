@@ -26,7 +26,6 @@ ALTERNATE = "paper-grid-alternate"
 
 @pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
-@pytest.mark.long
 def test_the_page_has_no_accessibility_faults(
     tabs: Tabs, server: Server, size: tuple[int, int], dark: bool
 ) -> None:
@@ -42,7 +41,6 @@ def test_the_page_has_no_accessibility_faults(
             assert accessibility_faults(visit.page) == []
 
 
-@pytest.mark.long
 def test_the_page_fits_a_phone(tabs: Tabs, server: Server) -> None:
     with visiting(tabs, server.url, size=PHONE, touch=True) as visit:
         visit.choose(ALTERNATE)
@@ -52,7 +50,6 @@ def test_the_page_fits_a_phone(tabs: Tabs, server: Server) -> None:
         expect(visit.page.get_by_label("Centre east")).to_have_value("70")
 
 
-@pytest.mark.long
 def test_a_phone_shows_no_more_of_the_map_than_there_is_and_keeps_the_verdict_in_sight(
     tabs: Tabs, server: Server
 ) -> None:
@@ -116,7 +113,6 @@ def tabs_of_double_size(tabs: Tabs) -> Iterator[Tabs]:
 
 
 @pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
-@pytest.mark.long
 def test_letters_of_double_size_find_room(
     tabs_of_double_size: Tabs, server: Server, size: tuple[int, int]
 ) -> None:
@@ -140,7 +136,6 @@ def test_letters_of_double_size_find_room(
         assert accessibility_faults(page) == []
 
 
-@pytest.mark.long
 def test_numbers_and_their_units_stay_on_one_line(visit: Visit) -> None:
     amounts = visit.page.locator(".amount")
     expect(amounts).to_have_count(2)
@@ -151,7 +146,6 @@ def test_numbers_and_their_units_stay_on_one_line(visit: Visit) -> None:
     assert _cut(visit.page) == []
 
 
-@pytest.mark.long
 def test_a_phone_shows_the_marks_below_the_map(tabs: Tabs, server: Server) -> None:
     with visiting(tabs, server.url, size=PHONE, touch=True) as visit:
         visit.choose(ALTERNATE)
@@ -172,7 +166,6 @@ def test_a_phone_shows_the_marks_below_the_map(tabs: Tabs, server: Server) -> No
         expect(visit.page.locator("#map-plot .legend .traces").first).to_be_visible()
 
 
-@pytest.mark.long
 def test_figures_follow_the_theme(visit: Visit) -> None:
     words = visit.page.locator("#map-plot .xtitle")
     expect(words).to_have_css("fill", "rgb(27, 27, 31)")
@@ -182,6 +175,7 @@ def test_figures_follow_the_theme(visit: Visit) -> None:
     expect(words).to_have_css("fill", "rgb(27, 27, 31)")
 
 
+@pytest.mark.quick
 def test_nothing_comes_from_elsewhere_and_no_style_or_script_is_inline(server: Server) -> None:
     answer = httpx2.get(server.url)
     policy = answer.headers["content-security-policy"]
@@ -193,6 +187,7 @@ def test_nothing_comes_from_elsewhere_and_no_style_or_script_is_inline(server: S
     assert re.findall(r'(?:src|href)="(?:https?:)?//', answer.text) == []
 
 
+@pytest.mark.quick
 def test_a_violation_of_the_policy_would_be_noticed(tabs: Tabs, server: Server) -> None:
     with visiting(tabs, server.url) as visit:
         visit.verdict("Observable")
@@ -203,6 +198,7 @@ def test_a_violation_of_the_policy_would_be_noticed(tabs: Tabs, server: Server) 
         visit.expect_complaints("Content Security Policy", "127.0.0.2")
 
 
+@pytest.mark.quick
 def test_assets_are_compressed_once_and_not_sent_again(server: Server) -> None:
     with httpx2.Client(base_url=server.url) as http:
         script = http.get("/assets/plotly.min.js")
@@ -219,7 +215,6 @@ def test_assets_are_compressed_once_and_not_sent_again(server: Server) -> None:
             assert missing.headers["content-type"] == "application/problem+json"
 
 
-@pytest.mark.long
 def test_the_page_offers_every_format_of_exports_and_only_examples_there_are(
     visit: Visit, server: Server
 ) -> None:

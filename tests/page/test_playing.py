@@ -4,15 +4,12 @@ import json
 import math
 from pathlib import Path
 
-import httpx2
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.page.gestures import download, plan_id_of, saved, sidecar_of, unzipped
+from tests.page.gestures import copied, download, saved, sidecar_of, stored, unzipped
 from tests.tools.browsing import Visit, accessibility_faults
 from tests.tools.serving import Server
-
-pytestmark = pytest.mark.long
 
 SAME = "paper-grid-same"
 ALTERNATE = "paper-grid-alternate"
@@ -110,9 +107,8 @@ def test_what_a_chosen_sensor_covers_is_shaded_and_holds_what_it_sees_at_each_mo
     page.get_by_label("Vehicle or landmark").select_option("vehicle 1")
     expect(page.locator(".sight")).to_be_visible()
     expect(page.locator("#sight-help")).to_be_visible()
-    page.get_by_role("button", name="Copy link").click()
-    expect(page.locator("#notice")).to_contain_text("Link")
-    plan = httpx2.get(f"{server.url}/v1/plans/{plan_id_of(page)}").json()
+    copied(page)
+    plan = stored(page, server)
     other = next(one for one in plan["vehicles"] if one["name"] == "v1")
     directed = [one for link in plan["links"] for one in link["directed"]]
     seen = next(one for one in directed if (one["from"], one["to"]) == ("v2", "v1"))
@@ -143,7 +139,7 @@ def test_plans_and_exports_are_saved_and_an_export_says_what_it_lacks(
     visit: Visit, page: Page, server: Server
 ) -> None:
     plan = json.loads(saved(download(page, "Plan")))
-    assert plan == httpx2.get(f"{server.url}/v1/plans/{plan_id_of(page)}").json()
+    assert plan == stored(page, server)
     page.get_by_label("Format", exact=True).select_option("csv")
     archive = download(page, "Export")
     assert archive.suggested_filename == f"{SAME}-csv.zip"

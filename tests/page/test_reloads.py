@@ -6,7 +6,7 @@ import httpx2
 import pytest
 from playwright.sync_api import Page, Route, expect
 
-from tests.page.gestures import handle, opened, phases, plan_id_of, saved, validate
+from tests.page.gestures import copied, handle, opened, phases, plan_id_of, saved, stored, validate
 from tests.tools.browsing import Visit
 from tests.tools.scenarios import document
 from tests.tools.serving import Server
@@ -14,7 +14,6 @@ from tests.tools.serving import Server
 ALTERNATE = "paper-grid-alternate"
 
 
-@pytest.mark.long
 def test_a_reload_goes_on_with_what_was_being_edited(visit: Visit, page: Page) -> None:
     visit.choose(ALTERNATE)
     page.get_by_label("Desynchronise by").fill("0.2")
@@ -25,7 +24,6 @@ def test_a_reload_goes_on_with_what_was_being_edited(visit: Visit, page: Page) -
     expect(page.get_by_label("Desynchronise by")).to_have_value("0.2")
 
 
-@pytest.mark.long
 def test_a_reload_goes_on_with_a_fault_and_undo_leads_out_of_it(visit: Visit, page: Page) -> None:
     visit.expect_complaints("422")
     visit.choose(ALTERNATE)
@@ -38,7 +36,6 @@ def test_a_reload_goes_on_with_a_fault_and_undo_leads_out_of_it(visit: Visit, pa
     visit.verdict("Not observable: rank 16 of 18")
 
 
-@pytest.mark.long
 def test_a_reload_keeps_phases_that_were_given_and_the_way_back_to_them(
     visit: Visit, page: Page, server: Server
 ) -> None:
@@ -65,7 +62,6 @@ def test_a_reload_keeps_phases_that_were_given_and_the_way_back_to_them(
     expect(phases(page)).to_have_text("from a file")
 
 
-@pytest.mark.long
 def test_an_address_that_names_a_plan_comes_before_what_was_edited(
     visit: Visit, page: Page, server: Server
 ) -> None:
@@ -76,7 +72,6 @@ def test_an_address_that_names_a_plan_comes_before_what_was_edited(
     expect(page.locator("#map-name")).to_have_text("named")
 
 
-@pytest.mark.long
 def test_what_the_tab_kept_and_can_not_be_planned_any_more_is_forgotten(
     visit: Visit, page: Page
 ) -> None:
@@ -90,7 +85,6 @@ def test_what_the_tab_kept_and_can_not_be_planned_any_more_is_forgotten(
     page.close()
 
 
-@pytest.mark.long
 def test_a_reload_shows_the_outcome_of_a_validation_again_with_its_report(
     page: Page, server: Server
 ) -> None:
@@ -112,7 +106,6 @@ def test_a_reload_shows_the_outcome_of_a_validation_again_with_its_report(
     assert page.url.rpartition("/")[2] == ""
 
 
-@pytest.mark.long
 def test_a_link_names_the_plan_alone_and_says_that_it_was_copied(
     page: Page, server: Server
 ) -> None:
@@ -126,6 +119,7 @@ def test_a_link_names_the_plan_alone_and_says_that_it_was_copied(
     expect(page.locator("#notice")).to_have_text("Validation cancelled.")
 
 
+@pytest.mark.quick
 def test_a_link_is_of_the_plan_that_was_stored_though_it_was_edited_meanwhile(
     page: Page, server: Server
 ) -> None:
@@ -143,6 +137,7 @@ def test_a_link_is_of_the_plan_that_was_stored_though_it_was_edited_meanwhile(
     assert "plan=" not in page.url
 
 
+@pytest.mark.quick
 def test_two_quick_presses_store_one_plan(visit: Visit, page: Page, server: Server) -> None:
     before = len(httpx2.get(f"{server.url}/v1/plans?limit=200").json()["items"])
     page.evaluate("for (let k = 0; k < 2; k += 1) document.getElementById('share').click()")
@@ -151,21 +146,20 @@ def test_two_quick_presses_store_one_plan(visit: Visit, page: Page, server: Serv
     assert len(httpx2.get(f"{server.url}/v1/plans?limit=200").json()["items"]) == before + 1
 
 
+@pytest.mark.quick
 def test_a_link_that_can_not_be_copied_is_shown_to_be_taken(page: Page) -> None:
     page.evaluate("() => { navigator.clipboard.writeText = () => Promise.reject('denied') }")
     page.get_by_role("button", name="Copy link").click()
     expect(page.locator("#notice")).to_contain_text("Link to this plan: http")
 
 
+@pytest.mark.quick
 def test_a_link_to_a_plan_that_was_deleted_is_to_one_stored_anew(
     visit: Visit, page: Page, server: Server
 ) -> None:
     visit.expect_complaints("404")
-    page.get_by_role("button", name="Copy link").click()
-    expect(page.locator("#notice")).to_contain_text("Link copied")
-    gone = plan_id_of(page)
+    gone = copied(page)
     assert httpx2.delete(f"{server.url}/v1/plans/{gone}").status_code == 204
-    page.get_by_role("button", name="Copy link").click()
-    expect(page.locator("#notice")).to_contain_text("Link copied")
-    expect(page.locator("#notice")).not_to_contain_text(gone)
-    assert httpx2.get(f"{server.url}/v1/plans/{plan_id_of(page)}").status_code == 200
+    page.get_by_role("button", name="Dismiss the message").click()
+    assert copied(page) != gone
+    assert stored(page, server)["id"] == plan_id_of(page)

@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import pytest
 from playwright.sync_api import Page, expect
 
 from tests.page.gestures import downloaded, opened
@@ -24,7 +23,6 @@ WORLD: dict[str, Any] = {
 }
 
 
-@pytest.mark.long
 def test_fields_of_the_world_are_folded_until_used(visit: Visit, page: Page) -> None:
     visit.choose("paper-grid-same")
     expect(page.get_by_label("Wind sigma")).to_be_hidden()
@@ -45,7 +43,6 @@ def test_fields_of_the_world_are_folded_until_used(visit: Visit, page: Page) -> 
     assert accessibility_faults(page) == []
 
 
-@pytest.mark.long
 def test_a_scenario_of_the_world_opens_its_groups_and_keeps_its_keys(
     visit: Visit, page: Page
 ) -> None:

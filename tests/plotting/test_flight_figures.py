@@ -17,7 +17,7 @@ from syncplan.plotting.flight_figures import MOST_VEHICLES, flight_errors_spec
 from syncplan.plotting.flight_tracks_figure import SIGMAS, flight_tracks_spec
 from syncplan.reports.flight_report import FlightDocument, flight_document
 from syncplan.reports.flight_series import FlightOverTime
-from tests.tools.figure_parts import trace_of
+from tests.tools.figure_parts import note_of, trace_of
 from tests.tools.flown import LOST_AT, short_flight
 
 NAMES = ["tracks", "tracking", "phases", "separation", "meetings", "events"]
@@ -37,11 +37,6 @@ def report(flight: Flight) -> FlightDocument:
 def series(report: FlightDocument) -> FlightOverTime:
     assert report.series is not None
     return report.series
-
-
-def _note(spec: dict[str, Any]) -> str:
-    text: str = spec["layout"]["title"]["subtitle"]["text"]
-    return text.replace("<br>", " ")
 
 
 def test_a_flight_and_its_report_give_the_same_figures(
@@ -124,15 +119,14 @@ def test_tracks_that_go_astray_leave_the_map_and_the_note_says_so(
     report: FlightDocument, series: FlightOverTime
 ) -> None:
     near = specs_of(report, ["tracks"])["tracks"]
-    assert "tracks leave the map" not in _note(near)
+    assert "tracks leave the map" not in note_of(near)
     first = series.tracks[0]
     away = first.vehicles[0].model_copy(update={"true_x_m": [9000.0] * len(series.track_time_s)})
     track = first.model_copy(update={"vehicles": [away, *first.vehicles[1:]]})
-    astray = report.model_copy(
-        update={"series": series.model_copy(update={"tracks": [track, *series.tracks[1:]]})}
-    )
+    tracks = series.model_copy(update={"tracks": [track, *series.tracks[1:]]})
+    astray = report.model_copy(update={"series": tracks})
     far = specs_of(astray, ["tracks"])["tracks"]
-    assert "tracks leave the map" in _note(far)
+    assert "tracks leave the map" in note_of(far)
     assert far["layout"]["xaxis"]["range"][1] < 2.0 * near["layout"]["xaxis"]["range"][1]
 
 
@@ -194,39 +188,26 @@ def test_events_are_on_every_axis_of_time(report: FlightDocument) -> None:
         for axis in panels:
             mine = [one for one in shapes if one["xref"] == axis]
             assert {(one["x0"], one["x1"]) for one in mine} == {(12.0, 18.0), (LOST_AT, LOST_AT)}
-        assert "v6 is lost at 30 s" in _note(spec)
+        assert "v6 is lost at 30 s" in note_of(spec)
         assert {"losses", "holds"} <= {trace["uid"] for trace in spec["data"]}
 
 
 def test_of_a_large_team_those_furthest_off_the_plan_are_drawn(
     report: FlightDocument, series: FlightOverTime
 ) -> None:
-    copies = range(3)
-    many = report.model_copy(
-        update={
-            "vehicles": [
-                one.model_copy(update={"name": f"{one.name}{'abc'[c]}"})
-                for c in copies
-                for one in report.vehicles
-            ],
-            "series": series.model_copy(
-                update={
-                    "vehicles": [
-                        one.model_copy(update={"name": f"{one.name}{'abc'[c]}"})
-                        for c in copies
-                        for one in series.vehicles
-                    ]
-                }
-            ),
-        }
-    )
+    def thrice(of: Any) -> dict[str, Any]:
+        named = [(one, f"{one.name}{letter}") for letter in "abc" for one in of.vehicles]
+        return {"vehicles": [one.model_copy(update={"name": name}) for one, name in named]}
+
+    team = series.model_copy(update=thrice(series))
+    many = report.model_copy(update={**thrice(report), "series": team})
     spec = specs_of(many, ["tracking"])["tracking"]
     drawn = {t["uid"].removeprefix("error-") for t in spec["data"] if t["uid"].startswith("error-")}
     off = {one.name: one.errors.tracking_rms_m for one in many.vehicles if one.errors is not None}
     least = min(off[name] for name in drawn)
     assert len(drawn) == MOST_VEHICLES
     assert all(value <= least for name, value in off.items() if name not in drawn)
-    assert f"the {MOST_VEHICLES} worst of 18 vehicles" in _note(spec)
+    assert f"the {MOST_VEHICLES} worst of 18 vehicles" in note_of(spec)
 
 
 def test_least_separations_rise_to_all_trials(report: FlightDocument) -> None:

@@ -18,6 +18,7 @@ from syncplan.plotting.figure_style import PLAIN, FigureStyle
 from syncplan.plotting.figures import specs_of
 from syncplan.plotting.links import link_ends
 from syncplan.plotting.maps import view_of
+from tests.tools.figure_parts import note_of, trace_of, turns_of
 from tests.tools.image_browser import needs_browser
 from tests.tools.scenarios import example, small
 
@@ -49,12 +50,6 @@ TEAMS = {
 @pytest.fixture(scope="module", params=list(TEAMS))
 def team(request: pytest.FixtureRequest) -> Plan:
     return TEAMS[request.param]()
-
-
-def _trace(spec: dict[str, Any], uid: str) -> dict[str, Any]:
-    (trace,) = (one for one in spec["data"] if one["uid"] == uid)
-    found: dict[str, Any] = trace
-    return found
 
 
 def _link_lines(spec: dict[str, Any]) -> list[np.ndarray]:
@@ -113,11 +108,10 @@ def test_no_link_strikes_through_a_name(team: Plan, style: FigureStyle) -> None:
     along = np.linspace(0.0, 1.0, 801)[:, None]
     lines = _link_lines(spec)
     points = np.concatenate([line[0] + along * (line[1] - line[0]) for line in lines])
-    names = _trace(spec, "names")
+    names = trace_of(spec, "names")
     shown = 0
-    for text, x, y, size in zip(
-        names["text"], names["x"], names["y"], names["textfont"]["size"], strict=True
-    ):
+    sizes = names["textfont"]["size"]
+    for text, x, y, size in zip(names["text"], names["x"], names["y"], sizes, strict=True):
         if text:
             half = 0.5 * size * np.array([0.55 * len(html.unescape(text)), 0.9]) / scale
             inside = (np.abs(points - [x, y]) < half).all(axis=1)
@@ -128,7 +122,7 @@ def test_no_link_strikes_through_a_name(team: Plan, style: FigureStyle) -> None:
 
 def test_names_fit_their_circles_where_there_is_room(team: Plan) -> None:
     spec = specs_of(team, ["formation"])["formation"]
-    names, scale = _trace(spec, "names"), view_of(PLAIN, team).scale
+    names, scale = trace_of(spec, "names"), view_of(PLAIN, team).scale
     for text, size in zip(names["text"], names["textfont"]["size"], strict=True):
         assert 7.0 <= size <= 13.0
         assert 0.5 * len(html.unescape(text)) * size < 2.0 * scale * team.orbits.radii.max()
@@ -137,7 +131,7 @@ def test_names_fit_their_circles_where_there_is_room(team: Plan) -> None:
 def test_a_landmark_s_name_stands_where_no_link_comes_from() -> None:
     made = _wide_range(landmarks_m=[[35.0, 40.0], [35.0, -40.0]])
     spec = specs_of(made, ["formation"])["formation"]
-    above, below = _trace(spec, "landmarks")["textposition"]
+    above, below = trace_of(spec, "landmarks")["textposition"]
     assert above.startswith("top")
     assert below.startswith("bottom")
 
@@ -164,7 +158,7 @@ def test_links_are_thinner_where_each_vehicle_has_many() -> None:
         shape = {"shape": "grid", "count": 12, "columns": 4, "spacing_m": 70.0}
         made = plan(small(formation=shape, sensor=sensor), bound="never")
         spec = specs_of(made, ["formation"])["formation"]
-        widths.append(_trace(spec, "link-certified")["line"]["width"])
+        widths.append(trace_of(spec, "link-certified")["line"]["width"])
     assert 0.5 < widths[1] < widths[0]
 
 
@@ -177,11 +171,11 @@ def test_areas_are_on_every_map() -> None:
     )
     specs = specs_of(made, ["formation", "animation", "comparison"], after=made)
     for name, spec in specs.items():
-        area, kept_out = _trace(spec, "area"), _trace(spec, "keep-out")
+        area, kept_out = trace_of(spec, "area"), trace_of(spec, "keep-out")
         drawn = np.column_stack([area["x"][:4], area["y"][:4]]).astype(float)
         np.testing.assert_allclose(drawn, AREA, err_msg=name)
         assert kept_out["fill"] == "toself"
-        obstacle = _trace(spec, "obstacle")
+        obstacle = trace_of(spec, "obstacle")
         assert obstacle["fill"] == "toself"
         assert obstacle["fillcolor"] != kept_out["fillcolor"]
         drawn = np.column_stack([obstacle["x"], obstacle["y"]])
@@ -197,16 +191,13 @@ def test_a_comparison_shows_and_says_which_vehicles_turn_round() -> None:
     after = plan_of(Loaded(before.scenario, replace(before.orbits, senses=senses)))
     spec = specs_of(before, ["comparison"], after=after)["comparison"]
     for side, one in (("before", before), ("after", after)):
-        heads = _trace(spec, f"heads-{side}")
+        heads = trace_of(spec, f"heads-{side}")
         arm = np.column_stack([heads["x"], heads["y"]]) - one.orbits.centers
         np.testing.assert_allclose(np.hypot(*arm.T), one.orbits.radii, atol=0.01)
-        turned = np.radians(heads["marker"]["angle"])
-        cross = arm[:, 0] * np.cos(turned) - arm[:, 1] * np.sin(turned)
-        np.testing.assert_array_equal(np.sign(cross), one.orbits.senses)
-    note = spec["layout"]["title"]["subtitle"]["text"]
-    assert note.endswith("v2 changes direction")
+        np.testing.assert_array_equal(turns_of(heads, one.orbits.centers), one.orbits.senses)
+    assert note_of(spec).endswith("v2 changes direction")
     same = specs_of(before, ["comparison"], after=before)["comparison"]
-    assert same["layout"]["title"]["subtitle"]["text"].endswith("all keep their direction")
+    assert note_of(same).endswith("all keep their direction")
 
 
 @needs_browser

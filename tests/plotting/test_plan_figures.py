@@ -14,13 +14,12 @@ from syncplan.errors import InputError
 from syncplan.orbits.circles import Orbits, heading, perpendicular, position, unit
 from syncplan.planning.plan_files import Loaded, plan_of
 from syncplan.planning.planner import Plan, plan
-from syncplan.plotting import formation_figures as drawing
 from syncplan.plotting.contact_figures import union_growth, within_period
 from syncplan.plotting.figure_style import DARK, FigureStyle
 from syncplan.plotting.figure_table import FIGURES
 from syncplan.plotting.figures import specs_of
-from syncplan.plotting.formation_figures import FRAMES, live
-from tests.tools.figure_parts import trace_of
+from syncplan.plotting.formation_figures import FRAMES, live, verdict_words
+from tests.tools.figure_parts import note_of, trace_of, turns_of
 from tests.tools.measurement_graphs import union_over
 from tests.tools.scenarios import circling, example, small
 
@@ -85,11 +84,8 @@ def test_heads_on_circles_turn_with_the_sense(made: Plan) -> None:
         chosen = made.orbits.senses == sense
         if not chosen.any():
             continue
-        trace = trace_of(spec, f"heads-{key}")
-        arm = np.column_stack([trace["x"], trace["y"]]) - made.orbits.centers[chosen]
-        turned = np.radians(trace["marker"]["angle"])
-        cross = arm[:, 0] * np.cos(turned) - arm[:, 1] * np.sin(turned)
-        assert (np.sign(cross) == sense).all()
+        turns = turns_of(trace_of(spec, f"heads-{key}"), made.orbits.centers[chosen])
+        assert (turns == sense).all()
 
 
 def test_every_meeting_is_drawn_once_by_what_it_is_worth(made: Plan) -> None:
@@ -180,7 +176,9 @@ def _bearings(made: Plan, poses: np.ndarray, seen: np.ndarray, target: np.ndarra
 
 
 def test_a_plan_that_is_observable_has_no_arrows() -> None:
-    spec = _formation(plan(example("paper-grid-same")))
+    made = plan(example("paper-grid-same"))
+    spec = _formation(made)
+    assert verdict_words(made) in note_of(spec)
     assert not [trace for trace in spec["data"] if trace["uid"].startswith("motion")]
 
 
@@ -323,14 +321,10 @@ def _sees(made: Plan, observer: int, away: np.ndarray, time: float) -> bool:
 
 
 def test_a_refined_plan_is_shown_before_and_after() -> None:
-    scenario = small(
-        landmarks_m=[[30.0, 0.0], [40.0, 10.0]],
-        orbit=circling(direction="alternate"),
-        duration_s=40.0,
-    )
-    before = plan(scenario)
     from syncplan.refinement.refiner import refine
 
+    orbit = circling(direction="alternate")
+    before = plan(small(landmarks_m=[[30.0, 0.0], [40.0, 10.0]], orbit=orbit, duration_s=40.0))
     after = refine(before, objective="logdet", starts=1, workers=1)
     assert after.refinement is not None
     spec = specs_of(after, ["refinement"])["refinement"]
@@ -392,27 +386,6 @@ def test_names_are_shown_as_they_are_and_never_as_markup() -> None:
         assert odd not in text, name
         if name != "spectrum":
             assert "&lt;b&gt;a&amp;b&lt;/b&gt;" in text, name
-
-
-def test_areas_and_dropped_links_are_drawn() -> None:
-    area = [[-40.0, -40.0], [110.0, -40.0], [110.0, 40.0], [-40.0, 40.0]]
-    made = plan(
-        small(
-            area_m=area,
-            keep_out_m=[[[30.0, 25.0], [40.0, 25.0], [35.0, 35.0]]],
-            orbit=circling(direction="ccw"),
-            sensor={
-                "range_m": 80.0,
-                "fov_deg": 5,
-                "bearing_sigma_rad": 0.1,
-                "sample_time_s": 0.1,
-            },
-        )
-    )
-    spec = _formation(made)
-    np.testing.assert_allclose(_polylines(trace_of(spec, "area"))[0], [*area, area[0]])
-    assert trace_of(spec, "keep-out")["fill"] == "toself"
-    assert drawing.verdict_words(made) in spec["layout"]["title"]["subtitle"]["text"]
 
 
 def test_vehicles_that_share_a_circle_share_a_label() -> None:

@@ -23,7 +23,7 @@ from syncplan.reports.validation_report import (
     sweep_document,
     validation_document,
 )
-from tests.tools.figure_parts import trace_of
+from tests.tools.figure_parts import note_of, trace_of
 from tests.tools.scenarios import example, small
 
 
@@ -89,7 +89,7 @@ def test_the_band_is_three_sigma_of_each_axis_about_zero(
             mean = trace_of(spec, f"mean-{vehicle.name}-{column}")
             np.testing.assert_allclose(mean["y"], kept.mean_errors[::every, k, column], atol=1e-5)
             np.testing.assert_allclose(mean["x"], every * 0.1 * np.arange(count), atol=1e-6)
-    assert "mean error of 20 trials" in spec["layout"]["title"]["subtitle"]["text"]
+    assert "mean error of 20 trials" in note_of(spec)
 
 
 def test_axes_of_the_series_make_up_the_position(flown: Validation) -> None:
@@ -123,7 +123,7 @@ def test_of_a_large_team_the_worst_are_drawn_or_those_named() -> None:
     drawn = {trace["uid"].split("-")[1] for trace in spec["data"]}
     order = np.argsort(-run.accuracy.position, kind="stable")[:MOST_VEHICLES]
     assert drawn == {f"v{k + 1}" for k in order}
-    assert "8 of 10" in spec["layout"]["title"]["subtitle"]["text"]
+    assert "8 of 10" in note_of(spec)
     named = figures.error_bands(run, ["v3"]).to_plotly_json()
     assert {trace["uid"].split("-")[1] for trace in named["data"]} == {"v3"}
     with pytest.raises(InputError, match="'v11' is not in the report"):
@@ -270,4 +270,4 @@ def test_of_many_losses_the_most_harmful_are_drawn() -> None:
     spec = specs_of(found)["losses"]
     assert len(spec["layout"]["yaxis"]["categoryarray"]) == 30
     assert len(trace_of(spec, "baseline")["y"]) == 30
-    assert "the 30 most harmful are shown" in spec["layout"]["title"]["subtitle"]["text"]
+    assert "the 30 most harmful are shown" in note_of(spec)

@@ -2,9 +2,9 @@
 
 import builtins
 import json
-from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import pandas
 import pytest
@@ -34,27 +34,10 @@ def results(grid: Plan) -> dict[str, Result]:
     }
 
 
-class _Cells(HTMLParser):
+def _cells(shown: str) -> list[list[str]]:
     """Texts of the cells of each row, the head first."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.rows: list[list[str]] = []
-        self._open = False
-
-    def handle_starttag(self, tag: str, attrs: Any) -> None:
-        if tag == "tr":
-            self.rows.append([])
-        self._open = tag in ("td", "th")
-        if self._open:
-            self.rows[-1].append("")
-
-    def handle_endtag(self, tag: str) -> None:
-        self._open = False
-
-    def handle_data(self, data: str) -> None:
-        if self._open:
-            self.rows[-1][-1] += data
+    page = ElementTree.fromstring(f"<div>{shown}</div>")
+    return [["".join(cell.itertext()) for cell in row] for row in page.iter("tr")]
 
 
 def test_a_plan_saved_is_the_document_and_loads_as_the_same_plan(
@@ -101,11 +84,9 @@ def test_frames_hold_the_figures_of_the_documents(results: dict[str, Any]) -> No
 
 def test_a_notebook_shows_the_rows_of_the_frame(results: dict[str, Any]) -> None:
     for one in results.values():
-        parser = _Cells()
-        parser.feed(one._repr_html_())
-        frame = one.to_dataframe()
-        assert parser.rows[0] == list(frame.columns)
-        assert len(parser.rows) == 1 + len(frame)
+        rows, frame = _cells(one._repr_html_()), one.to_dataframe()
+        assert rows[0] == list(frame.columns)
+        assert len(rows) == 1 + len(frame)
     assert "<p>GO</p>" in results["plan"]._repr_html_()
 
 

@@ -1,5 +1,6 @@
 """What tests of exports share: a team on Earth, and the way back from its places to the plane."""
 
+import json
 from functools import cache
 from typing import Any
 
@@ -10,7 +11,7 @@ from syncplan.exporting.formats import Export, ExportOptions
 from syncplan.planning.planner import Plan, plan
 from tests.tools.scenarios import small
 
-__all__ = ["FORCED", "ORIGIN", "contents", "mixed_team", "team", "to_plane"]
+__all__ = ["FORCED", "ORIGIN", "contents", "mixed_team", "sidecar_of", "team", "to_plane"]
 
 
 ORIGIN = {"lat_deg": 47.3977, "lon_deg": 8.5456, "alt_m": 488.0}
@@ -51,6 +52,13 @@ def contents(made: Export, ending: str) -> dict[str, bytes]:
     return {file.name: file.content for file in made.files if file.name.endswith(ending)}
 
 
+def sidecar_of(made: Export) -> dict[str, Any]:
+    """Return the sidecar of a format."""
+    (text,) = contents(made, ".sync.json").values()
+    found: dict[str, Any] = json.loads(text)
+    return found
+
+
 def to_plane(places: Any, origin: dict[str, float] = ORIGIN) -> Array:
     """Return (..., 2) east and north in m of (..., 2) latitudes and longitudes in degrees.
 
@@ -69,11 +77,5 @@ def _earth_centred(places: Array) -> Array:
     latitude, longitude = places[..., 0], places[..., 1]
     eccentricity = FLATTENING * (2.0 - FLATTENING)
     curvature = SEMI_MAJOR / np.sqrt(1.0 - eccentricity * np.sin(latitude) ** 2)
-    return np.stack(
-        [
-            curvature * np.cos(latitude) * np.cos(longitude),
-            curvature * np.cos(latitude) * np.sin(longitude),
-            curvature * (1.0 - eccentricity) * np.sin(latitude),
-        ],
-        axis=-1,
-    )
+    out, up = curvature * np.cos(latitude), curvature * (1.0 - eccentricity) * np.sin(latitude)
+    return np.stack([out * np.cos(longitude), out * np.sin(longitude), up], axis=-1)

@@ -2,7 +2,11 @@
 
 from typing import Any
 
-__all__ = ["trace_of"]
+import numpy as np
+
+from syncplan.arrays import Array
+
+__all__ = ["note_of", "trace_of", "turns_of"]
 
 
 def trace_of(spec: dict[str, Any], uid: str) -> dict[str, Any]:
@@ -10,3 +14,18 @@ def trace_of(spec: dict[str, Any], uid: str) -> dict[str, Any]:
     trace: dict[str, Any]
     (trace,) = (one for one in spec["data"] if one["uid"] == uid)
     return trace
+
+
+def note_of(spec: dict[str, Any]) -> str:
+    """Return what stands below the title, in one line."""
+    text: str = spec["layout"]["title"]["subtitle"]["text"]
+    return text.replace("<br>", " ")
+
+
+def turns_of(heads: dict[str, Any], centers: Array) -> Array:
+    """Return the senses, 1 counter-clockwise, in which the heads of a trace go round centres."""
+    arm = np.column_stack([heads["x"], heads["y"]]) - centers
+    # Plotly turns markers clockwise from up, in degrees
+    turned = np.radians(heads["marker"]["angle"])
+    senses: Array = np.sign(arm[:, 0] * np.cos(turned) - arm[:, 1] * np.sin(turned))
+    return senses

@@ -45,12 +45,9 @@ class Sent:
 
     def pieces(self) -> list[bytes]:
         """Return the bytes on the wire."""
-        headers = dict(self.headers)
-        if self.chunks:
-            headers["Transfer-Encoding"] = "chunked"
-        headers.setdefault("Content-Length", str(len(self.body) + 100 * self.cut))
-        if self.chunks:
-            del headers["Content-Length"]
+        length = {"Content-Length": str(len(self.body) + 100 * self.cut)}
+        framing = {"Transfer-Encoding": "chunked"} if self.chunks else length
+        headers = self.headers | {k: v for k, v in framing.items() if k not in self.headers}
         head = f"{self.method} {self.path} HTTP/1.1\r\nHost: syncplan\r\n"
         head += "".join(f"{name}: {value}\r\n" for name, value in headers.items())
         opening = head.encode("latin-1") + b"\r\n"
@@ -94,17 +91,7 @@ def valid_scenarios() -> list[Tree]:
 def draw_request(draw: Draw, scenarios: list[Tree], plans: list[str]) -> Sent:
     """Return a drawn request for a plan, or one about one of `plans`."""
     kind = draw.random()
-    if kind < 0.4:
-        return _scenario(draw, scenarios)
-    if kind < 0.55:
-        return _extreme(draw, scenarios)
-    if kind < 0.7:
-        return _job(draw, scenarios, plans)
-    if kind < 0.85:
-        return _rendition(draw, scenarios, plans)
-    if kind < 0.93:
-        return _wild(draw, scenarios)
-    return _transport(draw, scenarios)
+    return next(made for below, made in KINDS if kind < below)(draw, scenarios, plans)
 
 
 # --- values in odd places -------------------------------------------------------------------------
@@ -129,11 +116,9 @@ def _odd(draw: Draw) -> Any:
 
 def _places(node: Any, above: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
     """The paths of everything inside a document."""
-    inner: list[Any] = []
-    if isinstance(node, dict):
-        inner = list(node.items())
-    elif isinstance(node, list):
-        inner = list(enumerate(node))
+    if not isinstance(node, dict | list):
+        return []
+    inner = node.items() if isinstance(node, dict) else enumerate(node)
     return [
         path for key, value in inner for path in [(*above, key), *_places(value, (*above, key))]
     ]
@@ -187,14 +172,9 @@ def _repeat(draw: Draw, node: Any, key: Any) -> None:
 
 ENDINGS = ["x", " ", "\u0301", ""]
 
-MUTATIONS: list[Callable[[Draw, Any, Any], None]] = [
-    _replace,
-    _remove,
-    _wrap,
-    _add,
-    _scale,
-    _repeat,
-]
+Mutation = Callable[[Draw, Any, Any], None]
+
+MUTATIONS: list[Mutation] = [_replace, _remove, _wrap, _add, _scale, _repeat]
 
 
 _UNQUOTED = re.compile(r'"\\u0001([^"]*)"')
@@ -205,7 +185,7 @@ def _written(document: Any) -> bytes:
     return _UNQUOTED.sub(r"\1", json.dumps(document)).encode()
 
 
-def _scenario(draw: Draw, scenarios: list[Tree]) -> Sent:
+def _scenario(draw: Draw, scenarios: list[Tree], plans: list[str]) -> Sent:
     document = _mutated(draw, scenarios[draw.integers(len(scenarios))])
     media = YAML if draw.random() < 0.25 else JSON
     return Sent("mutated", "/v1/plans", _written(document), {"Content-Type": media})
@@ -214,7 +194,7 @@ def _scenario(draw: Draw, scenarios: list[Tree]) -> Sent:
 # --- valid, or nearly, and at some limit ----------------------------------------------------------
 
 
-def _extreme(draw: Draw, scenarios: list[Tree]) -> Sent:
+def _extreme(draw: Draw, scenarios: list[Tree], plans: list[str]) -> Sent:
     document: Tree = json.loads(json.dumps(scenarios[draw.integers(len(scenarios))]))
     name = str(draw.choice(sorted(EXTREMES)))
     EXTREMES[name](draw, document)
@@ -264,9 +244,7 @@ def _sizes(draw: Draw, document: Tree) -> None:
     scale = _log(draw, 1e-7, 1e7)
     count = int(draw.integers(1, 7))
     document["orbit"] = {"radius_m": scale, "angular_rate_rad_s": 0.2}
-    document["formation"] = {
-        "centers_m": (scale * draw.uniform(-5.0, 5.0, (count, 2))).tolist(),
-    }
+    document["formation"] = {"centers_m": (scale * draw.uniform(-5.0, 5.0, (count, 2))).tolist()}
     document["landmarks_m"] = (scale * draw.uniform(-5.0, 5.0, (3, 2))).tolist()
     document["sensor"] = {"range_m": scale * 3.0, "sample_time_s": 0.5}
 
@@ -299,7 +277,8 @@ def _world(draw: Draw, document: Tree) -> None:
     keys = {key: one for key, one in numeric_keys().items() if key.startswith(_WORLD)}
     for key in draw.choice(sorted(keys), int(draw.integers(1, 6)), replace=False).tolist():
         document.update(with_number(document, key, _log(draw, 1e-6, 1e3)))
-    document["sensor"] = {"range_m": 50.0, **_sections(document)[0]}
+    sensor = document.get("sensor", {})
+    document["sensor"] = {"range_m": 50.0, **(sensor[0] if isinstance(sensor, list) else sensor)}
     if draw.random() < 0.5:
         document["sensor"]["interval_s"] = float(draw.choice([0.1, 0.5, 0.25, 3.0]))
     if draw.random() < 0.5:
@@ -308,28 +287,15 @@ def _world(draw: Draw, document: Tree) -> None:
         estimate: Any = ["auto", "all", "none", ["wind"], ["gusts", "speed_scale"]]
         document["filter"] = {"estimate": estimate[int(draw.integers(len(estimate)))]}
     if draw.random() < 0.5:
-        document["heading_sigma_rad"] = draw.choice(
-            [0.1, 1e-6, 3.0], int(draw.integers(1, 7))
-        ).tolist()
+        sigmas = draw.choice([0.1, 1e-6, 3.0], int(draw.integers(1, 7)))
+        document["heading_sigma_rad"] = sigmas.tolist()
     corners = draw.uniform(-200.0, 200.0, (int(draw.integers(3, 9)), 2)).tolist()
     document["obstacles_m"] = [corners] * int(draw.integers(0, 3))
 
 
-def _sections(document: Tree) -> list[Tree]:
-    """The sensors of a scenario, one for all or one each."""
-    sensor = document.get("sensor", {})
-    return sensor if isinstance(sensor, list) else [sensor]
-
-
 _WORLD = (
-    "wind.",
-    "sensor.range_sigma",
-    "sensor.bearing_bias",
-    "sensor.bearing_walk",
-    "heading_sigma",
-    "motion.position_random",
-    "motion.angle_random",
-    "motion.speed_scale",
+    *("wind.", "sensor.range_sigma", "sensor.bearing_bias", "sensor.bearing_walk"),
+    *("heading_sigma", "motion.position_random", "motion.angle_random", "motion.speed_scale"),
     "motion.turn_rate_bias",
 )
 
@@ -369,19 +335,12 @@ def _swept(draw: Draw) -> Tree:
 
 def _job(draw: Draw, scenarios: list[Tree], plans: list[str]) -> Sent:
     small = {"trials": int(draw.integers(1, 20)), "duration_s": 5.0}
+    events = {"lose": ["v1@2"], "hold": ["v1@0.5:1"]}
+    wrong = {"late": 1, "outliers": 0.1, "wind_mps": [0.5, 0.0]}
     bodies: dict[str, Tree] = {
         "refinements": {"starts": 1, "time_limit_s": 0.5, "center_box_m": 2.0},
         "validations": {**small, "seed": 1, "gate_probability": 0.99, "series": True},
-        "flights": {
-            **small,
-            "trials": 2,
-            "guidance": "track",
-            "lose": ["v1@2"],
-            "hold": ["v1@0.5:1"],
-            "late": 1,
-            "outliers": 0.1,
-            "wind_mps": [0.5, 0.0],
-        },
+        "flights": {**small, "trials": 2, "guidance": "track", **events, **wrong},
         "sweeps": {**small, "scenario": scenarios[0], **_swept(draw)},
     }
     kind = str(draw.choice(sorted(bodies)))
@@ -427,9 +386,7 @@ def _rendition(draw: Draw, scenarios: list[Tree], plans: list[str]) -> Sent:
         made = _mutated(draw, document) if draw.random() < 0.7 else document
         return Sent(kind, f"/v1/previews{query}", _written(made), {"Content-Type": JSON})
     names = FIGURES if kind == "figure" else EXPORTS
-    name = (
-        str(draw.choice([*names, *ODD_VALUES])) if draw.random() < 0.2 else str(draw.choice(names))
-    )
+    name = str(draw.choice([*names, *ODD_VALUES] if draw.random() < 0.2 else names))
     path = f"/v1/plans/{_plan(draw, plans)}/{kind}s/{name}{query}"
     return Sent(f"{kind} {name[:12]}", path, b"", method="GET")
 
@@ -438,16 +395,14 @@ def _query(draw: Draw) -> str:
     """Some of the options that there are, now and then with odd values, or twice."""
     asked = draw.choice(sorted(OPTIONS), size=int(draw.integers(0, 4)))
     odd = draw.random() < 0.3
-    parts = [
-        f"{key}={draw.choice(ODD_VALUES if odd else OPTIONS[str(key)])}" for key in asked.tolist()
-    ]
+    parts = [f"{key}={draw.choice(ODD_VALUES if odd else OPTIONS[key])}" for key in asked.tolist()]
     return f"?{'&'.join(parts)}" if parts else ""
 
 
 # --- bodies that are hardly documents -------------------------------------------------------------
 
 
-def _wild(draw: Draw, scenarios: list[Tree]) -> Sent:
+def _wild(draw: Draw, scenarios: list[Tree], plans: list[str]) -> Sent:
     document = scenarios[draw.integers(len(scenarios))]
     name, media, body = WILD[draw.integers(len(WILD))](draw, document)
     path = "/v1/plans" if draw.random() < 0.85 else "/v1/sweeps"
@@ -499,60 +454,22 @@ def _repeated_keys(draw: Draw, document: Tree) -> Made:
 
 def _bomb(draw: Draw, document: Tree) -> Made:
     levels = int(draw.integers(2, 40))
-    lines = ["a0: &a0 [0, 0]"]
-    lines += [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 10)}]" for k in range(1, levels)]
-    rest = _written(document)[1:-1].decode()
-    flow = ", ".join(
-        [
-            "landmarks_m: [&b0 [0, 0]",
-            *(f"&b{k} [{', '.join([f'*b{k - 1}'] * 10)}]" for k in range(1, levels)),
-        ]
-    )
-    body = "\n".join(lines) if draw.random() < 0.3 else "{" + rest + ", " + flow + "]}"
+    nodes = ["&a0 [0, 0]"]
+    nodes += [f"&a{k} [{', '.join([f'*a{k - 1}'] * 10)}]" for k in range(1, levels)]
+    block = "\n".join(f"a{k}: {one}" for k, one in enumerate(nodes))
+    flow = f"{{{_written(document)[1:-1].decode()}, landmarks_m: [{', '.join(nodes)}]}}"
+    body = block if draw.random() < 0.3 else flow
     return "alias bomb", YAML, body.replace('"landmarks_m"', '"landmarks"').encode()
 
 
 SNIPPETS = [
-    "&a [*a]",
-    "&a {orbit: *a}",
-    "*nobody",
-    "!!python/object/apply:os.system [id]",
-    "!!binary aGVsbG8=",
-    "!!timestamp 2026-05-01",
-    "2026-05-01",
-    "2026-05-01T09:00:00Z",
-    "!!set {a, b}",
-    "!!omap [a: 1, a: 2]",
-    "!unknown 1",
-    "!!float 'NaN'",
-    "!!int 'x'",
-    "{<<: {radius_m: 1}}",
-    "{<<: [1, 2]}",
-    "{<<: *a}",
-    "{? [1, 2] : 3}",
-    "{? {a: 1} : 3}",
-    "{null: 1, 1: 2, 1.5: 3, true: 4}",
-    ".nan",
-    ".inf",
-    "-.INF",
-    "0x1F",
-    "0o17",
-    "1_000",
-    "12:30:45",
-    "~",
-    "yes",
-    "'\\ud800'",
-    '"\\ud800"',
-    '"\\x00"',
-    "|\n  text",
-    "%YAML 1.1\n---\n1",
-    "1\n---\n2",
-    "\t- 1",
-    "\u2028",
-    "\u0085",
-    "@a",
-    "`a`",
-    "1e400",
+    *("&a [*a]", "&a {orbit: *a}", "*nobody", "!!python/object/apply:os.system [id]"),
+    *("!!binary aGVsbG8=", "!!timestamp 2026-05-01", "2026-05-01", "2026-05-01T09:00:00Z"),
+    *("!!set {a, b}", "!!omap [a: 1, a: 2]", "!unknown 1", "!!float 'NaN'", "!!int 'x'"),
+    *("{<<: {radius_m: 1}}", "{<<: [1, 2]}", "{<<: *a}", "{? [1, 2] : 3}", "{? {a: 1} : 3}"),
+    *("{null: 1, 1: 2, 1.5: 3, true: 4}", ".nan", ".inf", "-.INF", "0x1F", "0o17", "1_000"),
+    *("12:30:45", "~", "yes", "'\\ud800'", '"\\ud800"', '"\\x00"', "|\n  text"),
+    *("%YAML 1.1\n---\n1", "1\n---\n2", "\t- 1", "\u2028", "\u0085", "@a", "`a`", "1e400"),
     "9" * 5000,
 ]
 
@@ -568,35 +485,19 @@ def _yaml(draw: Draw, document: Tree) -> Made:
 
 
 def _encoding(draw: Draw, document: Tree) -> Made:
-    text = (
-        _written({**document, "name": "caf\u00e9 \u03b1"})
-        .decode()
-        .encode()
-        .decode("unicode_escape")
-    )
-    body = draw.choice(
-        np.array(
-            [
-                text.encode("utf-16"),
-                text.encode("utf-16-le"),
-                text.encode("utf-32"),
-                text.encode("latin-1", "replace"),
-                b"\xef\xbb\xbf" + text.encode(),
-                b"\xef\xbb\xbf" * 2 + text.encode(),
-                text.encode() + b"\x00",
-                b"\x00" + text.encode(),
-                text.replace("o", "\x00").encode(),
-                text.encode().replace(b"a", b"\xed\xa0\x80"),
-                text.encode().replace(b"a", b"\xc0\x80"),
-                draw.bytes(int(draw.integers(1, 3000))),
-                b"\xff" * 1000,
-                b" " * 1000,
-                b"\n",
-            ],
-            dtype=object,
-        )
-    )
-    return "encoding", JSON if draw.random() < 0.5 else YAML, bytes(body)
+    text = _written({**document, "name": "caf\u00e9 \u03b1"}).decode("unicode_escape")
+    coded = text.encode()
+    bodies = [
+        *(text.encode(name) for name in ("utf-16", "utf-16-le", "utf-32")),
+        text.encode("latin-1", "replace"),
+        *(b"\xef\xbb\xbf" + coded, b"\xef\xbb\xbf" * 2 + coded, coded + b"\x00", b"\x00" + coded),
+        *(coded.replace(b"o", b"\x00"), coded.replace(b"a", b"\xed\xa0\x80")),
+        coded.replace(b"a", b"\xc0\x80"),
+        draw.bytes(int(draw.integers(1, 3000))),
+        *(b"\xff" * 1000, b" " * 1000, b"\n"),
+    ]
+    body = bodies[draw.integers(len(bodies))]
+    return "encoding", JSON if draw.random() < 0.5 else YAML, body
 
 
 def _truncated(draw: Draw, document: Tree) -> Made:
@@ -610,17 +511,8 @@ def _no_mapping(draw: Draw, document: Tree) -> Made:
 
 
 WILD: list[Callable[[Draw, Tree], Made]] = [
-    _bomb,
-    _deep,
-    _deep_blocks,
-    _encoding,
-    _long_list,
-    _many_keys,
-    _no_mapping,
-    _repeated_keys,
-    _truncated,
-    _yaml,
-    _yaml,
+    *(_bomb, _deep, _deep_blocks, _encoding, _long_list, _many_keys, _no_mapping, _repeated_keys),
+    *(_truncated, _yaml, _yaml),
 ]
 
 
@@ -628,25 +520,17 @@ WILD: list[Callable[[Draw, Tree], Made]] = [
 
 
 TYPES = [
-    "text/plain",
-    "application/jsonp",
-    "application/xml",
-    "multipart/form-data; boundary=x",
-    "application/x-www-form-urlencoded",
-    "application/json; charset=utf-16",
-    "application/json; charset=latin-1",
-    "application/json;;;",
-    "application/json, text/yaml",
-    "*/*",
-    "x" * 10_000,
-    "\xff\xfe",
-    "",
+    *("text/plain", "application/jsonp", "application/xml", "multipart/form-data; boundary=x"),
+    *("application/x-www-form-urlencoded", "application/json; charset=utf-16"),
+    *("application/json; charset=latin-1", "application/json;;;", "application/json, text/yaml"),
+    *("*/*", "x" * 10_000, "\xff\xfe", ""),
 ]
 
 
-def _transport(draw: Draw, scenarios: list[Tree]) -> Sent:
+def _transport(draw: Draw, scenarios: list[Tree], plans: list[str]) -> Sent:
     body = _written(scenarios[draw.integers(len(scenarios))])
     json_type = {"Content-Type": JSON}
+    zipped = {**json_type, "Content-Encoding": "gzip"}
     large = b" " * (BODY_LIMIT + int(draw.integers(0, 3)) - len(body)) + body
     too_large = b" " * int(draw.choice([BODY_LIMIT + 1, 3 * BODY_LIMIT]))
     kind = TYPES[draw.integers(len(TYPES))]
@@ -654,18 +538,12 @@ def _transport(draw: Draw, scenarios: list[Tree]) -> Sent:
     key = str(draw.choice(["", " ", "a" * 256, "\x7f", "\xe9", "a b", "same", "'\";--"]))
     condition = str(draw.choice(["", "*", '"', 'W/"a"', "\xff", "," * 5000]))
     accept = str(draw.choice(["text/html", "*/*;q=0", ";;;", "\xff", "a/b" * 5000]))
-    steady = str(
-        draw.choice(["?steady=", "?steady=%00", "?steady=1&steady=0", "?" + "a=b&" * 3000])
-    )
+    queries = ["?steady=", "?steady=%00", "?steady=1&steady=0", "?" + "a=b&" * 3000]
+    steady = str(draw.choice(queries))
     choices = [
         Sent("type", "/v1/plans", body, {"Content-Type": kind}),
-        Sent(
-            "gzip",
-            "/v1/plans",
-            gzip.compress(body, mtime=0),
-            {**json_type, "Content-Encoding": "gzip"},
-        ),
-        Sent("zip bomb", "/v1/plans", BOMB, {**json_type, "Content-Encoding": "gzip"}),
+        Sent("gzip", "/v1/plans", gzip.compress(body, mtime=0), zipped),
+        Sent("zip bomb", "/v1/plans", BOMB, zipped),
         Sent("empty", "/v1/plans", b"", json_type if draw.random() < 0.5 else {}),
         Sent("at the limit", "/v1/plans", large, json_type),
         Sent("too large", "/v1/plans", too_large, json_type),
@@ -684,3 +562,13 @@ def _transport(draw: Draw, scenarios: list[Tree]) -> Sent:
 
 
 BOMB = gzip.compress(bytes(50 * 2**20), mtime=0)
+
+KINDS: list[tuple[float, Callable[[Draw, list[Tree], list[str]], Sent]]] = [
+    (0.4, _scenario),
+    (0.55, _extreme),
+    (0.7, _job),
+    (0.85, _rendition),
+    (0.93, _wild),
+    (1.0, _transport),
+]
+"""Kinds of requests, each with the share that it and those before it have."""
