@@ -10,23 +10,17 @@ from tests.tools.scenarios import document
 from tests.tools.serving import Server
 
 TASK_MEMORY_MIB = 350
-SECRETS = {
-    "PGPASSWORD": "not-for-children-1",
-    "PGPASSFILE": "/not-for-children-2",
-    "OTEL_EXPORTER_OTLP_HEADERS": "authorization=not-for-children-3",
-    "AWS_SECRET_ACCESS_KEY": "not-for-children-4",
-}
 
 
 @pytest.fixture(scope="session")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    """A server with secrets in its environment and tight limits on tasks, its pools at work."""
+    """A server with tight limits on tasks, its pools at work."""
     settings = {
         "SYNCPLAN_TASK_MEMORY_BYTES": str(TASK_MEMORY_MIB * 2**20),
         "SYNCPLAN_MAX_JOB_SECONDS": "0.001",
     }
     folder = tmp_path_factory.mktemp("attacked")
-    with serving(folder, "ann bob eve", **settings, **SECRETS) as one:
+    with serving(folder, "ann bob eve", **settings) as one:
         with speaking(one, "ann") as http:
             assert http.post("/v1/plans", json=document()).status_code == 201
         yield one

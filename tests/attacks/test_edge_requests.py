@@ -13,7 +13,7 @@ from api.answering import ALWAYS, UNLESS_GIVEN
 from tests.tools.processes import PATIENCE_S, memory_given_back, wait_until
 from tests.tools.raw_connections import connected, holds, said_to
 from tests.tools.scenarios import document
-from tests.tools.serving import Server, running, settings_of
+from tests.tools.serving import Server, open_server
 
 MEGABYTES = 16
 """What an attack sends at most."""
@@ -32,9 +32,7 @@ CHUNKED = (
 
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    folder = tmp_path_factory.mktemp("edge")
-    server = Server(folder / "log", port=None, **settings_of(folder / "data"), **QUICK)
-    with running(server):
+    with open_server(tmp_path_factory.mktemp("edge"), **QUICK) as server:
         yield server
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from api.storage.database import BUSY_S
 from tests.tools.processes import PATIENCE_S
-from tests.tools.serving import Postgres, Server, running, settings_of
+from tests.tools.serving import Postgres, open_server
 
 SCRAPES = 60
 """More than the 40 threads that answer requests."""
@@ -23,8 +23,6 @@ def test_scrapes_of_a_locked_table_leave_room_for_requests(
 ) -> None:
     """A backup or a migration locks tables; each scrape used to wait for them in a thread."""
     address = postgres.new_database()
-    settings = settings_of(tmp_path / "data", address)
-    server = Server(tmp_path / "log", "--no-worker", port=None, **settings)
 
     def asked(path: str) -> tuple[int, float]:
         began = time.monotonic()
@@ -32,7 +30,7 @@ def test_scrapes_of_a_locked_table_leave_room_for_requests(
         return status, time.monotonic() - began
 
     with (
-        running(server),
+        open_server(tmp_path, "--no-worker", SYNCPLAN_DATABASE_URL=address) as server,
         psycopg.connect(address) as other,
         ThreadPoolExecutor(SCRAPES + 1) as clients,
     ):

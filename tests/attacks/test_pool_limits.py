@@ -1,13 +1,12 @@
 """Work beyond its memory, time or share ends with the limit and a remedy; the rest goes on."""
 
 from pathlib import Path
-from typing import Any
 
 import httpx2
 import pytest
 
 from tests.attacks.conftest import TASK_MEMORY_MIB
-from tests.tools.api_servers import done, ended, problem, serving, speaking
+from tests.tools.api_servers import done, problem, speaking
 from tests.tools.processes import family, memory_given_back
 from tests.tools.scenarios import document, shared_circles
 from tests.tools.serving import Server
@@ -32,39 +31,6 @@ def test_a_plan_that_needs_too_much_memory_is_refused_with_the_limit(
     assert "fewer vehicles" in refused.detail
     assert ann.post("/v1/plans", json=document()).status_code == 201
     assert _largest(family(server.popen.pid)) < 1.2 * TASK_MEMORY_MIB
-
-
-@pytest.mark.long
-def test_a_row_of_a_sweep_that_takes_too_long_fails_with_the_limit(tmp_path: Path) -> None:
-    sweep = {"scenario": shared_circles(8), "range_m": [50.0], "trials": 1}
-    with (
-        serving(tmp_path, "eve", SYNCPLAN_JOB_TASK_S="2") as server,
-        speaking(server, "eve") as eve,
-        memory_given_back(server.popen.pid),
-    ):
-        answer = eve.post("/v1/sweeps", json=sweep)
-        assert answer.status_code == 202, answer.text
-        job = ended(eve, answer.headers["location"])
-    assert job["state"] == "failed"
-    assert "2 s" in job["error"]["detail"]
-    assert "fewer vehicles" in job["error"]["detail"]
-
-
-@pytest.mark.long
-def test_what_would_take_minutes_is_refused_before_it_is_begun(
-    server: Server, ann: httpx2.Client
-) -> None:
-    crowd = shared_circles(19)
-    asked: dict[str, dict[str, Any]] = {
-        "/v1/plans": crowd,
-        "/v1/previews": crowd,
-        "/v1/sweeps": {"scenario": crowd, "range_m": [50.0, 60.0], "trials": 10},
-    }
-    for path, body in asked.items():
-        with memory_given_back(server.popen.pid):
-            refused = problem(ann.post(path, json=body), 422)
-        assert "sightings expected" in refused.detail, path
-        assert "takes up to" in refused.detail
 
 
 def test_an_owner_whose_seconds_of_a_day_are_spent_is_refused_and_others_are_not(

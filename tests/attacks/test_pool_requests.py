@@ -7,15 +7,20 @@ from pathlib import Path
 import httpx2
 import pytest
 
-from tests.tools.api_servers import problem, serving, speaking
-from tests.tools.plain_http import answered, asking
+from tests.tools.api_servers import key_of, problem, serving, speaking
 from tests.tools.processes import family, memory_given_back, wait_until
+from tests.tools.raw_connections import answered, crowd_of, request_of
 from tests.tools.scenarios import document, shared_circles
 from tests.tools.serving import QUICK, Server
 
 pytestmark = pytest.mark.long
 
 FLOOD = 60
+
+
+def planning(owner: str, per_circle: int) -> bytes:
+    """An owner's request for a plan that takes long."""
+    return request_of("/v1/plans", key_of(owner), shared_circles(per_circle))
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +42,7 @@ def test_an_owner_with_many_requests_delays_another_by_one(
 ) -> None:
     with (
         memory_given_back(server.popen.pid),
-        asking(server, "eve", "/v1/plans", shared_circles(2), FLOOD) as flood,
+        crowd_of(server, FLOOD, planning("eve", 2)) as flood,
     ):
         wait_until(lambda: answered(flood) >= 1)
         answer = ann.post("/v1/plans", json=document())
@@ -53,7 +58,7 @@ def test_an_owner_has_a_limited_number_of_requests_and_leaves_room_for_others(
         ann.post("/v1/plans", json=document())
         with (
             memory_given_back(narrow.popen.pid),
-            asking(narrow, "eve", "/v1/plans", shared_circles(4), 5 + FLOOD) as flood,
+            crowd_of(narrow, 5 + FLOOD, planning("eve", 4)) as flood,
         ):
             wait_until(lambda: answered(flood) >= FLOOD)
             refused = eve.post("/v1/plans", json=document())
@@ -84,7 +89,7 @@ def test_a_request_is_given_up_on_time_though_it_waited(tmp_path: Path) -> None:
         ann.post("/v1/plans", json=document())
         with (
             memory_given_back(server.popen.pid),
-            asking(server, "ann", "/v1/plans", shared_circles(8), 1) as first,
+            crowd_of(server, 1, planning("ann", 8)) as first,
         ):
             # the second gets its turn before its time is over, and not all of that time again
             time.sleep(limit / 2)
@@ -101,7 +106,7 @@ def test_what_clients_who_went_away_asked_for_is_not_computed(
     children = family(server.popen.pid)
     with memory_given_back(server.popen.pid):
         for _ in range(2):
-            with asking(server, "ann", "/v1/plans", shared_circles(4), FLOOD // 2):
+            with crowd_of(server, FLOOD // 2, planning("ann", 4)):
                 # all have been read: an answer to a later request says so
                 assert ann.get("/v1/plans").status_code == 200
     # computed, they would take minutes

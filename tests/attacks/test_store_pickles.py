@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import pytest
-from sqlalchemy import Connection, create_engine, text
+from sqlalchemy import MetaData, create_engine, insert, select, update
 
 from api.jobs.queue import JSON_ROWS, RefusedRowError, refuse_pickles
 from tests.tools.processes import wait_until
@@ -29,46 +29,28 @@ class Opens:
 def plant(site: Site, job_id: str, other_id: str, pickled: str) -> None:
     """Let every row that DBOS keeps of two jobs hold a pickle, and add workflows of all states."""
     engine = create_engine(site.database)
+    found = MetaData(None if engine.dialect.name == "sqlite" else "dbos")
+    found.reflect(engine)
+    status, inputs, outputs = (
+        next(table for table in found.tables.values() if table.name == name)
+        for name in ("workflow_status", "workflow_input", "operation_outputs")
+    )
+    how = {"serialization": PICKLED}
     with engine.begin() as connection:
-        schema = "" if engine.dialect.name == "sqlite" else "dbos."
-        _plant_inputs(connection, schema, job_id, pickled)
+        mine = status.c.workflow_uuid == job_id
+        connection.execute(update(status).where(mine).values(inputs=pickled, **how))
+        own = inputs.c.workflow_uuid == job_id
+        connection.execute(update(inputs).where(own).values(inputs=pickled))
         for number in range(6):
-            values = {"id": other_id, "number": number, "pickled": pickled, "how": PICKLED}
-            insert = (
-                f"INSERT INTO {schema}operation_outputs (workflow_uuid, function_id, "
-                "function_name, output, serialization) VALUES (:id, :number, :name, :pickled, :how)"
-            )
-            connection.execute(text(insert), {**values, "name": "start" if number < 2 else "cut"})
-        row = connection.execute(
-            text(f"SELECT * FROM {schema}workflow_status WHERE workflow_uuid = :id"),
-            {"id": job_id},
-        ).mappings()
-        like = dict(row.one())
-        for status in ("ENQUEUED", "PENDING", "SUCCESS", "ERROR", "CANCELLED"):
-            planted = {
-                **like,
-                "workflow_uuid": f"{job_id}-{status}",
-                "status": status,
-                "executor_id": "nobody",
-                "inputs": pickled,
-                "output": pickled,
-                "error": pickled,
-                "serialization": PICKLED,
-            }
-            columns, marks = ", ".join(planted), ", ".join(f":{name}" for name in planted)
-            statement = f"INSERT INTO {schema}workflow_status ({columns}) VALUES ({marks})"
-            connection.execute(text(statement), planted)
+            step = {"function_id": number, "function_name": "start" if number < 2 else "cut"}
+            done = insert(outputs).values(workflow_uuid=other_id, output=pickled, **step, **how)
+            connection.execute(done)
+        like = dict(connection.execute(select(status).where(mine)).mappings().one())
+        like |= {"executor_id": "nobody", "output": pickled, "error": pickled}
+        for state in ("ENQUEUED", "PENDING", "SUCCESS", "ERROR", "CANCELLED"):
+            planted = {**like, "workflow_uuid": f"{job_id}-{state}", "status": state}
+            connection.execute(insert(status).values(planted))
     engine.dispose()
-
-
-def _plant_inputs(connection: Connection, schema: str, job_id: str, pickled: str) -> None:
-    values = {"id": job_id, "pickled": pickled, "how": PICKLED}
-    for statement in (
-        f"UPDATE {schema}workflow_status SET inputs = :pickled, serialization = :how "
-        "WHERE workflow_uuid = :id",
-        f"UPDATE {schema}workflow_input SET inputs = :pickled WHERE workflow_uuid = :id",
-    ):
-        connection.execute(text(statement), values)
 
 
 @pytest.mark.parametrize(

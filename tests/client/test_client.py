@@ -1,11 +1,10 @@
 """The client: the library's results from a real service, its errors, and requests repeated."""
 
 import json
-import threading
+import socket
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from itertools import pairwise
 from typing import Any
 
@@ -77,12 +76,9 @@ def test_a_plan_is_the_librarys(stored: RemotePlan, made: syncplan.Plan) -> None
     assert made.prediction is not None
     assert made.prediction.rms is not None
     assert np.array_equal(stored.prediction.rms, made.prediction.rms)
-    own = {key: value for key, value in stored.document.items() if key not in ADDED}
-    assert own == plan_document(made).as_json()
-    assert (stored.parent_id, stored.created_at[-1]) == (None, "Z")
-
-
-ADDED = {"id", "created_at", "parent_id"}
+    added = {"id": stored.id, "created_at": stored.created_at, "parent_id": None}
+    assert stored.document == {**added, **plan_document(made).as_json()}
+    assert stored.created_at.endswith("Z")
 
 
 def test_a_stored_plan_is_read_and_deleted(client: Client) -> None:
@@ -331,115 +327,71 @@ def test_a_closed_client_is_closed(server: Server) -> None:
 # --- requests repeated --------------------------------------------------------------------------
 
 
-Turn = Callable[["_Stand"], None]
+Turn = Callable[[httpx2.Request], httpx2.Response]
 
 
-class _Stand(BaseHTTPRequestHandler):
-    """Stands in for the service, or before it: takes its turns as the test has planned them."""
+class Stand:
+    """Stands before the service: takes its turns as the test has planned them, then passes on."""
 
-    protocol_version = "HTTP/1.1"
-    server: "_Stands"
-
-    def _take_turn(self) -> None:
-        length = int(self.headers.get("content-length", 0))
-        self.body = self.rfile.read(length)
-        self.server.seen.append((self.command, self.path, self.headers.get("idempotency-key")))
-        turn = self.server.turns.pop(0) if self.server.turns else forwarded
-        turn(self)
-
-    do_GET = do_POST = do_DELETE = _take_turn  # noqa: N815
-
-    def forward(self) -> httpx2.Response:
-        """The real service's answer to this request."""
-        names = ("accept", "authorization", "content-type", "idempotency-key")
-        headers = {name: self.headers[name] for name in names if name in self.headers}
-        url = self.server.behind + self.path
-        return httpx2.request(
-            self.command, url, content=self.body, headers=headers, timeout=PATIENCE_S
-        )
-
-    def reply(self, status: int, body: bytes, **headers: str) -> None:
-        """Answer."""
-        self.send_response(status)
-        for name, value in headers.items():
-            self.send_header(name.replace("_", "-"), value)
-        self.send_header("content-length", str(len(body)))
-        self.end_headers()
-        self.wfile.write(body)
-
-    def log_message(self, *_: object) -> None:
-        """Say nothing."""
-
-
-class _Stands(ThreadingHTTPServer):
-    daemon_threads = True
-
-    def __init__(self, behind: str, turns: list[Turn]) -> None:
-        super().__init__(("127.0.0.1", 0), _Stand)
-        self.behind = behind
-        self.turns = turns
+    def __init__(self, client: Client, turns: tuple[Turn, ...]) -> None:
+        self.turns = list(turns)
         self.seen: list[tuple[str, str, str | None]] = []
-        self.url = f"http://127.0.0.1:{self.server_address[1]}"
+        transport = client._remote._http._transport
+        self.passed_on = transport.handle_request
+        transport.handle_request = self._answer  # type: ignore[method-assign]
+
+    def _answer(self, request: httpx2.Request) -> httpx2.Response:
+        key = request.headers.get("idempotency-key")
+        self.seen.append((request.method, request.url.path, key))
+        return self.turns.pop(0)(request) if self.turns else self.passed_on(request)
+
+    def cut_off(self, request: httpx2.Request) -> httpx2.Response:
+        """Pass the request on, and lose its answer."""
+        answer = self.passed_on(request)
+        answer.read()
+        assert answer.is_success
+        raise httpx2.ReadError("connection reset", request=request)
 
 
 @contextmanager
-def standing(*turns: Turn, behind: str = "") -> Iterator[_Stands]:
-    """A server that takes these turns, then passes everything on."""
-    stands = _Stands(behind, list(turns))
-    thread = threading.Thread(target=stands.serve_forever, args=(0.01,))
-    thread.start()
-    try:
-        yield stands
-    finally:
-        stands.shutdown()
-        thread.join()
-        stands.server_close()
-
-
-def forwarded(stand: _Stand) -> None:
-    """Pass the request on, and its answer back."""
-    answer = stand.forward()
-    stand.reply(answer.status_code, answer.content, content_type=answer.headers["content-type"])
-
-
-def cut_off(stand: _Stand) -> None:
-    """Pass the request on, and lose its answer."""
-    assert stand.forward().is_success
-    stand.close_connection = True
+def standing(*turns: Turn, url: str = "http://127.0.0.1:9", **options: Any) -> Iterator[Any]:
+    """A client, and what stands between it and the service."""
+    with Client(url, KEY, **options) as client:
+        yield client, Stand(client, turns)
 
 
 def saying(status: int, body: bytes = b"", **headers: str) -> Turn:
     """Give an answer of one's own."""
-    return lambda stand: stand.reply(status, body, **headers)
+    named = {name.replace("_", "-"): value for name, value in headers.items()}
+    return lambda _: httpx2.Response(status, headers=named, content=body)
 
 
 def test_a_post_whose_answer_is_lost_is_done_once(
     server: Server, http: httpx2.Client, stored: RemotePlan
 ) -> None:
-    with (
-        standing(saying(503), cut_off, cut_off, behind=server.url) as stands,
-        Client(stands.url, KEY) as client,
-    ):
-        before = {one["id"] for one in http.get("/v1/plans?limit=200").json()["items"]}
+    def kept(what: str) -> set[str]:
+        return {one["id"] for one in http.get(f"/v1/{what}?limit=200").json()["items"]}
+
+    with standing(url=server.url) as (client, stand):
+        stand.turns[:] = [saying(503), stand.cut_off, stand.cut_off]
+        before = kept("plans")
         plan = client.plan(small(name="done once"))
-        after = {one["id"] for one in http.get("/v1/plans?limit=200").json()["items"]}
-        assert after - before == {plan.id}
-        assert len(stands.seen) == 4
-        assert len(set(stands.seen)) == 1
+        assert kept("plans") - before == {plan.id}
+        assert len(stand.seen) == 4
+        assert len(set(stand.seen)) == 1
         # each has a key of its own
         assert client.plan(small(name="done once")).id != plan.id
-        assert len({key for _, _, key in stands.seen} - {None}) == 2
+        assert len({key for _, _, key in stand.seen} - {None}) == 2
 
-        stands.seen.clear()
-        stands.turns[:] = [cut_off]
-        known = {one["id"] for one in http.get("/v1/jobs?limit=200").json()["items"]}
+        stand.seen.clear()
+        stand.turns[:] = [stand.cut_off]
+        before = kept("jobs")
         job = client.validate(stored, trials=1, duration=1.0)
-        now = {one["id"] for one in http.get("/v1/jobs?limit=200").json()["items"]}
-        assert now - known == {job.id}
-        assert stands.seen[0] == stands.seen[1]
+        assert kept("jobs") - before == {job.id}
+        assert stand.seen[0] == stand.seen[1]
 
         # the first of the two deletes it: that it is gone then is no failure
-        stands.turns[:] = [cut_off]
+        stand.turns[:] = [stand.cut_off]
         client.delete(plan)
         assert http.get(f"/v1/plans/{plan.id}").status_code == 404
         with pytest.raises(RemoteError, match="404"):
@@ -447,14 +399,14 @@ def test_a_post_whose_answer_is_lost_is_done_once(
 
 
 def test_a_busy_service_is_asked_again_when_it_says(server: Server, stored: RemotePlan) -> None:
-    with standing(behind=server.url) as stands, Client(stands.url, KEY) as client:
+    with standing(url=server.url) as (client, stand):
         # odd times are passed over
         for when in ("1", "soon", "-3", "Wed, 21 Oct 2026 07:28:00 GMT", "nan"):
-            stands.turns[:] = [saying(429 if when == "1" else 503, retry_after=when)]
-            stands.seen.clear()
+            stand.turns[:] = [saying(429 if when == "1" else 503, retry_after=when)]
+            stand.seen.clear()
             began = time.monotonic()
             assert client.stored(stored.id).id == stored.id
-            assert len(stands.seen) == 2
+            assert len(stand.seen) == 2
             assert when != "1" or time.monotonic() - began >= 1.0
 
 
@@ -463,8 +415,7 @@ def test_a_wait_beyond_patience_is_not_begun() -> None:
     busy = saying(429, problem, retry_after="300", content_type="application/problem+json")
     began = time.monotonic()
     with (
-        standing(busy) as stands,
-        Client(stands.url, patience_s=5.0) as client,
+        standing(busy, patience_s=5.0) as (client, _),
         pytest.raises(RemoteError, match="429: 20 jobs are unfinished") as caught,
     ):
         client.sweep(small(), range_m=[50.0])
@@ -473,30 +424,28 @@ def test_a_wait_beyond_patience_is_not_begun() -> None:
 
 
 def test_a_request_that_is_refused_is_not_repeated() -> None:
-    refused = saying(500, b"<h1>no</h1>", content_type="text/html")
-    with (
-        standing(refused) as stands,
-        Client(stands.url) as client,
-        pytest.raises(RemoteError, match=r"500: <h1>no</h1>"),
-    ):
-        client.job("any")
-    assert len(stands.seen) == 1
+    with standing(saying(500, b"<h1>no</h1>", content_type="text/html")) as (client, stand):
+        with pytest.raises(RemoteError, match=r"500: <h1>no</h1>"):
+            client.job("any")
+        assert len(stand.seen) == 1
 
 
 def test_a_server_of_something_else_is_reported() -> None:
-    with standing() as stands, Client(f"{stands.url}/planner/") as client:
+    with standing(url="http://127.0.0.1:9/planner/") as (client, stand):
         for body in (b"<h1>Welcome</h1>", b"[]", b"{}", b""):
-            stands.turns[:] = [saying(200, body)]
+            stand.turns[:] = [saying(200, body)]
             with pytest.raises(RemoteError, match="the answer is not one of syncplan's service"):
                 client.plan(small())
-    # a path before the service's own is kept
-    assert stands.seen[0][1] == "/planner/v1/plans"
+        # a path before the service's own is kept
+        assert stand.seen[0][1] == "/planner/v1/plans"
 
 
 def test_a_slow_answer_is_given_up_after_the_time_for_one_request() -> None:
     with (
-        standing(lambda stand: time.sleep(1.0)) as stands,
-        Client(stands.url, timeout_s=0.2, patience_s=0.05) as client,
+        socket.create_server(("127.0.0.1", 0)) as silent,
+        Client(
+            f"http://127.0.0.1:{silent.getsockname()[1]}", timeout_s=0.2, patience_s=0.05
+        ) as client,
         pytest.raises(RemoteError, match=r"can't be reached.*timed out"),
     ):
         client.job("any")

@@ -8,7 +8,10 @@ the end of an undisturbed run; in the third six children of two workers, one aft
 clock of the second worker is eight days ahead, or behind. Part of `make check-all`.
 """
 
+import contextlib
+import os
 import random
+import signal
 import sys
 import tempfile
 import time
@@ -17,12 +20,11 @@ from pathlib import Path
 from typing import Literal
 
 from tests.tools.rounds import Round, lost_in
+from tests.tools.serving import Process
 from tests.tools.survival import (
     Order,
     Site,
     flight,
-    kill_at,
-    kill_children_at,
     quick,
     refinement,
     sweep_of_ranges,
@@ -65,13 +67,37 @@ def moment(generator: random.Random, whole_s: float) -> float:
 
 
 def survived(site: Site, number: int, waits_s: Sequence[float]) -> str:
-    """Kill in a round as its number says, see that nothing is lost, and return what happened."""
-    orders, victim = orders_of(number), victim_of(number)
-    ahead_s = (AHEAD_S, -AHEAD_S)[number // 2 % 2]
-    if victim == "children":
-        return f"{kill_children_at(site, orders, waits_s, ahead_s)} children killed"
-    recovered = kill_at(site, orders, waits_s, victim, ahead_s)
-    return f"all done {recovered:.1f} s later"
+    """Hand in the jobs of a round, kill after each wait, and see that nothing is lost.
+
+    What was killed is started anew at once, but for children. Returns how it went.
+    """
+    victim, ahead_s = victim_of(number), (AHEAD_S, -AHEAD_S)[number // 2 % 2]
+    if victim == "server":
+        living: list[Process] = [site.serve()]
+    else:
+        site.serve("--no-worker")
+        living = [site.work(), site.work(ahead_s)]
+    for order in orders_of(number):
+        site.hand_in(order)
+    killed = 0
+    for k, wait_s in enumerate(waits_s):
+        time.sleep(wait_s)
+        if victim == "children":
+            children = sorted(site.family(living[k % 2]))
+            # the newest, the oldest, the newest ...; none where none lives at the moment
+            for one in children[-1:] if k % 4 < 2 else children[:1]:
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(one, signal.SIGKILL)
+                    killed += 1
+        else:
+            site.kill(living.pop(0))
+            living.append(site.serve() if victim == "server" else site.work())
+            killed += 1
+    last = time.monotonic()
+    site.wait_for_all()
+    ended = time.monotonic()
+    site.see_all_done()
+    return f"{killed} killed, all done {ended - last:.1f} s later"
 
 
 def victim_of(number: int) -> Literal["server", "worker", "children"]:

@@ -67,8 +67,7 @@ def upgraded(site: Site, newer: Path, number: int, generator: random.Random) -> 
     # whoever serves now is of the newer version
     site.checkout = newer
     site.serve("--no-worker", beside=True)
-    for job_id in site.jobs:
-        site.wait_for(job_id, "succeeded", "failed", "cancelled")
+    site.wait_for_all()
     site.see_all_done()
     return f"all done {time.monotonic() - killed:.1f} s after the last kill"
 

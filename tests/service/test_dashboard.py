@@ -1,10 +1,10 @@
 """What is said of the metrics: dashboard and alerts query what servers and workers expose."""
 
+import contextlib
 import json
 import re
 from collections.abc import Iterator
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import httpx2
@@ -15,10 +15,9 @@ from api.jobs.queue import JobQueue
 from api.metrics import METRICS, MetricEntry
 from api.readings import job_readings
 from api.storage import executors, job_records
-from api.storage.database import open_database
+from api.storage.database import Database
 from api.storage.tables import earlier, jobs
-from tests.tools.processes import PATIENCE_S, wait_until
-from tests.tools.scenarios import document
+from tests.tools.processes import PATIENCE_S
 from tests.tools.serving import ROOT
 
 DASHBOARD: dict[str, Any] = json.loads((ROOT / "docker" / "grafana" / "syncplan.json").read_text())
@@ -72,13 +71,19 @@ def test_the_dashboard_can_be_imported() -> None:
 
 
 @pytest.mark.parametrize("query", list(queries()))
-def test_a_query_names_metrics_and_labels_that_there_are(query: str) -> None:
+def test_a_query_names_metrics_and_labels_that_there_are_and_sums_no_figure_of_the_service(
+    query: str,
+) -> None:
     assert query.count("(") == query.count(")")
     assert query.count("{") == query.count("}")
     labels = set(OF_ALL_METRICS)
     for name in names_in(query):
         if name.startswith("syncplan_"):
-            labels |= set(entry_of(name).labels)
+            entry = entry_of(name)
+            labels |= set(entry.labels)
+            # each process reads these from the database; `sum` would count them once for each
+            if entry.of == "service":
+                assert not re.search(rf"\bsum\b[^(]*(by \([^)]*\) )?\({name}", query)
     used = {
         label.strip()
         for found in re.findall(r"\bby \(([^)]*)\)", query)
@@ -86,14 +91,6 @@ def test_a_query_names_metrics_and_labels_that_there_are(query: str) -> None:
     }
     used |= set(re.findall(r"(\w+)\s*(?:=~|!=|!~|=)\s*\"", query))
     assert used <= labels, query
-
-
-@pytest.mark.parametrize("query", list(queries()))
-def test_figures_of_the_service_are_not_added_up(query: str) -> None:
-    """Each process reads them from the database; `sum` would count them once for each."""
-    for name in names_in(query):
-        if name.startswith("syncplan_") and entry_of(name).of == "service":
-            assert not re.search(rf"\bsum\b[^(]*(by \([^)]*\) )?\({name}", query)
 
 
 @pytest.mark.long
@@ -109,11 +106,9 @@ def test_a_running_server_exposes_all_of_it(ann: httpx2.Client) -> None:
         assert re.sub(r"_(bucket|sum|count)$", "", name) in types or name in types, name
 
 
-def test_what_waits_is_counted_with_its_age(tmp_path: Path) -> None:
-    url = f"sqlite:///{tmp_path / 'syncplan.db'}"
-    database, queue = open_database(url), JobQueue(url)
-    readings = partial(job_readings, database, queue)
-    try:
+def test_what_waits_is_counted_with_its_age(database: Database) -> None:
+    with contextlib.closing(JobQueue(str(database.engine.url))) as queue:
+        readings = partial(job_readings, database, queue)
         assert readings()["syncplan_jobs_oldest_queued_seconds"] == {(): 0.0}
         assert readings()["syncplan_parts_oldest_queued_seconds"] == {(): 0.0}
         with database.writing() as connection:
@@ -130,9 +125,6 @@ def test_what_waits_is_counted_with_its_age(tmp_path: Path) -> None:
                     .values(created_at=earlier(row.created_at, 3600.0))
                 )
         found = readings()
-    finally:
-        queue.close()
-        database.close()
     assert found["syncplan_jobs"]["queued",] == 2
     assert found["syncplan_jobs"]["running",] == 0
     assert found["syncplan_jobs_unfinished"]["sweep", "queued"] == 1
@@ -141,23 +133,3 @@ def test_what_waits_is_counted_with_its_age(tmp_path: Path) -> None:
     assert 0.0 < found["syncplan_parts_oldest_queued_seconds"][()] < PATIENCE_S
     assert found["syncplan_workers"] == {("1+2",): 1}
     assert 0.0 <= found["syncplan_heartbeat_age_seconds"]["one",] < PATIENCE_S
-
-
-@pytest.mark.long
-def test_streams_are_counted_while_they_are_open(ann: httpx2.Client) -> None:
-    plan = ann.post("/v1/plans", json=document()).json()["id"]
-    job = ann.post(f"/v1/plans/{plan}/validations", json={"trials": 90_000}).headers["location"]
-    before = open_streams(ann)
-    with ann.stream("GET", f"{job}/events", headers={"accept": "text/event-stream"}) as stream:
-        # kept: an iterator that is gone closes the stream
-        lines = stream.iter_lines()
-        next(lines)
-        assert open_streams(ann) == before + 1
-        ann.post(f"{job}/cancel").raise_for_status()
-    wait_until(lambda: open_streams(ann) == before)
-
-
-def open_streams(http: httpx2.Client) -> float:
-    """The number of open streams that a server shows."""
-    (number,) = re.findall(r"^syncplan_streams (\S+)$", http.get("/metrics").text, re.MULTILINE)
-    return float(number)

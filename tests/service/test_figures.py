@@ -19,7 +19,7 @@ from syncplan.plotting.figure_table import FIGURES
 from syncplan.plotting.figures import specs_of
 from syncplan.reports.plan_report import plan_document
 from syncplan.scenario.loading import scenario_from
-from tests.tools.api_servers import done, planned, problem
+from tests.tools.api_servers import done, faults_of, planned, problem
 from tests.tools.scenarios import document, example, small
 
 ORIGIN = {"lat_deg": 47.4, "lon_deg": 8.5, "alt_m": 410.0}
@@ -48,7 +48,7 @@ def test_a_preview_is_the_plan_and_its_figures_and_is_kept_nowhere(ann: httpx2.C
     answer = ann.post(f"/v1/previews?{asked}", json=document())
     assert answer.status_code == 200
     made = syncplan.plan(small())
-    assert problem(ann.post("/v1/previews?figure=comparison", json=document()), 422).errors
+    assert faults_of(ann.post("/v1/previews?figure=comparison", json=document()))
     assert answer.json() == {
         "plan": plan_document(made).as_json(),
         "figures": specs_of(made, ["formation", "spectrum"], style=FigureStyle(theme="dark")),
@@ -180,9 +180,5 @@ def test_options_of_an_export_count(ann: httpx2.Client) -> None:
         answer = ann.get(f"{at}/exports/qgc?{option}")
         assert answer.status_code == 200
         assert answer.content != plain, option
-    reported = problem(ann.get(f"{at}/exports/qgc?turns=0"), 422)
-    assert reported.errors is not None
-    assert reported.errors[0].path == "query.turns"
-    reported = problem(ann.get(f"{stored(ann)}/exports/kml?force=true"), 422)
-    assert reported.errors is not None
-    assert reported.errors[0].path == "geo_origin"
+    assert faults_of(ann.get(f"{at}/exports/qgc?turns=0"))[0].path == "query.turns"
+    assert faults_of(ann.get(f"{stored(ann)}/exports/kml?force=true"))[0].path == "geo_origin"

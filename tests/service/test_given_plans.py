@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import httpx2
@@ -10,7 +10,10 @@ import numpy as np
 import pytest
 
 import syncplan
+from api.computing.tasks import made_plan
 from api.documents import loaded_plan
+from api.service import limits_of
+from api.settings import load_settings
 from syncplan.client.service_client import Client
 from syncplan.errors import InputError
 from syncplan.orbits.circles import Orbits
@@ -18,7 +21,7 @@ from syncplan.planning.plan_files import loaded_from, plan_of, stated
 from syncplan.reports.plan_report import plan_document
 from syncplan.runtime.files import as_text
 from syncplan.scenario.loading import scenario_from
-from tests.tools.api_servers import key_of, problem, serving, speaking
+from tests.tools.api_servers import faults_of, key_of
 from tests.tools.processes import PATIENCE_S
 from tests.tools.scenarios import document, example, small
 from tests.tools.serving import Server
@@ -27,21 +30,6 @@ Tree = dict[str, Any]
 
 LANDMARKS = [[190.0, 0.0], [190.0, 70.0]]
 PATHS = ["/v1/plans", "/v1/previews?figure=formation"]
-
-
-@pytest.fixture(scope="module")
-def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    """A service that takes teams of up to six."""
-    folder = tmp_path_factory.mktemp("given")
-    with serving(folder, "ann", "--no-worker", SYNCPLAN_MAX_VEHICLES="6") as one:
-        yield one
-
-
-@pytest.fixture(scope="module")
-def ann(server: Server) -> Iterator[httpx2.Client]:
-    """A client of the service."""
-    with speaking(server, "ann") as http:
-        yield http
 
 
 def given(**changes: Any) -> Tree:
@@ -164,30 +152,24 @@ def _with(path: str, value: Any) -> Tree:
 def test_a_fault_of_a_plan_is_reported_by_its_path(
     ann: httpx2.Client, changed: str, value: Any, fault: str
 ) -> None:
-    reported = problem(ann.post("/v1/plans", json=_with(changed, value)), 422)
-    assert reported.errors is not None
-    assert [one.path for one in reported.errors] == [fault]
-    assert fault in reported.detail
+    answer = ann.post("/v1/plans", json=_with(changed, value))
+    assert [one.path for one in faults_of(answer)] == [fault]
+    assert fault in answer.json()["detail"]
 
 
 @pytest.mark.parametrize("path", PATHS)
 def test_all_faults_of_a_plan_are_reported_at_once(ann: httpx2.Client, path: str) -> None:
     body = _with("scenario.sensor.range_m", -5)
     body["vehicles"][0]["phase_rad"] = None
-    reported = problem(ann.post(path, json=body), 422)
-    assert reported.errors is not None
-    assert {one.path for one in reported.errors} == {
-        "vehicles[0].phase_rad",
-        "scenario.sensor.range_m",
-    }
+    faults = {one.path for one in faults_of(ann.post(path, json=body))}
+    assert faults == {"vehicles[0].phase_rad", "scenario.sensor.range_m"}
 
 
-def test_a_plan_of_a_team_that_is_too_large_is_refused(ann: httpx2.Client) -> None:
-    made = syncplan.plan(small(formation={"shape": "line", "count": 7, "spacing_m": 70.0}))
-    reported = problem(ann.post("/v1/plans", json=stated(made.scenario, made.orbits)), 422)
-    assert "6" in reported.detail
-    with pytest.raises(InputError, match=r"^scenario\.formation"):
-        loaded_from(given(), max_vehicles=1)
+def test_a_plan_of_a_team_that_is_too_large_is_refused() -> None:
+    body = json.dumps(given()).encode()
+    limits = replace(limits_of(load_settings()), vehicles=1)
+    with pytest.raises(InputError, match=r"^scenario\.formation.* limit of 1"):
+        made_plan(body, "json", limits, False)
 
 
 def test_the_client_keeps_a_plan_with_its_phases(server: Server) -> None:

@@ -1,18 +1,13 @@
 """Wrong keys: counted by address, forgiven with time, and no bar to a key that was right before."""
 
+from unittest.mock import Mock
+
 import pytest
 
 from api.problems import KeysThrottled
 from api.security import KeyThrottle, is_this_machine, network_of
 
 HERE, ELSEWHERE = "192.0.2.7", "192.0.2.8"
-
-
-class _Clock:
-    now = 1000.0
-
-    def __call__(self) -> float:
-        return self.now
 
 
 def _guessed(throttle: KeyThrottle, times: int, address: str = HERE) -> None:
@@ -22,26 +17,26 @@ def _guessed(throttle: KeyThrottle, times: int, address: str = HERE) -> None:
 
 
 def test_so_many_wrong_keys_a_minute_and_no_more() -> None:
-    clock = _Clock()
+    clock = Mock(return_value=1000.0)
     throttle = KeyThrottle(6, clock)
     _guessed(throttle, 6)
     with pytest.raises(KeysThrottled) as caught:
         throttle.admit(HERE, "one more")
     assert caught.value.headers["Retry-After"] == "10"
     throttle.admit(ELSEWHERE, "one more")
-    clock.now += 9.9
+    clock.return_value += 9.9
     with pytest.raises(KeysThrottled):
         throttle.admit(HERE, "one more")
-    clock.now += 0.2
+    clock.return_value += 0.2
     _guessed(throttle, 1)
     with pytest.raises(KeysThrottled):
         throttle.admit(HERE, "one more")
-    clock.now += 60.0
+    clock.return_value += 60.0
     _guessed(throttle, 6)
 
 
 def test_a_key_that_was_right_there_goes_on_and_nowhere_else() -> None:
-    throttle = KeyThrottle(2, _Clock())
+    throttle = KeyThrottle(2, Mock(return_value=1000.0))
     throttle.admit(HERE, "right")
     throttle.accepted(HERE, "right")
     _guessed(throttle, 2)
@@ -54,7 +49,7 @@ def test_a_key_that_was_right_there_goes_on_and_nowhere_else() -> None:
 
 
 def test_a_site_is_one_address_however_many_it_has() -> None:
-    throttle = KeyThrottle(2, _Clock())
+    throttle = KeyThrottle(2, Mock(return_value=1000.0))
     for last in range(2):
         _guessed(throttle, 1, f"2001:db8::{last}")
     with pytest.raises(KeysThrottled):
@@ -65,7 +60,7 @@ def test_a_site_is_one_address_however_many_it_has() -> None:
 def test_what_is_kept_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("api.security._MOST_ADDRESSES", 10)
     monkeypatch.setattr("api.security._MOST_PROVEN", 10)
-    throttle = KeyThrottle(2, _Clock())
+    throttle = KeyThrottle(2, Mock(return_value=1000.0))
     for number in range(100):
         throttle.refused(f"198.51.100.{number}")
         throttle.accepted(HERE, f"key-{number}")

@@ -1,6 +1,5 @@
 """The schema: each version from the one before, and the newest as the tables say."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -18,26 +17,8 @@ EACH = pytest.mark.parametrize(
 )
 
 
-@pytest.fixture
-def empty(address: str | None, tmp_path: Path) -> Iterator[Connection]:
-    """A transaction on an empty database, of which nothing stays."""
-    with connected(address, tmp_path) as connection:
-        yield connection
-
-
-@pytest.fixture
-def first(address: str | None, tmp_path: Path) -> Iterator[Connection]:
-    """A transaction on a database that version 1 has left."""
-    if address is None:
-        restore_sqlite(tmp_path / "syncplan.db")
-    else:
-        restore_postgresql(address)
-    with connected(address, tmp_path) as connection:
-        yield connection
-
-
 def connected(address: str | None, folder: Path) -> Connection:
-    """Return a connection to the database in a folder, or at an address."""
+    """Return a connection to the database in a folder, or at an address; nothing stays of it."""
     url = load_settings(data_dir=folder, database_url=address).database
     return create_engine(url, poolclass=NullPool).connect()
 
@@ -51,53 +32,56 @@ def see_tables_of_today(upgraded: Connection) -> None:
 
 
 @EACH
-def test_an_empty_database_gets_the_tables_of_today(empty: Connection) -> None:
-    upgrade(empty)
-    assert sorted(inspect(empty).get_table_names()) == sorted(METADATA.tables)
-    see_tables_of_today(empty)
+def test_an_empty_database_gets_the_tables_of_today(address: str | None, tmp_path: Path) -> None:
+    with connected(address, tmp_path) as empty:
+        upgrade(empty)
+        assert sorted(inspect(empty).get_table_names()) == sorted(METADATA.tables)
+        see_tables_of_today(empty)
 
 
 @EACH
-def test_a_database_of_the_first_version_gets_the_tables_of_today(first: Connection) -> None:
-    assert not set(METADATA.tables) <= set(inspect(first).get_table_names())
-    upgrade(first)
-    see_tables_of_today(first)
-
-
-@EACH
-def test_a_database_of_the_first_version_keeps_its_rows(first: Connection) -> None:
-    reflected = MetaData()
-    reflected.reflect(first)
-    old = reflected.tables
-    job = {
-        "id": "j",
-        "owner": "ann",
-        "kind": "validation",
-        "state": "running",
-        "request": "{}",
-        "done": 3,
-        "total": 9,
-        "created_at": "2026-01-01T00:00:00.000000Z",
-        "events": 1,
-    }
-    part = {"job_id": "j", "number": 0, "run": 0, "first_trial": 0, "trials": 9, "done": 3}
-    first.execute(insert(old["jobs"]).values(job))
-    first.execute(insert(old["job_parts"]).values(part))
-    first.execute(insert(old["executors"]).values(id="one", beats=7))
-    upgrade(first)
-    new = METADATA.tables
-    assert first.execute(select(schema_version)).all() == [(NEWEST, 1)]
-    mine = select(new["jobs"]).where(new["jobs"].c.id == "j")
-    found = first.execute(mine).mappings().one()
-    assert job.items() <= dict(found).items()
-    assert (found["version"], found["computed_s"]) == (None, 0.0)
-    parts = select(new["job_parts"]).where(new["job_parts"].c.job_id == "j")
-    kept = first.execute(parts).mappings().one()
-    assert part.items() <= dict(kept).items()
-    assert (kept["attempts"], kept["deaths"]) == (0, 0)
-    living = first.execute(select(new["executors"])).all()
-    assert ("one", 7, None, None) in living
-    # a process of the version before, which knows no more columns than it had
-    first.execute(insert(old["jobs"]).values({**job, "id": "k"}))
-    first.execute(insert(old["job_parts"]).values({**part, "job_id": "k"}))
-    first.execute(insert(old["executors"]).values(id="two", beats=0))
+def test_a_database_of_the_first_version_gets_the_tables_of_today_and_keeps_its_rows(
+    address: str | None, tmp_path: Path
+) -> None:
+    if address is None:
+        restore_sqlite(tmp_path / "syncplan.db")
+    else:
+        restore_postgresql(address)
+    with connected(address, tmp_path) as first:
+        assert not set(METADATA.tables) <= set(inspect(first).get_table_names())
+        reflected = MetaData()
+        reflected.reflect(first)
+        old = reflected.tables
+        job = {
+            "id": "j",
+            "owner": "ann",
+            "kind": "validation",
+            "state": "running",
+            "request": "{}",
+            "done": 3,
+            "total": 9,
+            "created_at": "2026-01-01T00:00:00.000000Z",
+            "events": 1,
+        }
+        part = {"job_id": "j", "number": 0, "run": 0, "first_trial": 0, "trials": 9, "done": 3}
+        first.execute(insert(old["jobs"]).values(job))
+        first.execute(insert(old["job_parts"]).values(part))
+        first.execute(insert(old["executors"]).values(id="one", beats=7))
+        upgrade(first)
+        new = METADATA.tables
+        assert first.execute(select(schema_version)).all() == [(NEWEST, 1)]
+        mine = select(new["jobs"]).where(new["jobs"].c.id == "j")
+        found = first.execute(mine).mappings().one()
+        assert job.items() <= dict(found).items()
+        assert (found["version"], found["computed_s"]) == (None, 0.0)
+        parts = select(new["job_parts"]).where(new["job_parts"].c.job_id == "j")
+        kept = first.execute(parts).mappings().one()
+        assert part.items() <= dict(kept).items()
+        assert (kept["attempts"], kept["deaths"]) == (0, 0)
+        living = first.execute(select(new["executors"])).all()
+        assert ("one", 7, None, None) in living
+        # a process of the version before, which knows no more columns than it had
+        first.execute(insert(old["jobs"]).values({**job, "id": "k"}))
+        first.execute(insert(old["job_parts"]).values({**part, "job_id": "k"}))
+        first.execute(insert(old["executors"]).values(id="two", beats=0))
+        see_tables_of_today(first)

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from pydantic import BaseModel, ValidationError
 from schemathesis.config import SchemathesisConfig as Config
 
+import syncplan
 from api.job_kinds.job_table import JOB_KINDS
 from api.job_kinds.refinement_jobs import RefinementRequest
 from api.job_kinds.replay_jobs import ReplayRequest
@@ -21,52 +22,20 @@ from api.main import create_app
 from api.openapi import operations
 from api.settings import load_settings
 from syncplan.planning.plan_files import PlanFile
-from syncplan.scenario.loading import is_plan
+from syncplan.reports.plan_report import plan_document
+from syncplan.runtime.files import as_text
+from syncplan.scenario.loading import is_plan, scenario_from
 from syncplan.scenario.specification import Scenario
 from tests.tools.api_servers import openapi_document, references_in
-from tests.tools.record_examples import BINARY, SCENARIO
+from tests.tools.record_examples import BINARY, FOLDER, SCENARIO
 
 MEDIA = ("application/json", "application/yaml")
 WITHOUT_BODY = {"204", "304"}
-UNSECURED = {
-    "checkHealth",
-    "checkReadiness",
-    "readScenarioSchema",
-    "readPlanSchema",
-}
+UNSECURED = {"checkHealth", "checkReadiness", "readScenarioSchema", "readPlanSchema"}
 OPTIONAL = ("refinePlan", "validatePlan", "flyPlan", "replayRecording")
 """Operations whose body may be left out."""
-NAMES = {
-    "createPlan",
-    "listPlans",
-    "readPlan",
-    "deletePlan",
-    "refinePlan",
-    "validatePlan",
-    "sweepScenario",
-    "replayRecording",
-    "createRecording",
-    "listRecordings",
-    "readRecording",
-    "deleteRecording",
-    "listJobs",
-    "readJob",
-    "flyPlan",
-    "followJob",
-    "cancelJob",
-    "readJobResult",
-    "readJobTrials",
-    "previewScenario",
-    "readPlanFigure",
-    "readJobFigure",
-    "judgeLosses",
-    "exportPlan",
-    "readScenarioSchema",
-    "readPlanSchema",
-    "checkHealth",
-    "checkReadiness",
-    "readMetrics",
-}
+NAMES = {"deletePlan", "deleteRecording", *(one.stem for one in FOLDER.glob("*.json"))}
+"""Operations; those that answer with a body are named as the files of their examples."""
 
 Tree = dict[str, Any]
 
@@ -140,6 +109,30 @@ def test_bodies_are_json_and_yaml_with_true_examples() -> None:
             assert content["examples"]
             for example in content["examples"].values():
                 assert _faults(content["schema"], example["value"]) == []
+
+
+def test_the_example_of_a_plan_is_the_librarys() -> None:
+    plan = BY_NAME["createPlan"]
+    given = plan["requestBody"]["content"]["application/json"]["examples"]["survey"]["value"]
+    answers = plan["responses"]["201"]["content"]["application/json"]["examples"]
+    shown = {**answers["survey"]["value"]}
+    for added in ("id", "created_at", "parent_id"):
+        del shown[added]
+    made = json.loads(as_text(plan_document(syncplan.plan(scenario_from(given))).as_json()))
+    _check_same(made, shown, "plan")
+
+
+def _check_same(one: Any, other: Any, where: str) -> None:
+    """Numbers may differ in their last digits from one processor to another."""
+    if isinstance(one, float) or isinstance(other, float):
+        assert one == pytest.approx(other, rel=1e-6, abs=1e-6), where
+    elif isinstance(one, dict | list) and type(one) is type(other):
+        keys = list(one) if isinstance(one, dict) else range(len(one))
+        assert keys == (list(other) if isinstance(other, dict) else range(len(other))), where
+        for key in keys:
+            _check_same(one[key], other[key], f"{where}.{key}")
+    else:
+        assert one == other, where
 
 
 @pytest.mark.parametrize("name", sorted(NAMES - UNSECURED))

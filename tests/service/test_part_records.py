@@ -1,19 +1,30 @@
 """Parts of jobs: how often each is begun, what it took, which version's it is, what is kept."""
 
+import asyncio
+import contextlib
+import json
 import time
+from concurrent.futures import Future
+from typing import Any
+from unittest.mock import Mock
 
+import pytest
 from sqlalchemy import Connection, func, select
 
+from api.computing import child
 from api.computing.pool import Pool
 from api.job_kinds.job_kind import Batch, JobReport
+from api.jobs import parts
 from api.jobs.parts import WatchedPart
+from api.jobs.queue import VERSION
+from api.settings import load_settings
 from api.storage import job_records, part_records
 from api.storage.database import Database
 from api.storage.job_records import begin_anew, jobs_that_wait
 from api.storage.part_records import BEGINNING, PartHistory
 from api.storage.tables import earlier, job_parts, job_starts, moment
+from syncplan.errors import InputError, NoSolutionError
 
-VERSION = "1.0+1"
 BATCHES = [Batch(0, 0, 32), Batch(0, 32, 8)]
 
 
@@ -63,6 +74,56 @@ def test_a_database_that_is_away_adds_nothing_to_what_a_part_took(database: Data
         history = part_records.begin_part(connection, job_id, BEGINNING, VERSION)
     assert history is not None
     assert 0.0 < history.computed_s < 1.0
+
+
+@pytest.mark.parametrize(
+    ("error", "tries", "title", "said"),
+    [
+        (
+            child.ChildGoneError("killed"),
+            5,
+            "Internal fault",
+            "5 processes ended while they computed it",
+        ),
+        (child.TooSlowError(), 1, "Too slow", "it took longer than the 2 s"),
+        (child.OutOfMemoryError(), 1, "Too large", "it needs more than the 350 MiB of memory"),
+        (child.TaskFailedError("Traceback"), 1, "Internal fault", "see the service's log"),
+        (NoSolutionError("too far apart"), 1, "No solution", "too far apart"),
+        (InputError("too short", key="range_m"), 1, "Bad input", "range_m: too short"),
+    ],
+)
+def test_a_part_that_can_not_be_computed_fails_its_job_with_the_reason(
+    database: Database,
+    monkeypatch: pytest.MonkeyPatch,
+    error: Exception,
+    tries: int,
+    title: str,
+    said: str,
+) -> None:
+    submitted: list[int] = []
+
+    async def submit(*_: object) -> Any:
+        future: Future[None] = Future()
+        future.set_exception(error)
+        submitted.append(1)
+        return Mock(future=future, ran_s=0.0)
+
+    monkeypatch.setattr(parts, "_PAUSE_S", 0.0)
+    settings = load_settings(task_memory_bytes=350 * 2**20)
+    watch = parts.PartWatch(database, VERSION)
+    runtime = parts.Runtime(settings, database, Mock(), Mock(), Mock(), watch)
+    monkeypatch.setattr(parts, "_in_use", [runtime])
+    with database.writing() as connection:
+        job_id = begun(connection)
+    part = parts.Part(job_id, BEGINNING, "it", limit_s=2.0)
+    with contextlib.closing(watch):
+        assert asyncio.run(parts.computed(part, submit)) is None
+    with database.reading() as connection:
+        job = job_records.find_job(connection, "ann", job_id)
+    assert job is not None
+    assert (job.state, len(submitted)) == ("failed", tries)
+    reported = json.loads(str(job.error))
+    assert (reported["title"], said in reported["detail"]) == (title, True), reported
 
 
 def test_parts_that_are_no_batches_are_not_among_them(connection: Connection) -> None:

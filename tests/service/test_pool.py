@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Iterator
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -27,9 +28,8 @@ from api.jobs.workflows import batches_of
 from api.service import limits_of
 from api.settings import load_settings
 from syncplan.estimation.trials import CHUNK_TRIALS
-from tests.tools.processes import PATIENCE_S, alive, command, family, wait_until
+from tests.tools.processes import PATIENCE_S, command, family, wait_until
 from tests.tools.scenarios import FILES, shared_circles
-from tests.tools.serving import parent_running
 
 LIMITS = limits_of(load_settings())
 GRID = (FILES / "paper-grid-same.yaml").read_bytes()
@@ -93,10 +93,27 @@ def processes_of(parent: int) -> list[int]:
     return [one for one in family(parent)[1:] if "api.computing.child" in command(one)]
 
 
-@pytest.mark.long
 def test_a_child_yields_as_far_as_it_is_asked_to(pool: Pool) -> None:
     niceness = {os.getpriority(os.PRIO_PROCESS, one) for one in processes_of(os.getpid())}
     assert os.nice(0) + 7 in niceness
+
+
+def test_a_child_inherits_no_secret_and_no_file_but_its_pipe(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("SYNCPLAN_DATA_DIR", "PGPASSFILE", "OTEL_EXPORTER", "AWS_SECRET_ACCESS_KEY"):
+        monkeypatch.setenv(name, "not-for-children")
+    before = set(processes_of(os.getpid()))
+    with (tmp_path / "kept").open("w") as kept, own_pool(background=False) as pool:
+        os.set_inheritable(kept.fileno(), True)
+        pool.call("ready")
+        (child,) = set(processes_of(os.getpid())) - before
+        files = [os.readlink(one) for one in Path(f"/proc/{child}/fd").iterdir()]
+        environment = Path(f"/proc/{child}/environ").read_text()
+    assert "not-for-children" not in environment
+    assert f"\0PATH={os.environ['PATH']}\0" in f"\0{environment}\0"
+    assert kept.name not in files
+    assert sum(one.startswith("socket:") for one in files) == 1
 
 
 @pytest.mark.long
@@ -175,21 +192,6 @@ def test_more_tasks_than_may_wait_are_refused() -> None:
     for ticket in tickets:
         with pytest.raises(GivenUpError):
             end_of(ticket)
-
-
-@pytest.mark.long
-def test_children_die_with_a_parent_that_is_killed() -> None:
-    code = (
-        "from tests.service.test_pool import *; p = Pool(1, background=True); at_work(p); "
-        "print('at work', flush=True); time.sleep(3600)"
-    )
-    parent, printed = parent_running(code)
-    assert printed == "at work\n"
-    children = processes_of(parent.pid)
-    assert children
-    parent.kill()
-    parent.wait()
-    wait_until(lambda: not any(alive(one) for one in children))
 
 
 @pytest.mark.parametrize(

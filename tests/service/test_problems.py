@@ -1,13 +1,13 @@
 """Problems: every failure of a request is one document, and no trace leaves the house."""
 
 import errno
-import http.client
 import json
 import logging
 import sqlite3
 from collections.abc import Iterable, Iterator
 from typing import Annotated, Any
 
+import httpx2
 import pytest
 from fastapi import APIRouter, Body, FastAPI, Query, Request
 from fastapi.responses import StreamingResponse
@@ -22,7 +22,7 @@ from api import problems
 from api.computing.child import TaskFailedError
 from api.failures import failure_of
 from api.problems import printable, shown, title_of
-from syncplan.errors import InputError, NoSolutionError, SyncplanError
+from syncplan.errors import Fault, InputError, NoSolutionError, SyncplanError
 from tests.tools.api_apps import BODY_LIMIT, ask, bare_app, served
 
 SECRET = "hush-hush"
@@ -34,18 +34,7 @@ class DiskFullError(Exception):
     sqlstate = "53100"
 
 
-class Fault:
-    """One of the faults an error may list."""
-
-    def __init__(self, key: str, value: object, problem: str) -> None:
-        self.key, self.value, self.problem = key, value, problem
-
-
-def _listing() -> InputError:
-    error = InputError("-5: must be greater than 0", key="sensor.range_m")
-    faults = (Fault("sensor.range_m", -5, "must be greater than 0"), Fault("name", "x", "no"))
-    vars(error)["faults"] = faults
-    return error
+LISTED = [Fault("sensor.range_m", "must be greater than 0", "-5"), Fault("name", "no", "x")]
 
 
 def _locked(text: str) -> OperationalError:
@@ -54,7 +43,7 @@ def _locked(text: str) -> OperationalError:
 
 RAISED: dict[str, tuple[Exception, int]] = {
     "input": (InputError("-5: must be greater than 0", key="sensor.range_m"), 422),
-    "listing": (_listing(), 422),
+    "listing": (InputError.of(LISTED), 422),
     "solution": (NoSolutionError("no phases keep every link"), 422),
     "task": (TaskFailedError(f"Traceback {SECRET}"), 500),
     "purpose": (SyncplanError("the search broke down"), 500),
@@ -91,7 +80,7 @@ RAISED: dict[str, tuple[Exception, int]] = {
 FAULTS = {
     "input": [{"path": "sensor.range_m", "message": "-5: must be greater than 0"}],
     "listing": [
-        {"path": "sensor.range_m", "value": -5, "message": "must be greater than 0"},
+        {"path": "sensor.range_m", "value": "-5", "message": "must be greater than 0"},
         {"path": "name", "value": "x", "message": "no"},
     ],
     "work": [{"path": "trials", "value": 10**6, "message": "1e6: at most 100"}],
@@ -178,13 +167,11 @@ def test_each_exception_is_answered_with_its_status_and_faults(
     assert document.get("errors") == FAULTS.get(name)
     assert answer.headers.get("retry-after") == RETRY_AFTER.get(name)
     if name in FAULTS and name != "work":
-        assert document["detail"] == "sensor.range_m: -5: must be greater than 0"
+        assert document["detail"].startswith("sensor.range_m: -5: must be greater than 0")
 
 
 def test_of_many_faults_the_first_ones_are_listed() -> None:
-    error = _listing()
-    vars(error)["faults"] *= 100
-    assert len(failure_of(error).errors) == 50
+    assert len(failure_of(InputError.of(LISTED * 100)).errors) == 50
 
 
 def test_headers_of_an_http_exception_are_kept(client: TestClient) -> None:
@@ -252,10 +239,10 @@ def test_a_body_beyond_the_limit_is_a_413_problem(port: int, path: str) -> None:
     if path != "/v1/nothing":
         bodies.append(iter([b"x" * 400] * 3))
     for body in bodies:
-        answer = ask(port, "POST", path, body=body, headers=header)
-        assert answer.status == 413
+        answer = ask(port, "POST", path, content=body, headers=header)
+        assert answer.status_code == 413
         assert answer.headers["content-type"] == "application/problem+json"
-        document = json.loads(answer.body)
+        document = answer.json()
         assert document["request_id"] == answer.headers["x-request-id"] == "too-large"
         assert document["title"] == "Content Too Large"
         assert document["detail"] == "the body is larger than 1000 bytes"
@@ -268,19 +255,17 @@ def test_a_length_too_long_to_be_read_is_beyond_the_limit(client: TestClient) ->
 
 def test_a_body_of_just_the_limit_is_read(port: int) -> None:
     text = {"content-type": "text/plain"}
-    whole = ask(port, "POST", "/v1/raw", body=b"x" * BODY_LIMIT, headers=text)
-    chunked = ask(port, "POST", "/v1/raw", body=iter([b"x" * 500] * 2), headers=text)
-    assert (whole.status, whole.body) == (chunked.status, chunked.body) == (200, b"1000")
+    for body in (b"x" * BODY_LIMIT, iter([b"x" * 500] * 2)):
+        answer = ask(port, "POST", "/v1/raw", content=body, headers=text)
+        assert (answer.status_code, answer.content) == (200, b"1000")
 
 
 def test_a_crash_is_a_500_problem_and_the_log_has_its_trace_once(
     port: int, caplog: pytest.LogCaptureFixture
 ) -> None:
     answer = ask(port, "GET", "/v1/raise/runtime")
-    assert answer.status == 500
-    assert answer.headers["content-type"] == "application/problem+json"
-    assert SECRET.encode() not in answer.body
-    assert b"Traceback" not in answer.body
+    _check(answer, 500)
+    assert "Traceback" not in answer.text
     traces = [record for record in caplog.records if record.exc_info]
     assert [record.name for record in traces] == ["api.problems"]
     assert SECRET in str(traces[0].exc_info)
@@ -301,9 +286,13 @@ def test_trouble_of_the_database_is_one_line_and_what_is_raised_on_purpose_none(
 def test_an_answer_that_breaks_off_is_cut_and_its_trace_is_logged_once(
     port: int, caplog: pytest.LogCaptureFixture, name: str
 ) -> None:
-    with pytest.raises(http.client.IncompleteRead) as cut:
-        ask(port, "GET", f"/v1/broken/{name}")
-    assert cut.value.partial == b"first"
+    received: list[bytes] = []
+    with (
+        httpx2.stream("GET", f"http://127.0.0.1:{port}/v1/broken/{name}") as answer,
+        pytest.raises(httpx2.RemoteProtocolError, match="incomplete"),
+    ):
+        received += answer.iter_raw()
+    assert received == [b"first"]
     traces = [record for record in caplog.records if record.exc_info]
     assert [record.name for record in traces] == ["api.problems"]
 

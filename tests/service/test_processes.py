@@ -122,11 +122,11 @@ REQUESTS = 'syncplan_http_requests_total{method="GET",route="/v1/plans",status="
 SECONDS = 'syncplan_http_request_duration_seconds_sum{method="GET",route="/v1/plans",status="200"}'
 
 
-def test_counts_and_gauges_of_processes_add_up_and_those_of_the_service_are_taken_once(
-    publishers: tuple[Publisher, Publisher],
+def test_figures_of_processes_add_up_and_what_one_counted_stays_when_it_has_ended(
+    publishers: tuple[Publisher, Publisher], tmp_path: Path
 ) -> None:
-    for one in publishers:
-        found = one.scrape()
+    for each in publishers:
+        found = each.scrape()
         assert found[REQUESTS] == 7.0
         assert found[SECONDS] == 7 * 0.25
         assert found["syncplan_processes_busy"] == 3.0
@@ -135,19 +135,14 @@ def test_counts_and_gauges_of_processes_add_up_and_those_of_the_service_are_take
         assert found['syncplan_pool_tasks{pool="requests",state="waiting"}'] == 4.0
         assert found['syncplan_pool_owners_waiting{pool="requests"}'] == 2.0
         assert found['syncplan_pool_children_started_total{pool="requests"}'] == 18.0
+        # those of the service are taken once, the longest wait is that of all
         assert found['syncplan_jobs{state="queued"}'] == 7.0
-        # other figures add up
         assert found['syncplan_pool_oldest_waiting_seconds{pool="requests"}'] == 7.5
         # the service began with its first process and takes the memory of all
         assert found["process_start_time_seconds"] <= time.time()
         assert found["process_resident_memory_bytes"] > 2**25
         assert found["process_open_fds"] >= 2 * 3
         assert found["process_cpu_seconds_total"] > 0.0
-
-
-def test_what_a_process_counted_stays_when_it_has_ended_and_what_it_did_does_not(
-    publishers: tuple[Publisher, Publisher], tmp_path: Path
-) -> None:
     one, other = publishers
     # while it does not answer, it counts with what it published last
     other.popen.send_signal(signal.SIGSTOP)
@@ -221,15 +216,6 @@ def test_connections_that_stay_are_spread_evenly(pair: Server) -> None:
     assert sum(taken) == 8
 
 
-@pytest.mark.long
-def test_every_scrape_counts_what_all_processes_have_answered(pair: Server) -> None:
-    before = counted(pair)
-    for _ in range(6):
-        with speaking(pair, "ann") as http:
-            assert http.get("/v1/schemas/scenario").status_code == 200
-    assert [counted(pair) for _ in range(4)] == [before + 6.0] * 4
-
-
 def test_plans_and_jobs_are_those_of_one_service(pair: Server, ann: httpx2.Client) -> None:
     plan = ann.post("/v1/plans", json=document()).json()["id"]
     for _ in range(4):
@@ -240,14 +226,21 @@ def test_plans_and_jobs_are_those_of_one_service(pair: Server, ann: httpx2.Clien
 
 
 @pytest.mark.long
-def test_a_process_that_is_killed_is_replaced_while_the_other_answers(pair: Server) -> None:
-    before, killed = counted(pair), members_of(pair)[1]
+def test_a_process_that_is_killed_is_replaced_while_the_other_answers_and_counts_stay(
+    pair: Server,
+) -> None:
+    before = counted(pair)
+    for _ in range(6):
+        with speaking(pair, "ann") as http:
+            assert http.get("/v1/schemas/scenario").status_code == 200
+    assert [counted(pair) for _ in range(4)] == [before + 6.0] * 4
+    killed = members_of(pair)[1]
     os.kill(killed, signal.SIGKILL)
     for _ in range(10):
         with speaking(pair, "ann") as http:
             assert http.get("/healthz").status_code == 200
     wait_until(lambda: not alive(killed) and begun(pair) == 3)
-    assert counted(pair) == before
+    assert counted(pair) == before + 6.0
     assert "HTTP process 1 ended" in pair.log.read_text()
 
 

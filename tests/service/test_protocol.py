@@ -150,15 +150,10 @@ def _statuses(said: bytes) -> list[int]:
 @pytest.mark.parametrize("name", EXCHANGES)
 def test_requests_are_read_wherever_they_are_cut(port: int, name: str) -> None:
     sent, statuses = EXCHANGES[name]
-    for cut in range(1, len(sent), 3):
-        answers = len(statuses)
-        assert _statuses(_said(port, sent[:cut], sent[cut:], answers=answers)) == statuses, cut
-
-
-def test_what_is_read_byte_by_byte_is_the_same(port: int) -> None:
-    for sent, statuses in EXCHANGES.values():
-        pieces = [sent[k : k + 1] for k in range(len(sent))]
-        assert _statuses(_said(port, *pieces, answers=len(statuses))) == statuses
+    byte_by_byte = [sent[k : k + 1] for k in range(len(sent))]
+    for pieces in (byte_by_byte, *([sent[:k], sent[k:]] for k in range(1, len(sent), 3))):
+        found = _statuses(_said(port, *pieces, answers=len(statuses)))
+        assert found == statuses, pieces
 
 
 def test_trailers_are_no_headers_of_the_request(port: int) -> None:

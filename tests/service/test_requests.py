@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from api.computing.tasks import checked_request, made_plan
+from api.computing.tasks import checked_request, made_plan, previewed
 from api.limits import RequestLimits
 from syncplan.errors import InputError
 from tests.tools.record_examples import SCENARIO
@@ -59,9 +59,11 @@ def test_trials_beyond_the_limit_are_refused() -> None:
 
 
 CROWD = shared_circles(19)
+BODY = json.dumps(CROWD).encode()
 SWEEP = json.dumps({"scenario": CROWD, "range_m": [50.0], "trials": 1}).encode()
 ASKED: dict[str, Callable[[RequestLimits], object]] = {
-    "plan": lambda limits: made_plan(json.dumps(CROWD).encode(), "json", limits, False),
+    "plan": lambda limits: made_plan(BODY, "json", limits, False),
+    "preview": lambda limits: previewed(BODY, "json", limits, False, [], "light"),
     "sweep": lambda limits: checked_request("sweep", SWEEP, "json", limits, None),
 }
 

@@ -20,12 +20,14 @@ from tests.tools.api_servers import (
     Event,
     done,
     events_of,
+    faults_of,
     operations_of,
     planned,
     problem,
     serving,
     speaking,
 )
+from tests.tools.processes import wait_until
 from tests.tools.scenarios import BAD_FILES, FILES, document, small
 from tests.tools.serving import Server
 
@@ -65,9 +67,9 @@ def queued(cat: httpx2.Client) -> Iterator[str]:
     cat.post(f"{at}/cancel")
 
 
-def faults_of(answer: httpx2.Response) -> list[str]:
+def paths_of(answer: httpx2.Response) -> list[str]:
     """Return the paths, in lower case, of what is wrong with a request."""
-    return [one.path.lower() for one in problem(answer, 422).errors or ()]
+    return [one.path.lower() for one in faults_of(answer)]
 
 
 def ended(http: httpx2.Client, at: str) -> Job:
@@ -146,15 +148,15 @@ def test_parameters_that_can_not_be_are_refused_by_name(cat: httpx2.Client, queu
     for path in ("/v1/plans", "/v1/jobs"):
         for query in ("limit=0", "limit=201", "before=x"):
             answer = cat.get(f"{path}?{query}")
-            assert faults_of(answer) == [f"query.{query.partition('=')[0]}"]
-    assert faults_of(cat.get("/v1/jobs?state=lost")) == ["query.state"]
-    assert faults_of(cat.post("/v1/plans?steady=maybe", json=document())) == ["query.steady"]
+            assert paths_of(answer) == [f"query.{query.partition('=')[0]}"]
+    assert paths_of(cat.get("/v1/jobs?state=lost")) == ["query.state"]
+    assert paths_of(cat.post("/v1/plans?steady=maybe", json=document())) == ["query.steady"]
     for last in ("-1", "x", "99999999999"):
         answer = cat.get(f"{queued}/events", headers={"last-event-id": last})
-        assert faults_of(answer) == ["header.last-event-id"]
+        assert paths_of(answer) == ["header.last-event-id"]
     for key in ("", "k" * 256, "with blanks"):
         answer = cat.post("/v1/plans", json=document(), headers={"idempotency-key": key})
-        assert faults_of(answer) == ["header.idempotency-key"]
+        assert paths_of(answer) == ["header.idempotency-key"]
 
 
 BAD_YAML = [(file.read_bytes(), "yaml") for file in sorted(BAD_FILES.iterdir())]
@@ -166,10 +168,10 @@ def test_a_bad_scenario_is_refused_with_its_faults(
     ann: httpx2.Client, body: bytes, kind: str
 ) -> None:
     headers = {"content-type": f"application/{kind}"}
-    reported = problem(ann.post("/v1/plans", content=body, headers=headers), 422)
-    assert reported.errors
-    assert all(one.message for one in reported.errors)
-    assert reported.errors[0].path in reported.detail
+    answer = ann.post("/v1/plans", content=body, headers=headers)
+    faults = faults_of(answer)
+    assert all(one.message for one in faults)
+    assert faults[0].path in answer.json()["detail"]
 
 
 # --- repeated requests --------------------------------------------------------------------------
@@ -260,7 +262,7 @@ def test_what_a_job_may_not_ask_for_is_named(cat: httpx2.Client) -> None:
         ("/v1/sweeps", {"scenario": scenario, "range_m": [50.0]}, "scenario.sensor.range_m"),
         ("/v1/sweeps", {"scenario": document(), "range_m": [50.0, -1.0]}, "range_m.sensor.range_m"),
     ):
-        assert faults_of(cat.post(path, json=body))[0] == fault
+        assert paths_of(cat.post(path, json=body))[0] == fault
 
 
 def test_the_result_of_a_job_comes_with_its_success(cat: httpx2.Client, queued: str) -> None:
@@ -376,12 +378,16 @@ def test_the_events_of_a_job_are_reported_from_wherever_one_asks(ann: httpx2.Cli
             assert list(events_of(answer)) == reported[last:]
 
 
-def test_events_come_when_they_happen(cat: httpx2.Client, queued: str) -> None:
+def test_events_come_when_they_happen_and_streams_are_counted(
+    cat: httpx2.Client, queued: str
+) -> None:
     with cat.stream("GET", f"{queued}/events") as answer:
         events = events_of(answer)
         assert next(events) == Event(1, "queued", 0)
+        assert "\nsyncplan_streams 1.0\n" in cat.get("/metrics").text
         cat.post(f"{queued}/cancel")
         assert list(events) == [Event(2, "cancelled", 0)]
+    wait_until(lambda: "\nsyncplan_streams 0.0\n" in cat.get("/metrics").text)
 
 
 # --- what is the same everywhere ----------------------------------------------------------------
@@ -443,9 +449,8 @@ def test_schemas_are_those_of_the_library(ann: httpx2.Client) -> None:
 
 def refused_for(answer: httpx2.Response, path: str, reported: str) -> None:
     """Check that a request is beyond a limit that is named."""
-    refusal = problem(answer, 422)
-    assert refusal.errors is not None
-    assert (refusal.errors[0].path, reported in refusal.detail) == (path, True), refusal.detail
+    assert faults_of(answer)[0].path == path
+    assert reported in answer.json()["detail"]
 
 
 def team(count: int) -> dict[str, Any]:

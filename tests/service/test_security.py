@@ -6,6 +6,7 @@ import re
 import socket
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from fastapi import FastAPI
@@ -67,25 +68,15 @@ def listed(tmp_path: Path) -> Path:
     return path
 
 
-class Clock:
-    """A clock that stands still until it is asked to go on."""
-
-    def __init__(self) -> None:
-        self.now = 0.0
-
-    def __call__(self) -> float:
-        return self.now
-
-
 def test_a_file_is_read_again_when_it_changes_and_at_most_once_a_second(listed: Path) -> None:
-    clock = Clock()
+    clock = Mock(return_value=0.0)
     keyring = Keyring(load_settings(api_keys_file=listed), clock)
     assert keyring.owner_of(OPS) == "ops"
     before = keyring.version
     listed.write_text(f"ops:{LAB}\n")
-    clock.now = 0.9
+    clock.return_value = 0.9
     assert keyring.owner_of(OPS) == "ops"
-    clock.now = 1.1
+    clock.return_value = 1.1
     assert keyring.owner_of(LAB) == "ops"
     with pytest.raises(Unauthorized):
         keyring.owner_of(OPS)
@@ -113,7 +104,7 @@ def test_a_file_is_read_again_when_it_changes_and_at_most_once_a_second(listed: 
 def test_a_file_that_can_not_serve_keeps_the_keys_of_before_and_is_logged_once(
     listed: Path, content: str | bytes | None, reported: str, caplog: pytest.LogCaptureFixture
 ) -> None:
-    clock = Clock()
+    clock = Mock(return_value=0.0)
     given = f"lab:{LAB}" if "SYNCPLAN_API_KEYS" in reported else None
     keyring = Keyring(load_settings(api_keys=given, api_keys_file=listed), clock)
     if content is None:
@@ -121,7 +112,7 @@ def test_a_file_that_can_not_serve_keeps_the_keys_of_before_and_is_logged_once(
     else:
         listed.write_bytes(content if isinstance(content, bytes) else content.encode())
     for _ in range(3):
-        clock.now += 2.0
+        clock.return_value += 2.0
         assert keyring.owner_of(OPS) == "ops"
     (entry,) = [one.getMessage() for one in caplog.records if one.levelname == "ERROR"]
     assert entry.startswith(f"the keys of before stay: {listed}: {reported}")
@@ -133,7 +124,7 @@ def test_a_file_that_can_not_serve_keeps_the_keys_of_before_and_is_logged_once(
     assert "\n" not in str(caught.value)
     # and once it is mended it counts again
     listed.write_text(f"ops:{OPS}9")
-    clock.now += 2.0
+    clock.return_value += 2.0
     assert keyring.owner_of(f"{OPS}9") == "ops"
 
 

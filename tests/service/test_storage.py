@@ -1,5 +1,6 @@
 """What the service keeps: plans as their bytes, jobs that end once, events without gaps."""
 
+import contextlib
 import json
 import re
 import time
@@ -8,23 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from sqlalchemy import (
-    Column,
-    Connection,
-    MetaData,
-    Text,
-    create_engine,
-    event,
-    insert,
-    select,
-    update,
-)
+from sqlalchemy import Connection, create_engine, event, insert, select, update
 from sqlalchemy.exc import IntegrityError, OperationalError
 
 from api.documents import PlanText
 from api.following import MOST_EVENTS, events_after
 from api.job_kinds.job_kind import Batch, JobReport
-from api.storage import executors, job_records, part_records
+from api.storage import executors, holdings, job_records, part_records, tables
 from api.storage.database import (
     Database,
     WriteCheck,
@@ -33,32 +24,9 @@ from api.storage.database import (
     release_reserve,
     unavailable,
 )
-from api.storage.holdings import (
-    Answer,
-    AnswerTakenError,
-    add_plan,
-    body_of,
-    find_answer,
-    find_plans,
-    forget_answers,
-    forget_plans,
-    keep_answer,
-    list_plans,
-)
-from api.storage.job_records import delete_jobs, ended_before
 from api.storage.migrations import NEWEST
-from api.storage.tables import (
-    METADATA,
-    answers,
-    earlier,
-    job_parts,
-    moment,
-    new_id,
-    plans,
-    schema_version,
-)
-from api.storage.tables import executors as executor_rows
 from syncplan.errors import InputError
+from tests.tools.kept_databases import restore_sqlite
 
 MADE = PlanText('{\n "version": "1"\n}\n', "survey", 6, True, 1.5)
 BATCHES = [Batch(0, 0, 32), Batch(0, 32, 8)]
@@ -94,59 +62,59 @@ def states(connection: Connection, job_id: str) -> list[tuple[int, str, int]]:
 
 def test_identifiers_sort_by_time_and_are_uuids_of_version_7() -> None:
     time = "2026-05-01T09:00:00.123999Z"
-    made = [new_id(time) for _ in range(3)]
+    made = [tables.new_id(time) for _ in range(3)]
     assert all(one[14] == "7" and one[19] in "89ab" for one in made)
     assert len(set(made)) == 3
     began = datetime(2026, 5, 1, 9, 0, 0, 123000, UTC)
     assert all(int(one.replace("-", "")[:12], 16) == began.timestamp() * 1000 for one in made)
-    assert max(made) < new_id("2026-05-01T09:00:00.124000Z")
+    assert max(made) < tables.new_id("2026-05-01T09:00:00.124000Z")
 
 
 @pytest.mark.usefixtures("wrong_clock")
 def test_the_database_dates_rows_whatever_the_clock_of_a_process(connection: Connection) -> None:
-    before = moment(connection)
-    plan = add_plan(connection, "ann", MADE)
+    before = tables.moment(connection)
+    plan = holdings.add_plan(connection, "ann", MADE)
     job_id = job(connection)
     job_records.start_job(connection, job_id, "1")
     job_records.end_job(connection, job_id, "cancelled")
-    keep_answer(connection, "ann", "key", Answer("digest", 201, {}, ""))
+    holdings.keep_answer(connection, "ann", "key", holdings.Answer("digest", 201, {}, ""))
     executors.beat(connection, "one", "1")
     ended = job_records.find_job(connection, "ann", job_id)
     assert ended is not None
     reported = [json.loads(data)["at"] for _, data in events_after(connection, job_id, 0)]
     written = [plan.created_at, ended.created_at, ended.started_at, ended.ended_at, *reported]
-    written += connection.execute(select(answers.c.created_at)).scalars()
-    written += connection.execute(select(executor_rows.c.seen_at)).scalars()
+    written += connection.execute(select(tables.answers.c.created_at)).scalars()
+    written += connection.execute(select(tables.executors.c.seen_at)).scalars()
     assert len(written) == 9
-    after = moment(connection)
+    after = tables.moment(connection)
     assert all(re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{6}Z", str(one)) for one in written)
     assert all(before <= str(one) <= after for one in written)
-    assert new_id(before)[:13] <= plan.id[:13] <= job_id[:13] <= new_id(after)[:13]
-    assert earlier(after, 3600.0) < before
+    assert tables.new_id(before)[:13] <= plan.id[:13] <= job_id[:13] <= tables.new_id(after)[:13]
+    assert tables.earlier(after, 3600.0) < before
 
 
 def test_a_time_has_come_once_every_living_worker_has_seen_it(connection: Connection) -> None:
     executors.beat(connection, "one", "1")
     executors.beat(connection, "ahead", "1")
-    ahead = earlier(moment(connection), -8 * 86400.0)
+    ahead = tables.earlier(tables.moment(connection), -8 * 86400.0)
     connection.execute(
-        update(executor_rows).where(executor_rows.c.id == "ahead").values(seen_at=ahead)
+        update(tables.executors).where(tables.executors.c.id == "ahead").values(seen_at=ahead)
     )
-    assert executors.agreed_moment(connection) <= moment(connection)
+    assert executors.agreed_moment(connection) <= tables.moment(connection)
     connection.execute(
-        update(executor_rows).where(executor_rows.c.id == "one").values(seen_at="2020-01-01")
+        update(tables.executors).where(tables.executors.c.id == "one").values(seen_at="2020-01-01")
     )
     assert executors.agreed_moment(connection) == "2020-01-01"
     executors.forget(connection, "one")
-    assert executors.agreed_moment(connection) <= moment(connection)
+    assert executors.agreed_moment(connection) <= tables.moment(connection)
     executors.forget(connection, "ahead")
-    assert executors.agreed_moment(connection) <= moment(connection)
+    assert executors.agreed_moment(connection) <= tables.moment(connection)
 
 
 def test_a_stored_plan_is_the_plan_with_three_keys_at_its_top(connection: Connection) -> None:
-    row = add_plan(connection, "ann", MADE, parent_id="p")
-    assert find_plans(connection, [("ann", row.id)]) == [row]
-    body = body_of(row)
+    row = holdings.add_plan(connection, "ann", MADE, parent_id="p")
+    assert holdings.find_plans(connection, [("ann", row.id)]) == [row]
+    body = holdings.body_of(row)
     assert json.loads(body) == {
         "id": row.id,
         "created_at": row.created_at,
@@ -179,7 +147,7 @@ def test_a_job_goes_from_queued_over_its_batches_to_one_end(connection: Connecti
         (5, "running", 40),
         (6, "succeeded", 40),
     ]
-    assert connection.execute(select(job_parts)).all() == []
+    assert connection.execute(select(tables.job_parts)).all() == []
 
 
 def test_an_ended_job_changes_no_more(connection: Connection) -> None:
@@ -196,7 +164,7 @@ def test_an_ended_job_changes_no_more(connection: Connection) -> None:
     assert part_records.next_batch(connection, job_id, 0) is None
     assert job_records.report_of(connection, job_id) is None
     assert states(connection, job_id) == before
-    assert connection.execute(select(job_parts)).all() == []
+    assert connection.execute(select(tables.job_parts)).all() == []
 
 
 def test_a_step_that_runs_again_changes_nothing(connection: Connection) -> None:
@@ -221,10 +189,11 @@ def test_jobs_that_ended_long_ago_are_deleted_with_all_that_hangs_on_them(
 ) -> None:
     old, running = job(connection), job(connection)
     job_records.end_job(connection, old, "succeeded", report=JobReport("report"))
-    assert ended_before(connection, earlier(moment(connection), 60.0), 10) == []
-    assert ended_before(connection, earlier(moment(connection), -60.0), 10) == [old]
-    assert ended_before(connection, earlier(moment(connection), -60.0), 0) == []
-    delete_jobs(connection, [old])
+    past, to_come = (tables.earlier(tables.moment(connection), ago_s) for ago_s in (60.0, -60.0))
+    assert job_records.ended_before(connection, past, 10) == []
+    assert job_records.ended_before(connection, to_come, 10) == [old]
+    assert job_records.ended_before(connection, to_come, 0) == []
+    job_records.delete_jobs(connection, [old])
     assert job_records.find_job(connection, "ann", old) is None
     assert events_after(connection, old, 0) == []
     assert job_records.report_of(connection, old) is None
@@ -234,17 +203,17 @@ def test_jobs_that_ended_long_ago_are_deleted_with_all_that_hangs_on_them(
 def test_an_answer_is_given_once_for_a_key_and_owner_and_forgotten_in_time(
     connection: Connection,
 ) -> None:
-    answer = Answer("digest", 201, {"location": "/v1/plans/1"}, "body")
-    keep_answer(connection, "ann", "key", answer)
-    keep_answer(connection, "bob", "key", Answer("other", 202, {}, ""))
-    assert find_answer(connection, "ann", "key") == answer
-    assert find_answer(connection, "ann", "other") is None
-    with pytest.raises(AnswerTakenError):
-        keep_answer(connection, "ann", "key", answer)
-    forget_answers(connection, earlier(moment(connection), 60.0))
-    assert find_answer(connection, "ann", "key") is not None
-    forget_answers(connection, earlier(moment(connection), -60.0))
-    assert find_answer(connection, "ann", "key") is None
+    answer = holdings.Answer("digest", 201, {"location": "/v1/plans/1"}, "body")
+    holdings.keep_answer(connection, "ann", "key", answer)
+    holdings.keep_answer(connection, "bob", "key", holdings.Answer("other", 202, {}, ""))
+    assert holdings.find_answer(connection, "ann", "key") == answer
+    assert holdings.find_answer(connection, "ann", "other") is None
+    with pytest.raises(holdings.AnswerTakenError):
+        holdings.keep_answer(connection, "ann", "key", answer)
+    holdings.forget_answers(connection, tables.earlier(tables.moment(connection), 60.0))
+    assert holdings.find_answer(connection, "ann", "key") is not None
+    holdings.forget_answers(connection, tables.earlier(tables.moment(connection), -60.0))
+    assert holdings.find_answer(connection, "ann", "key") is None
 
 
 def test_an_executor_is_struck_off_only_at_the_count_that_was_seen(connection: Connection) -> None:
@@ -260,25 +229,25 @@ def test_an_executor_is_struck_off_only_at_the_count_that_was_seen(connection: C
 def test_a_transaction_that_fails_leaves_nothing(database: Database) -> None:
     def fail() -> None:
         with database.writing() as connection:
-            add_plan(connection, "ann", MADE)
+            holdings.add_plan(connection, "ann", MADE)
             raise RuntimeError
 
     with pytest.raises(RuntimeError):
         fail()
     with database.reading() as connection:
-        assert list_plans(connection, "ann", 10, None) == []
+        assert holdings.list_plans(connection, "ann", 10, None) == []
 
 
 def test_a_database_opens_again_with_what_it_held(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path / 'syncplan.db'}"
     first = open_database(url)
     with first.writing() as connection:
-        row = add_plan(connection, "ann", MADE)
+        row = holdings.add_plan(connection, "ann", MADE)
     first.close()
     second = open_database(url)
     with second.reading() as connection:
-        assert find_plans(connection, [("ann", row.id)]) == [row]
-        assert connection.execute(select(schema_version.c.version)).scalars().all() == [NEWEST]
+        assert holdings.find_plans(connection, [("ann", row.id)]) == [row]
+        assert connection.execute(select(tables.schema_version.c.version)).scalar_one() == NEWEST
         assert connection.exec_driver_sql("PRAGMA journal_mode").scalar() == "wal"
     second.close()
     # the file is its owner's alone
@@ -291,7 +260,7 @@ def test_a_newer_database_is_opened_as_it_is_or_refused(
 ) -> None:
     newer = {"version": 99, "usable_from": usable_from}
     with database.writing() as connection:
-        connection.execute(update(schema_version).values(newer))
+        connection.execute(update(tables.schema_version).values(newer))
     url = database.engine.url.render_as_string()
     if usable_from > NEWEST:
         with pytest.raises(InputError, match=r"holds schema version 99.*update syncplan"):
@@ -299,29 +268,18 @@ def test_a_newer_database_is_opened_as_it_is_or_refused(
         return
     again = open_database(url)
     with again.reading() as connection:
-        assert dict(connection.execute(select(schema_version)).mappings().one()) == newer
+        assert dict(connection.execute(select(tables.schema_version)).mappings().one()) == newer
     again.close()
 
 
-def test_an_older_database_is_brought_up_to_date(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    url = f"sqlite:///{tmp_path / 'syncplan.db'}"
-    open_database(url).close()
-
-    newer = MetaData()
-    for table in METADATA.tables.values():
-        table.to_metadata(newer)
-    newer.tables["plans"].append_column(Column("note", Text))
-    monkeypatch.setattr("api.storage.migrations.METADATA", newer)
-    monkeypatch.setattr("api.storage.migrations.NEWEST", NEWEST + 1)
+def test_a_database_of_version_1_is_brought_up_to_date(tmp_path: Path) -> None:
+    restore_sqlite(tmp_path / "syncplan.db")
     for _ in range(2):
-        database = open_database(url)
-        with database.reading() as connection:
-            connection.exec_driver_sql("SELECT note FROM plans")
-            found = connection.execute(select(schema_version.c.version)).scalars().all()
-            assert found == [NEWEST + 1]
-        database.close()
+        opened = open_database(f"sqlite:///{tmp_path / 'syncplan.db'}")
+        with contextlib.closing(opened), opened.reading() as connection:
+            assert (
+                connection.execute(select(tables.schema_version.c.version)).scalar_one() == NEWEST
+            )
 
 
 def test_a_file_that_is_no_database_is_refused_in_one_line(tmp_path: Path) -> None:
@@ -360,7 +318,7 @@ def test_waiting_is_only_for_the_database_and_not_for_mistakes(database: Databas
 
 def test_two_writers_take_turns(database: Database) -> None:
     with database.writing() as first:
-        first.execute(insert(executor_rows).values(id="one", beats=0))
+        first.execute(insert(tables.executors).values(id="one", beats=0))
         with database.reading() as other:
             assert executors.living(other) == {}
     with database.reading() as other:
@@ -381,9 +339,9 @@ def test_a_full_disk_counts_as_a_lost_connection_whoever_writes(tmp_path: Path) 
 
 
 def test_what_is_stored_stays_out_of_errors(connection: Connection) -> None:
-    row = add_plan(connection, "ann", MADE)
+    row = holdings.add_plan(connection, "ann", MADE)
     with pytest.raises(IntegrityError) as caught:
-        add_plan(connection, "secret owner", MADE, plan_id=row.id)
+        holdings.add_plan(connection, "secret owner", MADE, plan_id=row.id)
     assert "secret owner" not in str(caught.value)
     with pytest.raises(InputError) as refused:
         open_database("postgresql+psycopg://127.0.0.1:9/db?password=secretword")
@@ -412,7 +370,7 @@ def test_writing_is_tried_once_in_a_while_and_leaves_nothing(database: Database)
     check.check()
     assert sum(one.startswith("INSERT") for one in tried) == 2
     with database.reading() as connection:
-        assert connection.execute(select(answers)).all() == []
+        assert connection.execute(select(tables.answers)).all() == []
         assert connection.exec_driver_sql("PRAGMA cache_size").scalar() == -2000
     # a write that failed is known until one succeeds
     check.failed(OperationalError("insert", {}, Exception("database or disk is full")))
@@ -435,12 +393,14 @@ def test_room_is_kept_to_open_a_database_on_a_full_disk(tmp_path: Path) -> None:
 
 
 def test_plans_are_forgotten_by_their_age_alone(connection: Connection) -> None:
-    rows = [add_plan(connection, owner, MADE) for owner in ("ann", "eve", "ann")]
+    rows = [holdings.add_plan(connection, owner, MADE) for owner in ("ann", "eve", "ann")]
     for day, row in enumerate(rows, 1):
         made_at = f"2026-01-0{day}T00:00:00.000000Z"
-        connection.execute(update(plans).where(plans.c.id == row.id).values(created_at=made_at))
-    forget_plans(connection, "2026-01-01T00:00:00.000000Z")
-    assert len(list_plans(connection, "ann", 10, None)) == 2
-    forget_plans(connection, "2026-01-03T00:00:00.000000Z")
-    assert [one.id for one in list_plans(connection, "ann", 10, None)] == [rows[2].id]
-    assert list_plans(connection, "eve", 10, None) == []
+        connection.execute(
+            update(tables.plans).where(tables.plans.c.id == row.id).values(created_at=made_at)
+        )
+    holdings.forget_plans(connection, "2026-01-01T00:00:00.000000Z")
+    assert len(holdings.list_plans(connection, "ann", 10, None)) == 2
+    holdings.forget_plans(connection, "2026-01-03T00:00:00.000000Z")
+    assert [one.id for one in holdings.list_plans(connection, "ann", 10, None)] == [rows[2].id]
+    assert holdings.list_plans(connection, "eve", 10, None) == []

@@ -1,13 +1,11 @@
 """Jobs that survive: processes killed, stopped and frozen, the database away.
 
-Real servers, real workers and a real PostgreSQL. tests.searches.search_upgrade kills servers at
-random moments.
+Real servers, real workers and a real PostgreSQL. tests.searches.search_survival kills
+servers, workers and children at random moments.
 """
 
-import contextlib
 import random
 import signal
-import sqlite3
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -16,7 +14,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 import pytest
-from sqlalchemy.engine import make_url
 
 import syncplan
 from tests.tools.api_servers import problem
@@ -24,13 +21,7 @@ from tests.tools.busy_children import at_work, busy, on_duty
 from tests.tools.processes import PATIENCE_S, wait_until
 from tests.tools.scenarios import example
 from tests.tools.serving import Postgres, Process
-from tests.tools.survival import (
-    Site,
-    quick,
-    refinement,
-    sweep_of_ranges,
-    validation,
-)
+from tests.tools.survival import quick, refinement, sweep_of_ranges, validation
 
 pytestmark = pytest.mark.long
 
@@ -40,28 +31,9 @@ LONG = 100_000
 # --- killed -------------------------------------------------------------------------------------
 
 
-def test_the_jobs_of_a_dead_worker_go_on_with_another(tmp_path: Path) -> None:
-    with Site(tmp_path, SYNCPLAN_PROCESSES="1") as site:
-        site.serve("--no-worker")
-        first = site.work()
-        job_id = site.hand_in(validation(2400, 1))
-        busy(site, first)
-        second = site.work()
-        on_duty(site, 2)
-        site.kill(first)
-        wait_until(
-            lambda: any(one.startswith(job_id) for one in site.held_by(second)),
-            otherwise=site.logs,
-        )
-        site.see_all_done()
-
-
-@pytest.mark.parametrize("address", ["sqlite"], indirect=True)
-def test_a_client_that_asks_again_gets_each_plan_and_job_once(
-    address: str | None, tmp_path: Path
-) -> None:
-    moments = random.Random(f"again {address is None}")
-    with quick(tmp_path, address) as site:
+def test_a_client_that_asks_again_gets_each_plan_and_job_once(tmp_path: Path) -> None:
+    moments = random.Random("again True")
+    with quick(tmp_path) as site:
         server = site.serve()
         over = threading.Event()
 
@@ -86,27 +58,6 @@ def test_a_client_that_asks_again_gets_each_plan_and_job_once(
             handed_in = sum(client.result(timeout=PATIENCE_S) for client in clients)
         assert site.count("plans") == site.count("jobs") == handed_in
         site.see_all_done()
-
-
-def test_what_a_refinement_started_goes_with_the_server(tmp_path: Path) -> None:
-    with quick(tmp_path) as site:
-        server = site.serve()
-        site.hand_in(refinement(0))
-
-        def grandchildren() -> set[int]:
-            family = site.family(server)
-            return {one for one in family if _parent(one) in family}
-
-        wait_until(lambda: len(grandchildren()) >= 2, otherwise=site.logs)
-        site.kill(server)
-        site.serve()
-        site.see_all_done()
-
-
-def _parent(process: int) -> int:
-    with contextlib.suppress(OSError):
-        return int(Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[1])
-    return 0
 
 
 # --- stopped ------------------------------------------------------------------------------------
@@ -135,41 +86,16 @@ def test_what_ends_in_good_order_gives_its_jobs_up_at_once(
         site.see_all_done()
 
 
-def freeze(site: Site, process: Process) -> None:
-    """Freeze a process, but not while it holds SQLite's lock: whoever writes would wait for it."""
-    url = make_url(site.database)
-
-    def frozen() -> bool:
-        process.popen.send_signal(signal.SIGSTOP)
-        if url.get_backend_name() != "sqlite" or _can_be_locked(str(url.database)):
-            return True
-        process.popen.send_signal(signal.SIGCONT)
-        return False
-
-    wait_until(frozen, otherwise=site.logs)
-
-
-def _can_be_locked(file: str) -> bool:
-    with contextlib.closing(sqlite3.connect(file, timeout=5.0, isolation_level=None)) as connection:
-        try:
-            connection.execute("BEGIN IMMEDIATE")
-        except sqlite3.OperationalError:
-            return False
-        connection.execute("ROLLBACK")
-        return True
-
-
-@pytest.mark.parametrize("address", ["postgresql"], indirect=True)
 def test_a_worker_frozen_until_it_counts_as_dead_does_no_harm(
-    address: str | None, tmp_path: Path
+    tmp_path: Path, postgres: Postgres
 ) -> None:
-    with quick(tmp_path, address) as site:
+    with quick(tmp_path, postgres.new_database()) as site:
         site.serve("--no-worker")
         first = site.work()
         for order in (validation(1200, 1), refinement(0), sweep_of_ranges(200, 3)):
             site.hand_in(order)
         busy(site, first, 2)
-        freeze(site, first)
+        first.popen.send_signal(signal.SIGSTOP)
         site.work()
         wait_until(lambda: not site.held_by(first), otherwise=site.logs)
         first.popen.send_signal(signal.SIGCONT)

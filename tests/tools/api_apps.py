@@ -1,13 +1,12 @@
 """A small application under the service's own chrome, and a real server for it."""
 
-import http.client
 import socket
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Any
 
+import httpx2
 import uvicorn
 from fastapi import FastAPI
 
@@ -30,15 +29,6 @@ def bare_app(inner: Any = None, metrics: Metrics | None = None, **options: Any) 
         app.add_middleware(inner, **options)
     answer_requests(app, metrics or Metrics(), BODY_LIMIT)
     return app
-
-
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """What a server sent back."""
-
-    status: int
-    headers: dict[str, str]
-    body: bytes
 
 
 @contextmanager
@@ -65,22 +55,9 @@ def served(app: Any, limits: ConnectionLimits | None = None, **options: Any) -> 
         listener.close()
 
 
-def ask(
-    port: int,
-    method: str,
-    path: str,
-    *,
-    body: bytes | Iterable[bytes] | None = None,
-    headers: dict[str, str] | None = None,
-) -> Answer:
+def ask(port: int, method: str, path: str, **options: Any) -> httpx2.Response:
     """Return the answer of a server at `port`; a body in pieces is sent chunked."""
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=PATIENCE_S)
-    try:
-        chunked = body is not None and not isinstance(body, bytes)
-        sent = dict(headers or {}, **({"transfer-encoding": "chunked"} if chunked else {}))
-        connection.request(method, path, body=body, headers=sent, encode_chunked=chunked)
-        response = connection.getresponse()
-        names = {name.lower(): value for name, value in response.getheaders()}
-        return Answer(response.status, names, response.read())
-    finally:
-        connection.close()
+    with httpx2.Client(base_url=f"http://127.0.0.1:{port}", timeout=PATIENCE_S) as http:
+        # what is accepted is said by those who call
+        del http.headers["accept"]
+        return http.request(method, path, **options)

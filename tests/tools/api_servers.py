@@ -11,11 +11,11 @@ from typing import Any
 import httpx2
 
 from api.main import create_app
-from api.problems import Problem
+from api.problems import FaultEntry, Problem
 from api.settings import load_settings
 from tests.tools.processes import PATIENCE_S, wait_until
 from tests.tools.scenarios import document
-from tests.tools.serving import Server, running, settings_of
+from tests.tools.serving import Server, open_server
 
 NOBODY = "01a1fd95-df6b-7a20-9383-c20e93a41e86"
 """Identifier of nothing."""
@@ -32,9 +32,7 @@ def key_of(owner: str) -> str:
 def serving(folder: Path, owners: str, *arguments: str, **settings: str) -> Iterator[Server]:
     """A server for these owners, stopped at the end."""
     keys = ",".join(f"{owner}:{key_of(owner)}" for owner in owners.split())
-    given = {"SYNCPLAN_API_KEYS": keys, **settings_of(folder / "data"), **settings}
-    server = Server(folder / "log", *arguments, port=None, **given)
-    with running(server):
+    with open_server(folder, *arguments, SYNCPLAN_API_KEYS=keys, **settings) as server:
         yield server
 
 
@@ -97,6 +95,11 @@ def problem(answer: httpx2.Response, status: int) -> Problem:
     assert reported.instance == answer.request.url.path
     assert "Traceback" not in answer.text
     return reported
+
+
+def faults_of(answer: httpx2.Response) -> list[FaultEntry]:
+    """Return what is wrong with a request, as its answer must say."""
+    return problem(answer, 422).errors or []
 
 
 @dataclass(frozen=True, slots=True)

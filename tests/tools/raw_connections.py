@@ -1,14 +1,26 @@
-"""Connections as an attacker makes them: bytes as they are, many at once."""
+"""Connections as an attacker makes them: bytes as they are, many at once, read late or never."""
 
 import contextlib
+import json
+import select
 import socket
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 from tests.tools.processes import PATIENCE_S
 from tests.tools.serving import Server
 
-__all__ = ["Said", "connected", "crowd_of", "holds", "said_to"]
+__all__ = [
+    "Said",
+    "answered",
+    "connected",
+    "crowd_of",
+    "holds",
+    "read_until",
+    "request_of",
+    "said_to",
+]
 
 
 class Said:
@@ -19,6 +31,17 @@ class Said:
         first, _, rest = head.partition(b"\r\n")
         self.status = int(first.split()[1]) if first else 0
         self.head = rest.decode().lower()
+
+
+def request_of(path: str, key: str, document: Mapping[str, Any] | None = None) -> bytes:
+    """Return a GET with a key, or the POST of a document."""
+    body = b"" if document is None else json.dumps(document).encode()
+    head = (
+        f"{'GET' if document is None else 'POST'} {path} HTTP/1.1\r\nHost: localhost\r\n"
+        f"Authorization: Bearer {key}\r\nContent-Type: application/json\r\n"
+        f"Content-Length: {len(body)}\r\n\r\n"
+    )
+    return head.encode() + body
 
 
 def connected(server: Server) -> socket.socket:
@@ -32,21 +55,16 @@ def said_to(server: Server, sent: Iterable[bytes]) -> Said:
     Nothing more is sent once an answer is there.
     """
     with connected(server) as connection:
-        connection.setblocking(False)
-        early = b""
         with contextlib.suppress(ConnectionError):
             for piece in sent:
-                connection.settimeout(PATIENCE_S)
                 connection.sendall(piece)
-                connection.setblocking(False)
-                with contextlib.suppress(BlockingIOError):
-                    early = connection.recv(65536)
+                if answered([connection]):
                     break
-        connection.settimeout(PATIENCE_S)
+        received = b""
         with contextlib.suppress(ConnectionError):
             while piece := connection.recv(65536):
-                early += piece
-        return Said(early)
+                received += piece
+        return Said(received)
 
 
 @contextlib.contextmanager
@@ -60,6 +78,22 @@ def crowd_of(server: Server, number: int, greeting: bytes = b"") -> Iterator[lis
                 one.sendall(greeting)
             crowd.append(one)
         yield crowd
+
+
+def answered(sockets: list[socket.socket]) -> int:
+    """Return on how many connections an answer, or an end, has come."""
+    look = select.poll()
+    for one in sockets:
+        look.register(one, select.POLLIN)
+    return len(look.poll(0))
+
+
+def read_until(connection: socket.socket, wanted: bytes) -> bytes:
+    """Return what comes on a connection until this has come, or all has."""
+    text = b""
+    while wanted not in text and (piece := connection.recv(65536)):
+        text += piece
+    return text
 
 
 def holds(server: Server, port: int) -> bool:

@@ -24,13 +24,7 @@ from sqlalchemy import create_engine, text
 from tests.tools.processes import wait_until
 from tests.tools.scenarios import shared_circles
 from tests.tools.serving import own_postgres
-from tests.tools.survival import (
-    Site,
-    quick,
-    refinement,
-    sweep_of_ranges,
-    validation,
-)
+from tests.tools.survival import Site, quick, refinement, sweep_of_ranges, validation
 
 __all__ = ["record", "states_of"]
 

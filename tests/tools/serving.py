@@ -215,9 +215,10 @@ def settings_of(data: Path, database_url: str | None = None) -> Mapping[str, str
 
 
 @contextlib.contextmanager
-def open_server(folder: Path) -> Iterator[Server]:
-    """A running service that asks nobody for a key; its log and data lie in the folder."""
-    one = Server(folder / "log", port=None, **settings_of(folder / "data"))
+def open_server(folder: Path, *arguments: str, **settings: str) -> Iterator[Server]:
+    """A running service; its log and data lie in the folder. Without settings, it wants no key."""
+    given = {**settings_of(folder / "data"), **settings}
+    one = Server(folder / "log", *arguments, port=None, **given)
     with running(one):
         yield one
 

@@ -7,9 +7,8 @@ import contextlib
 import json
 import os
 import shutil
-import signal
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -144,7 +143,6 @@ class Site:
         self._port: int | None = None
         self.checkout = ROOT
         self.versions = {__version__}
-        self._processes: list[Process] = []
         self._marks: dict[Process, str] = {}
         self.url = ""
         self.plans: dict[str, str] = {}
@@ -154,7 +152,7 @@ class Site:
         return self
 
     def __exit__(self, *raised: object) -> None:
-        for process in self._processes:
+        for process in self._marks:
             process.kill()
 
     @property
@@ -182,7 +180,7 @@ class Site:
             SURVIVAL_MARK=mark,
         )
         self._port, self.url = server.port, server.url
-        self._keep(server, mark)
+        self._marks[server] = mark
         return server
 
     def work(self, ahead_s: float = 0.0) -> Process:
@@ -196,19 +194,8 @@ class Site:
         log = self.folder / f"{command}.log"
         given = {**self._settings, **environment, "SURVIVAL_MARK": mark}
         process = Process(command, *arguments, log=log, checkout=self.checkout, **given)
-        self._keep(process, mark)
-        return process
-
-    def _keep(self, process: Process, mark: str) -> None:
-        self._processes.append(process)
         self._marks[process] = mark
-
-    def oldest(self, kind: Literal["server", "worker"]) -> Process:
-        """Return the server, or the worker that has lived longest."""
-        wanted = Server if kind == "server" else Process
-        return next(
-            one for one in self._processes if type(one) is wanted and one.popen.returncode is None
-        )
+        return process
 
     def family(self, process: Process) -> set[int]:
         """Return the living processes that a process, or a child of it, has started."""
@@ -304,6 +291,11 @@ class Site:
         assert self.count("plans") == len(self.plans) + refined
         self.see_nothing_left()
 
+    def wait_for_all(self) -> None:
+        """Wait until each job that was accepted has ended."""
+        for job_id in self.jobs:
+            self.wait_for(job_id, "succeeded", "failed", "cancelled")
+
     def see_results(self) -> None:
         """Fail unless each job that was accepted ends once, with its bytes."""
         for job_id, order in self.jobs.items():
@@ -369,67 +361,9 @@ class Site:
         )
 
 
-def kill_at(
-    site: Site,
-    orders: Sequence[Order],
-    waits_s: Sequence[float],
-    victim: Literal["server", "worker"],
-    ahead_s: float = 0.0,
-) -> float:
-    """Hand in jobs, kill the server or one of two workers after each wait, see that all is well.
-
-    The clock of the second worker is ahead. What was killed is started anew at once. Returns the
-    seconds from the last kill to the end of the last job.
-    """
-    site.serve(*(["--no-worker"] if victim == "worker" else []))
-    if victim == "worker":
-        site.work()
-        site.work(ahead_s)
-    for order in orders:
-        site.hand_in(order)
-    for wait_s in waits_s:
-        time.sleep(wait_s)
-        site.kill(site.oldest(victim))
-        killed = time.monotonic()
-        _ = site.serve() if victim == "server" else site.work()
-    for job_id in site.jobs:
-        site.wait_for(job_id, "succeeded", "failed", "cancelled")
-    recovered = time.monotonic() - killed
-    site.see_all_done()
-    return recovered
-
-
 def quick(folder: Path, database_url: str | None = None, **settings: str) -> Site:
     """Return a site where the dead are found out soon and jobs are cut into many parts."""
     return Site(folder, database_url, **{**QUICK, "SYNCPLAN_BATCH_S": "0.4", **settings})
-
-
-def kill_children_at(
-    site: Site, orders: Sequence[Order], waits_s: Sequence[float], ahead_s: float = 0.0
-) -> int:
-    """Hand in jobs, kill a child of a worker after each wait, see that all is well.
-
-    The clock of the second worker is ahead. The children are those that compute and those that they
-    have started. Returns how many were killed: none where none lives at the moment.
-    """
-    site.serve("--no-worker")
-    workers = [site.work(), site.work(ahead_s)]
-    for order in orders:
-        site.hand_in(order)
-    killed = 0
-    for number, wait_s in enumerate(waits_s):
-        time.sleep(wait_s)
-        children = sorted(site.family(workers[number % 2]))
-        if children:
-            # the newest, the oldest, the newest ...
-            chosen = children[-1 if number % 4 < 2 else 0]
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(chosen, signal.SIGKILL)
-                killed += 1
-    for job_id in site.jobs:
-        site.wait_for(job_id, "succeeded", "failed", "cancelled")
-    site.see_all_done()
-    return killed
 
 
 def another_version(folder: Path, version: str) -> Path:
