@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Any, ClassVar
+from functools import cache
+from typing import Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
@@ -28,6 +29,14 @@ Words = Annotated[str, AfterValidator(_short)]
 """Words of a document that are read back."""
 
 
+_ABSENT = "absent where it is None"
+
+Value = TypeVar("Value")
+
+OrAbsent = Annotated[Value | None, _ABSENT]
+"""A key of a Document that stands in its JSON only where it has a value."""
+
+
 class DocumentPart(BaseModel):
     """A part of a document: frozen, without unknown keys, infinities or NaN."""
 
@@ -37,23 +46,25 @@ class DocumentPart(BaseModel):
 class Document(DocumentPart):
     """A document, or a part of one that holds others."""
 
-    left_out_if_none: ClassVar[frozenset[str]] = frozenset()
-    """Keys that stand in the JSON only where they have a value."""
-
     def as_json(self) -> dict[str, Any]:
         """Return the document as JSON values, in the order of its fields.
 
-        Keys that were not set are left out of scenarios, and those of `left_out_if_none`.
+        Keys that were not set are left out of scenarios, and those that are `OrAbsent`.
         """
         nested = {name: _nested(value) for name, value in self}
         nested = {name: values for name, values in nested.items() if values is not None}
-        absent = {name for name in self.left_out_if_none if getattr(self, name) is None}
+        absent = {name for name in _may_be_absent(type(self)) if getattr(self, name) is None}
         own = self.model_dump(mode="json", by_alias=True, exclude={*nested, *absent})
         return {
             name: nested[name] if name in nested else own[name]
             for name in type(self).model_fields
             if name not in absent
         }
+
+
+@cache
+def _may_be_absent(kind: type[Document]) -> tuple[str, ...]:
+    return tuple(name for name, one in kind.model_fields.items() if _ABSENT in one.metadata)
 
 
 class VersionedDocument(Document):

@@ -9,6 +9,11 @@ def listed(phrases: Sequence[str], most: int) -> str:
     return ", ".join(phrases[:most]) + (f" and {rest} more" if rest > 0 else "")
 
 
+def in_words(names: Sequence[str]) -> str:
+    """Return names of errors as a sentence has them: "speed scale, wind"."""
+    return ", ".join(names).replace("_", " ")
+
+
 def joined(phrases: Sequence[str], most: int) -> str:
     """Return the phrases with "and" before the last, or as `listed` where there are too many."""
     if len(phrases) > most:

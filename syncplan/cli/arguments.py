@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import wraps
+from functools import partial, wraps
 from inspect import Parameter, signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,7 +12,7 @@ import typer
 from syncplan.cli.console import Format, check_output, say
 from syncplan.errors import InputError
 from syncplan.estimation.replay_settings import Poses
-from syncplan.options import Option, RunOptions, options_of
+from syncplan.options import Option, options_of
 
 if TYPE_CHECKING:
     from syncplan.planning.judged_team import PlanVerdict
@@ -23,26 +23,23 @@ if TYPE_CHECKING:
 
 LARGEST_FILE_BYTES = 2**20
 
+optional = partial(typer.Option, show_default=False)
+"""An option that may be left out: its help says what holds then."""
+
 ScenarioFile = Annotated[
     str, typer.Argument(metavar="SCENARIO", help="Scenario file, YAML or JSON; - is standard input")
 ]
 SubjectFile = Annotated[
     str, typer.Argument(metavar="PLAN|SCENARIO", help="Plan or scenario file; - is standard input")
 ]
-Output = Annotated[
-    Path | None,
-    typer.Option("-o", "--output", help="File to write the JSON to", show_default=False),
-]
+Output = Annotated[Path | None, optional("-o", "--output", help="File to write the JSON to")]
 Shown = Annotated[
     Format,
     typer.Option("--format", help="Standard output: auto is a table at a terminal, JSON elsewhere"),
 ]
-Threads = Annotated[
-    int | None, typer.Option(help="Threads; all cores if not given", show_default=False)
-]
+Threads = Annotated[int | None, optional(help="Threads; all cores if not given")]
 MaxVehicles = Annotated[
-    int | None,
-    typer.Option(min=1, help="Accept teams up to this size (default 2000)", show_default=False),
+    int | None, optional(min=1, help="Accept teams up to this size (default 2000)")
 ]
 
 
@@ -88,7 +85,7 @@ def numbers(text: str, option: str) -> list[float]:
 
 
 def takes_options(
-    kind: type[RunOptions], *, without: Sequence[str] = ()
+    kind: type, *, without: Sequence[str] = ()
 ) -> Callable[[Callable[..., int]], Callable[..., int]]:
     """Return a decorator that adds a kind's options, which the command takes as `options`.
 

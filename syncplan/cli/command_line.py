@@ -32,32 +32,16 @@ OPTIONS = {
         for one in options_of(kind)
         if one.name not in ("filter", "truth")
     },
-    "losses": "--losses",
-    "threads": "--threads",
-    "vary": "--vary",
-    "center_box_m": "--center-box-m",
-    "radius_m": "--radius-m",
-    "objective": "--objective",
-    "margin_m": "--margin-m",
+    **{
+        name: f"--{name.replace('_', '-')}"
+        for name in (
+            *("losses", "threads", "vary", "center_box_m", "radius_m", "objective", "margin_m"),
+            *("time_limit_s", "starts", "choose", "figure", "compare", "width", "height"),
+            *("font_scale", "pixel_ratio", "theme", "output", "format", "altitude_m", "turns"),
+            *("sample_time_s", "sagitta_m", "autopilot", "vehicle"),
+        )
+    },
     "margin": "--margin-m",
-    "time_limit_s": "--time-limit-s",
-    "starts": "--starts",
-    "choose": "--choose",
-    "figure": "--figure",
-    "compare": "--compare",
-    "width": "--width",
-    "height": "--height",
-    "font_scale": "--font-scale",
-    "pixel_ratio": "--pixel-ratio",
-    "theme": "--theme",
-    "output": "--output",
-    "format": "--format",
-    "altitude_m": "--altitude-m",
-    "turns": "--turns",
-    "sample_time_s": "--sample-time-s",
-    "sagitta_m": "--sagitta-m",
-    "autopilot": "--autopilot",
-    "vehicle": "--vehicle",
 }
 """Options by the name of the library's argument that they set."""
 

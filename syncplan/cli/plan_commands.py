@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from syncplan.cli import arguments, console
-from syncplan.cli.arguments import RequireGo, RequireObservable, verdict_status
+from syncplan.cli.arguments import RequireGo, RequireObservable, optional, verdict_status
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.scenario.objectives import OBJECTIVES, listed
 
@@ -54,12 +54,11 @@ def _plan(
     ] = False,
     fly_: Annotated[
         int | None,
-        typer.Option(
+        optional(
             "--fly",
             min=1,
             help="Fly the plan this many times in closed loop, and judge it by the flights too; "
             "syncplan fly has all options",
-            show_default=False,
         ),
     ] = None,
     require_observable: RequireObservable = False,
@@ -103,44 +102,30 @@ def _flown(made: "Plan", trials: int) -> "Plan":
 
 _Vary = Annotated[
     str | None,
-    typer.Option(
+    optional(
         help=f"What may change: {','.join(VARIABLES)}",
-        show_default=False,
         autocompletion=arguments.beginning_with(VARIABLES, listed=True),
     ),
 ]
 _CenterBox = Annotated[
-    float | None,
-    typer.Option(help="How far a centre may move each way (default 5)", show_default=False),
+    float | None, optional(help="How far a centre may move each way (default 5)")
 ]
-_RadiusLimits = Annotated[
-    str | None, typer.Option(help="Least and largest radius, such as 15,25", show_default=False)
-]
+_RadiusLimits = Annotated[str | None, optional(help="Least and largest radius, such as 15,25")]
 _Objective = Annotated[
     str | None,
-    typer.Option(
+    optional(
         help=f"Figure of merit to improve: {listed()}",
-        show_default=False,
         autocompletion=arguments.beginning_with(OBJECTIVES),
     ),
 ]
 _Margin = Annotated[
     float | None,
-    typer.Option(
-        help="Margin by which meetings stay within range (default 2 % of the range)",
-        show_default=False,
-    ),
+    optional(help="Margin by which meetings stay within range (default 2 % of the range)"),
 ]
-_TimeLimit = Annotated[
-    float | None, typer.Option(help="Wall time (default 60)", show_default=False)
-]
-_Starts = Annotated[
-    int | None, typer.Option(help="Starting points (default 4)", show_default=False)
-]
-_Seed = Annotated[int | None, typer.Option(help="Seed of the starting points", show_default=False)]
-_Processes = Annotated[
-    int | None, typer.Option(min=1, help="Processes; all cores if not given", show_default=False)
-]
+_TimeLimit = Annotated[float | None, optional(help="Wall time (default 60)")]
+_Starts = Annotated[int | None, optional(help="Starting points (default 4)")]
+_Seed = Annotated[int | None, optional(help="Seed of the starting points")]
+_Processes = Annotated[int | None, optional(min=1, help="Processes; all cores if not given")]
 
 
 @plans.command(
@@ -192,10 +177,7 @@ def _place(
     format_: arguments.Shown = console.Format.auto,
     margin_m: Annotated[
         float | None,
-        typer.Option(
-            help="Margin by which links stay within range (default 2 % of the range)",
-            show_default=False,
-        ),
+        optional(help="Margin by which links stay within range (default 2 % of the range)"),
     ] = None,
     starts: Annotated[int, typer.Option(help="Layouts to start from")] = 8,
     seed: Annotated[int, typer.Option(help="Seed of the layouts")] = 0,
@@ -238,10 +220,9 @@ def _landmarks(
     output: arguments.Output = None,
     scenario_out: Annotated[
         Path | None,
-        typer.Option(
+        optional(
             help="File to write the scenario with the chosen landmarks to, .yaml or .json; "
-            "comments of YAML are kept",
-            show_default=False,
+            "comments of YAML are kept"
         ),
     ] = None,
     format_: arguments.Shown = console.Format.auto,
@@ -326,10 +307,9 @@ def _what_if(
     format_: arguments.Shown = console.Format.auto,
     lose: Annotated[
         str | None,
-        typer.Option(
+        optional(
             help="Judge just this loss: vehicles, landmarks and sensors that are lost together, "
-            "such as v3,L1 or sensor:v3, and compass:v3 or distance:v3 where v3 has one",
-            show_default=False,
+            "such as v3,L1 or sensor:v3, and compass:v3 or distance:v3 where v3 has one"
         ),
     ] = None,
     most: Annotated[

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from syncplan.cli.arguments import MaxVehicles, beginning_with, say_verdict
+from syncplan.cli.arguments import MaxVehicles, beginning_with, optional, say_verdict
 from syncplan.cli.console import check_output, say
 from syncplan.cli.document_table import checked, read_report
 from syncplan.errors import InputError
@@ -61,56 +61,45 @@ DrawnFile = Annotated[
 ]
 Drawn = Annotated[
     Path | None,
-    typer.Option(
+    optional(
         "-o",
         "--output",
         help="File to write: .html holds all figures and works offline; .png, .svg and .pdf "
         "hold one each, several as NAME-FIGURE.png",
-        show_default=False,
     ),
 ]
 Figures = Annotated[
     list[str] | None,
-    typer.Option(
+    optional(
         help=f"Figure to draw; may be repeated; {_OF}. If not given, a page holds all figures and "
         "an image holds the first",
-        show_default=False,
         autocompletion=beginning_with(FIGURES),
     ),
 ]
 Compare = Annotated[
     str | None,
-    typer.Option(
-        metavar="PLAN|SCENARIO",
-        help="A second plan: FILE is before, this is after",
-        show_default=False,
-    ),
+    optional(metavar="PLAN|SCENARIO", help="A second plan: FILE is before, this is after"),
 ]
 
 
 Width = Annotated[
     int | None,
-    typer.Option(
+    optional(
         help="Width in px, 240 to 4000; if not given, 1000 for an image and the reader's window "
-        "for a page",
-        show_default=False,
+        "for a page"
     ),
 ]
 Height = Annotated[
     int | None,
-    typer.Option(
-        help="Height of each figure in px, 160 to 8000; if not given, as much as the figure needs",
-        show_default=False,
+    optional(
+        help="Height of each figure in px, 160 to 8000; if not given, as much as the figure needs"
     ),
 ]
 FontScale = Annotated[float, typer.Option(help="Size of all text, 0.5 to 3 times the usual")]
 PixelRatio = Annotated[float, typer.Option(help="Dots of a PNG for each px, 1 to 6")]
 ThemeShown = Annotated[
     Theme | None,
-    typer.Option(
-        help="Colours; if not given, light in an image and the reader's own in a page",
-        show_default=False,
-    ),
+    optional(help="Colours; if not given, light in an image and the reader's own in a page"),
 ]
 
 

@@ -13,6 +13,7 @@ from syncplan.cli.arguments import (
     RequireGo,
     RequireObservable,
     RequireRobust,
+    optional,
     robust_status,
     verdict_status,
 )
@@ -32,18 +33,14 @@ runs = typer.Typer()
 
 Key = Annotated[
     str | None,
-    typer.Option(
+    optional(
         "--key",
         help="Dotted name of any scenario key that holds a number, such as sensor.range_sigma_m; "
         "give its values with --values",
-        show_default=False,
         autocompletion=arguments.numeric_keys_from,
     ),
 ]
-Values = Annotated[
-    str | None,
-    typer.Option("--values", help="Values of --key, such as 0.1,0.3,1", show_default=False),
-]
+Values = Annotated[str | None, optional("--values", help="Values of --key, such as 0.1,0.3,1")]
 
 
 @runs.command(
@@ -96,9 +93,7 @@ def _with_options_of_swept_keys(command: Callable[..., int]) -> Callable[..., in
             one.name,
             Parameter.KEYWORD_ONLY,
             default=None,
-            annotation=Annotated[
-                str | None, typer.Option(one.option, help=_help_of(one), show_default=False)
-            ],
+            annotation=Annotated[str | None, optional(one.option, help=_help_of(one))],
         )
         for one in SWEPT_KEYS.values()
     ]

@@ -7,6 +7,7 @@ from rich.markup import escape
 from syncplan.cli.fitted_tables import MOST_ROWS, FittedTable, cell
 from syncplan.cli.plan_tables import show_findings, show_verdict
 from syncplan.phrases import listed, percent
+from syncplan.reports import run_figures
 from syncplan.reports.flight_report import (
     FlightDocument,
     FlightEvent,
@@ -15,19 +16,12 @@ from syncplan.reports.flight_report import (
     FlownVehicle,
 )
 from syncplan.reports.replay_report import ReplayDocument
-from syncplan.reports.run_figures import (
-    ErrorFigures,
-    FilterRecord,
-    Spread,
-    interval_words,
-    verdict_words,
-)
 from syncplan.reports.validation_report import SweepReport, ValidationDocument
 from syncplan.scenario.dotted_keys import swept_key
 from syncplan.scenario.filters import FORMER_NAMES
 
 
-def _filter_line(record: FilterRecord) -> str:
+def _filter_line(record: run_figures.FilterRecord) -> str:
     """Which filter ran, and why."""
     name = record.kind or FORMER_NAMES[record.model]
     why = f" ({record.chosen_because})" if record.chosen_because else ""
@@ -103,7 +97,7 @@ def show_sweep(report: SweepReport, console: Console) -> None:
     console.print(means)
 
 
-def _figures(figures: ErrorFigures) -> list[str]:
+def _figures(figures: run_figures.ErrorFigures) -> list[str]:
     return [
         f"{figures.rms_x_m:.3g}",
         f"{figures.rms_y_m:.3g}",
@@ -116,11 +110,11 @@ def _figures(figures: ErrorFigures) -> list[str]:
     ]
 
 
-def spread_words(spread: Spread) -> str:
+def spread_words(spread: run_figures.Spread) -> str:
     """Return a consistency figure with its verdict in colour."""
     colours = {"consistent": "green", "unknown": "yellow"}
     colour = colours.get(spread.verdict, "red")
-    return f"{interval_words(spread)}: [{colour}]{verdict_words(spread)}[/]"
+    return f"{run_figures.interval_words(spread)}: [{colour}]{run_figures.verdict_words(spread)}[/]"
 
 
 def stress_table(report: ValidationDocument) -> FittedTable | None:

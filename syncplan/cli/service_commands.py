@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
+from syncplan.cli.arguments import optional
 from syncplan.errors import InputError, SyncplanError
 
 if TYPE_CHECKING:
@@ -28,28 +29,18 @@ services = typer.Typer()
     name="serve", epilog="Example: SYNCPLAN_DATA_DIR=/var/lib/syncplan syncplan serve --port 8000"
 )
 def _serve(
-    host: Annotated[
-        str | None,
-        typer.Option(help="Address to listen on (default 127.0.0.1)", show_default=False),
-    ] = None,
-    port: Annotated[
-        int | None, typer.Option(min=0, max=65535, help="Port (default 8000)", show_default=False)
-    ] = None,
+    host: Annotated[str | None, optional(help="Address to listen on (default 127.0.0.1)")] = None,
+    port: Annotated[int | None, optional(min=0, max=65535, help="Port (default 8000)")] = None,
     insecure: Annotated[
         bool,
         typer.Option("--insecure", help="Listen beyond this machine without API keys"),
     ] = False,
     embedded_worker: Annotated[
         bool | None,
-        typer.Option(
-            "--worker/--no-worker",
-            help="Work on jobs in this process as well (default: do)",
-            show_default=False,
-        ),
+        optional("--worker/--no-worker", help="Work on jobs in this process as well (default: do)"),
     ] = None,
     http_processes: Annotated[
-        int | None,
-        typer.Option(min=1, help="Processes that answer requests (default 1)", show_default=False),
+        int | None, optional(min=1, help="Processes that answer requests (default 1)")
     ] = None,
 ) -> NoReturn:
     """Serve plans, refinements and validations over HTTP; settings from SYNCPLAN_* variables."""
@@ -114,18 +105,14 @@ def _listening(host: str, port: int) -> socket.socket:
 )
 def _worker(
     host: Annotated[
-        str | None,
-        typer.Option(
-            help="Address at which --port listens (default 127.0.0.1)", show_default=False
-        ),
+        str | None, optional(help="Address at which --port listens (default 127.0.0.1)")
     ] = None,
     port: Annotated[
         int | None,
-        typer.Option(
+        optional(
             min=0,
             max=65535,
             help="Answer /healthz, /readyz and /metrics at this port (default: do not)",
-            show_default=False,
         ),
     ] = None,
 ) -> NoReturn:

@@ -12,6 +12,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal, get_args
 
 from syncplan.errors import InputError
+from syncplan.options import option
 
 if TYPE_CHECKING:
     from syncplan.exporting.exported_files import Written
@@ -80,72 +81,6 @@ AUTOPILOTS: Mapping[AutopilotName, Autopilot] = MappingProxyType(
     }
 )
 """All autopilots by name."""
-
-
-# --- options ------------------------------------------------------------------------------------
-
-
-HIGHEST_M = 100_000.0
-LONGEST_S = 1e7
-MOST_TURNS = 20_000
-"""Longest flown, in turns: as long as a scenario's run may be."""
-
-
-@dataclass(frozen=True, slots=True)
-class ExportOptions:
-    """Options of an export; None stands for the default that the text names.
-
-    Attributes
-    ----------
-    altitude_m : height flown above the origin, m; None: the format's, see
-        syncplan.exporting.format_table.FORMATS
-    altitude_step_m : each vehicle flies this much higher than the last, m
-    duration : time flown, s; None: the scenario's duration_s
-    turns : whole turns flown, instead of `duration`
-    sample_time_s : time between poses, s; None: the scenario's sample time
-    autopilot : that a mission is for; PX4 takes no loiter turns and gets waypoints
-    vehicle : multicopter (ground speed) or fixed_wing (airspeed)
-    waypoints : fly a polygon of waypoints where loiter turns would do
-    sagitta_m : most that the arc is to stand off from the chord between waypoints, m
-    snap_radius : fly the nearest radii that ArduPilot can store, at the same rate
-    force : export a plan although its verdict stops it
-
-    Raises InputError, with the name of the attribute, for a value out of range.
-    """
-
-    altitude_m: float | None = None
-    altitude_step_m: float = 0.0
-    duration: float | None = None
-    turns: int | None = None
-    sample_time_s: float | None = None
-    autopilot: AutopilotName = "ardupilot"
-    vehicle: VehicleName = "multicopter"
-    waypoints: bool = False
-    sagitta_m: float = 0.5
-    snap_radius: bool = False
-    force: bool = False
-
-    def __post_init__(self) -> None:
-        _check_range("altitude_m", self.altitude_m, -1000.0, HIGHEST_M)
-        _check_range("altitude_step_m", self.altitude_step_m, 0.0, 1000.0)
-        _check_range("duration", self.duration, 1e-3, LONGEST_S)
-        _check_range("turns", self.turns, 1, MOST_TURNS)
-        _check_range("sample_time_s", self.sample_time_s, 1e-4, LONGEST_S)
-        _check_range("sagitta_m", self.sagitta_m, 1e-3, 1000.0)
-        if self.duration is not None and self.turns is not None:
-            raise InputError("goes without a duration; give one of the two", key="turns")
-        _check_choice("autopilot", self.autopilot, get_args(AutopilotName))
-        _check_choice("vehicle", self.vehicle, get_args(VehicleName))
-
-
-def _check_range(key: str, value: float | None, least: float, most: float) -> None:
-    if value is not None and not (isfinite(value) and least <= value <= most):
-        raise InputError(f"{value:g}: must be from {least:g} to {most:g}", key=key)
-
-
-def _check_choice(key: str, value: str, known: tuple[str, ...]) -> None:
-    if value not in known:
-        raise InputError(f"{value!r}: must be {' or '.join(known)}", key=key)
 
 
 # --- formats ------------------------------------------------------------------------------------
@@ -219,3 +154,61 @@ def default_altitudes() -> str:
         if altitude != common
     ]
     return "; ".join([f"{common:g}", *others])
+
+
+# --- options ------------------------------------------------------------------------------------
+
+
+HIGHEST_M = 100_000.0
+LONGEST_S = 1e7
+MOST_TURNS = 20_000
+"""Longest flown, in turns: as long as a scenario's run may be."""
+
+
+@dataclass(frozen=True, slots=True)
+class ExportOptions:
+    """Options of an export; raises InputError naming the option whose value is not allowed."""
+
+    altitude_m: float | None = option(
+        None, f"Altitude above the origin in m (default {default_altitudes()})"
+    )
+    altitude_step_m: float = option(0.0, "Fly each vehicle this many metres higher than the last")
+    duration: float | None = option(None, "Length of each run in s; the scenario's if not given")
+    turns: int | None = option(None, "Whole turns to fly, instead of a duration")
+    sample_time_s: float | None = option(
+        None, "Time between poses in s; the scenario's if not given"
+    )
+    autopilot: AutopilotName = option(
+        "ardupilot", "Autopilot of the missions; PX4 refuses loiter turns and gets waypoints"
+    )
+    vehicle: VehicleName = option("multicopter", "Kind of vehicle")
+    waypoints: bool = option(False, "Write missions of waypoints instead of loiter turns")
+    sagitta_m: float = option(
+        0.5, "Largest distance in m from the arc to the chord of two waypoints"
+    )
+    snap_radius: bool = option(
+        False, "Fly the nearest radii that ArduPilot can store, at the same rate"
+    )
+    force: bool = option(False, "Write the files although the verdict is NO-GO")
+
+    def __post_init__(self) -> None:
+        _check_range("altitude_m", self.altitude_m, -1000.0, HIGHEST_M)
+        _check_range("altitude_step_m", self.altitude_step_m, 0.0, 1000.0)
+        _check_range("duration", self.duration, 1e-3, LONGEST_S)
+        _check_range("turns", self.turns, 1, MOST_TURNS)
+        _check_range("sample_time_s", self.sample_time_s, 1e-4, LONGEST_S)
+        _check_range("sagitta_m", self.sagitta_m, 1e-3, 1000.0)
+        if self.duration is not None and self.turns is not None:
+            raise InputError("goes without a duration; give one of the two", key="turns")
+        _check_choice("autopilot", self.autopilot, get_args(AutopilotName))
+        _check_choice("vehicle", self.vehicle, get_args(VehicleName))
+
+
+def _check_range(key: str, value: float | None, least: float, most: float) -> None:
+    if value is not None and not (isfinite(value) and least <= value <= most):
+        raise InputError(f"{value:g}: must be from {least:g} to {most:g}", key=key)
+
+
+def _check_choice(key: str, value: str, known: tuple[str, ...]) -> None:
+    if value not in known:
+        raise InputError(f"{value!r}: must be {' or '.join(known)}", key=key)

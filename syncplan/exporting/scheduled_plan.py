@@ -8,15 +8,8 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.errors import InputError
+from syncplan.exporting import format_table
 from syncplan.exporting.exported_files import file_names, file_title
-from syncplan.exporting.format_table import (
-    AUTOPILOTS,
-    MOST_TURNS,
-    VEHICLES,
-    Autopilot,
-    ExportOptions,
-    Vehicle,
-)
 from syncplan.orbits.circles import heading, position
 from syncplan.planning.planner import Plan
 from syncplan.scenario.models import GeoOrigin
@@ -86,7 +79,7 @@ class ScheduledPlan:
     """
 
     plan: Plan
-    options: ExportOptions
+    options: format_table.ExportOptions
     altitudes: tuple[float, ...]
     duration: float
     title: str
@@ -98,14 +91,14 @@ class ScheduledPlan:
         return self.plan.scenario.vehicle_names
 
     @property
-    def autopilot(self) -> Autopilot:
+    def autopilot(self) -> format_table.Autopilot:
         """The autopilot that missions are for."""
-        return AUTOPILOTS[self.options.autopilot]
+        return format_table.AUTOPILOTS[self.options.autopilot]
 
     @property
-    def vehicle(self) -> Vehicle:
+    def vehicle(self) -> format_table.Vehicle:
         """The kind of vehicle that flies."""
-        return VEHICLES[self.options.vehicle]
+        return format_table.VEHICLES[self.options.vehicle]
 
     @property
     def is_copter(self) -> bool:
@@ -138,15 +131,16 @@ class Poses:
     headings: Array
 
 
-def scheduled(plan: Plan, options: ExportOptions, altitude: float) -> ScheduledPlan:
+def scheduled(plan: Plan, options: format_table.ExportOptions, altitude: float) -> ScheduledPlan:
     """Return a plan as it is written down; `altitude` in m holds where the options name none."""
     scenario, turns = plan.scenario, options.turns
     lowest = altitude if options.altitude_m is None else options.altitude_m
     period = plan.orbits.period
     duration = scenario.duration_s if options.duration is None else options.duration
-    if turns is None and duration > MOST_TURNS * period:
+    if turns is None and duration > format_table.MOST_TURNS * period:
         raise InputError(
-            f"{duration:g}: must be at most {MOST_TURNS * period:.6g}, {MOST_TURNS:,} turns",
+            f"{duration:g}: must be at most {format_table.MOST_TURNS * period:.6g}, "
+            f"{format_table.MOST_TURNS:,} turns",
             key="duration",
         )
     return ScheduledPlan(

@@ -18,15 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
-from syncplan.observability.rank import (
-    RANK_TOLERANCE,
-    Assessment,
-    assess,
-    equal_runs,
-    link_information,
-    lone_rows,
-    stacked_rows,
-)
+from syncplan.observability import rank
 from syncplan.observability.referred_rows import sighting_rows
 from syncplan.orbits.sightings import Loss, remainder_of
 
@@ -84,26 +76,26 @@ class _Rows:
         )
 
 
-def decisive_losses(assessed: Assessment, losses: Sequence[Loss]) -> list[Loss]:
+def decisive_losses(assessed: rank.Assessment, losses: Sequence[Loss]) -> list[Loss]:
     """Return those of the losses after which an observable team is not; none if it never was."""
     if not assessed.observability.observable:
         return []
     rows = _directed_rows(assessed)
-    alone = lone_rows(assessed.team, assessed.sightings)
-    matrix = stacked_rows(assessed.information, assessed.team.count, alone)
+    alone = rank.lone_rows(assessed.team, assessed.sightings)
+    matrix = rank.stacked_rows(assessed.information, assessed.team.count, alone)
     triangle = np.linalg.qr(matrix, mode="r")
     inverse = np.linalg.inv(triangle)
     measured = _Measured(assessed, rows, inverse, rows.times(inverse))
     return [loss for loss in losses if measured.lacks(loss)]
 
 
-def _directed_rows(assessed: Assessment) -> _Rows:
+def _directed_rows(assessed: rank.Assessment) -> _Rows:
     sightings = assessed.sightings
     order = np.lexsort((sightings.kinds, sightings.targets, sightings.observers))
     observers, targets = sightings.observers[order], sightings.targets[order]
     kinds = sightings.kinds[order]
     rows = sighting_rows(assessed.team, sightings)[order]
-    runs = equal_runs(observers, targets, kinds)
+    runs = rank.equal_runs(observers, targets, kinds)
     reduced = [
         rows[begin:end] if end - begin <= 6 else np.linalg.qr(rows[begin:end], mode="r")
         for begin, end in runs
@@ -128,7 +120,7 @@ class _Measured:
     seen : (r, 3 n) rows times T^-1
     """
 
-    assessed: Assessment
+    assessed: rank.Assessment
     rows: _Rows
     inverse: Array
     seen: Array
@@ -146,7 +138,7 @@ class _Measured:
         taken = np.linalg.eigvalsh(squares)[-1] if len(seen) else 0.0
         # with vectors it takes twice as long
         least = np.sqrt(max(1.0 - taken, 0.0)) * values[-1]
-        if 1.0 - taken > CLEAR and least > SAFETY * spread * RANK_TOLERANCE * values[0]:
+        if 1.0 - taken > CLEAR and least > SAFETY * spread * rank.RANK_TOLERANCE * values[0]:
             return False
         if taken > 0.0:
             motion = self.inverse @ (np.linalg.eigh(squares)[1][:, -1] @ seen)
@@ -154,8 +146,11 @@ class _Measured:
                 return True
         left = remainder_of(team, loss)
         sightings, _ = left.sightings(self.assessed.sightings)
-        links, alone = link_information(left.team, sightings), lone_rows(left.team, sightings)
-        return not assess(left.team, links, alone).observable
+        links, alone = (
+            rank.link_information(left.team, sightings),
+            rank.lone_rows(left.team, sightings),
+        )
+        return not rank.assess(left.team, links, alone).observable
 
     def _seen(self, lost: Flags, loss: Loss) -> Array:
         """The rows lost, in the team's own measure."""
@@ -184,4 +179,4 @@ def _is_unseen(remaining: _Rows, motion: Array, loss: Loss, spread: float) -> bo
         return True
     seen = np.linalg.norm(remaining.times(motion[:, None])) / np.linalg.norm(motion)
     longest = np.sqrt(np.max(np.einsum("rc,rc->r", remaining.blocks, remaining.blocks)))
-    return bool(SAFETY * spread * seen < RANK_TOLERANCE * longest)
+    return bool(SAFETY * spread * seen < rank.RANK_TOLERANCE * longest)

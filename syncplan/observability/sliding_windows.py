@@ -6,18 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
-from syncplan.observability.rank import (
-    DISTINCT_LANDMARKS,
-    LINK_TOLERANCE,
-    Assessment,
-    Certificate,
-    Observability,
-    certify,
-    judged_rank,
-    link_of,
-    pair_rows,
-    rows_by_pair,
-)
+from syncplan.observability import rank
 from syncplan.orbits.circles import perpendicular
 from syncplan.orbits.graphs import disjoint_sets
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
@@ -35,7 +24,7 @@ _NEVER = np.iinfo(np.int64).max // 4
 _BATCH = 20_000
 
 
-def connectivity_period(assessed: Assessment) -> float | None:
+def connectivity_period(assessed: rank.Assessment) -> float | None:
     """Return the connectivity period in s, or None if no window of two periods certifies.
 
     To count for the certificate, a link must not drown beside the largest singular value of the
@@ -55,7 +44,9 @@ def connectivity_period(assessed: Assessment) -> float | None:
         return None
     table = np.array(list(ready.values()))
     jumps = np.flatnonzero(np.r_[True, (np.diff(table, axis=1) >= 2).any(axis=0)])
-    distinct = _distinct_landmarks(team.landmarks, DISTINCT_LANDMARKS * float(orbits.radii.mean()))
+    distinct = _distinct_landmarks(
+        team.landmarks, rank.DISTINCT_LANDMARKS * float(orbits.radii.mean())
+    )
     worst = 0
     for start in jumps:
         end = _first_certified(list(ready), table[:, start], orbits.count, distinct)
@@ -65,12 +56,12 @@ def connectivity_period(assessed: Assessment) -> float | None:
     return round(worst * sample_time, 9)
 
 
-def _ready_steps(assessed: Assessment, samples: int) -> dict[tuple[int, int], Index]:
+def _ready_steps(assessed: rank.Assessment, samples: int) -> dict[tuple[int, int], Index]:
     """For each pair (a, b): the step by which it certifies when watched from step k on, (k,)."""
     team, period = assessed.team, assessed.team.orbits.period
     last = (1 + SEARCHED_PERIODS) * samples
     sightings = sample_sightings(assessed.windows, period, team.sensors, 0, last)
-    pairs = list(pair_rows(team, sightings))
+    pairs = list(rank.pair_rows(team, sightings))
     starts = [np.searchsorted(pair.steps, np.arange(samples)) for pair in pairs]
     used = [np.unique(of[of < len(pair.steps)]) for pair, of in zip(pairs, starts, strict=True)]
     needed = [2 if pair.b >= team.count else 3 for pair in pairs]
@@ -122,7 +113,7 @@ def _shortest_certified(
     lead = lead[high[lead] > 0]
     for k in pair[lead[~_certified(all_.only(lead), high[lead], largest)]].tolist():
         value = np.linalg.svd(rows[k], compute_uv=False)[needed[k] - 1]
-        if value <= LINK_TOLERANCE * largest:
+        if value <= rank.LINK_TOLERANCE * largest:
             high[pair == k] = 0
     short = high > 0
     short[short] = ~_certified(all_.only(short), high[short], largest)
@@ -166,7 +157,7 @@ def _certified(starts: _Starts, lengths: Index, largest: float) -> Flags:
             blocks = starts.rows[starts.row[part, None] + np.arange(length)]
             values = np.linalg.svd(blocks, compute_uv=False)
             counted = values[np.arange(len(part)), starts.needed[part] - 1]
-            result[part] = counted > LINK_TOLERANCE * np.maximum(values[:, 0], largest)
+            result[part] = counted > rank.LINK_TOLERANCE * np.maximum(values[:, 0], largest)
     return result
 
 
@@ -193,7 +184,7 @@ def _clearly_certified(starts: _Starts, squares: Array, length: int, largest: fl
     # of all rows, of which no singular value is larger
     of_all = squares[starts.row + length] - squares[starts.row]
     largest_square = np.maximum(of_all, largest**2)
-    return np.asarray(least > (CLEARLY * LINK_TOLERANCE) ** 2 * largest_square)
+    return np.asarray(least > (CLEARLY * rank.LINK_TOLERANCE) ** 2 * largest_square)
 
 
 def _distinct_landmarks(landmarks: Array, distance: float) -> Flags:
@@ -296,8 +287,8 @@ class SeenWindow:
 
     begin: float
     end: float
-    observability: Observability
-    certificate: Certificate
+    observability: rank.Observability
+    certificate: rank.Certificate
 
     @property
     def position_sigma(self) -> float:
@@ -318,13 +309,13 @@ def judged_windows(
     for k, (a, b) in enumerate(zip(first, last, strict=True)):
         rows = _rows(watched, *placed(k, slice(a, b)), slice(a, b))
         seen = watched.observers[a:b], watched.targets[a:b], np.arange(a, b)
-        links = [link_of(pair) for pair in rows_by_pair(rows, *seen, watched.count)]
-        verdict = judged_rank(watched.count, links, watched.scale)
-        certificate = certify(watched, verdict, links)
+        links = [rank.link_of(pair) for pair in rank.rows_by_pair(rows, *seen, watched.count)]
+        verdict = rank.judged_rank(watched.count, links, watched.scale)
+        certificate = rank.certify(watched, verdict, links)
         yield SeenWindow(float(begins[k]), float(ends[k]), verdict, certificate)
 
 
-def undetermined(verdict: Observability) -> list[int]:
+def undetermined(verdict: rank.Observability) -> list[int]:
     """Return the vehicles of which some coordinate is not determined."""
     parts = np.abs(verdict.null_space).reshape(len(verdict.null_space), -1, 3)
     return np.flatnonzero((parts > INVOLVED).any(axis=(0, 2))).tolist()

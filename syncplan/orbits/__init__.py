@@ -1,6 +1,6 @@
 """Circles, and what follows from them exactly: contact windows, least distances, sightings.
 
-circles          positions, headings, transition of errors; paths as polynomials in time
+circles          positions, headings; paths as polynomials in time
 noise            of motion readings and of the start; errors that last
 sighting_kinds   the table of what sightings measure
 team             orbits, landmarks, sensors and noise together, as a scenario has them

@@ -118,18 +118,6 @@ def heading(orbits: Orbits, time: ArrayLike) -> Array:
     return np.asarray(phase(orbits, time) + orbits.senses * np.pi / 2.0)
 
 
-def transition(orbits: Orbits, time: float, start: float = 0.0) -> Array:
-    """Return the (n, 3, 3) error transition matrices of (x, y, heading) from `start` to `time`.
-
-    An initial heading error turns the path about its start, so the matrix is
-    [[1, 0, -(y(t) - y(t0))], [0, 1, x(t) - x(t0)], [0, 0, 1]]: closed form, no products.
-    """
-    matrices = np.tile(np.eye(3), (orbits.count, 1, 1))
-    moved = position(orbits, time) - position(orbits, start)
-    matrices[:, :2, 2] = perpendicular(moved)
-    return matrices
-
-
 # --- paths in time ------------------------------------------------------------------------------
 
 

@@ -14,13 +14,8 @@ from typing import Any
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
+from syncplan.orbits import sighting_kinds
 from syncplan.orbits.contacts import Windows
-from syncplan.orbits.sighting_kinds import (
-    SIGHTING_KINDS,
-    kinds_measured,
-    of_targets,
-    samples_between,
-)
 from syncplan.orbits.team import Sensors, Team
 
 _ROUNDING = 1e-9
@@ -105,8 +100,8 @@ def sample_sightings(
     pair_of = np.repeat(np.repeat(pair, len(turns)), count)
     steps = begin + within
     observers, targets = windows.observers[pair_of], windows.targets[pair_of]
-    measured = kinds_measured(sensors)
-    alone = ~of_targets(np.arange(measured.shape[1]))
+    measured = sighting_kinds.kinds_measured(sensors)
+    alone = ~sighting_kinds.of_targets(np.arange(measured.shape[1]))
     own = np.flatnonzero(measured[:, alone].any(axis=1))
     if len(own):
         all_steps = np.arange(first_step, last_step + 1)
@@ -118,7 +113,7 @@ def sample_sightings(
     itself = observers[order] == targets[order]
     which, kinds = np.nonzero(measured[observers[order]] & (itself[:, None] == alone))
     order = order[which]
-    every = samples_between(sensors)
+    every = sighting_kinds.samples_between(sensors)
     if np.any(every > 1):
         ready = steps[order] % every[kinds, observers[order]] == 0
         order, kinds = order[ready], kinds[ready]
@@ -173,7 +168,7 @@ class Loss:
     @property
     def repeats(self) -> tuple[tuple[int, int], ...]:
         """Kinds of sighting that are lost with a vehicle or a sensor anyhow."""
-        targeted = of_targets(np.arange(len(SIGHTING_KINDS)))
+        targeted = sighting_kinds.of_targets(np.arange(len(sighting_kinds.SIGHTING_KINDS)))
         return tuple(
             (place, k)
             for place, k in self.kinds
@@ -253,7 +248,7 @@ def remainder_of(team: Team, loss: Loss) -> Remainder:
     numbers = np.where(lost, -1, np.cumsum(~lost) - 1)
     blind = lost[:count].copy()
     blind[list(loss.sensors)] = True
-    lacking = np.zeros((count, len(SIGHTING_KINDS)), dtype=bool)
+    lacking = np.zeros((count, len(sighting_kinds.SIGHTING_KINDS)), dtype=bool)
     for place, k in loss.kinds:
         lacking[k, place] = True
     left = replace(team, landmarks=team.landmarks[~lost[count:]], sensors=_sensors_left(team, loss))
@@ -267,10 +262,10 @@ def single_losses(team: Team) -> list[Loss]:
     """
     vehicles = [Loss(vehicles=(k,)) for k in range(team.count)] if team.count > 1 else []
     sensors = [Loss(sensors=(k,)) for k in range(team.count)]
-    measured = kinds_measured(team.sensors)
+    measured = sighting_kinds.kinds_measured(team.sensors)
     sensors += [
         Loss(kinds=((place, k),))
-        for place, kind in enumerate(SIGHTING_KINDS.values())
+        for place, kind in enumerate(sighting_kinds.SIGHTING_KINDS.values())
         for k in range(team.count)
         if kind.own_sensor is not None and measured[k, place]
     ]
@@ -281,7 +276,7 @@ def _sensors_left(team: Team, loss: Loss) -> Sensors:
     ranges: Array = team.sensors.ranges.copy()
     ranges[list(loss.sensors)] = BLIND_RANGE_M
     left = replace(team.sensors, ranges=ranges)
-    table = list(SIGHTING_KINDS.values())
+    table = list(sighting_kinds.SIGHTING_KINDS.values())
     for place, k in loss.kinds:
         sigmas = table[place].sigmas(left).copy()
         sigmas[k] = np.inf

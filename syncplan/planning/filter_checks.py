@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from syncplan.phrases import listed
-from syncplan.planning.judged_team import MOST_NAMED, FindingCure, JudgedTeam, PlanFinding
+from syncplan.phrases import in_words, listed
+from syncplan.planning.judged_team import MOST_NAMED, FindingCure, JudgedTeam, Remark
 from syncplan.planning.start_up import (
     CLEARING_INDEX,
     SAFE_RATIO,
@@ -25,7 +25,7 @@ WORSE_START = 1.1
 """Times the input's ratio from which on a refined plan's counts as worse."""
 
 
-def start_up(judged: JudgedTeam) -> Iterator[PlanFinding]:
+def start_up(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield the finding that trials miss the predicted error, or do not show whether they do."""
     found = judged.start_up
     if found is None or found.cleared:
@@ -33,54 +33,50 @@ def start_up(judged: JudgedTeam) -> Iterator[PlanFinding]:
     why = f"start-up index {found.index.value:.3g}, at most {CLEARING_INDEX:g} is clear"
     if found.trials is None:
         if found.untried:
-            yield PlanFinding.of(
-                "start-up",
+            yield Remark(
                 "note",
                 f"whether the filter ({found.filter}) reaches the bound was not tried: "
                 f"{found.untried}; {why}",
-                cure=FindingCure.of("validate the plan"),
+                cure="validate the plan",
             )
         return
     ratios = found.trials.ratios
     late = np.flatnonzero(ratios > SAFE_RATIO)
     if not len(late):
         if found.trials.pilot and judged.prediction.states:
-            yield PlanFinding.of(
-                "start-up",
+            yield Remark(
                 "note",
                 f"whether the filter ({found.filter}) reaches the bound with errors as states was "
                 "not tried: "
                 f"{_trials(found.trials)} left these errors out, and found no harm; {why}",
-                cure=FindingCure.of("validate the plan"),
+                cure="validate the plan",
             )
         return
     names, noise = judged.scenario.vehicle_names, judged.noise
     worst = late[np.argsort(-ratios[late], kind="stable")]
     each = listed([_beside(found.trials, names, int(k)) for k in worst], MOST_LATE)
-    yield PlanFinding.of(
-        "start-up",
+    yield Remark(
         "warning",
         f"from initial_sigma {noise.position_sigma:g} m and {noise.heading_sigma:g} rad the filter "
         f"({found.filter}) may not settle: {_trials(found.trials)} found {each}; {why}",
         tuple(names[k] for k in late),
-        _cure(found),
+        cure=_cure(found),
     )
 
 
-def start_up_worse(judged: JudgedTeam) -> Iterator[PlanFinding]:
+def start_up_worse(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield the finding that a refined plan starts worse than the plan it was made from."""
     record, after = judged.refinement, judged.start_up
     before = None if record is None or not record.improved else record.start_before
     if before is None or after is None or after.trials is None:
         return
     if after.worst_ratio > WORSE_START * before.worst_ratio:
-        yield PlanFinding.of(
-            "start-up-worse",
+        yield Remark(
             "warning" if after.worst_ratio > SAFE_RATIO else "note",
             "refinement improved the bound, not the start: the worst vehicle's error in "
             f"{_trials(after.trials)} is {after.worst_ratio:.3g} times its prediction; "
             f"{_said(before)} before",
-            cure=FindingCure.of("a smaller initial_sigma, or the plan as it was"),
+            cure="a smaller initial_sigma, or the plan as it was",
         )
 
 
@@ -102,17 +98,15 @@ def _beside(trials: StartTrials, names: list[str], k: int) -> str:
     return f"{names[k]} off by {trials.found[k]:.3g} m ({predicted})"
 
 
-def _cure(found: StartUp) -> FindingCure:
+def _cure(found: StartUp) -> FindingCure | str:
     better = found.clearing
     finder = "" if FILTERS[found.filter].finds_start else f"the {UNCLEARED_FILTER} filter, or "
     if better is None:
-        return FindingCure.of(
-            f"{finder}a better known start, landmarks in sight of it, or more distance to them"
-        )
-    return FindingCure.of(
-        f"{finder}a start known to {better.position:g} m and {better.heading:g} rad, "
+        return f"{finder}a better known start, landmarks in sight of it, or more distance to them"
+    return FindingCure(
+        text=f"{finder}a start known to {better.position:g} m and {better.heading:g} rad, "
         "which the index clears",
-        {
+        change={
             "initial_sigma.position_m": better.position,
             "initial_sigma.heading_rad": better.heading,
         },
@@ -132,16 +126,16 @@ _LEAST = 1e-300
 """m: a prediction of nothing but 0 still has a ratio."""
 
 
-def not_estimated(judged: JudgedTeam) -> Iterator[PlanFinding]:
+def not_estimated(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield the finding that the filter leaves out errors which the scenario states."""
     neglect, predicted = judged.prediction.neglect, judged.prediction.rms
     if neglect is None or predicted is None:
         return
-    what = listed([name.replace("_", " ") for name in neglect.names], len(neglect.names))
-    cure = FindingCure.of("estimate them as states", {"filter.estimate": "auto"})
+    what = in_words(neglect.names)
+    cure = FindingCure(text="estimate them as states", change={"filter.estimate": "auto"})
     if neglect.expected is None:
         message = f"the filter does not estimate {what}; what that costs could not be computed"
-        yield PlanFinding.of("not-estimated", "warning", message, cure=cure)
+        yield Remark("warning", message, cure=cure)
         return
     ratios = neglect.expected / np.maximum(predicted, _LEAST)
     worse = np.argsort(-ratios, kind="stable")[: int(np.sum(ratios > WORTH_A_WARNING))].tolist()
@@ -149,33 +143,32 @@ def not_estimated(judged: JudgedTeam) -> Iterator[PlanFinding]:
     if not worse:
         more = f"{WORTH_A_WARNING - 1.0:.0%}"
         message = f"the filter does not estimate {what}; no vehicle's error grows by over {more}"
-        yield PlanFinding.of("not-estimated", "note", message)
+        yield Remark("note", message)
         return
     each = [f"{names[k]} by {neglect.expected[k]:.3g} m, not {predicted[k]:.3g} m" for k in worse]
-    yield PlanFinding.of(
-        "not-estimated",
+    yield Remark(
         "warning",
         f"the filter does not estimate {what} and is off by more than it predicts: "
         f"{listed(each, MOST_NAMED)}",
         tuple(names[k] for k in sorted(worse)),
-        cure,
+        cure=cure,
     )
 
 
-def expected_worse(judged: JudgedTeam) -> Iterator[PlanFinding]:
+def expected_worse(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield the finding that refinement made worse what is to be expected of the filter."""
     record, neglect = judged.refinement, judged.prediction.neglect
     before = None if record is None or not record.improved else record.expected_before
     after = None if neglect is None else neglect.expected_of_all
     if before is None or after is None or after <= WORSE_EXPECTED * before:
         return
-    yield PlanFinding.of(
-        "expected-worse",
+    yield Remark(
         "warning",
         "refinement counted only what the filter estimates; with the errors that it leaves out, "
         f"the RMS error to be expected of all vehicles rose from {before:.3g} m to {after:.3g} m",
-        cure=FindingCure.of(
-            "estimate them as states, which refinement then counts, or keep the plan as it was",
-            {"filter.estimate": "auto"},
+        cure=FindingCure(
+            text="estimate them as states, which refinement then counts, or keep the plan as it "
+            "was",
+            change={"filter.estimate": "auto"},
         ),
     )

@@ -15,7 +15,7 @@ from syncplan.orbits.contacts import pairs_nearer_than
 from syncplan.orbits.error_states import ERROR_STATES, layout_of
 from syncplan.orbits.sightings import Loss, remainder_of
 from syncplan.phrases import joined, listed, percent
-from syncplan.planning.judged_team import MOST_NAMED, FindingCure, JudgedTeam, Level, PlanFinding
+from syncplan.planning.judged_team import MOST_NAMED, JudgedTeam, Level, Remark
 from syncplan.planning.plan_records import FlownPlan
 from syncplan.runtime.machine import single_threaded_blas
 
@@ -78,7 +78,7 @@ SIGMAS = 2.0
 _FLY = "fly the plan (fly, plan --fly), which shows how often it goes wrong"
 
 
-def start_uncertain(judged: JudgedTeam) -> Iterator[PlanFinding]:
+def start_uncertain(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield the finding that vehicles may start nearer to each other than the plan has them.
 
     Each starts off its place by the initial sigma, and until it sees something the error of its
@@ -94,18 +94,17 @@ def start_uncertain(judged: JudgedTeam) -> Iterator[PlanFinding]:
     room = nearest.distance - judged.scenario.separation
     if apart > max(room, 0.0):
         names = tuple(judged.scenario.vehicle_names[k] for k in pair)
-        yield PlanFinding.of(
-            "start-uncertain",
+        yield Remark(
             "warning",
             f"from initial_sigma {noise.position_sigma:g} m and {noise.heading_sigma:g} rad places "
             f"relative to each other are off by {apart:.3g} m (sigma) before anything is seen; "
             f"{names[0]} and {names[1]} have {_room(judged, room)}",
             names,
-            FindingCure.of(f"a better known start, or more separation; {_FLY}"),
+            cure=f"a better known start, or more separation; {_FLY}",
         )
 
 
-def separation_uncertain(judged: JudgedTeam) -> Iterator[PlanFinding]:
+def separation_uncertain(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield the finding that predicted errors may bring vehicles nearer than they may come."""
     errors = _coordinate_errors(judged)
     if errors is None or judged.approach is None:
@@ -122,17 +121,16 @@ def separation_uncertain(judged: JudgedTeam) -> Iterator[PlanFinding]:
             f"{a} and {b} off by {apart:.3g} m with {_room(judged, room)}"
             for (a, b), apart, room in found
         ]
-        yield PlanFinding.of(
-            "separation-uncertain",
+        yield Remark(
             "warning",
             "predicted errors (sigma) leave vehicles little room to each other: "
             f"{listed(each, MOST_NAMED)}",
             tuple(dict.fromkeys(name for pair, *_ in found for name in pair)),
-            FindingCure.of(f"circles further apart, or smaller errors; {_FLY}"),
+            cure=f"circles further apart, or smaller errors; {_FLY}",
         )
 
 
-def meetings_uncertain(judged: JudgedTeam) -> Iterator[PlanFinding]:
+def meetings_uncertain(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield the finding that predicted errors may end meetings without which a team is lost."""
     errors = _coordinate_errors(judged)
     if errors is None:
@@ -146,15 +144,12 @@ def meetings_uncertain(judged: JudgedTeam) -> Iterator[PlanFinding]:
     if unsure and without_links(judged, [(a, b) for _, a, b in unsure]).needed:
         names = [*judged.scenario.vehicle_names, *judged.scenario.landmark_names]
         each = [f"{names[a]}-{names[b]} by {share:.3g} sigma" for share, a, b in unsure]
-        yield PlanFinding.of(
-            "meetings-uncertain",
+        yield Remark(
             "warning",
             "the team is lost without meetings that predicted errors may end, of place or of "
             f"phase: {listed(each, MOST_NAMED)}",
             tuple(dict.fromkeys(names[k] for _, *pair in unsure for k in pair)),
-            FindingCure.of(
-                f"meetings that are further within range, further links or smaller errors; {_FLY}"
-            ),
+            cure=f"meetings that are further within range, further links or smaller errors; {_FLY}",
         )
 
 
@@ -211,15 +206,14 @@ LOOKS_FOR_ITS_START, KEEPS_APART, OPEN_LOOP = "robust", "mpc", "none"
 """The filter and the guidances that cures name."""
 
 
-def lost_in_flight(judged: JudgedTeam) -> Iterator[PlanFinding]:
+def lost_in_flight(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield the findings that filters were lost, or vehicles out of contact, in some trials."""
     flight = judged.flight
     if flight is None:
         return
     if flight.filter_lost_share > 0.0:
         states = layout_of(judged.team).names
-        yield PlanFinding.of(
-            "lost-in-flight",
+        yield Remark(
             _level(flight.filter_lost_share),
             f"the filter was lost in {percent(flight.filter_lost_share)} of {_flown(flight)}: some "
             "vehicle's error was over 5 times the bound along its path",
@@ -230,22 +224,20 @@ def lost_in_flight(judged: JudgedTeam) -> Iterator[PlanFinding]:
             ),
         )
     if flight.out_of_contact_share > 0.0:
-        yield PlanFinding.of(
-            "lost-in-flight",
+        yield Remark(
             _level(flight.out_of_contact_share),
             f"a vehicle was out of contact for over two periods in "
             f"{percent(flight.out_of_contact_share)} of {_flown(flight)}",
-            cure=FindingCure.of("meetings that are further within range, or further links"),
+            cure="meetings that are further within range, or further links",
         )
 
 
-def too_close_in_flight(judged: JudgedTeam) -> Iterator[PlanFinding]:
+def too_close_in_flight(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield the finding that vehicles came nearer than they may in some trials."""
     flight = judged.flight
     if flight is None or flight.least_separation_m is None or not flight.too_close_share:
         return
-    yield PlanFinding.of(
-        "too-close-in-flight",
+    yield Remark(
         _level(flight.too_close_share),
         f"vehicles came nearer than min_separation_m {judged.scenario.separation:g} in "
         f"{percent(flight.too_close_share)} of {_flown(flight)}: "
@@ -259,7 +251,7 @@ def too_close_in_flight(judged: JudgedTeam) -> Iterator[PlanFinding]:
     )
 
 
-def phase_not_kept(judged: JudgedTeam) -> Iterator[PlanFinding]:
+def phase_not_kept(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield the finding that vehicles stray from their phases by more than they may.
 
     Allowed is the tolerance of a vehicle's meetings, and at most half of what a phase that is quite
@@ -284,17 +276,16 @@ def phase_not_kept(judged: JudgedTeam) -> Iterator[PlanFinding]:
         random = any(one.phase_rms_s > _largest_phase(judged) for one in off)
         slipped = _slipped(judged, {one.name: one.phase_rms_s for one in off})
         needed, without = _without(judged, slipped)
-        yield PlanFinding.of(
-            "phase-not-kept",
+        yield Remark(
             "stop" if random or needed else "warning",
             f"phases stray (RMS) by more than {'' if gone else 'half of '}what is allowed in "
             f"{_flown(flight)}: {listed(each, MOST_STRAYING)}{without}",
             tuple(one.name for one in off),
-            _steering_cure(flight),
+            cure=_steering_cure(flight),
         )
 
 
-def meetings_missed(judged: JudgedTeam) -> Iterator[PlanFinding]:
+def meetings_missed(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield the finding that pairs miss meetings that the plan's figures rest on.
 
     It stops the flight where pairs keep less than LEAST_KEPT of what they would on the circles, and
@@ -319,27 +310,25 @@ def meetings_missed(judged: JudgedTeam) -> Iterator[PlanFinding]:
         lacking = gone or [pair for _, pair, _ in missed]
         needed, without = _without(judged, [(numbers[a], numbers[b]) for a, b in lacking])
         each = [f"{'-'.join(between)} keeps {percent(kept)}" for _, between, kept in missed]
-        yield PlanFinding.of(
-            "meetings-missed",
+        yield Remark(
             "stop" if gone and needed else "warning",
             f"meetings that the plan's figures rest on are missed in {_flown(flight)}: "
             f"{listed(each, MOST_STRAYING)}{without}",
             tuple(dict.fromkeys(name for _, between, _ in missed for name in between)),
-            _steering_cure(flight),
+            cure=_steering_cure(flight),
         )
 
 
-def commands_saturated(judged: JudgedTeam) -> Iterator[PlanFinding]:
+def commands_saturated(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield the finding that vehicles were at a limit for much of the time."""
     flight = judged.flight
     if flight is None or flight.saturated_share is None or flight.saturated_share <= MOST_SATURATED:
         return
-    yield PlanFinding.of(
-        "commands-saturated",
+    yield Remark(
         "warning",
         f"commands were at a limit of speed or turn rate for {percent(flight.saturated_share)} of "
         f"the time in {_flown(flight)}: vehicles could not do what their guidance asked",
-        cure=FindingCure.of("larger limits, slower or larger circles, or less wind"),
+        cure="larger limits, slower or larger circles, or less wind",
     )
 
 
@@ -400,7 +389,7 @@ def _expected_share(judged: JudgedTeam, link: LinkVerdict) -> float:
     return max(shares)
 
 
-def _steering_cure(flight: FlownPlan) -> FindingCure:
+def _steering_cure(flight: FlownPlan) -> str:
     return _cure(
         ("steer by the estimates (guidance track or mpc)", flight.guidance == OPEN_LOOP),
         ("meetings that are further within range", True),
@@ -408,10 +397,10 @@ def _steering_cure(flight: FlownPlan) -> FindingCure:
     )
 
 
-def _cure(*ways: tuple[str, bool]) -> FindingCure:
+def _cure(*ways: tuple[str, bool]) -> str:
     """Cure of a finding, of ways each with whether it is still to be tried."""
     *first, last = [text for text, untried in ways if untried]
-    return FindingCure.of(f"{', '.join(first)} or {last}" if first else last)
+    return f"{', '.join(first)} or {last}" if first else last
 
 
 def _level(share: float) -> Level:

@@ -1,7 +1,7 @@
 """A team on its orbits with all that was found of it: distances, predicted errors, findings."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, Self
 
 import numpy as np
@@ -195,10 +195,19 @@ class FindingCure(DocumentPart):
         "person has to choose"
     )
 
-    @classmethod
-    def of(cls, text: str, change: Mapping[str, float | str] | None = None) -> Self:
-        """Return a cure in words, and the keys that cure it if there are any."""
-        return cls(text=text, change={} if change is None else change)
+
+@dataclass(frozen=True, slots=True)
+class Remark:
+    """What a check finds: its figures in a sentence, and what would remedy it, if known.
+
+    The attributes are those of PlanFinding; its code is the check's. A cure that no key of the
+    scenario brings is a text.
+    """
+
+    level: Level
+    message: str
+    subjects: tuple[str, ...] = ()
+    cure: FindingCure | str | None = field(default=None, kw_only=True)
 
 
 class PlanFinding(DocumentPart):
@@ -213,16 +222,12 @@ class PlanFinding(DocumentPart):
     cure: FindingCure | None
 
     @classmethod
-    def of(
-        cls,
-        code: str,
-        level: Level,
-        message: str,
-        subjects: Iterable[str] = (),
-        cure: FindingCure | None = None,
-    ) -> Self:
-        """Return a finding with its figures in a sentence, and what would remedy it, if known."""
-        return cls(code=code, level=level, message=message, subjects=tuple(subjects), cure=cure)
+    def of(cls, code: str, one: Remark) -> Self:
+        """Return the finding that the check of this code remarks on."""
+        cure = FindingCure(text=one.cure, change={}) if isinstance(one.cure, str) else one.cure
+        return cls(
+            code=code, level=one.level, message=one.message, subjects=one.subjects, cure=cure
+        )
 
 
 class PlanVerdict(DocumentPart):

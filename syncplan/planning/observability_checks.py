@@ -8,7 +8,7 @@ from syncplan.observability.unobservable_modes import UnobservableMode
 from syncplan.orbits.sight_lines import hidden_landmarks, hidden_paths
 from syncplan.orbits.sightings import Loss
 from syncplan.phrases import listed
-from syncplan.planning.judged_team import MOST_NAMED, FindingCure, JudgedTeam, Level, PlanFinding
+from syncplan.planning.judged_team import MOST_NAMED, FindingCure, JudgedTeam, Level, Remark
 from syncplan.planning.lost_parts import names_of, phrase_of
 from syncplan.scenario.specification import per_vehicle
 
@@ -18,87 +18,78 @@ from syncplan.scenario.specification import per_vehicle
 LARGEST_CONDITION_NUMBER = 1e6
 """Of the windowed matrix: beyond it, full rank rests on noise-free geometry."""
 
-_WITH_POSES: tuple[str, Level, str] = ("needs-prior", "warning", "positions and headings rest")
-_ERRORS_ALONE: tuple[str, Level, str] = ("error-undetermined", "note", "the filter rests")
-"""Code, level and opening words of what errors leave open with poses, and without."""
+_WITH_POSES: tuple[Level, str] = ("warning", "positions and headings rest")
+_ERRORS_ALONE: tuple[Level, str] = ("note", "the filter rests")
+"""Level and opening words of what errors leave open with poses, and without."""
 
 
-def unobservable(judged: JudgedTeam) -> Iterator[PlanFinding]:
+def unobservable(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield a finding for each motion of the team that no sighting can detect."""
     names, rank = judged.scenario.vehicle_names, judged.observability
     window = f"rank {rank.rank} of {rank.state_dim} over {judged.scenario.window:.4g} s"
     for mode in judged.unobservable:
-        yield PlanFinding.of(
-            "unobservable",
+        yield Remark(
             "stop",
             f"no sighting can detect a {mode.description}; {window}",
             tuple(names[k] for k in mode.vehicles),
-            FindingCure.of(mode.cure, _desynchronised(judged, mode)),
+            cure=FindingCure(text=mode.cure, change=_desynchronised(judged, mode)),
         )
 
 
-def near_degenerate(judged: JudgedTeam) -> Iterator[PlanFinding]:
+def near_degenerate(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield the finding that full rank is barely so."""
     condition = judged.observability.condition_number
     if judged.observability.observable and condition > LARGEST_CONDITION_NUMBER:
-        yield PlanFinding.of(
-            "near-degenerate",
+        yield Remark(
             "warning",
             f"observable, but barely: the condition number of one window is {condition:.3g}, above "
             f"{LARGEST_CONDITION_NUMBER:g}",
-            cure=FindingCure.of(
-                "a small desynchronisation, unequal radii, a longer window, or refinement"
-            ),
+            cure="a small desynchronisation, unequal radii, a longer window, or refinement",
         )
 
 
-def needs_prior(judged: JudgedTeam) -> Iterator[PlanFinding]:
+def needs_prior(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield a finding for each way in which errors not determined take poses with them."""
     yield from _resting_on_priors(judged, poses=True)
 
 
-def error_undetermined(judged: JudgedTeam) -> Iterator[PlanFinding]:
+def error_undetermined(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield a finding for each way in which errors are not determined, but poses are."""
     verdict = judged.error_verdict
     if verdict is not None and verdict.extended is None:
-        yield PlanFinding.of(
-            "error-undetermined",
+        yield Remark(
             "note",
             f"not checked for {verdict.state_dim} states which errors one window determines: it "
             "takes long",
-            cure=FindingCure.of(
-                "a smaller team of the same pattern, or fewer errors in filter.estimate; in Python "
-                "syncplan.observability.error_modes.assess_extended has no limit"
-            ),
+            cure="a smaller team of the same pattern, or fewer errors in filter.estimate; in "
+            "Python syncplan.observability.error_modes.assess_extended has no limit",
         )
     yield from _resting_on_priors(judged, poses=False)
 
 
-def _resting_on_priors(judged: JudgedTeam, *, poses: bool) -> Iterator[PlanFinding]:
+def _resting_on_priors(judged: JudgedTeam, *, poses: bool) -> Iterator[Remark]:
     """A finding for each way in which errors are not determined that moves poses, or does not."""
     verdict = judged.error_verdict
     if verdict is None or verdict.extended is None:
         return
-    code, level, rests = _WITH_POSES if poses else _ERRORS_ALONE
+    level, rests = _WITH_POSES if poses else _ERRORS_ALONE
     rank = f"rank {verdict.extended.rank} of {verdict.state_dim} with errors as states"
     for mode in verdict.modes:
         if mode.moves_poses == poses:
-            yield PlanFinding.of(
-                code,
+            yield Remark(
                 level,
                 f"{rests} on what is known of errors beforehand: no sighting can detect "
                 f"{mode.description}; {rank}, over {judged.scenario.window:.4g} s",
                 tuple(judged.scenario.vehicle_names[k] for k in mode.vehicles),
-                FindingCure.of(mode.cure),
+                cure=mode.cure,
             )
 
 
-def not_certified(judged: JudgedTeam) -> Iterator[PlanFinding]:
+def not_certified(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield the finding that the rank decides alone, without the certificate."""
     if judged.observability.observable and not judged.certificate.holds:
         names = judged.scenario.vehicle_names
-        yield PlanFinding.of(
-            "not-certified",
+        yield Remark(
             "note",
             "observable by rank, though the certificate (sufficient, not necessary) does not hold",
             tuple(names[k] for k in judged.certificate.lacking),
@@ -120,58 +111,51 @@ FRAGILE_SHARE = 0.01
 """Of a period: a link that a vehicle this late loses is fragile."""
 
 
-def lost_links(judged: JudgedTeam) -> Iterator[PlanFinding]:
+def lost_links(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield the listed links that never come into contact."""
     names = judged.scenario.vehicle_names
     cure = "a longer range, nearer circles, or other phases"
     if judged.team.obstacles:
         cure += "; where sight is blocked, circles with nothing between them"
     for item in judged.dropped_links:
-        yield PlanFinding.of(
-            "link-lost",
+        yield Remark(
             "warning",
             f"link {names[item.a]}-{names[item.b]} dropped: {item.reason}",
             (names[item.a], names[item.b]),
-            FindingCure.of(cure),
+            cure=cure,
         )
 
 
-def landmarks_hidden(judged: JudgedTeam) -> Iterator[PlanFinding]:
+def landmarks_hidden(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield the landmarks that lie within an obstacle."""
     names = judged.scenario.landmark_names
     for landmark, obstacle in hidden_landmarks(judged.team).items():
-        yield PlanFinding.of(
-            "landmark-hidden",
+        yield Remark(
             "warning",
             f"{names[landmark]} lies within obstacles_m[{obstacle}], where nobody can see it",
             (names[landmark],),
-            FindingCure.of(
-                "move the landmark to the obstacle's outline or off it, or correct the outline"
-            ),
+            cure="move the landmark to the obstacle's outline or off it, or correct the outline",
         )
 
 
-def vehicles_hidden(judged: JudgedTeam) -> Iterator[PlanFinding]:
+def vehicles_hidden(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield a finding for each obstacle within which vehicles fly all the way round."""
     hidden = hidden_paths(judged.team)
     for obstacle in sorted(set(hidden.values())):
         names = [
             judged.scenario.vehicle_names[k] for k, where in hidden.items() if where == obstacle
         ]
-        yield PlanFinding.of(
-            "vehicle-hidden",
+        yield Remark(
             "warning",
             f"the whole path of {listed(names, MOST_NAMED)} lies within obstacles_m[{obstacle}], "
             "where nobody sees or is seen",
             tuple(names),
-            FindingCure.of(
-                "leave out of obstacles_m what vehicles fly in; the border of the area is area_m, "
-                "and walls round it are thin polygons"
-            ),
+            cure="leave out of obstacles_m what vehicles fly in; the border of the area is area_m, "
+            "and walls round it are thin polygons",
         )
 
 
-def fragile_links(judged: JudgedTeam) -> Iterator[PlanFinding]:
+def fragile_links(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield one finding on all links that a small delay of one vehicle loses."""
     names, rate = judged.scenario.vehicle_names, judged.orbits.rate
     limit = FRAGILE_SHARE * judged.orbits.period
@@ -182,13 +166,12 @@ def fragile_links(judged: JudgedTeam) -> Iterator[PlanFinding]:
     if not fragile:
         return
     each = [f"{names[item.a]}-{names[item.b]} by {item.tolerance / rate:.3g} s" for item in fragile]
-    yield PlanFinding.of(
-        "link-fragile",
+    yield Remark(
         "warning",
         f"a vehicle that is late loses {listed(each, MOST_NAMED)}; less than {limit:.3g} s, 1 % of "
         "a period, is little to keep to",
         tuple(dict.fromkeys(names[k] for item in fragile for k in (item.a, item.b))),
-        FindingCure.of("a longer range, nearer circles, or refinement with a larger margin"),
+        cure="a longer range, nearer circles, or refinement with a larger margin",
     )
 
 
@@ -198,11 +181,10 @@ def fragile_links(judged: JudgedTeam) -> Iterator[PlanFinding]:
 MOST_POINTS = 8
 
 
-def single_points_of_failure(judged: JudgedTeam) -> Iterator[PlanFinding]:
+def single_points_of_failure(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield what, lost alone, ends observability."""
     if judged.single_points is None:
-        yield PlanFinding.of(
-            "single-point-of-failure",
+        yield Remark(
             "note",
             f"not checked for {judged.team.count} vehicles which losses end observability; "
             "syncplan what-if finds them",
@@ -214,8 +196,7 @@ def single_points_of_failure(judged: JudgedTeam) -> Iterator[PlanFinding]:
             (one.vehicles + one.sensors + tuple(k for _, k in one.kinds), one.landmarks)
             for one in judged.single_points
         ]
-        yield PlanFinding.of(
-            "single-point-of-failure",
+        yield Remark(
             "note",
             _sentence(_phrases(judged, judged.single_points)),
             tuple(
@@ -224,9 +205,7 @@ def single_points_of_failure(judged: JudgedTeam) -> Iterator[PlanFinding]:
                     + [landmarks[k] for _, places in lost for k in places]
                 )
             ),
-            FindingCure.of(
-                "another landmark in view, or further links; syncplan what-if says what is lost"
-            ),
+            cure="another landmark in view, or further links; syncplan what-if says what is lost",
         )
 
 

@@ -11,9 +11,8 @@ from syncplan.phrases import listed, percent
 from syncplan.planning.judged_team import (
     MOST_NAMED,
     TOLERANCE,
-    FindingCure,
     JudgedTeam,
-    PlanFinding,
+    Remark,
     landmark_limit,
     separation_limit,
 )
@@ -24,7 +23,7 @@ from syncplan.scenario.models import RefineOptions
 # --- distances and areas --------------------------------------------------------------------------
 
 
-def vehicles_too_close(judged: JudgedTeam) -> Iterator[PlanFinding]:
+def vehicles_too_close(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield the pairs of vehicles that come nearer than they may, nearest first."""
     names = judged.scenario.vehicle_names
     limit = separation_limit(judged.scenario).worded(judged.orbits.radii)
@@ -36,13 +35,11 @@ def vehicles_too_close(judged: JudgedTeam) -> Iterator[PlanFinding]:
         )
         for one in judged.too_close
     ]
-    cure = FindingCure.of(
-        "move the circles apart, change phases or senses, or refine with a separation"
-    )
-    yield from _first_of("vehicles-too-close", each, cure, f"pairs of vehicles come below {limit}")
+    cure = "move the circles apart, change phases or senses, or refine with a separation"
+    yield from _first_of(each, cure, f"pairs of vehicles come below {limit}")
 
 
-def landmarks_too_close(judged: JudgedTeam) -> Iterator[PlanFinding]:
+def landmarks_too_close(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield the vehicles that come nearer to a landmark than they may, nearest first."""
     scenario, orbits = judged.scenario, judged.orbits
     asked = landmark_limit(scenario)
@@ -59,13 +56,11 @@ def landmarks_too_close(judged: JudgedTeam) -> Iterator[PlanFinding]:
         )
         for vehicle, landmark in near.tolist()
     ]
-    cure = FindingCure.of(
+    cure = (
         f"{_not_cleared(judged)}move the circle or the landmark; where the landmark is no "
         "obstacle, set landmark_clearance_m to what is safe, or to 0"
     )
-    yield from _first_of(
-        "landmark-too-close", each, cure, f"passes of landmarks come below {limit}"
-    )
+    yield from _first_of(each, cure, f"passes of landmarks come below {limit}")
 
 
 def _not_cleared(judged: JudgedTeam) -> str:
@@ -78,40 +73,38 @@ def _not_cleared(judged: JudgedTeam) -> str:
     return "refinement could not clear it: give it more room (center_box_m, radius_m); or "
 
 
-def outside_area(judged: JudgedTeam) -> Iterator[PlanFinding]:
+def outside_area(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield the vehicles whose circles leave the area."""
     for key, name, clear in _crossings(judged, within=True):
-        yield PlanFinding.of(
-            "outside-area",
+        yield Remark(
             "stop",
             f"the circle of {name} leaves {key} by {-clear:.4g} m",
             (name,),
-            FindingCure.of("move the circle inwards, or make it smaller"),
+            cure="move the circle inwards, or make it smaller",
         )
 
 
-def in_keep_out(judged: JudgedTeam) -> Iterator[PlanFinding]:
+def in_keep_out(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield the vehicles whose circles pass through a keep-out; flying round one is no fault."""
     for key, name, clear in _crossings(judged, within=False):
-        yield PlanFinding.of(
-            "in-keep-out",
+        yield Remark(
             "stop",
             f"the circle of {name} passes through {key}; {-clear:.4g} m of its radius would clear "
             "it",
             (name,),
-            FindingCure.of("move the circle, or change its radius"),
+            cure="move the circle, or change its radius",
         )
 
 
 def _first_of(
-    code: str, each: Sequence[tuple[str, tuple[str, ...]]], cure: FindingCure, more: str
-) -> Iterator[PlanFinding]:
+    each: Sequence[tuple[str, tuple[str, ...]]], cure: str, more: str
+) -> Iterator[Remark]:
     """A stop for each of the first, given in words and subjects; the rest is counted in one."""
     for message, subjects in each[:MOST_NAMED]:
-        yield PlanFinding.of(code, "stop", message, subjects, cure)
+        yield Remark("stop", message, subjects, cure=cure)
     if rest := each[MOST_NAMED:]:
         subjects = tuple(dict.fromkeys(name for _, named in rest for name in named))
-        yield PlanFinding.of(code, "stop", f"{len(rest)} more {more}", subjects)
+        yield Remark("stop", f"{len(rest)} more {more}", subjects)
 
 
 def _crossings(judged: JudgedTeam, *, within: bool) -> Iterator[tuple[str, str, float]]:
@@ -156,7 +149,7 @@ LINEAR_SHARE = 0.5
 """Of the ground speed: with a larger sigma of the wind, headings are no small angles off."""
 
 
-def over_limit(judged: JudgedTeam) -> Iterator[PlanFinding]:
+def over_limit(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield the vehicles whose speed on their circle is none they can keep, in the wind stated.
 
     A rate above limits.turn_rate_rad_s is refused where the scenario is read.
@@ -171,31 +164,29 @@ def over_limit(judged: JudgedTeam) -> Iterator[PlanFinding]:
         if low * (1.0 - TOLERANCE) <= speed <= high * (1.0 + TOLERANCE):
             kept.append((speed, name))
             continue
-        yield PlanFinding.of(
-            "over-limit",
+        yield Remark(
             "stop",
             f"{name} has to keep {speed:.4g} m/s; limits.speed_mps allows {low:g} to {high:g}",
             (name,),
-            FindingCure.of("change its radius, or the common rate"),
+            cure="change its radius, or the common rate",
         )
     yield from _over_limit_in_wind(_air_sigma(judged), high, sorted(kept, key=lambda one: -one[0]))
 
 
-def strong_wind(judged: JudgedTeam) -> Iterator[PlanFinding]:
+def strong_wind(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield the finding that the wind is no small disturbance of a circle."""
     sigma, speeds = _air_sigma(judged), judged.orbits.speeds
     slow = np.flatnonzero(sigma > LINEAR_SHARE * speeds)
     if not len(slow):
         return
     names = [judged.scenario.vehicle_names[k] for k in slow[np.argsort(speeds[slow])]]
-    yield PlanFinding.of(
-        "strong-wind",
+    yield Remark(
         "warning",
         f"wind and gusts have a sigma of {sigma:.3g} m/s, over half the ground speed of "
         f"{listed(names, MOST_NAMED)} (from {speeds.min():.3g} m/s): predictions assume small "
         "deviations from the circles",
         tuple(names),
-        FindingCure.of("faster circles, or a check with fly, which does not assume this"),
+        cure="faster circles, or a check with fly, which does not assume this",
     )
 
 
@@ -220,7 +211,7 @@ def wind_made_up_for(speed: float, airspeed: float) -> float:
 
 def _over_limit_in_wind(
     sigma: float, high: float, vehicles: list[tuple[float, str]]
-) -> Iterator[PlanFinding]:
+) -> Iterator[Remark]:
     """The findings on vehicles (ground speed, name), the fastest first, in a wind."""
     strongest = sigma * sqrt(-2.0 * log(EXCEEDED))
     over = [
@@ -233,19 +224,18 @@ def _over_limit_in_wind(
         f"the wind and gusts stated, which exceed {strongest:.3g} m/s in {percent(EXCEEDED)} of "
         f"cases; limits.speed_mps allows {high:g}"
     )
-    cure = FindingCure.of("a higher largest airspeed, slower circles, or less wind")
+    cure = "a higher largest airspeed, slower circles, or less wind"
     if stops:
         each = [
             f"{name} needs {speed + strongest:.3g} m/s and completes its turns in time in "
             f"{percent(_share_below(most, sigma))} of winds"
             for speed, name, most in stops
         ]
-        yield PlanFinding.of(
-            "over-limit",
+        yield Remark(
             "stop",
             f"the airspeeds are too low for {air}: {listed(each, MOST_NAMED)}",
             tuple(name for _, name, _ in stops),
-            cure,
+            cure=cure,
         )
     elif over:
         each = [
@@ -253,13 +243,12 @@ def _over_limit_in_wind(
             f"{percent(_share_below(high - speed, sigma))} of winds"
             for speed, name, _ in over
         ]
-        yield PlanFinding.of(
-            "over-limit",
+        yield Remark(
             "warning",
             f"vehicles fall behind upwind and catch up downwind in {air}: "
             f"{listed(each, MOST_NAMED)}",
             tuple(name for _, name, _ in over),
-            cure,
+            cure=cure,
         )
 
 

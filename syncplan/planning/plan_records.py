@@ -1,11 +1,10 @@
 """The record of a refinement: options, the result of each start, figures before and after."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 from pydantic import Field
 
-from syncplan.documents import Document, DocumentPart, Words
+from syncplan.documents import Document, DocumentPart, OrAbsent, Words
 from syncplan.planning.start_up import InputStart
 from syncplan.scenario.models import RefineOptions
 from syncplan.scenario.objectives import Figures
@@ -88,8 +87,6 @@ class MeetingsFlown(DocumentPart):
 class FlownPlan(Document):
     """What flying the plan has found; the circumstances are those of the scenario."""
 
-    left_out_if_none: ClassVar[frozenset[str]] = frozenset({"saturated_share"})
-
     trials: int
     seed: int
     duration_s: float
@@ -108,7 +105,7 @@ class FlownPlan(Document):
     meetings_kept: Many[MeetingsFlown] = Field(
         default_factory=list, description="Of each pair that meets; empty in older files"
     )
-    saturated_share: float | None = Field(
+    saturated_share: OrAbsent[float] = Field(
         default=None,
         description="Share of samples with a command at a limit; missing in older files",
     )

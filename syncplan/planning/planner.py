@@ -21,29 +21,13 @@ from syncplan.observability.loss_ranks import decisive_losses
 from syncplan.observability.rank import Assessment, assess_team
 from syncplan.observability.sliding_windows import connectivity_period
 from syncplan.observability.unobservable_modes import name_modes
+from syncplan.orbits import contacts
 from syncplan.orbits.circles import Orbits
-from syncplan.orbits.contacts import (
-    Approach,
-    Windows,
-    closest_approach,
-    pairs_nearer_than,
-    reachable_pairs,
-)
 from syncplan.orbits.error_states import ERROR_STATES, layout_of
 from syncplan.orbits.sightings import Loss, single_losses
 from syncplan.orbits.team import Team, radii_of, team_of
 from syncplan.placement.centers import place
-from syncplan.planning.judged_team import (
-    TOLERANCE,
-    DistanceLimit,
-    JudgedTeam,
-    PlanVerdict,
-    Prediction,
-    UnmetLink,
-    neglect_of,
-    predicted_states,
-    separation_limit,
-)
+from syncplan.planning import judged_team
 from syncplan.planning.start_up import StartUp, start_up_of
 from syncplan.planning.verdict_checks import verdict_of
 from syncplan.results import Result
@@ -59,10 +43,10 @@ from syncplan.synchronisation.sighted_phases import hidden_at_all_phases, obstac
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Plan(Result, JudgedTeam):
+class Plan(Result, judged_team.JudgedTeam):
     """Orbits with all that the exact code found of them; attributes are those of JudgedTeam."""
 
-    _verdict: PlanVerdict | None = field(default=None, init=False, compare=False)
+    _verdict: judged_team.PlanVerdict | None = field(default=None, init=False, compare=False)
 
     def __repr__(self) -> str:
         """Return one line: name, vehicles, rank, period."""
@@ -81,7 +65,7 @@ class Plan(Result, JudgedTeam):
         return self.observability.observable
 
     @property
-    def verdict(self) -> PlanVerdict:
+    def verdict(self) -> judged_team.PlanVerdict:
         """Whether the plan can be flown, with all that was found for and against it.
 
         Computed at the first access and kept.
@@ -161,7 +145,7 @@ def judged(
     assessed: Assessment,
     scenario: Scenario,
     pairs: Index,
-    prediction: Prediction,
+    prediction: judged_team.Prediction,
     *,
     start_up: StartUp | None = None,
     found: Synchronisation | None = None,
@@ -191,8 +175,8 @@ def judged(
         landmark_links=tuple(landmark_verdicts(assessed)),
         dropped_links=tuple(_unmet(team, listed, met, found)),
         connectivity_period=None if remainder else connectivity_period(assessed),
-        approach=closest_approach(orbits),
-        too_close=_too_close(orbits, separation_limit(scenario)),
+        approach=contacts.closest_approach(orbits),
+        too_close=_too_close(orbits, judged_team.separation_limit(scenario)),
         observability=assessed.observability,
         certificate=assessed.certificate,
         unobservable=tuple(name_modes(assessed, names, scenario.landmark_names)),
@@ -213,11 +197,11 @@ def listed_pairs(scenario: Scenario, team: Team) -> Index:
     """
     if scenario.formation.links is not None:
         return as_pairs(scenario.linked)
-    a, b = reachable_pairs(team.orbits, team.sensors.ranges)
+    a, b = contacts.reachable_pairs(team.orbits, team.sensors.ranges)
     return np.unique(np.column_stack([np.minimum(a, b), np.maximum(a, b)]), axis=0)
 
 
-def _met_pairs(team: Team, windows: Windows) -> set[tuple[int, int]]:
+def _met_pairs(team: Team, windows: contacts.Windows) -> set[tuple[int, int]]:
     """Vehicle pairs (a < b) in contact at some time, either way."""
     met = (np.diff(windows.first) > 0) & (windows.targets < team.count)
     a, b = windows.observers[met], windows.targets[met]
@@ -229,10 +213,10 @@ def _unmet(
     listed: list[tuple[int, int]],
     met: set[tuple[int, int]],
     found: Synchronisation | None,
-) -> list[UnmetLink]:
+) -> list[judged_team.UnmetLink]:
     known = {item.link: item.reason for item in found.dropped} if found else {}
     return [
-        UnmetLink(a, b, known.get(k) or _why_never_in_contact(team, a, b))
+        judged_team.UnmetLink(a, b, known.get(k) or _why_never_in_contact(team, a, b))
         for k, (a, b) in enumerate(listed)
         if (a, b) not in met
     ]
@@ -240,7 +224,7 @@ def _unmet(
 
 def _why_never_in_contact(team: Team, a: int, b: int) -> str:
     pair = team.only(np.array([a, b]))
-    near = pairs_nearer_than(pair.orbits, np.inf)[0].distance
+    near = contacts.pairs_nearer_than(pair.orbits, np.inf)[0].distance
     reach = float(pair.sensors.ranges.max())
     if near > reach:
         return f"comes no nearer than {near:.4g} m with these phases, range {reach:.4g} m"
@@ -260,10 +244,10 @@ def _single_points(assessed: Assessment, *, sought: bool) -> tuple[Loss, ...] | 
     return tuple(decisive_losses(assessed, single_losses(assessed.team)))
 
 
-def _too_close(orbits: Orbits, limit: DistanceLimit) -> tuple[Approach, ...]:
+def _too_close(orbits: Orbits, limit: judged_team.DistanceLimit) -> tuple[contacts.Approach, ...]:
     least = limit.least(orbits.radii)
-    near = pairs_nearer_than(orbits, least)
-    return tuple(item for item in near if item.distance < least * (1.0 - TOLERANCE))
+    near = contacts.pairs_nearer_than(orbits, least)
+    return tuple(item for item in near if item.distance < least * (1.0 - judged_team.TOLERANCE))
 
 
 # --- predicted errors ---------------------------------------------------------------------------
@@ -308,7 +292,7 @@ def _predict(
     steady: bool,
     along: PosteriorBound | None,
     note: str,
-) -> Prediction:
+) -> judged_team.Prediction:
     team = assessed.team
     window = window_bound(assessed.observability)
     limit = None
@@ -317,14 +301,14 @@ def _predict(
         if scenario.window >= team.orbits.period * (1.0 - 1e-9):
             limit = np.where(np.isnan(window), np.inf, limit)
     if along is None:
-        return Prediction(rms=None, steady=limit, window=window, note=note)
-    return Prediction(
+        return judged_team.Prediction(rms=None, steady=limit, window=window, note=note)
+    return judged_team.Prediction(
         rms=along.rms_second_half(),
         steady=limit,
         window=window,
         note=note,
-        states=predicted_states(team, along, scenario.vehicle_names),
-        neglect=neglect_of(team, assessed.windows, scenario.duration_s),
+        states=judged_team.predicted_states(team, along, scenario.vehicle_names),
+        neglect=judged_team.neglect_of(team, assessed.windows, scenario.duration_s),
     )
 
 
@@ -423,7 +407,7 @@ def _senses(scenario: Scenario, team: Team, pairs: Index) -> tuple[Array, bool |
 def _sharing_a_circle(circles: Orbits) -> list[tuple[int, int]]:
     """Pairs of vehicles whose circles are the same, to SAME_PLACE_M in centre and radius."""
     centers, radii = circles.centers, circles.radii
-    a, b = reachable_pairs(circles, np.full(circles.count, SAME_PLACE_M))
+    a, b = contacts.reachable_pairs(circles, np.full(circles.count, SAME_PLACE_M))
     apart = np.hypot(*(centers[a] - centers[b]).T)
     same = (apart <= SAME_PLACE_M) & (np.abs(radii[a] - radii[b]) <= SAME_PLACE_M) & (a < b)
     return list(zip(a[same].tolist(), b[same].tolist(), strict=True))

@@ -35,13 +35,7 @@ from syncplan.estimation.trials import (
 from syncplan.orbits.contacts import Windows, find_windows
 from syncplan.orbits.sightings import Sightings
 from syncplan.orbits.team import Team
-from syncplan.planning.judged_team import (
-    PredictedState,
-    Prediction,
-    expected_in_world,
-    neglect_of,
-    predicted_states,
-)
+from syncplan.planning import judged_team
 from syncplan.planning.plan_files import PlanSubject, in_world, planned
 from syncplan.planning.planner import Plan, bound_is_affordable
 from syncplan.planning.start_up import CLEARED_FILTER, CLEARING_INDEX, StartTrials, concluded
@@ -127,7 +121,7 @@ class Validation(Result):
     result: MonteCarloResult
     accuracy: Accuracy
     predicted: Array | None
-    predicted_errors: tuple[PredictedState, ...]
+    predicted_errors: tuple[judged_team.PredictedState, ...]
     predicted_over_time: Array | None
     expected: Array | None
     coverage: Array
@@ -315,15 +309,15 @@ def _with_own_trials(run: TrialRun, found: Accuracy, predicted: Array | None) ->
     return replace(flown, start_up=start_up)
 
 
-def _expected(run: TrialRun, prediction: Prediction) -> Array | None:
+def _expected(run: TrialRun, prediction: judged_team.Prediction) -> Array | None:
     """Expected errors of the filter in the world, where they are not the prediction."""
     team, neglect = run.plan.team, prediction.neglect
     if run.true_team is team or prediction.rms is None:
         return None if neglect is None else neglect.expected
-    return expected_in_world(team, run.true_team, run.windows, run.duration)
+    return judged_team.expected_in_world(team, run.true_team, run.windows, run.duration)
 
 
-def _prediction(run: TrialRun) -> tuple[Prediction, Array | None]:
+def _prediction(run: TrialRun) -> tuple[judged_team.Prediction, Array | None]:
     """The plan's own prediction, or one for another duration; and that of states over time."""
     flown, duration, team = run.plan, run.duration, run.plan.team
     known = flown.prediction
@@ -344,7 +338,7 @@ def _prediction(run: TrialRun) -> tuple[Prediction, Array | None]:
     prediction = replace(
         known,
         rms=bound.rms_second_half(),
-        states=predicted_states(team, bound, flown.scenario.vehicle_names),
-        neglect=neglect_of(team, flown.windows, duration),
+        states=judged_team.predicted_states(team, bound, flown.scenario.vehicle_names),
+        neglect=judged_team.neglect_of(team, flown.windows, duration),
     )
     return prediction, over_time

@@ -12,7 +12,7 @@ from syncplan.estimation.filter_options import FilterOptions, options_with
 from syncplan.orbits.circles import position
 from syncplan.orbits.graphs import bottleneck
 from syncplan.phrases import listed
-from syncplan.planning.judged_team import MOST_NAMED, FindingCure, PlanFinding
+from syncplan.planning.judged_team import MOST_NAMED, PlanFinding, Remark
 from syncplan.planning.plan_files import PlanSubject, in_world, planned
 from syncplan.planning.planner import Plan, plan
 from syncplan.planning.validation import (
@@ -230,8 +230,8 @@ class StressTest:
             f"stated values that are wrong cost over {MOST_HARM:g} times the error that they are "
             f"stated for: {listed(each, MOST_NAMED)}"
         )
-        cure = FindingCure.of("state sigmas as large as they may be, or estimate what is not")
-        return (PlanFinding.of("not-robust", "warning", message, cure=cure),)
+        cure = "state sigmas as large as they may be, or estimate what is not"
+        return (PlanFinding.of("not-robust", Remark("warning", message, cure=cure)),)
 
 
 def doubled_sigmas(scenario: Scenario) -> dict[str, dict[str, Any]]:

@@ -3,71 +3,61 @@
 from collections.abc import Callable, Iterable, Iterator
 
 from syncplan.planning import filter_checks, flight_checks, observability_checks, path_checks
-from syncplan.planning.judged_team import JudgedTeam, PlanFinding, PlanVerdict
+from syncplan.planning.judged_team import JudgedTeam, PlanFinding, PlanVerdict, Remark
 
 # --- how the plan was found -----------------------------------------------------------------------
 
 
-CENTRES_PLACED = "centres-placed"
-"""The code of the finding that the centres are none of the user's."""
-
-CLEARED = "cleared"
-"""The code of the finding that refinement cleared what was too near."""
+CENTRES_PLACED, CLEARED = "centres-placed", "cleared"
+"""The codes of the findings of those names, which plan files are read by."""
 
 PLACED = "the centres were found by placement; formation.centers_m of the plan's scenario has them"
 """The message of the first."""
 
 
-def centres_placed(judged: JudgedTeam) -> Iterator[PlanFinding]:
+def centres_placed(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield the finding that the centres are none of the user's."""
     if judged.centres_placed or judged.placement is not None:
-        yield PlanFinding.of(CENTRES_PLACED, "note", PLACED)
+        yield Remark("note", PLACED)
 
 
-def not_refined(judged: JudgedTeam) -> Iterator[PlanFinding]:
+def not_refined(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield the finding that refinement found nothing better."""
     record = judged.refinement
     if record is not None and not record.improved:
-        yield PlanFinding.of(
-            "not-refined",
-            "warning",
-            f"not refined: {record.reason}; this is the plan that was given",
-        )
+        yield Remark("warning", f"not refined: {record.reason}; this is the plan that was given")
 
 
-def cleared(judged: JudgedTeam) -> Iterator[PlanFinding]:
+def cleared(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield the finding that refinement cleared what was too near, whatever that cost."""
     record = judged.refinement
     if record is not None and record.cleared:
-        yield PlanFinding.of(
-            CLEARED,
+        yield Remark(
             "note",
             "the plan that was given came too near to vehicles, landmarks or areas; this one "
             "clears them or comes less near, which counted before its figures",
         )
 
 
-def search_cut_short(judged: JudgedTeam) -> Iterator[PlanFinding]:
+def search_cut_short(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield the finding that refinement did not come to its end."""
     record = judged.refinement
     if record is not None and record.improved and record.cut_short:
-        yield PlanFinding.of(
-            "search-cut-short",
-            "note",
-            "the search for a better plan was cut short; this is the best it had found",
+        yield Remark(
+            "note", "the search for a better plan was cut short; this is the best it had found"
         )
 
 
-def bound_missing(judged: JudgedTeam) -> Iterator[PlanFinding]:
+def bound_missing(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield the finding that errors are not predicted, and why."""
     if judged.prediction.note:
-        yield PlanFinding.of("bound-missing", "note", judged.prediction.note)
+        yield Remark("note", judged.prediction.note)
 
 
 # --- the table ------------------------------------------------------------------------------------
 
 
-CHECKS: dict[str, Callable[[JudgedTeam], Iterable[PlanFinding]]] = {
+CHECKS: dict[str, Callable[[JudgedTeam], Iterable[Remark]]] = {
     "unobservable": observability_checks.unobservable,
     "near-degenerate": observability_checks.near_degenerate,
     "needs-prior": observability_checks.needs_prior,
@@ -96,9 +86,9 @@ CHECKS: dict[str, Callable[[JudgedTeam], Iterable[PlanFinding]]] = {
     "error-undetermined": observability_checks.error_undetermined,
     "single-point-of-failure": observability_checks.single_points_of_failure,
     "not-refined": not_refined,
-    "cleared": cleared,
+    CLEARED: cleared,
     "search-cut-short": search_cut_short,
-    "centres-placed": centres_placed,
+    CENTRES_PLACED: centres_placed,
     "not-certified": observability_checks.not_certified,
     "bound-missing": bound_missing,
 }
@@ -107,4 +97,6 @@ CHECKS: dict[str, Callable[[JudgedTeam], Iterable[PlanFinding]]] = {
 
 def verdict_of(judged: JudgedTeam) -> PlanVerdict:
     """Return whether a judged team can be flown, with the findings of every check."""
-    return PlanVerdict.of(finding for check in CHECKS.values() for finding in check(judged))
+    return PlanVerdict.of(
+        PlanFinding.of(code, one) for code, check in CHECKS.items() for one in check(judged)
+    )

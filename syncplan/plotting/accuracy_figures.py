@@ -10,6 +10,7 @@ import numpy as np
 
 from syncplan.estimation.consistency import TOLERANCE
 from syncplan.planning.planner import Plan
+from syncplan.plotting import figure_style
 from syncplan.plotting.canvas import (
     Spec,
     axis,
@@ -21,17 +22,6 @@ from syncplan.plotting.canvas import (
     message,
     numbers,
     panel_title,
-)
-from syncplan.plotting.figure_style import (
-    BLUE,
-    GREEN,
-    INK,
-    MUTED,
-    ORANGE,
-    SKY,
-    VERMILLION,
-    FigureStyle,
-    translucent,
 )
 from syncplan.reports.replay_report import ReplayDocument
 from syncplan.reports.run_figures import Spread, interval_words, verdict_words
@@ -45,7 +35,7 @@ _MARK_PX = 6
 _HOVER = "%{x}: %{y:.3g} m<extra></extra>"
 
 
-def prediction_spec(plan: Plan, style: FigureStyle) -> Spec:
+def prediction_spec(plan: Plan, style: figure_style.FigureStyle) -> Spec:
     """Return the figure of the predicted RMS position error of each vehicle."""
     found = plan.prediction
     title = f"{escaped(plan.scenario.name or 'Plan')}: predicted error"
@@ -53,7 +43,7 @@ def prediction_spec(plan: Plan, style: FigureStyle) -> Spec:
     traces = []
     if found.rms is not None:
         name = "posterior bound, second half of the run"
-        traces.append(bars("predicted", name, names, found.rms, BLUE))
+        traces.append(bars("predicted", name, names, found.rms, figure_style.BLUE))
     if found.steady is not None and np.isfinite(found.steady).any():
         traces.append(_marks("steady", "bound once periodic", names, found.steady, "diamond"))
     if np.isfinite(found.window).any():
@@ -72,28 +62,30 @@ def prediction_spec(plan: Plan, style: FigureStyle) -> Spec:
     return _drawn(title, note, traces, len(names), style)
 
 
-def accuracy_spec(report: ValidationDocument | ReplayDocument, style: FigureStyle) -> Spec:
+def accuracy_spec(
+    report: ValidationDocument | ReplayDocument, style: figure_style.FigureStyle
+) -> Spec:
     """Return the figure of RMS position errors of a run, beside the predicted ones if known."""
     if isinstance(report, ReplayDocument):
         return _replayed(report, style)
     return _validated(report, style)
 
 
-def sigmas_spec(report: ReplayDocument, style: FigureStyle) -> Spec:
+def sigmas_spec(report: ReplayDocument, style: figure_style.FigureStyle) -> Spec:
     """Return the figure of the filter's own position sigmas on a recording without truth."""
     names = [escaped(robot.name) for robot in report.robots]
     last = [robot.final_sigma_m for robot in report.robots]
     whole = [robot.rms_sigma_m for robot in report.robots]
     traces = [
-        bars("late", "at the end", names, last, ORANGE),
-        bars("whole", "RMS over the run", names, whole, SKY, "/"),
+        bars("late", "at the end", names, last, figure_style.ORANGE),
+        bars("whole", "RMS over the run", names, whole, figure_style.SKY, "/"),
     ]
     title = f"{escaped(report.name)}: the filter's own sigmas"
     note = f"{report.run} without truth: errors are not known"
     return _drawn(title, note, traces, len(names), style, shown="own position sigma, m")
 
 
-def _validated(report: ValidationDocument, style: FigureStyle) -> Spec:
+def _validated(report: ValidationDocument, style: figure_style.FigureStyle) -> Spec:
     """RMS position errors over the trials beside the predicted ones."""
     names = [escaped(vehicle.name) for vehicle in report.vehicles]
     found = report.vehicles
@@ -101,7 +93,7 @@ def _validated(report: ValidationDocument, style: FigureStyle) -> Spec:
     predicted = [vehicle.predicted_rms_m for vehicle in found]
     if all(value is not None for value in predicted):
         name = "predicted: posterior bound, second half"
-        traces.insert(0, bars("predicted", name, names, predicted, BLUE, "x"))
+        traces.insert(0, bars("predicted", name, names, predicted, figure_style.BLUE, "x"))
     medians = [vehicle.median_rms_second_half_m for vehicle in found]
     if all(value is not None for value in medians):
         values = np.array(medians, dtype=float)
@@ -116,7 +108,7 @@ def _validated(report: ValidationDocument, style: FigureStyle) -> Spec:
     return _drawn(title, note, traces, len(names), style)
 
 
-def _replayed(report: ReplayDocument, style: FigureStyle) -> Spec:
+def _replayed(report: ReplayDocument, style: figure_style.FigureStyle) -> Spec:
     """RMS position errors of the robots of a recording."""
     title = f"{escaped(report.name)}: error found"
     note = f"{report.run}; {report.position_rmse_m:.3g} m over all robots"
@@ -129,8 +121,8 @@ def _found_traces(who: str, report: ValidationDocument | ReplayDocument) -> list
     late = [vehicle.rms_second_half_m for vehicle in report.vehicles]
     whole = [vehicle.rms_m for vehicle in report.vehicles]
     return [
-        bars("late", f"{who}, second half of the run", names, late, ORANGE),
-        bars("whole", f"{who}, whole run", names, whole, SKY, "/"),
+        bars("late", f"{who}, second half of the run", names, late, figure_style.ORANGE),
+        bars("whole", f"{who}, whole run", names, whole, figure_style.SKY, "/"),
     ]
 
 
@@ -149,8 +141,8 @@ def bars(
 
 
 def _marks(uid: str, name: str, vehicles: list[str], values: np.ndarray, symbol: str) -> Spec:
-    size, color = (12, GREEN) if symbol == "diamond" else (22, INK)
-    line = {"width": 2.5, "color": INK}
+    size, color = (12, figure_style.GREEN) if symbol == "diamond" else (22, figure_style.INK)
+    line = {"width": 2.5, "color": figure_style.INK}
     marker = {"symbol": symbol, "size": size, "color": color, "line": line}
     return mark_trace(uid, name, vehicles, numbers(values, 6), marker, _HOVER)
 
@@ -160,7 +152,7 @@ def _drawn(
     note: str,
     traces: list[Spec],
     count: int,
-    style: FigureStyle,
+    style: figure_style.FigureStyle,
     shown: str = "RMS position error, m",
 ) -> Spec:
     """The figure of traces over `count` vehicles: bars, or marks where bars become too thin."""
@@ -203,10 +195,12 @@ _COVERAGE_PX = 190
 """Heights: of a panel with a band, of what stands between panels, of the panel of vehicles."""
 
 _SYMBOLS = {"consistent": "circle", "optimistic": "triangle-right", "conservative": "triangle-left"}
-_COLOURS = {"consistent": BLUE, "unknown": MUTED}
+_COLOURS = {"consistent": figure_style.BLUE, "unknown": figure_style.MUTED}
 
 
-def consistency_spec(report: ValidationDocument | ReplayDocument, style: FigureStyle) -> Spec:
+def consistency_spec(
+    report: ValidationDocument | ReplayDocument, style: figure_style.FigureStyle
+) -> Spec:
     """Return the figure of ANEES and NIS with 95 % intervals, and of each vehicle's coverage.
 
     Of a recording without truth: of NIS alone.
@@ -251,7 +245,7 @@ def consistency_spec(report: ValidationDocument | ReplayDocument, style: FigureS
 
 
 def _panels(
-    style: FigureStyle, count: int, lowest_px: int
+    style: figure_style.FigureStyle, count: int, lowest_px: int
 ) -> tuple[int, list[tuple[float, float, float, float]], float]:
     """Height in px, (left, right, low, high) of the bands' panels, and the top of the lowest one.
 
@@ -291,24 +285,24 @@ def _spread_traces(name: str, figure: Spread, suffix: str) -> list[Spec]:
         return line_trace(f"{name}-{part}", words, x, y, look, **shown, legendgroup=part, **more)
 
     edges = [*_TOLERATED, *_TOLERATED[::-1], _TOLERATED[0]]
-    filled = {"fill": "toself", "fillcolor": translucent(MUTED, 0.15)}
+    filled = {"fill": "toself", "fillcolor": figure_style.translucent(figure_style.MUTED, 0.15)}
     words = f"within {TOLERANCE:.0%} of 1: consistent"
     traces = [line("tolerated", words, edges, [-0.8, -0.8, 0.8, 0.8, -0.8], {"width": 0}, **filled)]
     if figure.value is not None and figure.band:
         words = "95 % band" if figure.basis is None else "95 % interval"
-        look: Spec = {"color": SKY, "width": 16}
+        look: Spec = {"color": figure_style.SKY, "width": 16}
         hover = "%{x}<extra>end of the interval</extra>"
         ends = numbers(figure.band)
         traces.append(line("band", words, ends, [0, 0], look, hovertemplate=hover))
-    look = {"color": MUTED, "width": 1.5, "dash": "dash"}
+    look = {"color": figure_style.MUTED, "width": 1.5, "dash": "dash"}
     words = "1: errors as large as the filter says"
     traces.append(line("ideal", words, [1, 1], [-0.8, 0.8], look))
     if figure.value is not None:
         marker = {
             "symbol": _SYMBOLS.get(figure.verdict, "circle"),
             "size": 14,
-            "color": _COLOURS.get(figure.verdict, VERMILLION),
-            "line": {"color": INK, "width": 1},
+            "color": _COLOURS.get(figure.verdict, figure_style.VERMILLION),
+            "line": {"color": figure_style.INK, "width": 1},
         }
         hover = f"{name} %{{x}}, {figure.verdict}<extra></extra>"
         at, group = [figure.value], {"legendgroup": "found"}
@@ -334,10 +328,10 @@ def _coverage_axes(covered: list[float], split: float) -> Spec:
 
 def _coverage_traces(names: list[str], covered: list[float]) -> list[Spec]:
     axes = {"xaxis": "x3", "yaxis": "y3"}
-    marker = {"symbol": "diamond", "size": 11, "color": BLUE}
+    marker = {"symbol": "diamond", "size": 11, "color": figure_style.BLUE}
     hover = "%{x}: %{y:.2%}<extra></extra>"
     y, ideal = numbers(covered, 6), [IDEAL_COVERAGE] * len(names)
-    line = {"color": MUTED, "width": 1.5, "dash": "dot"}
+    line = {"color": figure_style.MUTED, "width": 1.5, "dash": "dot"}
     return [
         mark_trace("coverage", "share within 3 sigma", names, y, marker, hover, **axes),
         line_trace("coverage-ideal", "99.73 %, normal errors", names, ideal, line, **axes),

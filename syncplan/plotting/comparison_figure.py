@@ -5,19 +5,8 @@ import numpy as np
 from syncplan.errors import InputError
 from syncplan.phrases import listed
 from syncplan.planning.planner import Plan
+from syncplan.plotting import canvas
 from syncplan.plotting.accuracy_figures import bars
-from syncplan.plotting.canvas import (
-    Spec,
-    axis,
-    escaped,
-    gapped,
-    label,
-    layout,
-    line_trace,
-    message,
-    numbers,
-    panel_title,
-)
 from syncplan.plotting.figure_style import BLUE, MUTED, ORANGE, FigureStyle
 from syncplan.plotting.links import body_names
 from syncplan.plotting.map_labels import Obstructions, landmark_trace, name_trace
@@ -44,11 +33,11 @@ _CAPTION_LENGTH = 22
 _METRES = [row for row in ROWS if row.unit == "m"]
 
 
-def refinement_spec(record: RefinementResult, name: str, style: FigureStyle) -> Spec:
+def refinement_spec(record: RefinementResult, name: str, style: FigureStyle) -> canvas.Spec:
     """Return the figure of a refinement: figures of merit in m before and after."""
-    title = f"{escaped(name or 'Plan')}: refinement for {escaped(record.objective)}"
+    title = f"{canvas.escaped(name or 'Plan')}: refinement for {canvas.escaped(record.objective)}"
     captions = [row.caption.replace("\n", " ") for row in _METRES]
-    labels = [label(text, _CAPTION_LENGTH) for text in captions]
+    labels = [canvas.label(text, _CAPTION_LENGTH) for text in captions]
     traces = []
     both = (record.before, record.after)
     for (side, color, pattern), figures in zip(_SIDES, both, strict=True):
@@ -59,23 +48,23 @@ def refinement_spec(record: RefinementResult, name: str, style: FigureStyle) -> 
         trace["cliponaxis"] = False
         traces.append(trace)
     if not any(value is not None for trace in traces for value in trace["y"]):
-        return message(title, "no figure of merit in metres is known of either plan")
+        return canvas.message(title, "no figure of merit in metres is known of either plan")
     note = f"{_summary(record.before)} before; {_summary(record.after)} after"
     if not record.improved:
-        note = f"not refined: {escaped(record.reason)}"
-    metres, captioned = axis("m", rangemode="tozero"), axis(type="category")
-    axes: Spec = {"xaxis": captioned, "yaxis": metres}
+        note = f"not refined: {canvas.escaped(record.reason)}"
+    metres, captioned = canvas.axis("m", rangemode="tozero"), canvas.axis(type="category")
+    axes: canvas.Spec = {"xaxis": captioned, "yaxis": metres}
     if style.narrow:
         # bars lie down: captions find no room beside each other
         for trace in traces:
             lying = {"x": trace["y"], "y": trace["x"], "orientation": "h"}
             trace.update(lying, hovertemplate="%{y}: %{x:.3g} m<extra></extra>")
         axes = {"xaxis": metres, "yaxis": {**captioned, "autorange": "reversed"}}
-    drawn = layout(title, note=note, inner=310, barmode="group", **axes)
+    drawn = canvas.layout(title, note=note, inner=310, barmode="group", **axes)
     return {"data": traces, "layout": drawn}
 
 
-def comparison_spec(before: Plan, after: Plan, style: FigureStyle) -> Spec:
+def comparison_spec(before: Plan, after: Plan, style: FigureStyle) -> canvas.Spec:
     """Return the figure of two plans of the same vehicles: circles, and each predicted error.
 
     Heads on the circles show the senses; a thin line joins a vehicle's two centres. Raises
@@ -84,9 +73,12 @@ def comparison_spec(before: Plan, after: Plan, style: FigureStyle) -> Spec:
     _refuse_other_vehicles(before, after)
     view, names = view_of(style, before, after), body_names(after)
     moves = np.stack([before.orbits.centers, after.orbits.centers], axis=1)
-    x, y = gapped(moves, view.places)
+    x, y = canvas.gapped(moves, view.places)
     line = {"color": MUTED, "width": 1.0, "dash": "dot"}
-    traces = [*area_traces(after, view), line_trace("moves", "move of the centre", x, y, line)]
+    traces = [
+        *area_traces(after, view),
+        canvas.line_trace("moves", "move of the centre", x, y, line),
+    ]
     traces += _circles(before, "before", ORANGE, "dash", view)
     traces += _circles(after, "after", BLUE, "solid", view)
     both = (before.orbits, after.orbits)
@@ -99,15 +91,17 @@ def comparison_spec(before: Plan, after: Plan, style: FigureStyle) -> Spec:
     share = _BARS_PX / inner
     axes = view.axes()
     axes["yaxis"]["domain"] = [1.0 - view.height_px / inner, 1]
-    drawn = layout(
-        f"{escaped(after.scenario.name or 'Plan')}: before and after",
+    drawn = canvas.layout(
+        f"{canvas.escaped(after.scenario.name or 'Plan')}: before and after",
         note=f"{_verdict(before)} before; {_verdict(after)} after; {_turned(before, after)}",
         inner=inner,
         barmode="group",
         **axes,
-        xaxis2=axis("vehicle", type="category", anchor="y2"),
-        yaxis2=axis("predicted RMS, m", rangemode="tozero", domain=[0, share], anchor="x2"),
-        annotations=[panel_title("Predicted position error, second half of the run", 0, share)],
+        xaxis2=canvas.axis("vehicle", type="category", anchor="y2"),
+        yaxis2=canvas.axis("predicted RMS, m", rangemode="tozero", domain=[0, share], anchor="x2"),
+        annotations=[
+            canvas.panel_title("Predicted position error, second half of the run", 0, share)
+        ],
     )
     return {"data": traces, "layout": drawn}
 
@@ -115,7 +109,7 @@ def comparison_spec(before: Plan, after: Plan, style: FigureStyle) -> Spec:
 def _turned(before: Plan, after: Plan) -> str:
     """Which vehicles fly round the other way."""
     other = np.flatnonzero(before.orbits.senses != after.orbits.senses)
-    names = [escaped(after.scenario.vehicle_names[k]) for k in other]
+    names = [canvas.escaped(after.scenario.vehicle_names[k]) for k in other]
     if not names:
         return "all keep their direction"
     verb = "changes" if len(names) == 1 else "change"
@@ -132,12 +126,12 @@ def _refuse_other_vehicles(before: Plan, after: Plan) -> None:
         )
 
 
-def _errors(before: Plan, after: Plan) -> list[Spec]:
+def _errors(before: Plan, after: Plan) -> list[canvas.Spec]:
     """Bars of every vehicle's predicted error, if both plans have them."""
     found = [plan.prediction.rms for plan in (before, after)]
     if any(rms is None for rms in found):
         return []
-    shown = [escaped(name) for name in before.scenario.vehicle_names]
+    shown = [canvas.escaped(name) for name in before.scenario.vehicle_names]
     traces = []
     for (side, color, pattern), rms in zip(_SIDES, found, strict=True):
         trace = bars(f"{side}-rms", f"error {side}", shown, np.asarray(rms), color, pattern)
@@ -145,24 +139,24 @@ def _errors(before: Plan, after: Plan) -> list[Spec]:
     return traces
 
 
-def _circles(plan: Plan, side: str, color: str, dash: str, view: MapView) -> list[Spec]:
+def _circles(plan: Plan, side: str, color: str, dash: str, view: MapView) -> list[canvas.Spec]:
     """Circles with a head each that shows the sense, and their centres."""
-    x, y = gapped(circle_points(plan), view.places)
+    x, y = canvas.gapped(circle_points(plan), view.places)
     centers = plan.orbits.centers
     line = {"color": color, "dash": dash, "width": view.line_px(2.0), "simplify": False}
     everyone = np.ones(plan.orbits.count, dtype=bool)
     turns = ["counter-clockwise" if sense > 0.0 else "clockwise" for sense in plan.orbits.senses]
-    names = [escaped(name) for name in plan.scenario.vehicle_names]
+    names = [canvas.escaped(name) for name in plan.scenario.vehicle_names]
     texts = [f"{name} {side}, {turn}" for name, turn in zip(names, turns, strict=True)]
     symbol = "circle" if side == "after" else "circle-open"
     shown = {"type": "scatter", "uid": f"centers-{side}", "mode": "markers"}
     return [
-        line_trace(f"circles-{side}", f"circles {side}", x, y, line, legendgroup=side),
+        canvas.line_trace(f"circles-{side}", f"circles {side}", x, y, line, legendgroup=side),
         {**sense_heads(plan, view, color, everyone), "uid": f"heads-{side}", "legendgroup": side},
         {
             **shown,
-            "x": numbers(centers[:, 0], view.places),
-            "y": numbers(centers[:, 1], view.places),
+            "x": canvas.numbers(centers[:, 0], view.places),
+            "y": canvas.numbers(centers[:, 1], view.places),
             "text": texts,
             "marker": {"symbol": symbol, "size": view.mark_px(5.0), "color": color},
             "hovertemplate": "%{text}: %{x} m, %{y} m<extra></extra>",

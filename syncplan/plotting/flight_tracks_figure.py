@@ -7,16 +7,8 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.orbits.circles import Orbits, unit
+from syncplan.plotting import figure_style
 from syncplan.plotting.canvas import Spec, escaped, gapped, layout, line_trace, mark_trace, numbers
-from syncplan.plotting.figure_style import (
-    BLUE,
-    INK,
-    MUTED,
-    ORANGE,
-    VERMILLION,
-    FigureStyle,
-    translucent,
-)
 from syncplan.plotting.flight_figures import event_words
 from syncplan.plotting.map_labels import landmark_trace, name_trace, obstructions
 from syncplan.plotting.maps import MapView, area_traces, circle_points, view_about
@@ -47,7 +39,7 @@ class FlownMap:
     scenario: FlightGround
 
 
-def flight_tracks_spec(report: FlightDocument, style: FigureStyle) -> Spec:
+def flight_tracks_spec(report: FlightDocument, style: figure_style.FigureStyle) -> Spec:
     """Return the figure of the first trial's tracks, true and estimated, over the plan's circles.
 
     Ellipses are the filter's own, three sigma, at moments over the run; a mark shows where the
@@ -93,7 +85,7 @@ def _map_of(ground: FlightGround) -> FlownMap:
     return FlownMap(orbits, places, ground)
 
 
-def _view(flown: FlownMap, series: FlightOverTime, style: FigureStyle) -> MapView:
+def _view(flown: FlownMap, series: FlightOverTime, style: figure_style.FigureStyle) -> MapView:
     """The view that holds all tracks, but of those that went astray no more than is useful."""
     near = view_about(style, [flown])
     room = _FURTHEST * float(np.max(near.high - near.low))
@@ -121,7 +113,7 @@ def _other_trials(tracks: list[FlownTrack], view: MapView) -> list[Spec]:
     traces = []
     for number, track in enumerate(tracks):
         x, y = _lines(track, view, true=True)
-        line = {"color": MUTED, "width": view.line_px(0.7)}
+        line = {"color": figure_style.MUTED, "width": view.line_px(0.7)}
         entry = {"showlegend": not number, "legendgroup": "others"}
         trace = line_trace(f"trial-{track.trial}", "true path, other trials", x, y, line, **entry)
         traces.append(trace)
@@ -131,15 +123,15 @@ def _other_trials(tracks: list[FlownTrack], view: MapView) -> list[Spec]:
 def _circles(flown: FlownMap, view: MapView) -> Spec:
     x, y = gapped(circle_points(flown), view.places)
     # on top of paths that keep to them
-    line = {"color": INK, "dash": "dot", "width": view.line_px(1.2), "simplify": False}
+    line = {"color": figure_style.INK, "dash": "dot", "width": view.line_px(1.2), "simplify": False}
     return line_trace("planned", "planned circle", x, y, line)
 
 
 def _paths(track: FlownTrack, view: MapView) -> list[Spec]:
     true_x, true_y = _lines(track, view, true=True)
     x, y = _lines(track, view, true=False)
-    solid = {"color": BLUE, "width": view.line_px(1.5)}
-    dotted = {"color": VERMILLION, "width": view.line_px(1.5), "dash": "dot"}
+    solid = {"color": figure_style.BLUE, "width": view.line_px(1.5)}
+    dotted = {"color": figure_style.VERMILLION, "width": view.line_px(1.5), "dash": "dot"}
     return [
         line_trace("true", "true path", true_x, true_y, solid),
         line_trace("estimated", "estimated path", x, y, dotted),
@@ -151,8 +143,8 @@ def _ellipses(track: FlownTrack, view: MapView) -> list[Spec]:
     if not rims:
         return []
     x, y = gapped(np.array(rims), view.places)
-    filled = {"fill": "toself", "fillcolor": translucent(ORANGE, 0.35)}
-    line = {"color": ORANGE, "width": 1.0}
+    filled = {"fill": "toself", "fillcolor": figure_style.translucent(figure_style.ORANGE, 0.35)}
+    line = {"color": figure_style.ORANGE, "width": 1.0}
     return [line_trace("ellipses", f"filter's own {SIGMAS:g} sigma", x, y, line, **filled)]
 
 
@@ -189,7 +181,7 @@ def _moments(track: FlownTrack, series: FlightOverTime, view: MapView) -> list[S
             "true place at that moment",
             numbers(x, view.places),
             numbers(y, view.places),
-            {"symbol": "circle", "size": dot_px, "color": INK},
+            {"symbol": "circle", "size": dot_px, "color": figure_style.INK},
             "%{text}<extra></extra>",
             text=said,
         )
@@ -215,8 +207,8 @@ def _ends(
             before = np.searchsorted(times[known], one.begin_s + 1e-6) - 1 if len(known) > 1 else 0
             where.append(places[known[max(before, 0)]])
         x, y = np.array(where).T
-        marker = {"symbol": symbol, "size": view.mark_px(12.0), "color": VERMILLION}
-        marker["line"] = {"color": INK, "width": 1}
+        marker = {"symbol": symbol, "size": view.mark_px(12.0), "color": figure_style.VERMILLION}
+        marker["line"] = {"color": figure_style.INK, "width": 1}
         traces.append(
             mark_trace(
                 kind,

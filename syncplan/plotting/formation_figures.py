@@ -16,16 +16,7 @@ from syncplan.orbits.circles import position, unit
 from syncplan.orbits.contacts import Windows
 from syncplan.planning.judged_team import UnmetLink
 from syncplan.planning.planner import Plan
-from syncplan.plotting.canvas import (
-    Spec,
-    compass,
-    escaped,
-    gapped,
-    label,
-    layout,
-    line_trace,
-    numbers,
-)
+from syncplan.plotting import canvas, maps
 from syncplan.plotting.figure_style import INK, PURPLE, FigureStyle
 from syncplan.plotting.links import (
     DROPPED,
@@ -37,17 +28,6 @@ from syncplan.plotting.links import (
     link_pairs,
 )
 from syncplan.plotting.map_labels import landmark_trace, name_trace, obstructions
-from syncplan.plotting.maps import (
-    HEAD_PX,
-    VEHICLE_PX,
-    MapView,
-    area_traces,
-    circle_traces,
-    pointer,
-    pointer_entry,
-    vehicle_marks,
-    view_of,
-)
 
 MOTIONS_SHOWN = 3
 """Unobservable motions drawn at first; the others stand in the legend, to be switched on."""
@@ -65,28 +45,28 @@ _SHORT_MARK_PX = 7.0
 _MOTION_DASHES = ("solid", "dash", "dot")
 
 
-def formation_spec(plan: Plan, style: FigureStyle) -> Spec:
+def formation_spec(plan: Plan, style: FigureStyle) -> canvas.Spec:
     """Return the figure of a plan's formation at time 0, both axes to one scale.
 
     Links run from rim to rim, by what they are worth. An unobservable motion is an arrow at each
     vehicle that it displaces, the longest 0.9 mean radii long (more on a large map).
     Turns are shown when pointed at.
     """
-    view = view_of(style, plan)
+    view = maps.view_of(style, plan)
     names = body_names(plan)
     about = obstructions(plan, link_pairs(plan), _arrow_lines(plan, view))
     traces = [
-        *area_traces(plan, view),
+        *maps.area_traces(plan, view),
         *_link_traces(plan, names, view),
-        *circle_traces(plan, view, arrows=True),
+        *maps.circle_traces(plan, view, arrows=True),
         *landmark_trace(plan, view, names, about),
-        pointer_entry("vehicles", "vehicle at time 0", VEHICLE_PX),
+        maps.pointer_entry("vehicles", "vehicle at time 0", maps.VEHICLE_PX),
         _vehicle_trace(plan, names, view),
         name_trace(plan, view, names, about),
         *_motion_traces(plan, names, view),
     ]
-    title = escaped(plan.scenario.name or "Formation")
-    drawn = layout(title, note=verdict_words(plan), inner=view.height_px, **view.axes())
+    title = canvas.escaped(plan.scenario.name or "Formation")
+    drawn = canvas.layout(title, note=verdict_words(plan), inner=view.height_px, **view.axes())
     return {"data": traces, "layout": drawn}
 
 
@@ -98,7 +78,7 @@ def verdict_words(plan: Plan) -> str:
     return f"{state}: rank {verdict.rank} of {verdict.state_dim}; certificate {holds}"
 
 
-def _vehicle_trace(plan: Plan, names: list[str], view: MapView) -> Spec:
+def _vehicle_trace(plan: Plan, names: list[str], view: maps.MapView) -> canvas.Spec:
     orbits = plan.orbits
     turns = ["counter-clockwise" if sense > 0.0 else "clockwise" for sense in orbits.senses]
     texts = [
@@ -112,20 +92,20 @@ def _vehicle_trace(plan: Plan, names: list[str], view: MapView) -> Spec:
         "legendgroup": "vehicles",
         "showlegend": False,
         "mode": "markers",
-        **vehicle_marks(plan, view, 0.0, view.places),
+        **maps.vehicle_marks(plan, view, 0.0, view.places),
         "text": texts,
         "hoverinfo": "text",
     }
 
 
-def _link_traces(plan: Plan, names: list[str], view: MapView) -> list[Spec]:
+def _link_traces(plan: Plan, names: list[str], view: maps.MapView) -> list[canvas.Spec]:
     traces = []
     for shown, meetings in _by_worth(plan):
         texts = [hover(item, names, shown) for item in meetings]
         traces.append(_pair_trace(plan, meetings, texts, shown, view))
     if plan.dropped_links:
         texts = [
-            f"{names[item.a]}-{names[item.b]}, dropped<br>{escaped(item.reason)}"
+            f"{names[item.a]}-{names[item.b]}, dropped<br>{canvas.escaped(item.reason)}"
             for item in plan.dropped_links
         ]
         traces.append(_pair_trace(plan, plan.dropped_links, texts, DROPPED, view))
@@ -142,23 +122,23 @@ def _pair_trace(
     links: Sequence[LinkVerdict | UnmetLink],
     texts: list[str],
     shown: Standing,
-    view: MapView,
-) -> Spec:
+    view: maps.MapView,
+) -> canvas.Spec:
     """Lines from rim to rim, with a middle point to be pointed at, marked where a line is short."""
     pairs = np.array([(item.a, item.b) for item in links])
     start, end = link_ends(plan.orbits, plan.landmarks, pairs)
-    x, y = gapped(np.stack([start, 0.5 * (start + end), end], axis=1), view.places)
+    x, y = canvas.gapped(np.stack([start, 0.5 * (start + end), end], axis=1), view.places)
     text = [""] * len(x)
     text[1::4] = texts
     lengths = view.scale * np.hypot(*(end - start).T)
     sizes = [0.0] * len(x)
     sizes[1::4] = [_SHORT_MARK_PX if length < _SHORT_PX else 0.0 for length in lengths]
     line = {"color": shown.color, "dash": shown.dash, "width": view.link_px(shown.width)}
-    marks: Spec = {}
+    marks: canvas.Spec = {}
     if any(sizes):
         marker = {"symbol": "diamond", "size": sizes, "color": shown.color, "line": {"width": 0}}
         marks = {"mode": "lines+markers", "marker": {**marker, "opacity": 1}}
-    return line_trace(
+    return canvas.line_trace(
         shown.key,
         shown.text,
         x,
@@ -171,7 +151,7 @@ def _pair_trace(
     )
 
 
-def _motion_traces(plan: Plan, names: list[str], view: MapView) -> list[Spec]:
+def _motion_traces(plan: Plan, names: list[str], view: maps.MapView) -> list[canvas.Spec]:
     """Arrows of each motion, and an entry in the legend, which has no room for arrowheads."""
     traces = []
     for number, motion in enumerate(plan.unobservable):
@@ -181,8 +161,8 @@ def _motion_traces(plan: Plan, names: list[str], view: MapView) -> list[Spec]:
             "legendgroup": f"motion-{number}",
             "visible": True if number < MOTIONS_SHOWN else "legendonly",
         }
-        text = label(f"unobservable: {motion.description}")
-        traces.append(line_trace(f"entry-{number}", text, [None], [None], line, **shared))
+        text = canvas.label(f"unobservable: {motion.description}")
+        traces.append(canvas.line_trace(f"entry-{number}", text, [None], [None], line, **shared))
         traces.append(
             {
                 "type": "scatter",
@@ -198,7 +178,9 @@ def _motion_traces(plan: Plan, names: list[str], view: MapView) -> list[Spec]:
     return traces
 
 
-def _arrows(plan: Plan, motion: UnobservableMode, names: list[str], view: MapView) -> Spec:
+def _arrows(
+    plan: Plan, motion: UnobservableMode, names: list[str], view: maps.MapView
+) -> canvas.Spec:
     """Places of lines and their heads, and what each of them says."""
     head = view.mark_px(_HEAD_PX)
     x: list[float | None] = []
@@ -207,18 +189,18 @@ def _arrows(plan: Plan, motion: UnobservableMode, names: list[str], view: MapVie
     angles: list[float] = []
     text: list[str] = []
     for k, path, ahead in _arrow_paths(plan, motion, view):
-        one_x, one_y = gapped(path[None], view.places)
+        one_x, one_y = canvas.gapped(path[None], view.places)
         x, y = x + one_x, y + one_y
         plain = len(path) - 1
         sizes += [0] * plain + [head, 0]
-        angles += [0.0] * plain + compass(np.arctan2(ahead[1], ahead[0])) + [0.0]
+        angles += [0.0] * plain + canvas.compass(np.arctan2(ahead[1], ahead[0])) + [0.0]
         text += [_motion_words(motion, names[k], k)] * (plain + 1) + [""]
     marker = {"symbol": "arrow", "size": sizes, "angle": angles, "color": PURPLE}
     return {"x": x, "y": y, "marker": {**marker, "opacity": 1, "line": {"width": 0}}, "text": text}
 
 
 def _arrow_paths(
-    plan: Plan, motion: UnobservableMode, view: MapView
+    plan: Plan, motion: UnobservableMode, view: maps.MapView
 ) -> Iterator[tuple[int, Array, Array]]:
     """Each vehicle that moves, its line (p, 2) in m, and the direction of its head."""
     radius = float(plan.orbits.radii.mean())
@@ -234,7 +216,7 @@ def _arrow_paths(
             yield k, path, path[-1] - path[-2]
 
 
-def _arrow_lines(plan: Plan, view: MapView) -> Array:
+def _arrow_lines(plan: Plan, view: maps.MapView) -> Array:
     """The lines (k, 2, 2) m of all arrows that are drawn at first."""
     lines = [
         np.stack([path[:-1], path[1:]], axis=1)
@@ -249,7 +231,7 @@ def _motion_words(motion: UnobservableMode, name: str, k: int) -> str:
     shift = np.hypot(motion.motion[:, 0], motion.motion[:, 1])[k]
     return (
         f"{name} may move unseen: {shift:.2f} toward ({east:.2f}, {north:.2f}), turning "
-        f"{turn:.4f} rad<br>{label(motion.description)}"
+        f"{turn:.4f} rad<br>{canvas.label(motion.description)}"
     )
 
 
@@ -271,22 +253,22 @@ _HEAD_AT = 0.68
 """Where on a sight line its arrowhead lies: past the middle, which keeps both ways apart."""
 
 
-def animation_spec(plan: Plan, style: FigureStyle, frames: int = FRAMES) -> Spec:
+def animation_spec(plan: Plan, style: FigureStyle, frames: int = FRAMES) -> canvas.Spec:
     """Return the figure of one period in `frames` steps, with buttons and a slider.
 
     A line joins a vehicle and what it sees at that moment, in the look that the formation gives a
     link of that worth; its arrowhead points at what is seen.
     """
-    view = view_of(style, plan)
+    view = maps.view_of(style, plan)
     names = body_names(plan)
     about = obstructions(plan, np.empty((0, 2), dtype=int))
     still = [
-        *area_traces(plan, view),
-        *circle_traces(plan, view, arrows=False),
+        *maps.area_traces(plan, view),
+        *maps.circle_traces(plan, view, arrows=False),
         *landmark_trace(plan, view, names, about),
         name_trace(plan, view, names, about),
-        pointer_entry("directions", "direction of sight", HEAD_PX),
-        pointer_entry("vehicles", "vehicle", VEHICLE_PX),
+        maps.pointer_entry("directions", "direction of sight", maps.HEAD_PX),
+        maps.pointer_entry("vehicles", "vehicle", maps.VEHICLE_PX),
     ]
     times = np.arange(frames) * plan.orbits.period / frames
     kinds = _by_worth(plan)
@@ -299,9 +281,9 @@ def animation_spec(plan: Plan, style: FigureStyle, frames: int = FRAMES) -> Spec
     first = [{**trace, **look} for trace, look in zip(moving[0], looks, strict=True)]
     index = [len(still) + k for k in range(len(first))]
     steps = [{"name": str(k), "data": traces, "traces": index} for k, traces in enumerate(moving)]
-    title = f"{escaped(plan.scenario.name or 'Formation')}: one period"
+    title = f"{canvas.escaped(plan.scenario.name or 'Formation')}: one period"
     note = f"{plan.orbits.period:.4g} s in {frames} steps; arrowheads point at what is seen"
-    drawn = layout(title, note=note, inner=view.height_px, **view.axes(), **_controls(times))
+    drawn = canvas.layout(title, note=note, inner=view.height_px, **view.axes(), **_controls(times))
     return {"data": [*still, *first], "layout": drawn, "frames": steps}
 
 
@@ -313,8 +295,8 @@ def live(windows: Windows, period: float, time: float) -> tuple[Index, Index]:
 
 
 def _moving_traces(
-    plan: Plan, kind_of: Index, kinds: int, time: float, view: MapView
-) -> list[Spec]:
+    plan: Plan, kind_of: Index, kinds: int, time: float, view: maps.MapView
+) -> list[canvas.Spec]:
     """Traces that change from frame to frame: sight lines of each kind, their heads, the vehicles.
 
     `kind_of` is (b, b), symmetric, of bodies; -1 for pairs that never meet.
@@ -330,28 +312,30 @@ def _moving_traces(
     return [
         *(_segments(bodies[pairs[worth == kind]], places) for kind in range(kinds)),
         {
-            "x": numbers(heads[:, 0], places) or [None],
-            "y": numbers(heads[:, 1], places) or [None],
-            "marker": pointer(view, HEAD_PX, compass(np.arctan2(away[:, 1], away[:, 0])), INK),
+            "x": canvas.numbers(heads[:, 0], places) or [None],
+            "y": canvas.numbers(heads[:, 1], places) or [None],
+            "marker": maps.pointer(
+                view, maps.HEAD_PX, canvas.compass(np.arctan2(away[:, 1], away[:, 0])), INK
+            ),
         },
-        vehicle_marks(plan, view, time, places),
+        maps.vehicle_marks(plan, view, time, places),
     ]
 
 
-def _segments(ends: Array, places: int) -> Spec:
+def _segments(ends: Array, places: int) -> canvas.Spec:
     # of a trace with nothing in it, the legend's entry would come and go
-    x, y = gapped(ends.reshape(-1, 2, 2), places)
+    x, y = canvas.gapped(ends.reshape(-1, 2, 2), places)
     return {"x": x or [None], "y": y or [None]}
 
 
-def _looks(kinds: list[Standing], names: list[str], view: MapView) -> list[Spec]:
+def _looks(kinds: list[Standing], names: list[str], view: maps.MapView) -> list[canvas.Spec]:
     """How the moving traces look; their places come with each frame."""
 
-    def marks(group: str, **more: Any) -> Spec:
+    def marks(group: str, **more: Any) -> canvas.Spec:
         shared = {"uid": group, "legendgroup": group, "showlegend": False}
         return {"type": "scatter", "mode": "markers", **shared, **more}
 
-    looks: list[Spec] = []
+    looks: list[canvas.Spec] = []
     for kind in kinds:
         line = {"color": kind.color, "dash": kind.dash, "width": view.link_px(kind.width)}
         shared = {"type": "scatter", "mode": "lines", "hoverinfo": "skip"}
@@ -362,7 +346,7 @@ def _looks(kinds: list[Standing], names: list[str], view: MapView) -> list[Spec]
     return [*looks, heads, marks("vehicles", text=names, hovertemplate=hovered)]
 
 
-def _controls(times: Array) -> Spec:
+def _controls(times: Array) -> canvas.Spec:
     """Play, pause and a slider, below the map."""
     turn = {"frame": {"duration": FRAME_MS, "redraw": True}, "transition": {"duration": 0}}
     at_once = {"frame": {"duration": 0, "redraw": True}, "transition": {"duration": 0}}

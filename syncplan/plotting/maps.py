@@ -9,16 +9,7 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.orbits.circles import Orbits, heading, position, unit
 from syncplan.planning.planner import Plan
-from syncplan.plotting.canvas import (
-    Spec,
-    axis,
-    compass,
-    decimals,
-    gapped,
-    line_trace,
-    mark_trace,
-    numbers,
-)
+from syncplan.plotting import canvas
 from syncplan.plotting.figure_style import BLUE, INK, MUTED, ORANGE, FigureStyle, translucent
 
 Corners = Sequence[tuple[float, float]]
@@ -98,7 +89,7 @@ class MapView:
     @property
     def places(self) -> int:
         """Decimals that show a hundred-thousandth of what is shown."""
-        return decimals(float(np.max(self.high - self.low)))
+        return canvas.decimals(float(np.max(self.high - self.low)))
 
     def mark_px(self, largest: float) -> float:
         """Return the size in px of a mark that suits the circles, at most `largest`."""
@@ -117,14 +108,14 @@ class MapView:
     def _radius_px(self) -> float:
         return self.scale * self.least_radius
 
-    def axes(self) -> Spec:
+    def axes(self) -> canvas.Spec:
         """Return the two axes, to one scale; what is left over of the plot shows more."""
         low, high = self.low, self.high
-        across = {"range": numbers([low[0], high[0]], 6), "constrain": "range"}
-        up = {"range": numbers([low[1], high[1]], 6), "constrain": "range"}
+        across = {"range": canvas.numbers([low[0], high[0]], 6), "constrain": "range"}
+        up = {"range": canvas.numbers([low[1], high[1]], 6), "constrain": "range"}
         return {
-            "xaxis": axis("x (east), m", **across),
-            "yaxis": axis("y (north), m", **up, scaleanchor="x", scaleratio=1),
+            "xaxis": canvas.axis("x (east), m", **across),
+            "yaxis": canvas.axis("y (north), m", **up, scaleanchor="x", scaleratio=1),
         }
 
 
@@ -196,67 +187,67 @@ def circle_points(plan: Mapped) -> Array:
     return np.asarray(orbits.centers[:, None] + orbits.radii[:, None, None] * turn)
 
 
-def circle_traces(plan: Mapped, view: MapView, *, arrows: bool) -> list[Spec]:
+def circle_traces(plan: Mapped, view: MapView, *, arrows: bool) -> list[canvas.Spec]:
     """Return the circles, a trace for each sense; `arrows` adds heads that show the sense."""
     points = circle_points(plan)
-    traces: list[Spec] = []
+    traces: list[canvas.Spec] = []
     for sense, key, name, color, dash in _SENSE_STYLES:
         chosen = plan.orbits.senses == sense
         if not chosen.any():
             continue
-        x, y = gapped(points[chosen], view.places)
+        x, y = canvas.gapped(points[chosen], view.places)
         line = {"color": color, "dash": dash, "width": view.line_px(1.8), "simplify": False}
-        traces.append(line_trace(f"circles-{key}", name, x, y, line, legendgroup=key))
+        traces.append(canvas.line_trace(f"circles-{key}", name, x, y, line, legendgroup=key))
         if arrows:
             heads = sense_heads(plan, view, color, chosen)
             traces.append({**heads, "uid": f"heads-{key}", "legendgroup": key})
     return traces
 
 
-def area_traces(plan: Mapped, view: MapView) -> list[Spec]:
+def area_traces(plan: Mapped, view: MapView) -> list[canvas.Spec]:
     """Return the area, the keep-out zones and the obstacles, where the scenario has any."""
     scenario = plan.scenario
     traces = []
     if scenario.area_m is not None:
-        x, y = gapped(_closed(scenario.area_m), view.places)
+        x, y = canvas.gapped(_closed(scenario.area_m), view.places)
         line = {"color": MUTED, "dash": "dot", "width": 1.5}
-        traces.append(line_trace("area", "area", x, y, line))
+        traces.append(canvas.line_trace("area", "area", x, y, line))
     # what blocks sight as well as paths is drawn as both, the obstacle on top
     for uid, name, polygons, opacity, line in (
         ("keep-out", "keep-out zone", scenario.keep_out_m, 0.25, {"color": MUTED, "width": 1}),
         ("obstacle", "obstacle to sight", scenario.obstacles_m, 0.6, {"color": INK, "width": 2}),
     ):
-        drawn = [gapped(_closed(polygon), view.places) for polygon in polygons or []]
+        drawn = [canvas.gapped(_closed(polygon), view.places) for polygon in polygons or []]
         if drawn:
             x = [value for one, _ in drawn for value in one]
             y = [value for _, one in drawn for value in one]
             filled = {"fill": "toself", "fillcolor": translucent(MUTED, opacity)}
-            traces.append(line_trace(uid, name, x, y, line, **filled))
+            traces.append(canvas.line_trace(uid, name, x, y, line, **filled))
     return traces
 
 
-def vehicle_marks(plan: Mapped, view: MapView, time: float, places: int) -> Spec:
+def vehicle_marks(plan: Mapped, view: MapView, time: float, places: int) -> canvas.Spec:
     """Return places, rounded, and arrows of the vehicles at a time in s."""
     where = position(plan.orbits, time)
     return {
-        "x": numbers(where[:, 0], places),
-        "y": numbers(where[:, 1], places),
-        "marker": pointer(view, VEHICLE_PX, compass(heading(plan.orbits, time)), INK),
+        "x": canvas.numbers(where[:, 0], places),
+        "y": canvas.numbers(where[:, 1], places),
+        "marker": pointer(view, VEHICLE_PX, canvas.compass(heading(plan.orbits, time)), INK),
     }
 
 
-def pointer(view: MapView, largest: float, angles: Any, color: str) -> Spec:
+def pointer(view: MapView, largest: float, angles: Any, color: str) -> canvas.Spec:
     """Return a marker: an arrow whose tip is the point, turned by Plotly's `angles`."""
     return {"symbol": "arrow", "size": view.mark_px(largest), "angle": angles, "color": color}
 
 
-def pointer_entry(group: str, name: str, size: float) -> Spec:
+def pointer_entry(group: str, name: str, size: float) -> canvas.Spec:
     """Return the legend's entry of a trace of pointers, upright and on the line of its words."""
     marker = {"symbol": "triangle-up", "size": 0.8 * size, "color": INK}
-    return mark_trace(f"{group}-entry", name, [None], [None], marker, legendgroup=group)
+    return canvas.mark_trace(f"{group}-entry", name, [None], [None], marker, legendgroup=group)
 
 
-def sense_heads(plan: Mapped, view: MapView, color: str, chosen: Array) -> Spec:
+def sense_heads(plan: Mapped, view: MapView, color: str, chosen: Array) -> canvas.Spec:
     """Return a head on each chosen circle opposite the vehicle, pointing the way it flies round."""
     orbits = plan.orbits
     across = orbits.phases + np.pi
@@ -265,9 +256,9 @@ def sense_heads(plan: Mapped, view: MapView, color: str, chosen: Array) -> Spec:
     return {
         "type": "scatter",
         "mode": "markers",
-        "x": numbers(where[:, 0], view.places),
-        "y": numbers(where[:, 1], view.places),
-        "marker": pointer(view, HEAD_PX, compass(ahead), color),
+        "x": canvas.numbers(where[:, 0], view.places),
+        "y": canvas.numbers(where[:, 1], view.places),
+        "marker": pointer(view, HEAD_PX, canvas.compass(ahead), color),
         "showlegend": False,
         "hoverinfo": "skip",
     }

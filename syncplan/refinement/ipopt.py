@@ -109,7 +109,7 @@ class StagedSolver:
                 lbx=nlp.lower,
                 ubx=nlp.upper,
                 lbg=nlp.constraint_lower,
-                ubg=nlp.constraint_upper,
+                ubg=np.inf,
             )
             statistics = solver.stats()
             iterations += int(statistics["iter_count"])

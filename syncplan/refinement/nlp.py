@@ -225,7 +225,7 @@ class StageNlp:
     values : function (x, p) -> (objective, constraints)
     information : function of the circles' variables -> the windowed information (3 n, 3 n), where
         the start of the objective's own variable needs it
-    lower, upper, constraint_lower, constraint_upper : bounds
+    lower, upper, constraint_lower : bounds; constraints have none above
     labels : what each constraint is
     """
 
@@ -241,7 +241,6 @@ class StageNlp:
     lower: Array
     upper: Array
     constraint_lower: Array
-    constraint_upper: Array
     labels: tuple[str, ...]
 
     @property
@@ -280,8 +279,7 @@ class StageNlp:
 
     def excess(self, constraints: Array) -> Array:
         """Return how far each constraint's value lies outside its bounds."""
-        below, above = self.constraint_lower - constraints, constraints - self.constraint_upper
-        return np.asarray(np.maximum(np.maximum(below, above), 0.0))
+        return np.asarray(np.maximum(self.constraint_lower - constraints, 0.0))
 
     def sides_of(self, circles: Array) -> Array:
         """Return the sides that circles (4, n) in m and rad are on."""
@@ -333,7 +331,6 @@ def nlp_of(problem: RefineProblem, stage: Stage) -> StageNlp:
         lower=lower,
         upper=upper,
         constraint_lower=np.append(limits.lower, np.zeros(len(labels) - len(limits.lower))),
-        constraint_upper=np.full(len(labels), np.inf),
         labels=labels,
     )
 

@@ -20,14 +20,8 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.errors import ProcessEndedError
+from syncplan.refinement import ipopt
 from syncplan.refinement.exact_search import improved_nearby
-from syncplan.refinement.ipopt import (
-    SolverProgress,
-    SolverRun,
-    StagedSolver,
-    Steering,
-    starting_circles,
-)
 from syncplan.refinement.measures import NO_STANDING, Measurement, Standing, measure
 from syncplan.refinement.problem import RefineProblem, circles_of, orbits_of
 from syncplan.runtime.child_processes import ChildProcess, connect_to_parent
@@ -65,20 +59,22 @@ class Attempt:
     """
 
     start: int
-    run: SolverRun
+    run: ipopt.SolverRun
     circles: Array | None
     after: Measurement | None
     violations: tuple[str, ...]
 
 
-Report = Callable[[int, SolverProgress], None]
+Report = Callable[[int, ipopt.SolverProgress], None]
 Found = Callable[[Attempt], None]
 
 
-def attempt(task: RefineTask, solver: StagedSolver, start: int, steering: Steering) -> Attempt:
+def attempt(
+    task: RefineTask, solver: ipopt.StagedSolver, start: int, steering: ipopt.Steering
+) -> Attempt:
     """Return the result of start number `start`."""
     problem = task.problem
-    first = starting_circles(
+    first = ipopt.starting_circles(
         problem, task.rule_phases, task.nudged, start, task.seed, lambda: solver.nlp(0)
     )
     run = solver.solve(first, steering)
@@ -155,18 +151,18 @@ class _StartsToRun:
 
 
 def _run_here(search: _StartsToRun, _workers: int) -> bool:
-    solver = StagedSolver(search.task.problem)
+    solver = ipopt.StagedSolver(search.task.problem)
     report = search.report
     with _interruption() as interrupted:
         for start in search.waiting:
             if interrupted.is_set() or search.over():
                 break
 
-            def pass_on(progress: SolverProgress, number: int = start) -> None:
+            def pass_on(progress: ipopt.SolverProgress, number: int = start) -> None:
                 if report is not None:
                     report(number, progress)
 
-            steering = Steering(search.deadline, interrupted.is_set, pass_on)
+            steering = ipopt.Steering(search.deadline, interrupted.is_set, pass_on)
             search.take(attempt(search.task, solver, start, steering))
         return interrupted.is_set()
 
@@ -287,17 +283,17 @@ def serve_tasks(descriptor: int) -> None:
     """Run the starts that the parent orders, until it goes: what a child process does."""
     connection = connect_to_parent(descriptor)
     task: RefineTask = connection.recv()
-    solver = StagedSolver(task.problem)
+    solver = ipopt.StagedSolver(task.problem)
     orders: queue.Queue[tuple[int, float]] = queue.Queue()
     stop = threading.Event()
     threading.Thread(target=_take_orders, args=(connection, orders, stop), daemon=True).start()
     while True:
         start, left = orders.get()
 
-        def pass_on(progress: SolverProgress, number: int = start) -> None:
+        def pass_on(progress: ipopt.SolverProgress, number: int = start) -> None:
             _answer(connection, ("progress", (number, progress)))
 
-        steering = Steering(time.monotonic() + left, stop.is_set, pass_on)
+        steering = ipopt.Steering(time.monotonic() + left, stop.is_set, pass_on)
         _answer(connection, ("done", attempt(task, solver, start, steering)))
 
 
@@ -385,7 +381,7 @@ def _packed(attempt: Attempt) -> bytes:
 
 def _unpacked(data: bytes, task: RefineTask, start: int) -> Attempt:
     values = json.loads(data)
-    run = SolverRun(
+    run = ipopt.SolverRun(
         candidates=(),
         status=values["status"],
         stopped=False,

@@ -8,25 +8,15 @@ from pydantic import Field
 
 from syncplan import __version__
 from syncplan.arrays import Array
-from syncplan.documents import DocumentPart, finite_or_none
+from syncplan.documents import DocumentPart, OrAbsent, finite_or_none
 from syncplan.estimation.considered_errors import neglected_errors
 from syncplan.flight.flight_options import AS_COMMANDED, GUIDANCES, FlightOptions
-from syncplan.phrases import listed, percent
+from syncplan.phrases import in_words, listed, percent
 from syncplan.planning.judged_team import PlanVerdict
 from syncplan.planning.lost_parts import phrase_of
 from syncplan.planning.planner import Plan
+from syncplan.reports import run_figures
 from syncplan.reports.flight_series import FlightOverTime, flight_over_time
-from syncplan.reports.run_figures import (
-    Errors,
-    FilterRecord,
-    Spread,
-    TrueWorldReport,
-    errors_of,
-    expected_in_truth,
-    keys_in_truth,
-    spread_of,
-    truth_note,
-)
 from syncplan.scenario.disturbances import ReadingsKind
 
 if TYPE_CHECKING:
@@ -40,7 +30,7 @@ class PhaseError(DocumentPart):
     worst: float = Field(description="In any trial")
 
 
-class FlightErrors(Errors):
+class FlightErrors(run_figures.Errors):
     """Errors of the estimates against the truth as flown, over all trials."""
 
     predicted_rms_m: float | None = Field(
@@ -165,7 +155,7 @@ class VehicleModel(DocumentPart):
     readings: ReadingsKind
 
 
-class FlightDocument(TrueWorldReport):
+class FlightDocument(run_figures.TrueWorldReport):
     """Many flights of a plan, in closed loop."""
 
     verdict: PlanVerdict = Field(description="Of the plan that was flown")
@@ -175,7 +165,7 @@ class FlightDocument(TrueWorldReport):
     guidance: str
     conditions: FlightConditions
     vehicle_model: VehicleModel
-    filter: FilterRecord
+    filter: run_figures.FilterRecord
     observable: bool
     filter_lost_share: float = Field(
         description="Share of trials in which some vehicle's error in the second half is over 5 "
@@ -193,14 +183,14 @@ class FlightDocument(TrueWorldReport):
     events: list[FlightEvent]
     vehicles: list[FlownVehicle]
     overall: FlightErrors
-    errors: list[FlownStateError] | None = Field(
+    errors: OrAbsent[list[FlownStateError]] = Field(
         default=None,
         description="Of states of the filter that are no poses; absent where there are none",
     )
     links: list[FlownLink]
-    anees: Spread
-    nis: Spread
-    series: FlightOverTime | None = Field(
+    anees: run_figures.Spread
+    nis: run_figures.Spread
+    series: OrAbsent[FlightOverTime] = Field(
         default=None, description="Over time; absent unless asked for"
     )
     notes: list[str]
@@ -222,8 +212,8 @@ def flight_document(flight: "Flight") -> FlightDocument:
     document = FlightDocument(
         version=__version__,
         name=plan.scenario.name,
-        truth=keys_in_truth(plan),
-        expected_rms_m=expected_in_truth(plan, flight.expected),
+        truth=run_figures.keys_in_truth(plan),
+        expected_rms_m=run_figures.expected_in_truth(plan, flight.expected),
         verdict=plan.verdict,
         trials=result.trials,
         seed=found.seed,
@@ -231,7 +221,7 @@ def flight_document(flight: "Flight") -> FlightDocument:
         guidance=options.guidance,
         conditions=_conditions(flight.run.options),
         vehicle_model=_model(flight),
-        filter=_filter(flight),
+        filter=run_figures.filter_record(options, run.chosen_because, flight.judged_from, found),
         observable=plan.observable,
         filter_lost_share=record.filter_lost_share,
         out_of_contact_share=record.out_of_contact_share,
@@ -246,8 +236,8 @@ def flight_document(flight: "Flight") -> FlightDocument:
             FlownLink(between=one.between, meetings=one.meetings, kept_share=one.kept_share)
             for one in record.meetings_kept
         ],
-        anees=spread_of(flight.anees),
-        nis=spread_of(flight.nis),
+        anees=run_figures.spread_of(flight.anees),
+        nis=run_figures.spread_of(flight.nis),
         series=flight_over_time(flight),
         notes=[],
     )
@@ -261,20 +251,6 @@ def _conditions(options: FlightOptions) -> FlightConditions:
         mistaken=options.mistaken,
         late=options.late,
         wind_mps=options.wind,
-    )
-
-
-def _filter(flight: "Flight") -> FilterRecord:
-    options, found = flight.run.options, flight.result.estimates
-    return FilterRecord(
-        model=options.filter_model.motion,
-        kind=options.filter,
-        chosen_because=flight.run.chosen_because,
-        judged_from_s=flight.judged_from,
-        substeps=options.motion_substeps,
-        gate_probability=options.gate_probability,
-        gated=int(found.gated.sum()),
-        used=int(found.accepted.sum()),
     )
 
 
@@ -331,7 +307,7 @@ def _tolerance(plan: Plan, k: int) -> float | None:
 def _errors(flight: "Flight", k: int, bound: float, tracking: Array) -> FlightErrors:
     accuracy, predicted = flight.accuracy, flight.predicted
     return FlightErrors(
-        **errors_of(accuracy, k, float(flight.coverage[k])),
+        **run_figures.errors_of(accuracy, k, float(flight.coverage[k])),
         predicted_rms_m=None if predicted is None else float(predicted[k]),
         bound_rms_m=bound,
         rms_over_bound=_share(float(accuracy.late_position[k]), bound),
@@ -343,7 +319,9 @@ def _overall(flight: "Flight") -> FlightErrors:
     """Over all vehicles that are there in the second half."""
     there, predicted = flight.there, flight.predicted
     bound = float(np.sqrt(np.mean(flight.bound[there] ** 2)))
-    found = errors_of(flight.accuracy.overall(there), (), float(np.mean(flight.coverage[there])))
+    found = run_figures.errors_of(
+        flight.accuracy.overall(there), (), float(np.mean(flight.coverage[there]))
+    )
     return FlightErrors(
         **found,
         predicted_rms_m=None
@@ -417,22 +395,11 @@ def _state_errors(flight: "Flight") -> list[FlownStateError] | None:
     labels = layout.labels(flight.run.plan.scenario.vehicle_names)
     if not labels:
         return None
-    rms, late = (
-        np.sqrt(one.mean(axis=0)) for one in (found.state_squares, found.late_state_squares)
-    )
-    bound = np.sqrt(flight.result.figures.state_bound_squares.mean(axis=0))
-    covered = found.states_covered.mean(axis=0)
+    bounds = np.sqrt(flight.result.figures.state_bound_squares.mean(axis=0)).tolist()
+    states = zip(labels, layout.units, strict=True)
     return [
-        FlownStateError(
-            state=label,
-            unit=unit,
-            rms=float(rms[k]),
-            rms_second_half=float(late[k]),
-            bound_rms=float(bound[k]),
-            ratio=_share(float(late[k]), float(bound[k])),
-            coverage=float(covered[k]),
-        )
-        for k, (label, unit) in enumerate(zip(labels, layout.units, strict=True))
+        FlownStateError(**one, bound_rms=bound)
+        for one, bound in zip(run_figures.state_errors(found, states, bounds), bounds, strict=True)
     ]
 
 
@@ -458,7 +425,7 @@ def notes_of(flight: "Flight", report: FlightDocument) -> list[str]:
 def _of_truth(report: FlightDocument) -> Iterator[str]:
     """How the simulated world differs from the scenario."""
     own = report.overall
-    note = truth_note(
+    note = run_figures.truth_note(
         report.truth, report.expected_rms_m, own.rms_second_half_m, own.predicted_rms_m
     )
     if note is not None:
@@ -526,17 +493,12 @@ def _of_places(flight: "Flight") -> Iterator[str]:
 
 def _of_filter(flight: "Flight", report: FlightDocument) -> Iterator[str]:
     """From when on the filter is judged, and what it does not know of."""
-    if flight.judged_from:
-        yield (
-            f"the filter looks for its start until {flight.judged_from:.4g} s: ANEES, NIS and "
-            "coverage count from there on"
-        )
+    yield from run_figures.start_notes(flight.judged_from)
     neglected = neglected_errors(flight.plan.team)
     if neglected:
-        what = listed([name.replace("_", " ") for name in neglected], len(neglected))
         yield (
-            f"the filter does not estimate {what}: vehicles do not know that they are off, and "
-            "the bound does not either; filter.estimate makes them states"
+            f"the filter does not estimate {in_words(neglected)}: vehicles do not know that they "
+            "are off, and the bound does not either; filter.estimate makes them states"
         )
     wind = report.conditions.wind_mps or (0.0, 0.0)
     if any(wind) and report.wind_error_mps is None and "wind" not in neglected:

@@ -1,11 +1,9 @@
 """What losses do to a plan, as a document."""
 
-from typing import ClassVar
-
 from pydantic import Field
 
 from syncplan import __version__
-from syncplan.documents import Document, VersionedDocument
+from syncplan.documents import Document, OrAbsent, VersionedDocument
 from syncplan.planning.judged_team import PlanVerdict
 from syncplan.planning.loss_study import LossOutcome, WhatIf
 from syncplan.reports.observability_report import (
@@ -21,8 +19,6 @@ from syncplan.reports.observability_report import (
 class RemainingTeam(Document):
     """What a loss leaves of a team, judged afresh on the orbits it has."""
 
-    left_out_if_none: ClassVar[frozenset[str]] = frozenset({"extended"})
-
     lost: list[str] = Field(
         description="Names of what is lost: vehicles, landmarks, and sensors as sensor:v3, whose "
         "vehicles fly on, or as compass:v3 and distance:v3, of one kind of sighting; empty for the "
@@ -33,7 +29,7 @@ class RemainingTeam(Document):
     state_dim: int
     observable: bool
     unobservable: list[Unobservable]
-    extended: ExtendedRank | None = Field(
+    extended: OrAbsent[ExtendedRank] = Field(
         default=None,
         description="Rank with errors as states; absent where the filter estimates none that are "
         "constant, or where there are more than 400 states",

@@ -1,7 +1,6 @@
 """What is determined of a team, and how well, as documents hold it."""
 
 from collections.abc import Sequence
-from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -10,6 +9,7 @@ from syncplan.arrays import Array
 from syncplan.documents import (
     Document,
     DocumentPart,
+    OrAbsent,
     Point,
     finite_or_none,
     point_of,
@@ -82,8 +82,6 @@ class ExtendedRank(DocumentPart):
 class ObservabilityVerdict(Document):
     """Rank and conditioning of the windowed matrix by poses, positions in mean radii."""
 
-    left_out_if_none: ClassVar[frozenset[str]] = frozenset({"extended", "states"})
-
     rank: int
     state_dim: int
     observable: bool
@@ -99,12 +97,12 @@ class ObservabilityVerdict(Document):
     )
     singular_values: list[float]
     unobservable: list[Unobservable]
-    extended: ExtendedRank | None = Field(
+    extended: OrAbsent[ExtendedRank] = Field(
         default=None,
         description="Rank with errors as states; absent where the filter estimates none that are "
         "constant, or where there are too many states",
     )
-    states: list[StateVerdict] | None = Field(
+    states: OrAbsent[list[StateVerdict]] = Field(
         default=None, description="What is determined, by kind of state; absent as `extended` is"
     )
 

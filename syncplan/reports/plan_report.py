@@ -1,7 +1,7 @@
 """Plans as documents."""
 
 from collections.abc import Sequence
-from typing import ClassVar, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import Field
@@ -10,6 +10,7 @@ from syncplan import __version__
 from syncplan.documents import (
     Document,
     DocumentPart,
+    OrAbsent,
     Point,
     VersionedDocument,
     Window,
@@ -59,15 +60,13 @@ class DirectedContact(DocumentPart):
 class Link(Document):
     """A meeting of two vehicles, once a period."""
 
-    left_out_if_none: ClassVar[frozenset[str]] = frozenset({"contact_share"})
-
     a: str
     b: str
     rule: Literal["same", "opposite"]
     phase_residual_rad: float
     min_distance_m: float
     contact_s: float
-    contact_share: float | None = Field(
+    contact_share: OrAbsent[float] = Field(
         default=None,
         description="contact_s over the longest that any phases give this link; only where phases "
         "were chosen for limited fields of view or among obstacles",
@@ -189,11 +188,7 @@ class SynchronisationRecord(DocumentPart):
 class PlanDocument(VersionedDocument):
     """A plan: orbits, meetings and the verdict on observability."""
 
-    left_out_if_none: ClassVar[frozenset[str]] = frozenset(
-        {"expected_rms_m", "flight", "predicted_errors", "refinement", "start_up", "verdict"}
-    )
-
-    verdict: PlanVerdict | None = Field(
+    verdict: OrAbsent[PlanVerdict] = Field(
         default=None, description="Go or no-go, with all findings; absent from older files"
     )
     scenario: Scenario
@@ -211,24 +206,24 @@ class PlanDocument(VersionedDocument):
     predicted_rms_m: ErrorPrediction
     steady_rms_m: ErrorPrediction | None
     window_bound_m: ErrorPrediction
-    expected_rms_m: ErrorPrediction | None = Field(
+    expected_rms_m: OrAbsent[ErrorPrediction] = Field(
         default=None,
         description="RMS position error to be expected of the filter, which leaves out errors that "
         "the scenario states and does not know what they cost; absent where it leaves out none",
     )
-    predicted_errors: list[PredictedStateError] | None = Field(
+    predicted_errors: OrAbsent[list[PredictedStateError]] = Field(
         default=None,
         description="States of the filter that are no poses; absent where there are none",
     )
-    start_up: StartUpRecord | None = Field(
+    start_up: OrAbsent[StartUpRecord] = Field(
         default=None,
         description="Whether the filter reaches the predicted error; absent where none is "
         "predicted, from plans that are not observable and from older files",
     )
-    refinement: RefinementResult | None = Field(
+    refinement: OrAbsent[RefinementResult] = Field(
         default=None, description="How the plan was refined, where it was"
     )
-    flight: FlownPlan | None = Field(
+    flight: OrAbsent[FlownPlan] = Field(
         default=None, description="What flying the plan has found; absent where it was not flown"
     )
     notes: list[str] = Field(description="The messages of the verdict's findings")

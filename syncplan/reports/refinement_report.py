@@ -1,10 +1,10 @@
 """Refinements as documents: before and after, what holds the result where it is, every start."""
 
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 from pydantic import Field, create_model
 
-from syncplan.documents import Document, DocumentPart, finite_or_none
+from syncplan.documents import Document, DocumentPart, OrAbsent, finite_or_none
 from syncplan.planning.plan_records import RefinementRecord, StartResult
 from syncplan.planning.start_up import InputStart
 from syncplan.scenario.objectives import FIGURES, Figures
@@ -46,8 +46,6 @@ else:
 class RefinementResult(Document):
     """How a plan was refined; `improved` says whether this is a better plan or the input."""
 
-    left_out_if_none: ClassVar[frozenset[str]] = frozenset({"expected_rms_before_m"})
-
     objective: str
     improved: bool
     reason: str
@@ -59,7 +57,7 @@ class RefinementResult(Document):
     start_up_before: InputStart | None = Field(
         default=None, description="How the input starts; null where that was not tried"
     )
-    expected_rms_before_m: float | None = Field(
+    expected_rms_before_m: OrAbsent[float] = Field(
         default=None,
         description="RMS of the input's `expected_rms_m` over all vehicles. Only where its filter "
         "leaves errors out",

@@ -1,31 +1,18 @@
 """Replays as documents: the filter on a recording of real robots."""
 
-from typing import ClassVar
-
 import numpy as np
 from pydantic import Field
 
 from syncplan import __version__
-from syncplan.documents import Document, DocumentPart, finite_or_none
+from syncplan.documents import Document, DocumentPart, OrAbsent, finite_or_none
 from syncplan.estimation.recorded_observability import SeenOverTime
 from syncplan.estimation.replay_results import KindCounts, Replay
 from syncplan.estimation.replay_settings import ReplaySettings
 from syncplan.estimation.replay_tuning import Tuning
 from syncplan.estimation.trials import series
+from syncplan.reports import run_figures
 from syncplan.reports.replay_notes import notes_of
-from syncplan.reports.run_figures import (
-    Errors,
-    RunReport,
-    Series,
-    Spread,
-    errors_of,
-    series_of,
-    spread_of,
-)
 from syncplan.scenario.filters import AUTO
-
-WALK = frozenset({"bearing_walk_sigma_rad", "bearing_walk_time_s"})
-"""Keys of a bearing walk."""
 
 
 class RobotFigures(Document):
@@ -33,13 +20,6 @@ class RobotFigures(Document):
 
     Where the recording has no truth, they are null and the filter's own figures take their place.
     """
-
-    left_out_if_none: ClassVar[frozenset[str]] = frozenset(
-        {
-            *("final_x_m", "final_y_m", "final_heading_rad"),
-            *("final_sigma_m", "final_sigma_heading_rad", "rms_sigma_m"),
-        }
-    )
 
     rms_m: float | None
     rms_second_half_m: float | None
@@ -51,16 +31,16 @@ class RobotFigures(Document):
         description="Share of coordinates within 3 sigma; ideal 0.9973"
     )
     name: str
-    final_x_m: float | None = Field(
+    final_x_m: OrAbsent[float] = Field(
         default=None, description="Estimate at the last sample; absent where the truth is known"
     )
-    final_y_m: float | None = None
-    final_heading_rad: float | None = None
-    final_sigma_m: float | None = Field(
+    final_y_m: OrAbsent[float] = None
+    final_heading_rad: OrAbsent[float] = None
+    final_sigma_m: OrAbsent[float] = Field(
         default=None, description="The filter's own position sigma at the last sample"
     )
-    final_sigma_heading_rad: float | None = None
-    rms_sigma_m: float | None = Field(
+    final_sigma_heading_rad: OrAbsent[float] = None
+    rms_sigma_m: OrAbsent[float] = Field(
         default=None, description="RMS of the filter's own position sigma over the run"
     )
 
@@ -70,8 +50,6 @@ class ReplayFilter(Document):
 
     What is null in older files was not part of the filter then.
     """
-
-    left_out_if_none: ClassVar[frozenset[str]] = WALK
 
     model: str | None = Field(default=None, description="Name of the filter", examples=["ekf"])
     bearing_sigma_rad: float
@@ -85,10 +63,10 @@ class ReplayFilter(Document):
     )
     turn_rate_bias_sigma_rad_s: float | None = None
     bearing_bias_sigma_rad: float | None = None
-    bearing_walk_sigma_rad: float | None = Field(
+    bearing_walk_sigma_rad: OrAbsent[float] = Field(
         default=None, description="Of the bearing error that changes slowly; not there: not a state"
     )
-    bearing_walk_time_s: float | None = Field(
+    bearing_walk_time_s: OrAbsent[float] = Field(
         default=None, description="Over which the correlation of that error falls to 1/e"
     )
     delay_s: float | None = Field(
@@ -152,16 +130,14 @@ class SeenRecord(DocumentPart):
 class Sigmas(Document):
     """What a replay fits; sigmas of motion are per sample."""
 
-    left_out_if_none: ClassVar[frozenset[str]] = WALK
-
     bearing_sigma_rad: float
     range_sigma_m: float
     speed_sigma_mps: float
     turn_rate_sigma_rad_s: float
-    bearing_walk_sigma_rad: float | None = Field(
+    bearing_walk_sigma_rad: OrAbsent[float] = Field(
         default=None, description="Of the bearing error that changes slowly; not there: not a state"
     )
-    bearing_walk_time_s: float | None = Field(
+    bearing_walk_time_s: OrAbsent[float] = Field(
         default=None, description="Over which the correlation of that error falls to 1/e"
     )
     delay_s: float
@@ -230,13 +206,11 @@ class EstimateSeries(DocumentPart):
     robots: list[EstimatedPath]
 
 
-class ReplayDocument(RunReport):
+class ReplayDocument(run_figures.RunReport):
     """The filter on a recording of real robots, beside where they truly were if that is known.
 
     Where the recording has no truth, all that compares with it is null.
     """
-
-    left_out_if_none: ClassVar[frozenset[str]] = frozenset({"series", "estimates"})
 
     begin_s: float = Field(description="When the run begins by the recording's clock")
     duration_s: float
@@ -251,8 +225,8 @@ class ReplayDocument(RunReport):
     heading_rmse_rad: float | None
     robots: list[RobotFigures]
     coverage_3sigma: float | None
-    anees: Spread | None
-    nis: Spread = Field(description="Of all kinds of sighting")
+    anees: run_figures.Spread | None
+    nis: run_figures.Spread = Field(description="Of all kinds of sighting")
     readings: ReadingCounts = Field(description="Of bearings")
     distances: ReadingCounts | None = Field(
         default=None, description="Null where distances are not recorded, or not asked for"
@@ -266,8 +240,8 @@ class ReplayDocument(RunReport):
     lasting_errors: list[LastingError] | None = Field(
         default=None, description="Those that are states of the filter; null in older files"
     )
-    series: Series | None = None
-    estimates: EstimateSeries | None = Field(
+    series: OrAbsent[run_figures.Series] = None
+    estimates: OrAbsent[EstimateSeries] = Field(
         default=None, description="In place of `series` where the recording has no truth"
     )
     notes: list[str]
@@ -310,14 +284,16 @@ def replay_document(replayed: Replay) -> ReplayDocument:
         position_rmse_m=float(overall.position) if overall else None,
         heading_rmse_rad=float(overall.heading) if overall else None,
         robots=[
-            RobotFigures(name=name, **errors_of(found.accuracy, k, float(found.coverage[k])))
+            RobotFigures(
+                name=name, **run_figures.errors_of(found.accuracy, k, float(found.coverage[k]))
+            )
             for k, name in enumerate(names)
         ]
         if found
         else _estimates_of(replayed, names),
         coverage_3sigma=float(found.coverage.mean()) if found else None,
-        anees=spread_of(found.anees) if found else None,
-        nis=spread_of(replayed.nis),
+        anees=run_figures.spread_of(found.anees) if found else None,
+        nis=run_figures.spread_of(replayed.nis),
         readings=_counts(replayed.bearings),
         distances=_counts(distances) if (distances := _distances(replayed)) else None,
         observability=_seen(replayed.seen, names) if replayed.seen else None,
@@ -328,7 +304,9 @@ def replay_document(replayed: Replay) -> ReplayDocument:
             )
             for one in replayed.lasting_errors
         ],
-        series=series_of(result, names, replayed.sample_time) if found and wanted else None,
+        series=run_figures.series_of(result, names, replayed.sample_time)
+        if found and wanted
+        else None,
         estimates=_series_of(replayed, names) if wanted and not found else None,
         notes=notes_of(replayed),
     )
@@ -433,7 +411,7 @@ def _estimates_of(replayed: Replay, names: list[str]) -> list[RobotFigures]:
     return [
         RobotFigures(
             name=name,
-            **dict.fromkeys(Errors.model_fields),
+            **dict.fromkeys(run_figures.Errors.model_fields),
             final_x_m=float(last[k, 0]),
             final_y_m=float(last[k, 1]),
             final_heading_rad=float(last[k, 2]),

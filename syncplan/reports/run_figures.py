@@ -1,15 +1,16 @@
 """Figures that runs of the filter share, as documents hold them and in words."""
 
 import math
-from collections.abc import Sequence
-from typing import ClassVar, Literal
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field, JsonValue
 
 from syncplan.arrays import Array
-from syncplan.documents import Document, DocumentPart, VersionedDocument, finite_or_none
+from syncplan.documents import Document, DocumentPart, OrAbsent, VersionedDocument, finite_or_none
 from syncplan.estimation.consistency import FEWEST_TRIALS, TOLERANCE, Consistency
+from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.trials import Accuracy, MonteCarloResult, series
 from syncplan.phrases import listed
 from syncplan.planning.planner import Plan
@@ -210,11 +211,9 @@ class VehicleSeries(DocumentPart):
 class Series(Document):
     """Errors over time."""
 
-    left_out_if_none: ClassVar[frozenset[str]] = frozenset({"errors"})
-
     time_s: list[float]
     vehicles: list[VehicleSeries]
-    errors: list[StateErrorSeries] | None = Field(
+    errors: OrAbsent[list[StateErrorSeries]] = Field(
         default=None,
         description="Of states of the filter that are no poses; absent where there are none",
     )
@@ -222,8 +221,6 @@ class Series(Document):
 
 class RunReport(VersionedDocument):
     """A report of a run, which may hold `series`."""
-
-    left_out_if_none: ClassVar[frozenset[str]] = frozenset({"series"})
 
     name: str
 
@@ -236,16 +233,12 @@ class RunReport(VersionedDocument):
 class TrueWorldReport(RunReport):
     """A report of a run in a simulated world."""
 
-    left_out_if_none: ClassVar[frozenset[str]] = frozenset(
-        {"series", "errors", "truth", "expected_rms_m"}
-    )
-
-    truth: list[TrueKey] | None = Field(
+    truth: OrAbsent[list[TrueKey]] = Field(
         default=None,
         description="Keys of which the simulated world differs; absent where the scenario and the "
         "request give no truth",
     )
-    expected_rms_m: ExpectedErrors | None = Field(
+    expected_rms_m: OrAbsent[ExpectedErrors] = Field(
         default=None,
         description="What the filter is to be expected to make of that world along the circles, by "
         "a linear recursion; absent where there is no truth, or it was not computed",
@@ -261,6 +254,45 @@ def spread_of(figure: Consistency) -> Spread:
         count=figure.count,
         basis=figure.basis,
     )
+
+
+def filter_record(
+    options: FilterOptions, why: str, judged_from: float, found: MonteCarloResult
+) -> FilterRecord:
+    """Return which filter ran, why, and how much it used; `judged_from` in s."""
+    return FilterRecord(
+        model=options.filter_model.motion,
+        kind=options.filter,
+        chosen_because=why,
+        judged_from_s=judged_from,
+        substeps=options.motion_substeps,
+        gate_probability=options.gate_probability,
+        gated=int(found.gated.sum()),
+        used=int(found.accepted.sum()),
+    )
+
+
+def start_notes(judged_from: float) -> list[str]:
+    """Return the note on a filter that is judged from a time in s on; none where it always is."""
+    if not judged_from:
+        return []
+    return [
+        f"the filter looks for its start until {judged_from:.4g} s: ANEES, NIS and coverage count "
+        "from there on"
+    ]
+
+
+def state_errors(
+    found: MonteCarloResult, states: Iterable[tuple[str, str]], bounds: Sequence[float | None]
+) -> Iterator[dict[str, Any]]:
+    """Yield what figures of each further state share: its label and unit, errors and coverage."""
+    squares = found.state_squares, found.late_state_squares
+    rms, late = (np.sqrt(one.mean(axis=0)).tolist() for one in squares)
+    covered = found.states_covered.mean(axis=0).tolist()
+    for k, ((label, unit), bound) in enumerate(zip(states, bounds, strict=True)):
+        ratio = finite_or_none(late[k] / bound) if bound else None
+        shown = {"state": label, "unit": unit, "rms": rms[k], "rms_second_half": late[k]}
+        yield {**shown, "ratio": ratio, "coverage": covered[k]}
 
 
 def errors_of(accuracy: Accuracy, vehicle: int | tuple[()], covered: float) -> dict[str, float]:

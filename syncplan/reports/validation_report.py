@@ -1,40 +1,23 @@
 """Validations and sweeps as documents, with what their figures mean in words."""
 
 from collections.abc import Sequence
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import AfterValidator, Field
 
 from syncplan import __version__
 from syncplan.arrays import Array
-from syncplan.documents import Document, DocumentPart, finite_or_none
+from syncplan.documents import Document, DocumentPart, OrAbsent
 from syncplan.errors import InputError
 from syncplan.estimation.considered_errors import neglected_errors
 from syncplan.estimation.trials import Accuracy, TrialErrors, state_series
 from syncplan.orbits.error_states import layout_of
-from syncplan.phrases import listed
+from syncplan.phrases import in_words
 from syncplan.planning.judged_team import PlanVerdict
 from syncplan.planning.validation import Validation
 from syncplan.planning.variations import StressTest, ValidatedRow
-from syncplan.reports.run_figures import (
-    ErrorFigures,
-    FilterRecord,
-    Series,
-    Spread,
-    StateErrorFigures,
-    StateErrorSeries,
-    TrueKey,
-    TrueWorldReport,
-    VehicleFigures,
-    errors_of,
-    expected_in_truth,
-    interval_words,
-    keys_in_truth,
-    series_of,
-    spread_of,
-    truth_note,
-)
+from syncplan.reports import run_figures
 from syncplan.scenario.dotted_keys import swept_key
 
 
@@ -42,21 +25,19 @@ class StressedWorld(DocumentPart):
     """A world that is worse in one way than the scenario states."""
 
     world: str = Field(examples=["wind.gust_sigma_mps doubled"])
-    truth: list[TrueKey] = Field(description="Keys of which it differs from the scenario")
+    truth: list[run_figures.TrueKey] = Field(
+        description="Keys of which it differs from the scenario"
+    )
     rms_second_half_m: float = Field(description="Over all vehicles")
     harm: float = Field(description="That over the one of the world as stated")
     expected_rms_m: float | None = Field(
         description="What was to be expected, by a linear recursion; null where not computed"
     )
-    anees: Spread
+    anees: run_figures.Spread
 
 
-class ValidationDocument(TrueWorldReport):
+class ValidationDocument(run_figures.TrueWorldReport):
     """A Monte Carlo run of the filter on a plan."""
-
-    left_out_if_none: ClassVar[frozenset[str]] = frozenset(
-        {"series", "errors", "truth", "expected_rms_m", "stress"}
-    )
 
     verdict: PlanVerdict | None = Field(
         default=None, description="Of the plan that was flown; null in older files"
@@ -64,22 +45,22 @@ class ValidationDocument(TrueWorldReport):
     trials: int
     seed: int
     duration_s: float
-    filter: FilterRecord
+    filter: run_figures.FilterRecord
     observable: bool
-    vehicles: list[VehicleFigures]
-    overall: ErrorFigures
-    errors: list[StateErrorFigures] | None = Field(
+    vehicles: list[run_figures.VehicleFigures]
+    overall: run_figures.ErrorFigures
+    errors: OrAbsent[list[run_figures.StateErrorFigures]] = Field(
         default=None,
         description="Of states of the filter that are no poses; absent where there are none",
     )
-    anees: Spread = Field(description="Of the poses alone")
-    nis: Spread
-    stress: list[StressedWorld] | None = Field(
+    anees: run_figures.Spread = Field(description="Of the poses alone")
+    nis: run_figures.Spread
+    stress: OrAbsent[list[StressedWorld]] = Field(
         default=None,
         description="Worlds that are worse than the scenario states, the most harmful first; "
         "absent unless asked for",
     )
-    series: Series | None = None
+    series: OrAbsent[run_figures.Series] = None
     notes: list[str]
 
     @property
@@ -138,9 +119,14 @@ def validation_document(validation: Validation) -> ValidationDocument:
     """Return the report of a Monte Carlo run."""
     plan = validation.plan
     result, overall = validation.result, _overall(validation)
-    anees = spread_of(validation.anees)
-    truth, expected = keys_in_truth(plan), expected_in_truth(plan, validation.expected)
-    differs = truth_note(truth, expected, overall.rms_second_half_m, overall.predicted_rms_m)
+    anees = run_figures.spread_of(validation.anees)
+    truth, expected = (
+        run_figures.keys_in_truth(plan),
+        run_figures.expected_in_truth(plan, validation.expected),
+    )
+    differs = run_figures.truth_note(
+        truth, expected, overall.rms_second_half_m, overall.predicted_rms_m
+    )
     return ValidationDocument(
         version=__version__,
         name=plan.scenario.name,
@@ -150,22 +136,15 @@ def validation_document(validation: Validation) -> ValidationDocument:
         trials=result.trials,
         seed=result.seed,
         duration_s=validation.duration,
-        filter=FilterRecord(
-            model=validation.model,
-            kind=validation.filter,
-            chosen_because=validation.chosen_because,
-            judged_from_s=validation.judged_from,
-            substeps=validation.options.motion_substeps,
-            gate_probability=validation.gate_probability,
-            gated=int(result.gated.sum()),
-            used=int(result.accepted.sum()),
+        filter=run_figures.filter_record(
+            validation.options, validation.chosen_because, validation.judged_from, result
         ),
         observable=plan.observable,
         vehicles=_vehicles(validation),
         overall=overall,
         errors=state_errors_of(validation),
         anees=anees,
-        nis=spread_of(validation.nis),
+        nis=run_figures.spread_of(validation.nis),
         series=_series(validation) if result.branches else None,
         notes=[*filter(None, [differs]), *notes_on(validation, overall, anees)],
     )
@@ -178,11 +157,11 @@ def stress_document(test: StressTest) -> ValidationDocument:
     worlds = [
         StressedWorld(
             world=row.world,
-            truth=keys_in_truth(row.validation.plan) or [],
+            truth=run_figures.keys_in_truth(row.validation.plan) or [],
             rms_second_half_m=float(row.validation.accuracy.overall().late_position),
             harm=row.harm,
             expected_rms_m=row.expected,
-            anees=spread_of(row.validation.anees),
+            anees=run_figures.spread_of(row.validation.anees),
         )
         for row in test.rows
     ]
@@ -216,12 +195,12 @@ def _row(row: ValidatedRow, report: ValidationDocument) -> SweepRow:
     )
 
 
-def _vehicles(validation: Validation) -> list[VehicleFigures]:
+def _vehicles(validation: Validation) -> list[run_figures.VehicleFigures]:
     predicted, each = validation.predicted, validation.trial_errors
     medians = each.median()
     shares = [_shares(each, predicted, factor) for factor in _FACTORS]
     return [
-        VehicleFigures(
+        run_figures.VehicleFigures(
             name=name,
             **_figures(
                 validation.accuracy,
@@ -241,14 +220,14 @@ def _shares(each: TrialErrors, predicted: Array | None, factor: float) -> Array 
     return None if predicted is None else each.share_over(factor * predicted)
 
 
-def _overall(validation: Validation) -> ErrorFigures:
+def _overall(validation: Validation) -> run_figures.ErrorFigures:
     predicted, each = validation.predicted, validation.trial_errors
     bound = None if predicted is None else float(np.sqrt(np.mean(predicted**2)))
     shares = [
         None if predicted is None else each.overall_share_over(factor * predicted)
         for factor in _FACTORS
     ]
-    return ErrorFigures(
+    return run_figures.ErrorFigures(
         **_figures(validation.accuracy.overall(), (), bound, float(np.mean(validation.coverage))),
         median_rms_second_half_m=each.overall_median(),
         share_over_3_predicted=shares[0],
@@ -259,43 +238,34 @@ def _overall(validation: Validation) -> ErrorFigures:
 def _figures(
     accuracy: Accuracy, vehicle: int | tuple[()], predicted: float | None, covered: float
 ) -> dict[str, Any]:
-    found = errors_of(accuracy, vehicle, covered)
+    found = run_figures.errors_of(accuracy, vehicle, covered)
     ratio = found["rms_second_half_m"] / predicted if predicted else None
     return {**found, "predicted_rms_m": predicted, "rms_over_predicted": ratio}
 
 
-def _series(validation: Validation) -> Series:
+def _series(validation: Validation) -> run_figures.Series:
     plan = validation.plan
     names, sample_time = plan.scenario.vehicle_names, plan.sensors.sample_time
-    poses = series_of(validation.result, names, sample_time)
+    poses = run_figures.series_of(validation.result, names, sample_time)
     return poses.model_copy(update={"errors": series_of_states(validation)})
 
 
-def state_errors_of(validation: Validation) -> list[StateErrorFigures] | None:
+def state_errors_of(validation: Validation) -> list[run_figures.StateErrorFigures] | None:
     """Return the errors of each further state; None where poses are all."""
-    result = validation.result
     names = _names(validation)
     if not names:
         return None
-    rms, late = _rms(result.state_squares), _rms(result.late_state_squares)
-    covered = result.states_covered.mean(axis=0).tolist()
     predicted: list[float | None] = [one.rms for one in validation.predicted_errors]
     predicted = predicted or [None] * len(names)
     return [
-        StateErrorFigures(
-            state=label,
-            unit=unit,
-            rms=rms[k],
-            rms_second_half=late[k],
-            predicted_rms=bound,
-            ratio=finite_or_none(late[k] / bound) if bound else None,
-            coverage=covered[k],
+        run_figures.StateErrorFigures(**one, predicted_rms=bound)
+        for one, bound in zip(
+            run_figures.state_errors(validation.result, names, predicted), predicted, strict=True
         )
-        for k, ((label, unit), bound) in enumerate(zip(names, predicted, strict=True))
     ]
 
 
-def series_of_states(validation: Validation) -> list[StateErrorSeries] | None:
+def series_of_states(validation: Validation) -> list[run_figures.StateErrorSeries] | None:
     """Return errors of further states over time; None where poses are all.
 
     Raises InputError for a run that kept no series.
@@ -305,7 +275,7 @@ def series_of_states(validation: Validation) -> list[StateErrorSeries] | None:
         return None
     kept, predicted = state_series(validation.result), validation.predicted_over_time
     return [
-        StateErrorSeries(
+        run_figures.StateErrorSeries(
             state=label,
             unit=unit,
             rms=kept.rms[:, k].tolist(),
@@ -324,11 +294,6 @@ def _names(validation: Validation) -> list[tuple[str, str]]:
     return list(zip(layout.labels(plan.scenario.vehicle_names), layout.units, strict=True))
 
 
-def _rms(squares: Array) -> list[float]:
-    found: list[float] = np.sqrt(squares.mean(axis=0)).tolist()
-    return found
-
-
 FEW_SHAPE_THE_RMS = 1.5
 """RMS over the median trial's error, above which a few trials make up the RMS."""
 
@@ -338,14 +303,11 @@ _STILL_AIR = (
 )
 
 
-def notes_on(validation: Validation, report: ErrorFigures, figure: Spread) -> list[str]:
+def notes_on(
+    validation: Validation, report: run_figures.ErrorFigures, figure: run_figures.Spread
+) -> list[str]:
     """Return notes on the meaning of the figures; `figure` is the ANEES."""
-    notes = []
-    if validation.judged_from:
-        notes.append(
-            f"the filter looks for its start until {validation.judged_from:.4g} s: ANEES, NIS and "
-            "coverage count from there on"
-        )
+    notes = run_figures.start_notes(validation.judged_from)
     neglected = neglected_errors(validation.plan.team)
     if neglected:
         notes.append(_neglect_note(validation, neglected, report, figure))
@@ -353,9 +315,9 @@ def notes_on(validation: Validation, report: ErrorFigures, figure: Spread) -> li
         notes.append(_unobservable_note(validation, figure))
     elif figure.verdict == "optimistic" and not neglected:
         notes.append(
-            f"the filter is optimistic (ANEES {interval_words(figure)}): it makes larger errors "
-            "than its sigmas say, because it linearises about its own estimate; smaller initial "
-            "sigmas or more sightings help"
+            f"the filter is optimistic (ANEES {run_figures.interval_words(figure)}): it makes "
+            "larger errors than its sigmas say, because it linearises about its own estimate; "
+            "smaller initial sigmas or more sightings help"
         )
     if any(one.label.startswith("wind") for one in validation.predicted_errors):
         notes.append(_STILL_AIR)
@@ -369,10 +331,13 @@ def notes_on(validation: Validation, report: ErrorFigures, figure: Spread) -> li
 
 
 def _neglect_note(
-    validation: Validation, neglected: Sequence[str], report: ErrorFigures, figure: Spread
+    validation: Validation,
+    neglected: Sequence[str],
+    report: run_figures.ErrorFigures,
+    figure: run_figures.Spread,
 ) -> str:
-    what = listed([name.replace("_", " ") for name in neglected], len(neglected))
-    text = f"the filter does not estimate {what}: ANEES {interval_words(figure)}"
+    anees = run_figures.interval_words(figure)
+    text = f"the filter does not estimate {in_words(neglected)}: ANEES {anees}"
     if figure.verdict == "optimistic":
         text += ", so its sigmas are too small by what these errors cost"
     elif figure.verdict == "consistent":
@@ -385,7 +350,7 @@ def _neglect_note(
     return f"{text}. filter.estimate makes them states"
 
 
-def _unobservable_note(validation: Validation, figure: Spread) -> str:
+def _unobservable_note(validation: Validation, figure: run_figures.Spread) -> str:
     plan = validation.plan
     verdict = plan.observability
     motions = "; ".join(item.description for item in plan.unobservable[:3])
@@ -396,13 +361,12 @@ def _unobservable_note(validation: Validation, figure: Spread) -> str:
         "distances of sight, and the run is short"
     )
     if figure.verdict == "optimistic":
-        text += (
-            f". Here they do not hold: the filter is optimistic (ANEES {interval_words(figure)})"
-        )
+        anees = run_figures.interval_words(figure)
+        text += f". Here they do not hold: the filter is optimistic (ANEES {anees})"
     return text
 
 
-def _outliers_note(overall: ErrorFigures) -> str | None:
+def _outliers_note(overall: run_figures.ErrorFigures) -> str | None:
     """Where some trials are so far off that the RMS is theirs."""
     far, lost = overall.share_over_3_predicted, overall.share_over_10_predicted
     median = overall.median_rms_second_half_m

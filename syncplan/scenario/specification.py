@@ -7,6 +7,7 @@ from typing import Annotated, Self, TypeVar
 from pydantic import Field, model_validator
 
 from syncplan.results import Result
+from syncplan.scenario import models, rules
 from syncplan.scenario.disturbances import (
     ESTIMABLE,
     EstimableName,
@@ -18,16 +19,6 @@ from syncplan.scenario.disturbances import (
     error_sigma,
 )
 from syncplan.scenario.formations import SHAPES
-from syncplan.scenario.models import (
-    Formation,
-    GeoOrigin,
-    Interval,
-    Limits,
-    Orbit,
-    RefineOptions,
-    Sensor,
-    check_interval,
-)
 from syncplan.scenario.quantities import (
     ListedOrNamed,
     OneOrMany,
@@ -37,20 +28,6 @@ from syncplan.scenario.quantities import (
     StartTime,
     Title,
     fault,
-)
-from syncplan.scenario.rules import (
-    Polygons,
-    check_extent,
-    check_landmarks,
-    check_lengths,
-    check_limits,
-    check_link_names,
-    check_links,
-    check_names,
-    check_obstacles,
-    check_polygons,
-    check_samples,
-    check_shared_circles,
 )
 from syncplan.scenario.truths import CompassSigma, Truth, true_world
 
@@ -63,21 +40,21 @@ class Scenario(Result, Section):
     """A formation to plan: circles, sensors, landmarks and noise."""
 
     name: Title = Field(default="", description="Title", examples=["survey"])
-    orbit: Orbit
-    formation: Formation
+    orbit: models.Orbit
+    formation: models.Formation
     landmarks_m: ListedOrNamed = Field(
         default_factory=list,
         description="Known landmarks [x, y]: a list (L1, L2, ...) or a mapping of names",
         examples=[[[190.0, 0.0], [190.0, 70.0]]],
     )
-    sensor: OneOrMany[Sensor] = Field(description="One sensor for all, or one per vehicle")
+    sensor: OneOrMany[models.Sensor] = Field(description="One sensor for all, or one per vehicle")
     heading_sigma_rad: OneOrMany[CompassSigma | None] = Field(
         default=None,
         description="Standard deviation of a reading of a compass, one value or one per vehicle, "
         "null for one that has none; no compass if not given",
         examples=[0.05],
     )
-    heading_interval_s: Interval | None = Field(
+    heading_interval_s: models.Interval | None = Field(
         default=None,
         description="Time between readings of a compass, a multiple of sample_time_s, which it is "
         "if not given",
@@ -120,25 +97,25 @@ class Scenario(Result, Section):
         description="Corners [x, y], in order, of the polygon that all circles must lie within",
         examples=[[[-50.0, -50.0], [250.0, -50.0], [250.0, 150.0], [-50.0, 150.0]]],
     )
-    keep_out_m: Polygons | None = Field(
+    keep_out_m: rules.Polygons | None = Field(
         default=None,
         description="Polygons that no path may pass through; a circle may go round one",
         examples=[[[[100.0, 20.0], [110.0, 20.0], [105.0, 30.0]]]],
     )
-    obstacles_m: Polygons | None = Field(
+    obstacles_m: rules.Polygons | None = Field(
         default=None,
         description="Polygons that block sight; what blocks paths is keep_out_m, and one polygon "
         "may stand in both",
         examples=[[[[100.0, 30.0], [110.0, 30.0], [105.0, 40.0]]]],
     )
-    limits: Limits | None = Field(default=None, description="What the vehicles can do")
-    refine: RefineOptions | None = Field(
+    limits: models.Limits | None = Field(default=None, description="What the vehicles can do")
+    refine: models.RefineOptions | None = Field(
         default=None, description="How a plan is refined; defaults where not given"
     )
     start_time: StartTime | None = Field(
         default=None, description="Moment of time 0, RFC 3339", examples=["2026-05-01T09:00:00Z"]
     )
-    geo_origin: GeoOrigin | None = Field(
+    geo_origin: models.GeoOrigin | None = Field(
         default=None,
         description="Where on Earth [0, 0] lies; exports to maps and autopilots need it",
     )
@@ -147,7 +124,7 @@ class Scenario(Result, Section):
     def _consistent(self) -> Self:
         orbit, formation = self.orbit, self.formation
         radii = per_vehicle(orbit.radius_m, self.size)
-        check_lengths(
+        rules.check_lengths(
             {
                 "orbit.radius_m": orbit.radius_m,
                 "orbit.speed_mps": orbit.speed_mps,
@@ -159,8 +136,8 @@ class Scenario(Result, Section):
             },
             self.size,
         )
-        check_names(self.vehicle_names, self.landmark_names)
-        check_samples(
+        rules.check_names(self.vehicle_names, self.landmark_names)
+        rules.check_samples(
             (sensor.sample_time_s for sensor in self.sensors),
             {"duration_s": self.duration_s, "window_s": self.window},
             self.period,
@@ -169,20 +146,22 @@ class Scenario(Result, Section):
         if self.heading_interval_s is not None:
             if self.heading_sigma_rad is None:
                 raise fault("heading_interval_s", "does nothing unless heading_sigma_rad is given")
-            check_interval("heading_interval_s", self.heading_interval_s, self.sample_time)
-        check_landmarks(self.landmark_names, self.landmarks)
-        check_obstacles(self.obstacles_m or [])
-        check_polygons(self._polygons)
+            models.check_interval("heading_interval_s", self.heading_interval_s, self.sample_time)
+        rules.check_landmarks(self.landmark_names, self.landmarks)
+        rules.check_obstacles(self.obstacles_m or [])
+        rules.check_polygons(self._polygons)
         check_estimated(self.filter.estimate if self.filter else "auto", self.error_sigmas)
         if self.limits is not None:
-            check_limits(self.limits, self.refine, orbit.rate, radii, self.vehicle_names)
-        check_link_names(formation.links or [], self.vehicle_names)
+            rules.check_limits(self.limits, self.refine, orbit.rate, radii, self.vehicle_names)
+        rules.check_link_names(formation.links or [], self.vehicle_names)
         if formation.placed:
-            check_extent("formation.spacing_m", self.centers)
+            rules.check_extent("formation.spacing_m", self.centers)
             ranges = [sensor.range_m for sensor in self.sensors]
-            check_links(formation.links or [], self.vehicle_names, self.centers, radii, ranges)
+            rules.check_links(
+                formation.links or [], self.vehicle_names, self.centers, radii, ranges
+            )
         if formation.placed and isinstance(orbit.direction, list):
-            check_shared_circles(orbit.direction, self.vehicle_names, self.centers, radii)
+            rules.check_shared_circles(orbit.direction, self.vehicle_names, self.centers, radii)
         if self.truth is not None:
             true_world(self, self.truth, self.size)
         return self
@@ -233,7 +212,7 @@ class Scenario(Result, Section):
         return _points(self.landmarks_m)
 
     @property
-    def sensors(self) -> list[Sensor]:
+    def sensors(self) -> list[models.Sensor]:
         """The sensor of each vehicle."""
         return per_vehicle(self.sensor, self.size)
 
@@ -310,7 +289,7 @@ class Scenario(Result, Section):
         if formation.centers_m is None and formation.placed:
             keys = {"centers_m": self.centers, "names": formation.names, "links": formation.links}
             # a team beyond the usual limit was let in by whoever loaded it
-            formation = Formation.model_validate(keys, context={"max_vehicles": self.size})
+            formation = models.Formation.model_validate(keys, context={"max_vehicles": self.size})
         return self.following(formation=formation, window_s=self.window)
 
 

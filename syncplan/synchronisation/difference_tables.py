@@ -310,13 +310,10 @@ def _halved(cells: Index, half: int, count: int) -> Index:
 
 def _largest_within(worth: Array, widest: int) -> dict[int, Array]:
     """The largest worth (e, k) within w samples either way, for w = 1, 2, 4, ... `widest`."""
-    found = np.maximum(worth, np.maximum(np.roll(worth, 1, axis=1), np.roll(worth, -1, axis=1)))
-    windows, width = {1: found}, 1
-    while width < widest:
-        found = np.maximum(np.roll(found, width, axis=1), np.roll(found, -width, axis=1))
-        width *= 2
-        windows[width] = found
-    return windows
+    from scipy.ndimage import maximum_filter1d
+
+    widths = [2**k for k in range(widest.bit_length())]
+    return {w: maximum_filter1d(worth, 2 * w + 1, axis=1, mode="wrap") for w in widths}
 
 
 # --- coordinate descent -------------------------------------------------------------------------

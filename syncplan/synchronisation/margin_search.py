@@ -271,8 +271,6 @@ def _relaxed(
             "relaxation is solved"
         )
         return [], None, method, note
-    from syncplan.synchronisation.margin_search import relax, rounded
-
     relaxation = relax(rules, count)
     if relaxation is None:
         return [], None, method, "no bound: the relaxation was not solved"

@@ -12,11 +12,7 @@ import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import wrap
-from syncplan.synchronisation.difference_tables import (
-    DifferenceTables,
-    central_solution,
-    highest_level,
-)
+from syncplan.synchronisation import difference_tables
 from syncplan.synchronisation.phase_rules import Rules, closest_distance, residuals
 
 _SAMPLES, _SAMPLES_SEPARATED = 513, 2049
@@ -64,7 +60,7 @@ class PhaseConstraints:
         cost = _cost(rules, residual, least[:links], separation)
         return cls(both, links, kept, residual, least, cost)
 
-    def over_differences(self) -> DifferenceTables:
+    def over_differences(self) -> difference_tables.DifferenceTables:
         """Return the margins and clearances over a whole turn of theta_a - theta_b."""
         samples = 2 * (len(self.residual) - 1)
         difference = np.arange(samples) * (2.0 * np.pi / samples)
@@ -77,7 +73,7 @@ class PhaseConstraints:
             if self.separation[row] > 0.0:
                 least = np.interp(one, self.residual, self.least_distance[row])
                 clearance[row] = least - self.separation[row]
-        return DifferenceTables(self.rules.a, self.rules.b, margin, clearance)
+        return difference_tables.DifferenceTables(self.rules.a, self.rules.b, margin, clearance)
 
     def only(self, links: list[int]) -> "PhaseConstraints":
         """Return the constraints of the chosen links and all guarded pairs."""
@@ -172,7 +168,7 @@ def largest_margin(
         else 0.0
     )
     low = min(float(np.min(reach - constraints.cost.max(axis=1), initial=0.0)), high)
-    found = highest_level(
+    found = difference_tables.highest_level(
         lambda margin: _feasible(constraints, margin, start), low, high, _BISECTIONS
     )
     return (start, -np.inf) if found is None else found
@@ -206,4 +202,4 @@ def _feasible(constraints: PhaseConstraints, margin: float, start: Array) -> Arr
     # theta_a - theta_b = base + residual, with the turns of the start
     base = start[rules.a] - start[rules.b] - current
     low, high = low + base, high + base
-    return central_solution((rules.a, rules.b), low, high, start)
+    return difference_tables.central_solution((rules.a, rules.b), low, high, start)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from syncplan.orbits.circles import Orbits, heading, phase, position, transition, wrap
+from syncplan.orbits.circles import Orbits, heading, phase, position, wrap
 
 
 @pytest.fixture
@@ -32,40 +32,6 @@ def test_positions_repeat_after_a_period(orbits: Orbits) -> None:
     np.testing.assert_allclose(
         position(orbits, 0.4 + orbits.period), position(orbits, 0.4), atol=1e-12
     )
-
-
-def _flown(orbits: Orbits, k: int, pose: np.ndarray, start: float, end: float) -> np.ndarray:
-    """Where vehicle k ends when it starts from `pose` and keeps its speed and turn rate."""
-    w, v = orbits.turn_rates[k], orbits.speeds[k]
-    x, y, psi = pose
-    end_psi = psi + w * (end - start)
-    return np.array(
-        [
-            x + v / w * (np.sin(end_psi) - np.sin(psi)),
-            y - v / w * (np.cos(end_psi) - np.cos(psi)),
-            end_psi,
-        ]
-    )
-
-
-def test_the_transition_is_the_derivative_of_the_flown_pose(orbits: Orbits) -> None:
-    start, end, h = 0.6, 2.9, 1e-6
-    closed = transition(orbits, end, start)
-    for k in range(orbits.count):
-        pose = np.append(position(orbits, start)[k], heading(orbits, start)[k])
-        numeric = np.empty((3, 3))
-        for column in range(3):
-            step = np.eye(3)[column] * h
-            ahead = _flown(orbits, k, pose + step, start, end)
-            behind = _flown(orbits, k, pose - step, start, end)
-            numeric[:, column] = (ahead - behind) / (2.0 * h)
-        np.testing.assert_allclose(closed[k], numeric, atol=1e-8)
-
-
-def test_transitions_compose(orbits: Orbits) -> None:
-    whole = transition(orbits, 3.0, 0.5)
-    parts = transition(orbits, 3.0, 1.2) @ transition(orbits, 1.2, 0.5)
-    np.testing.assert_allclose(whole, parts, atol=1e-12)
 
 
 @given(st.floats(-50.0, 50.0))

@@ -37,12 +37,10 @@ def test_a_plan_that_nothing_speaks_against_is_a_go() -> None:
     assert verdict.headline == "GO"
 
 
-def test_findings_bear_the_code_of_their_check_and_come_in_its_order() -> None:
+def test_findings_come_in_the_order_of_their_checks() -> None:
     judged = together(planned(formation=CROSSING, landmarks_m=[[20.5, 0.0]]))
     codes = [one.code for one in judged.verdict.findings]
     assert codes == sorted(codes, key=list(CHECKS).index)
-    for code, check in CHECKS.items():
-        assert {one.code for one in check(judged)} <= {code}
 
 
 def test_every_lost_motion_stops_and_its_change_cures_it() -> None:

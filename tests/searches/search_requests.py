@@ -22,7 +22,8 @@ import zipfile
 from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -32,8 +33,6 @@ import numpy as np
 from tests.tools.mutations import FIGURES, Sent, draw_request, valid_scenarios
 from tests.tools.processes import PATIENCE_S, family
 from tests.tools.serving import ROOT, Server, running
-
-__all__ = ["LARGEST_GROWTH_MB", "SETTINGS", "Found", "main", "search"]
 
 KEY = "fuzzing-key-0123456789"
 LARGEST_GROWTH_MB = 50.0
@@ -75,7 +74,6 @@ class Memory(NamedTuple):
 class Found:
     """What a search came to: times in ms, memory by process of the service."""
 
-    requests: int
     statuses: Counter[int] = field(default_factory=Counter)
     faults: list[str] = field(default_factory=list)
     slowest_s: dict[str, float] = field(default_factory=dict)
@@ -94,34 +92,27 @@ class Found:
         return float(np.percentile(self.health_ms, percent)) if self.health_ms else float("nan")
 
 
-def search(
-    server: Server, requests: int, seed: int, warm_up: int = WARM_UP, passes: int = PASSES
-) -> Found:
+def search(server: Server, requests: int, seed: int) -> Found:
     """Return what a number of drawn requests to a service with these SETTINGS come to.
 
-    Processes that have grown too much are sent the same requests again, up to so many passes in
-    all: memory that is kept grows each time, what a new process loads only once. With no pass,
-    requests are sent once and memory is not looked at.
+    Processes that have grown too much are sent the same requests again, up to PASSES in all: memory
+    that is kept grows each time, what a new process loads only once.
     """
-    found = Found(requests)
+    found = Found()
     scenarios = valid_scenarios()
     with httpx2.Client(base_url=server.url, headers=_AUTHORISED, timeout=PATIENCE_S) as client:
-        plans = _made(client, scenarios, warm_up)
-        if passes:
-            _warm_up(client, scenarios, plans)
+        plans = _made(client, scenarios)
+        _warm_up(client, scenarios, plans)
+
+        look = partial(_look, server.port, found, seed, scenarios, plans)
 
         def send(count: int) -> None:
             with ThreadPoolExecutor(CLIENTS) as clients:
-                list(
-                    clients.map(
-                        lambda number: _look(server.port, found, number, seed, scenarios, plans),
-                        range(count),
-                    )
-                )
+                list(clients.map(look, range(count)))
             _wait_for_jobs(client)
 
         send(min(requests, REHEARSED))
-        for _ in range(passes):
+        for _ in range(PASSES):
             found.before = _memory(server.popen.pid)
             with _health_watched(server.url) as times:
                 send(requests)
@@ -166,7 +157,7 @@ def main(requests: int = 5000, seed: int = 0) -> Found:
 
 
 def _look(
-    port: int, found: Found, number: int, seed: int, scenarios: list[Any], plans: list[str]
+    port: int, found: Found, seed: int, scenarios: list[Any], plans: list[str], number: int
 ) -> None:
     """Send a drawn request and note what is wrong with its answer."""
     sent = draw_request(np.random.default_rng([seed, number]), scenarios, plans)
@@ -191,15 +182,7 @@ def _look(
 def _answer(port: int, sent: Sent) -> tuple[int, http.client.HTTPMessage, bytes]:
     limit = PLAN_TIMEOUT_S + 3.0 * MARGIN_S
     with socket.create_connection(("127.0.0.1", port), timeout=limit) as connection:
-        authorised = Sent(
-            sent.name,
-            sent.path,
-            sent.body,
-            {"Authorization": f"Bearer {KEY}", **sent.headers},
-            sent.chunks,
-            sent.cut,
-            sent.method,
-        )
+        authorised = replace(sent, headers={"Authorization": f"Bearer {KEY}", **sent.headers})
         for piece in authorised.pieces():
             connection.sendall(piece)
         if sent.cut:
@@ -253,10 +236,10 @@ def _read(body: bytes) -> Any:
 # --- the service ----------------------------------------------------------------------------------
 
 
-def _made(client: httpx2.Client, scenarios: list[Any], requests: int) -> list[str]:
-    """Return a plan of each scenario, after so many requests for them."""
+def _made(client: httpx2.Client, scenarios: list[Any]) -> list[str]:
+    """Return a plan of each scenario, after WARM_UP requests for them."""
     plans = []
-    for k in range(requests):
+    for k in range(WARM_UP):
         for _ in range(PATIENCE):
             response = client.post("/v1/plans", json=scenarios[k % len(scenarios)])
             if response.status_code == 201:

@@ -102,27 +102,29 @@ def test_a_part_that_can_not_be_computed_fails_its_job_with_the_reason(
 ) -> None:
     submitted: list[int] = []
 
-    async def submit(*_: object) -> Any:
+    def submit(*_: object, **__: object) -> Any:
         future: Future[None] = Future()
         future.set_exception(error)
         submitted.append(1)
         return Mock(future=future, ran_s=0.0)
 
     monkeypatch.setattr(parts, "_PAUSE_S", 0.0)
-    settings = load_settings(task_memory_bytes=350 * 2**20)
+    settings = load_settings(task_memory_bytes=350 * 2**20, job_task_s=2.0)
+    pool = Mock(submit=submit)
     watch = parts.PartWatch(database, VERSION)
-    runtime = parts.Runtime(settings, database, Mock(), Mock(), Mock(), watch)
+    runtime = parts.Runtime(settings, database, Mock(), pool, Mock(), watch)
     monkeypatch.setattr(parts, "_in_use", [runtime])
     with database.writing() as connection:
         job_id = begun(connection)
-    part = parts.Part(job_id, BEGINNING, "it", limit_s=2.0)
-    with contextlib.closing(watch):
-        assert asyncio.run(parts.computed(part, submit)) is None
-    with database.reading() as connection:
-        job = job_records.find_job(connection, "ann", job_id)
+        job = job_records.begun_job(connection, job_id, VERSION)
     assert job is not None
-    assert (job.state, len(submitted)) == ("failed", tries)
-    reported = json.loads(str(job.error))
+    with contextlib.closing(watch):
+        assert asyncio.run(parts.computed(parts.Part(job, BEGINNING, "it", "ready"))) is None
+    with database.reading() as connection:
+        ended = job_records.find_job(connection, "ann", job_id)
+    assert ended is not None
+    assert (ended.state, len(submitted)) == ("failed", tries)
+    reported = json.loads(str(ended.error))
     assert (reported["title"], said in reported["detail"]) == (title, True), reported
 
 
