@@ -127,12 +127,10 @@ def pose_columns(sightings: Sightings, count: int) -> Index:
 
 def dense_rows(rows: SightingRows, size: int) -> Array:
     """Return (s, size) the rows in full."""
-    dense = np.zeros((len(rows.entries), size))
-    every = np.arange(len(dense))
-    # entry by entry, as a column may stand twice in a row
-    for columns, entries in zip(rows.columns.T, rows.entries.T, strict=True):
-        dense[every, columns] += entries
-    return dense
+    # summed up, as a column may stand twice in a row
+    places = np.arange(len(rows.entries))[:, None] * size + rows.columns
+    dense = np.bincount(places.ravel(), rows.entries.ravel(), len(places) * size)
+    return np.asarray(dense.reshape(-1, size), dtype=float)
 
 
 def _wide(
