@@ -13,17 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.estimation.filter_setup import (
-    DRIFT,
-    FilterRun,
-    FilterSetup,
-    FilterStatistics,
-    Readings,
-    State,
-    States,
-    poses_of,
-    start_of,
-)
+from syncplan.estimation import filter_setup
 from syncplan.estimation.kernels import Lanes, has_compiled, lanes_of
 from syncplan.estimation.lane_filter import LaneRun, scratch_of
 from syncplan.estimation.online_filter import with_room
@@ -63,7 +53,13 @@ class LaneGuidance:
         ]
 
     def command(
-        self, flight: FlightSetup, flown: Flown, x: Array, at: int, run: FilterRun, lanes: Lanes
+        self,
+        flight: FlightSetup,
+        flown: Flown,
+        x: Array,
+        at: int,
+        run: filter_setup.FilterRun,
+        lanes: Lanes,
     ) -> None:
         """Write the commands of the leg that begins now, from the estimate x at step `at`."""
         step, n = int(flown.places[0]), len(flown.scales)
@@ -74,7 +70,7 @@ class LaneGuidance:
         gone = mishaps.gone_from[:n] <= step
         held = gone | ((mishaps.held_from <= step) & (step < mishaps.held_until)).any(axis=1)
         x = flown.ahead
-        places = poses_of(x, n).copy()
+        places = filter_setup.poses_of(x, n).copy()
         places[gone, :2] = FAR * (1.0 + np.arange(n)[gone])[:, None, None]
         for lane, guidance in enumerate(self._guidances):
             decision = guidance.decide(
@@ -90,12 +86,15 @@ class LaneGuidance:
         self.decisions += 1
 
 
-def winds_of(x: Array, states: States) -> Array:
+def winds_of(x: Array, states: filter_setup.States) -> Array:
     """Return (n, 2) m/s, of the air about each vehicle, from a state (3n + e,): wind and own gust.
 
     Zero where they are not states.
     """
-    found, rows = np.zeros((len(states.first) - 1, 2)), np.flatnonzero(states.acts == DRIFT)
+    found, rows = (
+        np.zeros((len(states.first) - 1, 2)),
+        np.flatnonzero(states.acts == filter_setup.DRIFT),
+    )
     vehicles = np.searchsorted(states.first, rows, side="right") - 1
     np.add.at(found, (vehicles, states.axes[rows, 0]), x[states.columns[rows]])
     return found
@@ -125,7 +124,9 @@ class ClosedLoop:
         """Return whether the kernel is in memory or in numba's disk cache."""
         return has_compiled(fly_lanes)
 
-    def advance(self, run: FilterRun, state: State, begin: int, end: int) -> None:
+    def advance(
+        self, run: filter_setup.FilterRun, state: filter_setup.State, begin: int, end: int
+    ) -> None:
         """Take a state from step `begin` to step `end`, in place, and fly on the way."""
         n, _, width = run.readings.initial.shape
         scratch, lanes = scratch_of(run.setup, width), lanes_of(n, width)
@@ -152,7 +153,9 @@ class FlownLanes:
     records: LaneRecords | None = None
 
     @classmethod
-    def begun(cls, team: FlownTeam, trials: range, statistics: FilterStatistics) -> "FlownLanes":
+    def begun(
+        cls, team: FlownTeam, trials: range, statistics: filter_setup.FilterStatistics
+    ) -> "FlownLanes":
         """Return trials at time 0."""
         flown, readings, truth = team.begun(trials)
         setup = team.filter_setup()
@@ -161,10 +164,10 @@ class FlownLanes:
         guidance = LaneGuidance(team, len(trials)) if decides else None
         records = _records(team, trials)
         if records is not None:
-            records.take(0, start_of(setup, readings), flown.path)
+            records.take(0, filter_setup.start_of(setup, readings), flown.path)
         robust = team.options.filter_model.finds_start
         streams = [filter_stream(team.options.seed, trial) for trial in trials] if robust else []
-        given = FilterRun(setup, readings, truth, statistics)
+        given = filter_setup.FilterRun(setup, readings, truth, statistics)
         run = (RobustRun if robust else LaneRun).begun(loop, given, streams)
         return cls(team, flown, run, guidance, records)
 
@@ -224,17 +227,17 @@ class FlownLanes:
         return loop.flight, lanes_of(self.team.team.count, self.readings.initial.shape[-1])
 
     @property
-    def setup(self) -> FilterSetup:
+    def setup(self) -> filter_setup.FilterSetup:
         """The filter's set-up, with the sightings so far."""
         return self.run.setup
 
     @property
-    def readings(self) -> Readings:
+    def readings(self) -> filter_setup.Readings:
         """Readings so far."""
         return self.run.readings
 
     @property
-    def statistics(self) -> FilterStatistics:
+    def statistics(self) -> filter_setup.FilterStatistics:
         """Statistics of the filter."""
         return self.run.statistics
 
