@@ -33,7 +33,8 @@ ESTIMABLE: Mapping[str, str] = MappingProxyType(
 """Errors that the filter can have as bias states, each with the key that says how large it is.
 
 Each is a line of `syncplan.orbits.error_states.ERROR_STATES`, too. A new one that acts as another
-does needs these two lines and the key in its section.
+does needs these two lines and the key in its section. One that shifts distances also needs a part
+in `syncplan.refinement.smooth_bound`, which leaves it out.
 """
 
 if TYPE_CHECKING:

@@ -1,7 +1,9 @@
 """The table of filters; scenario, command line, service and reports take their names from here.
 
-A new filter is its kernel, as a LaneFilter in a module of syncplan.estimation, and a line of
-FILTERS.
+A new filter is a line of FILTERS. One that corrects in another way has a flag here, as
+`second_order`, that syncplan.estimation.correction_kernels and the pilot look at: then flights have
+it, too. One that runs in another way has a kernel, a LaneFilter in a module of syncplan.estimation.
+Flights do not run that kernel: syncplan.flight.closed_loop steps the extended filter.
 """
 
 from collections.abc import Mapping
