@@ -146,10 +146,8 @@ class _Measured:
                 return True
         left = remainder_of(team, loss)
         sightings, _ = left.sightings(self.assessed.sightings)
-        links, alone = (
-            rank.link_information(left.team, sightings),
-            rank.lone_rows(left.team, sightings),
-        )
+        links = rank.link_information(left.team, sightings)
+        alone = rank.lone_rows(left.team, sightings)
         return not rank.assess(left.team, links, alone).observable
 
     def _seen(self, lost: Flags, loss: Loss) -> Array:

@@ -120,10 +120,8 @@ def validation_document(validation: Validation) -> ValidationDocument:
     plan = validation.plan
     result, overall = validation.result, _overall(validation)
     anees = run_figures.spread_of(validation.anees)
-    truth, expected = (
-        run_figures.keys_in_truth(plan),
-        run_figures.expected_in_truth(plan, validation.expected),
-    )
+    truth = run_figures.keys_in_truth(plan)
+    expected = run_figures.expected_in_truth(plan, validation.expected)
     differs = run_figures.truth_note(
         truth, expected, overall.rms_second_half_m, overall.predicted_rms_m
     )
