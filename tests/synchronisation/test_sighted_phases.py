@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from hypothesis import example as known
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -127,6 +128,7 @@ def test_the_contact_of_a_residual_is_what_sampled_windows_hold(seed: int) -> No
 
 
 @given(st.integers(0, 2**32 - 1))
+@known(443913051)  # equal circles in step, at the edge of range
 def test_a_tree_has_nine_tenths_of_the_contact_of_every_link(seed: int) -> None:
     assert tree_share(np.random.default_rng(seed)) >= 0.9
 
