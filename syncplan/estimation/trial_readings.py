@@ -63,8 +63,8 @@ def split_draws(
 
 
 def in_moving_air(team: Team) -> bool:
-    """Return whether headings differ from trial to trial."""
-    return team.errors.of("wind") > 0.0 or team.errors.of("gusts") > 0.0
+    """Return whether the air may move; headings then differ from trial to trial."""
+    return any(np.any(one.sigma(team) > 0.0) for one in ERROR_STATES.values() if one.act == "drift")
 
 
 def has_misses(team: Team) -> bool:

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from syncplan.estimation import trial_readings
 from syncplan.estimation.consistency import anees
 from syncplan.estimation.drawn_errors import motion_in_air
 from syncplan.estimation.filter_options import FilterOptions
@@ -16,7 +17,7 @@ from syncplan.estimation.trial_readings import possible_sightings
 from syncplan.estimation.trials import MonteCarloResult, merge, pack, series, state_series, unpack
 from syncplan.orbits.circles import heading, position, wrap
 from syncplan.orbits.contacts import find_windows
-from syncplan.orbits.error_states import layout_of
+from syncplan.orbits.error_states import ERROR_STATES, layout_of
 from syncplan.orbits.noise import ErrorSigmas, Noise
 from syncplan.orbits.sighting_kinds import of_targets
 from syncplan.orbits.team import Team
@@ -85,6 +86,12 @@ def test_who_knows_all_errors_and_starts_right_hardly_strays(
         place, turn = strayed(team, lane)
         assert turn < 1e-9
         assert place < most
+
+
+def test_a_drift_of_any_name_moves_the_air(monkeypatch: pytest.MonkeyPatch) -> None:
+    leeway = replace(ERROR_STATES["wind"], common=False, sigma=lambda team: np.ones(team.count))
+    monkeypatch.setattr(trial_readings, "ERROR_STATES", {"leeway": leeway})
+    assert trial_readings.in_moving_air(quiet(a_team(())))
 
 
 def test_along_the_readings_in_wind_one_strays_by_fourth_order_in_the_sample_time() -> None:
