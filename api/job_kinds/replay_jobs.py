@@ -19,7 +19,6 @@ from api.job_kinds.job_kind import (
 from api.job_kinds.option_requests import takes_options
 from api.limits import RequestLimits, check_replay_work
 from syncplan.errors import InputError
-from syncplan.estimation.recorded_starts import check_start
 from syncplan.estimation.replay_settings import ReplayOptions
 from syncplan.estimation.replay_tuning import FIT_SHARE, MOST_RUNS, tuned
 from syncplan.recordings.log import Overview, chosen_landmarks, unpack_log
@@ -43,7 +42,7 @@ class ReplayRequest(JobRequest):
         assert isinstance(subject, Overview)
         asked = ReplayOptions.of_request(self.model_dump(exclude_none=True))
         chosen_landmarks(subject.landmarks, asked.landmarks)
-        check_start(asked, subject.name, has_truth=subject.has_truth)
+        asked.check_start(subject.name, has_truth=subject.has_truth)
         sightings = subject.bearings + subject.distances * asked.distances
         check_replay_work(sightings, len(subject.robots), limits)
         return max(sightings, 1) + (_fitted(sightings, MOST_RUNS) if asked.tune else 0)

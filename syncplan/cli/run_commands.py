@@ -244,13 +244,12 @@ def _replay(
 
 def _document(recording: "Log", asked: ReplayOptions) -> "ReplayDocument":
     """The report of a replay, with its progress on the way."""
-    from syncplan.estimation.recorded_starts import check_start
     from syncplan.estimation.replay_tuning import MOST_RUNS, tuned
     from syncplan.estimation.replays import replay_with
     from syncplan.reports.replay_report import replay_document
 
     settings, options = asked.settings, asked.filter_options
-    check_start(settings, recording.name, has_truth=recording.has_truth)
+    settings.check_start(recording.name, has_truth=recording.has_truth)
     console.compile_filter(options, [len(recording.robots)])
     tuning = None
     if asked.tune:

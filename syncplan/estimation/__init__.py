@@ -1,8 +1,7 @@
 """How well: error bounds, the filter, many trials of it, and recordings of real robots.
 
 referred_run       noise and rows of a run, referred to time 0
-foreseen_sightings what is known before sightings
-covariances        covariance along a run, referred to time 0
+covariances        covariance along a run, referred to time 0, and just before sightings
 start_up_index     how far sightings are from linear at the start
 referred_system    a team's run, referred to time 0, and its posterior bound
 considered_errors  what errors cost that the filter does not estimate
@@ -33,7 +32,6 @@ trial_readings     what is read in trials
 montecarlo         many trials along a plan
 replay_settings    what the filter assumes of a recording
 recorded_readings  a recording's readings at their own times
-recorded_starts    where it starts
 recorded_run       a recording as a run of the filter
 recorded_observability  when a recording's sightings determined all poses
 withheld_sightings  how well settings predict sightings that the filter is not given

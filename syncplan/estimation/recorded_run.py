@@ -30,7 +30,7 @@ from types import MappingProxyType
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.errors import NoSolutionError
+from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.filter_options import FilterOptions, lane_filter_of
 from syncplan.estimation.filter_setup import (
     FilterRun,
@@ -49,8 +49,7 @@ from syncplan.estimation.recorded_readings import (
     sightings_of,
     true_poses,
 )
-from syncplan.estimation.recorded_starts import check_start, start_of
-from syncplan.estimation.replay_settings import ReplaySettings
+from syncplan.estimation.replay_settings import STARTS, ReplaySettings
 from syncplan.estimation.trials import MonteCarloResult, result_of, series
 from syncplan.orbits.circles import wrap
 from syncplan.orbits.error_states import ERROR_STATES, StateLayout
@@ -117,7 +116,7 @@ class FilteredRun:
 
 def run_of(log: Log, settings: ReplaySettings, options: FilterOptions) -> RecordedRun:
     """Return the run of a recording; raises InputError naming what does not fit."""
-    check_start(settings, log.name, has_truth=log.has_truth)
+    settings.check_start(log.name, has_truth=log.has_truth)
     used = log.landmark_places(settings.landmarks)
     clock = clock_of(log, settings.sample_time, settings.portion)
     seen, truth = sightings_of(log, clock, used, settings), true_poses(log, clock)
@@ -147,12 +146,29 @@ def run_of(log: Log, settings: ReplaySettings, options: FilterOptions) -> Record
         noise_known=False,
     )
     readings = Readings(
-        initial=start_of(truth[0], settings, options.seed)[..., None],
+        initial=_start_of(truth[0], settings, options.seed)[..., None],
         speeds=mean_odometry(log, clock, ends, 1)[..., None],
         turn_rates=mean_odometry(log, clock, ends, 2)[..., None],
         sightings=seen.values[:, None],
     )
     return RecordedRun(clock, seen, used, setup, readings, truth, layout, log.has_truth)
+
+
+def _start_of(truth: Array, settings: ReplaySettings, seed: int) -> Array:
+    """The initial estimate (n, 3) m, m, rad, from the true poses at the beginning."""
+    if settings.start_poses is not None:
+        poses = np.array(settings.start_poses, dtype=np.float64)
+        if poses.shape != truth.shape:
+            problem = f"has shape {poses.shape}; needed are x, y and heading of {len(truth)} robots"
+            raise InputError(problem, key="start_poses")
+        if not np.isfinite(poses).all():
+            raise InputError("holds a value that is not finite", key="start_poses")
+        return poses
+    if not STARTS[settings.start].is_drawn:
+        return truth.copy()
+    noise, random = settings.noise, np.random.default_rng(seed)
+    sigmas = np.array([noise.position_sigma, noise.position_sigma, noise.heading_sigma])
+    return np.asarray(truth + sigmas * random.standard_normal(truth.shape))
 
 
 def filtered(run: RecordedRun, options: FilterOptions, progress: Seen | None = None) -> FilteredRun:

@@ -32,10 +32,31 @@ BEARING_WALK_TIME = 10.0
 SAMPLE_TIME = 0.05
 WINDOW = 30.0
 
-START_SIGMAS: Mapping[str, tuple[float, float]] = MappingProxyType(
-    {"truth": (0.01, 0.01), "prior": (5.0, 0.5), "given": (1.0, 0.2)}
+
+@dataclass(frozen=True, slots=True)
+class RecordedStart:
+    """Where the filter starts on a recording.
+
+    Attributes
+    ----------
+    sigmas : m, rad, to which position and heading are known unless stated
+    needs_truth : whether the true poses must be known; start poses are given where they need not
+    is_drawn : whether the start is drawn about the true poses, by its sigmas
+    """
+
+    sigmas: tuple[float, float]
+    needs_truth: bool = True
+    is_drawn: bool = False
+
+
+STARTS: Mapping[str, RecordedStart] = MappingProxyType(
+    {
+        "truth": RecordedStart((0.01, 0.01)),
+        "prior": RecordedStart((5.0, 0.5), is_drawn=True),
+        "given": RecordedStart((1.0, 0.2), needs_truth=False),
+    }
 )
-"""By kind of start, what position and heading are known to, m and rad, unless stated."""
+"""By name."""
 
 if TYPE_CHECKING:
     from syncplan.arrays import Array
@@ -43,9 +64,9 @@ if TYPE_CHECKING:
     StartKind: TypeAlias = str
     Poses: TypeAlias = Array
 else:
-    StartKind = Literal[tuple(START_SIGMAS)]
+    StartKind = Literal[tuple(STARTS)]
     Poses = Sequence[Sequence[float]]
-"""A name in START_SIGMAS; (n, 3) m, m, rad."""
+"""A name in STARTS; (n, 3) m, m, rad."""
 
 LEAST_SIGMA, LARGEST_SIGMA = 1e-6, 1e6
 """Limits of any sigma; those of motion, of lasting errors and of the start may also be 0."""
@@ -146,9 +167,18 @@ class ReplaySettings(RunOptions):
         super(ReplaySettings, self).__post_init__()
         _check_amounts({name: getattr(self, name) for name in self.lasting_errors().values()})
         _check_amounts({one.name: getattr(self.noise, one.name) for one in fields(self.noise)})
-        if (self.start == "given") != (self.start_poses is not None):
+        if STARTS[self.start].needs_truth == (self.start_poses is not None):
             problem = "poses belong to a start that is given, and only to such"
             raise InputError(problem, key="start_poses")
+
+    def check_start(self, name: str, *, has_truth: bool) -> None:
+        """Raise InputError if the start rests on truth that the recording of this name lacks."""
+        if STARTS[self.start].needs_truth and not has_truth:
+            problem = (
+                f"{self.start!r} needs the truth, which {name} does not hold; give the start: "
+                "'given' with start_poses (--start given --start-poses ...)"
+            )
+            raise InputError(problem, key="start")
 
     @staticmethod
     def lasting_errors() -> Mapping[str, str]:
@@ -205,7 +235,7 @@ class ReplayOptions(ReplaySettings):
     @property
     def settings(self) -> ReplaySettings:
         """Settings of the replay."""
-        place, heading = START_SIGMAS[self.start]
+        place, heading = STARTS[self.start].sigmas
         noise = Noise(
             speed_sigma=self.speed_sigma,
             turn_rate_sigma=self.turn_rate_sigma,

@@ -30,7 +30,7 @@ from syncplan.estimation.recorded_run import (
 from syncplan.estimation.replay_results import ErrorsFromTruth, FittedError, KindCounts, Replay
 from syncplan.estimation.replay_settings import (
     GROUND_ROBOTS,
-    START_SIGMAS,
+    STARTS,
     ReplayOptions,
     ReplaySettings,
 )
@@ -79,7 +79,7 @@ def replay(
     """
     if noise is None:
         start = asked.get("start", "truth")
-        position_sigma, heading_sigma = START_SIGMAS.get(start, START_SIGMAS["truth"])
+        position_sigma, heading_sigma = STARTS.get(start, STARTS["truth"]).sigmas
         noise = replace(GROUND_ROBOTS, position_sigma=position_sigma, heading_sigma=heading_sigma)
     given = {
         one.name: asked.pop(one.name) for one in options_of(ReplaySettings) if one.name in asked

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.estimation.foreseen_sightings import Foreseen
+from syncplan.estimation.covariances import Foreseen
 from syncplan.observability.referred_rows import NEAREST
 from syncplan.orbits.circles import body_paths
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, sigmas_by_kind

@@ -1,9 +1,8 @@
 """Flying: vehicles that steer by their own estimates, in wind, with losses.
 
-flight_limits        what vehicles can do in flight
 flight_events        losses and holds at their times
 flight_options       how a flight is flown, and what goes wrong
-flight_setup         what the closed loop is given, and keeps
+flight_setup         what vehicles can do; what the closed loop is given, and keeps
 keyed_noise          random numbers of a sighting
 anchors              by whom each vehicle keeps in contact
 truth                how vehicles move, who sees whom

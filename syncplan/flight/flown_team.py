@@ -12,14 +12,15 @@ from syncplan.estimation.montecarlo import setup_along
 from syncplan.estimation.trial_readings import split_draws
 from syncplan.flight.anchors import Anchors, anchors_of
 from syncplan.flight.flight_events import FlightEvents, Hold
-from syncplan.flight.flight_limits import FlightLimits, FlownWorld
 from syncplan.flight.flight_options import GUIDANCES, FlightOptions
 from syncplan.flight.flight_setup import (
     Circles,
     Contact,
     Eyes,
+    FlightLimits,
     FlightSetup,
     Flown,
+    FlownWorld,
     Law,
     Mishaps,
     Response,

@@ -12,9 +12,9 @@ from syncplan.estimation.filter_options import steps_in_run
 from syncplan.estimation.filter_setup import judged_from
 from syncplan.estimation.trials import Accuracy, accuracy, check_whole
 from syncplan.flight.flight_events import FlightEvents, events_of
-from syncplan.flight.flight_limits import FlightLimits, FlownWorld
 from syncplan.flight.flight_options import FlightOptions
 from syncplan.flight.flight_results import FlightResult, joined_flights
+from syncplan.flight.flight_setup import FlightLimits, FlownWorld
 from syncplan.flight.flights import fly_trials
 from syncplan.flight.flown_figures import Meetings, meetings_of
 from syncplan.flight.flown_team import FlownTeam, team_in_flight

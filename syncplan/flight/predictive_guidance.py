@@ -31,8 +31,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index, short_repr
-from syncplan.flight.flight_limits import FlightLimits
-from syncplan.flight.flight_setup import Circles
+from syncplan.flight.flight_setup import Circles, FlightLimits
 from syncplan.flight.predictive_model import SEARCHED, Bounds, Course, Laws, Predicted, lay_course
 from syncplan.flight.predictive_program import Program, Weights, write_separation
 from syncplan.flight.predictive_team import (

@@ -23,8 +23,7 @@ import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
 from syncplan.errors import InputError
-from syncplan.recordings.log import NOBODY, Log
-from syncplan.recordings.named_teams import NamedTeam, SeenBodies, landmark_problem
+from syncplan.recordings.log import NOBODY, Log, NamedTeam, SeenBodies, landmark_problem
 from syncplan.recordings.recorded_files import LARGEST_VALUE, check_file, name_problem
 
 if TYPE_CHECKING:

@@ -27,8 +27,7 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.phrases import listed
-from syncplan.recordings.log import NOBODY, Log
-from syncplan.recordings.named_teams import NamedTeam, SeenBodies, landmark_problem
+from syncplan.recordings.log import NOBODY, Log, NamedTeam, SeenBodies, landmark_problem
 from syncplan.recordings.recorded_files import LARGEST_VALUE, name_problem
 
 if TYPE_CHECKING:

@@ -25,7 +25,7 @@ from syncplan.estimation.filter_setup import FilterRun, MotionModel
 from syncplan.estimation.lane_filter import LaneFilter, specimen
 from syncplan.estimation.recorded_readings import longest_gap
 from syncplan.estimation.reference_filter import predict_state, update_state
-from syncplan.estimation.replay_settings import GROUND_ROBOTS, START_SIGMAS, ReplaySettings
+from syncplan.estimation.replay_settings import GROUND_ROBOTS, STARTS, ReplaySettings
 from syncplan.estimation.replays import OPTIONS, replay
 from syncplan.orbits.circles import wrap
 from syncplan.orbits.noise import Noise
@@ -644,7 +644,7 @@ def test_the_options_defaults_are_the_librarys() -> None:
         assert options[name] == getattr(OPTIONS, name)
     assert options["speed_sigma"] == GROUND_ROBOTS.speed_sigma
     assert options["turn_rate_sigma"] == GROUND_ROBOTS.turn_rate_sigma
-    assert START_SIGMAS["truth"] == (GROUND_ROBOTS.position_sigma, GROUND_ROBOTS.heading_sigma)
+    assert STARTS["truth"].sigmas == (GROUND_ROBOTS.position_sigma, GROUND_ROBOTS.heading_sigma)
 
 
 def test_a_report_is_drawn(noisy: Path, tmp_path: Path, run: Any, refused: Any) -> None:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from syncplan.estimation.bounds import posterior_bound
-from syncplan.estimation.foreseen_sightings import Foreseen
+from syncplan.estimation.covariances import Foreseen
 from syncplan.estimation.start_up_index import index_of_run, lines_of_sight, second_order_terms
 from syncplan.orbits.sighting_kinds import COMPASS, place_of
 from syncplan.orbits.sightings import Sightings

@@ -9,7 +9,6 @@ import pytest
 from syncplan.arrays import Array
 from syncplan.estimation import (
     covariances,
-    foreseen_sightings,
     referred_run,
     referred_system,
 )
@@ -67,7 +66,7 @@ def test_it_does_so_by_groups_of_any_size_and_by_samples(
     if sizes is None:
         monkeypatch.setattr(covariances, "GROUPED_VEHICLES", 0)
     else:
-        for module in (covariances, foreseen_sightings, referred_run):
+        for module in (covariances, referred_run):
             monkeypatch.setattr(module, "GROUP_ROWS", sizes[0])
         monkeypatch.setattr(covariances, "GROUPS_AT_ONCE", sizes[1])
     _assert_bound_of_the_model(made.team, made, 300)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from syncplan.arrays import Array
-from syncplan.flight.flight_limits import FlightLimits
+from syncplan.flight.flight_setup import FlightLimits
 from syncplan.flight.predictive_guidance import (
     SETTINGS,
     Decision,

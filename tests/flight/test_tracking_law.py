@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from syncplan.arrays import Array
-from syncplan.flight.flight_limits import FlightLimits
+from syncplan.flight.flight_setup import FlightLimits
 from syncplan.flight.flying import FlightRun, flight_run
 from syncplan.flight.reference_tracking import tracking_commands, tracking_gains
 from syncplan.flight.tracking_law import command_plan, track

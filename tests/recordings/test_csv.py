@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from syncplan.errors import InputError
 from syncplan.estimation.replays import replay
-from syncplan.recordings import csv_layout, named_teams, recorded_files
+from syncplan.recordings import csv_layout, log, recorded_files
 from syncplan.recordings.log import NOBODY, Log
 from syncplan.recordings.recording_formats import load_log
 from syncplan.reports.replay_report import replay_document
@@ -246,7 +246,7 @@ def test_files_that_can_not_be_had_are_named(
     monkeypatch.setattr(recorded_files, "LARGEST_FILE_BYTES", 50)
     assert "odometry.csv: is larger than 0 MiB" in refusal_of(folder)
     monkeypatch.undo()
-    monkeypatch.setattr(named_teams, "MOST_ROBOTS", 2)
+    monkeypatch.setattr(log, "MOST_ROBOTS", 2)
     assert "small: holds 3 robots, more than 2" in refusal_of(folder)
 
 

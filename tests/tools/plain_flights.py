@@ -23,7 +23,7 @@ from syncplan.estimation.reference_filter import (
     update_state,
 )
 from syncplan.flight.anchors import Anchors, anchors_of
-from syncplan.flight.flight_limits import FlightLimits
+from syncplan.flight.flight_setup import FlightLimits
 from syncplan.flight.flying import FlightRun
 from syncplan.flight.reference_tracking import tracking_commands, tracking_gains
 from syncplan.orbits.circles import wrap

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.flight.flight_limits import FlightLimits
+from syncplan.flight.flight_setup import FlightLimits
 from syncplan.flight.predictive_guidance import Decision, PredictiveOptions, Status
 from syncplan.orbits.circles import unit
 
