@@ -1,11 +1,11 @@
-"""Every request is answered, limited, logged and counted: one middleware around all the others.
+"""Outermost middleware, which answers, limits, logs and counts every request.
 
     request id --> size of the body --> the application --> headers, counts, a line
                                              |
                                    any exception: a problem
 
-One that hands on every message takes the place of three. FastAPI's `max_body_size` answers in plain
-text, not with a problem (tests/service/test_problems.py).
+One middleware that passes on every message replaces three. FastAPI's `max_body_size` answers in
+plain text, not with a problem (tests/service/test_problems.py).
 """
 
 import logging
@@ -33,7 +33,7 @@ PROBES = frozenset({"/healthz", "/readyz", "/metrics"})
 _ID_HEADER = b"x-request-id"
 _SANE = re.compile(r"[A-Za-z0-9._-]{1,64}")
 _MOST_DIGITS = 18
-"""Digits of a length beyond any limit, and short enough to be read."""
+"""Most digits of a Content-Length that is parsed; a longer one exceeds any limit."""
 
 _log = logging.getLogger(REQUEST_LOGGER)
 _failures = logging.getLogger("api.problems")
@@ -51,17 +51,17 @@ ALWAYS: tuple[HeaderPair, ...] = (
     (b"cross-origin-resource-policy", b"same-origin"),
     (b"permissions-policy", b"camera=(), geolocation=(), microphone=(), payment=(), usb=()"),
 )
-"""Of all answers. Strict-Transport-Security is the matter of the proxy that speaks TLS."""
+"""Headers of every answer; Strict-Transport-Security is left to the proxy that speaks TLS."""
 
 UNLESS_GIVEN: tuple[HeaderPair, ...] = (
     (b"cache-control", b"private, no-cache"),
     (b"content-security-policy", b"default-src 'none'; frame-ancestors 'none'"),
 )
-"""Of answers without a rule of their own: nothing in them is run, framed or kept by proxies."""
+"""Defaults for headers that an answer does not set: nothing is run, framed or kept by proxies."""
 
 
 def with_security(headers: Iterable[HeaderPair]) -> list[HeaderPair]:
-    """Return the headers of an answer, names in lower case, with those above."""
+    """Return the headers of an answer, names in lower case, with the security headers added."""
     given = list(headers)
     names = {name for name, _ in given}
     return [*given, *ALWAYS, *(pair for pair in UNLESS_GIVEN if pair[0] not in names)]
@@ -76,15 +76,15 @@ def answer_requests(
     body_limit_bytes: int,
     larger: Mapping[str, int] | None = None,
 ) -> None:
-    """Let `app` answer every failure with a problem, and log and count all it answers.
+    """Make `app` answer every failure with a problem, and log and count all its answers.
 
-    Call it after other middleware is added. It limits bodies, those at the paths of `larger` to
-    the figures there.
+    Call it after other middleware is added. Bodies are limited to `body_limit_bytes`, or at the
+    paths in `larger` to the values there.
     """
     for kind in TABLE:
         if kind is not Exception:
             app.add_exception_handler(kind, answer_to)
-    # what fails outside the middleware: the server logs it
+    # failures outside the middleware, which the server logs
     app.add_exception_handler(Exception, _unlogged)
     app.add_middleware(
         Answering, metrics=metrics, body_limit_bytes=body_limit_bytes, larger=larger or {}
@@ -97,11 +97,11 @@ async def _unlogged(request: Request, error: Exception) -> Response:
 
 @dataclass(frozen=True, slots=True)
 class Answering:
-    """ASGI middleware, outermost: no exception escapes it, no body exceeds the limit.
+    """Outermost ASGI middleware: no exception escapes it and no body exceeds its limit.
 
-    A sane X-Request-ID of the client is kept; the answer carries the id under the same name, and
-    the headers above. A line is logged when the request ends. It counts when it begins to be
-    answered, and a stream stays in flight until it ends.
+    A sane X-Request-ID of the client is kept. The answer carries the id under the same name, and
+    the headers above. A line is logged when the request ends. The request is counted when its
+    answer begins; a stream stays in flight until it ends.
     """
 
     app: ASGIApp
@@ -110,7 +110,7 @@ class Answering:
     larger: Mapping[str, int]
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer one request, whatever happens inside; anything but HTTP goes through untouched."""
+        """Answer one request, whatever happens inside; pass on anything but HTTP untouched."""
         if scope["type"] != "http":
             await self.app(scope, receive, send)
             return
@@ -130,7 +130,7 @@ class Answering:
 
 @dataclass(slots=True, eq=False)
 class _Exchange:
-    """A request and its answer, as they pass."""
+    """A request and its answer as they pass through."""
 
     scope: Scope
     _receive: Receive
@@ -145,7 +145,7 @@ class _Exchange:
     _complete: bool = False
 
     async def run(self, app: ASGIApp) -> None:
-        """Answer with what the application sends, or the problem that it has."""
+        """Send the application's answer, or a problem if it fails."""
         try:
             self._check_announced()
             await app(self.scope, self.receive, self.send)
@@ -216,5 +216,5 @@ class _Exchange:
             raise self._too_large()
 
     def _too_large(self) -> HTTPException:
-        # an HTTPException goes through the reading of bodies untouched
+        # FastAPI lets an HTTPException through while it reads a body
         return HTTPException(413, f"the body is larger than {self._limit} bytes")

@@ -1,7 +1,7 @@
-"""Requests: what they accept and send, who waits for what is computed, the same answer twice.
+"""Requests: their media types, tasks computed while a client waits, and idempotent answers.
 
-The service answers 406 and 415 where it can't serve a media type. A task is computed in turn, in
-time and while its client waits. The same Idempotency-Key gets the same answer.
+The service answers 406 and 415 where it can't serve a media type. A task waits its turn, has a time
+limit and is given up when its client leaves. The same Idempotency-Key gets the same answer.
 """
 
 import asyncio
@@ -42,16 +42,16 @@ ARCHIVES = (
     "application/x-bzip2",
     "application/octet-stream",
 )
-"""What archives may be sent as; which kind one is shows in its bytes."""
+"""Media types of archives; the kind of an archive is detected from its bytes."""
 
 _BODIES = "application/json or application/yaml, in UTF-8"
 
 
 def accepts(*media: str) -> Callable[[Request], Awaitable[str]]:
-    """Return a dependency: which of `media` the client likes best, the first one if all the same.
+    """Return a dependency that picks the client's preferred one of `media`, the first of equals.
 
-    It raises the problem 406 where the Accept header excludes them all; a header that can't be
-    read accepts everything (RFC 9110, section 12.5.1).
+    It raises the problem 406 if the Accept header excludes them all; a header that can't be read
+    accepts everything (RFC 9110, section 12.5.1).
     """
 
     async def chosen(request: Request) -> str:
@@ -60,7 +60,7 @@ def accepts(*media: str) -> Callable[[Request], Awaitable[str]]:
         if _weight(best, ranges) > 0.0:
             return best
         raise ServiceError(
-            f"the Accept header excludes {' and '.join(media)}, which is all there is here",
+            f"the Accept header excludes {' and '.join(media)}, all that this answer comes in",
             status=406,
         )
 
@@ -68,7 +68,7 @@ def accepts(*media: str) -> Callable[[Request], Awaitable[str]]:
 
 
 def _ranges(header: str) -> dict[str, float]:
-    """The weight of each media range; everything, if the header is empty or can't be read."""
+    """Weights by media range; `*/*` alone if the header is empty or can't be read."""
     found: dict[str, float] = {}
     for part in filter(None, (part.strip() for part in header.split(","))):
         medium, *parameters = (piece.strip() for piece in part.split(";"))
@@ -95,7 +95,7 @@ def _quality(parameters: list[str]) -> float | None:
 
 
 def _weight(medium: str, ranges: dict[str, float]) -> float:
-    """The weight of a medium: that of the most specific range it lies in."""
+    """Weight of a media type: that of the most specific range that contains it."""
     family = medium.partition("/")[0]
     for name in (medium, f"{family}/*", "*/*"):
         if name in ranges:
@@ -104,7 +104,7 @@ def _weight(medium: str, ranges: dict[str, float]) -> float:
 
 
 def body_kind(request: Request) -> Literal["json", "yaml"]:
-    """Return how the body of a request is written, by its Content-Type.
+    """Return the syntax of a request's body, from its Content-Type.
 
     Raises the problem 415 for anything but JSON and YAML in UTF-8. An empty body needs no type.
     """
@@ -128,7 +128,7 @@ def body_kind(request: Request) -> Literal["json", "yaml"]:
 
 
 def check_archive(request: Request) -> None:
-    """Raise the problem 415 where the body of a request is not sent as an archive."""
+    """Raise the problem 415 if the body of a request is not sent as an archive."""
     _check_coding(request)
     given = request.headers.getlist("content-type")
     medium = given[0].partition(";")[0].strip().lower() if len(given) == 1 else ""
@@ -170,7 +170,7 @@ class Caller:
 
     @property
     def service(self) -> Service:
-        """The service that is asked."""
+        """Service that received the request."""
         return service_of(self.request)
 
 
@@ -179,15 +179,14 @@ async def _caller(request: Request, owner: CurrentOwner) -> Caller:
 
 
 CurrentCaller = Annotated[Caller, Depends(_caller)]
-"""Parameter type of a route that has something computed."""
+"""Parameter type of a route that runs a task."""
 
 
 async def computed(caller: Caller, task: str, *arguments: Any) -> Any:
     """Return the result of a task in a child process, or raise its problem.
 
-    The time limit counts from here, the wait for a process included. The body of the request must
-    have been read, if there is one. Raises ClientDisconnect once the client has gone: the task is
-    then given up.
+    The time limit starts here and includes the wait for a process. The body of the request, if any,
+    must have been read. Once the client has gone, gives the task up and raises ClientDisconnect.
     """
     settings = caller.service.settings
     limit = settings.plan_timeout_s
@@ -196,8 +195,8 @@ async def computed(caller: Caller, task: str, *arguments: Any) -> Any:
         return await _while_present(caller.request, ticket)
     except OwnerBusyError:
         raise TooManyRequests(
-            f"you have {settings.max_requests} requests in work, the most allowed; wait until one "
-            "is answered",
+            f"you have {settings.max_requests} requests in progress, the most allowed; wait until "
+            "one is answered",
             retry_after_s=_RETRY_AFTER_S,
         ) from None
     except PoolFullError:
@@ -221,7 +220,7 @@ async def computed(caller: Caller, task: str, *arguments: Any) -> Any:
 
 
 async def _while_present(request: Request, ticket: Ticket) -> Any:
-    """Return a task's result; raises ClientDisconnect, and gives the task up, if nobody waits."""
+    """Return a task's result; if the client leaves, give it up and raise ClientDisconnect."""
     answer = asyncio.wrap_future(ticket.future)
     gone = asyncio.create_task(_gone(request))
     try:
@@ -237,7 +236,7 @@ async def _while_present(request: Request, ticket: Ticket) -> Any:
 
 
 async def _gone(request: Request) -> None:
-    """Return once the client has gone; what is left of a body that nobody read is dropped."""
+    """Return once the client has gone; drop the unread rest of its body."""
     while (await request.receive())["type"] != "http.disconnect":
         pass
 
@@ -269,7 +268,7 @@ class Call(Caller):
     Attributes
     ----------
     key : Idempotency-Key, if one was given
-    digest : of all that makes two requests the same
+    digest : SHA-256 of method, path, query and body
     """
 
     body: bytes
@@ -281,13 +280,13 @@ class Call(Caller):
 async def call_of(
     request: Request, owner: CurrentOwner, idempotency_key: IdempotencyKey = None
 ) -> Call:
-    """Return a POST request with its body, whatever that holds."""
+    """Return a POST request with its body, of any media type."""
     body = await request.body()
     digest = hashlib.sha256()
     for part in (request.method, request.url.path, request.url.query):
         digest.update(part.encode() + b"\n")
     if len(body) > _LONG:
-        # for as long as some requests take
+        # takes as long as some requests do
         await run_in_threadpool(digest.update, body)
     else:
         digest.update(body)
@@ -295,7 +294,7 @@ async def call_of(
 
 
 EmptyCall = Annotated[Call, Depends(call_of)]
-"""Parameter type of a route that takes no body: one that is sent is ignored."""
+"""Parameter type of a route that takes no body and ignores one that is sent."""
 
 
 async def _call(
@@ -306,7 +305,7 @@ async def _call(
 
 
 CurrentCall = Annotated[Call, Depends(_call)]
-"""Parameter type of a route that takes a body, JSON or YAML."""
+"""Parameter type of a route that takes a JSON or YAML body."""
 
 
 async def answer_once(
@@ -316,11 +315,11 @@ async def answer_once(
     *,
     together: bool = False,
 ) -> Response:
-    """Return the answer to a request: compute, then store result and answer together.
+    """Compute the result of a request, store it with its answer, and return the answer.
 
-    With an Idempotency-Key that was answered before, that answer. Raises KeyReused where it was
-    given to another request. Where `store` meets no lock of others, `together` stores the results
-    of several requests in one transaction.
+    A repeated Idempotency-Key gets the earlier answer; raises KeyReused if the key belongs to
+    another request. With `together`, the results of several requests may be stored in one
+    transaction; `store` must then meet no lock of others.
     """
     if call.key is not None:
         known = await run_in_threadpool(_known, call)

@@ -1,13 +1,13 @@
-"""Who is connected: how many in all and of an address, a reserve for probes, and time limits.
+"""Connections: limits in all and per address, a reserve for probes, and time limits.
 
 Several processes may take connections from one socket:
 
     number        0         1         2
     shared table  [ 17 ]    [ 16 ]    [ away ]      connections of each, written by itself
 
-A new connection wakes every process that waits on the socket. One with more connections than
-another lets that one go first for a moment, so that a few clients that stay connected are spread
-evenly; after that moment it takes the connection, whatever keeps the other.
+A new connection wakes every process that waits on the socket. A process with more connections than
+another gives way for a moment, so that a few clients that stay connected are spread evenly. After
+that moment it takes the connection, whatever delays the other.
 """
 
 import logging
@@ -25,10 +25,10 @@ from api.logs import SeldomLog
 from api.settings import Settings
 
 LARGEST_RESERVE = 64
-"""Connections beyond the limits that are held open for a moment, in case they are probes."""
+"""Most connections beyond the limits held open for a moment, in case they are probes."""
 
 NEVER = float("inf")
-"""When a connection is due of which nothing is expected."""
+"""Due time of a connection from which nothing is expected."""
 
 _MOST_BY_DEFAULT = 4096
 _LEAST_BY_DEFAULT = 32
@@ -39,20 +39,20 @@ _log = logging.getLogger("api.connections")
 
 
 _ENOUGH = 65_536
-"""Far above what any limit of the service needs; some systems allow a thousand million."""
+"""Open files to ask for, far more than any limit of the service needs; some systems allow 1e9."""
 
 
 @dataclass(frozen=True, slots=True)
 class ConnectionLimits:
-    """The most connections, and how long each may take.
+    """Most connections, and the time limits of each.
 
     Attributes
     ----------
     total : connections of this process
-    per_address : of one client address, or of one /64 of IPv6
+    per_address : connections of one client address, or of one /64 of IPv6
     head_s : s, from the first byte of a head, or from the connection, to the head's end
     body_s : s, from the end of a head to the end of its body
-    answer_s : s, within which a client reads a further part of its answer
+    answer_s : s, for a client to read a further part of its answer
     idle_s : s, between an answer and the next request
     """
 
@@ -65,7 +65,7 @@ class ConnectionLimits:
 
 
 def limits_of_connections(settings: Settings, descriptors: int) -> ConnectionLimits:
-    """Return the limits that the settings state, for a process of so many file descriptors."""
+    """Return the limits from the settings, for a process with this many file descriptors."""
     spare = max(_LEAST_BY_DEFAULT, descriptors - _OTHER_DESCRIPTORS)
     total = settings.max_connections or min(_MOST_BY_DEFAULT, spare)
     return ConnectionLimits(
@@ -79,7 +79,7 @@ def limits_of_connections(settings: Settings, descriptors: int) -> ConnectionLim
 
 
 def raise_limit() -> int:
-    """Raise the limit of open files as far as the system lets this process; return what it is."""
+    """Raise this process's limit of open files as far as the system allows, and return it."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     wanted = _ENOUGH if hard == resource.RLIM_INFINITY else min(hard, _ENOUGH)
     if soft != resource.RLIM_INFINITY and soft < wanted:
@@ -89,19 +89,19 @@ def raise_limit() -> int:
 
 
 class Guest(Protocol):
-    """A connection as it is counted.
+    """A connection as the limits count it.
 
     Attributes
     ----------
-    network : what its address counts as
-    engaged : whether a request of it is being answered
+    network : network under which its address counts
+    engaged : whether one of its requests is being answered
     """
 
     network: str
 
     @property
     def engaged(self) -> bool:
-        """Whether a request of it is being answered."""
+        """Whether one of its requests is being answered."""
 
     def turn_away(self) -> None:
         """Answer that there is no room, and close."""
@@ -112,7 +112,7 @@ class Connections:
 
     Attributes
     ----------
-    refusals : how often connections and requests were refused, by reason
+    refusals : number of refused connections and requests, by reason
     """
 
     def __init__(self, limits: ConnectionLimits) -> None:
@@ -126,13 +126,13 @@ class Connections:
 
     @property
     def number(self) -> int:
-        """How many are connected, in the reserve or not."""
+        """Number of connections, including the reserve."""
         return len(self._ordinary) + len(self._reserve)
 
     def enter(self, guest: Guest) -> bool:
-        """Take a connection in; return whether as an ordinary one, or else into the reserve.
+        """Admit a connection, or else put it into the reserve; return whether it was admitted.
 
-        A full reserve turns away its oldest guest of whom no request is being answered.
+        A full reserve turns away its oldest guest with no request being answered.
         """
         if self._has_room(guest.network):
             self._admit(guest)
@@ -147,7 +147,7 @@ class Connections:
         return False
 
     def promote(self, guest: Guest) -> bool:
-        """Return whether there is room by now for a guest of the reserve, and move it there."""
+        """Admit a guest of the reserve if there is room by now; return whether it was admitted."""
         if guest not in self._reserve or not self._has_room(guest.network):
             return False
         del self._reserve[guest]
@@ -155,7 +155,7 @@ class Connections:
         return True
 
     def leave(self, guest: Guest) -> None:
-        """Forget a connection that is closed."""
+        """Forget a closed connection."""
         self._reserve.pop(guest, None)
         if guest in self._ordinary:
             self._ordinary.remove(guest)
@@ -185,11 +185,11 @@ _AWAY = 2**32 - 1
 
 
 class ConnectionTable:
-    """How many connections each process has, in memory that all of them share.
+    """Numbers of connections of several processes, in memory that all of them share.
 
     Parameters
     ----------
-    descriptor : of the memory, from `made`
+    descriptor : file descriptor of the memory, from `made`
     """
 
     def __init__(self, descriptor: int, count: int) -> None:
@@ -199,7 +199,7 @@ class ConnectionTable:
 
     @classmethod
     def made(cls, count: int) -> "ConnectionTable":
-        """Return a table for so many processes, none of which takes connections yet."""
+        """Return a table for `count` processes, none of which takes connections yet."""
         with tempfile.TemporaryFile() as file:
             file.truncate(count * _ENTRY.size)
             table = cls(os.dup(file.fileno()), count)
@@ -208,26 +208,26 @@ class ConnectionTable:
         return table
 
     def enter(self, number: int, connections: int) -> None:
-        """State how many connections a process has."""
+        """Set the number of connections of a process."""
         _ENTRY.pack_into(self._memory, number * _ENTRY.size, connections)
 
     def leave(self, number: int) -> None:
-        """State that a process takes no connections: nobody lets it go first."""
+        """Mark a process as taking no connections, so that no other gives way to it."""
         self.enter(number, _AWAY)
 
     def least(self) -> int:
-        """Return the connections of the process that has fewest."""
+        """Return the smallest connection count of any process."""
         entries: list[int] = [entry for (entry,) in _ENTRY.iter_unpack(self._memory[:])]
         return min(entries)
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A process's place among those on one socket.
+    """Place of a process among those on one socket.
 
     Attributes
     ----------
-    begun : called once it takes connections
+    begun : callback for when the process takes connections
     """
 
     table: ConnectionTable
@@ -235,10 +235,10 @@ class Place:
     begun: Callable[[], None]
 
     def gives_way(self, connections: int) -> bool:
-        """State how many connections there are; return whether another process has fewer."""
+        """Publish this process's number of connections; return whether another has fewer."""
         self.table.enter(self.number, connections)
         return self.table.least() < connections
 
     def leave(self) -> None:
-        """State that no more connections are taken."""
+        """Mark this process as taking no more connections."""
         self.table.leave(self.number)

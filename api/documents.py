@@ -1,4 +1,4 @@
-"""Scenarios, plans and recordings as requests send them and as they are stored."""
+"""Scenarios, plans and recordings in the forms in which they are sent and stored."""
 
 import io
 import json
@@ -19,7 +19,7 @@ Syntax = Literal["json", "yaml"]
 
 @dataclass(frozen=True, slots=True)
 class PlanText:
-    """A plan as the bytes of its file, and what lists show of it."""
+    """Text of a plan's file, and the values that lists show."""
 
     text: str
     name: str | None
@@ -29,9 +29,9 @@ class PlanText:
 
 
 def loaded_body(body: bytes, syntax: Syntax, limits: RequestLimits) -> Loaded:
-    """Return the scenario that a body holds, or the plan: a scenario with its orbits.
+    """Return the scenario in a body, or the plan: a scenario with its orbits.
 
-    Raises InputError, also for what exceeds the limits.
+    Raises InputError, also for a scenario beyond the limits.
     """
     document = parse_document(decoded(body, ""), "", syntax)
     loaded = loaded_from(document, max_vehicles=limits.vehicles)
@@ -50,7 +50,7 @@ def loaded_plan(text: str) -> Loaded:
 
 
 def as_plan_text(plan: Plan) -> PlanText:
-    """Return a plan as it is stored."""
+    """Return a plan in its stored form."""
     document = plan_document(plan)
     predicted = document.predicted_rms_m
     return PlanText(
@@ -67,14 +67,14 @@ def as_plan_text(plan: Plan) -> PlanText:
 
 @dataclass(frozen=True, slots=True)
 class PackedRecording:
-    """A recording as bytes of syncplan.recordings.log, and in short, as JSON."""
+    """A recording packed by syncplan.recordings.log, and its overview as JSON."""
 
     data: bytes
     overview: str
 
 
 def packed_recording(body: bytes, name: str | None) -> PackedRecording:
-    """Return the recording in an archive, under a name of its own if one is given.
+    """Return the recording in an archive, renamed if a name is given.
 
     Raises InputError, whose key is the file at fault.
     """
@@ -89,7 +89,7 @@ def packed_recording(body: bytes, name: str | None) -> PackedRecording:
 
 
 def overview_of_text(text: str) -> Overview:
-    """Return a recording in short, as it is stored."""
+    """Return the overview of a recording from its stored JSON."""
     values = json.loads(text)
     lists = {key: tuple(one) for key, one in values.items() if isinstance(one, list)}
     return Overview(**{**values, **lists})

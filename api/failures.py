@@ -1,4 +1,4 @@
-"""One table from the exceptions that reach the service to the statuses it answers with.
+"""Table from exceptions to the statuses with which the service answers.
 
 Every failed request is answered with a problem document; the trace goes to the log alone.
 """
@@ -37,14 +37,14 @@ from api.problems import (
 from syncplan.errors import InputError, NoGoError, NoSolutionError, SyncplanError
 
 MOST_ERRORS = 50
-"""Most faults that are listed of one request."""
+"""Most faults listed for one request."""
 
 INTERNAL = "the service failed on this request; its log says why, under this request id"
 NO_SOLUTION = "urn:syncplan:no-solution"
-"""The type of problem that is not the request's form: nothing fulfils what it asks for."""
+"""Problem type of a well-formed request that no solution fulfils."""
 
 NO_GO = "urn:syncplan:no-go"
-"""The type of problem that a plan's verdict stops what is asked for."""
+"""Problem type of a request that a plan's verdict forbids."""
 
 NO_DATABASE = "the database can't be used just now; try again"
 NO_WRITING = "the database can only be read just now; nothing was stored"
@@ -54,7 +54,7 @@ SENTENCES = {
     "Method Not Allowed": "this path does not take the method",
     "There was an error parsing the body": "the body can't be read; send JSON in UTF-8",
 }
-"""The framework's sentences, in words that help."""
+"""More helpful messages in place of the framework's."""
 
 _PLACES = {"query", "path", "header", "cookie"}
 _DISK_FULL = "53100"
@@ -62,7 +62,7 @@ _READ_ONLY = ("25006", "attempt to write a readonly database")
 
 
 class Logged(Enum):
-    """Log entry of a failure, beside the line of its request."""
+    """Log entry of a failure, in addition to the line of its request."""
 
     NOTHING = "nothing"
     LINE = "line"
@@ -71,11 +71,11 @@ class Logged(Enum):
 
 @dataclass(frozen=True, slots=True)
 class FailedRequest:
-    """Answer and log entry of a failure; without a title the problem is its status alone.
+    """Answer and log entry of a failure; the title defaults to that of the status.
 
     Attributes
     ----------
-    reason : the class of the failure, as metrics count it; one of few
+    reason : class of the failure for the metrics, one of few
     """
 
     status: int
@@ -89,7 +89,7 @@ class FailedRequest:
 
 
 def _deliberate(error: ServiceError, logged: Logged = Logged.NOTHING) -> FailedRequest:
-    # the class of the error, as in too-many-requests
+    # the class of the error, such as too-many-requests
     reason = re.sub(r"(?<=[a-z])(?=[A-Z])", "-", type(error).__name__).lower()
     return FailedRequest(error.status, error.detail, reason, error.headers, error.errors, logged)
 
@@ -128,7 +128,7 @@ def _entry(fault: dict[str, Any]) -> FaultEntry:
 
 
 def _dotted(location: Iterable[int | str]) -> str:
-    """The path of a fault; that of the body starts inside it, as the library's own paths do."""
+    """Path of a fault; a path in the body starts inside it, as the library's own paths do."""
     place, *inner = location
     path = str(place) if place in _PLACES else ""
     for part in inner:
@@ -191,7 +191,7 @@ TABLE: dict[type[Exception], Callable[[Any], FailedRequest]] = {
     OSError: _system,
     Exception: _unforeseen,
 }
-"""By the nearest class of an exception."""
+"""Conversions by exception class; the nearest class of an exception decides."""
 
 
 def failure_of(error: Exception) -> FailedRequest:
@@ -206,7 +206,7 @@ _log = logging.getLogger("api.problems")
 
 
 async def answer_to(request: Request, error: Exception) -> Response:
-    """Return the problem to answer an exception with, and log what the log is to hold of it."""
+    """Return the problem that answers an exception, and write its log entry."""
     failure = failure_of(error)
     if failure.logged is Logged.TRACE:
         _log.error("unforeseen: %s", type(error).__name__, exc_info=error)
@@ -220,7 +220,7 @@ def problem_answer(request: Request, failure: FailedRequest) -> Response:
     """Return the answer to a request that failed."""
     headers = failure.headers
     if failure.status >= 400:
-        # for the metrics, which stand around the application
+        # for the metrics, which are counted outside the application
         request.scope.setdefault("state", {})["reason"] = failure.reason
     if failure.status in (204, 304):
         return Response(status_code=failure.status, headers=headers)
@@ -235,20 +235,20 @@ def problem_answer(request: Request, failure: FailedRequest) -> Response:
         errors=list(failure.errors) or None,
         request_id=REQUEST_ID.get() or str(request.scope.get("state", {}).get("request_id", "")),
     )
-    # in ASCII: a fault may hold what UTF-8 can't
+    # in ASCII: a fault may hold characters that UTF-8 can't encode
     content = json.dumps(problem.model_dump(exclude_none=True)).encode()
     return Response(content, failure.status, headers=headers, media_type=MEDIA_TYPE)
 
 
 def route_template(scope: Scope) -> str:
-    """Return the path of the route that answers, like /v1/plans/{plan_id}; empty for none."""
+    """Return the path of the matched route, such as /v1/plans/{plan_id}; empty if there is none."""
     context = scope.get("fastapi", {}).get("effective_route_context") or scope.get("route")
     found = getattr(context, "path_format", None) or getattr(context, "path", None)
     return str(found or "")
 
 
 def _methods(request: Request) -> list[str]:
-    """Every method of the path; a route on its own knows only those it was declared with."""
+    """All methods of the path; a single route knows only those that it was declared with."""
     template = route_template(request.scope)
     found: set[str] = set()
     for context in iter_route_contexts(request.app.routes):

@@ -1,11 +1,11 @@
-"""Streams of events: one reader of the database for all who follow jobs.
+"""Event streams of jobs, with one reader of the database for all followers.
 
     database --- one query a look ---> FollowedJob ---> every follower of that job
         \\---- a hundred at a time ---> a follower who is behind
 
-A follower costs memory alone. The reader has a thread of its own, so that followers take none from
-requests, and rests while nobody follows. While the database is away it looks less often, and
-everybody stays.
+A follower costs only memory. The reader has its own thread, so that followers take none from
+requests, and rests while there are no followers. While the database is away it looks less often,
+and all streams stay open.
 """
 
 import asyncio
@@ -33,15 +33,15 @@ from syncplan.reports.job_contract import JobState, has_ended
 
 
 MOST_EVENTS = 500
-"""Most events that are read at a time."""
+"""Most events read at a time."""
 
 _JOBS_AT_ONCE = 200
-"""Jobs that one statement names: SQLite bounds the depth of a condition."""
+"""Most jobs in one statement: SQLite limits the depth of a condition."""
 
 
 @dataclass(frozen=True, slots=True)
 class JobHead:
-    """A job's state, and the number of its last event."""
+    """State of a job and the number of its last event."""
 
     state: JobState
     events: int
@@ -50,9 +50,9 @@ class JobHead:
 def events_after(
     connection: Connection, job_id: str, number: int, most: int = MOST_EVENTS
 ) -> list[tuple[int, str]]:
-    """Return (number, JSON) of the events of a job after the one with a number, in order.
+    """Return up to `most` events of a job after event `number`, in order, as (number, JSON).
 
-    Up to `most` of them; ask again from the last one on.
+    For further events, ask again from the last one on.
     """
     query = (
         select(job_events.c.number, job_events.c.data)
@@ -64,7 +64,7 @@ def events_after(
 
 
 def heads_of(connection: Connection, job_ids: Sequence[str]) -> dict[str, JobHead]:
-    """Return the heads of jobs by their identifiers; those that are not there are left out."""
+    """Return the heads of jobs by identifier; missing jobs are left out."""
     query = select(jobs.c.id, jobs.c.state, jobs.c.events).where(jobs.c.id.in_(job_ids))
     return {row[0]: JobHead(row[1], row[2]) for row in connection.execute(query)}
 
@@ -72,7 +72,7 @@ def heads_of(connection: Connection, job_ids: Sequence[str]) -> dict[str, JobHea
 def newest_events(
     connection: Connection, after: Mapping[str, int]
 ) -> Iterator[tuple[str, int, str]]:
-    """Yield (job, number, JSON) of the events of jobs after a number each, each job's in order."""
+    """Yield (job, number, JSON) of each job's events after the number given for it, in order."""
     wanted = (
         and_(job_events.c.job_id == job_id, job_events.c.number > number)
         for job_id, number in after.items()
@@ -86,21 +86,21 @@ def newest_events(
         yield row[0], row[1], row[2]
 
 
-# --- a job that is followed -----------------------------------------------------------------------
+# --- followed jobs --------------------------------------------------------------------------------
 
 
 MOST_RECENT = 50
-"""Events of a job that are kept for those who follow it; older ones are read again."""
+"""Most events of a job kept for its followers; older ones are read again."""
 
 
 @dataclass(slots=True, eq=False)
 class Follower:
-    """Someone who follows a job.
+    """Follower of a job.
 
     Attributes
     ----------
-    key : digest of the key that the stream was asked for with
-    seen : number of the last event that was sent
+    key : digest of the key that requested the stream
+    seen : number of the last event sent
     """
 
     owner: str
@@ -112,14 +112,14 @@ class Follower:
 
 @dataclass(slots=True, eq=False)
 class FollowedJob:
-    """A job, its newest events, and who follows it.
+    """A job, its newest events and its followers.
 
     Attributes
     ----------
     news : set, and replaced, when there is something new
-    last : number of the newest event that was read; None before the first look
-    over : nothing comes after `last`
-    recent : (number, as sent) of the newest events, without gaps, up to `last`
+    last : number of the newest event read; None before the first look
+    over : whether no event follows `last`
+    recent : newest events up to `last`, without gaps, as (number, bytes to send)
     """
 
     followers: set[Follower] = field(default_factory=set)
@@ -130,13 +130,13 @@ class FollowedJob:
 
     @property
     def wanted_after(self) -> int:
-        """The event after which it is to be read."""
+        """Number of the event after which to read."""
         if self.last is not None:
             return self.last
         return min((one.seen for one in self.followers), default=0)
 
     def after(self, number: int) -> list[tuple[int, bytes]] | None:
-        """Return the events after one; None if they are older than what is kept."""
+        """Return the events after event `number`; None if some of them are no longer kept."""
         if self.last is None or number >= self.last:
             return []
         if not self.recent or self.recent[0][0] > number + 1:
@@ -144,7 +144,7 @@ class FollowedJob:
         return list(dropwhile(lambda event: event[0] <= number, self.recent))
 
     def take(self, head: JobHead | None, found: Iterable[tuple[int, str]]) -> None:
-        """Take in what a look has found, and wake the followers if it is new."""
+        """Take in what a look has found, and wake the followers if anything is new."""
         before = self.last, self.over
         for number, data in found:
             if self.recent and self.recent[-1][0] != number - 1:
@@ -153,19 +153,19 @@ class FollowedJob:
             self.last = number
         if self.last is None:
             self.last = 0 if head is None else head.events
-        # a job that is gone was deleted
+        # a missing job was deleted
         self.over = head is None or (has_ended(head.state) and self.last >= head.events)
         if (self.last, self.over) != before:
             self.wake()
 
     def wake(self) -> None:
-        """Let all followers look again."""
+        """Make all followers look again."""
         self.news.set()
         self.news = asyncio.Event()
 
 
 def sent(number: int, data: str) -> bytes:
-    """Return an event as a stream sends it."""
+    """Return the bytes of an event in a stream."""
     return format_sse_event(id=str(number), event="job", data_str=data)
 
 
@@ -186,12 +186,12 @@ _logger = logging.getLogger("syncplan.following")
 
 
 class JobWatch:
-    """Those who follow jobs, and the reader that serves them; used on one event loop.
+    """Followers of jobs and the reader that serves them; used on one event loop.
 
     Parameters
     ----------
-    most_streams : that an owner may have open
-    keyring : a stream ends when its key does
+    most_streams : most streams that an owner may have open
+    keyring : valid keys; a stream ends when its key does
     is_ending : whether the server is about to end, and with it all streams
     """
 
@@ -218,17 +218,17 @@ class JobWatch:
     @property
     def streams(self) -> int:
         """Number of open streams."""
-        # at once: metrics read it from another thread
+        # copied at once: metrics read it from another thread
         return sum(list(self._streams.values()))
 
     def close(self) -> None:
-        """End all streams and give up what is being read."""
+        """End all streams and abandon the read in progress."""
         self._end_all()
         self._thread.shutdown(wait=False, cancel_futures=True)
 
     @contextlib.contextmanager
     def following(self, follower: Follower) -> Iterator[None]:
-        """Keep a follower for as long as the block lasts; raises TooManyRequests."""
+        """Keep a follower until the block ends; raises TooManyRequests."""
         if self._streams[follower.owner] >= self._most_streams:
             raise TooManyRequests(
                 f"you have {self._most_streams} event streams open, the most allowed; close one, "
@@ -253,7 +253,7 @@ class JobWatch:
             self._streams -= Counter([follower.owner])
 
     async def events(self, follower: Follower) -> AsyncIterator[bytes]:
-        """Yield a follower's events as they are sent, until the job or the follower has ended."""
+        """Yield the bytes of a follower's events until the job or the follower has ended."""
         job = self._jobs[follower.job_id]
         while not follower.ended:
             # before looking, so that nothing is missed
@@ -272,7 +272,7 @@ class JobWatch:
                 yield KEEPALIVE_COMMENT
 
     async def _missed(self, follower: Follower) -> list[tuple[int, bytes]] | None:
-        """The next events of one who is behind; None if the database is away."""
+        """Next events of a follower who is behind; None if the database is away."""
         found = await self._reading(events_after, follower.job_id, follower.seen, _AT_ONCE)
         if found is None:
             await asyncio.sleep(_LOOK_EVERY_S)
@@ -282,11 +282,11 @@ class JobWatch:
     # --- the reader -----------------------------------------------------------------------------
 
     async def _read(self) -> None:
-        """Look at all jobs that are followed, again and again while there are any."""
+        """Look at all followed jobs repeatedly while there are any."""
         wait = _LOOK_EVERY_S
         try:
             while self._jobs:
-                # those who come in one rush share a look
+                # followers that join in one rush share a look
                 await asyncio.sleep(_COALESCE_S)
                 self._joined.clear()
                 asked = {name: job.wanted_after for name, job in self._jobs.items() if not job.over}
@@ -300,12 +300,12 @@ class JobWatch:
                     self._jobs[name].take(*found.get(name, (None, [])))
                 await _within(wait, self._joined)
         except Exception as error:
-            # clients come back and go on where they were
+            # clients reconnect and continue where they were
             _logger.error("events can't be read: %s", type(error).__name__, exc_info=error)
             self._end_all()
 
     async def _tick(self) -> None:
-        """End the streams with the server or their keys, whatever the reader waits for."""
+        """End streams when the server or their keys end, even while the reader waits."""
         while self._jobs:
             if self._is_ending():
                 self._end_all()
@@ -347,7 +347,7 @@ Found = tuple[JobHead | None, list[tuple[int, str]]]
 
 
 def _look(connection: Connection, asked: Mapping[str, int]) -> dict[str, Found]:
-    """News of each job after an event, the newest MOST_RECENT at most."""
+    """Head and new events of each job, at most the newest MOST_RECENT."""
     found: dict[str, Found] = {}
     rest = iter(asked)
     while some := list(islice(rest, _JOBS_AT_ONCE)):
@@ -374,13 +374,13 @@ async def _within(seconds: float, event: asyncio.Event) -> bool:
 
 
 _HEADERS = {"cache-control": "no-cache", "x-accel-buffering": "no"}
-"""No store between here and the client keeps events back."""
+"""Headers that stop caches and proxies from holding back events."""
 
 
 class EventStream(StreamingResponse):
-    """A stream that has its place among the followers for as long as it is sent.
+    """Event stream whose follower is registered while it is sent.
 
-    Raises TooManyRequests, before it begins to answer, where the owner has too many of them.
+    Raises TooManyRequests, before the answer begins, if the owner has too many streams.
     """
 
     def __init__(self, watch: JobWatch, follower: Follower) -> None:

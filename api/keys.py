@@ -1,4 +1,4 @@
-"""API keys as an operator lists them, each with the name of the owner it stands for.
+"""API keys as an operator lists them, each with the name of its owner.
 
 They come from a setting or from a file, which may be changed while the service runs.
 """
@@ -41,9 +41,9 @@ def parsed_keys(text: str) -> tuple[ApiKey, ...]:
 
 
 def keys_of_lines(text: str) -> tuple[ApiKey, ...]:
-    """Return the keys of a file: NAME:KEY a line; empty lines and those with # in front are none.
+    """Return the keys of a file, NAME:KEY a line; empty lines and # comments are skipped.
 
-    Raises ValueError, by line and without the key.
+    Raises ValueError, which names the line but not the key.
     """
     keys = {}
     for number, line in enumerate(text.splitlines(), 1):
@@ -58,7 +58,7 @@ def keys_of_lines(text: str) -> tuple[ApiKey, ...]:
 
 
 def check_keys(keys: Iterable[ApiKey]) -> None:
-    """Raise ValueError if a key can't serve; by place, for what reads as a name may be a key."""
+    """Raise ValueError naming the place of an invalid key, since its apparent name may be a key."""
     _check(
         ((f"entry {place}", entry) for place, entry in enumerate(keys, 1)),
         "give NAME:KEY or KEY, separated by commas",
@@ -92,9 +92,9 @@ _log = logging.getLogger("api.keys")
 
 
 class KeyFile:
-    """The keys in a file, and whether it has changed since it was read last.
+    """File of keys that detects changes since it was last read.
 
-    Contents are compared, not times: an edit within one tick of the clock counts as well.
+    Contents are compared, not times, so that an edit within one tick of the clock counts as well.
     """
 
     def __init__(self, path: Path) -> None:
@@ -104,7 +104,7 @@ class KeyFile:
     def changed(self) -> tuple[ApiKey, ...] | None:
         """Return the keys if the file has changed since the last call, None otherwise.
 
-        Raises InputError, once for each change, if it can't be read or a line is no key.
+        Raises InputError, once for each change, if it can't be read or a line holds no key.
         """
         content, mode = self._read()
         last, self._last = self._last, content
@@ -124,7 +124,7 @@ class KeyFile:
         return keys
 
     def _read(self) -> tuple[bytes | str, int]:
-        """Content of the file, or a sentence why it can't be read, and the mode of the file."""
+        """Content of the file, or the reason why it can't be read, and its mode."""
         try:
             with self.path.open("rb") as file:
                 content = file.read(_LARGEST_BYTES + 1)

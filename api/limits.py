@@ -1,4 +1,4 @@
-"""The most a request may ask for, so that no client can starve the others."""
+"""Limits on requests, so that no client can starve the others."""
 
 from dataclasses import dataclass
 
@@ -11,31 +11,31 @@ _REMEDY = "use a shorter range_m, a longer sample_time_s, a shorter run or fewer
 MOST_BOUND_WORK = 5e10
 """Most work of a plan's bound: a core does 0.3e9 to 4e9 a second, and a request has 20 s."""
 MOST_TRIAL_WORK = 2e11
-"""Most work of a trial: a job begins with 17 of them, to learn its pace, in one part of an hour."""
+"""Most work of a trial: a job first times 17 of them, in one part of an hour."""
 
 FLIGHT_TIMES = 8.0
-"""A flight is so many times the work of a trial of the filter along the same circles."""
+"""Work of a flight relative to a trial of the filter along the same circles."""
 
 TRIALS_OF_VEHICLES = 10
-"""A run may hold this many times as many trials of one vehicle as it may hold trials."""
+"""Most trials times vehicles in a run, relative to the most trials."""
 
 FIGURES_OF_VEHICLE = 18
-"""Figures of each vehicle that are kept of a flight, beside one of each pair."""
+"""Figures kept of each vehicle of a flight, in addition to one of each pair."""
 
 
 @dataclass(frozen=True, slots=True)
 class RequestLimits:
-    """The most a request may ask for.
+    """Upper limits on a request.
 
     Attributes
     ----------
-    vehicles : of a team
-    samples : in a run or a window
-    trials : of a validation or flight, or of all rows of a sweep together
+    vehicles : vehicles of a team
+    samples : samples in a run or a window
+    trials : trials of a validation or flight, or of all rows of a sweep together
     run_s : s, length of a run
     refine_s : s, time of a refinement
     sweep_values : rows of a sweep
-    sightings : in all samples of a run, as expected from circles and ranges
+    sightings : sightings in all samples of a run, as expected from circles and ranges
     """
 
     vehicles: int
@@ -48,7 +48,7 @@ class RequestLimits:
 
 
 def check_at_most(key: str, value: float, limit: float, unit: str = "") -> None:
-    """Raise InputError naming `key` if `value` is above what this service takes."""
+    """Raise InputError naming `key` if `value` exceeds `limit`."""
     if value > limit:
         raise InputError(
             f"{value:g}{unit} asked for; this service takes up to {limit:g}{unit}", key=key
@@ -56,18 +56,18 @@ def check_at_most(key: str, value: float, limit: float, unit: str = "") -> None:
 
 
 def check_size(scenario: Scenario, limits: RequestLimits) -> None:
-    """Raise InputError if planning a scenario is more than the service does in one request."""
+    """Raise InputError if a scenario is too large to be planned in one request."""
     check_at_most("formation", scenario.size, limits.vehicles, " vehicles")
     for key, length in (("duration_s", scenario.duration_s), ("window_s", scenario.window)):
         check_at_most(key, length / scenario.sample_time, limits.samples, " samples")
     work = work_of(scenario)
-    # without the bound, no sample is looked at
+    # without the bound, planning looks at no samples
     if work is not None and work.bounded:
         _check_work(scenario, work, MOST_BOUND_WORK, limits)
 
 
 def check_run_work(scenario: Scenario, duration: float, limits: RequestLimits) -> None:
-    """Raise InputError if a trial of the filter over `duration` s is more than a task can do."""
+    """Raise InputError if a trial of the filter over `duration` s is too much for a task."""
     work = work_of(scenario, duration)
     if work is not None:
         _check_work(scenario, work, MOST_TRIAL_WORK, limits)
@@ -80,7 +80,7 @@ def check_flights(
     guidance: GuidanceModel,
     limits: RequestLimits,
 ) -> None:
-    """Raise InputError if flights of `duration` s are too many, or one more than a task can do."""
+    """Raise InputError if flights of `duration` s are too many, or one is too much for a task."""
     check_trials(trials, scenario.size, limits)
     work = work_of(scenario, duration)
     if work is None:
@@ -99,7 +99,7 @@ def check_flights(
 
 
 def check_replay_work(sightings: int, robots: int, limits: RequestLimits) -> None:
-    """Raise InputError if a recording holds more than a task can filter."""
+    """Raise InputError if a recording is too large for a task to filter."""
     for figure, limit, what in (
         (sightings, limits.sightings, "sightings"),
         (
@@ -133,7 +133,7 @@ def _check_work(scenario: Scenario, work: ExpectedWork, most: float, limits: Req
 
 
 def check_trials(trials: int, vehicles: int, limits: RequestLimits) -> None:
-    """Raise InputError if a run holds more figures than the service keeps."""
+    """Raise InputError if a run has too many trials, or trials times vehicles."""
     check_at_most("trials", trials, limits.trials, " trials")
     check_at_most(
         "trials", trials * vehicles, TRIALS_OF_VEHICLES * limits.trials, " trials times vehicles"

@@ -1,7 +1,7 @@
 """Logs as JSON, one object a line on standard error; a request id ties lines to requests.
 
-logging has no limit on how often a line is written; SeldomLog keeps what strangers can cause
-without end to a few (tests/attacks/test_edge_connections.py).
+logging does not limit how often a line is written; SeldomLog limits the lines that strangers could
+cause without end (tests/attacks/test_edge_connections.py).
 """
 
 import json
@@ -30,9 +30,9 @@ class SeldomLog:
         self._silences: dict[str, _Silence] = {}
 
     def warn(self, kind: str, message: str, **fields: object) -> None:
-        """Log a case of `kind`, with how many there were since the last line; or count it alone.
+        """Log a case of `kind` with the number of cases since the last line, or only count it.
 
-        There must be few kinds: one is kept for each.
+        There must be few kinds: an entry is kept for each.
         """
         now = time.monotonic()
         silence = self._silences.get(kind)
@@ -48,7 +48,7 @@ class SeldomLog:
 
 
 REQUEST_ID: ContextVar[str] = ContextVar("request_id", default="")
-"""The id of the request that code runs for, empty outside of requests."""
+"""Id of the request being served; empty outside of requests."""
 
 _ORDINARY = frozenset(vars(logging.makeLogRecord({}))) | {
     "asctime",
@@ -59,10 +59,10 @@ _ORDINARY = frozenset(vars(logging.makeLogRecord({}))) | {
 
 
 class JsonLines(logging.Formatter):
-    """One JSON object a record: time, level, logger, message, request_id, extra fields, trace."""
+    """Formatter as JSON: time, level, logger, message, request_id, extra fields and trace."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """Return the line, in ASCII, without its end."""
+        """Return the line in ASCII, without a line end."""
         moment = datetime.fromtimestamp(record.created, UTC)
         line: dict[str, Any] = {
             "time": moment.isoformat(timespec="milliseconds").replace("+00:00", "Z"),
@@ -103,8 +103,8 @@ def _plain(value: Any) -> str:
 def configure_logs(level: str) -> None:
     """Send every logger's lines of `level` and above to standard error, as JSON.
 
-    Call it before uvicorn and DBOS start, uvicorn with `log_config=None, access_log=False`: the
-    requests are logged by api.answering.
+    Call it before uvicorn and DBOS start. Start uvicorn with `log_config=None, access_log=False`:
+    api.answering logs the requests.
     """
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(JsonLines())
@@ -116,10 +116,10 @@ def configure_logs(level: str) -> None:
         logger.handlers = []
         logger.propagate = True
         logger.setLevel(logging.WARNING if name == "uvicorn.access" else logging.NOTSET)
-    # DBOS writes lines of its own kind unless its logger has a handler
+    # DBOS writes lines in its own format unless its logger has a handler
     durable = logging.getLogger("dbos")
     durable.handlers = [handler]
     durable.propagate = False
-    # and logs every migration and connection
+    # it also logs every migration and connection
     durable.setLevel(logging.getLogger().level if level == "debug" else logging.WARNING)
     logging.captureWarnings(True)

@@ -1,4 +1,4 @@
-"""The application of the service, with workers and database around it; that of a worker.
+"""Applications of the service, with its workers and database, and of a worker.
 
 Both answer, log, count and check keys alike.
 """
@@ -38,11 +38,11 @@ from api.telemetry import OFF, telemetry_options
 from syncplan import __version__
 
 UPLOADS = "/v1/recordings"
-"""Where bodies may be larger than elsewhere."""
+"""Path at which bodies may be larger than elsewhere."""
 
 
 def without_routes(settings: Settings, *, tally: JobTally | None = None, **options: Any) -> FastAPI:
-    """Return an application for routes to be added to; `options` are FastAPI's.
+    """Return an application without routes; `options` are FastAPI's.
 
     Its metrics include the jobs that `tally` counts.
     """
@@ -76,7 +76,7 @@ def without_routes(settings: Settings, *, tally: JobTally | None = None, **optio
 def create_worker_app(
     settings: Settings, database: Database, worker: Worker, counts: JobCounts
 ) -> FastAPI:
-    """Return the application of a running worker: the paths that machines poll, and no others."""
+    """Return the application of a running worker, with only the paths that machines poll."""
     app = without_routes(settings, tally=counts.tally, openapi_url=None, telemetry=OFF)
     app.state.service = Service(
         settings,
@@ -98,7 +98,7 @@ def create_worker_app(
 
 
 _DESCRIPTION = """Plans of synchronised circular orbits that let a team of robots localise itself:
-initial poses and phases at once, refinement and Monte Carlo as jobs that survive."""
+initial poses and phases at once, refinement and Monte Carlo as durable jobs."""
 
 
 def create_app(settings: Settings | None = None, share: Share = ALONE) -> FastAPI:
@@ -107,8 +107,8 @@ def create_app(settings: Settings | None = None, share: Share = ALONE) -> FastAP
     The server decides where it listens: `syncplan serve` refuses to listen beyond this machine
     without keys; another ASGI server does not.
 
-    Settings come from the environment where none are given. `share` is the part of the service
-    that this process is, and of its child processes. Raises InputError.
+    Settings default to those of the environment. `share` is this process's part of the service and
+    of its child processes. Raises InputError.
     """
     chosen = load_settings() if settings is None else settings
     app = without_routes(
@@ -153,7 +153,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
 
 
 def _begun(app: FastAPI, last_first: ExitStack) -> Service:
-    """Begin all that the application works with; `last_first` ends it, the processes first."""
+    """Start everything that the application uses; `last_first` ends it, the processes first."""
     settings: Settings = app.state.settings
     ends = last_first.enter_context
     database = ends(closing(open_database(settings.database)))
@@ -163,7 +163,7 @@ def _begun(app: FastAPI, last_first: ExitStack) -> Service:
     counts = JobCounts(database, app.state.metrics.jobs)
     depths, heartbeat = {}, None
     if settings.embedded_worker:
-        # what can't be written to just now can be read nevertheless
+        # a database that can't be written to just now can still be read
         worker = ends(closing(Worker(settings, database, counts, patient=True)))
         depths["jobs"], heartbeat = worker.pool.depth, worker.guard
     else:
@@ -189,6 +189,6 @@ def _watch(
     queue: JobQueue,
     depths: Mapping[str, Callable[[], PoolDepth]],
 ) -> None:
-    """Let each scrape read what the pools of an application do, and the jobs and workers."""
+    """Make each scrape read the state of an application's pools, and the jobs and workers."""
     app.state.metrics.watch(partial(pool_readings, depths))
     app.state.metrics.watch(Cached(partial(job_readings, database, queue)), of="service")

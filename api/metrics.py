@@ -1,10 +1,10 @@
-"""What Prometheus reads of a process: one table of metrics, and what counts and renders them.
+"""Prometheus metrics: one table of them, and the classes that count and render them.
 
 Several HTTP processes keep their metrics in files that all of them read (prometheus_client's
 multiprocess mode, in the folder that PROMETHEUS_MULTIPROC_DIR names). Counts of processes that have
-ended stay: a counter that fell would look like a restart. That mode has no place for figures that
-are read at a scrape, so each process publishes its own once a second; what all read alike from the
-database is read by the process that is scraped.
+ended stay: a counter that fell would look like a restart. That mode does not support figures that
+are read at a scrape, so each process publishes its own once a second. Figures from the database,
+the same for all processes, are read by the process that is scraped.
 """
 
 import logging
@@ -33,10 +33,10 @@ class MetricEntry:
 
     Attributes
     ----------
-    name : as it is exposed, a counter's without its suffix `_total`
-    of : a figure of the process that is read, to be summed over processes; or one of the whole
-        service, which each process reads from the database alike
-    buckets : upper bounds, of a histogram
+    name : exposed name; for a counter, without its suffix `_total`
+    of : whether the figure is one of each process, to be combined over processes, or one of the
+        whole service, which every process reads from the database alike
+    buckets : upper bounds of a histogram's buckets
     over : whether values of several processes are added up, or the largest is taken
     """
 
@@ -50,7 +50,7 @@ class MetricEntry:
 
     @property
     def exposed(self) -> str:
-        """The name by which queries find it; of a histogram, that of its count."""
+        """Name in queries; for a histogram, the name of its count."""
         return self.name + {"counter": "_total", "histogram": "_count", "gauge": ""}[self.type]
 
 
@@ -165,13 +165,13 @@ METRICS: Mapping[str, MetricEntry] = {entry.name: entry for entry in _ENTRIES}
 
 
 def as_counter(name: str, registry: CollectorRegistry) -> Counter:
-    """Return a counter of the table."""
+    """Return a counter for an entry of the table."""
     entry = METRICS[name]
     return Counter(entry.name, entry.meaning, entry.labels, registry=registry)
 
 
 def as_histogram(name: str, registry: CollectorRegistry) -> Histogram:
-    """Return a histogram of the table."""
+    """Return a histogram for an entry of the table."""
     entry = METRICS[name]
     return Histogram(
         entry.name, entry.meaning, entry.labels, buckets=entry.buckets, registry=registry
@@ -184,7 +184,7 @@ def as_histogram(name: str, registry: CollectorRegistry) -> Histogram:
 class JobTally:
     """Counts of the jobs that this process ended, and of the parts that it computed.
 
-    An application exposes them by their registry.
+    An application exposes them through their registry.
     """
 
     def __init__(self) -> None:
@@ -204,7 +204,7 @@ class JobTally:
             self._failures.labels(kind, reason).inc()
 
     def part_over(self, part: str, outcome: str, took_s: float) -> None:
-        """Count a part that was computed, or tried to be."""
+        """Count a part that was computed or attempted."""
         self._parts.labels(part, outcome).observe(took_s)
 
 
@@ -215,13 +215,13 @@ Readings = Mapping[str, Mapping[tuple[str, ...], float]]
 """Values of counters and gauges by name, and by the values of their labels in order."""
 
 Source = Callable[[], Readings]
-"""What a scrape asks for readings."""
+"""Function that a scrape calls for readings."""
 
 SHARED = "PROMETHEUS_MULTIPROC_DIR"
-"""The variable that names the folder of several processes' metrics, set before they start."""
+"""Environment variable that names the folder of shared metrics, set before processes start."""
 
 _EARLIEST = ("process_start_time_seconds", "process_max_fds")
-"""Figures of which the least of all processes is that of the service."""
+"""Figures of which the service reports the least over its processes."""
 
 NO_ROUTE = "none"
 """Label of all paths that belong to no route: clients can invent any path."""
@@ -232,7 +232,7 @@ _log = logging.getLogger("api.metrics")
 
 
 class Metrics:
-    """The metrics of one application, in a registry of its own; `jobs` counts those of a worker."""
+    """Metrics of one application in its own registry; `jobs` counts the jobs of a worker."""
 
     def __init__(self, jobs: JobTally | None = None) -> None:
         self._registry = registry = CollectorRegistry()
@@ -263,19 +263,19 @@ class Metrics:
         self._refusals.labels(status, reason).inc()
 
     def watch(self, *sources: Source, of: Owner = "process") -> None:
-        """Let each scrape read these sources as well."""
+        """Add sources for each scrape to read."""
         watched = self._of_process if of == "process" else self._of_service
         watched.sources += sources
 
     def publish(self) -> None:
-        """Let scrapes of the other processes see what is read of this one."""
+        """Make the readings of this process visible to scrapes of the others."""
         with self._publishing:
             for collector in (self._of_process, self._process):
                 for family in collector.collect():
                     self._published.take(family)
 
     def render(self) -> tuple[bytes, str]:
-        """Return (text in Prometheus' format, its media type), of all HTTP processes."""
+        """Return the metrics of all HTTP processes as (text in Prometheus' format, media type)."""
         registry = self._registry
         if SHARED in os.environ:
             self.publish()
@@ -286,13 +286,13 @@ class Metrics:
 
 
 class _Watched(Collector):
-    """Figures read from elsewhere at each scrape; a source that fails is left out."""
+    """Figures read from sources at each scrape; a source that fails is left out."""
 
     def __init__(self) -> None:
         self.sources: tuple[Source, ...] = ()
 
     def collect(self) -> Iterator[Metric]:
-        """Return the figures that can be read now."""
+        """Yield the figures that can be read now."""
         for source in self.sources:
             try:
                 readings = source()
@@ -305,14 +305,14 @@ class _Watched(Collector):
 
 
 class _Published:
-    """Copies of figures that are read, as metrics that other processes find."""
+    """Copies of readings as metrics that other processes can find."""
 
     def __init__(self) -> None:
         self._copies: dict[str, Counter | Gauge] = {}
         self._counted: dict[tuple[str, ...], float] = {}
 
     def take(self, family: Metric) -> None:
-        """Set the copy of a family of counters or gauges to its present values."""
+        """Set the copy of a family of counters or gauges to its current values."""
         for sample in family.samples:
             if family.name not in self._copies:
                 self._copies[family.name] = _copy_of(family, tuple(sample.labels))

@@ -1,6 +1,6 @@
-"""The OpenAPI document: what FastAPI can't know of bodies and headers, and worked examples.
+"""OpenAPI document: bodies and headers that FastAPI can't infer, and worked examples.
 
-Bodies are read as they come and checked in child processes, so FastAPI sees no model of them. The
+Bodies are read raw and checked in child processes, so FastAPI sees no model of them. The
 examples are answers of the real service, kept as data where a reader needs more than the general
 example of a status; `python -m tests.tools.record_examples` renews them.
 """
@@ -30,7 +30,7 @@ from syncplan.scenario.specification import Scenario
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """The body of a request: what it holds, one of these, and whether there must be one.
+    """Body of a request: one of `models`, and whether it is required.
 
     It is JSON or YAML, or bytes of one of `media`.
     """
@@ -59,7 +59,7 @@ BODIES = {
         for one in JOB_KINDS.values()
     },
 }
-"""What operations take; the others take no body."""
+"""Request bodies by operation; other operations take none."""
 
 ANSWERS = {
     "createPlan": "The plan, stored",
@@ -88,10 +88,10 @@ ANSWERS = {
     "checkReadiness": "It is ready",
     "readMetrics": "The figures, in Prometheus' text format",
 }
-"""What an operation answers when all goes well."""
+"""Description of each operation's successful answer."""
 
 RESULTS = tuple(dict.fromkeys(kind.report or StoredPlan for kind in JOB_KINDS.values()))
-"""What readJobResult answers: one of these."""
+"""Models of readJobResult's answer, which is one of these."""
 
 HEADERS: dict[str, dict[str, Any]] = {
     "Location": {
@@ -117,7 +117,7 @@ HEADERS: dict[str, dict[str, Any]] = {
         "example": "/v1/plans/019a2b3c-4d5e-7f60-8123-456789abcdef",
     },
     "Accept": {
-        "description": "what a body may be",
+        "description": "media types that a body may have",
         "required": True,
         "schema": {"type": "string"},
         "example": "application/json, application/yaml",
@@ -129,7 +129,7 @@ HEADERS: dict[str, dict[str, Any]] = {
         "example": "5b1f0c52a7c14f7e9d4b8a1a6f0b6f0e",
     },
 }
-"""Headers of answers, by the name that refers to them."""
+"""Headers of answers, by the name used in references."""
 
 SENT: dict[tuple[str, str], dict[str, str]] = {
     ("createPlan", "201"): {"Location": "Location", "ETag": "ETag"},
@@ -162,7 +162,7 @@ FOLLOWING: dict[tuple[str, str], dict[str, str]] = {
         for name in _JOB_OPERATIONS
     },
 }
-"""What can be asked next, each with the parameter that takes the answer's id."""
+"""Operations that may follow an answer, each with the parameter that takes its id."""
 
 
 # --- the document ---------------------------------------------------------------------------------
@@ -176,7 +176,7 @@ _DONE = {"200", "201", "202", "204"}
 
 
 def document_operations(app: FastAPI) -> None:
-    """Let the OpenAPI document of `app` hold what FastAPI can't know of its operations."""
+    """Complete the OpenAPI document of `app` with what FastAPI can't infer."""
     plain = app.openapi
     # FastAPI's documented way to extend the document, which is made when it is first requested
     setattr(app, "openapi", cache(lambda: _completed(plain(), app.state.settings)))  # noqa: B010
@@ -209,7 +209,7 @@ def _complete(operation: Tree, examples: Tree) -> None:
     responses = operation["responses"]
     responses["500"] = problem_responses(500)[500]
     if "401" in responses:
-        # who presents wrong keys has to wait
+        # a client that presents wrong keys has to wait
         responses.setdefault("429", problem_responses(429)[429])
     if name == "followJob":
         responses["200"]["content"] = {_EVENTS: {"schema": _EVENT}}
@@ -278,7 +278,7 @@ def _request_body(body: Body, examples: Tree) -> Tree:
 
 
 def _schemas(settings: Settings) -> Tree:
-    """The schemas that the operations below refer to, with the limits of this service."""
+    """Schemas that the operations refer to, with the limits of this service."""
     taken = dict.fromkeys(model for body in BODIES.values() for model in body.models)
     schemas = {**_definitions(Problem), **_definitions(*taken, *RESULTS, JobEvent)}
     limits = limits_of(settings)
@@ -297,7 +297,7 @@ def _definitions(*models: type[BaseModel]) -> Tree:
 
 
 def _bound(schema: Tree, key: str, most: float) -> None:
-    """Write the most this service takes into the schema of a number."""
+    """Write this service's limit into the schema of a number."""
     described = schema["properties"][key]
     for one in described.get("anyOf", [described]):
         if one.get("type") in ("integer", "number"):
@@ -305,7 +305,7 @@ def _bound(schema: Tree, key: str, most: float) -> None:
 
 
 def _never_null(schema: Tree) -> Tree:
-    """The schema of a parameter that is left out or has a value: null can't be sent."""
+    """Schema of a parameter without null, which can't be sent: it is left out instead."""
     kinds = [one for one in schema.get("anyOf", []) if one != {"type": "null"}]
     if len(kinds) != 1:
         return schema

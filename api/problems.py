@@ -1,7 +1,7 @@
-"""Problem documents (RFC 9457), errors that routes raise on purpose, their documentation.
+"""Problem documents (RFC 9457), the errors that routes raise on purpose, and their documentation.
 
-A problem and the faults it lists are made fit to be sent. Each error is answered with the problem
-of its status.
+A problem and the faults it lists are made safe to send. Each error is answered with the problem of
+its status.
 """
 
 import json
@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field
 MEDIA_TYPE = "application/problem+json"
 
 _RENAMED = {413: "Content Too Large", 422: "Unprocessable Content"}
-"""Phrases of RFC 9110 that older Pythons don't know."""
+"""Phrases of RFC 9110 that older versions of Python don't know."""
 
 _LONGEST_TEXT = 2000
 _LONGEST_VALUE = 200
@@ -28,20 +28,20 @@ _FORM = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
 
 class FaultEntry(BaseModel):
-    """One fault of a request: where it is, what stands there, and what is allowed."""
+    """One fault of a request: its place, the value there, and what is allowed."""
 
     model_config = _FORM
 
     path: str = Field(examples=["sensor.range_m"])
-    """dotted path inside the body, or query., path., header. and the name"""
+    """dotted path inside the body, or a name after query., path. or header."""
     value: Any = Field(default=None, examples=[-5])
-    """what stands there, shortened where it is long"""
+    """the value there, shortened if it is long"""
     message: str = Field(examples=["-5: must be greater than 0"])
     """what is wrong, and what is allowed"""
 
 
 class Problem(BaseModel):
-    """Why a request was not served, as RFC 9457 has it."""
+    """Reason why a request was not served, in the form of RFC 9457."""
 
     model_config = _FORM
 
@@ -58,11 +58,11 @@ class Problem(BaseModel):
     errors: list[FaultEntry] | None = None
     """the faults of the request, if known"""
     request_id: str = Field(examples=[_ID])
-    """the id under which the log holds this request, also in x-request-id"""
+    """the id of this request in the log, also in x-request-id"""
 
 
 def title_of(status: int) -> str:
-    """Return the phrase of an HTTP status, or its class for one without."""
+    """Return the phrase of an HTTP status, or of its class if it has none."""
     try:
         return _RENAMED.get(status) or HTTPStatus(status).phrase
     except ValueError:
@@ -70,13 +70,13 @@ def title_of(status: int) -> str:
 
 
 def printable(text: str, longest: int = _LONGEST_TEXT) -> str:
-    """Return text in one line of printing characters, shortened to `longest`."""
+    """Return text as one line of printable characters, shortened to `longest`."""
     text = text if len(text) <= longest else text[: longest - 3] + "..."
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
 def shown(value: Any) -> Any:
-    """Return a value as JSON may carry it back: scalars and short lists as they are, else text."""
+    """Return a value fit for JSON: scalars and short collections as they are, others as text."""
     if value is None or isinstance(value, bool):
         return value
     if isinstance(value, str):
@@ -98,7 +98,7 @@ def shown(value: Any) -> Any:
 
 
 class ServiceError(Exception):
-    """A request that is not served: why in one line, the status, headers and faults to send."""
+    """Refusal of a request: the reason in one line, with status, headers and faults to send."""
 
     status = 500
 
@@ -136,13 +136,13 @@ class PreconditionFailed(ServiceError):
 
 
 class KeyReused(ServiceError):
-    """422: an Idempotency-Key that was used for another request."""
+    """422: the Idempotency-Key was used for another request."""
 
     status = 422
 
 
 class TooMuchWork(ServiceError):
-    """422: the request is sound, but beyond a limit of this service, `path` the key at fault."""
+    """422: the request is valid but exceeds a limit of this service; `path` is the key at fault."""
 
     status = 422
 
@@ -152,7 +152,7 @@ class TooMuchWork(ServiceError):
 
 
 class Unauthorized(ServiceError):
-    """401: no key, or one that is not known."""
+    """401: the key is missing or unknown."""
 
     status = 401
 
@@ -164,7 +164,7 @@ class Unauthorized(ServiceError):
 
 
 class TooManyRequests(ServiceError):
-    """429: the owner has as much in work as allowed; try again after `retry_after_s`."""
+    """429: the owner has as much work under way as allowed; try again after `retry_after_s`."""
 
     status = 429
 
@@ -183,7 +183,7 @@ class WrongHost(ServiceError):
 
 
 class ForeignPage(ServiceError):
-    """403: a service without keys is not for another's page to ask."""
+    """403: a service without keys refuses requests from foreign pages."""
 
     status = 403
 
@@ -214,7 +214,7 @@ def _retry_after(seconds: float) -> dict[str, str]:
 
 
 REFERENCE = "#/components/schemas/{model}"
-"""How the document refers to a schema by its name."""
+"""Reference to a schema of the document by its name."""
 _FAULT = FaultEntry(path="sensor.range_m", value=-5, message="-5: must be greater than 0")
 _RETRY = {
     "Retry-After": {
@@ -234,7 +234,7 @@ _DETAILS = {
     401: "send a known key as 'Authorization: Bearer KEY'",
     404: "no plan has this id",
     405: "this path does not take the method",
-    406: "the Accept header excludes application/json, which is all there is here",
+    406: "the Accept header excludes application/json, all that this answer comes in",
     409: "the job has already ended",
     412: "the plan is not the one If-Match names",
     413: "the body is larger than 1048576 bytes",
@@ -250,7 +250,7 @@ _DETAILS = {
 def problem_responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
     """Return FastAPI's `responses=` for these statuses of an operation.
 
-    An operation that checks what it takes names 422, or FastAPI documents an answer of its own.
+    An operation that checks its input names 422; otherwise FastAPI documents its own answer.
     """
     return {status: _response(status) for status in statuses}
 

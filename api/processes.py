@@ -4,12 +4,12 @@
         |                                                 process 1
         +<-------------------- ready ------------------   ...
 
-The supervisor starts them and keeps their number. It listens and serves nothing: all of them take
-connections from the one socket. Whatever ends it ends them too: it asks them to, or the kernel
-kills them.
+The supervisor starts the processes and replaces those that end. It listens but serves nothing: all
+of them take connections from the one socket. When it ends, they end too: it asks them to, or the
+kernel kills them.
 
-uvicorn's own supervisor starts a process that can't begin again and again, without a pause and for
-ever, and leaves its processes behind where it is killed (tests/service/test_processes.py).
+uvicorn's own supervisor restarts a process that fails to start, without a pause and for ever, and
+leaves its processes behind when it is killed (tests/service/test_processes.py).
 """
 
 import contextlib
@@ -31,12 +31,12 @@ from api.settings import Settings, Share, divided
 from syncplan.runtime.child_processes import ChildProcess, connect_to_parent
 
 _GRACE_S = 15.0
-"""Longer than a process takes that ends its requests and its children in good order."""
+"""Time for a process to end (s), longer than it needs to end its requests and children."""
 
 _FIRST_PAUSE_S = 0.5
 _LONGEST_PAUSE_S = 30.0
 _SOUND_S = 30.0
-"""A process that has lived for so long did not fail at its start."""
+"""Lifetime (s) from which a process counts as well started."""
 
 _PUBLISH_EVERY_S = 1.0
 
@@ -45,12 +45,12 @@ _logger = logging.getLogger("syncplan.serve")
 
 @dataclass(slots=True, eq=False)
 class _Member:
-    """A place among the processes and who has it.
+    """A place among the processes, and the process that holds it.
 
     Attributes
     ----------
     process : None until the next one is started, at `due`
-    pause_s : how long to wait before that
+    pause_s : s, pause before the next one
     """
 
     share: Share
@@ -62,15 +62,15 @@ class _Member:
 
 
 def serve_by_processes(settings: Settings, listening: socket.socket) -> bool:
-    """Serve on a socket by several processes until SIGTERM or Ctrl-C.
+    """Serve on a socket with several processes until SIGTERM or Ctrl-C.
 
-    Returns whether they could start. Call it from the main thread, with which they end.
+    Returns whether they could start. Call it from the main thread; the processes end with it.
     """
     with (
         _end_signalled() as signalled,
         tempfile.TemporaryDirectory(prefix="syncplan-metrics-") as metrics,
     ):
-        # which they inherit
+        # the processes inherit it
         os.environ[SHARED] = metrics
         supervisor = _Supervisor(settings, listening, metrics)
         try:
@@ -82,7 +82,7 @@ def serve_by_processes(settings: Settings, listening: socket.socket) -> bool:
 
 @contextlib.contextmanager
 def _end_signalled() -> Iterator[socket.socket]:
-    """A socket that can be read from once a signal has come that ends the service."""
+    """Socket that becomes readable once a signal to end the service has come."""
     received, sender = socket.socketpair()
     sender.setblocking(False)
 
@@ -98,7 +98,7 @@ def _end_signalled() -> Iterator[socket.socket]:
 
 
 class _Supervisor:
-    """The processes, by their numbers."""
+    """Supervisor of the processes, kept by number."""
 
     def __init__(self, settings: Settings, listening: socket.socket, metrics: str) -> None:
         count = settings.http_processes
@@ -110,7 +110,7 @@ class _Supervisor:
         self._began = False
 
     def run(self, signalled: socket.socket) -> bool:
-        """Keep the processes until `signalled` can be read; False if one can't begin at all."""
+        """Keep the processes running until `signalled` is readable; False if one can't start."""
         while True:
             for member in self._members:
                 if member.process is None and member.due <= time.monotonic():
@@ -123,7 +123,7 @@ class _Supervisor:
                     return False
 
     def close(self) -> None:
-        """End all processes, in good order if they can."""
+        """End all processes, in good order if possible."""
         processes = [one.process for one in self._members if one.process is not None]
         for one in processes:
             one.process.terminate()
@@ -151,7 +151,7 @@ class _Supervisor:
             self._lost(member)
 
     def _hear(self, member: _Member) -> bool:
-        """Note that a process is ready, or has ended; return False if all have yet to begin."""
+        """Note that a process is ready or has ended; return False if one ends before all began."""
         assert member.process is not None
         try:
             member.process.connection.recv()
@@ -167,7 +167,7 @@ class _Supervisor:
         return True
 
     def _lost(self, member: _Member) -> None:
-        """Count a process as gone and plan the start of another in its place."""
+        """Count a process as gone and schedule the start of another in its place."""
         if member.process is not None:
             member.process.end()
             forget_process(member.process.process.pid, self._metrics)
@@ -184,8 +184,8 @@ class _Supervisor:
 
 
 def serve(descriptor: int) -> None:
-    """Serve until the supervisor ends this process or itself: the process's main function."""
-    # what the supervisor has no need of
+    """Serve until the supervisor ends this process or itself; main function of the process."""
+    # imports that the supervisor does not need
     from api.main import create_app
     from api.server import serve_until_told
 
@@ -214,7 +214,7 @@ def serve(descriptor: int) -> None:
 
 
 def _end_with(supervisor: Connection) -> None:
-    """End this process once the supervisor has gone, which sends nothing more."""
+    """End this process once the supervisor, which sends nothing more, has gone."""
     with contextlib.suppress(EOFError, OSError):
         supervisor.recv()
     os.kill(os.getpid(), signal.SIGTERM)

@@ -1,9 +1,9 @@
-"""HTTP below the application: what can't be read as HTTP, is endless or too slow gets a problem.
+"""HTTP below the application: unreadable, endless and slow requests get a problem.
 
     connected -> head -> body -> answering -> idle -> head ...
                  10 s    30 s                 5 s          (the settings say otherwise)
 
-A connection states when it is due, and whoever looks at the clock calls `expire`.
+A connection states when it is due, and the server calls `expire` at that time.
 """
 
 import json
@@ -29,17 +29,17 @@ from api.security import network_of
 
 
 LARGEST_HEAD_BYTES = 64 * 2**10
-"""Most that may come before the head of a request ends."""
+"""Most bytes of a request before its head ends."""
 
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """Why a connection is closed: the status and the sentence to answer with.
+    """Reason for closing a connection, with the status and the sentence of the answer.
 
     Attributes
     ----------
-    reason : a word for counts and logs
-    retry_after_s : s, after which another try may go well
+    reason : word for counts and logs
+    retry_after_s : s, after which another try may succeed
     """
 
     reason: str
@@ -48,7 +48,7 @@ class Refusal:
     retry_after_s: int | None = None
 
     def as_bytes(self) -> bytes:
-        """Return the whole answer, a problem document with a request id of its own."""
+        """Return the whole answer, a problem document with its own request id."""
         request_id = uuid.uuid4().hex
         problem = Problem(
             title=title_of(self.status),
@@ -113,25 +113,25 @@ def crowd(limits: ConnectionLimits) -> Refusal:
 
 
 PROBES = frozenset({b"/healthz", b"/readyz"})
-"""What is answered in the reserve of connections as well."""
+"""Paths that are answered for connections in the reserve as well."""
 
 _RESERVE_S = 1.0
 _LINGER_S = 2.0
 _MOST_PIPELINED = 64
 _SLICE_BYTES = 8 * 2**10
-"""Bytes that are parsed before it is asked how many requests wait by now."""
+"""Bytes parsed between two checks of how many requests wait."""
 _FRAMING_PER_BYTE = 8
-"""Bytes of framing that come with each byte of a chunked body at most, in the long run."""
+"""Most bytes of framing for each byte of a chunked body, in the long run."""
 _LEAST_READ = HIGH_WATER_LIMIT
-"""Bytes of an answer that its client has to take within the time limit."""
+"""Bytes of an answer that its client has to read within the time limit."""
 
 
 class _RefusedError(Exception):
-    """Stops the parser: the refusal is in `_fault`."""
+    """Error that stops the parser; the refusal is in `_fault`."""
 
 
 class _Flow(FlowControl):
-    """Reads on when no request waits for its turn: a connection has but one read of them."""
+    """Flow control that reads on only when no request waits: it holds at most one read of them."""
 
     def __init__(self, transport: Any, waiting: Sized) -> None:
         super().__init__(transport)
@@ -143,10 +143,10 @@ class _Flow(FlowControl):
 
 
 class HttpProtocol(HttpToolsProtocol):
-    """uvicorn's protocol: refuses with problems as the application does, within limits of time.
+    """uvicorn's protocol with time limits, which refuses with problems as the application does.
 
     Connections are counted in `connections`, which also holds their limits. WebSockets are not
-    spoken; a request to change to them is answered like any other.
+    supported; a request to upgrade to them is answered like any other.
     """
 
     def __init__(self, *arguments: Any, connections: Connections, **options: Any) -> None:
@@ -158,7 +158,7 @@ class HttpProtocol(HttpToolsProtocol):
         self._now = 0.0
         self._in_head = True
         self._head_bytes = 0
-        # of a body: what its framing may still take
+        # bytes that the framing of a body may still take
         self._spare = LARGEST_HEAD_BYTES
         self._held = b""
         # uvicorn's `cycle` is the last one parsed
@@ -172,11 +172,11 @@ class HttpProtocol(HttpToolsProtocol):
 
     @property
     def engaged(self) -> bool:
-        """Whether a request is being answered whose body has come."""
+        """Whether a completely received request is being answered."""
         return self._answering() and self._in_head
 
     def connection_made(self, transport: Any) -> None:
-        """Take in a new connection, or put it into the reserve."""
+        """Admit a new connection, or put it into the reserve."""
         super().connection_made(transport)
         self.flow = _Flow(transport, self.pipeline)
         self.network = network_of(self._address())
@@ -223,12 +223,12 @@ class HttpProtocol(HttpToolsProtocol):
             self._refuse(LARGE_FRAMING)
 
     def on_header(self, name: bytes, value: bytes) -> None:
-        """Take a header; what comes after the body is read over."""
+        """Take a header; ignore those after the body."""
         if self._in_head:
             super().on_header(name, value)
 
     def on_headers_complete(self) -> None:
-        """Begin with a request, whose head has ended."""
+        """Begin a request whose head has ended."""
         if not self._admitted:
             self._admitted = self.counted.promote(self)
         if not self._admitted and self.url.partition(b"?")[0] not in PROBES:
@@ -251,9 +251,9 @@ class HttpProtocol(HttpToolsProtocol):
         self._expect_more(self._now)
 
     def on_response_complete(self) -> None:
-        """Go on with the next request, if there is one.
+        """Continue with the next request, if there is one.
 
-        uvicorn's own, without its timer.
+        Same as uvicorn's method, without its timer.
         """
         self.server_state.total_requests += 1
         if self.transport.is_closing():
@@ -269,18 +269,18 @@ class HttpProtocol(HttpToolsProtocol):
         self._expect_more(self.loop.time())
 
     def pause_writing(self) -> None:
-        """Note when the client has to have taken a part of its answer."""
+        """Set the time by which the client must have read a part of its answer."""
         self._unread = self.transport.get_write_buffer_size()
         self.stalled_due = self.loop.time() + self.limits.answer_s
         super().pause_writing()
 
     def resume_writing(self) -> None:
-        """Go on: the client reads."""
+        """Clear the time limit on reading, since the client reads."""
         self.stalled_due = NEVER
         super().resume_writing()
 
     def expire(self, now: float) -> None:
-        """End a connection that is due at `now`, a time in s of the loop's clock, or before."""
+        """End the connection if it is due by `now`, in s of the loop's clock."""
         if self.stalled_due <= now and self._stalls(now):
             self.counted.refused("unread", "a client does not read its answer", self._address())
             self._abort()
@@ -290,7 +290,7 @@ class HttpProtocol(HttpToolsProtocol):
         if self._refused or self.transport.is_closing():
             self._abort()
         elif not self._in_head and self.flow.read_paused:
-            # it is the service that does not read on
+            # the service itself does not read on
             self.due = self._body_due = now + self.limits.body_s
         elif not self._in_head:
             self._refuse(late_body(self.limits))
@@ -302,14 +302,14 @@ class HttpProtocol(HttpToolsProtocol):
             self._close(now)
 
     def turn_away(self) -> None:
-        """Answer that there is no room, unless that is answered already, and close."""
+        """Answer that there is no room, unless already refused, and close."""
         if self._refused:
             self._abort()
         else:
             self._refuse(crowd(self.limits), linger=False)
 
     def shutdown(self) -> None:
-        """End with the server: at once, unless a request is being answered whose body has come."""
+        """End with the server: at once, unless a completely received request is being answered."""
         if self._answering() and (self.cycle.response_started or not self.cycle.more_body):
             self.cycle.keep_alive = False
         elif self._answering():
@@ -318,7 +318,7 @@ class HttpProtocol(HttpToolsProtocol):
             self.transport.close()
 
     def send_400_response(self, msg: str) -> None:
-        """Refuse what can't be read."""
+        """Refuse an unreadable request."""
         self._refuse(UNREADABLE)
 
     def _unsupported_upgrade_warning(self) -> None:
@@ -331,7 +331,7 @@ class HttpProtocol(HttpToolsProtocol):
         return self.cycle is not None and not self.cycle.response_complete
 
     def _expect_more(self, now: float) -> None:
-        """State when the connection is due, after a request or an answer has ended."""
+        """Set the due time after a request or an answer has ended."""
         if not self._in_head:
             self.due = self._body_due
         elif self._answering():
@@ -340,7 +340,7 @@ class HttpProtocol(HttpToolsProtocol):
             self.due = now + (self.limits.head_s if self._head_bytes else self.limits.idle_s)
 
     def _stalls(self, now: float) -> bool:
-        """Whether the client has read too little; else it has as long again for more."""
+        """Whether the client has read too little; otherwise it has as long again for more."""
         unread = self.transport.get_write_buffer_size()
         stalls = unread > self._unread - _LEAST_READ
         self._unread, self.stalled_due = unread, now + self.limits.answer_s
@@ -351,7 +351,7 @@ class HttpProtocol(HttpToolsProtocol):
         super()._start_asgi_task(cycle, app)
 
     def _abandon(self) -> None:
-        """Let the application know that nobody waits for its answers; begin with no more."""
+        """Notify the application that nobody waits for its answers; begin no more requests."""
         for cycle in (self._running, *(one for one, _ in self.pipeline)):
             if cycle is not None and not cycle.response_complete:
                 cycle.disconnected = True
@@ -367,12 +367,12 @@ class HttpProtocol(HttpToolsProtocol):
         raise _RefusedError
 
     def _close(self, now: float) -> None:
-        """Close; who does not read the last of an answer is cut off later."""
+        """Close; a client that does not read the end of an answer is cut off later."""
         self.due = now + self.limits.answer_s
         self.transport.close()
 
     def _refuse(self, refusal: Refusal, *, linger: bool = True) -> None:
-        """Answer with a problem, unless another answer is to come, and close the connection."""
+        """Answer with a problem, unless another answer is due, and close the connection."""
         self._refused = True
         now = self.loop.time()
         self.due = now + _LINGER_S
@@ -383,7 +383,7 @@ class HttpProtocol(HttpToolsProtocol):
         cycle = self.cycle
         if self._answering():
             if not self.pipeline and not cycle.more_body:
-                # what was asked before is answered, and is the last
+                # the request before is still answered, as the last one
                 cycle.keep_alive, self.due = False, NEVER
                 return
             self._abandon()
@@ -391,13 +391,13 @@ class HttpProtocol(HttpToolsProtocol):
                 self._close(now)
                 return
         elif not self._in_head:
-            # it has its answer, and only its body is at fault
+            # it has been answered, and only its body is at fault
             self._close(now)
             return
         self.transport.write(refusal.as_bytes())
         if not linger or not self.transport.can_write_eof():
             self.transport.close()
             return
-        # closed while bytes still arrive, the connection would be reset and the answer lost
+        # closing while bytes still arrive would reset the connection and lose the answer
         self.transport.write_eof()
         self.loop.call_later(_LINGER_S, self.transport.close)

@@ -1,6 +1,6 @@
-"""What a scrape reads of a running process, beside what it has counted.
+"""Readings of a running process for a scrape of the metrics, in addition to its counts.
 
-These are jobs and workers, from the database; child processes and their tasks; connections.
+They cover jobs and workers, from the database; child processes and their tasks; connections.
 """
 
 import threading
@@ -27,10 +27,10 @@ _LONGEST_READ_MS = 2000
 
 @dataclass(slots=True, eq=False)
 class Cached:
-    """A source whose readings, or whose failure, hold for `kept_s`; one thread at a time reads.
+    """A source whose readings, or failure, are kept for `kept_s`; one thread at a time reads.
 
-    So scrapes cost the database no more than one reading a second. While a reading takes long,
-    the others get the last one: a database that hangs costs one thread, not one for each scrape.
+    Scrapes thus cost the database at most one reading a second. While a reading takes long, other
+    threads get the last one: a database that hangs costs one thread, not one for each scrape.
     """
 
     source: Source
@@ -41,8 +41,8 @@ class Cached:
     _last: Readings | Exception = field(default_factory=dict)
 
     def __call__(self) -> Readings:
-        """Return the newest readings there are; raises what reading raised."""
-        # the first one is waited for
+        """Return the newest readings; raises the error of a failed reading."""
+        # all threads wait for the first reading
         if self._lock.acquire(blocking=self._until is None):
             try:
                 if self._until is None or self.clock() >= self._until:
@@ -63,10 +63,10 @@ class Cached:
 
 
 def job_readings(database: Database, queue: JobQueue) -> Readings:
-    """Return how many jobs and workers there are, and how long they have waited.
+    """Return readings of jobs, their parts and workers: their numbers and ages.
 
-    The figures are the same in every process. One pass over an index counts all jobs; the rest
-    reads those that have not ended.
+    The figures are the same in every process. One pass over an index counts all jobs; the other
+    queries read those that have not ended.
     """
     states = select(jobs.c.state, func.count()).group_by(jobs.c.state)
     kinds = (
@@ -110,12 +110,12 @@ def _time(text: str | None) -> datetime | None:
 
 
 def _age_s(since: datetime | None, now: datetime) -> float:
-    """Seconds from one time to another; 0 from none."""
+    """Seconds from `since` to `now`; 0 if `since` is None."""
     return 0.0 if since is None else max((now - since).total_seconds(), 0.0)
 
 
 def pool_readings(depths: Mapping[str, Callable[[], PoolDepth]]) -> Readings:
-    """Return readings of this process's pools; `depths` are called for each."""
+    """Return readings of this process's pools; `depths` return the state of each."""
     found = {name: depth() for name, depth in depths.items()}
     tasks: dict[tuple[str, ...], float] = {}
     for name, depth in found.items():
@@ -134,7 +134,7 @@ def pool_readings(depths: Mapping[str, Callable[[], PoolDepth]]) -> Readings:
 
 
 def connection_readings(connections: Connections) -> Readings:
-    """Return how many are connected to this process, and how many it has refused."""
+    """Return readings of the connections to this process and of its refusals."""
     refusals = dict(connections.refusals)
     return {
         "syncplan_connections": {(): connections.number},

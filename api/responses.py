@@ -1,4 +1,4 @@
-"""What answers hold, where it is not a contract of syncplan itself."""
+"""Models of answers that are not contracts of syncplan itself."""
 
 import json
 from typing import Any
@@ -33,7 +33,7 @@ class StoredPlan(PlanDocument):
 
 
 class PlanSummary(_Answer):
-    """A plan as lists show it."""
+    """Summary of a plan in lists."""
 
     id: str = Field(examples=[_ID])
     parent_id: str | None
@@ -45,7 +45,7 @@ class PlanSummary(_Answer):
     vehicles: int = Field(examples=[6])
     observable: bool
     predicted_rms_m: float | None = Field(examples=[1.29])
-    """Of all vehicles"""
+    """RMS over all vehicles"""
 
 
 class PlanPage(_Answer):
@@ -53,32 +53,32 @@ class PlanPage(_Answer):
 
     items: list[PlanSummary]
     next: str | None
-    """Where the next page is; null on the last"""
+    """Path of the next page; null on the last"""
 
 
 class Recording(_Answer):
-    """A recording in short."""
+    """Overview of a recording."""
 
     id: str = Field(examples=[_ID])
     created_at: str = Field(examples=[_TIME])
     """RFC 3339, UTC"""
     size: int = Field(examples=[184_320])
-    """Bytes that it takes here"""
+    """Stored size in bytes"""
     name: str = Field(examples=["hall"])
     robots: list[str] = Field(examples=[["rover", "mule"]])
-    """Names"""
+    """Names of the robots"""
     landmarks: list[int | str] = Field(examples=[["pole", "gate"]])
-    """Names; numbers where the files number them"""
+    """Names of the landmarks; numbers where the files number them"""
     begin_s: float
-    """When the odometry begins, by the recording's clock"""
+    """Start of the odometry, by the recording's clock"""
     duration_s: float
-    """Of the odometry"""
+    """Duration of the odometry"""
     bearings: int
     """Sightings with a direction"""
     distances: int
     """Sightings with a distance"""
     has_truth: bool
-    """Whether it holds where every robot truly was"""
+    """Whether it holds ground truth for every robot"""
 
 
 class RecordingPage(_Answer):
@@ -86,22 +86,22 @@ class RecordingPage(_Answer):
 
     items: list[Recording]
     next: str | None
-    """Where the next page is; null on the last"""
+    """Path of the next page; null on the last"""
 
 
 class FigureValues(_Answer):
-    """A figure as Plotly takes it."""
+    """A figure for Plotly."""
 
     data: list[dict[str, Any]]
     """Plotly's traces"""
     layout: dict[str, Any]
     """Plotly's layout"""
     frames: list[dict[str, Any]] | None = None
-    """Plotly's frames, of an animation"""
+    """Plotly's frames of an animation"""
 
 
 class Preview(_Answer):
-    """A plan that was not stored, with figures of it."""
+    """A plan that was not stored, with its figures."""
 
     plan: PlanDocument
     figures: dict[str, FigureValues]
@@ -109,14 +109,14 @@ class Preview(_Answer):
 
 
 class Progress(_Answer):
-    """How far a job is, in trials; a refinement in starts, a replay in sightings."""
+    """Progress of a job, in trials; of a refinement in starts, of a replay in sightings."""
 
     done: int
     total: int
 
 
 class Failure(_Answer):
-    """Why a job failed."""
+    """Reason why a job failed."""
 
     title: str
     detail: str
@@ -124,28 +124,28 @@ class Failure(_Answer):
 
 
 class Job(_Answer):
-    """A job: its state, how far it is, and where its result is."""
+    """A job: its state, its progress and the path of its result."""
 
     id: str = Field(examples=[_ID])
     kind: JobKindName
     state: JobState
     progress: Progress
     request: dict[str, Any] | None
-    """What was asked, defaults filled in; null in lists"""
+    """The request with defaults filled in; null in lists"""
     plan_id: str | None
     """The plan it is about; null for a sweep and a replay"""
     recording_id: str | None = Field(default=None, exclude_if=lambda value: value is None)
-    """The recording it is about; only there for a replay"""
+    """The recording it is about; present only for a replay"""
     created_at: str = Field(examples=[_TIME])
     """RFC 3339, UTC"""
     started_at: str | None
     ended_at: str | None
     result: str | None
-    """Where the result is, once the job has succeeded"""
+    """Path of the result, once the job has succeeded"""
     result_plan_id: str | None
     """The plan a refinement made"""
     error: Failure | None
-    """Why the job failed"""
+    """Reason why the job failed"""
 
 
 class JobPage(_Answer):
@@ -153,7 +153,7 @@ class JobPage(_Answer):
 
     items: list[Job]
     next: str | None
-    """Where the next page is; null on the last"""
+    """Path of the next page; null on the last"""
 
 
 class JobEvent(_Answer):
@@ -166,14 +166,14 @@ class JobEvent(_Answer):
 
 
 def recording_answer(row: RecordingRow) -> Recording:
-    """Return a stored recording as answers show it."""
+    """Return the model of a stored recording for answers."""
     return Recording(
         id=row.id, created_at=row.created_at, size=row.size, **json.loads(row.overview)
     )
 
 
 def job_answer(row: JobRow) -> Job:
-    """Return a stored job as answers show it."""
+    """Return the model of a stored job for answers."""
     return Job(
         id=row.id,
         kind=row.kind,

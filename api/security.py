@@ -1,6 +1,6 @@
-"""Who may ask: hosts and pages where there are no keys, and keys with the owners they stand for.
+"""Access control: hosts and pages for a service without keys, and keys with their owners.
 
-A browser lets any page send simple requests anywhere, and a name that turns from its server to
+A browser lets any page send simple requests anywhere, and a name that switches from its server to
 127.0.0.1 (DNS rebinding) lets a page read the answers too. Keys stop both, as no browser adds one
 on its own: with keys, `Host` and `Origin` are not checked.
 """
@@ -31,14 +31,14 @@ from syncplan.errors import InputError
 
 
 _ONE_SITE = 64
-"""Bits of an IPv6 address that one site shares: it may take any of the addresses behind them."""
+"""Bits of the IPv6 prefix of one site, which may use any address with that prefix."""
 
 
 @lru_cache(maxsize=4096)
 def network_of(address: str) -> str:
     """Return the network of an address: an IPv4 address itself, an IPv6 address's /64.
 
-    What is no address (a socket of the file system has none) counts as it is written.
+    Text that is no address (a Unix socket has none) is returned unchanged.
     """
     try:
         parsed = ipaddress.ip_address(address)
@@ -54,7 +54,7 @@ def network_of(address: str) -> str:
 
 
 def is_this_machine(address: str) -> bool:
-    """Return whether an IP address is one of loopback. Raises ValueError if it is none."""
+    """Return whether an IP address is a loopback address; raises ValueError if it is no address."""
     parsed = ipaddress.ip_address(address)
     mapped = getattr(parsed, "ipv4_mapped", None)
     return bool((mapped or parsed).is_loopback)
@@ -66,20 +66,21 @@ def is_this_machine(address: str) -> bool:
 _LOCAL = frozenset({"localhost"})
 _LONGEST_SHOWN = 80
 _LONGEST = 320
-"""Bytes of the longest host or origin that is looked at: a name has up to 253."""
+"""Bytes of the longest host or origin that is checked; a name has up to 253."""
 
 _MOST_KEPT = 1024
-"""Spellings of hosts whose answer is kept."""
+"""Most spellings of hosts whose verdict is kept."""
 
 _REMEDY = "name it in SYNCPLAN_ALLOWED_HOSTS or set SYNCPLAN_API_KEYS"
 
 
 class LocalOnly:
-    """ASGI middleware that refuses requests for other hosts (421) and from others' pages (403).
+    """ASGI middleware that refuses requests for other hosts (421) and from foreign pages (403).
 
-    Accepted are localhost, the loopback addresses, the address at which the client reached this
-    machine, and the names given. A request without `Origin` does not come from another's page.
-    Raises WrongHost and ForeignPage, so it belongs inside of what answers with problems.
+    It accepts localhost, the loopback addresses, the address at which the client reached this
+    machine, and the names given. A request without `Origin` does not come from a foreign page.
+    Raises WrongHost and ForeignPage, so it belongs inside the middleware that answers with
+    problems.
     """
 
     def __init__(self, app: ASGIApp, names: Iterable[str]) -> None:
@@ -99,7 +100,7 @@ class LocalOnly:
         self._accepted, self._accepted_origin = accepted, accepted_origin
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass on a request that may be answered; anything but HTTP goes through untouched."""
+        """Pass on permitted requests; anything but HTTP goes through untouched."""
         if scope["type"] == "http":
             own = (scope.get("server") or ("",))[0]
             for name, value in scope["headers"]:
@@ -111,14 +112,14 @@ class LocalOnly:
 
 
 def host_name(host: str) -> str:
-    """Return the name or address of `host[:port]` in lower case, brackets and last dot left out."""
+    """Return the name or address of `host[:port]` in lower case, without brackets or last dot."""
     if host.startswith("["):
         return host[1:].partition("]")[0].lower()
     return host.partition(":")[0].removesuffix(".").lower()
 
 
 def _kept(judge: Callable[[bytes, str], bool]) -> Callable[[bytes, str], bool]:
-    """Whether a value is accepted, kept for the next time; a larger one than any is not kept."""
+    """`judge` with its verdicts kept; values longer than _LONGEST are rejected without it."""
     judged = lru_cache(maxsize=_MOST_KEPT)(judge)
     return lambda value, own: len(value) <= _LONGEST and judged(value, own)
 
@@ -141,9 +142,9 @@ def _refused(header: str, value: bytes) -> str:
 
 
 def names_here(hosts: Iterable[str], further: Iterable[str]) -> frozenset[str]:
-    """Return the names that lead to what listens at `hosts`, and the `further` ones.
+    """Return the names that lead to a service listening at `hosts`, and the `further` ones.
 
-    Beyond loopback, that is also this machine's own name.
+    Beyond loopback, they include this machine's own name.
     """
     names = set(further)
     for name in map(host_name, hosts):
@@ -172,12 +173,12 @@ _log = logging.getLogger("api.keys")
 
 
 class KeyThrottle:
-    """Counts refused keys by address; each address regains `per_minute` of them in a minute.
+    """Throttle of refused keys by address; each address regains `per_minute` of them in a minute.
 
-    A key that an address has presented with success is let through while others are throttled
-    there, so who guesses behind a proxy does not lock out those who are at work behind it. A new
-    client behind that proxy has to wait for a free second. What is kept is bounded: the addresses
-    and keys that were seen least recently are forgotten.
+    A key that an address has presented with success passes while others are throttled there, so
+    that a client guessing behind a proxy does not lock out those who work behind it. A new client
+    behind that proxy has to wait until a try is free. Memory is bounded: the addresses and keys
+    seen least recently are forgotten.
     """
 
     def __init__(self, per_minute: int, clock: Callable[[], float] = time.monotonic) -> None:
@@ -200,7 +201,7 @@ class KeyThrottle:
             )
 
     def accepted(self, address: str, presented: str) -> None:
-        """Remember that the address has a key that is known."""
+        """Remember that the address has presented a known key."""
         proof = _proof(address, presented)
         if proof in self._proven:
             self._proven.move_to_end(proof)
@@ -220,7 +221,7 @@ class KeyThrottle:
             self._forgiven_at.popitem(last=False)
 
     def _wait_s(self, network: str) -> float:
-        """How long until one more refusal would be within the limit, in s; 0 if it is now."""
+        """Time until one more refusal is within the limit, in s; 0 if it is now."""
         forgiven = self._forgiven_at.get(network)
         if forgiven is None:
             return 0.0
@@ -239,7 +240,7 @@ def _proof(address: str, key: str) -> bytes:
 
 
 LOCAL_OWNER = "local"
-"""Who owns everything while no keys are configured."""
+"""Owner of everything while no keys are configured."""
 
 _BEARER = HTTPBearer(
     auto_error=False,
@@ -252,10 +253,10 @@ _LOOK_EVERY_S = 1.0
 
 
 class Keyring:
-    """The keys of the settings and of their file as digests, each with its owner.
+    """Digests of the keys of the settings and of their file, each with its owner.
 
-    The file is read again when it has changed, at most once a second; while it can't serve, the
-    keys of before stay and the log says why.
+    The file is read again when it has changed, at most once a second. While it is invalid, the
+    previous keys stay and the log says why.
     """
 
     def __init__(self, settings: Settings, clock: Callable[[], float] = time.monotonic) -> None:
@@ -272,19 +273,19 @@ class Keyring:
 
     @property
     def version(self) -> int:
-        """How often the keys have changed."""
+        """Number that grows with each change of the keys."""
         self._look()
         return self._version
 
     def admits(self, owner: str, digest: bytes) -> bool:
-        """Return whether the key with a digest still stands for an owner."""
+        """Return whether the key with a digest still belongs to an owner."""
         return not self._asks or (digest, owner) in self._owners
 
     def owner_of(self, presented: str | None) -> str:
         """Return the owner of a presented key; without configured keys always LOCAL_OWNER.
 
-        Raises Unauthorized for no key and for one that is not known. The time it takes reveals
-        nothing about the keys: every digest is compared, to its last byte.
+        Raises Unauthorized for a missing or unknown key. The time it takes reveals nothing about
+        the keys: every digest is compared, to its last byte.
         """
         self._look()
         if not self._asks:
@@ -311,7 +312,7 @@ class Keyring:
             _log.error("the keys of before stay: %s", error)
 
     def _use(self, found: tuple[ApiKey, ...]) -> None:
-        """Take over the keys of the file; raises InputError if they can't serve."""
+        """Adopt the keys of the file; raises InputError if they are invalid."""
         assert self._file is not None
         keys = (*self._given, *found)
         if not keys:
@@ -357,7 +358,7 @@ async def _current_owner(request: Request, credentials: _Credentials) -> str:
 
 
 CurrentOwner = Annotated[str, Depends(_current_owner)]
-"""Parameter type of a route: the owner whose key came with the request, or 401."""
+"""Parameter type of a route: the owner of the request's key, or 401."""
 
 
 async def _current_key(_owner: CurrentOwner, credentials: _Credentials) -> bytes:
@@ -365,11 +366,11 @@ async def _current_key(_owner: CurrentOwner, credentials: _Credentials) -> bytes
 
 
 CurrentKey = Annotated[bytes, Depends(_current_key)]
-"""Parameter type of a route: the digest of the key that came, for Keyring.admits."""
+"""Parameter type of a route: the digest of the request's key, for Keyring.admits."""
 
 
 def refuse_exposure(settings: Settings, *, worker: bool = False) -> None:
-    """Raise InputError if others could reach a service, or a worker, that asks for no key."""
+    """Raise InputError if other machines can reach a service, or a worker, without keys."""
     host = settings.worker_host if worker else settings.host
     listens = not worker or settings.worker_port is not None
     if not listens or settings.asks_for_keys or settings.insecure or _is_loopback(host):
@@ -384,7 +385,7 @@ def refuse_exposure(settings: Settings, *, worker: bool = False) -> None:
 
 
 def _is_loopback(host: str) -> bool:
-    """Whether only this machine reaches `host`; a name counts by all its addresses."""
+    """Whether only this machine can reach `host`; all addresses of a name count."""
     if not host:
         return False
     try:

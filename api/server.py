@@ -1,8 +1,8 @@
-"""The application served on a socket until a signal ends it; event streams end first.
+"""Server of the application on a socket until a signal ends it; event streams end first.
 
 When no file descriptor is left, uvloop closes new connections without a word, and asyncio logs a
-trace for each try. Connections are therefore taken here: the log reports it now and then, clients
-get an answer, and serving goes on.
+trace for each try. This module therefore accepts connections itself: the log reports the shortage
+now and then, clients get an answer, and serving goes on.
 """
 
 import asyncio
@@ -30,7 +30,7 @@ from api.service import Ending
 
 
 _AT_ONCE = 64
-"""Connections that are taken before others have their turn."""
+"""Most connections accepted before other tasks of the loop have their turn."""
 
 _PAUSE_S = 0.1
 _GIVEN_WAY_S = 0.001
@@ -46,11 +46,11 @@ async def accept_connections(
     refusal: bytes,
     gives_way: Callable[[], bool] | None = None,
 ) -> None:
-    """Give every connection a protocol, until cancelled; `listening` is to be closed thereafter.
+    """Accept connections and give each a protocol, until cancelled; close `listening` afterwards.
 
-    While there are no descriptors, a spare one answers connections with `refusal` and closes them.
-    Where other processes take connections from the socket as well, `gives_way` says whether
-    one of them should have the next.
+    While there are no descriptors, a spare one serves to answer connections with `refusal` and
+    close them. If other processes take connections from the socket as well, `gives_way` returns
+    whether one of them should have the next.
     """
     loop = asyncio.get_running_loop()
     listening.setblocking(False)
@@ -73,7 +73,7 @@ async def accept_connections(
 
 
 async def _in_turn(listening: socket.socket, gives_way: Callable[[], bool]) -> socket.socket:
-    """The next connection that no other process takes, in whose favour this one waits a moment."""
+    """Next connection that no other process takes after this one has given way for a moment."""
     while True:
         await _readable(listening)
         for _ in range(_TIMES_GIVEN_WAY):
@@ -97,7 +97,7 @@ async def _readable(listening: socket.socket) -> None:
 
 
 def _waiting(listening: socket.socket) -> Iterator[socket.socket]:
-    """The connections that wait by now, up to so many; what fails is for the next try to say."""
+    """Further connections that wait by now, up to a limit; an error is left to the next try."""
     with contextlib.suppress(OSError):
         for _ in range(_AT_ONCE - 1):
             one, _ = listening.accept()
@@ -109,7 +109,7 @@ async def _connect(one: socket.socket, make: Callable[[], asyncio.Protocol]) -> 
     try:
         await asyncio.get_running_loop().connect_accepted_socket(make, one)
     except OSError:
-        # it is gone already
+        # the client has already gone
         one.close()
     except Exception as error:
         _log.error("connection not taken: %s", type(error).__name__, exc_info=error)
@@ -117,14 +117,14 @@ async def _connect(one: socket.socket, make: Callable[[], asyncio.Protocol]) -> 
 
 
 class _Spare:
-    """A descriptor that is held open, to be let go of when there is no other."""
+    """A spare descriptor, held open and released when there is no other."""
 
     def __init__(self) -> None:
         self._descriptor: int | None = None
         self._hold()
 
     def turn_away(self, listening: socket.socket, refusal: bytes) -> None:
-        """Take one connection in place of the spare descriptor, answer, and close it."""
+        """Accept one connection in place of the spare descriptor, answer, and close it."""
         self.close()
         with contextlib.suppress(OSError):
             one, _ = listening.accept()
@@ -138,7 +138,7 @@ class _Spare:
             self._descriptor = os.open(os.devnull, os.O_RDONLY)
 
     def close(self) -> None:
-        """Let go of the descriptor."""
+        """Release the descriptor."""
         if self._descriptor is not None:
             os.close(self._descriptor)
             self._descriptor = None
@@ -149,14 +149,14 @@ class _Spare:
 
 _GRACE_S = 5
 _TICKS_BETWEEN_LOOKS = 2
-"""Of a tenth of a second each."""
+"""Ticks, of 0.1 s each, between two looks at the connections that are due."""
 
 
 class LimitedServer(uvicorn.Server):
     """A server that counts its connections and ends those that take too long.
 
-    It takes connections itself: see api.server. With a `place` among several processes, it
-    takes its part of them.
+    It accepts connections itself: see api.server. With a `place` among several processes, it
+    takes its share of them.
     """
 
     def __init__(
@@ -173,7 +173,7 @@ class LimitedServer(uvicorn.Server):
         self._accepting: list[asyncio.Task[None]] = []
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Start the application, then take connections from the sockets."""
+        """Start the application, then accept connections from the sockets."""
         await super().startup(sockets=[])
         if not self.started:
             return
@@ -205,7 +205,7 @@ class LimitedServer(uvicorn.Server):
         return await super().on_tick(counter)
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """Take no more connections, and end those there are, what is being answered last."""
+        """Accept no more connections, and end the open ones, those being answered last."""
         for task in self._accepting:
             task.cancel()
         if self._place is not None:
@@ -237,10 +237,10 @@ class LimitedServer(uvicorn.Server):
 def serve_until_told(app: FastAPI, listening: socket.socket, place: Place | None = None) -> bool:
     """Serve an application until SIGTERM or Ctrl-C; return whether it could start.
 
-    `place` is that among several processes on the socket.
+    `place` is this process's place among several on the socket.
     """
     server = _server_of(app, place)
-    # uvicorn takes signals over, ends in good order and then raises them again: that is no failure
+    # uvicorn handles signals itself, ends in good order and raises them again, which is no failure
     signal.signal(signal.SIGTERM, lambda number, frame: server.handle_exit(number, frame))
     with contextlib.suppress(KeyboardInterrupt, SystemExit):
         server.run(sockets=[listening])
@@ -249,7 +249,7 @@ def serve_until_told(app: FastAPI, listening: socket.socket, place: Place | None
 
 @contextlib.contextmanager
 def served_beside(app: FastAPI, listening: socket.socket) -> Iterator[None]:
-    """Serve an application in a thread of its own until the block ends."""
+    """Serve an application in its own thread until the block ends."""
     server = _server_of(app)
     thread = threading.Thread(
         target=server.run, kwargs={"sockets": [listening]}, daemon=True, name="http"

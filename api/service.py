@@ -1,4 +1,4 @@
-"""What the routes work with: the database, processes for plans, the queue of jobs."""
+"""Objects that the routes share: the database, processes for plans, the queue of jobs."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -25,14 +25,14 @@ _RETRY_AFTER_S = 5.0
 
 
 class Uploads:
-    """The recordings that are taken in just now, by owner; used on the event loop alone."""
+    """Uploads of recordings in progress, by owner; used only on the event loop."""
 
     def __init__(self) -> None:
         self._held: Counter[str] = Counter()
 
     @contextmanager
     def one_of(self, owner: str) -> Iterator[None]:
-        """Take part while one recording is taken in; raises TooManyRequests if there are enough."""
+        """Count an upload until the block ends; raises TooManyRequests if there are enough."""
         if self._held[owner] >= MOST_OF_OWNER or self._held.total() >= MOST:
             raise TooManyRequests(
                 f"{self._held[owner]} of your recordings are being taken in, "
@@ -48,11 +48,11 @@ class Uploads:
 
 
 Ending = Event
-"""Set once the server is about to end, so that what would go on for long comes to its end too."""
+"""Event set once the server is about to end, so that long streams end too."""
 
 
 def limits_of(settings: Settings) -> RequestLimits:
-    """Return the limits on requests that the settings state."""
+    """Return the limits on requests from the settings."""
     names = [one.name for one in fields(RequestLimits)]
     return RequestLimits(**{name: getattr(settings, f"max_{name}") for name in names})
 
@@ -64,8 +64,8 @@ class Service:
     Attributes
     ----------
     pool : processes for requests; those for jobs are the worker's
-    counts : of the jobs that end here
-    heartbeat : of this process; None if it runs no jobs
+    counts : counts of the jobs that end in this process
+    heartbeat : heartbeat of this process; None if it runs no jobs
     """
 
     settings: Settings
@@ -81,7 +81,7 @@ class Service:
 
 
 def service_of(request: Request) -> Service:
-    """Return the service of a request; a dependency takes longer."""
+    """Return the service of a request, faster than a dependency does."""
     service: Service = request.app.state.service
     return service
 

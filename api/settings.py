@@ -1,4 +1,4 @@
-"""What an operator can set: one class, read from SYNCPLAN_* variables, checked at the start."""
+"""Settings of the service: one class, read from SYNCPLAN_* variables, checked at the start."""
 
 import os
 import re
@@ -24,9 +24,9 @@ _POSTGRES = {"postgres", "postgresql", "postgresql+psycopg"}
 
 
 def checked_address(value: str) -> str:
-    """Return the address that an operator gave, PostgreSQL's through psycopg 3.
+    """Return the checked address of a database, PostgreSQL's through psycopg 3.
 
-    Raises ValueError if it is none of a database that can serve.
+    Raises ValueError if it is not the address of a supported database.
     """
     try:
         url = make_url(value)
@@ -48,7 +48,7 @@ def _allowed(problem: str) -> str:
 
 
 def sqlite_address(path: Path) -> str:
-    """Return the address of a file of SQLite."""
+    """Return the address of a SQLite file."""
     return URL.create("sqlite", database=str(path)).render_as_string(hide_password=False)
 
 
@@ -76,7 +76,7 @@ AbsolutePath = Annotated[Path, AfterValidator(_absolute)]
 
 
 class Settings(BaseSettings):
-    """Everything an operator can set; each field is the variable SYNCPLAN_ and its name."""
+    """Everything an operator can set; each field is the variable SYNCPLAN_ plus its name."""
 
     model_config = SettingsConfigDict(
         env_prefix=PREFIX,
@@ -103,7 +103,7 @@ class Settings(BaseSettings):
     api_keys: Annotated[tuple[ApiKey, ...], NoDecode] = ()
     """keys that clients may present: NAME:KEY or KEY, separated by commas"""
     api_keys_file: AbsolutePath | None = None
-    """file of further keys, NAME:KEY a line; changes count within a second"""
+    """file of further keys, NAME:KEY a line; changes take effect within a second"""
     insecure: bool = False
     """listen beyond this machine without a key"""
     allowed_hosts: Annotated[tuple[str, ...], NoDecode] = Field(
@@ -153,7 +153,7 @@ class Settings(BaseSettings):
     max_plan_queue: Count = 256
     """most requests waiting for a process, of all owners together"""
     max_requests: Count = 64
-    """most requests of one owner that wait for a process or compute"""
+    """most requests of one owner that wait for a process or are computed"""
     max_streams: Count = 100
     """most event streams that one owner may have open"""
     processes: Count | None = None
@@ -169,7 +169,7 @@ class Settings(BaseSettings):
         "the whole service are divided among them",
     )
     job_niceness: Annotated[int, Field(ge=0, le=19)] = 10
-    """how far processes of jobs yield to those of requests, as nice does, 0 to 19"""
+    """niceness of processes of jobs, by which they yield to those of requests, 0 to 19"""
     keep_jobs_s: Seconds = 7 * 86400.0
     """how long ended jobs are kept, in seconds"""
     keep_plans_s: Seconds | None = None
@@ -187,7 +187,7 @@ class Settings(BaseSettings):
     dead_after_s: Seconds = 8.0
     """silence after which a worker counts as dead, in seconds"""
     batch_s: Seconds = 7.0
-    """computing time aimed at for a batch, in seconds"""
+    """target computing time of a batch, in seconds"""
     job_task_s: Seconds = 3600.0
     """longest time to compute a part of a job, in seconds"""
     max_job_seconds: Seconds = 30 * 86400.0
@@ -197,17 +197,17 @@ class Settings(BaseSettings):
     embedded_worker: bool = True
     """let the server run jobs as well"""
     worker_host: str = "127.0.0.1"
-    """address or name at which a worker listens, with a port"""
+    """address or name at which a worker listens, if it has a port"""
     worker_port: int | None = Field(default=None, ge=0, le=65535)
     """port at which a worker answers /healthz, /readyz and /metrics; none if not given"""
     log_level: Literal["debug", "info", "warning", "error"] = "info"
-    """least severity that is logged"""
+    """lowest severity that is logged"""
     telemetry: bool = False
     """export traces and metrics by OpenTelemetry"""
 
     @property
     def database(self) -> str:
-        """The address of the database for SQLAlchemy; PostgreSQL through psycopg 3."""
+        """Address of the database for SQLAlchemy; PostgreSQL through psycopg 3."""
         if self.database_url is not None:
             return self.database_url
         return sqlite_address(self.data_dir / "syncplan.db")
@@ -219,7 +219,7 @@ class Settings(BaseSettings):
 
     @property
     def process_count(self) -> int:
-        """How many child processes compute."""
+        """Number of child processes that compute."""
         return usable_cores() if self.processes is None else self.processes
 
     @property
@@ -272,7 +272,7 @@ class Settings(BaseSettings):
 
 
 def load_settings(**overrides: Any) -> Settings:
-    """Return the settings of the environment, `overrides` that are not None before them.
+    """Return the settings of the environment; `overrides` that are not None take precedence.
 
     Raises InputError naming the variable (or the override), its value unless it is secret, and
     what is allowed.
@@ -326,12 +326,12 @@ _DIVIDED = (
     "max_requests",
     "max_streams",
 )
-"""Limits of the whole service, of which each process keeps its part."""
+"""Limits of the whole service that are divided among its processes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """Which of how many processes this one is, from 0 on."""
+    """Number of this process, from 0, and the count of processes."""
 
     number: int = 0
     count: int = 1
@@ -342,11 +342,11 @@ class Share:
 
 
 ALONE = Share()
-"""The share of a service of one HTTP process."""
+"""Share of a service with one HTTP process."""
 
 
 def divided(settings: Settings, share: Share) -> Settings:
-    """Return the settings of one of several processes, of which the first has the worker."""
+    """Return the settings of one of several processes; only the first keeps the worker."""
     update: dict[str, Any] = {
         name: share.of(total) for name in _DIVIDED if (total := getattr(settings, name)) is not None
     }

@@ -1,7 +1,7 @@
 """OpenTelemetry, off unless the settings ask for it: FastAPI's support, and spans of jobs.
 
-Spans of a job and its parts are in the trace of the request that asked for the job. They state the
-job's kind and how it ended, never its contents or its owner. Without an exporter nothing is
+Spans of a job and its parts belong to the trace of the request that submitted the job. They state
+the job's kind and outcome, never its contents or its owner. Without an exporter nothing is
 recorded.
 """
 
@@ -32,7 +32,7 @@ _LOW_64 = 2**64 - 1
 
 
 def current_traceparent() -> str | None:
-    """Return the current span as W3C Trace Context writes it; None outside of a trace."""
+    """Return the current span in the form of W3C Trace Context; None outside of a trace."""
     carrier: dict[str, str] = {}
     _FORM.inject(carrier)
     return carrier.get("traceparent")
@@ -51,9 +51,9 @@ def record_span(
     attributes: Mapping[str, AttributeValue],
     failure: str | None = None,
 ) -> None:
-    """Record that something was done for a job between two times; `failure` is its reason's class.
+    """Record a span of work on a job between two times; `failure` is the class of a failure.
 
-    A job without a trace of its request has one of its own, whose identifier is the job's.
+    A job whose request has no trace gets its own, whose identifier is the job's.
     """
     began, ended = (int(when.timestamp() * 1e6) * 1000 for when in times)
     span = trace.get_tracer("syncplan.jobs").start_span(
@@ -88,7 +88,7 @@ OFF: TelemetryConfig = {
     "operation_spans": False,
     "auto_configure": False,
 }
-"""The argument that exports nothing."""
+"""Value of FastAPI's argument `telemetry` that exports nothing."""
 
 _ENDPOINTS = ("OTEL_EXPORTER_OTLP_TRACES_ENDPOINT", "OTEL_EXPORTER_OTLP_ENDPOINT")
 _EXPORT_S = 3.0
@@ -97,7 +97,7 @@ _log = logging.getLogger("syncplan.telemetry")
 
 
 def telemetry_options(settings: Settings) -> TelemetryConfig:
-    """Return FastAPI's argument `telemetry`; OTEL_* variables say where to export to.
+    """Return FastAPI's argument `telemetry`; OTEL_* variables set the endpoint.
 
     Raises InputError if telemetry is asked for and the packages that export it are missing.
     """
@@ -108,10 +108,10 @@ def telemetry_options(settings: Settings) -> TelemetryConfig:
 
 
 def export_spans(settings: Settings) -> Callable[[], None]:
-    """Export the spans of a process that FastAPI does not configure, a worker's.
+    """Export the spans of a worker, a process that FastAPI does not configure.
 
-    As FastAPI does, it takes OTEL_* variables and exports nothing where they name no endpoint.
-    Returns what sends the last spans, for a few seconds at most. Raises InputError if the packages
+    Like FastAPI, it reads OTEL_* variables and exports nothing if they name no endpoint. Returns a
+    function that sends the last spans, for a few seconds at most. Raises InputError if the packages
     that export are missing.
     """
     if not settings.telemetry:
@@ -131,7 +131,7 @@ def export_spans(settings: Settings) -> Callable[[], None]:
     trace.set_tracer_provider(provider)
 
     def send_last() -> None:
-        # whoever collects them may be away
+        # the collector may be away
         sender = threading.Thread(target=provider.shutdown, daemon=True, name="last-spans")
         sender.start()
         sender.join(_EXPORT_S)
@@ -146,7 +146,7 @@ def _prepare_exporters() -> None:
             f"needs {' and '.join(missing)}, not installed here; install with: {REMEDY}",
             key="SYNCPLAN_TELEMETRY",
         )
-    # a process that ends sends what is left, of each signal, and its collector may be away
+    # a process that ends sends what is left of each signal, and its collector may be away
     os.environ.setdefault("OTEL_EXPORTER_OTLP_TIMEOUT", f"{_EXPORT_S:g}")
 
 

@@ -33,13 +33,13 @@ Packages, each using only those before it; each lists its modules
 -----------------------------------------------------------------
     arrays            types of arrays
     errors            the errors raised on purpose
-    phrases           words for many things
+    phrases           wording of lists and shares
     options           options of runs, each declared once
     runtime           cores and threads, child processes, files written whole
-    results           what each result can be turned into: a file, a data frame, HTML
-    recordings        what real robots recorded, read and checked
-    scenario          what the user says, read and checked
-    documents         what all JSON documents share
+    results           results as files, data frames and HTML
+    recordings        recordings of real robots, read and checked
+    scenario          scenarios, read and checked
+    documents         common parts of all JSON documents
     orbits            circles, contact windows, least distances, sightings
     synchronisation   senses and phases
     placement         centres, from links or from a gap
@@ -51,8 +51,8 @@ Packages, each using only those before it; each lists its modules
     flight            vehicles that steer by their own estimates
     reports           JSON documents
     plotting          figures
-    exporting         other programs' formats
-    client            the library computed by a service
+    exporting         formats of other programs
+    client            the library, computed by a service
     cli               the command line
 
 References

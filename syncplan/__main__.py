@@ -1,4 +1,4 @@
-"""`python -m syncplan` is the command line."""
+"""Command line, run as `python -m syncplan`."""
 
 from syncplan.cli.command_line import main
 

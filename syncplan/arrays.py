@@ -1,4 +1,4 @@
-"""Types of NumPy arrays, and pairs as such; docstrings give shapes and units."""
+"""Types of NumPy arrays, and helpers for them; docstrings give shapes and units."""
 
 from collections.abc import Sequence
 from dataclasses import MISSING, fields
@@ -13,14 +13,14 @@ Flags = NDArray[np.bool_]
 
 
 def as_pairs(pairs: Sequence[Sequence[int]]) -> Index:
-    """Return the (e, 2) array of a list of pairs, also where the list is empty."""
+    """Return the (e, 2) array of a list of pairs, even if the list is empty."""
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
 
 def short_repr(record: Any) -> str:
     """Return the repr of a dataclass in one line, each array as its shape: `radii=(6,)`.
 
-    What is as it is where nothing is given is left out.
+    Fields that have their default are left out.
     """
     shown = []
     for one in fields(record):

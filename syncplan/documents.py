@@ -1,4 +1,4 @@
-"""What all documents share: strict parts, their version, how they become JSON."""
+"""Common parts of all JSON documents: strict models, version and conversion to JSON."""
 
 import math
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ Point = tuple[float, float]
 """x and y in m."""
 
 Window = tuple[float, float]
-"""Begin and end in s."""
+"""Start and end in s."""
 
 LONGEST_WORDS = 2000
 
@@ -26,7 +26,7 @@ def _short(text: str) -> str:
 
 
 Words = Annotated[str, AfterValidator(_short)]
-"""Words of a document that are read back."""
+"""Text of a document that is read back, of limited length."""
 
 
 _ABSENT = "absent where it is None"
@@ -34,7 +34,7 @@ _ABSENT = "absent where it is None"
 Value = TypeVar("Value")
 
 OrAbsent = Annotated[Value | None, _ABSENT]
-"""A key of a Document that stands in its JSON only where it has a value."""
+"""Key of a Document that is in its JSON only if it has a value."""
 
 
 class DocumentPart(BaseModel):
@@ -49,7 +49,7 @@ class Document(DocumentPart):
     def as_json(self) -> dict[str, Any]:
         """Return the document as JSON values, in the order of its fields.
 
-        Keys that were not set are left out of scenarios, and those that are `OrAbsent`.
+        Left out are keys of scenarios that were not set, and `OrAbsent` keys without a value.
         """
         nested = {name: _nested(value) for name, value in self}
         nested = {name: values for name, values in nested.items() if values is not None}
@@ -74,7 +74,7 @@ class VersionedDocument(Document):
 
 
 def _nested(value: Any) -> Any:
-    """The JSON values of a scenario, of a document or of a list of them; None for others."""
+    """JSON values of a scenario, a document or a list of documents; None for others."""
     if isinstance(value, Scenario):
         return value.model_dump(mode="json", exclude_none=True)
     if isinstance(value, Document):

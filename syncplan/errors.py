@@ -1,21 +1,21 @@
-"""The errors syncplan raises on purpose; a message names the object, its value and a remedy."""
+"""Errors that syncplan raises on purpose; a message names the object, its value and a remedy."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 MOST_LINES = 10
-"""Most faults that are worded one a line."""
+"""Most faults that are listed, one a line."""
 
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One thing wrong with the input.
+    """One fault of the input.
 
     Attributes
     ----------
     key : dotted path inside the document, or the name of an option
     problem : what is wrong, and what is allowed, in one line
-    value : what was given, as short JSON; empty where there is none
+    value : given value, as short JSON; empty if there is none
     """
 
     key: str
@@ -30,15 +30,15 @@ class SyncplanError(Exception):
 
 
 class InputError(SyncplanError):
-    """The caller's input can't be used: `key` is the dotted path of what is at fault.
+    """The caller's input can't be used; `key` is the dotted path of the value at fault.
 
     Parameters
     ----------
     problem : what is wrong, with the value and what is allowed, in one line
     key : dotted path inside the scenario or plan, or the name of an option
     source : file the input came from
-    faults : everything that is wrong, where there is more than one thing
-    more : how many faults there are besides those listed
+    faults : all faults, if there is more than one
+    more : number of faults besides those listed
     """
 
     exit_code = 2
@@ -63,7 +63,7 @@ class InputError(SyncplanError):
 
     @classmethod
     def of(cls, faults: Sequence[Fault], *, source: str = "", more: int = 0) -> "InputError":
-        """Return the error of faults, in the words of the first; `more` are not listed."""
+        """Return the error of faults, with the message of the first; `more` are not listed."""
         first, others = faults[0], len(faults) - 1 + more
         problem = f"{first.problem} (and {others} more)" if others else first.problem
         problem = f"{first.value}: {problem}" if first.value else problem
@@ -80,8 +80,8 @@ class InputError(SyncplanError):
     def lines(self, options: Mapping[str, str] | None = None) -> list[str]:
         """Return a line for each fault: file, key, value, problem; the last counts those left out.
 
-        `options` are those of a command line, by the key that they set: of their faults, they are
-        named instead of file and key.
+        `options` are those of a command line, by the key that they set. Faults of such keys name
+        the option instead of file and key.
         """
         known = {} if options is None else options
         if len(self.faults) == 1 and not self.more:
@@ -97,7 +97,7 @@ class InputError(SyncplanError):
 
 
 class NoGoError(SyncplanError):
-    """The plan's verdict stops what was asked for: a plan that is not to be flown."""
+    """The plan's verdict stops the request: the plan must not be flown."""
 
     exit_code = 3
 

@@ -1,10 +1,10 @@
-"""Options of runs, each declared once: a field of a dataclass with its sentence and its limits.
+"""Options of runs, each declared once: a dataclass field with its sentence and its limits.
 
     @dataclass(frozen=True, slots=True, kw_only=True)
     class FlightOptions(FilterOptions):
         late: int = option(0, "Samples after which sightings arrive", ge=0, le=1000)
 
-The library checks an option by this line, and the command line, the service's requests and its
+The library checks an option by this declaration. The command line, the service's requests and its
 client take the name, the type, the default and the sentence from it.
 """
 
@@ -21,7 +21,7 @@ _LIMITS: Mapping[str, tuple[Callable[[Any, float], bool], str]] = {
     "le": (operator.le, "at most"),
     "lt": (operator.lt, "less than"),
 }
-"""What the limits of an option allow and say; they are named as Pydantic names its own."""
+"""Comparison and wording of each limit of an option, by its name in Pydantic."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,12 +31,12 @@ class Option:
     Attributes
     ----------
     name, type, default : of the field; a Literal for what is chosen by name
-    sentence : what it says, units included
+    sentence : its description, units included
     key : in requests to the service; ends with the unit
     flag : on the command line
     limits : of a number, any of `ge`, `gt`, `le` and `lt`
     example : in the service's documentation; None for none
-    former : whether it is kept for callers of earlier versions alone, and not shown
+    former : whether it is hidden, and kept only for callers of earlier versions
     """
 
     name: str
@@ -51,7 +51,7 @@ class Option:
 
     @property
     def choices(self) -> tuple[str, ...]:
-        """The names that it may have; none where it is not chosen by name."""
+        """Names to choose from; empty if it is not chosen by name."""
         either = get_args(self.type) if get_origin(self.type) is not Literal else (self.type,)
         return tuple(name for one in either if get_origin(one) is Literal for name in get_args(one))
 
@@ -89,7 +89,7 @@ def option(
 ) -> Any:
     """Return the field of a dataclass that declares an option; see Option.
 
-    Its key is its name, and its flag is its key with dashes, where no others are given.
+    By default, its key is its name and its flag is its key with dashes.
     """
     words = {
         "sentence": sentence,

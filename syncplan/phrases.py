@@ -1,4 +1,4 @@
-"""Words for many things, of which the first are named and the rest counted, and for shares."""
+"""Wording of lists, whose first items are named and the rest counted, and of shares."""
 
 from collections.abc import Sequence
 
@@ -10,12 +10,12 @@ def listed(phrases: Sequence[str], most: int) -> str:
 
 
 def in_words(names: Sequence[str]) -> str:
-    """Return names of errors as a sentence has them: "speed scale, wind"."""
+    """Return names of errors in words: "speed scale, wind"."""
     return ", ".join(names).replace("_", " ")
 
 
 def joined(phrases: Sequence[str], most: int) -> str:
-    """Return the phrases with "and" before the last, or as `listed` where there are too many."""
+    """Return the phrases with "and" before the last, or as `listed` if there are too many."""
     if len(phrases) > most:
         return listed(phrases, most)
     return " and ".join(filter(None, [", ".join(phrases[:-1]), *phrases[-1:]]))

@@ -1,7 +1,7 @@
-"""What each result can be turned into: a file, a data frame, a table in a notebook.
+"""Results, which convert to a file, a data frame or a table in a notebook.
 
-A result's report lies in a package above it. syncplan.reports.presentations knows it, and is loaded
-when it is asked for.
+A result's report lies in a package above it. syncplan.reports.presentations makes it, and is loaded
+on demand.
 """
 
 from importlib import import_module
@@ -19,7 +19,7 @@ _PRESENTATIONS = "syncplan.reports.presentations"
 
 
 class Result:
-    """A result that a function of syncplan returns, or takes."""
+    """Result that a function of syncplan returns or takes."""
 
     __slots__ = ()
 

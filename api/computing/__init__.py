@@ -1,1 +1,1 @@
-"""The numbers, in child processes: tasks over syncplan, a child, a pool of them, owners' turns."""
+"""Computation in child processes: tasks over syncplan, a child, a pool of them, owners' turns."""

@@ -1,6 +1,6 @@
 """A child process that runs tasks by name, and the parent's handle on it.
 
-A time limit asks first: an alarm raises in the task, which cleans up as after any error.
+At its time limit, a task is first interrupted by an alarm and cleans up as after any error.
 """
 
 import contextlib
@@ -26,13 +26,13 @@ _LEAST_S = 0.001
 
 
 class TimeUp(BaseException):
-    """The time of the task is over; no `except Exception` of its code stops it."""
+    """The time of the task is over; no `except Exception` in its code catches this."""
 
 
 class Alarm:
-    """Raises TimeUp in the main thread once a task's time is over, again and again until cleared.
+    """Alarm that raises TimeUp in the main thread, repeatedly, once a task's time is over.
 
-    Code that never returns to Python is not asked: whoever waits for it ends the process.
+    It can't interrupt code that never returns to Python: the parent ends such a process.
     """
 
     def __init__(self) -> None:
@@ -40,14 +40,14 @@ class Alarm:
         signal.signal(signal.SIGALRM, self._ring)
 
     def set(self, seconds: float | None) -> None:
-        """Start the time of a task; None for one without limit."""
+        """Start the time of a task; None sets no limit."""
         if seconds is not None:
             self._set = True
             signal.setitimer(signal.ITIMER_REAL, max(seconds, _LEAST_S), _AGAIN_S)
 
     @contextlib.contextmanager
     def paused(self) -> Iterator[None]:
-        """Raise nothing within; what is due is raised later."""
+        """Raise nothing within the block; a TimeUp that is due is raised later."""
         before, self._set = self._set, False
         try:
             yield
@@ -69,7 +69,7 @@ class Alarm:
 
 
 GRACE_S = 5.0
-"""How long a task that was asked to end may take to end (s) before its process is killed."""
+"""Time that an interrupted task may take to end (s) before its process is killed."""
 
 _PROGRESS_EVERY_S = 0.2
 _WITH_PROGRESS = {"computed_batch", "computed_job"}
@@ -80,19 +80,19 @@ class ChildGoneError(Exception):
 
 
 class OutOfMemoryError(Exception):
-    """The task needed more memory than it may have."""
+    """The task exceeded its memory limit."""
 
 
 class ChildNotStartedError(ChildGoneError):
-    """The system had no room for a process just now."""
+    """The system could not start a process just now."""
 
 
 class TaskFailedError(Exception):
-    """The task failed through a fault of the program; the text is the trace, for the log alone."""
+    """The task failed by a fault of the program; the text is the trace, only for the log."""
 
 
 class TooSlowError(Exception):
-    """The task took longer than it may."""
+    """The task exceeded its time limit."""
 
 
 class Child:
@@ -101,7 +101,7 @@ class Child:
     Parameters
     ----------
     background : whether it prepares to run trials, or to answer requests
-    niceness : how far it yields to other processes, from 0 to 19
+    niceness : niceness of the process, from 0 to 19
     memory_bytes : most memory of the process, and of each that it starts; no limit if None
     """
 
@@ -128,7 +128,7 @@ class Child:
         timeout_s: float | None = None,
         progress: Progress | None = None,
     ) -> Any:
-        """Return the result of a task; raises InputError, NoSolutionError or an error of above."""
+        """Return the result of a task; raises InputError, NoSolutionError or an error above."""
         deadline = None if timeout_s is None else time.monotonic() + timeout_s + GRACE_S
         connection = self._process.connection
         try:
@@ -160,13 +160,13 @@ class Child:
         self._process.kill(wait=False)
 
     def end(self) -> None:
-        """End the process, which must be idle, and free what it holds."""
+        """End the process, which must be idle, and free its resources."""
         self._process.kill()
         self._process.end()
 
 
 def serve(descriptor: int) -> None:
-    """Run tasks until the parent ends: the process's main function."""
+    """Run tasks until the parent ends; main function of the process."""
     connection = connect_to_parent(descriptor)
     background, niceness, memory_bytes = connection.recv()
     os.nice(niceness)
@@ -174,7 +174,7 @@ def serve(descriptor: int) -> None:
         limit_memory(memory_bytes)
     alarm = Alarm()
     tasks.warm_up(trials=background)
-    # what is loaded by now stays: the collector need not scan it again and again
+    # what is loaded by now stays, so the collector need not scan it again
     gc.freeze()
     connection.send(("ready", None))
 
@@ -183,10 +183,10 @@ def serve(descriptor: int) -> None:
 
         def report(done: int | FinishedStart) -> None:
             nonlocal last
-            # what can be kept is never left out
+            # a finished start is always reported
             if isinstance(done, FinishedStart) or time.monotonic() - last >= _PROGRESS_EVERY_S:
                 last = time.monotonic()
-                # a message that is cut off would be the last one
+                # a message cut off by the alarm would be the last one
                 with alarm.paused():
                     connection.send(("progress", done))
 
@@ -208,7 +208,7 @@ def serve(descriptor: int) -> None:
 
 
 def _outcome(task: Callable[..., Any], *arguments: Any) -> tuple[str, Any]:
-    """Return the answer to a task: its value, or the error to raise where it was asked for."""
+    """Return the answer to a task: its value, or the error to raise in the parent."""
     try:
         return "done", task(*arguments)
     except (InputError, NoSolutionError, NoGoError) as error:
@@ -222,12 +222,12 @@ def _outcome(task: Callable[..., Any], *arguments: Any) -> tuple[str, Any]:
 
 
 def _of_memory(complaint: str) -> bool:
-    """Whether the last words of a process, or of a library in C++, are of memory."""
+    """Whether the last words of a process, or of a C++ library, report a lack of memory."""
     return any(words in complaint for words in ("MemoryError", "bad_alloc", "llocate memory"))
 
 
 def _memory() -> int:
-    """Bytes of memory this process holds; 0 where the system does not say."""
+    """Memory of this process in bytes; 0 if the system does not report it."""
     try:
         with open("/proc/self/statm", encoding="ascii") as file:
             return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")

@@ -6,8 +6,8 @@
               deadline: left out                      time limit: killed, and started anew
 
 The thread that started a child outlives it, as the kernel ends a child with that thread. One more
-thread watches deadlines, and starts an extra child for an owner that waits with nothing running
-while all are busy; it serves such owners alone, and ends once it has been idle.
+thread watches deadlines. It starts an extra child for an owner that waits with nothing running
+while all children are busy; the extra child serves only such owners, and ends once idle.
 """
 
 import logging
@@ -36,11 +36,11 @@ class PoolDepth:
 
     Attributes
     ----------
-    processes : child processes that it keeps, with the extra ones there are now
-    running, waiting : tasks
-    owners : whose tasks wait
-    oldest_s : how long the task has waited that has waited longest, 0 if none waits
-    started : child processes started since the pool began
+    processes : number of child processes, including the present extra ones
+    running, waiting : numbers of tasks
+    owners : number of owners with waiting tasks
+    oldest_s : s, longest wait of a waiting task, 0 if none waits
+    started : number of child processes started since the pool began
     """
 
     processes: int
@@ -52,29 +52,29 @@ class PoolDepth:
 
 
 LARGEST_GROWTH_BYTES = 48 * 2**20
-"""A child that has grown by more than this since its first task is replaced."""
+"""Memory growth since its first task beyond which a child is replaced."""
 PATIENCE_S = 1.0
-"""How long an owner with nothing running waits for its turn before an extra child starts (s)."""
+"""Wait of an owner with nothing running before an extra child starts (s)."""
 
 _IDLE_S = 5.0
 _LOOK_EVERY_S = 0.1
 _PAUSE_S = 0.2
 
 _KEEPS_CHILD = (GivenUpError, InputError, NoGoError, NoSolutionError, TaskFailedError)
-"""After these a child waits for the next task; after any other it may still answer this one."""
+"""Errors after which a child waits for its next task; after others it may still answer this one."""
 
 _logger = logging.getLogger("syncplan.pool")
 
 
 class Pool:
-    """Child processes, started at once and kept; as many again while owners would block others.
+    """Child processes, started at once and kept; up to as many again while owners are blocked.
 
     Parameters
     ----------
-    size : processes
+    size : number of processes kept
     background : whether they prepare to run trials, or to answer requests
-    niceness : how far they yield to other processes, from 0 to 19
-    memory_bytes : most memory of a process, beyond it OutOfMemoryError; no limit if None
+    niceness : niceness of the processes, from 0 to 19
+    memory_bytes : most memory of a process before OutOfMemoryError; no limit if None
     most_waiting : tasks that may wait before PoolFullError; no limit if None
     most_of_owner : tasks of one owner that may wait or run before OwnerBusyError; no limit if None
     """
@@ -116,7 +116,7 @@ class Pool:
             thread.start()
 
     def depth(self) -> PoolDepth:
-        """Return how much work there is now."""
+        """Return the current state of the pool."""
         with self._work:
             first = min((one.submitted for one in self._turns), default=None)
             return PoolDepth(
@@ -138,12 +138,12 @@ class Pool:
         retries: int = 1,
         progress: Progress | None = None,
     ) -> Ticket:
-        """Hand in a task; raises PoolFullError, OwnerBusyError.
+        """Submit a task; raises PoolFullError, OwnerBusyError.
 
-        `timeout_s` limits how long it runs: it is asked to end, a little later its process is
-        killed, and it fails with TooSlowError. `deadline_s` limits how long it waits
-        and runs: PoolFullError if it mostly waited, else TooSlowError. A task whose process is
-        killed is tried again `retries` times. `progress` is called from another thread.
+        `timeout_s` limits how long it runs: the task is asked to end, a little later its process
+        is killed, and it fails with TooSlowError. `deadline_s` limits how long it waits and runs:
+        it fails with PoolFullError if it mostly waited, else with TooSlowError. A task whose
+        process is killed is tried again `retries` times. `progress` is called from another thread.
         """
         now = time.monotonic()
         deadline = math.inf if deadline_s is None else now + deadline_s
@@ -165,7 +165,7 @@ class Pool:
         return ticket
 
     def call(self, task: str, *arguments: Any, timeout_s: float | None = None) -> Any:
-        """Return the result of a task, waiting for it; raises its errors."""
+        """Submit a task, wait for it and return its result; raises its errors."""
         return self.submit(task, *arguments, timeout_s=timeout_s).future.result()
 
     def close(self) -> None:
@@ -188,7 +188,7 @@ class Pool:
             thread.join(timeout=5.0)
 
     def _room_for(self, owner: str) -> Ticket | None:
-        """Return the task that leaves the queue for one of an owner; raises PoolFullError."""
+        """Make room for an owner's task; return the task it displaces. Raises PoolFullError."""
         if self._closed:
             raise PoolFullError
         if self._turns.held(owner) >= self._most_of_owner:
@@ -212,14 +212,14 @@ class Pool:
             self._kill_if_due(ticket, now)
 
     def _kill_if_due(self, ticket: Ticket, now: float) -> None:
-        """Kill the process of a task; under the lock, so that it is still at this task."""
+        """Kill a due task's process; under the lock, so that it is still at this task."""
         if ticket in self._running and ticket.child is not None and ticket.killed_at <= now:
             ticket.child.kill()
 
     # --- deadlines ------------------------------------------------------------------------------
 
     def _watch(self) -> None:
-        """Give up what is past its deadline, and help owners that are blocked."""
+        """Give up tasks past their deadlines, and help blocked owners."""
         while True:
             with self._clock:
                 self._clock.wait(None if self._is_idle() else _LOOK_EVERY_S)
@@ -254,7 +254,7 @@ class Pool:
             thread.start()
         except RuntimeError as error:
             _logger.error("no thread could be started: %s", error)
-            # tried again once they have waited as long again
+            # try again once they have waited as long again
             self._idle_since.update(dict.fromkeys(self._turns.idle_owners(), now))
             return
         self._extra += 1
@@ -269,7 +269,7 @@ class Pool:
     # --- children -------------------------------------------------------------------------------
 
     def _serve(self, extra: bool = False) -> None:
-        """Pass tasks to a child, one at a time; a new child where there is none."""
+        """Pass tasks to a child, one at a time; start a new child when there is none."""
         child = self._started()
         while (ticket := self._next(extra)) is not None:
             try:
@@ -288,7 +288,7 @@ class Pool:
             child.end()
 
     def _next(self, extra: bool) -> Ticket | None:
-        """Return the task whose turn it is; None once closed, or idle as an extra child."""
+        """Wait for the next task; None once closed, or once an extra child has been idle."""
         until = time.monotonic() + _IDLE_S if extra else math.inf
         with self._work:
             while not self._closed:
@@ -303,7 +303,7 @@ class Pool:
         return None
 
     def _started(self) -> Child | None:
-        """A new child, ready for tasks; None if the system has no room for one, or once closed."""
+        """New child, ready for tasks; None if the system can't start one, or once closed."""
         if self._closed:
             return None
         try:
@@ -334,7 +334,7 @@ class Pool:
         return child
 
     def _run(self, ticket: Ticket, child: Child | None) -> Child | None:
-        """Settle a ticket and return the child to go on with, if it is still there."""
+        """Run and settle a ticket; return the child if it can serve the next one."""
         for attempt in range(ticket.retries + 1):
             child = child or self._started()
             error, value = self._tried(ticket, child)
@@ -350,7 +350,7 @@ class Pool:
         return child
 
     def _tried(self, ticket: Ticket, child: Child | None) -> tuple[Exception | None, Any]:
-        """Return how a task failed in a child, or None and its value."""
+        """Return (error, None) if a task failed in a child, else (None, value)."""
         if child is None:
             return ChildNotStartedError("no process could be started"), None
         with self._work:

@@ -1,7 +1,7 @@
-"""What child processes do: plain values in, plain values out, all numbers by syncplan.
+"""Tasks of child processes: plain values in, plain values out, all computation by syncplan.
 
-The trials of a validation or a flight are one run; those of a sweep one for each of its rows. A
-child keeps what it set up for the job it served last.
+The trials of a validation or a flight are one run; those of a sweep are one run for each row. A
+child keeps the set-up of the job it served last.
 """
 
 import json
@@ -21,7 +21,7 @@ from api.documents import (
     overview_of_text,
 )
 
-# a task as it is
+# a task without a wrapper
 from api.documents import packed_recording as packed_recording
 from api.job_kinds.job_kind import (
     Batch,
@@ -56,7 +56,7 @@ if TYPE_CHECKING:
 
 
 def made_plan(body: bytes, syntax: Syntax, limits: RequestLimits, steady: bool) -> PlanText:
-    """Return the plan of a scenario as it was sent, or of a plan's orbits, judged afresh.
+    """Return the plan of a scenario that was sent, or a plan with its own orbits judged afresh.
 
     Raises InputError, NoSolutionError.
     """
@@ -71,10 +71,10 @@ def checked_request(
     plan_text: str | None,
     overview: str | None = None,
 ) -> tuple[str, int]:
-    """Return a job's request, checked and with defaults filled in, as JSON, and its work.
+    """Return a job's request as JSON, checked and with defaults filled in, and its work.
 
-    It is about a plan, or a recording in short, or neither. The work is counted in the kind's
-    unit. Raises InputError.
+    The request is about a plan, a recording with this overview, or neither. The work is in the
+    kind's unit. Raises InputError.
     """
     model = JOB_KINDS[kind].request
     document = parse_document(decoded(body, ""), "", syntax) if body.strip() else {}
@@ -98,16 +98,16 @@ def checked_request(
 def computed_job(
     spec: JobSpec, earlier: EarlierWork, workers: int, progress: Progress
 ) -> PlanText | JobReport:
-    """Return the result of a job that is computed whole, by up to `workers` processes."""
+    """Return the result of a job computed whole, by up to `workers` processes."""
     task = JOB_KINDS[spec.kind].task
     assert isinstance(task, WholeTask)
     return task.compute(spec, earlier, workers, progress)
 
 
 def measured_runs(spec: JobSpec) -> list[tuple[int, float]]:
-    """Return the trials, and about how many seconds a trial takes here, for each run of a job.
+    """Return (trials, approximate seconds per trial on this machine) for each run of a job.
 
-    The first run is timed; the others count by their effort.
+    The first run is timed; the others are scaled by their effort.
     """
     task = _trial_task(spec)
     runs, method = task.runs(spec), task.method
@@ -148,7 +148,7 @@ def _trial_task(spec: JobSpec) -> TrialTask[Any, Any]:
 
 
 def warm_up(trials: bool) -> None:
-    """Load what the first task would otherwise wait for: the filter, or what draws figures."""
+    """Load what the first task would otherwise wait for: the filter or the figures."""
     made = plan(scenario_from(_SMALL))
     as_plan_text(made)
     if trials:
@@ -174,7 +174,7 @@ _SMALL = {
 
 
 _QUICK: JudgementOptions = {"bound": "never", "pilot": False, "single_points": False}
-"""What a plan is not asked for while somebody drags, beside the bound of its margin."""
+"""Judgements left out while a user drags, in addition to the bound of the margin."""
 
 
 def previewed(
@@ -185,9 +185,9 @@ def previewed(
     names: Sequence[str],
     theme: "Theme",
 ) -> str:
-    """Return a plan as made_plan makes it with figures of it, as JSON; raises as that does.
+    """Return the plan of `made_plan`, with its figures, as JSON; raises the same errors.
 
-    A `quick` one is the plan without what takes most of the time, which its findings name.
+    A `quick` plan leaves out what takes most of the time; its findings name what is missing.
     """
     loaded = loaded_body(body, syntax, limits)
     made = plan_of(loaded, margin_bound=False, **_QUICK) if quick else plan_of(loaded)
@@ -196,7 +196,7 @@ def previewed(
 
 
 def plan_figure(text: str, name: str, theme: "Theme", parent_text: str | None) -> str:
-    """Return a figure of a plan as JSON; raises InputError for one that it does not have.
+    """Return a figure of a plan as JSON; raises InputError if the plan does not have it.
 
     With its parent's text, the plan is shown beside its parent.
     """

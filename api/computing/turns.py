@@ -1,11 +1,11 @@
-"""Tasks handed in to a pool, and whose task is next: turns go round the owners.
+"""Tasks submitted to a pool, and the turns that its owners take.
 
     takes the next task:   the owner with the fewest running tasks
                            of several, the one that was served least recently
 
-Within an owner, tasks are first in, first out. Of n owners, one with nothing running waits for at
+Tasks of one owner are first in, first out. Among n owners, one with nothing running waits for at
 most n - 1 tasks of the others to be taken, however many wait: each of them then has more running,
-or was served later. The queue has a limit for all; where it is full, an owner with a short queue
+or was served later. The queue has one limit for all. When it is full, an owner with a short queue
 takes a place of the one with the longest (P. E. McKenney, "Stochastic fairness queueing", INFOCOM
 1990).
 """
@@ -27,10 +27,10 @@ from api.job_kinds.job_kind import Progress
 
 
 LEAST_RUN_S = 2.0
-"""A task that nobody waits for any more may run for so long (s) before its process is killed.
+"""Time (s) that a task may run before its process is killed, once nobody waits for it.
 
-That is about the time (s) that a new process takes to start, so impatient clients cost at most as
-much in new processes as they were given in computing.
+It is about the time (s) that a new process takes to start, so that impatient clients cost at most
+as much in new processes as they were given in computing.
 """
 
 
@@ -48,17 +48,17 @@ class OwnerBusyError(PoolFullError):
 
 @dataclass(slots=True, eq=False)
 class Ticket:
-    """A task handed in: `future` holds its result; `cancel` gives it up wherever it is.
+    """A submitted task: `future` holds its result; `cancel` gives it up at any stage.
 
-    A task whose future is done before it has ended is not begun, or begun again.
+    A task whose future is already done is neither begun nor tried again.
 
     Attributes
     ----------
-    owner : whose turn it takes
-    timeout_s : how long it may run (s); None without limit
+    owner : owner whose turn it takes
+    timeout_s : longest time it may run (s); None for no limit
     deadline : monotonic time by which there must be an answer, waiting included; or infinite
-    retries : how often it is tried again after its process was killed
-    give_up : what `cancel` calls
+    retries : number of further tries after its process was killed
+    give_up : function that `cancel` calls
     submitted, began, ended : monotonic times; `began` when a process that was ready got it
     killed_at : monotonic time at which its process is killed; infinite unless it was given up
     """
@@ -80,13 +80,13 @@ class Ticket:
 
     @property
     def ran_s(self) -> float:
-        """How long a process has been at it so far (s), or was; 0 before it begins."""
+        """Time that a process has spent on it (s); 0 before it begins."""
         if self.began is None:
             return 0.0
         return (time.monotonic() if self.ended is None else self.ended) - self.began
 
     def settle(self, error: Exception | None, value: Any = None) -> None:
-        """Hand the outcome to the caller, unless it has one or no longer waits."""
+        """Pass the outcome to the caller, unless it has one or no longer waits."""
         # the caller may give up at this very moment
         with contextlib.suppress(InvalidStateError):
             if error is None:
@@ -97,18 +97,18 @@ class Ticket:
     def cancel(self, *, spare: bool = False) -> None:
         """Give the task up: it leaves the queue, or its process is killed.
 
-        With `spare`, a process that began less than LEAST_RUN_S ago is given until then.
+        With `spare`, a process that has run for less than LEAST_RUN_S may run until then.
         """
         self.give_up(self, spare)
 
     def allowed(self, now: float) -> float | None:
-        """Return how long the task may run if it begins now (s); None without limit."""
+        """Return how long the task may run if it begins now (s); None for no limit."""
         left = max(self.deadline - now, LEAST_RUN_S)
         limit = min(left, math.inf if self.timeout_s is None else self.timeout_s)
         return None if math.isinf(limit) else limit
 
     def late(self) -> Exception:
-        """Return the error of a task past its deadline: it was slow, or the others were."""
+        """Return the error of a task past its deadline, by whether it mostly waited or ran."""
         if self.began is None or self.began - self.submitted > self.deadline - self.began:
             return PoolFullError()
         return TooSlowError()
@@ -123,35 +123,35 @@ _OWNERS_REMEMBERED = 10_000
 
 
 class Turns(Generic[T]):
-    """Tasks that wait, by owner, and how many of each owner are running. Not thread-safe."""
+    """Waiting tasks by owner, and the number of each owner's running tasks. Not thread-safe."""
 
     def __init__(self) -> None:
         self._waiting: dict[str, deque[T]] = {}
         self._running: Counter[str] = Counter()
-        # the numbers of their latest turns, lowest first
+        # number of each owner's latest turn, lowest first
         self._served: dict[str, int] = {}
         self._numbers = itertools.count(1)
 
     def __len__(self) -> int:
-        """Number of tasks that wait."""
+        """Number of waiting tasks."""
         return sum(map(len, self._waiting.values()))
 
     @property
     def owners(self) -> int:
-        """Number of owners whose tasks wait."""
+        """Number of owners with waiting tasks."""
         return len(self._waiting)
 
     def __iter__(self) -> Iterator[T]:
-        """Go through the tasks that wait, owner by owner."""
+        """Iterate over the waiting tasks, owner by owner."""
         for queue in self._waiting.values():
             yield from queue
 
     def held(self, owner: str) -> int:
-        """Return how many tasks of an owner wait or run."""
+        """Return the number of an owner's tasks that wait or run."""
         return len(self._waiting.get(owner, ())) + self._running[owner]
 
     def add(self, owner: str, task: T) -> None:
-        """Let a task wait behind those of its owner."""
+        """Queue a task behind those of its owner."""
         self._waiting.setdefault(owner, deque()).append(task)
 
     def remove(self, owner: str, task: T) -> bool:
@@ -164,7 +164,7 @@ class Turns(Generic[T]):
         return True
 
     def take(self, *, idle_owners: bool = False) -> T | None:
-        """Return the task whose turn it is, which runs from now on; None if none may.
+        """Take the task whose turn it is, which runs from now on; None if there is none.
 
         With `idle_owners`, only owners with nothing running count.
         """
@@ -182,23 +182,23 @@ class Turns(Generic[T]):
         return task
 
     def done(self, owner: str) -> None:
-        """Enter that a task of an owner runs no more."""
+        """Note that a task of an owner no longer runs."""
         self._running[owner] -= 1
         if self._running[owner] <= 0:
             del self._running[owner]
 
     def idle_owners(self) -> list[str]:
-        """Return the owners that wait while nothing of theirs runs."""
+        """Return the owners with waiting tasks and none running."""
         return [owner for owner in self._waiting if not self._running[owner]]
 
     def first_of(self, owner: str) -> T:
-        """Return the task of an owner that has waited longest; raises KeyError if none waits."""
+        """Return an owner's longest-waiting task; raises KeyError if none waits."""
         return self._waiting[owner][0]
 
     def displaced_by(self, owner: str) -> T | None:
-        """Take the newest task of the longest queue out, to make room for one of an owner.
+        """Remove and return the newest task of the longest queue, to make room for an owner's.
 
-        None if no queue would still be longer than the owner's with the new task.
+        None if no queue is longer than the owner's would be with the new task.
         """
         longest = max(self._waiting, key=lambda one: len(self._waiting[one]), default=owner)
         own = len(self._waiting.get(owner, ()))
@@ -209,7 +209,7 @@ class Turns(Generic[T]):
         return task
 
     def clear(self) -> list[T]:
-        """Take all tasks that wait out of the queue and return them."""
+        """Remove and return all waiting tasks."""
         tasks = list(self)
         self._waiting.clear()
         return tasks

@@ -1,6 +1,6 @@
-"""The kinds of jobs: what each takes, computes and results in.
+"""Kinds of jobs: their requests, tasks and results.
 
-job_kind          what a kind is made of, and what computes its jobs
+job_kind          parts of a kind, and the tasks that compute its jobs
 option_requests   requests whose keys are the library's options
 refinement_jobs   refinements
 trial_jobs        validations and flights

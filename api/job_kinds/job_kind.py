@@ -1,4 +1,4 @@
-"""What a kind of job is made of: its request, its task and the words that present it.
+"""Parts of a kind of job: its request, its task and the words that present it.
 
 A task is computed whole, or divided into batches of trials that any worker may compute. Both run in
 child processes: plain values in, plain values out.
@@ -30,10 +30,10 @@ class FinishedStart:
 
 
 Progress = Callable[[int | FinishedStart], None]
-"""Takes the work done so far, and what can be kept of it."""
+"""Callback that receives the work done so far, or a finished start, which can be kept."""
 
 TrialProgress = Callable[[int], None] | None
-"""Takes the number of trials done so far, where anybody wants to know."""
+"""Callback that receives the number of trials done so far, if any is given."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +58,7 @@ class Batch:
 
 @dataclass(frozen=True, slots=True)
 class JobReport:
-    """A report as the text of its file, and the figures of each trial, packed, if it keeps them."""
+    """Text of a report's file, and the packed figures of each trial if they are kept."""
 
     text: str
     trials: bytes | None = None
@@ -84,15 +84,15 @@ class WholeTask:
 
     Attributes
     ----------
-    compute : from the job, earlier work on it, the number of processes to use and a callback for
-        progress to the result
+    compute : function of the job, earlier work on it, the number of processes to use and a progress
+        callback; returns the result
     """
 
     compute: Callable[[JobSpec, EarlierWork, int, Progress], PlanText | JobReport]
 
 
 class RunOfTrials(Protocol):
-    """The set-up of a run, of which any worker may compute trials."""
+    """Set-up of a run, of which any worker may compute trials."""
 
     @property
     def trials(self) -> int:
@@ -106,13 +106,14 @@ FoundT = TypeVar("FoundT")
 
 @dataclass(frozen=True, slots=True)
 class TrialMethod(Generic[RunT, FoundT]):
-    """How trials of a run are computed and what they come to.
+    """Functions that compute the trials of a run and conclude it.
 
     Attributes
     ----------
-    compute : from a run, the first trial, their number and a callback for progress to their bytes
-    conclude : from a run and the bytes of all its trials, in order, to what it has found
-    effort : about how much work a trial of a run is, beside one of another run
+    compute : function of a run, the first trial, their number and a progress callback; returns
+        their bytes
+    conclude : function of a run and the bytes of all its trials, in order; returns its result
+    effort : approximate work of a trial of a run, relative to other runs
     """
 
     compute: Callable[[RunT, int, int, TrialProgress], bytes]
@@ -127,8 +128,8 @@ class TrialTask(Generic[RunT, FoundT]):
     Attributes
     ----------
     runs : set-ups of the job's runs; a child process keeps those of its last job
-    method : of the trials
-    report : from the job and what its runs have found, all trials done, to the result
+    method : functions for the trials
+    report : function of the job and the results of its runs, all trials done; returns the report
     """
 
     runs: Callable[[JobSpec], list[RunT]]
@@ -140,17 +141,17 @@ class TrialTask(Generic[RunT, FoundT]):
 
 
 JobSubject = Loaded | Overview | None
-"""What a job is about: a stored plan, a stored recording in short, or neither."""
+"""Subject of a job: a stored plan, the overview of a stored recording, or neither."""
 
 
 class JobRequest(Section):
     """The body of a request for a job."""
 
     limited: ClassVar[Mapping[str, str]] = {}
-    """Numbers that the service limits, each with the limit's name in RequestLimits."""
+    """Keys of numbers that the service limits, each with the limit's name in RequestLimits."""
 
     def settled(self, subject: JobSubject, limits: RequestLimits) -> Self:
-        """Return the request with defaults of this service filled in."""
+        """Return the request with this service's defaults filled in."""
         return self
 
     def work(self, subject: JobSubject, limits: RequestLimits) -> int:
@@ -163,13 +164,13 @@ class JobRequest(Section):
 
 @dataclass(frozen=True, slots=True)
 class JobOperation:
-    """How a job of a kind is requested.
+    """Operation that requests a job of a kind.
 
     Attributes
     ----------
     id : operationId in the OpenAPI document
-    path : below /v1; holds {plan_id} or {recording_id} if the job is about one
-    body, body_required : what the body says, and whether there must be one
+    path : path below /v1; holds {plan_id} or {recording_id} if the job is about one
+    body, body_required : description of the body, and whether it is required
     """
 
     id: str
@@ -193,10 +194,10 @@ class JobKind:
 
     Attributes
     ----------
-    name, plural : the kind, also as sentences name it
-    unit : what its work is counted in
-    report : model of the report it results in; None if it results in a plan
-    figures : what figures of that report are figures of; None if none can be drawn
+    name, plural : name of the kind, and its plural in sentences
+    unit : unit of its work
+    report : model of the resulting report; None if the result is a plan
+    figures : subject kind of that report's figures; None if none can be drawn
     keeps_trials : whether the values of each trial can be read
     """
 

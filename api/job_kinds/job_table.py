@@ -17,6 +17,6 @@ JOB_KINDS: Mapping[JobKindName, JobKind] = MappingProxyType(
 
 
 def plurals(belongs: Callable[[JobKind], bool]) -> str:
-    """Return the kinds for which a condition holds as a sentence names them: a, b and c."""
+    """Return the plurals of the kinds for which a condition holds, joined as in "a, b and c"."""
     *first, last = [kind.plural for kind in JOB_KINDS.values() if belongs(kind)]
     return f"{', '.join(first)} and {last}" if first else last

@@ -1,4 +1,4 @@
-"""Requests for runs: keys with the types, limits, defaults and words of the library's options."""
+"""Requests for runs: keys with the types, limits, defaults and texts of the library's options."""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -18,7 +18,7 @@ Request = TypeVar("Request", bound=JobRequest)
 
 
 def with_keys(keys: dict[str, Any]) -> Callable[[type[Request]], type[Request]]:
-    """Return a decorator that adds keys to a request, each a type and a field by its name."""
+    """Return a decorator that adds keys to a request, given by name as (type, field)."""
 
     def extended(request: type[Request]) -> type[Request]:
         return create_model(
@@ -35,9 +35,9 @@ def with_keys(keys: dict[str, Any]) -> Callable[[type[Request]], type[Request]]:
 def takes_options(
     kind: type[RunOptions], *, without: tuple[str, ...] = (), **narrower: Any
 ) -> Callable[[type[Request]], type[Request]]:
-    """Return a decorator that adds a key for each option of a kind, but for those in `without`.
+    """Return a decorator that adds a key for each option of a kind, except those in `without`.
 
-    `narrower` are the types of options, by name, that a request limits further than the library.
+    `narrower` gives types, by name, for options that a request limits further than the library.
     """
     return with_keys(
         {
@@ -60,7 +60,7 @@ def _field(one: Option) -> Any:
 
 
 class TrialRequest(JobRequest):
-    """What requests for trials of the filter have in common."""
+    """Base class of requests for trials of the filter."""
 
     limited: ClassVar[Mapping[str, str]] = {"trials": "trials", "duration_s": "run_s"}
 
@@ -74,7 +74,7 @@ class TrialRequest(JobRequest):
         return scenario.duration_s if asked is None else asked
 
     def in_world(self, scenario: Scenario) -> Scenario:
-        """Return the scenario with the request's truth beside its own; raises the fault of it."""
+        """Return the scenario with the request's truth added to its own; raises InputError."""
         truth = self.run_options().truth
         return scenario if truth is None else with_truth(scenario, truth)
 
@@ -90,15 +90,15 @@ class TrialRequest(JobRequest):
 
 
 TRUTH = Truth | None
-"""The truth in requests, whose sections are checked."""
+"""Type of the truth in requests, whose sections are checked."""
 
 SUBSTEPS = Annotated[int, Field(ge=1, le=1000)]
-"""Sub-steps in requests: more would keep the service from its other jobs."""
+"""Type of the sub-steps in requests: more would keep the service from its other jobs."""
 
 
 @contextmanager
 def our_keys(kind: type[RunOptions]) -> Iterator[None]:
-    """Name the request's key where the library names its own option."""
+    """Name the request's key in errors in which the library names its own option."""
     try:
         yield
     except InputError as error:

@@ -25,7 +25,7 @@ from syncplan.scenario.truths import optional_keys
 
 @with_keys(optional_keys(RefineOptions))
 class RefinementRequest(JobRequest):
-    """What a refinement changes of the options in the plan's scenario; see its refine section."""
+    """Changes of a refinement to the options in the plan's scenario; see its refine section."""
 
     limited: ClassVar[Mapping[str, str]] = {"time_limit_s": "refine_s"}
 
@@ -37,7 +37,7 @@ class RefinementRequest(JobRequest):
         return options.starts
 
     def settled(self, subject: JobSubject, limits: RequestLimits) -> Self:
-        """Return the request, with the time this service allows where it names none of its own."""
+        """Return the request; without a time limit of its own, it gets at most this service's."""
         assert isinstance(subject, Loaded)
         planned = options_for(subject.scenario, None, {}).time_limit_s
         if "time_limit_s" in self.changes() or planned <= limits.refine_s:
@@ -45,14 +45,14 @@ class RefinementRequest(JobRequest):
         return self.model_copy(update={"time_limit_s": limits.refine_s})
 
     def changes(self) -> dict[str, Any]:
-        """Return the options that are given, as syncplan.refinement.refiner.refine takes them."""
+        """Return the given options, as arguments of syncplan.refinement.refiner.refine."""
         return self.model_dump(exclude_none=True)
 
 
 def _refined(spec: JobSpec, earlier: EarlierWork, workers: int, progress: Progress) -> PlanText:
     """Return the refined plan, or the plan itself with the reason why it could not be improved.
 
-    Progress counts the starts that must have ended, since others have begun.
+    Progress counts the starts that must have ended because others have begun.
     """
     from syncplan.refinement.parallel_starts import EarlierSearch
 

@@ -32,10 +32,10 @@ Pose = Annotated[tuple[Coordinate, Coordinate, Coordinate], Strict(False)]
 
 @takes_options(ReplayOptions, landmarks=Many[int | Name] | None, start_poses=Many[Pose] | None)
 class ReplayRequest(JobRequest):
-    """What the filter assumes of a recording, and which of its sightings it is given."""
+    """Settings of a replay: the filter's assumptions and the sightings that count."""
 
     def work(self, subject: JobSubject, limits: RequestLimits) -> int:
-        """Return the number of sightings that are filtered, at most.
+        """Return the largest number of sightings that may be filtered.
 
         Raises InputError if that exceeds a limit.
         """
@@ -49,7 +49,7 @@ class ReplayRequest(JobRequest):
 
 
 def _fitted(sightings: int, runs: int) -> int:
-    """Sightings that are filtered in runs on the beginning of a recording."""
+    """Number of sightings filtered in runs on the beginning of a recording."""
     return int(runs * FIT_SHARE * sightings)
 
 

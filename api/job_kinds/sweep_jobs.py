@@ -25,11 +25,11 @@ from syncplan.scenario.quantities import Many, fault
 from syncplan.scenario.specification import Scenario
 
 _SWEPT = {one.request: one for one in SWEPT_KEYS.values()}
-"""What a sweep may vary, by the name of its list in requests."""
+"""Keys that have their own list of values in requests, by the name of the list."""
 
 
 class _DescribedAsScenario:
-    """Of a mapping that is checked as a scenario later: its schema is that of scenarios."""
+    """Annotation that gives a mapping, checked as a scenario later, the schema of scenarios."""
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
@@ -38,11 +38,11 @@ class _DescribedAsScenario:
 
 
 _NAMED = ("key", "values")
-"""What a request gives together, in place of such a list: any other key, and its values."""
+"""Fields that a request gives together in place of such a list: any other key, and its values."""
 
 
 def _just_one(keys: Iterable[str]) -> dict[str, Any]:
-    """JSON Schema of lists exactly one of which is given, and not empty."""
+    """JSON Schema by which exactly one of the lists, or key and values, is given and not empty."""
     one: dict[str, Any] = {"type": "array", "minItems": 1}
     none = {"type": "null"}
     lists = list(keys)
@@ -69,7 +69,7 @@ _LISTS: dict[str, Any] = {
     )
     for name, one in _SWEPT.items()
 }
-"""A list of values for each key that has one of its own."""
+"""Fields of the lists of values, for the keys that have their own."""
 
 
 @takes_options(
@@ -79,7 +79,7 @@ _LISTS: dict[str, Any] = {
 )
 @with_keys(_LISTS)
 class SweepRequest(TrialRequest):
-    """One key of a scenario varied, each value planned and validated by the same trials."""
+    """Sweep of one key of a scenario; each value is planned and validated by the same trials."""
 
     model_config = ConfigDict(json_schema_extra=_just_one(_SWEPT))
 
@@ -162,7 +162,7 @@ class SweepRequest(TrialRequest):
 
 @contextmanager
 def _within(section: str) -> Iterator[None]:
-    """Name the section of the request that holds what is at fault."""
+    """Name the section of the request in errors that are raised within the block."""
     try:
         yield
     except InputError as error:

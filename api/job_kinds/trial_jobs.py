@@ -1,6 +1,6 @@
-"""Validations and flights of a plan: Monte Carlo runs of its filter, beside it or steering.
+"""Validations and flights of a plan: Monte Carlo runs of its filter.
 
-Flights are in closed loop, in wind, with losses.
+In flights the filter steers the vehicles: in closed loop, in wind, with losses.
 """
 
 import json
@@ -63,7 +63,7 @@ class ValidationRequest(TrialRequest):
         return ValidationOptions.of_request(self.model_dump(exclude_none=True))
 
     def work(self, subject: JobSubject, limits: RequestLimits) -> int:
-        """Return the number of trials, of all worlds; raises InputError if it exceeds a limit."""
+        """Return the number of trials in all worlds; raises InputError if it exceeds a limit."""
         assert isinstance(subject, Loaded)
         scenario = subject.scenario
         self.check_run(scenario, limits)
@@ -83,7 +83,7 @@ def _validation_concluded(run: TrialRun, parts: Sequence[bytes]) -> Validation:
 
 
 def _validation_effort(run: TrialRun) -> float:
-    """Samples and sightings of a trial."""
+    """Number of samples and sightings of a trial."""
     return run.steps + len(run.sightings.observers)
 
 
@@ -203,7 +203,7 @@ def _flight_concluded(run: "FlightRun", parts: Sequence[bytes]) -> "Flight":
 
 
 def _flight_effort(run: "FlightRun") -> float:
-    """Samples of a flight."""
+    """Number of samples of a flight."""
     return run.team.steps
 
 

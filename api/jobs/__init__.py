@@ -1,1 +1,1 @@
-"""Jobs that survive: durable workflows, who works on them, and what happens when a worker dies."""
+"""Durable jobs: their workflows, the workers, and recovery when a worker dies."""

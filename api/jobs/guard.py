@@ -1,17 +1,19 @@
-"""Heartbeats, what happens to the work of processes without one, and jobs that nobody works on.
+"""Heartbeats, recovery of the work of dead processes, and of jobs that nobody works on.
 
 Every process raises its count in the database every few seconds and watches the counts of the
-others: a count that has not changed for a while belongs to a dead process. A watcher that could not
-look for a time, because the database was away or locked, or because it was frozen itself,
-counts no more of that time than one heartbeat, since the others could do no better; so an outage
-declares no process dead. Workflows begun by a process that is not on the list go back to their
-queues, and so do those that this process has begun and no longer runs, because a fault ended them
-without a trace in the database. Each goes back as it is, to be taken by a worker of its version.
+others: a count that has not changed for a while belongs to a dead process. A watcher may have been
+unable to look for a time, because the database was away or locked, or because it was frozen itself.
+It counts that time as one heartbeat at most, since the others could do no better; so an outage
+declares no process dead.
 
-The rows of jobs are the truth. A job whose workflows are gone begins again with what is finished of
-it. One that another version has begun waits for a worker of that version; when none has been alive
-for a stated time it moves: what is finished is dropped, as another version may compute other
-numbers, and this version begins it again. Only a job whose workflow ended by a fault fails.
+Workflows begun by a process that is not on the list go back to their queues. So do those that this
+process has begun and no longer runs, because a fault ended them without a trace in the database.
+Each goes back unchanged, to be taken by a worker of its version.
+
+The rows of jobs are authoritative. A job whose workflows are gone begins again and keeps its
+finished parts. A job that another version has begun waits for a worker of that version. When none
+has been alive for a stated time, this version begins the job again and drops its finished parts, as
+another version may compute other numbers. Only a job whose workflow ended by a fault fails.
 """
 
 import logging
@@ -52,12 +54,12 @@ _logger = logging.getLogger("syncplan.guard")
 
 @dataclass(slots=True, eq=False)
 class StrandedJobs:
-    """Looks for jobs that nobody works on.
+    """Search for jobs that nobody works on.
 
     Attributes
     ----------
-    version_grace_s : how long jobs wait for a worker of the version that began them; None where
-        jobs of other versions are left alone
+    version_grace_s : s, time that jobs wait for a worker of the version that began them; None to
+        leave jobs of other versions alone
     job_over : called with each job that is failed
     """
 
@@ -68,7 +70,7 @@ class StrandedJobs:
     _suspects: set[WaitingJob] = field(default_factory=set)
 
     def look(self) -> None:
-        """Begin jobs anew, move them to this version, or fail them, as they need."""
+        """Begin stranded jobs anew, move them to this version, or fail them."""
         with self.database.reading() as connection:
             waiting = jobs_that_wait(connection)
             is_gone = self._gone_versions(connection)
@@ -91,7 +93,7 @@ class StrandedJobs:
         self._suspects = suspects
 
     def _gone_versions(self, connection: Connection) -> Callable[[str | None], bool]:
-        """What says whether nobody runs a version any more; one from before version 2 is None."""
+        """Test of whether nobody runs a version any more; None is one before schema version 2."""
         if self.version_grace_s is None:
             return lambda version: False
         living, seen = executors.living_versions(connection), executors.last_seen(connection)
@@ -101,15 +103,15 @@ class StrandedJobs:
         )
 
     def _active_versions(self) -> Mapping[str, set[str | None]]:
-        """The versions of the workflows that wait or run, for each job."""
+        """Versions of the workflows that wait or run, by job."""
         found: defaultdict[str, set[str | None]] = defaultdict(set)
-        # of this application: others may keep theirs in the same database
+        # of this application only: others may keep theirs in the same database
         for one in self.queue.workflows(status=_ACTIVE, application_name=APPLICATION):
             found[one.workflow_id[:_ID_LENGTH]].add(one.app_version)
         return found
 
     def _revive(self, job: WaitingJob) -> None:
-        """Fail a job that a fault has ended; begin it anew if nothing works on it for two looks."""
+        """Fail a job that a fault has ended; begin one anew if two looks find it stranded."""
         broken = self.queue.workflows(workflow_id_prefix=job.id, status=_BROKEN, limit=1)
         if broken or job.begun >= _MOST_BEGUN:
             _logger.error("job %s was lost: workflows %s", job.id, [one.status for one in broken])
@@ -125,8 +127,8 @@ class StrandedJobs:
         with self.database.writing() as connection:
             if not begin_anew(connection, job, version, keep=keep):
                 return
-        # no job without a row is entered, and none entered twice: should this process end here,
-        # the job has no workflow, and the next look finds it
+        # no job is entered without a row, and none twice: if this process ends here, the job has
+        # no workflow, and the next look finds it
         self.queue.delete(job.id)
         with self.database.writing() as connection:
             self.queue.add_job(connection, job.id, job.owner, version or None)
@@ -140,12 +142,12 @@ _SWEPT_AT_ONCE = 20
 
 
 class Guard:
-    """A thread that keeps this process on the list of live processes and watches the others.
+    """Thread that keeps this process on the list of live processes and watches the others.
 
     Parameters
     ----------
-    executor_id : of this process; None for one that runs no jobs and only looks after others
-    at_work : the workflows that this process is at, as they come and go
+    executor_id : identifier of this process; None if it runs no jobs and only looks after others
+    at_work : workflows that this process runs, kept current by the caller
     job_over : called with each job that is failed
     """
 
@@ -167,7 +169,7 @@ class Guard:
         self._executor_id = executor_id
         self._at_work = at_work
         self._clock = clock
-        # what runs no jobs leaves those of other versions to workers
+        # a process that runs no jobs leaves those of other versions to workers
         grace_s = None if executor_id is None else settings.version_grace_s
         self._stranded = StrandedJobs(database, queue, grace_s, job_over)
         self._seen: dict[str, tuple[int, float]] = {}
@@ -179,11 +181,11 @@ class Guard:
 
     @property
     def silent_s(self) -> float:
-        """How long ago the last heartbeat was, in seconds."""
+        """Time since the last heartbeat, in seconds."""
         return self._clock() - self._beaten
 
     def start(self) -> None:
-        """Enter this process on the list, and begin; one that runs no jobs has nothing to enter."""
+        """Enter this process on the list, unless it runs no jobs, and start the thread."""
         try:
             self.look_after()
         except Exception as error:
@@ -194,7 +196,7 @@ class Guard:
             self._thread.start()
 
     def close(self) -> None:
-        """Stop, and remove this process from the list: what it had begun continues elsewhere."""
+        """Stop, and remove this process from the list; its work continues elsewhere."""
         self._stop.set()
         self._thread.join(timeout=10.0)
         if self._executor_id is not None:
@@ -213,7 +215,7 @@ class Guard:
                 _logger.warning("no heartbeat: %s", error)
 
     def look_after(self) -> None:
-        """Raise this process's count, remove dead processes, and resume what they left."""
+        """Raise this process's count, remove dead processes, and resume their work."""
         with self._database.writing() as connection:
             if self._executor_id is not None:
                 executors.beat(connection, self._executor_id, VERSION)
@@ -231,7 +233,7 @@ class Guard:
             self._sweep()
 
     def _dead(self, living: dict[str, int]) -> dict[str, int]:
-        """Who has been silent for too long; this process itself has just raised its count."""
+        """Counts of processes silent for too long; this process has just raised its own."""
         now = self._clock()
         self._watched_s += min(now - self._looked, self._settings.heartbeat_s)
         self._looked = now
@@ -248,7 +250,7 @@ class Guard:
         }
 
     def _take_new_jobs(self, living: Collection[str | None]) -> None:
-        """Make this version the newest, which begins jobs, where nothing of that one is alive."""
+        """Make this version the newest, which begins jobs, if the newest has no live worker."""
         known = self._client.list_application_versions()
         names = [one["version_name"] for one in known]
         if VERSION in names and names[0] != VERSION and names[0] not in living:
@@ -256,8 +258,8 @@ class Guard:
             self._queue.promote(VERSION, known[0]["version_timestamp"] + 1)
 
     def _resume_orphans(self) -> None:
-        """Put abandoned workflows back: of processes not on the list, or dropped by this one."""
-        # of this application: others may keep theirs in the same database
+        """Requeue abandoned workflows: of processes not on the list, or dropped by this one."""
+        # of this application only: others may keep theirs in the same database
         begun = self._queue.workflows(status="PENDING", application_name=APPLICATION)
         with self._database.reading() as connection:
             living = executors.living(connection)
@@ -276,7 +278,7 @@ class Guard:
             self._client.resume_workflows(identifiers, queue_name=queue_name)
 
     def _sweep(self) -> None:
-        """Delete what was kept long enough; jobs last, so that none is forgotten half deleted."""
+        """Delete expired records; jobs after their workflows, so that none is left half deleted."""
         settings = self._settings
         with self._database.reading() as connection:
             time = executors.agreed_moment(connection)

@@ -1,4 +1,4 @@
-"""What a process counts and traces of the jobs that it ends and the parts that it computes."""
+"""Counts and traces of the jobs that a process ends and the parts that it computes."""
 
 import json
 import logging
@@ -17,9 +17,9 @@ _logger = logging.getLogger("syncplan.jobs")
 
 
 class JobCounts:
-    """Counts in a process's metrics, and records spans where they are exported.
+    """Counter of a process's jobs and parts in its metrics; records spans if they are exported.
 
-    Nothing fails because it could not be counted.
+    A job does not fail because it could not be counted.
     """
 
     def __init__(self, database: Database, tally: JobTally) -> None:
@@ -32,7 +32,7 @@ class JobCounts:
         if life is None or life.ended_at is None:
             return
         created, ended = map(datetime.fromisoformat, (life.created_at, life.ended_at))
-        # one that was cancelled in the queue has never started
+        # a job cancelled in the queue has never started
         started = ended if life.started_at is None else datetime.fromisoformat(life.started_at)
         reason = _reason(life.error) if life.state == "failed" else None
         self.tally.ended(
@@ -49,7 +49,7 @@ class JobCounts:
             )
 
     def part_over(self, job_id: str, number: int, ticket: Ticket | None, outcome: str) -> None:
-        """Count a part whose task is over; one that never began is none."""
+        """Count a part whose task is over, unless it never began."""
         if ticket is None or ticket.began is None:
             return
         took_s = ticket.ran_s
@@ -77,6 +77,6 @@ class JobCounts:
 
 
 def _reason(error: str | None) -> str:
-    """The class of a failure, as in bad-input: its title."""
+    """Class of a failure, from its title, such as bad-input."""
     title = json.loads(error or "{}").get("title", "unknown")
     return str(title).lower().replace(" ", "-")

@@ -1,9 +1,9 @@
-"""Computing a part of a job in a child process: tried again if the child dies, up to a limit.
+"""Computation of a part of a job in a child process, retried up to a limit if the child dies.
 
-A part that can't be computed ends its job, as failed and with the reason. One thread looks at all
-parts that this process computes twice a second, so that the database is asked once however many
-there are: it enters their progress, what they have finished and how long they took, and gives up
-those of jobs that have ended or that another version works on.
+A part that can't be computed fails its job, with the reason. Twice a second, one thread looks at
+all parts that this process computes, so that the database is asked once however many there are. It
+enters their progress, finished starts and computing time, and gives up the parts of jobs that have
+ended or that another version works on.
 """
 
 import asyncio
@@ -48,12 +48,12 @@ _logger = logging.getLogger("syncplan.jobs")
 
 @dataclass(slots=True, eq=False)
 class WatchedPart:
-    """A part that is computed here: what it has reported, and how much of that is entered.
+    """A part being computed here: its reports, and how much of them is entered.
 
     Attributes
     ----------
-    ticket : of its task in the pool; None before it is handed in
-    number : of the part; progress is that of a batch where it is not below zero
+    ticket : ticket of its task in the pool; None before it is submitted
+    number : number of the part; its progress is that of a batch unless this is below zero
     starts : finished starts of a refinement that are not entered yet
     """
 
@@ -67,14 +67,14 @@ class WatchedPart:
     _noting: threading.Lock = field(default_factory=threading.Lock)
 
     def take(self, done: int | FinishedStart) -> None:
-        """Take what the child reports; called from another thread."""
+        """Take a report of the child; called from another thread."""
         if isinstance(done, FinishedStart):
             self.starts.append(done)
         else:
             self.done = max(self.done, done)
 
     def note(self, database: Database, *, over: bool = False) -> None:
-        """Enter what is new; all of it at the end."""
+        """Enter new reports; all of them if the part is over."""
         with self._noting:
             ran_s = 0.0 if self.ticket is None else self.ticket.ran_s
             seconds = ran_s - self._noted_s
@@ -94,11 +94,11 @@ class WatchedPart:
 
 
 class PartWatch:
-    """A thread that looks after the parts at work.
+    """Thread that watches the parts at work.
 
     Parameters
     ----------
-    version : of this process; a job that another one has begun is given up
+    version : version of this process; parts of jobs that another one has begun are given up
     """
 
     def __init__(self, database: Database, version: str) -> None:
@@ -120,7 +120,7 @@ class PartWatch:
             self._parts.remove(part)
 
     def close(self) -> None:
-        """Stop."""
+        """Stop the thread."""
         self._stop.set()
         self._thread.join(timeout=5.0)
 
@@ -129,14 +129,14 @@ class PartWatch:
             try:
                 self.look()
             except Exception as error:
-                # there is a next time
+                # the next look tries again
                 if unavailable(error):
                     _logger.warning("the database is away: %s", error)
                 else:
                     _logger.exception("could not look after the parts at work")
 
     def look(self) -> None:
-        """Enter what is new of all parts, and give up those that nobody waits for."""
+        """Enter new reports of all parts, and give up the parts that nobody waits for."""
         parts = list(self._parts)
         if not parts:
             return
@@ -159,13 +159,13 @@ P = ParamSpec("P")
 
 @dataclass(frozen=True, slots=True)
 class Runtime:
-    """The process's database, queue, child processes and settings.
+    """Database, queue, child processes and settings of the process.
 
     Attributes
     ----------
-    counts : of the jobs that end here
-    at_work : the workflows that this process runs; one restarted while it ran is there twice
-    closing : set before the process ends, so that what is killed then does not count as failed
+    counts : counts of the jobs that end here
+    at_work : workflows that this process runs; one restarted while it ran is there twice
+    closing : set before the process ends, so that parts killed then do not count as failed
     """
 
     settings: Settings
@@ -191,7 +191,7 @@ _in_use: list[Runtime] = []
 
 
 def use(runtime: Runtime | None) -> None:
-    """Let the workflows of this process use a runtime; None ends its use."""
+    """Make the workflows of this process use a runtime; None ends its use."""
     _in_use[:] = [] if runtime is None else [runtime]
 
 
@@ -216,13 +216,13 @@ async def in_transaction(
 
 
 MOST_DEATHS = 5
-"""How many children may end while they compute one part."""
+"""Number of children lost to one part at which its job fails."""
 
 MOST_ATTEMPTS = 200
-"""How often a part may be begun: workers that are killed with all their children count here."""
+"""Most attempts at a part; those of workers killed with all their children count as well."""
 
 _BEYOND_OWN_LIMIT = 2.0
-"""A job computed whole may take so many times as long as it may be asked to, at least."""
+"""Least time limit of a job computed whole, relative to the longest time it may be asked for."""
 
 _PAUSE_S = 0.5
 _LONGEST_PAUSE_S = 30.0
@@ -234,10 +234,10 @@ class Part:
 
     Attributes
     ----------
-    number : of its row; see api.storage.part_records
-    name : as messages call it
-    task : what computes it, given the job and `arguments`
-    resumes : whether the task is given the work kept of earlier attempts as well, before those
+    number : number of its row; see api.storage.part_records
+    name : name in messages
+    task : task that computes it from the job and `arguments`
+    resumes : whether the task also gets the work kept from earlier attempts, before `arguments`
     """
 
     job: BegunJob
@@ -254,7 +254,7 @@ class Part:
 
     @property
     def limit_s(self) -> float:
-        """How long it may take (s); a job computed whole has a limit of its own, too."""
+        """Time limit (s); a job computed whole has a limit of its own, too."""
         settings = current().settings
         if isinstance(JOB_KINDS[self.job.spec.kind].task, TrialTask):
             return settings.job_task_s
@@ -262,7 +262,7 @@ class Part:
 
 
 async def computed(part: Part) -> Any:
-    """Return the result of the task of a part; None where its job has ended, or fails with it."""
+    """Return the result of the task of a part; None if its job has ended, or fails with it."""
     try:
         return await _tried(part)
     except (GivenUpError, PoolFullError):
@@ -286,7 +286,7 @@ async def _tried(part: Part) -> Any:
         try:
             return await _tried_once(part, history)
         except ChildNotStartedError as error:
-            # no fault of the part's
+            # not the part's fault
             _logger.error("%s of job %s waits: %s", part.name, part.job_id, error)
             await _withdraw(part)
             await asyncio.sleep(pause_s)
@@ -298,7 +298,7 @@ async def _tried(part: Part) -> Any:
 
 
 async def _count_death(part: Part, error: ChildGoneError) -> None:
-    """Count that a child ended at a part; raises the job's failure if that was once too often."""
+    """Count that a child ended at a part; raises the job's failure at the limit."""
     deaths = await in_transaction(part_records.count_death, part.job_id, part.number)
     _logger.error(
         "a process computing %s of job %s ended (%d of %d): %s",
@@ -320,7 +320,7 @@ async def _tried_once(part: Part, history: PartHistory) -> Any:
     outcome = "failed"
     arguments = part.arguments
     if part.resumes:
-        # each time: an attempt that died has left some
+        # read for each attempt: one that died has left some
         starts = await in_transaction(part_records.finished_starts, part.job_id)
         arguments = (EarlierWork(starts, history.computed_s), *arguments)
     with runtime.watch.over(part.job_id, part.number) as watched:
@@ -330,7 +330,7 @@ async def _tried_once(part: Part, history: PartHistory) -> Any:
             *arguments,
             owner=part.job.owner,
             timeout_s=part.limit_s,
-            # a child that dies is for the part to count
+            # the part itself counts the children that die
             retries=0,
             progress=watched.take,
         )
@@ -398,7 +398,7 @@ def _too_large(part: Part) -> _FailedError:
 
 
 async def _stay_if_closing(part: Part) -> None:
-    """Never return in a process that is about to end: another one continues the workflow."""
+    """Never return in a process that is about to end; another one continues the workflow."""
     if current().closing.is_set():
         await _withdraw(part)
     while current().closing.is_set():

@@ -1,11 +1,11 @@
-"""Submitting jobs and their parts: entered in the caller's transaction, for workers to take.
+"""Durable queue of jobs and their parts, entered in the caller's transaction for workers to take.
 
-Parts wait in one durable queue with a partition for each owner, so that no owner's parts wait for
-another's. Within a partition the parts with the lowest number come first.
+Parts wait in one queue with a partition for each owner, so that no owner's parts wait for
+another's. Within a partition, the parts with the lowest priority number come first.
 
-Rows of the queue hold JSON. Whatever claims to be anything else is refused, never read: DBOS reads
-a row in the way that the row names, pickles among them, and reading a pickle runs what it says, so
-whoever can write to the table would run commands in every server and worker.
+Rows of the queue hold JSON. A row that claims to hold anything else is refused, never read: DBOS
+reads a row in the format that the row names, which may be a pickle, and reading a pickle runs its
+commands. Anyone who can write to the table could then run commands in every server and worker.
 """
 
 import base64
@@ -32,10 +32,10 @@ from syncplan import __version__
 # --- rows -----------------------------------------------------------------------------------------
 
 
-# not public: `refuse_pickles` sees whether they still mean what they did
+# DefaultSerializer and deserialize_value are not public: `refuse_pickles` checks that they work
 
 JSON_ROWS: Serializer = DBOSPortableJSONSerializer()
-"""How rows are written."""
+"""Serializer of rows."""
 
 
 class RefusedRowError(ValueError):
@@ -43,7 +43,7 @@ class RefusedRowError(ValueError):
 
 
 def refuse_pickles() -> None:
-    """From now on, in this process, let DBOS raise RefusedRowError where a row holds a pickle.
+    """Make DBOS raise RefusedRowError in this process when a row holds a pickle.
 
     Raises RuntimeError if DBOS reads it nevertheless, as another version of it might.
     """
@@ -71,13 +71,13 @@ BATCH_WORKFLOW = "syncplan-batch"
 CONCLUDE_WORKFLOW = "syncplan-conclude"
 
 _STRUCTURE = 2
-"""Raised when the workflows change so that jobs under way can't be continued."""
+"""Incremented when the workflows change so that jobs under way can't be continued."""
 
 VERSION = f"{__version__}+{_STRUCTURE}"
-"""What finishes the jobs that it has begun: another one may compute other numbers."""
+"""Version that finishes the jobs it has begun: another one may compute other numbers."""
 
 _FIRST = 1
-"""The priority of what a job begins and ends with, and of its first batch."""
+"""Priority of a job's first and last part, and of its first batch."""
 
 _logger = logging.getLogger("syncplan.jobs")
 
@@ -93,14 +93,14 @@ def conclusion_id(job_id: str) -> str:
 
 
 class JobQueue:
-    """The durable queue, seen from outside the workflows; its tables are made where missing."""
+    """The durable queue, seen from outside the workflows; makes its tables if missing."""
 
     def __init__(self, url: str) -> None:
         refuse_pickles()
         try:
             DBOS.migrate(url)
         except Exception as error:
-            # on a full disk, for one: a worker makes up for it before it begins
+            # on a full disk, for example: a worker makes up for it before it begins
             if not unavailable(error):
                 raise
             _logger.warning("the queue's tables can't be brought up to date: %s", error)
@@ -123,7 +123,7 @@ class JobQueue:
     ) -> None:
         """Enter batches of a job, given as (number, turn); those entered before stay as they are.
 
-        The first turns of all the owner's jobs come before the second ones of any.
+        The first turns of all the owner's jobs come before the second turn of any.
         """
         for number, turn in numbers:
             batch, priority = (job_id, number), _FIRST + turn
@@ -158,11 +158,11 @@ class JobQueue:
         self.client.enqueue_in_transaction(connection, options, *arguments)
 
     def workflows(self, **which: Any) -> list[WorkflowStatus]:
-        """Return the workflows that DBOS lists for `which`, without what they take and give."""
+        """Return the workflows that DBOS lists for `which`, without their inputs and outputs."""
         return self.client.list_workflows(**which, load_input=False, load_output=False)
 
     def oldest(self) -> datetime | None:
-        """Return when the part was entered that has waited longest; None if none waits."""
+        """Return the time at which the longest-waiting part was entered; None if none waits."""
         found = self.workflows(
             status="ENQUEUED", queue_name=PARTS_QUEUE, application_name=APPLICATION, limit=1
         )
@@ -171,18 +171,18 @@ class JobQueue:
         return datetime.fromtimestamp(found[0].created_at / 1000.0, UTC)
 
     def drop(self, job_id: str) -> None:
-        """Take what waits of a job that has ended out of the queue, where it comes to nothing."""
+        """Remove the waiting parts of a job that has ended, which would do nothing."""
         waiting = self.workflows(workflow_id_prefix=job_id, status="ENQUEUED", app_version=VERSION)
         self.client.cancel_workflows([one.workflow_id for one in waiting])
 
     def delete(self, job_id: str) -> None:
-        """Delete all workflows of a job, whatever became of them."""
+        """Delete all workflows of a job, whatever their states."""
         found = self.workflows(workflow_id_prefix=job_id)
         self.client.delete_workflows([one.workflow_id for one in found])
 
     def promote(self, version: str, timestamp: int) -> None:
-        """Make a version the newest: one that is dated by a timestamp in ms."""
-        # by this and not by `set_latest_application_version`, which reads the machine's clock
+        """Make a version the newest, dated by a timestamp in ms."""
+        # unlike `set_latest_application_version`, this does not read the machine's clock
         self.client._sys_db.update_application_version_timestamp(version, timestamp)
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""A process's part in the jobs: its workflows launched, its children, its heartbeat."""
+"""Worker of a process: its workflows, its children and its heartbeat."""
 
 import logging
 import os
@@ -26,11 +26,11 @@ _logger = logging.getLogger("syncplan.worker")
 
 
 class Worker:
-    """Runs jobs from its creation to `close`; one per process at a time.
+    """Worker that runs jobs from its creation to `close`; one per process at a time.
 
     Attributes
     ----------
-    guard : its heartbeat
+    guard : thread of its heartbeat
     """
 
     def __init__(
@@ -41,9 +41,9 @@ class Worker:
         *,
         patient: bool = False,
     ) -> None:
-        """Begin at once; where the database can't be written to, later if `patient`.
+        """Begin at once, or if `patient`, later if the database can't be written to.
 
-        Raises what writing raises if it is not.
+        Otherwise raises the error of writing.
         """
         self.executor_id = f"{socket.gethostname()[:32]}-{os.getpid()}-{secrets.token_hex(4)}"
         size = settings.process_count
@@ -87,9 +87,9 @@ class Worker:
 
     def _begin(self) -> None:
         settings = self._settings
-        # DBOS would wait for it, and so would whoever wants to read
+        # DBOS would wait for the database, and keep readers waiting too
         self._runtime.database.check_writing()
-        # first: others take over what a process that is not on the list has begun
+        # first: others take over the work of a process that is not on the list
         self.guard.start()
         DBOS(
             config={
@@ -107,7 +107,7 @@ class Worker:
         DBOS.launch()
         DBOS.register_queue(
             PARTS_QUEUE,
-            # of each owner: whose turn it is among them is for the pool
+            # for each owner: the pool decides whose turn it is
             partition_worker_concurrency=settings.process_count,
             polling_interval_sec=_POLL_S,
             on_conflict="always_update",

@@ -1,15 +1,15 @@
-"""The durable workflows: each is one part of a job, and none waits for another.
+"""Durable workflows: each is one part of a job, and none waits for another.
 
     begin_job:  start --> measure, divide into batches --> compute_batch each --> conclude_job
                 start --> compute whole
 
-A part is entered in the transaction that finishes the one before: the first batches where the job
-is divided, each later one where an earlier one ends, the conclusion where the last one ends. A part
-may run twice, even on two workers, when one of them is presumed dead: it writes the same, and only
-once. What ends a job is its row in the database: a part that finds its job ended, or begun by
-another version, does nothing.
+A part is entered in the transaction that finishes the one before: the first batches when the job is
+divided, each later one when an earlier one ends, the conclusion when the last one ends. A part may
+run twice, even on two workers, if one of them is presumed dead: it writes the same, and only once.
+The row of a job in the database decides whether it has ended: a part that finds its job ended, or
+begun by another version, does nothing.
 
-Names of workflows and queues are in the database of every job begun: they stay as they are.
+Names of workflows and queues are stored with every job begun, so they must not change.
 """
 
 import asyncio
@@ -42,11 +42,11 @@ SHORTEST_S = 1.0
 
 
 def batches_of(runs: Sequence[tuple[int, float]], batch_s: float, processes: int) -> list[Batch]:
-    """Return the batches of runs given as (trials, seconds a trial takes).
+    """Return the batches of runs given as (trials, seconds per trial).
 
-    A batch takes about `batch_s`, or less where that leaves processes idle. The batches of a single
-    run are as many for each process, so that none waits for another's last one. A batch begins at a
-    multiple of CHUNK_TRIALS, so that no division changes a byte of the result.
+    A batch takes about `batch_s`, or less if that would leave processes idle. A single run has
+    equally many batches for each process, so that none waits for another's last one. A batch begins
+    at a multiple of CHUNK_TRIALS, so that no division changes a byte of the result.
     """
     total_s = sum(trials * seconds for trials, seconds in runs)
     aim_s = min(batch_s, max(total_s / processes, SHORTEST_S))
@@ -67,7 +67,7 @@ def batches_of(runs: Sequence[tuple[int, float]], batch_s: float, processes: int
 
 
 _AHEAD = 256
-"""How many batches of a job are in the queue at most."""
+"""Most batches of a job in the queue."""
 
 
 @DBOS.workflow(name=BEGIN_WORKFLOW, max_recovery_attempts=1000)
@@ -140,9 +140,9 @@ async def _compute_batch(job: BegunJob, number: int) -> None:
 
 
 def _enter_next(connection: Connection, job: BegunJob, places: range) -> None:
-    """Enter those of the batches without a result that are at some places among them.
+    """Enter the batches at these places among those without a result.
 
-    The conclusion is entered where there are none.
+    Enters the conclusion if no batch is without a result.
     """
     queue, job_id = current().queue, job.spec.id
     entered = part_records.unfinished_batches(
@@ -161,7 +161,7 @@ async def _conclude(job: BegunJob) -> None:
 
 async def _compute_whole(job: BegunJob) -> None:
     runtime = current()
-    # processes of its own, beside those at work for others
+    # processes of its own, in addition to those at work for others
     workers = max(runtime.settings.process_count - runtime.pool.depth().running, 1)
     name = f"the {job.spec.kind}"
     part = Part(job, BEGINNING, name, "computed_job", (workers,), resumes=True)
@@ -169,7 +169,7 @@ async def _compute_whole(job: BegunJob) -> None:
 
 
 async def _succeed(job: BegunJob, result: PlanText | JobReport | None) -> None:
-    """End a job with its result, if there is one: the job and what is stored of it, or neither."""
+    """End a job and store its result, if there is one, in one transaction."""
     if result is None:
         return
     job_id = job.spec.id

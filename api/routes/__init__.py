@@ -1,1 +1,1 @@
-"""The routes, by what they are about."""
+"""Routes, by subject."""

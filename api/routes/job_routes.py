@@ -1,4 +1,4 @@
-"""Jobs: submitted, read, followed, cancelled, and their results."""
+"""Routes that submit, read, follow and cancel jobs, and return their results."""
 
 from collections.abc import Callable
 from typing import Annotated, Any
@@ -35,7 +35,7 @@ _DAY_S = 86400.0
 
 
 def _offer(kind: JobKind) -> None:
-    """Add the route that takes requests for jobs of a kind."""
+    """Add the route that submits jobs of a kind."""
 
     async def about_plan(plan_id: Identifier, call: CurrentCall) -> Response:
         return await _submit(call, kind, plan_id=plan_id)
@@ -93,7 +93,7 @@ def read_jobs(
 
 
 def _owned(job_id: Identifier, service: CurrentService, owner: CurrentOwner) -> JobRow:
-    """The job, if it is the caller's."""
+    """Job of the caller; raises NotFound for others."""
     with service.database.reading() as connection:
         row = job_records.find_job(connection, owner, job_id)
     if row is None:
@@ -113,7 +113,7 @@ Owned = Annotated[JobRow, Depends(_owned)]
     responses=problem_responses(401, 404, 406, 422, 503),
 )
 def read_job(row: Owned) -> Job:
-    """A job's state, how far it is, and where its result is."""
+    """A job's state, its progress and the path of its result."""
     return job_answer(row)
 
 
@@ -213,7 +213,7 @@ async def read_result(row: Owned, service: CurrentService, owner: CurrentOwner) 
     },
 )
 def read_trials(row: Owned, service: CurrentService) -> Response:
-    """The figures of each trial of a validation or a flight, NumPy arrays in an .npz archive."""
+    """The figures of each trial of a validation or a flight, as NumPy arrays in an .npz archive."""
     if row.state != "succeeded" or not JOB_KINDS[row.kind].keeps_trials:
         kinds = plurals(lambda kind: kind.keeps_trials)
         raise Conflict(f"the job is a {row.kind}, {row.state}; {kinds} that succeeded have one")
@@ -239,7 +239,7 @@ async def _submit(
     service = call.service
 
     async def compute() -> NewJob:
-        # here, so that a request that was answered is answered again though its plan is gone
+        # here, so that an answered request is answered again even if its plan is gone
         text = overview = None
         if plan_id is not None:
             text = (await find_or_refuse(service, call.owner, plan_id)).text
@@ -273,13 +273,13 @@ async def _submit(
 
 
 def _refuse_more_seconds(connection: Connection, call: Call) -> None:
-    """Raise TooManyRequests if the owner's jobs have computed for as long as they may."""
+    """Raise TooManyRequests if the owner's jobs have used up their computing time."""
     most_s = call.service.settings.max_job_seconds
     since = earlier(moment(connection), _DAY_S)
     spent_s = computed_seconds(connection, call.owner, since)
     if spent_s >= most_s:
         raise TooManyRequests(
             f"your jobs of the last 24 hours have computed for {spent_s:.1f} s, the most allowed "
-            f"is {most_s:g} s; wait for older ones to pass out of the 24 hours",
+            f"is {most_s:g} s; wait until older ones are more than 24 hours ago",
             retry_after_s=_RETRY_AFTER_SECONDS_S,
         )

@@ -24,7 +24,7 @@ from syncplan.scenario.objectives import OBJECTIVES
 
 
 def tables_script() -> str:
-    """Return the tables as JavaScript: names and words, in the order of the page."""
+    """Return the library's tables as JavaScript: names and words, in the order of the page."""
     pilots = {
         f"autopilot={name}&vehicle={vehicle}": title
         for name, autopilot in AUTOPILOTS.items()
@@ -32,7 +32,7 @@ def tables_script() -> str:
     }
     of_plans = [kind for kind in JOB_KINDS.values() if kind.operation.about == "plan"]
     drawn = {"plan", *(kind.figures for kind in of_plans)}
-    # what compares two plans is what their reader looks at first
+    # a comparison of two plans is what their reader looks at first
     figures = sorted(
         (name for name, figure in FIGURES.items() if figure.of in drawn),
         key=lambda name: (name not in always_there("plan"), not FIGURES[name].compares),
@@ -74,7 +74,7 @@ def tables_script() -> str:
 PAGE = "index.html"
 PLOTLY = "plotly.min.js"
 TABLES = "tables.js"
-"""What the library lets people choose from, as a module that the page imports."""
+"""Module with the choices that the library offers, which the page imports."""
 
 _MEDIA = {
     "css": "text/css; charset=utf-8",
@@ -89,12 +89,12 @@ _LEVEL = 6
 
 @dataclass(frozen=True, slots=True)
 class Asset:
-    """A file as it is sent.
+    """A file to send.
 
     Attributes
     ----------
-    compressed : its content by gzip, for those who take that
-    etag : a digest of the content
+    compressed : content compressed by gzip, for clients that accept it
+    etag : digest of the content
     """
 
     content: bytes
@@ -110,7 +110,7 @@ def find_asset(name: str) -> Asset | None:
 
 @lru_cache
 def _names() -> frozenset[str]:
-    """Every name there is: no other leads anywhere."""
+    """Names of all files; no other name is served."""
     folder = files("api").joinpath("page")
     own = [one.name for one in folder.iterdir() if one.is_file()]
     examples = [f"{_EXAMPLES}/{one.name}" for one in folder.joinpath(_EXAMPLES).iterdir()]
@@ -120,7 +120,7 @@ def _names() -> frozenset[str]:
 
 @lru_cache
 def _asset(name: str) -> Asset:
-    """Kept once it was asked for: compressing Plotly's script takes a quarter of a second."""
+    """File of a name, kept because compressing Plotly's script takes a quarter of a second."""
     content = _content(name)
     return Asset(
         content=content,
@@ -161,7 +161,7 @@ POLICY = "; ".join(
         "frame-ancestors 'none'",
     )
 )
-"""Content-Security-Policy: nothing from elsewhere, no script or style within the page."""
+"""Content-Security-Policy: nothing from elsewhere, no inline script or style."""
 
 _HEADERS = {
     "Content-Security-Policy": POLICY,
@@ -175,7 +175,7 @@ Encodings = Annotated[str, Header(alias="Accept-Encoding")]
 
 @router.api_route("/", methods=["GET", "HEAD"])
 def read_page(if_none_match: Conditions = "", accept_encoding: Encodings = "") -> Response:
-    """The page."""
+    """Return the page."""
     page = find_asset(PAGE)
     assert page is not None
     return _sent(page, if_none_match, accept_encoding)
@@ -185,7 +185,7 @@ def read_page(if_none_match: Conditions = "", accept_encoding: Encodings = "") -
 def read_asset(
     name: str, if_none_match: Conditions = "", accept_encoding: Encodings = ""
 ) -> Response:
-    """A script, a style, a picture or an example scenario."""
+    """Return a script, a style, a picture or an example scenario."""
     found = find_asset(name)
     if found is None:
         raise NotFound(f"there is no asset {name}")
@@ -203,7 +203,7 @@ def _sent(asset: Asset, if_none_match: str, accept_encoding: str) -> Response:
 
 
 def _takes_gzip(accept_encoding: str) -> bool:
-    """Whether the header names gzip, and not to refuse it (q=0)."""
+    """Whether the header names gzip without refusing it (q=0)."""
     for part in accept_encoding.lower().split(","):
         coding, _, weight = part.replace(" ", "").partition(";q=")
         if coding in ("gzip", "*"):

@@ -1,6 +1,6 @@
-"""Plans: made at once, kept as they are, listed, deleted.
+"""Routes of plans: made at once, stored unchanged, listed, deleted.
 
-A list comes a page at a time: newest first, each page naming the next.
+Lists are paged, newest first; each page gives the path of the next.
 """
 
 from collections.abc import Sequence
@@ -42,7 +42,7 @@ Before = Annotated[
 def page_and_next(
     path: str, rows: Sequence[Listed], limit: int, **chosen: str | None
 ) -> tuple[Sequence[Listed], str | None]:
-    """Return the first `limit` rows, and where the next page is; None if there are no more.
+    """Return the first `limit` rows and the path of the next page, None if there is none.
 
     `chosen` are the parameters that selected the rows.
     """
@@ -76,9 +76,9 @@ async def create_plan(
     call: CurrentCall,
     steady: Annotated[bool, Query(description="Add the error once it has become periodic")] = False,
 ) -> Response:
-    """Find phases for a scenario, JSON or YAML, and judge the plan: all at once.
+    """Find phases for a scenario, in JSON or YAML, and judge the plan, all at once.
 
-    A plan in its place keeps its orbits and is judged afresh.
+    A plan sent instead keeps its orbits and is judged afresh.
     """
 
     asked = (call.body, call.syntax, call.service.limits, steady)
@@ -165,7 +165,7 @@ def _delete(service: Service, owner: str, plan_id: str) -> None:
 
 
 async def find_or_refuse(service: Service, owner: str, plan_id: str) -> PlanRow:
-    """Return an owner's plan; raises NotFound, also for those of others."""
+    """Return an owner's plan; raises NotFound, also for plans of others."""
     row = await service.plans.find(owner, plan_id)
     if row is None:
         raise NotFound(f"there is no plan {plan_id}")
@@ -173,6 +173,6 @@ async def find_or_refuse(service: Service, owner: str, plan_id: str) -> PlanRow:
 
 
 def _names(condition: str, etag: str) -> bool:
-    """Whether a condition, "*" or a list of tags, names this one."""
+    """Whether a condition, "*" or a list of tags, names this tag."""
     tags = {tag.strip().removeprefix("W/").strip('"') for tag in condition.split(",")}
     return bool(tags & {"*", etag})

@@ -1,4 +1,4 @@
-"""Recordings of real robots: taken in as archives, listed, deleted."""
+"""Routes of recordings of real robots: uploaded as archives, listed, deleted."""
 
 from collections.abc import AsyncIterator
 from typing import Annotated
@@ -37,13 +37,13 @@ async def _upload(
     request: Request, caller: CurrentCaller, idempotency_key: IdempotencyKey = None
 ) -> AsyncIterator[Call]:
     check_archive(request)
-    # before the body is read, which is large
+    # before reading the body, which is large
     with caller.service.uploads.one_of(caller.owner):
         yield await call_of(request, caller.owner, idempotency_key)
 
 
 CurrentUpload = Annotated[Call, Depends(_upload)]
-"""Parameter type of a route that takes an archive, one of few at a time."""
+"""Parameter type of a route that takes an archive, few at a time."""
 
 
 @router.post(
@@ -108,7 +108,7 @@ def read_recordings(
 def read_recording(
     recording_id: Identifier, service: CurrentService, owner: CurrentOwner
 ) -> Recording:
-    """A recording in short: its robots, landmarks, length and readings."""
+    """Overview of a recording: its robots, landmarks, length and readings."""
     return recording_answer(find_recording_or_refuse(service, owner, recording_id))
 
 
@@ -122,7 +122,7 @@ def read_recording(
 def remove_recording(
     recording_id: Identifier, service: CurrentService, owner: CurrentOwner
 ) -> None:
-    """Delete a recording that no unfinished job is about; reports of its replays stay."""
+    """Delete a recording unless an unfinished job is about it; reports of its replays stay."""
     find_recording_or_refuse(service, owner, recording_id)
     with service.database.writing() as connection:
         hold_owner(connection, owner)
@@ -134,7 +134,7 @@ def remove_recording(
 def find_recording_or_refuse(
     service: Service, owner: str, recording_id: str
 ) -> holdings.RecordingRow:
-    """Return an owner's recording; raises NotFound, also for those of others."""
+    """Return an owner's recording; raises NotFound, also for recordings of others."""
     with service.database.reading() as connection:
         return recording_or_refuse(connection, owner, recording_id)
 
@@ -142,7 +142,7 @@ def find_recording_or_refuse(
 def recording_or_refuse(
     connection: Connection, owner: str, recording_id: str
 ) -> holdings.RecordingRow:
-    """Return an owner's recording as of a transaction; raises NotFound."""
+    """Return an owner's recording within a transaction; raises NotFound."""
     row = holdings.find_recording(connection, owner, recording_id)
     if row is None:
         raise NotFound(f"there is no recording {recording_id}")
@@ -150,7 +150,7 @@ def recording_or_refuse(
 
 
 def _refuse_more(call: Call) -> None:
-    """Raise StorageFull before a recording is read that could not be kept."""
+    """Raise StorageFull before reading a recording for which there is no room."""
     with call.service.database.reading() as connection:
         _check_room(connection, call)
 

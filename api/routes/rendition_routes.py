@@ -1,6 +1,6 @@
-"""What a plan or a report looks like: figures for Plotly, losses, files of mission planners.
+"""Renditions of plans and reports: figures for Plotly, losses, files of mission planners.
 
-Previews are figures of a scenario while it changes. Exports are zip archives.
+Previews are figures of a scenario while it is edited. Exports are zip archives.
 """
 
 import json
@@ -28,7 +28,7 @@ router = APIRouter()
 
 _JSON = [Depends(accepts("application/json"))]
 
-Theme = Annotated[Literal["light", "dark"], Query(description="What it is to be shown on")]
+Theme = Annotated[Literal["light", "dark"], Query(description="Background that it is shown on")]
 if TYPE_CHECKING:
     PlanFigure = str
     StoredFigure = str
@@ -64,9 +64,9 @@ async def create_preview(
     ] = None,
     theme: Theme = "light",
 ) -> Response:
-    """Find phases for a scenario and judge the plan, as it is edited; nothing is kept.
+    """Find phases for a scenario being edited and judge the plan; nothing is stored.
 
-    A plan in its place keeps its orbits and is judged afresh.
+    A plan sent instead keeps its orbits and is judged afresh.
     """
 
     names = list(dict.fromkeys(figure or ()))
@@ -90,7 +90,7 @@ async def read_plan_figure(
     caller: CurrentCaller,
     theme: Theme = "light",
 ) -> Response:
-    """A figure of a plan. `comparison` shows the plan that it was refined from beside it."""
+    """A figure of a plan. `comparison` shows it beside the plan that it was refined from."""
     row = await find_or_refuse(caller.service, caller.owner, plan_id)
     parent = None
     if FIGURES[figure].compares:
@@ -121,7 +121,7 @@ async def read_job_figure(
 
 
 async def _drawn(caller: Caller, task: str, *arguments: str | None) -> Response:
-    """The figure that a task draws; raises NotFound for one that its subject does not have."""
+    """Figure that a task draws; raises NotFound if its subject does not have it."""
     try:
         drawn = await computed(caller, task, *arguments)
     except InputError as error:
@@ -159,7 +159,7 @@ async def read_losses(
         BoundChoice, Query(description="Predict errors: auto leaves very large teams out")
     ] = "auto",
 ) -> Response:
-    """The plan without each vehicle, sensor or landmark, orbits unchanged, judged afresh.
+    """The plan judged afresh without each vehicle, sensor or landmark, orbits unchanged.
 
     The most harmful loss comes first. A vehicle whose sensor is lost flies on and is seen by
     others.
@@ -174,8 +174,7 @@ async def read_losses(
 
 NOTES = "Syncplan-Notes"
 _NOTES_HEADER = {
-    "description": "What the reader must not miss, as the sidecar has it: a JSON array of strings, "
-    "in ASCII",
+    "description": "Warnings of the export, as in the sidecar: a JSON array of strings, in ASCII",
     "schema": {"type": "string", "contentMediaType": "application/json"},
 }
 
@@ -186,22 +185,22 @@ else:
 
 
 class ExportQuery(BaseModel):
-    """Options of an export, as syncplan.exporting.format_table has them."""
+    """Options of an export, as in syncplan.exporting.format_table."""
 
     model_config = ConfigDict(use_attribute_docstrings=True)
 
     autopilot: AutopilotName = "ardupilot"
-    """Autopilot that missions are for"""
+    """Autopilot of the missions"""
     vehicle: VehicleName = "multicopter"
-    """Kind of vehicle that flies them"""
+    """Kind of vehicle that flies the missions"""
     altitude_m: float | None = Field(None, ge=-1000, le=100_000)
     """Height above the origin; the format's own if not given"""
     altitude_step_m: float = Field(0.0, ge=0, le=1000)
-    """How much higher each vehicle flies than the one before"""
+    """Height of each vehicle above the one before"""
     turns: int | None = Field(None, ge=1, le=20_000)
     """Whole turns flown; the scenario's duration if not given"""
     waypoints: bool = False
-    """Waypoints where loiter turns would do"""
+    """Waypoints instead of loiter turns"""
     snap_radius: bool = False
     """Fly the nearest radii that ArduPilot can store"""
     force: bool = False
@@ -226,7 +225,7 @@ async def read_export(
     caller: CurrentCaller,
     query: Annotated[ExportQuery, Query()],
 ) -> Response:
-    """The files of a format, one for each vehicle where it holds one, and the sidecar with phases.
+    """The files of a format, one a vehicle if each holds one, and the sidecar with phases.
 
     The sidecar says how each vehicle joins its circle at the right phase, and what to watch for.
     """

@@ -1,4 +1,4 @@
-"""The service itself: whether it lives and is ready, its metrics, its schemas."""
+"""Routes of the service itself: health, readiness, metrics and schemas."""
 
 from functools import cache
 from typing import Any, Literal
@@ -31,7 +31,7 @@ class Health(BaseModel):
 @health.get(
     "/healthz",
     operation_id="checkHealth",
-    summary="Is it alive",
+    summary="Check liveness",
     dependencies=[Depends(accepts("application/json"))],
     responses=problem_responses(406),
 )
@@ -43,7 +43,7 @@ async def healthz() -> Health:
 @health.get(
     "/readyz",
     operation_id="checkReadiness",
-    summary="Is it ready",
+    summary="Check readiness",
     dependencies=[Depends(accepts("application/json"))],
     responses=problem_responses(406, 503),
 )
@@ -74,7 +74,7 @@ def readyz(service: CurrentService) -> Health:
     },
 )
 def metrics(request: Request, owner: CurrentOwner) -> Response:
-    """Requests and refusals, jobs and how long they wait, child processes and their tasks."""
+    """Requests and refusals, jobs and their waiting times, child processes and their tasks."""
     body, content_type = request.app.state.metrics.render()
     return Response(body, media_type=content_type)
 

@@ -1,1 +1,1 @@
-"""What outlives the process: plans, jobs, answers given, who is alive; SQLite or PostgreSQL."""
+"""Storage in SQLite or PostgreSQL: plans, jobs, answers given, and live processes."""

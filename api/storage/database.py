@@ -1,14 +1,14 @@
-"""The database: connections, transactions, the file of SQLite, waiting out an outage.
+"""Database: connections, transactions, the file of SQLite, waiting out an outage.
 
-SQLite keeps two files beside a database that is open. Where the last process that used it has ended
-in good order they are gone, and on a full disk they can't be made, even to read: a little room is
-kept beside its file for that.
+SQLite keeps two files beside an open database. They are gone once the last process that used it has
+ended in good order, and on a full disk they can't be made, even to read. A small reserve is kept
+beside its file for them.
 
-Whether the database can be written to is found out without leaving anything in it. A transaction
-writes as much as a plan takes and is rolled back. PostgreSQL makes room in its files for that.
-SQLite would keep it in memory, so it is given a cache too small for it: it writes to its log, which
-the next transaction writes over. A full disk, a quota and a read-only database are found by both.
-Nothing is synchronised, so that on SQLite a check takes a tenth of a millisecond.
+The check that the database can be written to leaves nothing in it: a transaction writes as much as
+a plan takes and is rolled back. PostgreSQL makes room in its files for that. SQLite would keep the
+row in memory, so it gets a cache too small for it and writes to its log, which the next transaction
+overwrites. Both detect a full disk, a quota and a read-only database. Nothing is synchronised, so
+that on SQLite a check takes a tenth of a millisecond.
 """
 
 import contextlib
@@ -47,7 +47,7 @@ _RESERVE_BYTES = 2**17
 
 
 def keep_reserve(database: Path) -> None:
-    """Keep room for a database, if there is any and none is kept yet."""
+    """Reserve disk space for a database, if there is any and none is reserved yet."""
     reserve = _reserve_of(database)
     with contextlib.suppress(OSError):
         opened = os.open(reserve, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600)
@@ -60,7 +60,7 @@ def keep_reserve(database: Path) -> None:
 
 
 def release_reserve(database: Path) -> bool:
-    """Give the room up; return whether any was kept."""
+    """Release the reserved space; return whether there was any."""
     try:
         _reserve_of(database).unlink()
     except OSError:
@@ -72,7 +72,7 @@ def _reserve_of(database: Path) -> Path:
     return database.with_name(f"{database.name}-reserve")
 
 
-# --- whether it can be written to -----------------------------------------------------------------
+# --- check of writing -----------------------------------------------------------------------------
 
 
 _CHECK_EVERY_S = 2.0
@@ -81,11 +81,11 @@ _PATIENCE_MS = 500
 
 
 class WriteCheck:
-    """Whether the database can be written to: tried at most every two seconds, however many ask.
+    """Check that the database can be written to, tried at most every two seconds.
 
     Parameters
     ----------
-    clock : of intervals, in seconds
+    clock : clock of intervals, in seconds
     """
 
     def __init__(self, engine: Engine, clock: Callable[[], float] = time.monotonic) -> None:
@@ -96,7 +96,7 @@ class WriteCheck:
         self._known_until = clock()
 
     def failed(self, error: Exception) -> None:
-        """Note that somebody's write has failed."""
+        """Note that a write elsewhere has failed."""
         if _busy(error):
             return
         self._error, self._known_until = error, self._clock() + _CHECK_EVERY_S
@@ -125,7 +125,7 @@ class WriteCheck:
 
 
 def _write_on_sqlite(connection: Connection) -> None:
-    """Write past a small cache; the connection is as before afterwards."""
+    """Write past a small cache, then restore the connection."""
     before = {
         name: connection.exec_driver_sql(f"PRAGMA {name}").scalar()
         for name in ("busy_timeout", "cache_size")
@@ -137,7 +137,7 @@ def _write_on_sqlite(connection: Connection) -> None:
         _write(connection)
     finally:
         connection.rollback()
-        # one whose write has failed is not used again
+        # a connection whose write has failed is not used again
         if not connection.closed and not connection.invalidated:
             for name, value in before.items():
                 connection.exec_driver_sql(f"PRAGMA {name} = {value}")
@@ -158,7 +158,7 @@ def _write(connection: Connection) -> None:
 
 
 def _busy(error: Exception) -> bool:
-    """Whether others are writing just now, and so could this process."""
+    """Whether others are writing just now, which shows that this process could too."""
     code = getattr(getattr(error, "orig", None), "sqlite_errorcode", 0)
     return code & 0xFF in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED)
 
@@ -170,7 +170,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 BUSY_S = 10
-"""How long a statement waits for others' locks."""
+"""Time that a statement waits for the locks of others (s)."""
 
 _CONNECT_S = 3
 _STATEMENT_S = 60
@@ -186,7 +186,7 @@ _NO_DISK = {
 _PASSING = _NO_DISK | {sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED}
 _READ_ONLY = "25006"
 _PASSING_STATES = ("08", "40", "53", "55", "57P", _READ_ONLY)
-"""SQLSTATEs that begin so: connection, conflict of transactions, resources, locks, shutdown."""
+"""Prefixes of SQLSTATEs: connection, conflict of transactions, resources, locks, shutdown."""
 
 _logger = logging.getLogger("syncplan.storage")
 
@@ -200,12 +200,12 @@ class Database:
         self._write_check = WriteCheck(engine)
 
     def reading(self) -> Connection:
-        """Return a connection to read with, which a block closes at its end."""
+        """Return a connection to read with; as a context manager, it closes at the block's end."""
         return self.engine.connect()
 
     @contextmanager
     def writing(self) -> Iterator[Connection]:
-        """A transaction, committed where the block ends well and rolled back otherwise."""
+        """Transaction, committed if the block succeeds and rolled back otherwise."""
         try:
             with self.engine.begin() as connection:
                 if self.is_sqlite:
@@ -218,22 +218,22 @@ class Database:
             raise
 
     def autocommitting(self) -> Connection:
-        """Return a connection to keep and to close: each statement is a transaction of its own."""
+        """Return a connection for the caller to close; each statement is its own transaction."""
         connection = self.engine.connect()
-        # SQLite's commit each statement unless `writing` has begun a transaction
+        # connections of SQLite commit each statement unless `writing` has begun a transaction
         if self.is_sqlite:
             return connection
         return connection.execution_options(isolation_level="AUTOCOMMIT")
 
     def check(self) -> None:
-        """Raise what reading raises if the database can't be reached."""
+        """Raise the error of reading if the database can't be reached."""
         with self.reading() as connection:
             connection.execute(text("SELECT 1"))
 
     def check_writing(self) -> None:
-        """Raise what writing raises if the database can't be written to.
+        """Raise the error of writing if the database can't be written to.
 
-        What was seen in the last seconds is not tried again; see `api.storage.database`.
+        A result of the last seconds is used again; see `api.storage.database`.
         """
         self._write_check.check()
 
@@ -273,7 +273,7 @@ def open_database(url: str) -> Database:
 
 
 def _bring_up_to_date(database: Database) -> None:
-    """Upgrade the schema; one that is up to date is only read, as it can be on a full disk."""
+    """Upgrade the schema; one that is up to date is only read, which a full disk allows."""
     with database.reading() as connection:
         if not needs_upgrade(connection):
             return
@@ -306,7 +306,7 @@ def _engine(url: str, sqlite: bool) -> Engine:
 
     @event.listens_for(engine, "connect")
     def _prepare(connection: Any, _record: Any) -> None:
-        # transactions are begun by `writing` alone
+        # only `writing` begins transactions
         connection.isolation_level = None
         connection.execute("PRAGMA journal_mode=WAL")
         connection.execute("PRAGMA synchronous=FULL")
@@ -317,7 +317,7 @@ def _engine(url: str, sqlite: bool) -> Engine:
 
 @event.listens_for(Engine, "handle_error")
 def _count_as_away(context: ExceptionContext) -> None:
-    """Let a disk that is full, fails or can only be read count as a connection lost.
+    """Make a full, failing or read-only disk count as a lost connection.
 
     DBOS, with engines of its own, waits for a connection to come back; any other error of the
     database ends its workflow.
@@ -348,7 +348,7 @@ def unavailable(error: BaseException) -> bool:
 
 
 def patiently(function: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
-    """Call a function, again and again while the database is away, and return its result."""
+    """Call a function, repeatedly while the database is away, and return its result."""
     wait = 0.1
     while True:
         try:

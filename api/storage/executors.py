@@ -1,6 +1,6 @@
-"""Which processes are alive, a count for each that is raised with every heartbeat; their versions.
+"""Live processes, each with a count that every heartbeat raises, and their versions.
 
-A version outlives its processes here, so that it is known since when none of it has been alive.
+A version stays here after its processes, to show since when none of them has been alive.
 """
 
 import contextlib
@@ -36,10 +36,10 @@ def living(connection: Connection) -> dict[str, int]:
 
 
 def agreed_moment(connection: Connection) -> str:
-    """Return the time that every living executor agrees has come.
+    """Return the latest time that every living executor has reached.
 
-    By the database's clock, this lags behind by a heartbeat at most. SQLite's clock is that of each
-    process, and one may be made to see a wrong one: where it is ahead, that of the others counts.
+    By the database's clock, it lags by a heartbeat at most. SQLite's clock is that of each process,
+    which may be wrong: if it is ahead, that of the others counts.
     """
     last = connection.execute(select(func.min(executors.c.seen_at))).scalar()
     now = moment(connection)
@@ -47,17 +47,17 @@ def agreed_moment(connection: Connection) -> str:
 
 
 def living_versions(connection: Connection) -> set[str | None]:
-    """Return the versions of all executors entered; None of those from before schema version 2."""
+    """Return the versions of all executors entered; None for one before schema version 2."""
     return set(connection.execute(select(executors.c.version)).scalars())
 
 
 def last_seen(connection: Connection) -> Mapping[str, str]:
-    """Return when an executor of each version was last alive."""
+    """Return the time at which an executor of each version was last alive."""
     return {row[0]: row[1] for row in connection.execute(select(versions))}
 
 
 def forget(connection: Connection, executor_id: str, beats: int | None = None) -> None:
-    """Remove an executor, if its count is still the one given."""
+    """Remove an executor; if `beats` is given, only while that is still its count."""
     query = delete(executors).where(executors.c.id == executor_id)
     if beats is not None:
         query = query.where(executors.c.beats == beats)

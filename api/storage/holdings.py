@@ -1,7 +1,7 @@
-"""What owners keep: plans, recordings, and the answers given to their requests.
+"""Holdings of owners: plans, recordings, and the answers given to their requests.
 
-A plan is the bytes of the library's plan, and what was added when it was stored. A request that is
-repeated with its Idempotency-Key gets the answer of before.
+A stored plan consists of the bytes of the library's plan and the values added on storing it. A
+request that is repeated with its Idempotency-Key gets the earlier answer.
 """
 
 import hashlib
@@ -25,7 +25,7 @@ _PLANS_AT_ONCE = 100
 
 @dataclass(frozen=True, slots=True)
 class PlanRow:
-    """A stored plan; `text` is the plan as a file of it would hold it."""
+    """A stored plan; `text` is the content of its file."""
 
     id: str
     parent_id: str | None
@@ -36,7 +36,7 @@ class PlanRow:
 
 _LISTED = tuple(column for column in plans.c if column.name not in ("owner", "etag", "text"))
 _ADD = insert(plans)
-# built once: building a statement takes longer than carrying it out
+# built once: building a statement takes longer than running it
 _FIND = select(
     plans.c.owner, plans.c.id, plans.c.parent_id, plans.c.created_at, plans.c.etag, plans.c.text
 ).where(plans.c.id.in_(bindparam("ids", expanding=True)))
@@ -64,7 +64,7 @@ def add_plan(
 
 
 def find_plans(connection: Connection, wanted: Sequence[tuple[str, str]]) -> list[PlanRow | None]:
-    """Return the plan of each (owner, identifier), or None in its place, by one statement."""
+    """Return the plan of each (owner, identifier), or None in its place, with one statement."""
     identifiers = list({plan_id for _, plan_id in wanted})
     found = connection.execute(_FIND, {"ids": identifiers}).all()
     rows = {(row[0], row[1]): PlanRow(*row[1:]) for row in found}
@@ -90,7 +90,7 @@ def has_room(connection: Connection, owner: str, most: int) -> bool:
 
 
 def forget_plans(connection: Connection, older_than: str) -> None:
-    """Delete the oldest plans, a hundred at most, as far as they were made before a time."""
+    """Delete the oldest plans, a hundred at most, that were made before a time."""
     # by identifiers, which are ordered by time: nothing else is indexed
     oldest = select(plans.c.id, plans.c.created_at).order_by(plans.c.id).limit(_PLANS_AT_ONCE)
     old = [one for one, created_at in connection.execute(oldest) if created_at < older_than]
@@ -150,7 +150,7 @@ def list_recordings(
 
 
 def count_recordings(connection: Connection, owner: str) -> int:
-    """Return how many recordings an owner has."""
+    """Return the number of an owner's recordings."""
     query = select(func.count()).select_from(recordings).where(recordings.c.owner == owner)
     return connection.execute(query).scalar_one()
 
@@ -163,14 +163,14 @@ def delete_recording(connection: Connection, owner: str, recording_id: str) -> b
 
 
 def forget_recordings(connection: Connection, older_than: str) -> None:
-    """Delete the oldest recordings made before a time, a few at once, that no job still needs."""
+    """Delete a few of the oldest recordings made before a time that no job still needs."""
     oldest = select(recordings.c.id).where(recordings.c.created_at < older_than, ~_needed())
     old = connection.execute(oldest.order_by(recordings.c.id).limit(_RECORDINGS_AT_ONCE)).scalars()
     connection.execute(delete(recordings).where(recordings.c.id.in_(list(old))))
 
 
 def _needed() -> Exists:
-    """Whether a job that has not ended is about a recording."""
+    """Condition that a job about a recording has not ended."""
     return exists().where(jobs.c.recording_id == recordings.c.id, jobs.c.state.in_(UNFINISHED))
 
 
@@ -183,7 +183,7 @@ class AnswerTakenError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """A response as it was given; `request_digest` identifies the request it answered."""
+    """A response given earlier; `request_digest` identifies the request it answered."""
 
     request_digest: str
     status: int

@@ -1,8 +1,8 @@
 """Stored jobs: request, progress and result, and every change as an event.
 
-syncplan.reports.job_contract has the states a job goes through. Each change raises the job's event
-number in the same transaction, so that events are numbered without gaps and a reader who has seen
-number k asks for those after it.
+syncplan.reports.job_contract lists the states of a job. Each change raises the job's event number
+in the same transaction, so that events are numbered without gaps and a reader who has seen number k
+asks for those after it.
 """
 
 import json
@@ -28,12 +28,12 @@ from api.storage.tables import (
 from syncplan.reports.job_contract import UNFINISHED, EndState, JobKindName, JobState
 
 ANY_VERSION = ""
-"""The version of a job that no syncplan has begun."""
+"""Version of a job that no syncplan has begun."""
 
 
 @dataclass(frozen=True, slots=True)
 class JobRow:
-    """A job as answers show it; `request` and `error` are JSON, lists leave the first out."""
+    """A job as answers show it; `request`, left out of lists, and `error` are JSON."""
 
     id: str
     kind: JobKindName
@@ -52,7 +52,7 @@ class JobRow:
 
 @dataclass(frozen=True, slots=True)
 class NewJob:
-    """A job as it is requested; `request` is checked, `total` its work in the kind's unit.
+    """A requested job; `request` is checked, `total` is its work in the kind's unit.
 
     `plan_text` is a copy, so that the job outlives the plan; `traceparent` is the trace of the
     request.
@@ -116,7 +116,7 @@ def list_jobs(
 
 
 def hold_owner(connection: Connection, owner: str) -> None:
-    """Let an owner's transactions that call this follow one another."""
+    """Serialise the transactions of an owner that call this."""
     if connection.dialect.name == "postgresql":
         connection.execute(select(func.pg_advisory_xact_lock(func.hashtext(owner))))
 
@@ -147,7 +147,7 @@ def end_job(
     report: JobReport | None = None,
     plan_id: str | None = None,
 ) -> bool:
-    """End a job, once; return whether this was the one that ended it."""
+    """End a job, once; return whether this call ended it."""
     values: dict[str, Any] = {"state": state, "ended_at": NOW, "result_plan_id": plan_id}
     if error is not None:
         values["error"] = json.dumps(error)
@@ -163,7 +163,7 @@ def end_job(
 
 
 def forget_parts(connection: Connection, job_id: str) -> None:
-    """Delete what is finished of a job, and what is known of its parts."""
+    """Delete the parts and the finished starts of a job."""
     for table in (job_parts, job_starts):
         connection.execute(delete(table).where(table.c.job_id == job_id))
 
@@ -171,7 +171,7 @@ def forget_parts(connection: Connection, job_id: str) -> None:
 def change(
     connection: Connection, job_id: str, *, only: Sequence[JobState] = UNFINISHED, **values: Any
 ) -> bool:
-    """Change columns of a job in one of the states `only`; return whether it was in one.
+    """Change columns of a job if its state is one of `only`; return whether it was.
 
     Each change is recorded as an event.
     """
@@ -191,7 +191,7 @@ def change(
     return True
 
 
-# --- what workers ask -----------------------------------------------------------------------------
+# --- queries of workers ---------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,7 +205,7 @@ class BegunJob:
 
 
 def start_job(connection: Connection, job_id: str, version: str) -> BegunJob | None:
-    """Mark a job as running, if it waits and may be begun by this version; return it if it runs."""
+    """Mark a waiting job as running, if this version may begin it; return it if it runs."""
     query = select(jobs.c.id).where(
         jobs.c.id == job_id, jobs.c.state == "queued", jobs.c.version.in_((ANY_VERSION, version))
     )
@@ -216,7 +216,7 @@ def start_job(connection: Connection, job_id: str, version: str) -> BegunJob | N
 
 
 def begun_job(connection: Connection, job_id: str, version: str) -> BegunJob | None:
-    """Return a job that runs and was begun by this version; None otherwise."""
+    """Return a job that runs and that this version has begun; None otherwise."""
     specified = (jobs.c.id, jobs.c.kind, jobs.c.request, jobs.c.plan_text, recordings.c.data)
     query = (
         select(*specified, jobs.c.owner, jobs.c.begun, jobs.c.plan_id)
@@ -229,7 +229,7 @@ def begun_job(connection: Connection, job_id: str, version: str) -> BegunJob | N
 
 @dataclass(frozen=True, slots=True)
 class JobLife:
-    """When a job was requested, started and ended, and how; `error` is JSON."""
+    """Times and outcome of a job; `error` is JSON."""
 
     kind: str
     state: str
@@ -241,7 +241,7 @@ class JobLife:
 
 
 def life_of(connection: Connection, job_id: str) -> JobLife | None:
-    """Return the times and the end of a job; None if there is no such job."""
+    """Return the times and the outcome of a job; None if there is no such job."""
     columns = (jobs.c[name] for name in JobLife.__dataclass_fields__)
     found = connection.execute(select(*columns).where(jobs.c.id == job_id)).first()
     return None if found is None else JobLife(*found)
@@ -268,7 +268,7 @@ class WaitingJob:
 
     Attributes
     ----------
-    version : that has begun it, ANY_VERSION if none has, None if one from before schema version 2
+    version : version that began it, ANY_VERSION if none has, None if one before schema version 2
     begun : how often it was begun anew
     """
 
@@ -287,10 +287,10 @@ def jobs_that_wait(connection: Connection) -> list[WaitingJob]:
 
 
 def begin_anew(connection: Connection, job: WaitingJob, version: str, *, keep: bool) -> bool:
-    """Give a job to a version, to begin it again; return whether it was still as it is given here.
+    """Give a job to a version, to begin it anew; return whether it was still as given.
 
-    What is finished of it is dropped unless `keep` is given. The progress that is shown stays until
-    it is passed.
+    Its finished parts are dropped unless `keep` is given. The progress shown stays until it is
+    passed.
     """
     same = jobs.c.version.is_(None) if job.version is None else jobs.c.version == job.version
     changed = connection.execute(

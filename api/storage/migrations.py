@@ -1,8 +1,8 @@
-"""The schema's versions: an older database gets the tables and columns that it lacks.
+"""Schema migrations: an older database gets the tables and columns that it lacks.
 
-Nothing is changed or removed, so that processes of the version before go on. A column that is added
-to `api.storage.tables` is null or has a default of the server, for rows that are there.
-tests/service/test_migrations.py upgrades a database that version 1 has left and compares.
+Nothing is changed or removed, so that processes of the previous version keep working. A column
+added to `api.storage.tables` is nullable or has a server default, for existing rows.
+tests/service/test_migrations.py upgrades a database written by version 1 and compares.
 """
 
 from sqlalchemy import Connection, delete, insert, inspect, select
@@ -12,18 +12,18 @@ from api.storage.tables import METADATA, schema_version
 from syncplan.errors import InputError
 
 NEWEST = 3
-"""The version of `api.storage.tables`: raised with every addition to them."""
+"""Version of `api.storage.tables`, incremented with every addition to them."""
 
 USABLE_FROM = 1
-"""The oldest version whose processes can work on the newest one."""
+"""Oldest version whose processes can work on the newest one."""
 
 
 def needs_upgrade(connection: Connection) -> bool:
-    """Return whether a database is older than this syncplan; reads, and writes nothing.
+    """Return whether a database is older than this syncplan; reads only.
 
-    A newer one stays as it is where it says that this syncplan can work on it, so that an older
-    process can be started anew while others are upgraded. Raises InputError for any other that a
-    newer syncplan has written.
+    A newer one stays as it is if it states that this syncplan can work on it, so that an older
+    process can be restarted while others are upgraded. Raises InputError for any other newer
+    database.
     """
     version, usable_from = _version(connection)
     if version > NEWEST and usable_from > NEWEST:
@@ -37,7 +37,7 @@ def needs_upgrade(connection: Connection) -> bool:
 def upgrade(connection: Connection) -> None:
     """Bring a database to the newest version, if it is older, inside the caller's transaction.
 
-    Raises what `needs_upgrade` raises.
+    Raises the errors of `needs_upgrade`.
     """
     if not needs_upgrade(connection):
         return
@@ -54,7 +54,7 @@ def upgrade(connection: Connection) -> None:
 
 
 def _version(connection: Connection) -> tuple[int, int]:
-    """The version of a database, 0 for an empty one, and the oldest that can work on it."""
+    """Version of a database, 0 for an empty one, and the oldest that can work on it."""
     if not inspect(connection).has_table(schema_version.name):
         return 0, 0
     if not any(

@@ -1,7 +1,8 @@
-"""The parts of jobs that workers compute: how often each was begun, and how long it took.
+"""Stored parts of jobs: attempts at each, its computing time and its result.
 
-Batches of trials are divided once, computed by anyone, kept once and counted as progress. They have
-the numbers of their rows; the other parts have numbers below zero, and rows once they are begun.
+A job is divided into batches of trials once. Any worker may compute a batch; its result is kept
+once and counted as progress. Batches have the numbers of their rows; the other parts have numbers
+below zero, and rows once they are begun.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,10 +16,10 @@ from api.storage.tables import job_parts, job_starts, jobs
 from syncplan.reports.job_contract import UNFINISHED
 
 BEGINNING = -1
-"""The number of the part that a job begins with; the only one of a job that is computed whole."""
+"""Number of the part that a job begins with, the only one of a job computed whole."""
 
 CONCLUSION = -2
-"""The number of the part that makes the report of finished batches."""
+"""Number of the part that makes the report from finished batches."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,8 +28,8 @@ class PartHistory:
 
     Attributes
     ----------
-    attempts : how often it was begun and not given back
-    deaths : how often the process that computed it ended
+    attempts : number of attempts that were not given back
+    deaths : number of processes that ended while computing it
     computed_s : computing time of all attempts
     """
 
@@ -44,7 +45,7 @@ def begin_part(
 
     None if its job does not run any more, is another version's, or has no such batch.
     """
-    # one after the other, where two workers begin the same part
+    # one after the other, if two workers begin the same part
     job = select(jobs.c.id).where(
         jobs.c.id == job_id, jobs.c.state.in_(UNFINISHED), jobs.c.version == version
     )
@@ -59,12 +60,12 @@ def begin_part(
 
 
 def withdraw_part(connection: Connection, job_id: str, number: int) -> None:
-    """Count an attempt less: it was given back, by a worker that ends in good order."""
+    """Count one attempt less: the worker gives it back, for example when it is about to end."""
     _change(connection, job_id, number, attempts=job_parts.c.attempts - 1)
 
 
 def count_death(connection: Connection, job_id: str, number: int) -> int:
-    """Count that the process that computed a part ended; return how often one did."""
+    """Count a process that ended while computing a part; return how many have."""
     history = _change(connection, job_id, number, deaths=job_parts.c.deaths + 1)
     return 0 if history is None else history.deaths
 
@@ -90,7 +91,7 @@ def _change(
 
 
 def worked_on(connection: Connection, job_ids: set[str], version: str) -> set[str]:
-    """Return which jobs have not ended and are this version's to work on."""
+    """Return those of the jobs that have not ended and that this version works on."""
     query = select(jobs.c.id).where(
         jobs.c.id.in_(job_ids), jobs.c.state.in_(UNFINISHED), jobs.c.version == version
     )
@@ -98,7 +99,7 @@ def worked_on(connection: Connection, job_ids: set[str], version: str) -> set[st
 
 
 def computed_seconds(connection: Connection, owner: str, since: str) -> float:
-    """Return the computing time of an owner's jobs that have not ended before a time."""
+    """Return the computing time (s) of an owner's jobs that had not ended before a time."""
     query = select(func.coalesce(func.sum(jobs.c.computed_s), 0.0)).where(
         jobs.c.owner == owner, or_(jobs.c.ended_at.is_(None), jobs.c.ended_at >= since)
     )
@@ -109,7 +110,7 @@ def computed_seconds(connection: Connection, owner: str, since: str) -> float:
 
 
 def keep_start(connection: Connection, job_id: str, number: int, data: bytes) -> None:
-    """Keep what a start of a refinement found; one kept before stays as it is."""
+    """Keep the result of a start of a refinement; one kept before stays as it is."""
     known = select(job_starts.c.number).where(
         job_starts.c.job_id == job_id, job_starts.c.number == number
     )
@@ -129,7 +130,7 @@ def finished_starts(connection: Connection, job_id: str) -> Mapping[int, bytes]:
 _NUMBERS = 1_000_000
 """A job that is begun anew numbers its batches from the next multiple of this.
 
-A process that still computes a batch of before then finds none of that number.
+A process that still computes an earlier batch then finds none of that number.
 """
 
 _IS_BATCH = job_parts.c.number >= 0
@@ -137,7 +138,7 @@ _IS_BATCH = job_parts.c.number >= 0
 
 @dataclass(frozen=True, slots=True)
 class _Held:
-    """A job that is locked."""
+    """A locked job."""
 
     done: int
     total: int
@@ -149,8 +150,7 @@ def divide_job(
 ) -> bool:
     """Enter the batches of a job, unless that was done before; return whether they are there.
 
-    They are not for a job that has ended, or was begun anew since it was begun for the
-    `begun`-th time.
+    They are not if the job has ended, or was begun anew since it was begun for the `begun`-th time.
     """
     held = _hold(connection, job_id)
     if held is None or held.begun != begun:
@@ -181,7 +181,7 @@ def is_divided(connection: Connection, job_id: str) -> bool:
 def unfinished_batches(
     connection: Connection, job_id: str, most: int, skipped: int = 0
 ) -> list[tuple[int, int]]:
-    """Return the first batches without a result as (number, turn), `skipped` of them left out.
+    """Return up to `most` batches without a result, as (number, turn), after `skipped` others.
 
     The turn counts the job's batches from 0, however often it was begun.
     """
@@ -196,7 +196,7 @@ def unfinished_batches(
 
 
 def next_batch(connection: Connection, job_id: str, number: int) -> Batch | None:
-    """Return a batch to compute; None if its result is there, or there is none of the number."""
+    """Return a batch to compute; None if its result is there, or there is no such batch."""
     query = select(job_parts.c.run, job_parts.c.first_trial, job_parts.c.trials).where(
         job_parts.c.job_id == job_id, job_parts.c.number == number, job_parts.c.data.is_(None)
     )
@@ -207,7 +207,7 @@ def next_batch(connection: Connection, job_id: str, number: int) -> Batch | None
 def note_progress(
     connection: Connection, job_id: str, done: int, number: int | None = None
 ) -> bool:
-    """Enter how far a job, or a batch of it, is; return whether the job is still unfinished."""
+    """Enter the progress of a job, or of a batch of it; return whether the job is unfinished."""
     held = _hold(connection, job_id)
     if held is None:
         return False

@@ -1,16 +1,16 @@
-"""Plans read and written for many requests at once, by a thread each.
+"""Threads that read and write plans for many requests at once.
 
     ask --> asked in this turn of the loop --> queue --> the thread: one call for all that wait
       ^                                                      |
       +------------------ each its answer -------------------+
 
-Whoever asks while the thread is busy waits for its next round. A thread of its own keeps waits for
-the database out of the event loop. One for all who ask changes threads twice a group; a thread for
-each request does so twice a request, and all of them compete for the interpreter.
+A question asked while the thread is busy waits for the next round. A separate thread keeps waits
+for the database out of the event loop. One thread for all questions costs two thread switches a
+group; a thread for each request costs two a request, and all of them compete for the interpreter.
 
 Plans are read by one statement, over a connection that stays open. They are written in one
-transaction, with one wait for the disk: whoever waits is answered once its rows are on the disk, as
-if it had written alone.
+transaction, with one wait for the disk: a request is answered once its rows are on the disk, as if
+it had written alone.
 """
 
 import asyncio
@@ -33,7 +33,7 @@ _PATIENCE_S = 5.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Question(Generic[T, R]):
-    """A question, the loop that waits for the answer, and where it waits."""
+    """A question, the loop that waits for the answer, and the future of the answer."""
 
     question: T
     loop: asyncio.AbstractEventLoop
@@ -41,16 +41,16 @@ class _Question(Generic[T, R]):
 
 
 class GroupThread(Generic[T, R]):
-    """A thread that answers questions of an event loop, as many at once as wait.
+    """Thread that answers the waiting questions of an event loop in groups.
 
     It starts with the first question.
 
     Parameters
     ----------
-    name : of the thread
+    name : name of the thread
     answer : called in the thread with a group of questions; returns one answer, or the exception
-        to raise, for each of them in order. What it raises itself is raised for the whole group
-    most : questions in a group
+        to raise, for each of them in order. An error that it raises is raised for the whole group
+    most : most questions in a group
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class GroupThread(Generic[T, R]):
         self._started = False
 
     async def ask(self, question: T) -> R:
-        """Return the answer to a question; one event loop alone may ask."""
+        """Return the answer to a question; only one event loop may ask."""
         loop = asyncio.get_running_loop()
         asked: _Question[T, R] = _Question(question, loop, loop.create_future())
         self._turn.append(asked)
@@ -72,12 +72,12 @@ class GroupThread(Generic[T, R]):
             self._started = True
             self._thread.start()
         if len(self._turn) == 1:
-            # after whatever else this turn of the loop asks
+            # after all other questions of this turn of the loop
             loop.call_soon(self._hand_over)
         return await asked.future
 
     def close(self) -> None:
-        """End the thread once it has answered what was asked."""
+        """End the thread once it has answered all questions."""
         if self._started:
             self._waiting.put(None)
             self._thread.join(timeout=_PATIENCE_S)
@@ -108,13 +108,13 @@ class GroupThread(Generic[T, R]):
         try:
             group[0].loop.call_soon_threadsafe(_deliver, answered)
         except RuntimeError:
-            # the loop has ended, and with it all who waited
+            # the loop has ended, and with it all that waited
             return
 
 
 def _deliver(answered: list[tuple[_Question[T, R], R | Exception]]) -> None:
     for asked, outcome in answered:
-        # whoever has gone away has cancelled its future
+        # a caller that has gone has cancelled its future
         if asked.future.done():
             continue
         if isinstance(outcome, Exception):
@@ -127,11 +127,11 @@ def _deliver(answered: list[tuple[_Question[T, R], R | Exception]]) -> None:
 
 
 _MOST = 16
-"""Plans read at once: some are of hundreds of kilobytes."""
+"""Most questions in a group: some plans take hundreds of kilobytes."""
 
 
 class PlanReader:
-    """A thread that reads plans; every reading sees what is in the database at that moment."""
+    """Thread that reads plans; every reading sees the database as it is at that moment."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
@@ -176,10 +176,10 @@ _Write = Callable[[Connection], Any]
 
 
 class PlanWriter:
-    """A thread that writes what requests have computed.
+    """Thread that writes the results of requests.
 
-    It is for rows that nobody else waits for or writes at the same time: what holds a lock, or
-    may meet one, takes a transaction of its own.
+    It is for rows that nobody else waits for or writes at the same time: a change that holds a
+    lock, or may meet one, needs its own transaction.
     """
 
     def __init__(self, database: Database) -> None:
@@ -189,7 +189,7 @@ class PlanWriter:
     async def write(self, change: Callable[[Connection], R]) -> R:
         """Return the result of `change` once it is committed; raises its errors.
 
-        It may be called again, in another transaction, after one that was rolled back.
+        `change` may be called again, in another transaction, after one that was rolled back.
         """
         result: R = await self._thread.ask(change)
         return result

@@ -1,4 +1,4 @@
-"""The tables, as of the newest schema version; times are RFC 3339 in UTC, identifiers ordered.
+"""Tables of the newest schema version; times are RFC 3339 in UTC, identifiers are ordered.
 
 One clock dates, orders and deletes rows: the database's. Clocks of machines differ, and one that is
 a week ahead would delete what others have just made. PostgreSQL has a clock of its own; SQLite
@@ -35,7 +35,7 @@ from sqlalchemy.sql.functions import FunctionElement
 
 
 class _Now(FunctionElement[str]):
-    """The time as tables hold it: 2026-05-01T09:00:00.000000Z."""
+    """The current time as stored in tables: 2026-05-01T09:00:00.000000Z."""
 
     type = String()
     inherit_cache = True
@@ -55,16 +55,16 @@ def _on_sqlite(_element: _Now, _compiler: Any, **_: Any) -> str:
 
 
 NOW = _Now()
-"""The time, for statements that write or compare it."""
+"""The current time, for statements that write or compare it."""
 
 
 def moment(connection: Connection) -> str:
-    """Return the time as tables hold it: 2026-05-01T09:00:00.000000Z."""
+    """Return the current time as stored in tables: 2026-05-01T09:00:00.000000Z."""
     return connection.execute(select(NOW)).scalar_one()
 
 
 def earlier(time: str, seconds: float) -> str:
-    """Return a time so many seconds before another, both as tables hold them."""
+    """Return the time so many seconds before another, both as stored in tables."""
     when = datetime.fromisoformat(time) - timedelta(seconds=seconds)
     return when.strftime("%Y-%m-%dT%H:%M:%S.%fZ")
 
@@ -144,15 +144,15 @@ jobs = Table(
     Column("result_plan_id", String(36)),
     Column("error", Text),
     Column("events", Integer, nullable=False),
-    # of the syncplan that works on it: empty until one does, None of one from before version 2
+    # of the syncplan that works on it: empty until one does, None for one before schema version 2
     Column("version", String(40)),
     # how often it was begun anew
     Column("begun", Integer, nullable=False, server_default="0"),
-    # by the children that worked on it, over all attempts
+    # computing time of the children that worked on it, over all attempts
     Column("computed_s", Float, nullable=False, server_default="0"),
     # the trace of the request, as W3C Trace Context writes it
     Column("traceparent", String(55)),
-    # of a replay
+    # for a replay only
     Column("recording_id", String(36)),
     Index("jobs_of_owner", "owner", "id"),
     Index("jobs_by_state", "state", "ended_at"),
@@ -166,7 +166,7 @@ recordings = Table(
     Column("owner", String(80), nullable=False),
     Column("created_at", String(27), nullable=False),
     Column("size", Integer, nullable=False),
-    # in short, as JSON
+    # overview, as JSON
     Column("overview", Text, nullable=False),
     # as syncplan.recordings.log packs it
     Column("data", LargeBinary, nullable=False),
@@ -183,7 +183,7 @@ job_results = Table(
     METADATA,
     _job_id(),
     Column("text", Text, nullable=False),
-    # of a validation or flight: the figures of each trial, packed as its kind does
+    # figures of each trial of a validation or flight, packed by its kind
     Column("trials", LargeBinary),
 )
 
@@ -197,14 +197,14 @@ job_parts = Table(
     Column("trials", Integer, nullable=False),
     Column("done", Integer, nullable=False),
     Column("data", LargeBinary),
-    # how often it was begun, and how often its child was killed
+    # how often it was begun, and how often its child ended
     Column("attempts", Integer, nullable=False, server_default="0"),
     Column("deaths", Integer, nullable=False, server_default="0"),
     # over all attempts
     Column("computed_s", Float, nullable=False, server_default="0"),
 )
 
-# finished starts of a refinement, of which a killed one goes on
+# finished starts of a refinement, from which a killed one continues
 job_starts = Table(
     "job_starts",
     METADATA,
@@ -239,7 +239,7 @@ executors = Table(
     METADATA,
     Column("id", String(64), primary_key=True),
     Column("beats", Integer, nullable=False),
-    # of its syncplan; None for one from before schema version 2
+    # of its syncplan; None for one before schema version 2
     Column("version", String(40)),
     # its last heartbeat, by the database's clock
     Column("seen_at", String(27)),

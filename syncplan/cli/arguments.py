@@ -1,4 +1,4 @@
-"""What several commands take: files, formats, and options of runs as they are declared."""
+"""Arguments that commands share: files, formats, and options of runs."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 LARGEST_FILE_BYTES = 2**20
 
 optional = partial(typer.Option, show_default=False)
-"""An option that may be left out: its help says what holds then."""
+"""An option that may be left out; its help states the default."""
 
 ScenarioFile = Annotated[
     str, typer.Argument(metavar="SCENARIO", help="Scenario file, YAML or JSON; - is standard input")
@@ -44,7 +44,7 @@ MaxVehicles = Annotated[
 
 
 def loaded_file(subject: str, output: Path | None, max_vehicles: int | None) -> "Loaded":
-    """Return the content of a plan or scenario file, once the output is known to be writable.
+    """Return the content of a plan or scenario file; checks first that the output is writable.
 
     Raises InputError as `check_output` and syncplan.planning.plan_files.load do.
     """
@@ -56,7 +56,7 @@ def loaded_file(subject: str, output: Path | None, max_vehicles: int | None) -> 
 
 
 def beginning_with(names: Iterable[str], *, listed: bool = False) -> Callable[[str], list[str]]:
-    """Return a shell completion of an option; `listed` options take names with commas."""
+    """Return a shell completion of names; `listed` options take several with commas."""
     known = tuple(names)
 
     def completed(incomplete: str) -> list[str]:
@@ -87,9 +87,9 @@ def numbers(text: str, option: str) -> list[float]:
 def takes_options(
     kind: type, *, without: Sequence[str] = ()
 ) -> Callable[[Callable[..., int]], Callable[..., int]]:
-    """Return a decorator that adds a kind's options, which the command takes as `options`.
+    """Return a decorator that adds the options of `kind`, which the command takes as `options`.
 
-    Their names, types, defaults and help are those of the fields, but for those in `without`.
+    Names, types, defaults and help are those of its fields; fields in `without` are left out.
     """
     offered = [one for one in options_of(kind) if one.name not in without]
 
@@ -110,15 +110,15 @@ def takes_options(
 
 @dataclass(frozen=True, slots=True)
 class _Written:
-    """How values of a type are written on a command line.
+    """Notation for values of a type on a command line.
 
     Attributes
     ----------
-    type : that the parser knows
-    read : makes a value of it, given the option's name as well
-    hint : on how to write them; empty where that is plain
-    metavar : what stands for one in the help; the parser's own if None
-    completed : what a shell completes one with
+    type : type that the parser knows
+    read : function from the parser's value and the option's name to the value
+    hint : hint on the notation for the help; empty where it is plain
+    metavar : placeholder in the help; the parser's own if None
+    completed : shell completion
     """
 
     type: Any
@@ -150,7 +150,7 @@ def _parameter(option: Option) -> Parameter:
 
 
 def _read(option: Option, value: Any) -> Any:
-    """The value of an option from what the parser made of it."""
+    """Value of an option, from the parser's value."""
     if value is None:
         return option.default
     written = _WRITTEN.get(option.type)
@@ -171,7 +171,7 @@ def _names(text: str, _: str) -> tuple[str, ...] | None:
 
 
 def numeric_keys_from(incomplete: str, before: str = "") -> list[str]:
-    """Return the keys that begin so, without what all of those asked for have `before` them."""
+    """Return the numeric keys after the prefix `before` that begin with `incomplete`."""
     from syncplan.scenario.dotted_keys import numeric_keys
 
     found = [key.removeprefix(before) for key in numeric_keys() if key.startswith(before)]
@@ -185,7 +185,7 @@ def _true_keys(incomplete: str) -> list[str]:
 
 
 def _truth(texts: Sequence[str], flag: str) -> dict[str, Any] | None:
-    """The keys of the simulated world, section by section, from KEY=VALUE each."""
+    """Keys of the simulated world, section by section, from texts of KEY=VALUE."""
     from syncplan.scenario.dotted_keys import IN_TRUTH, nearest_keys, numeric_keys, with_number
 
     document: dict[str, Any] = {}
@@ -197,7 +197,8 @@ def _truth(texts: Sequence[str], flag: str) -> dict[str, Any] | None:
         if IN_TRUTH + key not in numeric_keys():
             near = [one.removeprefix(IN_TRUTH) for one in nearest_keys(IN_TRUTH + key)]
             known = [one for one in dict.fromkeys(near) if IN_TRUTH + one in numeric_keys()]
-            hint = f"did you mean {' or '.join(known[:3])}?" if known else "see docs/truth.md"
+            page = "see docs/how-to/try-a-plan-in-other-worlds.md"
+            hint = f"did you mean {' or '.join(known[:3])}?" if known else page
             problem = f"{key!r}: no such key of the simulated world holds a number; {hint}"
             raise InputError(problem, key=flag)
         try:
@@ -211,7 +212,7 @@ def _truth(texts: Sequence[str], flag: str) -> dict[str, Any] | None:
 def poses_of(text: str, flag: str) -> list[tuple[float, float, float]]:
     """Return poses (m, m, rad) from `1,2,0.5;4,0,-1`, or from a file with a line for each robot.
 
-    Raises InputError where that is no such list, and no such file.
+    Raises InputError if the text is neither such a list nor such a file.
     """
     rows = text.split(";") if ";" in text or "," in text else _lines(Path(text), flag)
     poses = []
@@ -253,10 +254,10 @@ _WRITTEN: Mapping[Any, _Written] = {
         completed=_true_keys,
     ),
 }
-"""Types that are written otherwise than the parser would have them."""
+"""Types with a notation other than the parser's."""
 
 
-# --- verdicts that are required -------------------------------------------------------------------
+# --- required verdicts ----------------------------------------------------------------------------
 
 
 NOT_MET = 3
@@ -282,14 +283,14 @@ RequireRobust = Annotated[
 
 
 def robust_status(test: "StressTest") -> int:
-    """Return the exit status of a plan that is to be robust: 3 if it is not."""
+    """Return the exit status of a plan that must be robust: 3 if it is not."""
     for one in test.findings:
         say(f"{one.message} (--require-robust)")
     return NOT_MET if test.findings else 0
 
 
 def verdict_status(plan: "Plan", *, observable: bool, go: bool) -> int:
-    """Return the exit status of a plan: 3 if it is to be observable, or a go, and is not."""
+    """Return the exit status of a plan: 3 if it must be observable, or a go, and is not."""
     status = 0
     if observable and not plan.observable:
         say("the plan is not observable (--require-observable)")
@@ -301,7 +302,7 @@ def verdict_status(plan: "Plan", *, observable: bool, go: bool) -> int:
 
 
 def say_verdict(verdict: "PlanVerdict", which: str = "") -> None:
-    """Write which plan it is, and GO or NO-GO with the codes of its reasons, to standard error."""
+    """Write GO or NO-GO and the codes of its reasons, after `which`, to standard error."""
     say(f"{which}: {_in_one_line(verdict)}" if which else _in_one_line(verdict))
 
 

@@ -1,4 +1,4 @@
-"""The command line: its commands, and what each error means for the exit status."""
+"""The command line: its commands, and the exit status of each error."""
 
 import os
 import sys
@@ -137,7 +137,7 @@ def main(arguments: list[str] | None = None) -> NoReturn:
 
 
 def _usage_fault(error: TyperException, arguments: list[str]) -> str:
-    """One line for a wrong argument, with its value where the parser does not repeat it."""
+    """Message of a wrong argument in one line, with its value if the parser does not repeat it."""
     message = " ".join(error.format_message().split())
     for name in getattr(getattr(error, "param", None), "opts", []):
         for k, given in enumerate(arguments):

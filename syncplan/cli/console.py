@@ -1,4 +1,4 @@
-"""Standard output and standard error: results to one, words and progress to the other."""
+"""Standard output for results, and standard error for messages and progress."""
 
 import os
 import sys
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from syncplan.flight.flown_team import FlownTeam
 
 PIPED_WIDTH = 160
-"""Columns of tables that go to a file or another program, unless COLUMNS says otherwise."""
+"""Width of tables in a file or for another program, unless COLUMNS is set."""
 
 
 class Format(StrEnum):
@@ -38,7 +38,7 @@ def deliver(
 ) -> Format:
     """Write the JSON to the file or standard output, or show the table; return which was shown.
 
-    With a file, nothing but a table ever goes to standard output.
+    With a file, only a table goes to standard output.
     """
     from syncplan.runtime.files import as_text, write_text
 
@@ -63,26 +63,26 @@ def deliver(
 
 @contextmanager
 def reader_may_leave() -> Iterator[None]:
-    """Write to standard output; if its reader leaves, as head does, the rest goes nowhere."""
+    """Write to standard output; discard the rest if its reader leaves, as head does."""
     try:
         yield
         sys.stdout.flush()
     except BrokenPipeError:
         _silence(sys.stdout)
     except SystemExit as leaving:
-        # what click and rich make of a broken pipe
+        # click and rich turn a broken pipe into SystemExit
         if not isinstance(leaving.__context__, BrokenPipeError):
             raise
         _silence(sys.stdout)
 
 
 def _silence(stream: TextIO) -> None:
-    """Let what is still to be written to a stream go nowhere, so that no flush fails."""
+    """Discard further output to a stream, so that no flush fails."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def deliver_document(kind: str, document: "Document", output: Path | None, format_: Format) -> None:
-    """Deliver a document, whose kind is one of DOCUMENTS; its notes follow JSON as words."""
+    """Deliver a document of a kind in DOCUMENTS; after JSON, write its notes to standard error."""
     from syncplan.cli.document_table import DOCUMENTS
 
     def show(console: "Console") -> None:
@@ -93,9 +93,9 @@ def deliver_document(kind: str, document: "Document", output: Path | None, forma
 
 
 def check_output(output: Path | None, *sources: str) -> None:
-    """Raise InputError if no result can be written, or only over what it is made from.
+    """Raise InputError if the output can't be written, or is one of the sources.
 
-    Said before there is a result, which may take hours.
+    Called before the run, which may take hours.
     """
     from syncplan.runtime.files import check_writable
 
@@ -110,7 +110,7 @@ def check_output(output: Path | None, *sources: str) -> None:
 
 
 def open_closed_streams() -> None:
-    """Give a process that was started without standard streams something to write to."""
+    """Open the null device for standard streams that the process was started without."""
     if sys.stdout is None:
         sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
     if sys.stderr is None:
@@ -118,7 +118,7 @@ def open_closed_streams() -> None:
 
 
 def compile_filter(options: "FilterOptions", counts: Iterable[int]) -> None:
-    """Compile the kernels of the filter for teams of so many vehicles, where they are not."""
+    """Compile the filter's kernels for teams of these sizes, unless they are compiled."""
     from syncplan.estimation.filter_options import lane_filter_of
 
     filter_ = lane_filter_of(options.filter_model)
@@ -130,7 +130,7 @@ def compile_filter(options: "FilterOptions", counts: Iterable[int]) -> None:
 
 
 def compile_flight(team: "FlownTeam") -> None:
-    """Compile the kernels of a team's flights, where they are not."""
+    """Compile the kernels of a team's flights, unless they are compiled."""
     from syncplan.flight.flights import compile_flights, flight_is_compiled
 
     if not flight_is_compiled(team):
@@ -140,7 +140,7 @@ def compile_flight(team: "FlownTeam") -> None:
 
 @contextmanager
 def _compiling(kernels: str, duration: str) -> Iterator[None]:
-    """Announce what is compiled; at a terminal, show for how long it has been."""
+    """Announce a compilation; at a terminal, show its elapsed time."""
     say(f"compiling {kernels}, once; on two cores this takes {duration} ...")
     with _lines_with_time() as shown:
         if shown is not None:
@@ -149,7 +149,7 @@ def _compiling(kernels: str, duration: str) -> Iterator[None]:
 
 
 def say_notes(notes: list[str]) -> None:
-    """Write what the reader must not miss to standard error."""
+    """Write notes to standard error."""
     for note in notes:
         say(note)
 
@@ -184,7 +184,7 @@ def progress_bar(unit: str, total: int) -> Iterator[Callable[[int], None] | None
 
 @contextmanager
 def _lines_with_time() -> Iterator["Progress | None"]:
-    """Lines on standard error that say for how long each has been there, at a terminal only."""
+    """Lines on standard error, each with its elapsed time, at a terminal only."""
     if not sys.stderr.isatty():
         yield None
         return

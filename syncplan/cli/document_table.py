@@ -1,4 +1,4 @@
-"""The table of documents: which have a schema, and which reports are known by their keys."""
+"""The table of documents: their schemas, and the keys that identify reports."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -28,12 +28,12 @@ class DocumentKind:
 
     Attributes
     ----------
-    module, name : of its model, loaded where it is asked for
-    mode : Pydantic's: validation for what is read, serialization for what is written
+    module, name : module and name of its model, which is loaded on demand
+    mode : Pydantic's mode: validation for documents read, serialization for documents written
     published : whether the command line prints its schema
-    known_by : keys that mark a report of this kind; empty for what is no report
-    title : of a report without a name
-    shown_by : module of this package and its function that prints it as tables
+    known_by : keys that identify a report of this kind; empty for other documents
+    title : title of a report without a name
+    shown_by : module of this package and a function in it that prints the document as tables
     """
 
     module: str
@@ -46,7 +46,7 @@ class DocumentKind:
 
     @property
     def model(self) -> "type[BaseModel]":
-        """The model."""
+        """Model of the document."""
         found: type[BaseModel] = getattr(import_module(self.module), self.name)
         return found
 
@@ -110,7 +110,7 @@ DOCUMENTS: Mapping[str, DocumentKind] = MappingProxyType(
 
 
 def read_report(values: Mapping[str, Any], source: str) -> "tuple[Report, str] | None":
-    """Return the report that a file's values are and its title, None if they are no report.
+    """Return the report in a file's values and its title, None if they are not a report.
 
     Raises InputError, naming the source, for a report that does not fit its schema.
     """
@@ -124,7 +124,7 @@ def read_report(values: Mapping[str, Any], source: str) -> "tuple[Report, str] |
 
 
 def checked(model: type[Model], values: Any, source: str) -> Model:
-    """Return values as a model; raises InputError, naming the source, where they don't fit."""
+    """Return values as a model; raises InputError, naming the source, if they don't fit."""
     from pydantic import ValidationError
 
     from syncplan.scenario.quantities import validation_fault

@@ -23,7 +23,7 @@ exporters = typer.Typer()
 ARCHIVE = ".zip"
 
 SCENARIO_KEYS = ("geo_origin", "start_time", "orbit.radius_m")
-"""Keys that exports find fault with: the file is named with them."""
+"""Scenario keys that exports may reject: their errors name the file."""
 
 FileFormat = Annotated[FormatName, typer.Option("--format", help="Format to write")]
 Target = Annotated[
@@ -66,7 +66,7 @@ def _export(
 def _exported(
     subject: str, format_: str, options: ExportOptions, max_vehicles: int | None
 ) -> "Export":
-    """The files of a plan or scenario; faults of the scenario's keys name its file."""
+    """Export a plan or scenario; faults in SCENARIO_KEYS name its file."""
     from syncplan.exporting.formats import export
     from syncplan.planning.plan_files import load, plan_of
     from syncplan.scenario.models import MAX_VEHICLES

@@ -1,4 +1,4 @@
-"""Tables that leave out whole columns where the terminal is narrow, and never part of a number."""
+"""Tables that leave out whole columns on a narrow terminal, and never part of a number."""
 
 from collections.abc import Iterator, Sequence
 
@@ -12,7 +12,7 @@ _BETWEEN = 3
 """Width of the gap between two columns, drawn by box.SIMPLE_HEAD."""
 
 MOST_ROWS = 40
-"""Rows that are shown; the rest is counted."""
+"""Most rows shown; the rest are counted."""
 
 _EDGES = 2
 _FEWEST_COLUMNS = 2
@@ -20,7 +20,7 @@ _LEAST_NAME = 6
 
 
 def cell(value: float | None, form: str = ".3g") -> str:
-    """Return a number as a cell of a table, a dash where there is none."""
+    """Return a number as a cell of a table, a dash if there is none."""
     return "-" if value is None else format(value, form)
 
 
@@ -29,10 +29,10 @@ class FittedTable:
 
     Parameters
     ----------
-    title : above the table
-    columns : heads; a cell of the same text in each row
-    goes : heads of the columns that are left out where the width is too small, in that order;
-        then others from the right. The first column stays, and one more
+    title : title above the table
+    columns : heads of the columns; each row has one cell a column
+    goes : heads of the columns to leave out first if the width is too small, in that order; then
+        others go from the right. The first column and one more always stay
     texts : heads of further columns of text
     """
 
@@ -81,7 +81,7 @@ class FittedTable:
         return shown
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Table | Text]:
-        """Yield the table at the width there is, and what is left out."""
+        """Yield the table at the available width, and lines on what it leaves out."""
         widths, width = self._widths(), options.max_width
         shown = self.shown_columns(width)
         # a name too long for the rest is folded
@@ -106,7 +106,7 @@ class FittedTable:
             yield Text(f"not shown at this width: {', '.join(left)}")
 
     def _widths(self) -> list[int]:
-        """Width that each column needs to stand in one line."""
+        """Width that each column needs to avoid line breaks."""
         cells = [
             [self.columns[k], *(Text.from_markup(row[k]).plain for row in self._rows)]
             for k in range(len(self.columns))

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 VARIABLES = ("phases", "centers", "radii")
-"""What refinement can vary, see RefineOptions.vary."""
+"""Variables that a refinement can change, see RefineOptions.vary."""
 
 LARGE_TEAM = 500
 """Teams above this size take several seconds to judge, so a message says so."""
@@ -29,7 +29,7 @@ plans = typer.Typer()
 
 
 class Bound(StrEnum):
-    """When the posterior bound is computed."""
+    """Choice of when to compute the posterior bound."""
 
     auto = "auto"
     always = "always"
@@ -89,7 +89,7 @@ def _plan(
 
 
 def _flown(made: "Plan", trials: int) -> "Plan":
-    """The plan with what flying it has found."""
+    """Fly a plan and return it with the results."""
     from syncplan.flight.flying import conclude_flight, flight_run, fly_part
 
     run = flight_run(made, trials=trials)
@@ -255,9 +255,9 @@ def _landmarks(
 
 
 def _write_scenario(text: str, source: str, chosen: "Scenario", target: "Path") -> None:
-    """Write the file that was read with the landmarks of the scenario chosen.
+    """Write the scenario file with the landmarks of the chosen scenario.
 
-    Where its text is empty, because its centres were found, write the scenario chosen as a whole.
+    If `text` is empty, because the centres were found, write the chosen scenario as a whole.
     """
     from syncplan.runtime.files import as_text, write_text
     from syncplan.scenario.loading import with_landmarks
@@ -278,7 +278,7 @@ def _refined(
     required: tuple[bool, bool],
     bound: Bound = Bound.auto,
 ) -> int:
-    """Refine and deliver; a plan that could not be bettered is shown, but never written."""
+    """Refine and deliver a plan; one that could not be improved is shown, but never written."""
     from syncplan.refinement.refiner import refine
     from syncplan.reports.plan_report import plan_document
 

@@ -1,4 +1,4 @@
-"""Plans, placements, landmark sites and losses as tables for people at a terminal."""
+"""Plans, placements, landmark sites and losses as tables for a terminal."""
 
 import math
 from collections.abc import Sequence
@@ -22,10 +22,10 @@ from syncplan.reports.sites_report import SitesDocument
 from syncplan.scenario.objectives import ROWS
 
 MOST_NAMED = 12
-"""Names in a line."""
+"""Most names in a line."""
 
 COLOURS = {"stop": "red", "warning": "yellow", "note": "cyan"}
-"""Of the levels of findings."""
+"""Colours of the levels of findings."""
 
 
 def show_verdict(verdict: PlanVerdict, console: Console) -> None:
@@ -101,7 +101,7 @@ def _shown(value: float | None) -> str:
 
 
 def show_losses(document: WhatIfDocument, console: Console) -> None:
-    """Print what losses do: those that end observability, then all, the most harmful first."""
+    """Print the losses that end observability, then the effects of all, the most harmful first."""
     console.print(
         f"[bold]{escape(document.name or 'plan')}[/]: {_state(document.baseline)}; "
         f"{_critical(document)}"
@@ -135,7 +135,7 @@ def _lost(names: list[str]) -> str:
 
 
 def _undetected(one: RemainingTeam) -> list[str]:
-    """Motions of the team, and changes of errors that the filter estimates, in words."""
+    """Undetectable motions of the team and changes of estimated errors, in words."""
     found = [mode.description for mode in one.unobservable]
     return found + [
         mode.description for mode in (one.extended.undetermined if one.extended else [])
@@ -207,7 +207,7 @@ def _print_errors(document: PlanDocument, console: Console) -> None:
 
 
 def show_placement(placed: Placement, console: Console) -> None:
-    """Print a placement: centres and what they attain."""
+    """Print a placement: centres and the gaps between their circles."""
     names = placed.scenario.vehicle_names
     table = FittedTable("centres found", ("vehicle", "centre m"))
     for name, center in list(zip(names, placed.centers.tolist(), strict=True))[:MOST_ROWS]:
@@ -317,13 +317,13 @@ def _add_meeting(
 
 
 def _point(point: tuple[float, float]) -> str:
-    # zero where rounding errors are all there is, and never "-0"
+    # mere rounding errors become zero, and never "-0"
     x, y = (round(value, 9) + 0.0 for value in point)
     return f"{x:.5g}, {y:.5g}"
 
 
 def determined_line(document: PlanDocument) -> str | None:
-    """Return what is determined with errors as states; None where there are no such states."""
+    """Return a line on the rank with errors as states; None if there are no such states."""
     found, states = document.observability.extended, document.observability.states
     if found is None or states is None:
         return None
@@ -333,7 +333,7 @@ def determined_line(document: PlanDocument) -> str | None:
 
 
 def expected_line(document: PlanDocument) -> str | None:
-    """Return what to expect of a filter that leaves errors out; None where it leaves out none."""
+    """Return a line on the error to expect if the filter leaves errors out; None if it does not."""
     expected = document.expected_rms_m
     if expected is None or expected.overall is None:
         return None
@@ -346,7 +346,7 @@ def expected_line(document: PlanDocument) -> str | None:
 
 
 def merits_line(document: PlanDocument) -> str | None:
-    """Return what the figures of a refinement leave out; None where poses are all states."""
+    """Return a line on states that a refinement's figures leave out; None if there are none."""
     if document.refinement is None or document.observability.extended is None:
         return None
     return (
@@ -356,7 +356,7 @@ def merits_line(document: PlanDocument) -> str | None:
 
 
 def further_states_table(document: PlanDocument) -> FittedTable | None:
-    """Return the table of what a plan predicts of further states; None where there are none."""
+    """Return the table of predicted errors of states beside the poses; None if there are none."""
     states = document.predicted_errors
     if not states:
         return None
@@ -371,6 +371,6 @@ def further_states_table(document: PlanDocument) -> FittedTable | None:
 
 
 def _supposed(states: Sequence[PredictedStateError]) -> str:
-    """Assumption of the bounds where wind is a state: in wind it is known less well."""
+    """Assumption of the predictions if wind is a state: in wind, it is known less well."""
     windy = any(one.state.startswith("wind ") for one in states)
     return "; predictions suppose still air" if windy else ""

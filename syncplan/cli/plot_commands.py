@@ -1,4 +1,4 @@
-"""The command that draws: plot."""
+"""The command that draws figures: plot."""
 
 import sys
 from dataclasses import dataclass, replace
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 class JudgedSubject:
     """Subject of figures, with its title and the verdicts on the plans that they show.
 
-    A single verdict has an empty name; of two, one is before and the other after.
+    A single verdict has an empty name; two are named "before" and "after".
     """
 
     subject: "Subject"
@@ -36,7 +36,7 @@ class JudgedSubject:
     verdicts: "dict[str, PlanVerdict]"
 
     def specs(self, names: list[str], style: FigureStyle) -> "dict[str, Spec]":
-        """Return its figures of these names, or all of them."""
+        """Return its figures of these names; all if there are none."""
         from syncplan.plotting.figures import specs_of
 
         return specs_of(self.subject, names, style=style, refined=self.refined, after=self.after)
@@ -144,7 +144,7 @@ def _plot(
 
 
 def _ending(output: Path | None) -> str:
-    """Return the kind of file that is wanted; raises InputError where nothing says so."""
+    """Return the ending of the output, .html by default; raises InputError if it is not allowed."""
     if output is None and sys.stdout.isatty():
         raise InputError("give the file to write, such as -o figures.html", key="output")
     if output is None or str(output) == "-":
@@ -159,7 +159,7 @@ def _ending(output: Path | None) -> str:
 
 
 def _targets(output: Path | None, ending: str, names: list[str]) -> list[Path | None]:
-    """The files to write: of several images, the figure's name joins the file's."""
+    """Files to write; with several images, each name includes that of the figure."""
     if output is None or ending == ".html" or len(names) < 2:
         return [output]
     return [output.with_name(f"{output.stem}-{name}{output.suffix}") for name in names]
@@ -206,7 +206,7 @@ def _read(file: str, most: int) -> "tuple[Subject, RefinementResult | None, str]
 
 
 def _page(given: JudgedSubject, names: list[str], style: FigureStyle, theme: Theme | None) -> bytes:
-    """A page of figures: it has the colours of both themes, and layouts for two widths."""
+    """A page of figures, with the colours of both themes and layouts for two widths."""
     from syncplan.plotting.figure_files import figure_page
 
     light = replace(style, theme="light")
@@ -219,7 +219,7 @@ def _page(given: JudgedSubject, names: list[str], style: FigureStyle, theme: The
 def _images(
     given: JudgedSubject, names: list[str], image_format: str, style: FigureStyle
 ) -> list[bytes]:
-    """An image of each figure, in that order; of the first one if none is named."""
+    """Images of the named figures, in that order; of the first figure if none is named."""
     from syncplan.plotting.figure_files import figure_images
     from syncplan.plotting.figures import first_figure
 

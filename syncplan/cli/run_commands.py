@@ -86,7 +86,7 @@ def _validate(
 
 
 def _with_options_of_swept_keys(command: Callable[..., int]) -> Callable[..., int]:
-    """The command with an option for each key that a sweep may vary, in its keyword arguments."""
+    """Add an option for each key in SWEPT_KEYS to the command's keyword arguments."""
     own = signature(command)
     options = [
         Parameter(
@@ -152,7 +152,7 @@ def _sweep(
 def _swept(
     given: dict[str, str | None], name: str | None, values: str | None
 ) -> tuple[SweptKey, list[float]]:
-    """The one key that is given, and its values."""
+    """Return the swept key and its values."""
     chosen = [(SWEPT_KEYS[name], text) for name, text in given.items() if text is not None]
     if (name is None) != (values is None):
         raise InputError("--key and --values go together; give both", key="sweep")
@@ -243,7 +243,7 @@ def _replay(
 
 
 def _document(recording: "Log", asked: ReplayOptions) -> "ReplayDocument":
-    """The report of a replay, with its progress on the way."""
+    """Run a replay, show its progress, and return its report."""
     from syncplan.estimation.replay_tuning import MOST_RUNS, tuned
     from syncplan.estimation.replays import replay_with
     from syncplan.reports.replay_report import replay_document
@@ -262,7 +262,7 @@ def _document(recording: "Log", asked: ReplayOptions) -> "ReplayDocument":
 
 
 def _opened(folder: Path, output: Path | None) -> "Log":
-    """The recording, none of whose files is the output, which can be written."""
+    """Load a recording; check that the output can be written and is none of its files."""
     from syncplan.recordings.recording_formats import load_log, recorded_files_in
 
     console.check_output(output)

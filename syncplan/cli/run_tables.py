@@ -1,4 +1,4 @@
-"""Validations, sweeps, flights and replays as tables for people at a terminal."""
+"""Validations, sweeps, flights and replays as tables for a terminal."""
 
 import numpy as np
 from rich.console import Console
@@ -22,7 +22,7 @@ from syncplan.scenario.filters import FORMER_NAMES
 
 
 def _filter_line(record: run_figures.FilterRecord) -> str:
-    """Which filter ran, and why."""
+    """The filter that ran, and why it was chosen."""
     name = record.kind or FORMER_NAMES[record.model]
     why = f" ({record.chosen_because})" if record.chosen_because else ""
     return escape(f"filter {name}{why}")
@@ -118,7 +118,7 @@ def spread_words(spread: run_figures.Spread) -> str:
 
 
 def stress_table(report: ValidationDocument) -> FittedTable | None:
-    """Return the table of worlds that are worse than stated, the most harmful first; or None."""
+    """Return the table of worlds worse than stated, the most harmful first; None without any."""
     if not report.stress:
         return None
     table = FittedTable(
@@ -138,11 +138,11 @@ def stress_table(report: ValidationDocument) -> FittedTable | None:
 
 
 MOST_MISSED = 6
-"""Pairs that are named."""
+"""Most pairs named."""
 
 
 def show_flight(document: FlightDocument, console: Console) -> None:
-    """Print a flight: the plan's verdict, errors and phases by vehicle, what happened."""
+    """Print a flight: the plan's verdict, errors and phases by vehicle, events."""
     show_verdict(document.verdict, console)
     console.print(
         f"[bold]{escape(document.name) or 'flight'}[/]: {document.run}, guidance "
@@ -182,7 +182,7 @@ def show_flight(document: FlightDocument, console: Console) -> None:
 
 
 def _settled(event: FlightEvent) -> str:
-    """When a vehicle that was held has its phase again, in the median trial."""
+    """Time until a held vehicle is in phase again in the median trial, in words."""
     if event.kind != "hold":
         return ""
     if event.settled_s is None:
@@ -223,7 +223,7 @@ def _cells(one: FlownVehicle) -> list[str]:
 
 
 def _print_missed(links: list[FlownLink], console: Console) -> None:
-    """The pairs that missed some of their meetings, the worst first."""
+    """Print the pairs that missed some of their meetings, the worst first."""
     missed = sorted((one for one in links if one.kept_share < 1.0), key=lambda one: one.kept_share)
     if missed:
         texts = [f"{'-'.join(one.between)} {percent(one.kept_share)}" for one in missed]
@@ -326,7 +326,7 @@ def _print_lasting_errors(report: ReplayDocument, console: Console) -> None:
 
 
 def found_states_table(report: FlightDocument | ValidationDocument) -> FittedTable | None:
-    """Return the table of what trials found of further states; None where there are none."""
+    """Return the table of the trials' errors of states beside the poses; None if there are none."""
     if not report.errors:
         return None
     table = FittedTable(

@@ -59,7 +59,7 @@ def _serve(
     )
     refuse_exposure(settings)
     configure_logs(settings.log_level)
-    # what is wrong with the database is said in one line here, and in a trace by uvicorn
+    # a fault of the database is reported in one line here, but with a trace by uvicorn
     open_database(settings.database).close()
     serve = _server_for(settings)
     with _listening(settings.host, settings.port) as listening:
@@ -74,7 +74,7 @@ def _server_for(settings: "Settings") -> Callable[[socket.socket], bool]:
         from api.processes import serve_by_processes
         from api.telemetry import telemetry_options
 
-        # what is wrong with it is said here, and not by each process
+        # its faults are reported once here, and not by each process
         telemetry_options(settings)
         return partial(serve_by_processes, settings)
     from api.main import create_app
@@ -84,7 +84,7 @@ def _server_for(settings: "Settings") -> Callable[[socket.socket], bool]:
 
 
 def _listening(host: str, port: int) -> socket.socket:
-    """A socket that listens; raises InputError if there can't be one."""
+    """A listening socket; raises InputError if it can't be opened."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     try:
         listening = socket.create_server((host, port), family=family, backlog=_BACKLOG)
@@ -127,7 +127,7 @@ def _worker(
     refuse_exposure(settings, worker=True)
     configure_logs(settings.log_level)
     database = open_database(settings.database)
-    # no Event: set by a handler while this thread begins to wait for it, it would wait for itself
+    # not an Event: if a handler set it while this thread begins to wait for it, it would deadlock
     stop: queue.SimpleQueue[None] = queue.SimpleQueue()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.put(None))
@@ -135,7 +135,7 @@ def _worker(
         last_first.callback(database.close)
         listening = None
         if settings.worker_port is not None:
-            # before anything is begun that would have to be undone
+            # before anything starts that would have to be undone
             listening = last_first.enter_context(
                 _listening(settings.worker_host, settings.worker_port)
             )
@@ -179,7 +179,7 @@ def _work(
 
 
 def _leave() -> NoReturn:
-    """End this process at once, all in order: threads may wait for a database that is away."""
+    """End this process at once, after its work: threads may wait for an unavailable database."""
     logging.shutdown()
     os._exit(0)
 

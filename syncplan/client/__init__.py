@@ -1,5 +1,5 @@
-"""A client of the service: requests, repeated while it is away, and its answers as types.
+"""A client of the service: requests, repeated while it is unavailable, and typed answers.
 
-connection       requests and the errors they mean
+connection       requests and their errors
 service_client   plans, recordings and jobs of a service
 """

@@ -1,4 +1,4 @@
-"""Requests to a service: repeated while it is away or busy, its problems raised as errors."""
+"""Requests to a service: repeated while it is unavailable or busy, problems raised as errors."""
 
 import importlib.util
 import json
@@ -20,9 +20,9 @@ _CONNECT_S = 10.0
 
 
 class RemoteError(SyncplanError):
-    """The service can't be reached, or it refused for a reason other than the request.
+    """Raised if the service can't be reached, or refuses for a reason other than the request.
 
-    `status` is the HTTP status; None where there was no answer.
+    `status` is the HTTP status; None if there was no answer.
     """
 
     def __init__(self, message: str, status: int | None = None) -> None:
@@ -31,7 +31,7 @@ class RemoteError(SyncplanError):
 
 
 class Remote:
-    """A connection to a service; arguments as syncplan.client.service_client.Client takes them."""
+    """A connection to a service; arguments as in syncplan.client.service_client.Client."""
 
     def __init__(self, url: str, api_key: str | None, timeout_s: float, patience_s: float) -> None:
         if importlib.util.find_spec("httpx2") is None:
@@ -56,7 +56,7 @@ class Remote:
             raise InputError(
                 f"{url!r}: must begin with http:// or https:// and name a host", key="url"
             )
-        # without the name and password it may hold
+        # without the user name and password that the URL may hold
         self._shown = f"{address.scheme}://{address.netloc.decode()}"
         self._patience_s = patience_s
 
@@ -72,10 +72,10 @@ class Remote:
         parameters: Mapping[str, Any] | None = None,
         accept: str | None = None,
     ) -> "Response":
-        """Return the answer to a request, repeated while the service is away or busy.
+        """Return the answer to a request, repeated while the service is unavailable or busy.
 
-        A mapping is sent as JSON, bytes as they are. Raises what a problem means: InputError,
-        NoSolutionError or RemoteError.
+        A mapping is sent as JSON, bytes unchanged. Raises InputError, NoSolutionError or
+        RemoteError, depending on the problem.
         """
         import httpx2
 
@@ -102,7 +102,7 @@ class Remote:
             except httpx2.RequestError as error:
                 fault = f"{self._shown}: {error or type(error).__name__}"
             if answer is not None and answer.status_code not in _AGAIN:
-                # gone already: the answer to the first request was lost
+                # already deleted: the answer to the first request was lost
                 done = repeated and method == "DELETE" and answer.status_code == _NOT_FOUND
                 return answer if done else _checked(answer)
             if answer is not None:
@@ -118,7 +118,7 @@ class Remote:
 
 
 def values_of(answer: "Response", key: str | None = "id") -> dict[str, Any]:
-    """Return the JSON object of an answer, which has that key; raises RemoteError otherwise."""
+    """Return the JSON object of an answer; raises RemoteError if it is none or lacks the key."""
     try:
         values = answer.json()
     except ValueError:
@@ -129,7 +129,7 @@ def values_of(answer: "Response", key: str | None = "id") -> dict[str, Any]:
 
 
 def _checked(answer: "Response") -> "Response":
-    """The answer, if it is not a problem; raises what the problem means."""
+    """Return the answer; raise the error of a problem."""
     if answer.is_success:
         return answer
     try:
@@ -141,7 +141,7 @@ def _checked(answer: "Response") -> "Response":
 
 
 def error_of(problem: Mapping[str, Any], message: str, status: int | None) -> SyncplanError:
-    """Return the error that a problem, or the failure of a job, means to the caller."""
+    """Return the error to raise for a problem or for the failure of a job."""
     errors = problem.get("errors") or []
     if errors:
         return InputError.of(

@@ -1,12 +1,12 @@
-"""A client of the service: the library's job in the same few lines, computed elsewhere.
+"""A client of the service: the library's functions in the same few lines, computed remotely.
 
     client = syncplan.Client("http://127.0.0.1:8000")
     plan = client.plan(syncplan.load_scenario("scenario.yaml"))
     better = client.wait(client.refine(plan))
     report = client.wait(client.validate(better, trials=500, seed=1))
 
-Every POST carries an Idempotency-Key, so that a request whose answer was lost is repeated without
-doing anything twice.
+Every POST carries an Idempotency-Key, so that a request whose answer was lost can be repeated
+without doing anything twice.
 """
 
 import time
@@ -37,18 +37,18 @@ if TYPE_CHECKING:
     from syncplan.flight.flying import Flight
 
 
-# --- what the service keeps -----------------------------------------------------------------------
+# --- items stored by the service ------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RemotePlan(Plan):
-    """A plan that the service keeps, judged by this library from the orbits it states.
+    """A plan that the service stores, judged by this library from its orbits.
 
     Attributes
     ----------
-    id, parent_id : of the plan, and of the one it was refined from
-    created_at : RFC 3339, UTC
-    document : all that the service says of it, see syncplan.reports.plan_report.PlanDocument
+    id, parent_id : identifiers of the plan and of the one it was refined from
+    created_at : time of creation, RFC 3339 in UTC
+    document : the service's document, see syncplan.reports.plan_report.PlanDocument
     """
 
     id: str
@@ -58,7 +58,7 @@ class RemotePlan(Plan):
 
     @classmethod
     def of(cls, document: Mapping[str, Any]) -> Self:
-        """Return the content of a document of the service."""
+        """Return the content of one of the service's documents."""
         made = plan_of(loaded_from(document, max_vehicles=len(document["vehicles"])))
         values = {one.name: getattr(made, one.name) for one in fields(made) if one.init}
         return cls(
@@ -72,13 +72,13 @@ class RemotePlan(Plan):
 
 @dataclass(frozen=True, slots=True)
 class RemoteJob:
-    """A job of the service as it was when last looked at.
+    """A job of the service in the state last requested.
 
     Attributes
     ----------
-    done, total : how far it is, in trials; a refinement in starts, a replay in sightings
-    document : all that the service says of it
-    plan : what it is about, where the client was given that
+    done, total : progress in trials; in starts for a refinement, in sightings for a replay
+    document : the service's document
+    plan : plan of the job, if the client was given it
     """
 
     id: str
@@ -91,7 +91,7 @@ class RemoteJob:
 
     @classmethod
     def of(cls, document: Mapping[str, Any]) -> Self:
-        """Return the content of a document of the service."""
+        """Return the content of one of the service's documents."""
         progress = document["progress"]
         return cls(
             id=document["id"],
@@ -104,18 +104,18 @@ class RemoteJob:
 
     @property
     def ended(self) -> bool:
-        """Whether the job changes no more."""
+        """Whether the job has ended."""
         return has_ended(self.state)
 
 
 @dataclass(frozen=True, slots=True)
 class RemoteRecording:
-    """A recording that the service keeps.
+    """A recording that the service stores.
 
     Attributes
     ----------
     robots, landmarks : names; numbers where the files number landmarks
-    document : all that the service says of it
+    document : the service's document
     """
 
     id: str
@@ -126,7 +126,7 @@ class RemoteRecording:
 
     @classmethod
     def of(cls, document: Mapping[str, Any]) -> Self:
-        """Return the content of a document of the service."""
+        """Return the content of one of the service's documents."""
         return cls(
             id=document["id"],
             name=document["name"],
@@ -144,10 +144,10 @@ class Client:
 
     Parameters
     ----------
-    url : where it is, such as http://127.0.0.1:8000
-    api_key : if it asks for one
-    timeout_s : for one request
-    patience_s : how long requests to a service that is away or busy are repeated
+    url : address of the service, such as http://127.0.0.1:8000
+    api_key : API key, if the service requires one
+    timeout_s : time limit of one request
+    patience_s : time for which requests are repeated while the service is unavailable or busy
     """
 
     def __init__(
@@ -182,7 +182,7 @@ class Client:
     ) -> RemotePlan:
         """Return the plan of a scenario, stored by the service; see syncplan.plan.
 
-        A plan, or the mapping that a plan's file holds, keeps its orbits; they are judged again.
+        A plan, or the mapping of a plan file, keeps its orbits, which are judged again.
         Raises InputError.
         """
         body = _as_planned(subject)
@@ -213,9 +213,9 @@ class Client:
     # --- recordings ---
 
     def upload(self, recording: str | Path, *, name: str | None = None) -> RemoteRecording:
-        """Return a recording that the service keeps for a while, of a folder, bag or archive.
+        """Upload a folder, bag or archive; return the recording, which the service keeps a while.
 
-        It has the name of its folder if none is given. Raises InputError.
+        Without a name, it has that of its folder. Raises InputError.
         """
         parameters = None if name is None else {"name": name}
         body = archived(Path(recording))
@@ -223,13 +223,13 @@ class Client:
         return RemoteRecording.of(values_of(answer, "robots"))
 
     def forget(self, recording: RemoteRecording | str) -> None:
-        """Delete a recording that the service keeps; raises RemoteError while a job needs it."""
+        """Delete a recording that the service stores; raises RemoteError while a job needs it."""
         self._remote.send("DELETE", f"/v1/recordings/{_id(recording)}")
 
     # --- jobs ---
 
     def refine(self, plan: RemotePlan | str, **options: Any) -> RemoteJob:
-        """Begin to refine a plan; options as syncplan.refine takes them. See wait."""
+        """Start the refinement of a plan; options as in syncplan.refine. See wait."""
         return self._job("POST", f"/v1/plans/{_id(plan)}/refinements", options)
 
     def validate(
@@ -240,9 +240,9 @@ class Client:
         stress: bool = False,
         **changes: Any,
     ) -> RemoteJob:
-        """Begin to validate a plan; options as syncplan.validate takes them. See wait.
+        """Start the validation of a plan; options as in syncplan.validate. See wait.
 
-        With `stress` the job's report has worse worlds too; `wait` gives the one as stated.
+        With `stress`, the job's report also has worse worlds; `wait` returns the world as stated.
         """
         further = {"stress": True} if stress else {}
         return self._begin(plan, "validations", options_with(options, changes), **further)
@@ -253,28 +253,28 @@ class Client:
         options: FlightOptions | None = None,
         **changes: Any,
     ) -> RemoteJob:
-        """Begin to fly a plan; options as syncplan.fly takes them. See wait."""
+        """Start flights of a plan; options as in syncplan.fly. See wait."""
         return self._begin(plan, "flights", replace(options or FlightOptions(), **changes))
 
     def sweep(self, scenario: Scenario | Mapping[str, Any], **options: Any) -> RemoteJob:
-        """Begin a sweep; options are the keys of the service's request, such as range_m."""
+        """Start a sweep; options are the keys of the service's request, such as range_m."""
         body = {"scenario": _as_document(scenario), **options}
         return self._job("POST", "/v1/sweeps", body)
 
     def replay(self, recording: RemoteRecording | str, **options: Any) -> RemoteJob:
-        """Begin a replay; options are the keys of the service's request, such as delay_s."""
+        """Start a replay; options are the keys of the service's request, such as delay_s."""
         return self._job("POST", f"/v1/recordings/{_id(recording)}/replays", options)
 
     def _begin(
         self, plan: RemotePlan | str, jobs: str, options: FilterOptions, **further: Any
     ) -> RemoteJob:
-        """The job that takes options on a plan, with the plan if that is at hand."""
+        """Start a job with options on a plan; the job has the plan if the client was given it."""
         body = {**options.as_request(), **further}
         job = self._job("POST", f"/v1/plans/{_id(plan)}/{jobs}", body)
         return replace(job, plan=plan) if isinstance(plan, RemotePlan) else job
 
     def job(self, job_id: str) -> RemoteJob:
-        """Return a job as it is now."""
+        """Return the current state of a job."""
         return self._job("GET", f"/v1/jobs/{_id(job_id)}")
 
     def cancel(self, job: RemoteJob | str) -> RemoteJob:
@@ -282,7 +282,7 @@ class Client:
         return self._job("POST", f"/v1/jobs/{_id(job)}/cancel")
 
     def _job(self, method: str, path: str, body: Mapping[str, Any] | None = None) -> RemoteJob:
-        """The job that the service answers with."""
+        """Return the job in the service's answer to a request."""
         return RemoteJob.of(values_of(self._remote.send(method, path, body)))
 
     def wait(
@@ -292,13 +292,12 @@ class Client:
         *,
         timeout_s: float | None = None,
     ) -> Any:
-        """Return the result of a job, once it has ended.
+        """Wait for the end of a job and return its result.
 
         A RemotePlan for a refinement, a Validation for a validation, a Flight for a flight, the
         JSON values of a sweep's report, the ReplayDocument of a replay. `progress` is called with
-        the job whenever it has changed. Raises InputError or NoSolutionError where the job failed
-        for such a reason, RemoteError where it was cancelled, failed otherwise or is not done in
-        time.
+        the job whenever it changes. Raises InputError or NoSolutionError if the job failed for
+        such a reason, RemoteError if it was cancelled, failed otherwise or is not done in time.
         """
         began, pause, shown = time.monotonic(), _LOOK_AT_FIRST_S, None
         while True:
@@ -336,7 +335,7 @@ class Client:
         return conclude(trial_run(self._subject(job, plan), options), [unpack(self._trials(job))])
 
     def _flight(self, job: RemoteJob, plan: RemotePlan | None) -> "Flight":
-        # not at the top: it loads numba, which the others do without
+        # not at the top: it loads numba, which nothing else here needs
         from syncplan.flight.flying import conclude_flight, flight_run
 
         options = FlightOptions.of_request(job.document["request"])
@@ -344,11 +343,11 @@ class Client:
         return conclude_flight(run, [unpack_flight(self._trials(job))])
 
     def _subject(self, job: RemoteJob, plan: RemotePlan | None) -> RemotePlan:
-        """The plan that a job is about."""
+        """Plan of a job."""
         return self.stored(job.document["plan_id"]) if plan is None else plan
 
     def _trials(self, job: RemoteJob) -> bytes:
-        """The figures of each trial of a job, packed."""
+        """Packed figures of each trial of a job."""
         path = f"/v1/jobs/{job.id}/trials"
         return self._remote.send("GET", path, accept="application/octet-stream").content
 
@@ -359,7 +358,7 @@ _RESULTS: Mapping[JobKindName, Callable[[Client, RemoteJob, RemotePlan | None], 
     "flight": Client._flight,
     "replay": Client._replayed,
 }
-"""What makes the result of a job that has succeeded, by its kind; of others, its JSON values."""
+"""Functions that make the result of a successful job, by kind; other kinds have JSON values."""
 
 
 def _as_planned(subject: Scenario | Plan | Mapping[str, Any]) -> dict[str, Any]:

@@ -1,41 +1,41 @@
-"""How well: error bounds, the filter, many trials of it, and recordings of real robots.
+"""Estimation: error bounds, filters, Monte Carlo trials, and recordings of real robots.
 
-referred_run       noise and rows of a run, referred to time 0
+referred_run       a run's noise and sighting rows, referred to time 0
 covariances        covariance along a run, referred to time 0, and just before sightings
-start_up_index     how far sightings are from linear at the start
+start_up_index     nonlinearity of the sightings at the start
 referred_system    a team's run, referred to time 0, and its posterior bound
-considered_errors  what errors cost that the filter does not estimate
+considered_errors  expected errors of a filter whose model differs from the world
 bounds             Cramer-Rao bounds
 covariance_kernel  covariance along a run, compiled
-filter_options     which filter, its gate, how many trials of what length
+filter_options     choice of filter, its gate, number and length of trials
 consistency        ANEES, NIS, coverage
 filter_setup       states, motion model, initial variances, gate, sightings and readings of a run
-start_search       how batch solutions are searched for
-pilot_readings     what a few trials read, samples thinned out
-pilot_model        their arcs, and rows of their sightings
-pilot              errors of a filter from a few such trials
-reference_filter   the filter in plain NumPy, one trial, to read
-kernels            how compiled functions are compiled, and their lanes
-motion_kernels     prediction, and the frame that the covariance is in
+start_search       search for batch solutions: tempering, credibility, further starts
+pilot_readings     readings of a few trials, with thinned-out samples
+pilot_model        arcs of these trials, and rows of their sightings
+pilot              errors of a filter in these trials
+reference_filter   the filter in plain NumPy, one trial at a time, written to be read
+kernels            compilation of functions, and the lanes they run over
+motion_kernels     prediction, and the frame of the covariance
 correction_kernels  correction by sightings
 statistics_kernels  comparison of lanes with the truth
 lane_filter        the extended and the ideal filter, many trials side by side
-batch_problem      the least-squares problem of a window, and what a trajectory costs
+batch_problem      the least-squares problem of a window, and the cost of a trajectory
 batch_linearisation  a linear filter along trajectories
 batch_solution     the most likely trajectory over a window
 rivals             two estimates of a trial on the same later sightings
-robust_filter      the filter that finds its start, and itself where it is lost
+robust_filter      the filter that finds its start, and recovers when it is lost
 online_filter      a filter one step at a time
 trials             results of trials, whole and in parts
 drawn_errors       lasting errors of trials
-trial_readings     what is read in trials
+trial_readings     readings of trials
 montecarlo         many trials along a plan
-replay_settings    what the filter assumes of a recording
+replay_settings    settings of a replay
 recorded_readings  a recording's readings at their own times
 recorded_run       a recording as a run of the filter
-recorded_observability  when a recording's sightings determined all poses
-withheld_sightings  how well settings predict sightings that the filter is not given
-replay_tuning      sigmas and delay from a recording's sightings, and whether they are worth it
-replay_results     what a replay found
+recorded_observability  times at which a recording's sightings determined all poses
+withheld_sightings  prediction of sightings withheld from the filter, to compare settings
+replay_tuning      sigmas and delay fitted to a recording's sightings, used if they predict better
+replay_results     results of a replay
 replays            the filter on a recording
 """

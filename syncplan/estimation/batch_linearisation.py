@@ -1,20 +1,20 @@
-"""A linear filter along trajectories: the covariance at the end, and what a smoother needs.
+"""A linear filter along trajectories: the covariance at the end, and input for a smoother.
 
 Along a trajectory the system is linear in small changes m of it:
 
     m, P from the prior about the trajectory,   nu = z - h(trajectory) - h' m
     S = h' P h + R,   g = P h / S,   m += g nu,   P -= g (P h)'
 
-P is in the frame of `motion_kernels`, where prediction only adds noise, and of it only the lower
-triangle is maintained.
+P is in the frame of `motion_kernels`, where prediction only adds noise. Only its lower triangle is
+maintained.
 
-The smoother's adjoint goes backward over what the filter left; it gives a Gauss-Newton step
+The smoother's adjoint runs backward over the filter's results and gives a Gauss-Newton step
 exactly.
 
     lambda = 0, then for each sighting, last first,   lambda += h (nu / S - g' lambda)
     noise of a sample = Q G' lambda,   start = prior + P0 lambda
 
-lambda changes frame where P did, by the transpose.
+Where P changed frame, so does lambda, by the transpose.
 
 Source: Bell (1994), The iterated Kalman smoother as a Gauss-Newton method, SIAM Journal on
 Optimization 4; Bierman (1973), Fixed interval smoothing with discrete measurements, International
@@ -64,9 +64,9 @@ from syncplan.estimation.motion_kernels import (
 
 @lean
 def linear_pass(problem: Problem, path: Trajectory, lanes: Lanes) -> None:
-    """Filter along the trajectories, filling in what the problem has `found`.
+    """Filter along the trajectories and fill in the problem's `found`.
 
-    State and covariance at the end, as the last sighting leaves them, are those in its scratch.
+    Its scratch then holds state and covariance at the end, after the last sighting.
     """
     setup, window, found, scratch = problem.setup, problem.window, problem.found, problem.scratch
     x, P, mean, work, frame = scratch.x, scratch.P, scratch.mean, scratch.work, scratch.frame
@@ -105,7 +105,7 @@ def linear_pass(problem: Problem, path: Trajectory, lanes: Lanes) -> None:
 
 @inner
 def _keep_frame(place: int, frame: Frame, found: Linearised, lanes: Lanes) -> None:
-    """Keep, at a place, the frame that P leaves."""
+    """Store the frame that P leaves at index `place`."""
     for m in range(len(frame.ways)):
         for c in range(3):
             for lane in range(len(lanes)):
@@ -118,7 +118,7 @@ def _keep_frame(place: int, frame: Frame, found: Linearised, lanes: Lanes) -> No
 def _expect_noise(
     problem: Problem, path: Trajectory, i: int, k: int, motion: MotionModel, lanes: Lanes
 ) -> None:
-    """Refer the mean to zero noise of sample k of vehicle i, in P's frame."""
+    """Subtract the reading noise of vehicle i in sample k from the mean, in P's frame."""
     r, ways = 3 * i, problem.found.ways
     mean, slopes = problem.scratch.mean, problem.scratch.work.slopes
     for c in range(4):
@@ -133,7 +133,10 @@ def _expect_noise(
 
 @inner
 def _expect_changes(problem: Problem, gains: Array, k: int, lanes: Lanes) -> None:
-    """The same of bias states that change, which P's frame takes for larger by 1 / what is left."""
+    """Subtract the gains of changing bias states in sample k from the mean, in P's frame.
+
+    There each gain is larger by 1 / the share left.
+    """
     found, mean, frame = problem.found, problem.scratch.mean, problem.scratch.frame
     states, left = problem.setup.states, frame.left
     begin, first = states.first_changing, mean.shape[1] - len(left)
@@ -170,7 +173,7 @@ def _carry_mean(problem: Problem, lanes: Lanes) -> None:
 
 @inner
 def _take_in(problem: Problem, k: int, lanes: Lanes) -> None:
-    """Correct mean and P by the sightings of a sample; x is the trajectory's."""
+    """Correct mean and P by the sightings of a sample; x is the trajectory's state."""
     setup, window, found, scratch = problem.setup, problem.window, problem.found, problem.scratch
     x, P, mean, work, frame = scratch.x, scratch.P, scratch.mean, scratch.work, scratch.frame
     speeds, turn_rates, innovation = scratch.speeds, scratch.turn_rates, work.innovation
@@ -200,7 +203,7 @@ def _take_in(problem: Problem, k: int, lanes: Lanes) -> None:
 
 @inner
 def _weigh(problem: Problem, s: int, place: int, lanes: Lanes) -> None:
-    """Turn h' P h in seen[0] into 1 / S, and the innovation into nu; 0 where none counts.
+    """Replace h' P h in seen[0] by 1 / S, and the innovation by nu; 0 for one not counted.
 
     seen[1] holds h' m.
     """
@@ -214,7 +217,7 @@ def _weigh(problem: Problem, s: int, place: int, lanes: Lanes) -> None:
         pulled = gate < np.inf and temper[lane] > 1.0 and square > FAR * FAR
         counted = gate if temper[lane] <= 1.0 else np.inf
         made = 1.0 if off == off and square <= counted else 0.0
-        # weighted down so that its pull is that of its cost
+        # weighted down so that its pull matches the slope of its cost
         read *= math.sqrt(square) / FAR if pulled else 1.0
         rest = cost - off * off / read if pulled else 0.0
         total = max(seen[0, lane], 0.0) + read
@@ -231,7 +234,7 @@ def _weigh(problem: Problem, s: int, place: int, lanes: Lanes) -> None:
 
 @lean
 def smooth(problem: Problem, lanes: Lanes) -> None:
-    """Fill in the trajectories that are best if all were linear."""
+    """Fill in `best`, the optimal trajectories of the linearised problem."""
     setup, window, prior, found, path, scratch = problem
     adjoint, width, begin = scratch.adjoint, len(lanes), first_sighting(setup, window)
     adjoint[:] = 0.0
@@ -262,7 +265,7 @@ def smooth(problem: Problem, lanes: Lanes) -> None:
 
 @inner
 def _pull(problem: Problem, place: int, lanes: Lanes) -> None:
-    """lambda += h (nu / S - g' lambda) by the sighting at a place."""
+    """Update lambda += h (nu / S - g' lambda) by the sighting at index `place`."""
     found, adjoint, share = problem.found, problem.scratch.adjoint, problem.scratch.share
     columns, entries, gains = found.columns, found.entries, found.gains
     for lane in range(len(lanes)):
@@ -302,7 +305,7 @@ def _smooth_changes(problem: Problem, k: int, time: float, lanes: Lanes) -> None
 
 @inner
 def _refer_adjoint(problem: Problem, place: int, lanes: Lanes) -> None:
-    """lambda = F' lambda, into the frame that was left at a place."""
+    """Bring lambda = F' lambda into the frame left at index `place`."""
     found, adjoint = problem.found, problem.scratch.adjoint
     states, ways = problem.setup.states, found.frames
     first = len(adjoint) - found.frame_lefts.shape[1]
@@ -310,7 +313,7 @@ def _refer_adjoint(problem: Problem, place: int, lanes: Lanes) -> None:
         for lane in range(len(lanes)):
             adjoint[c, lane] *= found.frame_lefts[place, c - first]
     for i in range(len(states.first) - 1):
-        # the heading last: what moves it takes the adjoint of the present one
+        # the heading last: states that move it use its adjoint before its own update
         for m in range(states.first[i + 1] - 1, states.first[i] - 1, -1):
             c = states.columns[m]
             for a in range(states.axes[m, 0], states.axes[m, 1]):

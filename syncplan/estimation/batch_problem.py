@@ -1,4 +1,4 @@
-"""The least-squares problem of a window: what is read and known, trajectories, what each costs.
+"""The least-squares problem of a window: readings, prior, trajectories and their cost.
 
 A trajectory follows from its start and the noise of its readings. Its cost is
 
@@ -19,7 +19,7 @@ from syncplan.estimation.kernels import Lanes, inner, lean
 from syncplan.estimation.motion_kernels import Frame, copy, frame_of, gained, kept, motion_in, move
 
 FAR = 2.0
-"""Standard deviations from which on a reading's pull grows no further, where some may be wild."""
+"""Standard deviations beyond which a reading's pull stops growing, where outliers are possible."""
 
 
 class Window(NamedTuple):
@@ -54,13 +54,13 @@ class Prior(NamedTuple):
 
 
 class Trajectory(NamedTuple):
-    """A trajectory of each lane.
+    """One trajectory for each lane.
 
     Fields
     ------
     start : (3n + e, lanes) state at the beginning
-    speeds, turn_rates : (K, n, lanes) m/s, rad/s, by which readings are too small
-    changes : (K, g, lanes) what each of g bias states that change gains in a sample
+    speeds, turn_rates : (K, n, lanes) m/s, rad/s, added to the readings
+    changes : (K, g, lanes) gain of each of the g changing bias states in a sample
     """
 
     start: Array
@@ -70,18 +70,18 @@ class Trajectory(NamedTuple):
 
 
 class Linearised(NamedTuple):
-    """Results of a pass forward that the pass backward needs.
+    """Results of a forward pass that the backward pass needs.
 
     Fields
     ------
     columns, entries, counts : (s, MOST_ENTRIES), (s, MOST_ENTRIES, lanes), (s,) rows of sightings
     gains, pulls : (s, 3n + e, lanes) g, (s, lanes) nu / S
-    ways : (K, n, 4, lanes) G's entries of x and y by speed and by turn rate
-    since : (K, m) ways of the rows of States that drift and change, when a sample's noise comes
-    lefts : (K, e) what is left then of each bias state
+    ways : (K, n, 4, lanes) entries of G: x and y by speed, x and y by turn rate
+    since : (K, m) ways, for rows of States that drift and change, when a sample's noise enters
+    lefts : (K, e) share of each bias state left then
     ended : (K,) 1 where P left its frame at that sample, otherwise 0
     frames, frame_lefts : (f, m, 3, lanes), (f, e) frames that P has left
-    cost, linear_cost : (lanes,) of the trajectory, and of the best one if all were linear
+    cost, linear_cost : (lanes,) of the trajectory, and of the optimum of the linearised problem
     """
 
     columns: Index
@@ -100,16 +100,17 @@ class Linearised(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Scratch of passes along trajectories.
+    """Scratch arrays for passes along trajectories.
 
     Fields
     ------
     x, P : (3n + e, lanes), (3n + e, 3n + e, lanes) state and covariance, lower triangle
-    mean, carried : (1, 3n + e, lanes), (3n + e, lanes) of what is off a trajectory
+    mean, carried : (1, 3n + e, lanes), (3n + e, lanes) mean deviation from the trajectory, in P's
+        frame and at present
     adjoint : (3n + e, lanes)
     speeds, turn_rates : (n, lanes)
     cost, share, ones : (lanes,)
-    work, frame : of sightings; the frame is that of the present between passes
+    work, frame : for sightings; between passes the frame is that of the present
     """
 
     x: Array
@@ -127,7 +128,7 @@ class Scratch(NamedTuple):
 
 
 def scratch_of(setup: FilterSetup, width: int) -> Scratch:
-    """Return scratch for passes of so many lanes."""
+    """Return scratch for passes over `width` lanes."""
     n, size = setup.vehicles, len(setup.initial_variances)
     return Scratch(
         x=np.empty((size, width)),
@@ -146,14 +147,14 @@ def scratch_of(setup: FilterSetup, width: int) -> Scratch:
 
 
 class Problem(NamedTuple):
-    """A least-squares problem, and what its last linear pass left.
+    """A least-squares problem and the results of its last linear pass.
 
     Fields
     ------
-    setup, window, prior : what is read and known
-    found : by the pass
-    best : trajectories that are best if all were linear
-    scratch : whose state and covariance are those at the end of the pass
+    setup, window, prior : data of the problem
+    found : results of the pass
+    best : optimal trajectories of the linearised problem
+    scratch : with state and covariance at the end of the pass
     """
 
     setup: FilterSetup
@@ -166,11 +167,9 @@ class Problem(NamedTuple):
 
 @lean
 def trajectory_cost(problem: Problem, path: Trajectory, lanes: Lanes) -> None:
-    """Fill in twice the negative log-likelihood of each trajectory, scratch's `cost`.
+    """Compute each trajectory's cost: twice its negative log-likelihood, less a constant.
 
-    Less a constant.
-
-    A sighting that is far off counts as `misfit` has it.
+    Fills in the scratch's `cost`. Outlying sightings count as in `misfit`.
     """
     setup, window, scratch = problem.setup, problem.window, problem.scratch
     x, cost, work = scratch.x, scratch.cost, scratch.work
@@ -196,11 +195,11 @@ def trajectory_cost(problem: Problem, path: Trajectory, lanes: Lanes) -> None:
 
 @inner
 def misfit(square: float, gate: float, temper: float) -> float:
-    """Return the cost of a sighting that is off by so many standard deviations, squared.
+    """Return the cost of a sighting whose `square` is its squared error in standard deviations.
 
-    Where a gate rejects readings that may be anything, one beyond it costs as much as one at it. At
-    a start that is far off most good readings are beyond it, too, and would pull nowhere: until R
-    is true, a reading beyond FAR costs in proportion to how far it is off (Huber).
+    Where a gate rejects outliers, a reading beyond it costs as much as one at it. From a poor start
+    most good readings are beyond it too, and would pull nowhere. So while R is tempered, the cost
+    of a reading beyond FAR grows linearly with its error (Huber).
     """
     if temper <= 1.0 or gate == np.inf:
         return min(square, gate)
@@ -209,7 +208,7 @@ def misfit(square: float, gate: float, temper: float) -> float:
 
 @inner
 def add_prior_cost(prior: Prior, path: Trajectory, cost: Array, lanes: Lanes) -> None:
-    """Add what the start of trajectories costs."""
+    """Add the cost of the trajectories' starts under the prior."""
     for k in range(len(path.start)):
         if prior.variances[k] > 0.0:
             for lane in range(len(lanes)):
@@ -221,7 +220,7 @@ def add_prior_cost(prior: Prior, path: Trajectory, cost: Array, lanes: Lanes) ->
 def correct_readings(
     problem: Problem, path: Trajectory, k: int, motion: MotionModel, cost: Array, lanes: Lanes
 ) -> None:
-    """Fill in readings (n, lanes) of a sample with their noise taken off; add what it costs."""
+    """Fill in a sample's readings (n, lanes) without their noise; add the cost of that noise."""
     window, speeds, turn_rates = problem.window, problem.scratch.speeds, problem.scratch.turn_rates
     by_speed = 1.0 / motion.speed_variance if motion.speed_variance > 0.0 else 0.0
     by_turn = 1.0 / motion.turn_rate_variance if motion.turn_rate_variance > 0.0 else 0.0
@@ -237,7 +236,7 @@ def correct_readings(
 def change(
     x: Array, setup: FilterSetup, time: float, gains: Array, k: int, cost: Array, lanes: Lanes
 ) -> None:
-    """Let bias states decay for `time` s, and gain what sample k brings; add what it costs."""
+    """Let bias states decay for `time` s and add their gains in sample k; add the cost of these."""
     begin, n = setup.states.first_changing, len(setup.states.first) - 1
     for c in range(begin, len(x)):
         left, brought = kept(setup, c - 3 * n, time), gained(setup, c - 3 * n, time)
@@ -250,5 +249,5 @@ def change(
 
 @inner
 def first_sighting(setup: FilterSetup, window: Window) -> int:
-    """Return the number of the first sighting of a window."""
+    """Return the index of the first sighting of a window."""
     return int(setup.first[window.begin + 1])

@@ -5,7 +5,7 @@ The batch solution takes all sightings of a window at once. It minimises
 
     |start - prior|^2 / P0  +  sum of (noise of readings)^2 / Q  +  sum of (z - h)^2 / R
 
-over the start and all noise, by Gauss-Newton steps with a line search; R is tempered:
+over the start and all noise, by Gauss-Newton steps with a line search. R is tempered, see
 `start_search`.
 
 A trial's solution depends on that trial alone, whatever runs beside it.
@@ -41,10 +41,10 @@ from syncplan.estimation.start_search import (
 )
 
 THINNING = 8
-"""Sightings of a kind and a pair that one stands for, until R is true."""
+"""Sightings of one kind and pair that one of them represents while R is tempered."""
 
 ROUNDING = 1e-12
-"""Share of the cost below which what a step gains does not show."""
+"""Share of the cost below which the gain of a step is lost in rounding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,11 +53,11 @@ class BatchSolution:
 
     Attributes
     ----------
-    path : of each lane
+    path : trajectory of each lane
     cost : (lanes,) twice the negative log-likelihood, less a constant
     sightings : (lanes,) number of sightings made
-    state, covariance : (3n + e, lanes), (3n + e, 3n + e, lanes) at the end of the window; of the
-        covariance the lower triangle
+    state, covariance : (3n + e, lanes), (3n + e, 3n + e, lanes) at the end of the window; only the
+        covariance's lower triangle is valid
     steps : (lanes,) Gauss-Newton steps taken
     """
 
@@ -83,8 +83,9 @@ def solve(
     """Return the batch solution over the K samples from `begin` on, searched for from `start`.
 
     `speeds` and `turn_rates` (K, n, lanes) in m/s and rad/s, and `sightings` (s, lanes), NaN where
-    missed, are what is read in them. `start` is (3n + e, lanes), the mean of the prior if
-    None. Less than `close_enough` is then to be gained by another step.
+    missed, are the readings of these samples. `start` is (3n + e, lanes), the mean of the prior if
+    None. The search ends once a step promises to gain less than `close_enough`, or after the last
+    of MOST_STEPS.
     """
     K, width = len(speeds), prior.mean.shape[1]
     path = _still(prior.mean if start is None else start, setup, K)
@@ -110,7 +111,7 @@ def compile_solver(n: int) -> None:
 
 
 def _calls(n: int) -> list[tuple[Any, tuple[Any, ...]]]:
-    """The kernels, with arguments of n vehicles and no sample."""
+    """Return the kernels, each with arguments for n vehicles and no samples."""
     setup, readings, *_ = specimen(n)[0]
     window = Window(0, readings.speeds, readings.turn_rates, readings.sightings, np.ones(1))
     prior = Prior(np.zeros((3 * n, 1)), np.ones(3 * n))
@@ -120,7 +121,7 @@ def _calls(n: int) -> list[tuple[Any, tuple[Any, ...]]]:
 
 
 def _still(start: Array, setup: FilterSetup, K: int) -> Trajectory:
-    """Trajectories from `start` without any noise in K samples."""
+    """Return noise-free trajectories of K samples from `start`."""
     n, width = setup.vehicles, start.shape[1]
     return Trajectory(
         start=start.copy(),
@@ -131,9 +132,9 @@ def _still(start: Array, setup: FilterSetup, K: int) -> Trajectory:
 
 
 def _thinned(setup: FilterSetup, begin: int, end: int) -> tuple[FilterSetup, Index]:
-    """The set-up with one of up to THINNING sightings of a kind and a pair, which stands for all.
+    """Return the set-up in which one sighting represents up to THINNING of its kind and pair.
 
-    Returned with which of the sightings of the window these are.
+    Also returns the indices of these sightings among those of the window.
     """
     window = slice(setup.first[begin + 1], setup.first[end + 1])
     of = np.stack([setup.kinds[window], setup.observers[window], setup.targets[window]])
@@ -159,7 +160,7 @@ def _thinned(setup: FilterSetup, begin: int, end: int) -> tuple[FilterSetup, Ind
 
 
 def problem_of(setup: FilterSetup, window: Window, prior: Prior, K: int) -> Problem:
-    """Return the problem of a window of K samples, as yet without a linear pass."""
+    """Return the problem of a window of K samples, before any linear pass."""
     width, first = prior.mean.shape[1], setup.first
     sightings = int(first[window.begin + K + 1] - first[window.begin + 1])
     return Problem(
@@ -179,7 +180,7 @@ def _descend(
     most: tuple[int, ...],
     close: tuple[float, ...],
 ) -> Index:
-    """Take the paths down to a minimum, in place; return the number of steps of each."""
+    """Move the paths to a minimum, in place; return the number of steps of each."""
     window, found, width = problem.window, problem.found, path.start.shape[1]
     lanes = lanes_of(problem.setup.vehicles, width)
     at, taken = Tempering.of(width, tempers, most, close), np.zeros(width, dtype=np.int64)
@@ -197,9 +198,9 @@ def _descend(
 
 
 def _searched(problem: Problem, path: Trajectory, moving: Flags, lanes: Lanes) -> Flags:
-    """Move each path towards its best as far as its cost falls; return which moved."""
+    """Move each path towards its best by a line search on its cost; return which moved."""
     cost, best = problem.found.cost, problem.best
-    # too little to show in the cost, and so near the minimum that the whole step is right
+    # the gain is lost in rounding: this near the minimum, the whole step is right
     little = cost - problem.found.linear_cost < ROUNDING * cost
     share, found, there = np.ones(len(cost)), moving & little, best
     for _ in range(MOST_HALVINGS):
@@ -237,12 +238,12 @@ def _empty(setup: FilterSetup, begin: int, K: int, sightings: int, width: int) -
 
 
 def _frames_left(setup: FilterSetup, begin: int, K: int) -> int:
-    """How often the covariance leaves its frame, as errors pass."""
+    """Return the largest number of frames that the covariance leaves as errors decay."""
     if setup.states.first_changing == len(setup.initial_variances):
         return 0
     spans = setup.spans[begin : begin + K] / setup.motion.time
     left, count = 1.0, 0
-    # the one that passes first decides
+    # the error that decays fastest decides
     for decay in (setup.states.decays.min() ** spans).tolist():
         left *= decay
         if left < LEAST_LEFT:

@@ -6,20 +6,20 @@ are referred to time 0 by the closed-form transition, so that prediction only ad
     P <- P + Phi(0, k) G Q G^T Phi(0, k)^T      block diagonal, one 3 x 3 block a vehicle
     P <- P - P H^T (H P H^T + 1)^-1 H P         H: the rows of the windowed matrix, sigma = 1
 
-Positions are in mean radii until the end. syncplan.estimation.covariances brings the rows in.
+Positions are in mean radii until the end. syncplan.estimation.covariances processes the rows.
 
-For many losses in little time, the noise, the rows and the displacements of the whole team's run
-are prepared once and selected from for each loss.
+To bound many losses quickly, noise, rows and displacements of the whole team's run are prepared
+once; each loss selects from them.
 
-The periodic limit of a covariance is the fixed point of one period's Riccati map, by doubling. Each
-map is P -> A P (I + C P)^-1 A^T + B. Composed with itself again and again, B becomes the
-covariance long after an exact start.
+The periodic limit of a covariance is the fixed point of one period's Riccati map, found by
+doubling. Each map is P -> A P (I + C P)^-1 A^T + B. Composed with itself repeatedly, its B becomes
+the covariance long after an exact start.
 
-With constant errors as states it depends on the start: what sightings determine of them becomes
-known, its variance falling as 1 / t, and of the rest the prior is all there ever is. So the limit
-is taken from the start itself, and what falls as 1 / t is left out by extrapolation: with P_k the
-covariance after 2^k periods, 2 P_k - P_(k - 1). Where all such errors are determined it is the
-limit of poses and errors that change alone, with the errors known.
+With constant errors as states, the limit depends on the start. The part of them that sightings
+determine becomes known, its variance falling as 1 / t; the rest keeps its prior. So the limit is
+taken from the start itself, and the part that falls as 1 / t is removed by extrapolation: with P_k
+the covariance after 2^k periods, 2 P_k - P_(k - 1). Where sightings determine all constant errors,
+this is the limit of poses and changing errors alone, with the constant errors known.
 
 Sources
 -------
@@ -48,17 +48,17 @@ from syncplan.orbits.sightings import Remainder, steps_within
 from syncplan.orbits.team import Team
 
 _ADAPTED = 0.01
-"""Share by which the sample time may change for sightings to repeat."""
+"""Largest relative change of the sample time made so that sightings repeat."""
 
 _MOST_PERIODS = 20
-"""After which sightings are taken to repeat, at the latest."""
+"""Periods after which sightings are taken to repeat, at the latest."""
 
 
 def window_bound(result: Observability) -> Array:
     """Return (n,) m: the bound on each initial position from one window, without motion noise.
 
     The Cramer-Rao bound of the windowed information (Bar-Shalom, Li, Kirubarajan 2001). NaN
-    for a vehicle whose position is not determined. Of poses alone: errors that last count as known.
+    for a vehicle whose position is not determined. Lasting errors count as known.
     """
     variance = result.variances.reshape(-1, 3)[:, :2].sum(axis=1)
     lost = np.sum(result.null_space**2, axis=0).reshape(-1, 3)[:, :2].sum(axis=1)
@@ -70,7 +70,7 @@ def posterior_bound(
 ) -> PosteriorBound:
     """Return the posterior bound over `duration` s, sightings at k Ts with k >= 1.
 
-    Errors that the filter estimates are states too, with their sigmas for a start.
+    Errors that the filter estimates are states too, with their sigmas as the start.
     `start_up` adds the start-up index, from the same recursion. Raises NoSolutionError where the
     covariance stops being positive definite in floating point: sigmas that span too many orders
     of magnitude.
@@ -85,13 +85,13 @@ def steady_bound(team: Team, windows: Windows) -> Array:
 
     The fixed point of one period's Riccati map, by doubling. The period is rounded to a whole
     number of samples, at least one, and the sample time adapted. Where sensors are not ready at
-    every sample, it is as many periods as hold a whole number of all their intervals, nearly. Where
-    none do, sightings drift past the meetings, and one pattern of them stands for all: with one
-    sighting in a third of a period the bound is off by a few per cent.
-    Infinite where the bound never settles: unobservable teams.
+    every sample, it is the fewest periods that nearly hold a whole number of all their intervals.
+    Where there are none, sightings drift relative to the meetings, and one pattern of them stands
+    for all: with one sighting in a third of a period the bound is off by a few per cent.
+    Infinite where the bound never settles, as for unobservable teams.
 
-    Errors that the filter estimates are known by then, except for what sightings never determine
-    of them: there the sigmas of the start remain.
+    By then, errors that the filter estimates are known as far as sightings determine them. For the
+    rest, the initial sigmas remain.
     """
     even, samples = _repeating(team)
     system = ReferredSystem.along(even, windows, samples, layout_of(even))
@@ -108,10 +108,10 @@ def steady_bound(team: Team, windows: Windows) -> Array:
 
 
 def _repeating(team: Team) -> tuple[Team, int]:
-    """The team with a sample time at which all that it does repeats, and after how many samples.
+    """Return the team with a sample time at which sightings repeat, and the samples until they do.
 
-    The fewest periods for which the sample time changes by no more than _ADAPTED, or those up to
-    _MOST_PERIODS for which it changes least.
+    These are the fewest periods for which the sample time changes by no more than _ADAPTED, or the
+    number up to _MOST_PERIODS for which it changes least.
     """
     period, sample_time = team.orbits.period, team.sensors.sample_time
     together = lcm(*samples_between(team.sensors)[kinds_measured(team.sensors).T].tolist())
@@ -133,12 +133,12 @@ def _sampled(team: Team, sample_time: float) -> Team:
     return replace(team, sensors=replace(team.sensors, sample_time=sample_time))
 
 
-# --- of a team that has lost something ------------------------------------------------------------
+# --- bounds after a loss --------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
 class LossBounds:
-    """A run of a whole team, to find the bounds of its remainders from."""
+    """A run of a whole team, from which the bounds after losses are computed."""
 
     system: ReferredSystem
 
@@ -149,7 +149,7 @@ class LossBounds:
         return cls(ReferredSystem.along(team, windows, steps, layout_of(team, ())))
 
     def after(self, left: Remainder) -> PosteriorBound:
-        """Return the bound of what a loss leaves; raises NoSolutionError as posterior_bound."""
+        """Return the bound after a loss; raises NoSolutionError as posterior_bound does."""
         from syncplan.estimation.covariance_kernel import compiled_variances_along
 
         system = self.system.left_by(left, layout_of(left.team))
@@ -167,19 +167,19 @@ _DOUBLINGS = 60
 _SETTLED, _SETTLED_BY_ROUNDING = 1e-12, 1e-8
 
 _LARGEST = 1e12
-"""Of a covariance that still may settle."""
+"""Largest element of a covariance that may still settle."""
 
 _DOUBLINGS_FROM_START, _SETTLED_FROM_START = 24, 1e-6
-"""With constant errors: more doublings would drown what is not determined in rounding."""
+"""Limits with constant errors: more doublings would lose undetermined parts in rounding."""
 
 Riccati = tuple[Array, Array, Array]
-"""A, B and C of a map."""
+"""Matrices A, B and C of a map."""
 
 
 def settled_covariance(system: ReferredSystem) -> Array | None:
     """Return the covariance at the beginning of a period once it has become periodic.
 
-    None where it does not settle. The run of the system has to be one of whole periods.
+    None where it does not settle. The system's run must cover whole periods.
     """
     once = _period_map(system)
     if system.run.poses_alone:
@@ -188,7 +188,7 @@ def settled_covariance(system: ReferredSystem) -> Array | None:
 
 
 def _fixed_point(once: Riccati) -> Array | None:
-    """The fixed point of a map, by structured doubling.
+    """Return the fixed point of a map by structured doubling, None where it does not settle.
 
     After k doublings B is the covariance 2^k periods after an exact start.
     """
@@ -208,7 +208,7 @@ def _fixed_point(once: Riccati) -> Array | None:
 
 
 def _settled_from(start: Array, once: Riccati) -> Array | None:
-    """The covariance long after the covariance `start` at time 0."""
+    """Return the limit of the covariance from `start` at time 0, None where it does not settle."""
     before, settled = start, None
     for _ in range(_DOUBLINGS_FROM_START):
         a, b, c = once
@@ -224,7 +224,10 @@ def _settled_from(start: Array, once: Riccati) -> Array | None:
 
 
 def _period_map(system: ReferredSystem) -> Riccati:
-    """Changes and noise, then rows, of each sample; in the end time 0 is moved to the period's."""
+    """Return the map of a period: each sample's changes and noise, then its rows.
+
+    Finally, time 0 is moved to the end of the period.
+    """
     run = system.run
     identity, zero = np.eye(run.size), np.zeros((run.size, run.size))
     carried, blown = identity, zero
@@ -245,9 +248,9 @@ def _period_map(system: ReferredSystem) -> Riccati:
 
 
 def _composed(first: Riccati, then: Riccati) -> Riccati:
-    """The map `first`, then `then`; each is P -> A P (I + C P)^-1 A^T + B.
+    """Return the map `first` followed by `then`; each is P -> A P (I + C P)^-1 A^T + B.
 
-    With first = then it is the doubling step (Anderson 1978).
+    With first = then this is the doubling step (Anderson 1978).
     """
     a1, b1, c1 = first
     a2, b2, c2 = then

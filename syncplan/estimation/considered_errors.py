@@ -1,24 +1,23 @@
-"""What a filter is truly off by where the world is not as it takes it to be, along the circles.
+"""Expected errors of a filter whose model differs from the world, along the circles.
 
-It may leave out errors that there are, or take noise, errors and sensors for others than they are.
-The filter's gain K comes from its own recursion, which knows nothing of that; what its errors truly
-are, with those of the whole state and rows H of all of it, is
+The model may leave out errors that exist, or assume other noise, errors and sensors than the true
+ones. The filter's gain K comes from its own recursion, which ignores the difference. The covariance
+C of the true errors, with rows H for the whole true state, follows from any gain (Joseph):
 
     C <- (1 - K H) C (1 - K H)^T + K K^T
 
-for any gain (Joseph): the consider analysis of Schmidt, with the filter's gains instead of others.
-Where rows are noisier than the filter takes them for, K K^T has the noise's variances between. What
-changes in another way than the filter takes it to, as gusts of another strength or memory, stands
-there twice: as it truly is and, as the filter goes on with it, as estimated.
+This is Schmidt's consider analysis with the filter's gains. Where rows are noisier than the filter
+assumes, K K^T becomes K R K^T with their variances R. An error that changes otherwise than the
+filter assumes, such as gusts of another strength or memory, is in the state twice: with its true
+value and with the value that the filter estimates.
 
-Both recursions are linear: they hold while errors stay small beside the distances to what is seen.
-Where a filter is so wrong that it is off by a large part of those, its tangents are taken elsewhere
-and its gate rejects sightings; the true error can then be larger or smaller, and only trials show
-it.
+Both recursions are linear: they hold while errors stay small beside the distances to the bodies
+sighted. Where a filter's errors reach a large part of these, its tangents are taken elsewhere and
+its gate rejects sightings; the true error can then be larger or smaller, and only trials show it.
 
-A share p of bearings that are false, anywhere within the half view b, has the mean square error of
-a bearing thrown, b^2 / 3, and that of the bearing that it is not, as much: 2 p b^2 / 3; all round,
-where angles are wrapped, p pi^2 / 3.
+A share p of false bearings, anywhere within the half view b, adds the mean square of the false
+bearing, b^2 / 3, and that of the true one, as much: 2 p b^2 / 3; all round, where angles are
+wrapped, p pi^2 / 3.
 
 Sources
 -------
@@ -43,7 +42,7 @@ from syncplan.orbits.sightings import Sightings, steps_within
 from syncplan.orbits.team import Team
 
 _SEEN = ("ranges", "fields_of_view", "boresights", "every", "compass_every", "detection")
-"""Attributes of sensors that say what is sighted: the world decides, whatever the filter knows."""
+"""Attributes of sensors that decide what is sighted; the filter's are those of the world."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,11 +51,11 @@ class TrueRun:
 
     Attributes
     ----------
-    run : noise, rows and errors that there are, rows over the sigmas that the filter takes for true
-    variances : (s,) of each row's noise
-    held : (size of the filter's state,) where in the true covariance each of its states is
-    followed : states of the filter that stand, as estimated, behind those of `run`
-    estimates : how these are carried; None where there are none
+    run : true noise, rows and errors; rows are divided by the sigmas that the filter assumes
+    variances : (s,) variance of each row's noise
+    held : (size of the filter's state,) place of each of its states in the true covariance
+    followed : states of the filter whose estimates are appended to the states of `run`
+    estimates : prediction of these estimates; None where there are none
     """
 
     run: Run
@@ -77,11 +76,14 @@ class TrueRun:
             self.estimates.predict(covariance)
 
     def rows(self, true: Array, own: Array) -> Array:
-        """Return rows (m, size) of true errors, those of the true run and of the filter's given."""
+        """Return rows (m, size) of the true errors, from the true run's and the filter's."""
         return np.hstack([true, -own[:, self.followed]]) if len(self.followed) else true
 
     def gains(self, own: Array) -> Array:
-        """Return the filter's gains (m, its size) for the true errors: estimates grow by them."""
+        """Return gains (m, size) for the true errors from the filter's own (m, its size).
+
+        Appended estimates grow by their gains, so these have the opposite sign.
+        """
         gains = np.zeros((len(own), self.size))
         gains[:, self.held] = own
         gains[:, self.run.size :] *= -1.0
@@ -97,12 +99,12 @@ def neglected_errors(team: Team) -> tuple[str, ...]:
 def expected_errors(
     team: Team, windows: Windows, duration: float, *, true: Team | None = None
 ) -> PosteriorBound:
-    """Return the mean square errors over `duration` s of the filter of a team in the true world.
+    """Return the mean square errors over `duration` s of a team's filter in the true world.
 
-    `true` is the team of that world, the same if None, and `windows` are its contacts. They are no
-    bound but what that filter is to be expected to make of its sightings; where it neglects nothing
-    and the world is as it takes it, both are the same. Its further states follow
-    layout_of(true, ERROR_STATES). Raises NoSolutionError as posterior_bound.
+    `true` is the team of that world, the same if None, and `windows` are its contacts. The result
+    is not a bound, but the error expected of that filter; where the filter neglects nothing and its
+    model is true, both are the same. The further states of the result follow
+    layout_of(true, ERROR_STATES). Raises NoSolutionError as posterior_bound does.
     """
     world = team if true is None else true
     seen = {name: getattr(world.sensors, name) for name in _SEEN}
@@ -127,7 +129,7 @@ def expected_errors(
 
 
 def _true_run(own: ReferredSystem, whole: ReferredSystem, variances: Array) -> TrueRun:
-    """The true run of a filter; what changes otherwise than it takes it to is followed."""
+    """Return the true run; it follows the filter's changing errors if any is modelled wrongly."""
     changing, layout = own.run.changing, own.layout
     alike = all(_changes_alike(layout, whole.layout, name) for name in layout.names)
     held, followed = np.arange(layout.size), np.arange(layout.first_changing, layout.size)
@@ -149,7 +151,7 @@ def _true_run(own: ReferredSystem, whole: ReferredSystem, variances: Array) -> T
 
 
 def _changes_alike(own: StateLayout, whole: StateLayout, name: str) -> bool:
-    """Whether an error of the filter is constant, or in truth changes as the filter has it."""
+    """Return whether an error of the filter is constant, or changes in truth as it assumes."""
     if ERROR_STATES[name].constant:
         return True
     return name in whole.names and np.array_equal(_course(own, name), _course(whole, name))
@@ -162,7 +164,7 @@ def _course(layout: StateLayout, name: str) -> Array:
 
 
 def _variances(sightings: Sightings, filtered: Team, world: Team) -> Array:
-    """(s,) of the noise of each sighting, over the variance that the filter takes for true."""
+    """(s,) noise variance of each sighting, over the variance that the filter assumes."""
     kinds, observers = sightings.kinds, sightings.observers
     taken = sigmas_by_kind(filtered.sensors, kinds, observers)
     variances = (sigmas_by_kind(world.sensors, kinds, observers) / taken) ** 2
@@ -189,8 +191,8 @@ def _considered_along(
 ) -> Iterator[Array]:
     """Yield the true covariance after each sample of a filter whose run is `own`.
 
-    `covariances` are the filter's and the true one at time 0. What is yielded is changed in place
-    with the next sample. Raises LinAlgError as carried_along.
+    `covariances` are the filter's and the true one at time 0. The yielded array changes in place
+    with the next sample. Raises LinAlgError as carried_along does.
     """
     trusted, true = (one.copy() for one in covariances)
     both = zip(own.samples(), truth.run.samples(), strict=True)
@@ -208,7 +210,7 @@ def _considered_along(
 
 
 def _take_in(covariance: Array, rows: Array, gains: Array, variances: Array) -> None:
-    """C <- (1 - K H) C (1 - K H)^T + K R K^T in place, with the transposed gain K^T (m, size)."""
+    """Update C <- (1 - K H) C (1 - K H)^T + K R K^T in place; `gains` is K^T (m, size)."""
     seen = rows @ covariance
     innovation = seen @ rows.T
     innovation.reshape(-1)[:: len(rows) + 1] += variances

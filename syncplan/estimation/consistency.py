@@ -9,21 +9,21 @@ A filter's sigma is no evidence of its error. Three figures compare the two:
 
 The first two come with their 95 % confidence interval. Trials are independent, samples of one trial
 are not, so the interval is that of a mean over trials, from their spread. A recording is a single
-trial: its interval supposes that the sums are chi-square variables.
+trial: its interval assumes that the sums are chi-square variables.
 
 A filter is called optimistic (its sigmas are too small) or conservative where the whole interval is
-more than TOLERANCE from 1: a difference that many trials establish, but that nobody would notice,
-is none.
+more than TOLERANCE from 1. A smaller difference does not count, even where many trials establish
+it.
 
-The interval of a mean is by empirical likelihood, as its samples may be skewed: among all weights w
+The interval of a mean is by empirical likelihood, as its samples may be skewed. Among all weights w
 on the samples x_1..x_k, sum w = 1, the likelihood of a mean mu is the largest product of k w_i with
-sum w_i x_i = mu. The interval holds the means whose
+sum w_i x_i = mu. The interval holds the means with
 
     -2 log(likelihood) <= t^2           t Student's 97.5 % quantile with k - 1 degrees of freedom
 
 For nearly normal samples this is Student's interval. Where a few samples are far above the rest,
 as squared errors of lost trials are, Student's interval reaches far below all of them; this one
-stays within the samples and bends towards the long tail.
+stays within the samples and extends towards the long tail.
 
 Source: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001,
 5.4 (consistency of state estimators; chi-square bands of averaged NEES and NIS); Owen, Empirical
@@ -56,7 +56,7 @@ def interval_of_mean(
 
     least, largest = float(samples.min()), float(samples.max())
     spread = largest - least
-    # within rounding they are all the same
+    # all are the same to within rounding
     if not spread > 1e-14 * max(abs(least), abs(largest)):
         mean = float(samples.mean())
         return mean, mean
@@ -67,10 +67,10 @@ def interval_of_mean(
 
 
 def _least_mean(shares: Array, largest_statistic: float) -> float:
-    """The least mean of shares (k,) in [0, 1], 0 among them, that is likely enough.
+    """Return the least mean of shares (k,) in [0, 1], 0 among them, that is likely enough.
 
     The likeliest weights of a mean below the samples' own are proportional to 1 / (1 + a share),
-    a >= 0; both the mean's fall and the statistic grow with the tilt a.
+    a >= 0. As the tilt a grows, the mean falls and the statistic rises.
     """
     low, high = -_LARGEST_LOG_TILT, _LARGEST_LOG_TILT
     for _ in range(_HALVINGS):
@@ -96,28 +96,28 @@ Verdict = Literal["consistent", "optimistic", "conservative", "unknown"]
 Basis = Literal["trials", "chi-square"]
 
 TOLERANCE = 0.1
-"""How far from 1 a figure may be and count as consistent: sigmas that are 5 % off."""
+"""Largest distance from 1 at which a figure counts as consistent: sigmas that are 5 % off."""
 
 FEWEST_TRIALS = 10
-"""Of fewer trials the spread says too little."""
+"""Fewest trials whose spread gives an interval."""
 
 WIDEST = 0.4
-"""An interval from the spread over trials that is wider does not show that a filter is consistent:
-it would hold 0.8 and 1.2."""
+"""Widest interval from the spread over trials that can show that a filter is consistent: a wider
+one would hold 0.8 and 1.2."""
 
 _NO_BAND = (math.nan, math.nan)
 
 
 @dataclass(frozen=True, slots=True)
 class Consistency:
-    """A normalised squared error, its confidence interval, and what that shows of the filter.
+    """A normalised squared error, its confidence interval, and the verdict on the filter.
 
     Attributes
     ----------
     value : mean normalised squared error, 1 for a consistent filter; NaN without samples
     band : (low, high) its two-sided 95 % confidence interval; (NaN, NaN) where there is none
-    count : of what the interval rests on: trials, or chi-square degrees of freedom
-    basis : which of the two
+    count : number of trials, or of chi-square degrees of freedom, that give the interval
+    basis : which of the two `count` is
     verdict : "optimistic" where the interval lies above 1 + TOLERANCE (sigmas too small),
         "conservative" where it lies below 1 - TOLERANCE, "unknown" without an interval, or where it
         is from the spread over trials and wider than WIDEST, otherwise "consistent"
@@ -170,7 +170,7 @@ def nis(sums: Array, counts: Array, gate_probability: float | None = None) -> Co
         return _of_trials(math.nan, np.empty(0))
     expected, _ = _gated_moments(gate_probability)
     mean = float(sums.sum()) / total
-    # a ratio of two sums: to first order the mean of these, each of which is a trial's own
+    # to first order, a ratio of two sums is the mean of these values, one for each trial
     own = mean + (sums - mean * counts) * (len(counts) / total)
     return _of_trials(mean / expected, own / expected)
 
@@ -178,8 +178,8 @@ def nis(sums: Array, counts: Array, gate_probability: float | None = None) -> Co
 def recorded_anees(nees: float, dimension: int) -> Consistency:
     """Return the average NEES over its dimension of a single trial.
 
-    NEES is correlated along a run, so the whole run counts as one sample: the interval supposes a
-    chi-square variable of `dimension` degrees of freedom, and is wider than it need be for a run
+    NEES is correlated along a run, so the whole run counts as one sample: the interval assumes a
+    chi-square variable of `dimension` degrees of freedom, and is wider than necessary for a run
     much longer than the errors' correlation time.
     """
     return _of_recording(nees / dimension, 0 if math.isnan(nees) else dimension)
@@ -197,12 +197,12 @@ def recorded_nis(total: float, count: int, gate_probability: float | None = None
 
 
 def coverage(covered: Array, samples: int) -> Array:
-    """Return the share (...) of the coordinates within three sigma, of `samples` each."""
+    """Return the share (...) of `samples` at which each coordinate is within three sigma."""
     return np.asarray(covered / samples)
 
 
 def _gated_moments(probability: float | None) -> tuple[float, float]:
-    """Mean and variance of a chi-square variable of one degree below a gate."""
+    """Mean and variance of a chi-square variable of one degree of freedom below a gate."""
     from scipy.special import chdtr
 
     gate = gate_threshold(probability)
@@ -215,7 +215,7 @@ def _gated_moments(probability: float | None) -> tuple[float, float]:
 
 
 def _of_trials(value: float, values: Array) -> Consistency:
-    """The figure `value`, which is the mean of those of trials (k,)."""
+    """Return the figure `value`, the mean of the `values` (k,) of trials, with its interval."""
     if len(values) < FEWEST_TRIALS:
         return Consistency(value, _NO_BAND, len(values), "trials", "unknown")
     band = interval_of_mean(values)
@@ -226,7 +226,7 @@ def _of_trials(value: float, values: Array) -> Consistency:
 
 
 def _of_recording(value: float, degrees: int) -> Consistency:
-    """The figure of a single trial, a chi-square variable over its degrees of freedom."""
+    """Return the figure of a single trial, a chi-square variable over its degrees of freedom."""
     if not degrees:
         return Consistency(value, _NO_BAND, 0, "chi-square", "unknown")
     low, high = chi_square_band(degrees)

@@ -1,30 +1,30 @@
-"""Correction: what sightings say of the state, and how they correct it and its covariance.
+"""Correction of the state and its covariance by sightings, one after another.
 
-A sighting z of a kind corrects a state x with covariance P, one sighting after another:
+A sighting z of a kind corrects a state x with covariance P:
 
     nu = z - h(x),   u = P h,   S = h' u + sigma^2,   x += u nu / S,   P -= u u' / S
 
-h has the slopes by the observer's pose, those of the target's place, which are their negative, and
-1 for a bearing's bias and walk. The gate rejects a sighting by nu^2 / S; one that is NaN is missed:
-its lane's state, covariance and statistics stay as they are.
+The row h holds the slopes by the observer's pose, their negative for the target's position, and 1
+for a bearing's bias and walk. The gate rejects a sighting by nu^2 / S. A sighting that is NaN is
+missed: its lane's state, covariance and statistics stay as they are.
 
 P is in the frame of `motion_kernels`, and so is a row h: with the ways W of a state since, its
-entry is h W for the observer and -h W for the target. Of a common drift, which moves both alike,
-nothing is left. P is large, and each correction would read all of it; so the halves u of a step's
-corrections are kept, taken off what is read of P, and P is corrected by all of them in one sweep.
-Of P only the lower triangle is maintained.
+entry is h W for the observer and -h W for the target. A common drift moves both alike and drops
+out. P is large, and each correction would read all of it. So the halves u of some corrections are
+kept and subtracted from any part of P that is read, until one sweep corrects P by all of them. Only
+the lower triangle of P is maintained.
 
-A vehicle whose clock offset is delta stamps with t what it took at t + delta. By then each vehicle
-has gone on from its pose at t along its arc, in the air that moves; the rate of the reading is,
-with the observer's slopes (h_x, h_y, h_psi),
+A vehicle whose clock offset is delta stamps t on a sighting taken at t + delta. By then each
+vehicle has moved on from its pose at t, along its arc and with the air. With the observer's slopes
+(h_x, h_y, h_psi), the reading changes at the rate
 
     h_x (v_o - v_t)_x + h_y (v_o - v_t)_y + h_psi w_o
 
-How that way changes with heading, scale and air is of second order and left out of the row.
+The change of that motion with heading, scale and air is of second order and left out of the row.
 
-Second-order noise is what a sighting's curvature leaves unknown. A filter replaces a sighting by
-its tangent at the estimate. With the error of the relative position split into a along and b across
-the line of sight, at distance rho, its next term is
+Second-order noise accounts for a sighting's curvature. A filter replaces a sighting by its tangent
+at the estimate. With the error of the relative position split into a along and b across the line of
+sight, at distance rho, the next term is
 
     -a b / rho^2      of a bearing      variance  (P_aa P_bb + P_ab^2) / rho^4
     b^2 / (2 rho)     of a distance     variance  P_bb^2 / (2 rho^2)
@@ -65,20 +65,20 @@ SMALLEST_SQUARE = 1e-300
 """Least squared distance in m^2: bodies estimated at one place give a row of zeros, not NaN."""
 
 NEAREST_SQUARE = 1e-12
-"""m^2: nearer bodies count as this far apart, which leaves finite second-order variances."""
+"""Least squared distance in m^2 in second-order variances, which keeps them finite."""
 
 NONE = cast(int, np.int64(0))
-"""A count of 0 that is no literal: numba compiles a kernel again for each literal."""
+"""A count of 0 that is not a literal: numba compiles a kernel again for each literal."""
 
 WHOLE, OFF = cast(bool, np.bool_(False)), cast(bool, np.bool_(True))
-"""Whether `correct` is given a state, or what it is off the one at which it is linearised."""
+"""For `correct`: x is a whole state, or the deviation from the state of linearisation."""
 
 AT_ONCE = 2
-"""Sightings that P is corrected by in one sweep; more cost more than they save."""
+"""Sightings by which one sweep corrects P; more would cost more than they save."""
 
 
 class Correction(NamedTuple):
-    """Scratch of corrections.
+    """Scratch arrays for corrections.
 
     Fields
     ------
@@ -87,10 +87,11 @@ class Correction(NamedTuple):
     seen : (4, lanes) slopes by the observer's pose and by its clock offset
     innovation, curvature : (lanes,)
     halves, gains : (AT_ONCE, 3n + e, lanes) u and u / S of a step's corrections
-    axis_columns, axis_entries : (2, most), (2, most, lanes) of rows of an axis each
-    counts : (2,) of their entries
+    axis_columns, axis_entries : (2, most), (2, most, lanes) of a row for each axis of position
+    counts : (2,) number of entries of these rows
     sums : (7, lanes)
-    places : (2, 3, lanes), rates : (2, 3, lanes) of observer and target when a late stamp was made
+    places, rates : (2, 3, lanes) poses of observer and target, and their rates, at the true time of
+        a sighting
     """
 
     columns: Index
@@ -110,7 +111,7 @@ class Correction(NamedTuple):
 
 
 def correction_of(states: States, size: int, width: int) -> Correction:
-    """Return scratch for corrections of a state of so many entries and lanes."""
+    """Return scratch for corrections of `size` states in `width` lanes."""
     most = most_entries(states)
     return Correction(
         np.zeros(most, dtype=np.int64),
@@ -131,19 +132,19 @@ def correction_of(states: States, size: int, width: int) -> Correction:
 
 
 def most_entries(states: States) -> int:
-    """Return how many entries a row may have: three of each pose, and a row of States each."""
+    """Return the most entries of a row, in threes: 3 for each pose, 1 for each row of States."""
     most = int(np.diff(states.first).max())
     return 3 * ((6 + 2 * most + 2) // 3)
 
 
-# --- what is sighted ----------------------------------------------------------------------------
+# --- sightings ----------------------------------------------------------------------------------
 
 
 @inner
 def _way(
     x: Array, observer: int, target: int, n: int, landmarks: Array, lane: int
 ) -> tuple[float, float]:
-    """Return the way from an observer to its target, x and y in m; landmarks follow vehicles."""
+    """Return the relative position of a target, x and y in m; landmarks follow vehicles."""
     o, t = 3 * observer, 3 * target
     if target < n:
         return x[t, lane] - x[o, lane], x[t + 1, lane] - x[o + 1, lane]
@@ -165,9 +166,9 @@ def sight_poses(
 ) -> None:
     """Fill in a sighting's innovation (lanes,) and the observer's part (3, lanes) of its row.
 
-    The target's part is the negative of the first two. `kind` is its place in SIGHTING_KINDS, and
-    `read` (lanes,) what it reads; x (3n or more, lanes) begins with poses, and targets from n on
-    are landmarks. A compass has its own vehicle as target.
+    The target's part is the negative of the first two entries. `kind` is the sighting's place in
+    SIGHTING_KINDS, and `read` (lanes,) its reading. x (3n or more, lanes) begins with poses, and
+    targets from n on are landmarks. A compass has its own vehicle as target.
     """
     for lane in range(len(lanes)):
         dx, dy = _way(x, observer, target, n, landmarks, lane)
@@ -188,7 +189,7 @@ def sight_poses(
 
 @inner
 def _wrap(angles: Array, lanes: Lanes) -> None:
-    """Bring angles (lanes,) within half a turn."""
+    """Wrap angles (lanes,) to within half a turn."""
     for lane in range(len(lanes)):
         turns = np.floor((angles[lane] + math.pi) / (2.0 * math.pi))
         angles[lane] -= 2.0 * math.pi * turns
@@ -206,9 +207,10 @@ def sight(
     work: Correction,
     lanes: Lanes,
 ) -> None:
-    """Fill in slopes and innovation of sighting s of a set-up, which measured[row] (lanes,) reads.
+    """Fill in slopes and innovation of sighting s of a set-up.
 
-    `speeds` and `turn_rates` (n, lanes) are the readings at the time.
+    Its reading is measured[row] (lanes,); `speeds` and `turn_rates` (n, lanes) are the motion
+    readings at its time.
     """
     states, n = setup.states, len(speeds)
     kind, o, t = setup.kinds[s], setup.observers[s], setup.targets[s]
@@ -226,7 +228,7 @@ def sight(
 
 @inner
 def _expect_shift(x: Array, column: int, kind: int, innovation: Array, lanes: Lanes) -> None:
-    """Take the shift that is expected of a sighting, a state, off its innovation."""
+    """Subtract the estimated shift of a sighting, a state, from its innovation."""
     for lane in range(len(lanes)):
         innovation[lane] -= x[column, lane]
     if kind != DISTANCE_KIND:
@@ -245,14 +247,14 @@ def _sight_later(
     work: Correction,
     lanes: Lanes,
 ) -> None:
-    """The same of a sighting whose stamp is off by the state in column `clock`."""
+    """Fill in slopes and innovation of sighting s, whose stamp is off by the state `clock`."""
     kind, o, t = setup.kinds[s], setup.observers[s], setup.targets[s]
     n, rates, seen = len(speeds), work.rates, work.seen
     rates[1] = 0.0
     for place, i in enumerate((o, t)):
         if i < n:
             _go_on(x, i, x[clock], setup.states, speeds, turn_rates, work, place, lanes)
-    # there are but these two; landmarks follow
+    # these are the only two bodies; landmarks follow
     target = 1 if t < n else 2 + t - n
     own, bodies = NONE, NONE + 2
     poses = work.places.reshape(6, len(lanes))
@@ -276,10 +278,10 @@ def _go_on(
     place: int,
     lanes: Lanes,
 ) -> None:
-    """Fill in vehicle i's pose, `offsets` (lanes,) s later, and how it changes then."""
+    """Fill in vehicle i's pose `offsets` (lanes,) s later, and its rate of change then."""
     r, pose, rates = 3 * i, work.places[place], work.rates[place]
     for lane in range(len(lanes)):
-        # so far its speed, its turn rate, and the air's velocity
+        # at first these hold the factor on speed, the turn rate and the air's velocity
         pose[0, lane], pose[1, lane], pose[2, lane] = 1.0, turn_rates[i, lane], 0.0
         rates[0, lane], rates[1, lane] = 0.0, 0.0
     for m in range(states.first[i] + 1, states.first[i + 1]):
@@ -309,7 +311,7 @@ def _go_on(
 
 @part
 def refer(s: int, setup: FilterSetup, frame: Frame, work: Correction, lanes: Lanes) -> int:
-    """Fill in the row of sighting s in P's frame; return how many entries it has, in threes.
+    """Fill in the row of sighting s in P's frame; return its number of entries, in threes.
 
     The slopes are those of `sight`.
     """
@@ -347,7 +349,7 @@ def _refer_vehicle(
     count: int,
     lanes: Lanes,
 ) -> int:
-    """Add the entries of one vehicle: observer, or with the sign -1 target."""
+    """Append the entries of one vehicle: the observer or, with the sign -1, the target."""
     columns, entries, seen, ways = work.columns, work.entries, work.seen, frame.ways
     heading, turns = states.first[i], 1.0 if sign > 0.0 else 0.0
     columns[count], columns[count + 1], columns[count + 2] = 3 * i, 3 * i + 1, 3 * i + 2
@@ -389,7 +391,7 @@ def refer_place(
     work: Correction,
     lanes: Lanes,
 ) -> None:
-    """Add the entries, in P's frame, of an axis of a vehicle's place to those there are."""
+    """Append the entries, in P's frame, of an axis of a vehicle's position to that axis's row."""
     columns, entries, counts = work.axis_columns, work.axis_entries, work.counts
     count = counts[axis]
     columns[axis, count] = 3 * i + axis
@@ -411,7 +413,7 @@ def refer_place(
 
 @inner
 def spread(P: Array, a: int, b: int, work: Correction, row: int, lanes: Lanes) -> None:
-    """Fill in h_a' P h_b, sums[row] (lanes,), of the rows of two axes."""
+    """Fill sums[row] (lanes,) with h_a' P h_b of the rows of two axes."""
     columns, h, sums = work.axis_columns, work.axis_entries, work.sums
     for lane in range(len(lanes)):
         sums[row, lane] = 0.0
@@ -448,7 +450,7 @@ def _curve(
         refer_place(o, axis, -1.0, apart, states, frame, work, lanes)
         if not apart:
             refer_place(t, axis, 1.0, apart, states, frame, work, lanes)
-        # in threes, as those of other rows
+        # padded to threes, as in other rows
         end = work.counts[axis] + 2
         columns[axis, work.counts[axis] : end], h[axis, work.counts[axis] : end] = 0, 0.0
     for row in range(3):
@@ -495,7 +497,7 @@ def second_order_variance(
 def multiply(
     P: Array, columns: Index, h: Array, count: int, halves: Array, place: int, lanes: Lanes
 ) -> None:
-    """u = P h, halves[place] (3n + e, lanes), three entries of h at a time."""
+    """Fill halves[place] (3n + e, lanes) with u = P h, three entries of h at a time."""
     for c in range(0, count, 3):
         p, q, r = columns[c], columns[c + 1], columns[c + 2]
         for k in range(len(P)):
@@ -528,7 +530,7 @@ def dot(
     row: int,
     lanes: Lanes,
 ) -> None:
-    """Fill in h . u, products[row] (lanes,), of the half at a place."""
+    """Fill products[row] (lanes,) with h . u of the half at index `place`."""
     for lane in range(len(lanes)):
         products[row, lane] = 0.0
     for c in range(0, count, 3):
@@ -545,7 +547,7 @@ def dot(
 def take_off(
     gains: Array, j: int, shares: Array, row: int, halves: Array, place: int, lanes: Lanes
 ) -> None:
-    """u -= gain shares: the correction by sighting j that P has not had yet."""
+    """Update u -= gain shares by sighting j, whose correction is not in P yet."""
     for k in range(halves.shape[1]):
         for lane in range(len(lanes)):
             halves[place, k, lane] -= gains[j, k, lane] * shares[row, lane]
@@ -562,9 +564,9 @@ def half_of(
     work: Correction,
     lanes: Lanes,
 ) -> int:
-    """Fill in row, half and, in seen[0], h' P h of sighting s; return the row's count.
+    """Fill in row and half of sighting s, and h' P h in seen[0]; return the row's count.
 
-    The corrections by the `pending` sightings before it, of these gains, P has not had yet.
+    The corrections by the `pending` sightings before it, with these gains, are not in P yet.
     """
     columns, h, halves, seen = work.columns, work.entries, work.halves, work.seen
     count = refer(s, setup, frame, work, lanes)
@@ -586,7 +588,7 @@ def correct_state(
     frame: Frame,
     lanes: Lanes,
 ) -> None:
-    """x += F gain innovation: the gain is in P's frame, and x (3n + e, lanes) is as it is now."""
+    """Update x += F gain innovation; the gain is in P's frame, x (3n + e, lanes) at present."""
     n, ways = len(states.first) - 1, frame.ways
     for k in range(3 * n):
         for lane in range(len(lanes)):
@@ -608,7 +610,7 @@ def correct_state(
 
 @inner
 def correct_covariance(P: Array, u: Array, g: Array, pending: int, lanes: Lanes) -> None:
-    """P -= sum of g u' over the pending sightings, one or two, on the lower triangle."""
+    """Update P -= sum of g u' over the one or two pending sightings, on the lower triangle."""
     for i in range(len(P)):
         for j in range(i + 1):
             if pending == AT_ONCE:
@@ -634,8 +636,8 @@ def correct(
 ) -> None:
     """Correct state and P by the sightings of a step, one after another, and count them.
 
-    `about` (3n + e, lanes) is the state at which they are linearised. It is x itself, or, where
-    `is_off`, x is what the state is off it.
+    `about` (3n + e, lanes) is the state at which they are linearised. It is x itself or, where
+    `is_off`, the state from which x is the deviation.
     """
     setup, readings, statistics = run.setup, run.readings, run.statistics
     seen, innovation, halves, gains = work.seen, work.innovation, work.halves, work.gains
@@ -667,7 +669,7 @@ def correct(
 
 @inner
 def _expect_off(s: int, x: Array, setup: FilterSetup, work: Correction, lanes: Lanes) -> None:
-    """Take off the innovations what a state that is off leads one to expect."""
+    """Subtract from the innovation the part expected from the deviation x of the state."""
     states, seen, n = setup.states, work.seen, len(setup.states.first) - 1
     kind, o, t = setup.kinds[s], setup.observers[s], setup.targets[s]
     for lane in range(len(lanes)):
@@ -687,7 +689,7 @@ def _expect_off(s: int, x: Array, setup: FilterSetup, work: Correction, lanes: L
 def _weigh(
     variance: float, gate: float, work: Correction, statistics: FilterStatistics, lanes: Lanes
 ) -> None:
-    """Turn h' P h, in seen[0], into 1 / S: 0 where a sighting is missed, or rejected."""
+    """Replace h' P h in seen[0] by 1 / S; 0 where a sighting is missed or rejected."""
     weight, innovation = work.seen, work.innovation
     for lane in range(len(lanes)):
         total = max(weight[0, lane], 0.0) + (variance + work.curvature[lane])

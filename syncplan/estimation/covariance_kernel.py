@@ -1,4 +1,4 @@
-"""The covariance along a run, compiled: for when the bounds of many runs are wanted.
+"""Compiled covariance along a run, for the bounds of many runs.
 
 The recursion of syncplan.estimation.covariances, sample by sample, rows in blocks:
 
@@ -6,8 +6,8 @@ The recursion of syncplan.estimation.covariances, sample by sample, rows in bloc
     H <- L^-1 H with S = L L^T
     P <- P - H^T H
 
-Several times as fast as there, at the cost of loading numba. The products are BLAS's: blocks are as
-long as they pay for themselves, since S grows with them.
+This is several times as fast as there, at the cost of loading numba. BLAS takes the products.
+Longer blocks would not pay, since S grows with them.
 """
 
 import numpy as np
@@ -87,7 +87,7 @@ def _project(
 
 @kernel
 def _factor(inner: Array, halves: Array, size: int) -> bool:
-    """Bring `halves` to L^-1 of itself; False where S is not positive definite."""
+    """Multiply `halves` by L^-1 in place; return False where S is not positive definite."""
     for r in range(size):
         for q in range(r):
             for p in range(q):
@@ -107,7 +107,7 @@ def _factor(inner: Array, halves: Array, size: int) -> bool:
 
 @kernel
 def _reduce(covariance: Array, halves: Array, taken: Array) -> None:
-    """Take what the halves (m, 3 n) of a block explain from the covariance, by way of `taken`."""
+    """Subtract H^T H of a block's halves H (m, 3 n) from the covariance; `taken` is scratch."""
     np.dot(halves.T, halves, taken)
     for i in range(len(covariance)):
         for j in range(len(covariance)):

@@ -1,16 +1,16 @@
 """Covariance along a run with all errors referred to time 0, where prediction only adds noise.
 
-The recursion goes sample by sample (Tichavsky, Muravchik, Nehorai 1998, Proposition 1). With the
-rows H of a sample in full, since BLAS takes them in faster than elements can be gathered, it is
+The recursion goes sample by sample (Tichavsky, Muravchik, Nehorai 1998, Proposition 1). The rows H
+of a sample are full, since BLAS processes them faster than elements can be gathered:
 
     P <- P + N, and what changes (syncplan.estimation.referred_run)
     S  = H P H^T + 1 = L L^T,  half = L^-1 H P
     P <- P - half^T half
 
-Where poses are all, rows of several samples are taken in together. Noise is block diagonal then,
-one 3 x 3 block a vehicle, and a whitened row h has six non-zeros. Rows come in by groups of
-consecutive rows: let P be the covariance where a group starts and N_j the noise added since, up to
-the sample of its row j. Then
+Where poses are the only states, rows of several samples are processed together. Noise is then block
+diagonal, one 3 x 3 block a vehicle, and a whitened row h has six non-zeros. A group holds
+consecutive rows. Let P be the covariance at its start and N_j the noise added since, up to the
+sample of its row j. Then
 
     g_j  = (P + N_j) h_j                     of the state with row j: noise after j is not in it
     S_kj = h_k . g_j + (1 if j = k)          of the rows, for j <= k; S = L L^T
@@ -28,12 +28,12 @@ and only has to be large enough for the whole to be positive definite:
 The border is as long as the state. In larger teams it costs more than it saves, and where the
 sigmas span many orders of magnitude, rounding grows.
 
-On the way, the recursion holds what a filter knows just before it takes in row k, of two functions
-a, b of the six states of a sighting:
+The recursion also gives a filter's covariance of two functions a, b of the six states of a
+sighting, just before row k:
 
     cov(a_k, b_k) = a_k . (P + N_k) b_k - sum over the rows j < k of (half_j . a_k) (half_j . b_k)
 
-Of a sample the covariance has all noise already.
+In the recursion by samples, P already includes all noise.
 """
 
 from collections.abc import Iterator
@@ -46,16 +46,16 @@ from syncplan.estimation.referred_run import GROUP_ROWS, SYMMETRIC, UPPER, Run, 
 from syncplan.observability.referred_rows import SightingRows, dense_rows
 
 GROUPED_VEHICLES = 20
-"""Up to this many vehicles, rows of poses are processed by groups."""
+"""Largest number of vehicles for which rows of poses are processed by groups."""
 
 GROUPED_INNOVATION = 1e8
-"""Up to this variance of an innovation, in whitened units, rows are processed by groups.
+"""Largest variance of an innovation, in whitened units, at which rows are processed by groups.
 
 A group's rounding grows with it, since all its rows use the covariance from before the first.
 """
 
 GROUPS_AT_ONCE = 24
-"""Groups that are prepared together, as many as fit into the processor's cache."""
+"""Groups prepared together: as many as fit into the processor's cache."""
 
 
 # --- just before a row --------------------------------------------------------------------------
@@ -63,13 +63,13 @@ GROUPS_AT_ONCE = 24
 
 @dataclass(frozen=True, slots=True)
 class Groups:
-    """Groups of rows as they were brought into a covariance.
+    """Groups of rows that have been processed into a covariance.
 
     Attributes
     ----------
     before : (g, 3 n, 3 n) the covariance before each group, without noise since the first
     halves : (m, g, 3 n)
-    innovation : (g, m) each row's variance
+    innovation : (g, m) variance of each row's innovation
     """
 
     before: Array
@@ -79,11 +79,11 @@ class Groups:
 
 @dataclass(frozen=True, slots=True)
 class Foreseen:
-    """Predictions just before each of the first s rows, all earlier ones taken in.
+    """Predictions just before each of the first s rows, after all earlier ones.
 
     Attributes
     ----------
-    pairs : (2, 2, s) covariances of the two functions asked for
+    pairs : (2, 2, s) covariances of the two functions
     innovation : (s,) variance of the row's own innovation, in whitened units
     """
 
@@ -92,17 +92,17 @@ class Foreseen:
 
     @classmethod
     def of_rows(cls, size: int) -> "Foreseen":
-        """Return room for the predictions of so many rows."""
+        """Return empty predictions for `size` rows."""
         return cls(np.zeros((2, 2, size)), np.ones(size))
 
     def of_sample(
         self, rows: slice, functions: Array, before: Array, halves: Array, innovation: Array
     ) -> None:
-        """Fill in the rows of a sample from their functions, (2, m, size) of the whole state.
+        """Fill in the rows of a sample from their functions (2, m, size) of the whole state.
 
-        `before` is the covariance that has none of the rows, `halves` (m, size) what they take.
+        `before` is the covariance before these rows, and `halves` (m, size) their L^-1 H P.
         """
-        # of each function, by how much each earlier row of the sample reduced it
+        # reduction of each function by each earlier row of the sample
         reduced = (functions @ halves.T) * np.tril(np.ones((len(halves), len(halves))), -1)
         self.pairs[..., rows] = np.einsum("amc,bmc->abm", functions @ before, functions)
         self.pairs[..., rows] -= np.einsum("amj,bmj->abm", reduced, reduced)
@@ -113,7 +113,7 @@ class Foreseen:
     ) -> None:
         """Fill in groups of rows from `begin` on from their functions (2, s, 6).
 
-        `noise` is (6, n, k) since the first, `sample` (r,) each row's place in it.
+        `noise` (6, n, k) is that added since the batch began, `sample` (r,) each row's place in it.
         """
         rows = slice(begin, min(begin + len(sample), len(self.innovation)))
         size = rows.stop - begin
@@ -129,7 +129,7 @@ class Foreseen:
 def _known_before(before: Array, halves: Array, probes: list[tuple[Array, Array]]) -> Array:
     """(2, 2, g, m) covariances of two functions (g, 3n, m), with their noise, before each row."""
     earlier = np.triu(np.ones((len(halves), len(halves))), 1)
-    # in one piece: of a mere view the products take several times as long
+    # contiguous: products with a view take several times as long
     by_group = np.ascontiguousarray(np.swapaxes(halves, 0, 1))
     reduced = [by_group @ one * earlier for one, _ in probes]
     grown = [before @ one + noisy for one, noisy in probes]
@@ -146,15 +146,15 @@ def _known_before(before: Array, halves: Array, probes: list[tuple[Array, Array]
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """A sample of a run, its rows taken in.
+    """A sample of a run, after its rows.
 
     Attributes
     ----------
-    rows : its rows, counted through the run
+    rows : its rows among those of the run
     covariance : (size, size) after them, changed in place with the next sample
-    before : (size, size) the one before; None where it has no rows, or it was not asked for
+    before : (size, size) before them; None where it has no rows, or this was not requested
     halves : (m, size) L^-1 H P of its rows, S = L L^T; empty where it has none
-    innovation : (m,) variance of each row's own innovation, the earlier ones taken in
+    innovation : (m,) variance of each row's own innovation, after the earlier ones
     """
 
     rows: slice
@@ -167,8 +167,8 @@ class Sample:
 def carried_along(run: Run, covariance: Array, *, keep_until: int = -1) -> Iterator[Sample]:
     """Yield the samples of a run from 0 on, with `covariance` (size, size) at time 0.
 
-    Up to sample `keep_until` each has the covariance from before its rows. Raises LinAlgError where
-    an innovation covariance is not positive definite in floating point.
+    Samples up to `keep_until` include the covariance before their rows. Raises LinAlgError where an
+    innovation covariance is not positive definite in floating point.
     """
     covariance = covariance.copy()
     none = np.zeros((0, run.size))
@@ -188,10 +188,10 @@ def carried_along(run: Run, covariance: Array, *, keep_until: int = -1) -> Itera
 def foreseen_along(
     run: Run, covariance: Array, functions: tuple[SightingRows, SightingRows], until: int
 ) -> tuple[Iterator[Array], Foreseen]:
-    """Return the covariances of carried_along, and what is known before each row of two functions.
+    """Return the covariances of carried_along, and predictions of two functions before each row.
 
-    `functions` are of the first s rows, those up to sample `until`. The answers are filled in on
-    the way.
+    `functions` belong to the first s rows, those up to sample `until`. The predictions are filled
+    in as the covariances are iterated.
     """
     foreseen = Foreseen.of_rows(len(functions[0].entries))
 
@@ -208,7 +208,7 @@ def foreseen_along(
 
 
 def factored(rows: Array, covariance: Array) -> tuple[Array, Array]:
-    """Return the factor (m, m) of the innovation of m rows, and H P (m, size)."""
+    """Return the Cholesky factor (m, m) of the innovation of m rows, and H P (m, size)."""
     gain = rows @ covariance
     innovation = gain @ rows.T
     innovation.reshape(-1)[:: len(rows) + 1] += 1.0
@@ -216,10 +216,10 @@ def factored(rows: Array, covariance: Array) -> tuple[Array, Array]:
 
 
 def solved(factor: Array, sides: Array, *, transposed: bool = False) -> Array:
-    """Return the solution for the factor of an innovation, (m, m) and lower, or its transpose."""
+    """Return L^-1 `sides`, or L^-T `sides`, for the lower factor L (m, m) of an innovation."""
     from scipy.linalg.blas import dtrsm
 
-    # BLAS counts columns first, and so takes the transposes as they lie in memory
+    # BLAS is column-major, so it takes the transposes as they lie in memory
     found = dtrsm(1.0, factor.T, sides.T, side=1, trans_a=transposed)
     return np.asarray(found, dtype=float).T
 
@@ -232,13 +232,13 @@ def suits_groups(run: Run, covariance: Array) -> bool:
     if not run.poses_alone or run.count > GROUPED_VEHICLES:
         return False
     steepest = float(np.max(np.einsum("sc,sc->s", run.rows.entries, run.rows.entries), initial=0.0))
-    # no variance along the run is above those at the start with all noise
+    # no variance along the run exceeds the initial ones plus all noise
     most = float(np.trace(covariance) + run.noise[[0, 3, 5]].sum())
     return steepest * most <= GROUPED_INNOVATION
 
 
 def variances_by_groups(run: Run, covariance: Array) -> Array:
-    """Return (4, n, steps + 1) of each vehicle's block after each sample's sightings.
+    """Return (4, n, steps + 1) elements of each vehicle's block after each sample's sightings.
 
     The four are xx + yy, x psi, y psi and psi psi. `covariance` is (3 n, 3 n) at time 0. Raises
     LinAlgError where an innovation covariance is not positive definite in floating point.
@@ -248,9 +248,9 @@ def variances_by_groups(run: Run, covariance: Array) -> Array:
 
 
 def foreseen_by_groups(run: Run, covariance: Array, functions: Array) -> tuple[Array, Foreseen]:
-    """Return the same as variances_by_groups, and what is known before each row of two functions.
+    """Return variances_by_groups, and predictions of two functions before each row.
 
-    `functions` is (2, s, 6), of the states that the first s rows concern, s whole samples.
+    `functions` (2, s, 6) are of the states of the first s rows, which make up whole samples.
     """
     foreseen = Foreseen.of_rows(functions.shape[1])
     return _by_groups(run, covariance.copy(), functions, foreseen), foreseen
@@ -270,7 +270,7 @@ def _by_groups(run: Run, covariance: Array, functions: Array, foreseen: Foreseen
     for begin in range(0, len(sample), size):
         end = min(begin + size, len(sample))
         until = int(np.searchsorted(until_sample, end, side="right"))
-        # added since `start`, the sample whose noise `covariance` has
+        # noise since `start`, the last sample whose noise is in `covariance`
         noise = run.noise[..., start : max(until, sample[end - 1] + 1)].copy()
         noise[..., 0] = 0.0
         noise = np.cumsum(noise, axis=-1)
@@ -290,9 +290,9 @@ def _by_groups(run: Run, covariance: Array, functions: Array, foreseen: Foreseen
 
 
 def _brought_in(covariance: Array, rows: Array, noisy: Array, ceiling: float) -> Groups:
-    """Bring groups of rows into the covariance, in place, leaving out all noise since the first.
+    """Process groups of rows into the covariance, in place, without the noise since the first.
 
-    `ceiling` is above the trace of the covariance with its noise.
+    `ceiling` exceeds the trace of the covariance with its noise.
     """
     number, width, size = rows.shape
     before = np.empty((number, width, width))
@@ -323,7 +323,7 @@ def _own_blocks(covariances: Array) -> Array:
 
 
 def _reductions(halves: Array, row: Index) -> Array:
-    """(4, n, k) by how much the rows of its group up to each `row` reduced each vehicle's four."""
+    """(4, n, k) reduction of each vehicle's four elements by its group's rows up to each `row`."""
     size, number, width = halves.shape
     x, y, turn = np.moveaxis(halves.reshape(size, number, width // 3, 3), 3, 0)
     taken = np.empty((size, 4, number, width // 3))

@@ -1,24 +1,24 @@
-"""Lasting errors as they are drawn for each trial, by name and as the true states of a layout.
+"""Lasting errors drawn for each trial, by name and as the true states of a layout.
 
-Vehicles that keep their circles over ground in moving air do so by heading, airspeed and turn rate.
-The air moves by T (wind + gust) in a sample, the vehicle over ground along a chord of its circle,
-so through the air it moves by
+In moving air, vehicles keep their circles over ground by heading, airspeed and turn rate. In a
+sample the air moves by T (wind + gust), and the vehicle moves over ground along a chord of its
+circle, so through the air it moves by
 
     a_k = p(t_k) - p(t_k-1) - T (wind + gust_k-1)
 
-where gusts are held over a sample, as the filter has them. A vehicle that turns evenly by
-w_k T = psi_k - psi_k-1 flies along a_k if half-way it heads along b_k, the direction of a_k. No
-smooth heading does that at each sample exactly: psi_k = 2 b_k - psi_k-1 would, but swings for ever
-about what a vehicle does. So the heading is interpolated from the directions around it,
+where gusts are held over a sample, as in the filter. A vehicle that turns evenly by
+w_k T = psi_k - psi_k-1 flies along a_k if it heads half-way along b_k, the direction of a_k. No
+smooth heading does that exactly at each sample: psi_k = 2 b_k - psi_k-1 would, but oscillates for
+ever about a smooth heading. So the heading is interpolated from the directions around it,
 
     psi_k = (5 (b_k + b_k+1) - (b_k-1 + b_k+2)) / 8
     v_k = |a_k| / (T s(w_k T / 2)),     s(x) = sin(x) / x
 
-whose weights are those for which half-way it heads off b_k by a sixteenth of the fourth difference
-of directions, no more. These sum up to differences of the third order: a filter that knows all
-errors and starts right strays by fourth order in T in steady wind, and among gusts by 0.15 v T
-times the standard deviation of what a sample's gust turns the direction by. Without wind the
-directions turn evenly, and headings are tangents of the circle.
+With these weights the heading half-way differs from b_k by only a sixteenth of the fourth
+difference of the directions. These sum to differences of third order: a filter that knows all
+errors and starts right strays by fourth order in T in steady wind. Among gusts it strays by
+0.15 v T times the standard deviation of the angle by which a sample's gust turns the direction.
+Without wind the directions turn evenly, and headings are tangents of the circle.
 
 Source: the displacement along an arc, as in `reference_filter`.
 """
@@ -34,24 +34,24 @@ from syncplan.orbits.error_states import ERROR_STATES, ErrorState, StateLayout
 from syncplan.orbits.team import Team
 
 LEAST_SCALE = -0.9
-"""A vehicle that moves less than a tenth of what it reads is drawn as moving a tenth."""
+"""Least speed scale drawn, with which a vehicle moves a tenth of its reading."""
 
 
 @dataclass(frozen=True, slots=True)
 class DrawnErrors:
-    """The errors of trials side by side.
+    """Lasting errors of trials, side by side.
 
     Attributes
     ----------
-    values : by name, of the errors that the team has: (times, n, axes, lanes), where times is 1
-        for errors that are constant and steps + 1 for others, and n is 1 for common ones
+    values : by name, the values of each error that the team has: (times, n, axes, lanes), where
+        times is 1 for constant errors and steps + 1 for others, and n is 1 for common ones
     """
 
     values: Mapping[str, Array]
 
     @classmethod
     def of(cls, team: Team, steps: int, draws: Array) -> "DrawnErrors":
-        """Return the errors from standard normal draws (d, lanes), d as by error_draws."""
+        """Return the errors from standard normal draws (d, lanes), d from error_draws."""
         lanes, begin, values = draws.shape[1], 0, {}
         for name, state in _present(team).items():
             shape = _shape(state, team.count, steps)
@@ -68,9 +68,9 @@ class DrawnErrors:
         return cls(values)
 
     def constant(self, act: str) -> Array | float:
-        """Return the sum of each vehicle's constant errors that act so; 0 if there are none.
+        """Return the sum of each vehicle's constant errors with effect `act`; 0 if none.
 
-        Each is one number. The sum broadcasts to (n, lanes).
+        Each error has one component. The sum broadcasts to (n, lanes).
         """
         acting = [name for name in self._acting(act) if ERROR_STATES[name].constant]
         return sum((self.values[name][0, :, 0] for name in acting), 0.0)
@@ -84,9 +84,10 @@ class DrawnErrors:
         return sum((self.values[name][:, :, 0] for name in shifting), 0.0)
 
     def drift(self) -> Array | float:
-        """Return the air's velocity at each vehicle, m/s, that broadcasts to (times, n, 2, lanes).
+        """Return the air's velocity at each vehicle in m/s.
 
-        Times are 1 or steps + 1. Zero where there is neither wind nor gust.
+        It broadcasts to (times, n, 2, lanes), where times is 1 or steps + 1. Zero where there is
+        neither wind nor gust.
         """
         return sum((self.values[name] for name in self._acting("drift")), 0.0)
 
@@ -94,11 +95,11 @@ class DrawnErrors:
         return [name for name in self.values if ERROR_STATES[name].act == act]
 
     def states(self, layout: StateLayout, steps: int, lanes: int) -> tuple[Array, Array]:
-        """Return the true constants (c, lanes) of a layout, and (steps + 1, g, lanes) of others."""
+        """Return a layout's true constants (c, lanes), and other states (steps + 1, g, lanes)."""
         parts: dict[bool, list[Array]] = {True: [], False: []}
         for name in layout.names:
             constant, place = ERROR_STATES[name].constant, layout.columns[name]
-            # of a common error, the first vehicle's column is everyone's
+            # all vehicles have the same column of a common error
             held = (place[:1] if ERROR_STATES[name].common else place) >= 0
             times = 1 if constant else steps + 1
             true = self.values.get(name, np.zeros((1, *held.shape, 1)))
@@ -108,7 +109,7 @@ class DrawnErrors:
 
 
 def error_draws(team: Team, steps: int) -> int:
-    """Return how many standard normal numbers the errors of a trial take."""
+    """Return the number of standard normal draws for the errors of a trial."""
     return sum(int(np.prod(_shape(one, team.count, steps))) for one in _present(team).values())
 
 
@@ -122,12 +123,12 @@ def _shape(state: ErrorState, count: int, steps: int) -> tuple[int, int, int]:
 
 
 def _stacked(parts: list[Array], times: int, lanes: int) -> Array:
-    """Parts (times, states, lanes) one after another; there may be none."""
+    """Concatenate parts (times, states, lanes) along the states; there may be none."""
     return np.concatenate([np.zeros((times, 0, lanes)), *parts], axis=1)
 
 
 def _gauss_markov(draws: Array, decay: Array) -> Array:
-    """A stationary process of unit variance along the first axis, of which `decay` is kept."""
+    """Return a stationary process of unit variance along the first axis; a step keeps `decay`."""
     found = np.multiply(draws, np.sqrt(1.0 - decay * decay), order="C")
     found[0] = draws[0]
     rows = found.reshape(len(found), -1)
@@ -144,15 +145,15 @@ def _gauss_markov(draws: Array, decay: Array) -> Array:
 
 
 SMALL = 0.05
-"""rad: up to here, series are exact to rounding."""
+"""Largest angle in rad for which series are exact to rounding."""
 
 AT_ONCE = 64
-"""Samples that are taken at once, so that what they need stays in the processor's cache."""
+"""Samples processed at once, so that their data stay in the processor's cache."""
 
 
 @dataclass(frozen=True, slots=True)
 class AirMotion:
-    """How vehicles move through the air, trials in lanes.
+    """Motion of vehicles through the air, a lane for each trial.
 
     Attributes
     ----------
@@ -167,7 +168,7 @@ class AirMotion:
 
 
 def motion_in_air(orbits: Orbits, time: float, steps: int, drift: Array) -> AirMotion:
-    """Return how vehicles fly their circles for `steps` samples of `time` s.
+    """Return the motion that keeps vehicles on their circles for `steps` samples of `time` s.
 
     `drift` is the air's velocity in m/s, (1 or steps + 1, n or 1, 2, lanes), held from each sample
     to the next.
@@ -183,7 +184,7 @@ def motion_in_air(orbits: Orbits, time: float, steps: int, drift: Array) -> AirM
 def _fly(flown: AirMotion, moved: Array, time: float, drift: Array, begin: int, end: int) -> None:
     """Fill in the samples from begin + 1 to end, from `moved` (steps + 4, n, 2) m over ground.
 
-    moved[k + 1] is the way of sample k; it takes two samples before and after.
+    moved[k + 1] is the displacement in sample k; two samples before and after are needed.
     """
     still = len(drift) == 1
     samples = np.arange(begin, end + 4)
@@ -210,7 +211,7 @@ def _fly(flown: AirMotion, moved: Array, time: float, drift: Array, begin: int, 
 
 
 def _turns(x: Array, y: Array) -> Array:
-    """(k - 1, ...) rad, from each way (k, ...) to the next; by its series where all are small."""
+    """(k - 1, ...) rad turned between displacements (k, ...); by the series where all are small."""
     across = x[:-1] * y[1:]
     across -= y[:-1] * x[1:]
     along = x[:-1] * x[1:]

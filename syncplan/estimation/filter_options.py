@@ -26,7 +26,7 @@ LARGEST_SEED = 2**63 - 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FilterOptions(RunOptions):
-    """How the filter runs; raises InputError naming the option at fault."""
+    """Options of a filter run; raises InputError naming the option at fault."""
 
     trials: int = option(200, "Number of Monte Carlo trials", example=200, ge=1, le=MAX_TRIALS)
     seed: int = option(0, "Seed of all random numbers", example=1, ge=0, le=LARGEST_SEED)
@@ -46,7 +46,7 @@ class FilterOptions(RunOptions):
     substeps: int = option(10, "Euler sub-steps per sample; only for the filter named paper", ge=1)
     gate_probability: float | None = option(
         None,
-        "Probability of the innovation gate, the share of a consistent filter's bearings that it "
+        "Probability of the innovation gate, the share of a consistent filter's sightings that it "
         "accepts, such as 0.999; no gate if not given",
         flag="--gate",
         example=0.999,
@@ -73,7 +73,7 @@ class FilterOptions(RunOptions):
         super(FilterOptions, self).__post_init__()
 
     def _take_former_name(self, name: str) -> None:
-        """Set the filter of a former name; raises InputError where another one is asked for."""
+        """Set the filter of a former name; raises InputError if that is unknown or conflicts."""
         if name not in FORMER_NAMES:
             problem = f"{name!r} is unknown; choose {' or '.join(FORMER_NAMES)}, or give filter"
             raise InputError(problem, key="model")
@@ -85,7 +85,7 @@ class FilterOptions(RunOptions):
 
     @property
     def filter_model(self) -> FilterModel:
-        """The filter that is chosen; ekf if none is."""
+        """The chosen filter; ekf if none is chosen."""
         return FILTERS["ekf" if self.filter == AUTO else self.filter]
 
     @property
@@ -96,7 +96,7 @@ class FilterOptions(RunOptions):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ValidationOptions(FilterOptions):
-    """How a plan is validated, and whether in worse worlds too."""
+    """Options of a validation, which may include worse worlds."""
 
     stress: bool = option(
         False,
@@ -107,7 +107,7 @@ class ValidationOptions(FilterOptions):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SweepOptions(FilterOptions):
-    """How the rows of a sweep are validated, and whether there is one more."""
+    """Options of the validations in a sweep, which may have a further row."""
 
     connected: bool = option(
         False, "Add a row with a range that connects the team at every instant"
@@ -127,11 +127,11 @@ def options_with(options: FilterOptions | None, changes: Mapping[str, Any]) -> F
 
 
 def steps_in_run(duration: float, sample_time: float, period: float, count: int) -> int:
-    """Return the whole samples in a run of `duration` s, within the same limits as a scenario's.
+    """Return the number of whole samples in a run of `duration` s, within a scenario's limits.
 
     Raises InputError where there are none or too many.
     """
-    # not at the top: the command line reads the defaults, and starts without these
+    # imported late: the command line reads the defaults and starts without these
     from syncplan.orbits.sightings import steps_within
     from syncplan.scenario.rules import excess
 

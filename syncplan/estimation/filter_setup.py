@@ -1,12 +1,12 @@
 """The set-up of a filter run: states, motion model, initial variances, gate, sightings, readings.
 
-The state stacks the x, y and heading of n vehicles, 3 n in all, and the bias states of a layout;
-poses alone are the empty list of bias states. Everything that a kernel knows of a bias state is its
-row in `States`: whose it is, where it stands, and how it acts.
+The state stacks the x, y and heading of n vehicles, 3 n in all, and the bias states of a layout,
+which may be none. All that a kernel knows of a bias state is its row in `States`: its vehicle, its
+place in the state, and its effect.
 
-A run is a row of steps, each a prediction and the sightings at its end. Trials have one step for
-each sample, all of one length; a recording has one for each time at which something was read, and
-its errors are compared with the truth after some of them alone.
+A run is a sequence of steps, each a prediction and the sightings at its end. Trials have one step
+for each sample, all of one length. A recording has one for each time of a reading, and its errors
+are compared with the truth after some of them only.
 """
 
 import math
@@ -22,11 +22,11 @@ from syncplan.orbits.noise import Noise
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
 
 BEARING_KIND, DISTANCE_KIND, COMPASS_KIND = range(len(SIGHTING_KINDS))
-"""Places in SIGHTING_KINDS, as kernels have them."""
+"""Places in SIGHTING_KINDS, for kernels."""
 
 HEADING, SPEED, TURN, DRIFT, SHIFT, DELAY = range(6)
-"""How a state acts on its vehicle: its own heading; a share that is added to its speed, a turn
-rate, a velocity of the air; a shift of what it reads of a kind, a delay of its stamps."""
+"""Effects of a state on its vehicle: its own heading; a share added to its speed, a turn rate, a
+velocity of the air; a shift of its readings of a kind, a delay of its stamps."""
 
 _ACTS = {"speed": SPEED, "turn": TURN, "drift": DRIFT, "shift": SHIFT, "delay": DELAY}
 
@@ -34,18 +34,18 @@ _MOVED = {HEADING: (0, 2), SPEED: (0, 2), TURN: (0, 3), SHIFT: (0, 0), DELAY: (0
 """First and end of the axes (x, y, heading) of a pose that a state moves."""
 
 LOST_HEADING_SIGMA = 0.6
-"""rad, of the heading of a vehicle that is lost."""
+"""Standard deviation in rad of the heading of a lost vehicle."""
 
 SAMPLE_EVERY = 10
 """NEES and coverage are taken at every tenth step, and at the last."""
 
 
 class MotionModel(NamedTuple):
-    """How motion readings are integrated, and how far they are trusted.
+    """Integration of motion readings, and their variances.
 
     Fields
     ------
-    time : s, of one sample
+    time : s, length of one sample
     substeps : Euler sub-steps in a sample, 0 for exact arcs
     speed_variance, turn_rate_variance : (m/s)^2, (rad/s)^2, of a reading that holds for a sample;
         over a step k times as long it is 1 / k of that, so that errors are random walks
@@ -58,10 +58,10 @@ class MotionModel(NamedTuple):
 
 
 class States(NamedTuple):
-    """How states act: one row for each vehicle and state that acts on it.
+    """Effects of states: one row for each vehicle and state that acts on it.
 
-    A vehicle's first row is its heading, an error of which moves the place as that of a bias
-    state does. Rows of bias states follow.
+    A vehicle's first row is its heading, whose error moves the position as that of a bias state
+    does. Rows of bias states follow.
 
     Fields
     ------
@@ -73,10 +73,10 @@ class States(NamedTuple):
     kinds : (m,) kind of sighting that it shifts, -1 for none
     common : (m,) whether all vehicles share it
     variances : (e,) of the bias states at the start
-    first_changing : place of the first of them that is no constant; all after it change, too. Such
+    first_changing : place of the first of them that is not constant; all after it change too. Such
         a state drifts or shifts
-    decays : (e,) share of each that is left after a sample, 1 of constants; what it gains keeps
-        its variance as it is
+    decays : (e,) share of each left after a sample, 1 for constants; the noise it gains keeps its
+        variance constant
     """
 
     first: Index
@@ -92,7 +92,7 @@ class States(NamedTuple):
 
 
 State = tuple[Array, Array]
-"""State (3n + e, lanes) and covariance (3n + e, 3n + e, lanes), whose lower triangle counts."""
+"""State (3n + e, lanes) and covariance (3n + e, 3n + e, lanes), valid in its lower triangle."""
 
 
 class FilterSetup(NamedTuple):
@@ -100,11 +100,11 @@ class FilterSetup(NamedTuple):
 
     Fields
     ------
-    states : the bias states, and how they act
+    states : the bias states and their effects
     spans : (steps,) s, the length of each step, more than 0
     compared : (steps + 1,) sample of the truth that the state after each step is compared with, or
         -1; that of step 0 is 0, and that of the last step the last one
-    samples : number of samples of the truth, beside that at the start
+    samples : number of samples of the truth after the start
     landmarks : (m, 2) m
     first : (steps + 2,) sightings of step k are first[k] to first[k + 1]
     observers, targets : (s,) of each sighting; targets from n on are landmarks
@@ -114,12 +114,11 @@ class FilterSetup(NamedTuple):
     motion : the motion model
     gate : largest innovation^2 / variance that is accepted
     second_order : whether sightings have second-order noise beside their own
-    period : s, that a batch solution covers
+    period : s, covered by a batch solution
     judged_from : sample from which on NEES and coverage are taken
-    lost_variances : (n, 3) m^2, m^2, rad^2, about the place where a lost vehicle is searched for
-    sample_every : samples between those at which NEES and coverage are taken; the last one is one
-        too
-    noise_known : whether sightings scatter as `variances` say; those of a recording are assumed
+    lost_variances : (n, 3) m^2, m^2, rad^2, of the prior about a lost vehicle's estimate
+    sample_every : NEES and coverage are taken once in so many samples, and at the last
+    noise_known : whether `variances` are true; those of a recording are assumed
     """
 
     states: States
@@ -176,7 +175,7 @@ class Truth(NamedTuple):
     ------
     poses : (samples + 1, n, 3, lanes) m, m, rad; a single lane where all trials are alike
     constants : (c, lanes) the bias states that are constant
-    changing : (samples + 1, e - c, lanes) those of the others
+    changing : (samples + 1, e - c, lanes) the other bias states
     """
 
     poses: Array
@@ -185,7 +184,7 @@ class Truth(NamedTuple):
 
 
 def states_of(layout: StateLayout, sample_time: float) -> States:
-    """Return how the states of a layout act, with samples of `sample_time` s."""
+    """Return the effects of the states of a layout, for samples of `sample_time` s."""
     rows: list[tuple[int, ...]] = []
     first, clocks = [0], np.full(layout.count, -1)
     for i in range(layout.count):
@@ -237,8 +236,8 @@ def build_setup(
     """Return the set-up of a run of the vehicles and bias states of a layout.
 
     The other arguments are as in FilterSetup; `sample_time` and `period` are in s. `reach` in m is
-    about how far a vehicle is from where a filter that has lost it takes it to be. Where `spans`
-    and `compared` are None, each sample is a step.
+    the typical distance of a lost vehicle from its estimate. Where `spans` and `compared` are None,
+    each sample is a step.
     """
     deviations = [noise.position_sigma, noise.position_sigma, noise.heading_sigma]
     start = np.tile(np.square(deviations), layout.count)
@@ -271,10 +270,10 @@ def build_setup(
 
 
 def judged_from(samples: int, sample_time: float, period: float, options: FilterOptions) -> int:
-    """Return the sample from which on a filter's covariance is meant to hold.
+    """Return the first sample at which a filter's covariance is meant to hold.
 
-    A filter that looks for its start takes a period of as many samples, each of `sample_time` s; a
-    run of no more `samples` than that ends before.
+    A filter that searches for its start takes a period to find it, in samples of `sample_time` s. A
+    run of no more `samples` than that ends before; for this it is sample 0.
     """
     if not options.filter_model.finds_start:
         return 0
@@ -296,11 +295,11 @@ def poses_of(x: Array, n: int) -> Array:
     return x[: 3 * n].reshape(n, 3, *x.shape[1:])
 
 
-# --- what a run of a filter fills in --------------------------------------------------------------
+# --- results of a run -----------------------------------------------------------------------------
 
 
 ERROR, SQUARE, VARIANCE = range(3)
-"""Quantities that a series sums over trials, of each state."""
+"""Quantities that a series sums over trials, for each state."""
 
 
 class FilterStatistics(NamedTuple):
@@ -315,10 +314,10 @@ class FilterStatistics(NamedTuple):
     nees, nees_samples : (lanes,) of the poses, sum and number of samples with a positive definite
         covariance
     nis, accepted, gated : (lanes,) sum and number of accepted innovations, number of rejected ones
-    innovations : (s, 2, lanes) of each sighting the innovation, in the unit of its kind, and 1 over
-        its variance, 0 where it is rejected or missed; (0, 2, lanes) if not wanted
-    series : (samples + 1, 3n + e, 3) of errors, their squares and variances; (0, 3n + e, 3) if not
-        wanted; the lanes add to it
+    innovations : (s, 2, lanes) each sighting's innovation, in the unit of its kind, and 1 over its
+        variance, 0 where it is rejected or missed; (0, 2, lanes) if not wanted
+    series : (samples + 1, 3n + e, 3) sums over lanes of errors, their squares and variances;
+        (0, 3n + e, 3) if not wanted
     """
 
     squares: Array
@@ -339,9 +338,9 @@ class FilterRun(NamedTuple):
 
     Fields
     ------
-    setup : what all lanes share
+    setup : shared by all lanes
     readings : of each lane
-    truth : that its estimates are compared with
+    truth : compared with the estimates
     statistics : of the comparison
     """
 
@@ -354,9 +353,9 @@ class FilterRun(NamedTuple):
 def empty_statistics(
     lanes: int, states: int, samples: int | None = None, sightings: int = 0
 ) -> FilterStatistics:
-    """Return statistics of zeros: with a series over so many samples, without one if None.
+    """Return statistics of zeros, with a series over `samples` unless that is None.
 
-    Innovations are kept of the first so many sightings: of all, or of none.
+    Innovations are kept for the first `sightings`: all or none.
     """
     return FilterStatistics(
         squares=np.zeros((states, lanes)),
@@ -376,7 +375,7 @@ def empty_statistics(
 def run_without_truth(
     setup: FilterSetup, readings: Readings, innovations: bool = False
 ) -> FilterRun:
-    """Return a run that is compared with nothing; `innovations` says whether these are kept."""
+    """Return a run without a truth to compare with; `innovations` says whether these are kept."""
     lanes, states = readings.initial.shape[-1], len(setup.initial_variances)
     kept = len(setup.kinds) if innovations else 0
     nothing = np.zeros((1, setup.vehicles, 3, lanes))

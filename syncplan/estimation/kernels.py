@@ -1,4 +1,4 @@
-"""Compiled functions: how they are compiled and kept, and the lanes that they run over.
+"""Compilation and caching of functions, and the lanes that they run over.
 
 A trial is a *lane*: the last, contiguous axis of every array, and arithmetic runs over lanes in
 vector registers. Lanes are independent and no sum is reordered, so a trial's figures depend
@@ -27,10 +27,10 @@ WIDE_LANES = 16
 """Trials filtered side by side: four times as fast as one by one for 6 vehicles."""
 
 WIDE_UP_TO = 60
-"""Largest team filtered in wide lanes; above they gain nothing and cost sixteenfold memory."""
+"""Largest team filtered in wide lanes; above it they gain nothing and take 16 times the memory."""
 
 Lanes = NDArray[np.int8] | tuple[int]
-"""Only its length counts: the number of lanes.
+"""Lanes of a kernel, of which only the number, its length, counts.
 
 One lane is passed as the tuple (0,): the compiler knows the length of a tuple, the loop over lanes
 vanishes and the loop over columns vectorises instead. More lanes are passed as an array, and the
@@ -55,8 +55,8 @@ class _Apart(CompilerBase):
 def _folder() -> str:
     """Return the folder of compiled kernels, named by a digest of the sources; "" for numba's own.
 
-    numba compiles a kernel again where its own file has changed, not where one has that it calls.
-    An installation that cannot be written to does not change.
+    numba compiles a kernel again if its own file has changed, but not if the file of a kernel that
+    it calls has. An installation that cannot be written to does not change.
     """
     package = Path(__file__).parents[1]
     asked: Any = numba.config
@@ -78,7 +78,7 @@ _FOLDER = _folder()
 
 
 def _kept(function: Function, **options: Any) -> Function:
-    """Return the function compiled where it is first called, and kept in the folder."""
+    """Return the function, compiled at its first call and cached in the folder."""
     config: Any = numba.config
     before, config.CACHE_DIR = config.CACHE_DIR, _FOLDER
     try:
@@ -88,32 +88,32 @@ def _kept(function: Function, **options: Any) -> Function:
 
 
 def kernel(function: Function) -> Function:
-    """Return the function compiled where it is first called, and kept on disk."""
+    """Return the function, compiled at its first call and cached on disk."""
     return _kept(function)
 
 
 def lean(function: Function) -> Function:
     """Return a kernel that creates no arrays, so that references to arrays are not counted.
 
-    Counting takes about as long as the arithmetic of a sighting: a record that is passed on has
-    dozens of arrays.
+    Counting takes about as long as the arithmetic of a sighting, since a record passed to a kernel
+    has dozens of arrays.
     """
     return _kept(function, _nrt=False)
 
 
 def linked(function: Function) -> Function:
-    """Return a lean kernel that other kernels call, and Python does not.
+    """Return a lean kernel that other kernels call, but Python does not.
 
-    A tenth of the time that a kernel takes to compile goes into being called from Python.
+    Making a kernel callable from Python takes a tenth of its compile time.
     """
     return _kept(function, _nrt=False, no_cpython_wrapper=True)
 
 
 def inner(function: Function) -> Function:
-    """Return a kernel with loops over lanes that is built into the kernels that call it.
+    """Return a kernel with loops over lanes that is inlined into the kernels that call it.
 
-    It creates no arrays, and no array that it writes to may overlap another of its arrays: so the
-    compiler need not find that out before each loop, which is short.
+    It creates no arrays, and no array that it writes to may overlap another of its arrays. So the
+    compiler need not check that before each of its short loops.
     """
     compiled = _njit(
         forceinline=True,
@@ -128,17 +128,17 @@ def inner(function: Function) -> Function:
 def part(function: Function) -> Function:
     """Return a kernel whose statements become those of the kernels that call it.
 
-    For what calls others: each level of calls that is compiled for itself is optimised once more.
+    For kernels that call others: each separately compiled level of calls is optimised once more.
     """
     return cast(Function, _njit(inline="always")(function))
 
 
 @contextmanager
 def compiled_beside(function: str, vehicles: int) -> Iterator[None]:
-    """Compile further kernels in a second process meanwhile, where there is a core for it.
+    """Compile further kernels in a second process meanwhile, if there is a core for it.
 
-    It imports `function`, "module:name", and calls it with the number of vehicles. Kernels that it
-    has not kept on disk by then are compiled here.
+    The process imports `function`, "module:name", and calls it with the number of vehicles. Kernels
+    that it has not cached by then are compiled here.
     """
     module, _, name = function.partition(":")
     call = f"from {module} import {name}; {name}({vehicles})"
@@ -153,12 +153,12 @@ def compiled_beside(function: str, vehicles: int) -> Iterator[None]:
 
 
 def lanes_for(n: int) -> int:
-    """Return how many trials of n vehicles it is best to filter side by side."""
+    """Return the best number of trials of n vehicles to filter side by side."""
     return WIDE_LANES if n <= WIDE_UP_TO else 1
 
 
 def lanes_of(n: int, width: int) -> Lanes:
-    """Return the lanes of so many trials of n vehicles, as kernels take them."""
+    """Return the lanes of `width` trials of n vehicles, in the form that kernels take."""
     return (0,) if width == lanes_for(n) == 1 else np.zeros(width, dtype=np.int8)
 
 
@@ -171,8 +171,8 @@ def compile_for(kernel: Any, *arguments: Any) -> None:
 def has_compiled(kernel: Any, arguments: tuple[Any, ...] | None = None) -> bool:
     """Return whether a kernel for arguments of these types is in memory or in numba's disk cache.
 
-    For any arguments if None. True where numba is switched off; False where its cache has another
-    layout than the one read here.
+    For any arguments if None. True where numba is switched off; False where the layout of its cache
+    differs from the one read here.
     """
     config: Any = numba.config
     if config.DISABLE_JIT:

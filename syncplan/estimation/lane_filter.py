@@ -1,4 +1,4 @@
-"""Filters of many trials at a time: the extended Kalman filter, and the ideal one.
+"""Filters of many trials at a time: the extended Kalman filter and the ideal filter.
 
 The state stacks the poses (x, y, heading) of n vehicles and the bias states of a layout. Each step:
 
@@ -9,20 +9,20 @@ The state stacks the poses (x, y, heading) of n vehicles and the bias states of 
 many trials at a time, a lane each. With second-order noise in its set-up the extended filter is the
 second-order filter.
 
-The ideal filter is linearised at the truth instead of at its estimate. No filter can do this, as
-the truth is what it looks for. It is the reference of what is attainable: its errors are those of
-the posterior Cramer-Rao bound, and its covariance holds, however uncertain the start. With the
-state off the truth by d, F, G and rows h taken at the truth:
+The ideal filter is linearised at the truth instead of at its estimate. No real filter can do this,
+since the truth is unknown. It shows what is attainable: its errors are those of the posterior
+Cramer-Rao bound, and its covariance holds, however uncertain the start. With d the deviation of the
+state from the truth, and F, G and rows h taken at the truth:
 
     predict   d = F d + G (readings - true readings) + (truth moved by true readings - truth)
     update    nu = z - h(truth) - h' d,   d += gain nu
     P         as of the extended filter, at the truth
 
 True readings are those that lead from each true pose to the next through the true air. The last
-term of the prediction is what a sample's arc misses of the true way, next to nothing, and all that
-errors do which are not among the states. States that change gain noise there. d is not wrapped: a
-heading may be off by more than half a turn, as the normal distribution has it. Each step must be a
-sample, at which the truth is known.
+term of the prediction is the tiny difference between a sample's arc and the true path, the effect
+of errors that are not states, and the noise of states that change. d is not wrapped: as in the
+normal distribution, a heading may be off by more than half a turn. Each step must be a sample, at
+which the truth is known.
 
 Sources
 -------
@@ -90,11 +90,11 @@ from syncplan.orbits.error_states import StateLayout
 from syncplan.orbits.noise import Noise
 
 Scratch = tuple[Frame, Correction, Comparison]
-"""What a kernel that runs a filter works in."""
+"""Scratch arrays of a filter kernel."""
 
 
 def scratch_of(setup: FilterSetup, width: int) -> Scratch:
-    """Return scratch of a filter of so many lanes, at its first step."""
+    """Return scratch for a filter of `width` lanes, at its first step."""
     states, size = setup.states, len(setup.initial_variances)
     work = correction_of(states, size, width)
     return frame_of(states, width), work, comparison_of(len(setup.lost_variances), size, width)
@@ -104,7 +104,7 @@ def scratch_of(setup: FilterSetup, width: int) -> Scratch:
 def step_filter(
     x: Array, P: Array, step: int, run: FilterRun, frame: Frame, work: Correction, lanes: Lanes
 ) -> None:
-    """Take x (3n + e, lanes) and P, which stays in its frame, through a step."""
+    """Advance x (3n + e, lanes) and P, which stays in its frame, by a step."""
     speeds, turn_rates = run.readings.speeds[step - 1], run.readings.turn_rates[step - 1]
     predict(x, P, speeds, turn_rates, run.setup, step, frame, work.slopes, lanes)
     correct(x, P, step, run, x, WHOLE, frame, work, lanes)
@@ -114,7 +114,7 @@ def step_filter(
 def _filter(
     run: FilterRun, scratch: Scratch, lanes: Lanes, x: Array, P: Array, begin: int, end: int
 ) -> None:
-    """Take x and P, lower triangle, from step `begin` to step `end`."""
+    """Advance x and P, lower triangle, from step `begin` to step `end`."""
     setup, statistics = run.setup, run.statistics
     frame, work, compared = scratch
     for step in range(begin, end + 1):
@@ -212,10 +212,10 @@ def _add(x: Array, other: Array, share: float, lanes: Lanes) -> None:
 def _predict_ideal(
     off: Array, P: Array, step: int, run: FilterRun, scratch: Scratch, lanes: Lanes
 ) -> None:
-    """Advance what is off the truth, and P, by a step; so is the true state."""
+    """Advance the deviation from the truth, P and the true state by a step."""
     setup, readings, (frame, work, compared) = run.setup, run.readings, scratch
     motion, slopes, states = motion_in(setup, step), work.slopes, setup.states
-    # what else there is to work in is free while a state is predicted
+    # scratch of the comparison is free during a prediction
     true, after, n = compared.true, compared.errors, readings.speeds.shape[1]
     speeds, turn_rates = compared.column[:n], compared.factor[:n]
     fill_truth(after, run.truth, step, lanes)
@@ -243,9 +243,9 @@ def _predict_ideal(
 def _filter_ideally(
     run: FilterRun, scratch: Scratch, lanes: Lanes, x: Array, P: Array, begin: int, end: int
 ) -> None:
-    """Take x and P, lower triangle, from step `begin` to step `end`."""
+    """Advance x and P, lower triangle, from step `begin` to step `end`."""
     setup, statistics, (frame, work, compared) = run.setup, run.statistics, scratch
-    # the kernel takes and leaves a whole state, and holds what it is off the truth meanwhile
+    # the kernel takes and leaves a whole state; meanwhile x is its deviation from the truth
     true = compared.true
     fill_truth(true, run.truth, begin, lanes)
     _add(x, true, -1.0, lanes)
@@ -262,26 +262,26 @@ def _filter_ideally(
     _add(x, true, 1.0, lanes)
 
 
-# --- filters as they are run --------------------------------------------------------------------
+# --- runs of filters ----------------------------------------------------------------------------
 
 
 class Stepped(Protocol):
-    """A filter that is advanced from step to step: a LaneFilter, or a flight with one in it."""
+    """A filter that advances step by step: a LaneFilter, or a flight with one in it."""
 
     def advance(self, run: FilterRun, state: State, begin: int, end: int) -> None:
-        """Take a state from step `begin` to step `end`, in place."""
+        """Advance a state from step `begin` to step `end`, in place."""
 
 
 @dataclass(slots=True)
 class LaneRun:
-    """A filter on its way; its lanes may be looked at, and moved, between steps.
+    """A filter run in progress; its lanes may be inspected, and moved, between steps.
 
     Attributes
     ----------
-    base : what steps
-    given : what it is given; may be replaced by one with room for more
+    base : filter that makes the steps
+    given : its input; may be replaced by one with room for more
     state : at present
-    at : steps taken in
+    at : number of steps made
     """
 
     base: Stepped
@@ -297,7 +297,7 @@ class LaneRun:
         return cls(base, given, start_of(given.setup, given.readings))
 
     def advance(self, end: int) -> None:
-        """Take in all steps up to `end`."""
+        """Make all steps up to `end`."""
         self.base.advance(self.given, self.state, self.at, end)
         self.at = end
 
@@ -323,9 +323,8 @@ class LaneFilter:
 
     Attributes
     ----------
-    kernel : compiled, of (FilterRun, Scratch, Lanes), the state (3n + e, lanes) and covariance
-        (3n + e, 3n + e, lanes), which it takes on in place from one step to another, both given
-        last
+    kernel : compiled function of (FilterRun, Scratch, Lanes), state (3n + e, lanes), covariance
+        (3n + e, 3n + e, lanes), and the two steps between which it advances both in place
     """
 
     kernel: Any
@@ -333,7 +332,7 @@ class LaneFilter:
     def run(self, run: FilterRun, streams: Sequence[np.random.SeedSequence] = ()) -> State:
         """Return the state at the end, and add to the statistics on the way.
 
-        Any number of lanes will do. `streams` are for filters that draw numbers, which these do
+        Any number of lanes is possible. `streams` are for filters that draw numbers, which these do
         not.
         """
         state = start_of(run.setup, run.readings)
@@ -341,14 +340,14 @@ class LaneFilter:
         return state
 
     def advance(self, run: FilterRun, state: State, begin: int, end: int) -> None:
-        """Take a state, as `run` returns it, from step `begin` to step `end`, in place."""
+        """Advance a state, as `run` returns it, from step `begin` to step `end`, in place."""
         n, _, width = run.readings.initial.shape
         self.kernel(run, scratch_of(run.setup, width), lanes_of(n, width), *state, begin, end)
 
     def is_compiled(self, n: int) -> bool:
         """Return whether the kernel for n vehicles is in memory or in the disk cache.
 
-        If not, the first run compiles it, which takes some seconds: say so before it starts.
+        If not, the first run compiles it, which takes some seconds; callers announce this.
         """
         return has_compiled(self.kernel, specimen(n))
 
@@ -360,7 +359,7 @@ class LaneFilter:
 
 
 def compile_steps(n: int) -> None:
-    """Compile what filters and flights of n vehicles share, where it is not, in two processes."""
+    """Compile kernels shared by filters and flights of n vehicles, if missing, in two processes."""
     run, (frame, work, _), lanes, x, P, step, _ = specimen(n)
     given = (x, P, step, run, x, WHOLE, frame, work, lanes)
     if not has_compiled(correct, given):
@@ -369,15 +368,15 @@ def compile_steps(n: int) -> None:
 
 
 def compile_prediction(n: int) -> None:
-    """Compile how filters of n vehicles predict, and how they are compared with the truth."""
+    """Compile the prediction of filters of n vehicles, and the comparison with the truth."""
     run, (frame, work, compared), lanes, x, P, step, _ = specimen(n)
-    # readings are of the type of a state
+    # readings have the type of a state
     compile_for(predict, x, P, x, x, run.setup, step, frame, work.slopes, lanes)
     compile_for(record, P, run.setup, step, compared, run.statistics, lanes)
 
 
 def specimen(n: int) -> tuple[Any, ...]:
-    """Return arguments of a kernel for n vehicles without bias states, and no step."""
+    """Return arguments of a kernel for n vehicles without bias states, and for no step."""
     none = np.zeros(0, dtype=np.int64)
     setup = build_setup(
         layout=StateLayout((), {}, np.zeros(0), np.zeros(0), n),
@@ -401,4 +400,4 @@ def specimen(n: int) -> tuple[Any, ...]:
 
 
 EXTENDED, IDEAL = LaneFilter(_filter), LaneFilter(_filter_ideally)
-"""The extended Kalman filter, and the one that is linearised at the truth."""
+"""The extended Kalman filter, and the ideal filter, linearised at the truth."""

@@ -1,6 +1,6 @@
-"""Monte Carlo: many trials of the filter along one plan, the same bytes on any number of threads.
+"""Monte Carlo: many trials of the filter along one plan, byte-identical on any number of threads.
 
-Each trial draws from a generator of its own: `trial_readings`. Trials are filtered in chunks of
+Each trial draws from its own generator (`trial_readings`). Trials are filtered in chunks of
 CHUNK_TRIALS, cut at fixed trial numbers, so neither threads nor division into parts changes a byte;
 see syncplan.estimation.trials.
 
@@ -49,7 +49,7 @@ Result = TypeVar("Result")
 
 
 class StoppedError(Exception):
-    """The run was interrupted; this chunk will not be read."""
+    """The run was interrupted; the result of this chunk is not needed."""
 
 
 def chunks_in_order(
@@ -58,9 +58,9 @@ def chunks_in_order(
     threads: int,
     progress: Callable[[int], None] | None,
 ) -> Generator[Result]:
-    """Return the results of all chunks of the trials, in order, a few computed ahead.
+    """Yield the results of all chunks of the trials, in order, a few computed ahead.
 
-    `compute` takes the trials of a chunk, and an event: where that is set it raises StoppedError.
+    `compute` takes the trials of a chunk and an event, and raises StoppedError once that is set.
     Whatever interrupts the caller also stops the threads, each after its present trials.
     `progress` is called with the number of trials done.
     """
@@ -81,9 +81,9 @@ def chunks_in_order(
 
 
 def lanes_side_by_side(trials: range, n: int, stopped: threading.Event) -> Iterator[range]:
-    """Yield the trials of a chunk of n vehicles that are filtered side by side, in order.
+    """Yield, in order, the groups of a chunk's trials of n vehicles that are filtered side by side.
 
-    Raises StoppedError once the run was interrupted.
+    Raises StoppedError once the run is interrupted.
     """
     from syncplan.estimation.kernels import lanes_for
 
@@ -107,11 +107,11 @@ def run_trials(
 ) -> MonteCarloResult:
     """Return the errors of the filter over `options.trials` trials of `steps` samples.
 
-    `sightings` holds who sees whom at k = 1..steps, or in moving air who might: those of
-    `trial_readings.possible_sightings`. The filter takes the sigmas of `believed` for
-    true, those of the team if None; what it reads has the team's. `first_trial`, a multiple of
-    CHUNK_TRIALS, makes this a part of a longer run, which `merge` joins. `progress` is called with
-    the number of trials done. Raises InputError naming the argument at fault.
+    `sightings` are those possible at k = 1..steps, as `trial_readings.possible_sightings` returns
+    them. The filter assumes the sigmas of `believed`, those of the team if None; its readings have
+    the team's. `first_trial`, a multiple of CHUNK_TRIALS, makes this a part of a longer run, which
+    `merge` joins. `progress` is called with the number of trials done. Raises InputError naming the
+    argument at fault.
     """
     side_by_side = threads_for(threads)
     _check_run(steps, first_trial)
@@ -157,7 +157,7 @@ def _check_sigmas(team: Team) -> None:
 
 
 def _check_sightings(sightings: Sightings, n: int, landmarks: int) -> None:
-    """The kernels do not check these indices: each must be that of a body, or of a kind."""
+    """Check the indices of bodies and kinds, which the kernels do not check."""
     named = (
         ("observers", sightings.observers, n),
         ("targets", sightings.targets, n + landmarks),
@@ -171,7 +171,7 @@ def _check_sightings(sightings: Sightings, n: int, landmarks: int) -> None:
 
 
 def poses_over(team: Team, steps: int) -> Array:
-    """Return (steps + 1, n, 3) m, m, rad, where a team's circles have it at each sample."""
+    """Return (steps + 1, n, 3) m, m, rad: a team's poses on its circles at each sample."""
     times = np.arange(steps + 1) * team.sensors.sample_time
     places, headings = position(team.orbits, times), heading(team.orbits, times)
     return np.concatenate([places, headings[..., None]], axis=2)
@@ -180,7 +180,7 @@ def poses_over(team: Team, steps: int) -> Array:
 def setup_along(
     team: Team, layout: StateLayout, sightings: Sightings, steps: int, options: FilterOptions
 ) -> FilterSetup:
-    """Return the set-up of a run of `steps` samples about a team's circles."""
+    """Return the set-up of a run of `steps` samples along a team's circles."""
     orbits, sensors = team.orbits, team.sensors
     first = sightings.first_of_steps(steps)
     seen = slice(first[1], first[-1])
@@ -210,7 +210,7 @@ def _chunk(
     chunk: range,
     stopped: threading.Event,
 ) -> MonteCarloResult:
-    """The result of the trials of a chunk."""
+    """Return the result of a chunk of trials."""
     n, steps, found = readings.team.count, readings.setup.samples, []
     samples = steps if options.with_series else None
     for trials in lanes_side_by_side(chunk, n, stopped):

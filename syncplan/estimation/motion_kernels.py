@@ -1,21 +1,21 @@
-"""Prediction: how readings and bias states move poses, and the frame that the covariance is in.
+"""Prediction of poses from readings and bias states, and the frame of the covariance.
 
 A vehicle that reads speed v and turn rate w moves in a step of T s by
 
     (displacement((1 + scale) v, w + bias) + T drift,  T (w + bias))
 
-where bias states that are no constants decay as they go. F, the derivative of the state after a
-step by that before, is the identity but for rows of poses: an error of heading turns the way
-(dx, dy) through the air about its start, a speed scale lengthens it, a turn-rate bias bends it, and
-a drift adds T. P = F P F' + G Q G'.
+and bias states that are not constant decay. F, the derivative of the state after a step by the
+state before it, is the identity except in rows of poses: an error of heading turns the way (dx, dy)
+through the air about its start, a speed scale lengthens it, a turn-rate bias bends it, and a drift
+adds T. P = F P F' + G Q G'.
 
-P itself stays in the *frame* of an earlier step. The product of all F since is the identity but for
-what a unit of each state, then, has moved its vehicle's pose since: its `ways`, one for each row of
-States. In that frame prediction only adds noise, and a sighting's row gains entries for the states
-that move the bodies it is of. P is brought to the present where it is asked for. This is exact, and
-of all that a step takes, carrying P was most. Where states that change pass within a few steps, P
-is brought along that often; and at each step where there are no bias states, as then it costs less
-than rows with further entries.
+P itself stays in the *frame* of an earlier step. The product of all F since is the identity except
+for the `ways`, one for each row of States: how far a unit of the state at that step has moved its
+vehicle's pose since. In that frame prediction only adds noise, and a sighting's row gains entries
+for the states that move its bodies. P is brought to the present only where it is needed. This is
+exact, and it saves the most expensive part of a step, carrying P. Where states decay within a few
+steps, P is brought along that often. Without bias states it is brought along at each step, since
+that costs less than rows with further entries.
 
 Source: Bar-Shalom, Li, Kirubarajan (2001), 10.3, and 11.4 (state augmentation).
 """
@@ -39,11 +39,11 @@ from syncplan.estimation.kernels import Lanes, inner, linked, part
 LEAST_LEFT = 0.1
 """Share left of a state below which P is brought to the present.
 
-Noise that is referred to an earlier frame is divided by its square, and rounding grows with it.
+Noise referred to an earlier frame is divided by the square of this share, so rounding grows.
 """
 
 SMALL = 0.03
-"""rad: half a step's turn up to which a chord's length is by series."""
+"""Half a step's turn in rad up to which a chord's length is computed by series."""
 
 
 class Frame(NamedTuple):
@@ -51,10 +51,10 @@ class Frame(NamedTuple):
 
     Fields
     ------
-    ways : (m, 3, lanes) by how much a unit of the state of each row of States, in the frame, has
-        moved its vehicle's pose since; of headings, beside themselves
-    left : (e,) share that is left of each bias state, 1 of constants
-    fresh : (1,) whether it is that of the present step: all ways are zero
+    ways : (m, 3, lanes) how far a unit of the state in each row of States, in the frame, has moved
+        its vehicle's pose since; for headings, apart from the heading itself
+    left : (e,) share left of each bias state, 1 for constants
+    fresh : (1,) whether it is that of the present step, where all ways are zero
     """
 
     ways: Array
@@ -81,7 +81,7 @@ def copy(x: Array, into: Array, lanes: Lanes) -> None:
 
 @inner
 def motion_in(setup: FilterSetup, step: int) -> MotionModel:
-    """Return the motion model of a step, 1 to the last: that of a sample for one as long."""
+    """Return the motion model of a step, 1 to the last, with its length and variances."""
     motion, span = setup.motion, setup.spans[step - 1]
     share = motion.time / span
     return MotionModel(
@@ -107,7 +107,7 @@ def shortening(half_turn: float, substeps: int) -> tuple[float, float]:
 
 @inner
 def _short_arc(a: float) -> tuple[float, float]:
-    """sin(a) / a and its derivative by their series, exact to rounding up to SMALL."""
+    """Return sin(a) / a and its derivative by their series, exact to rounding up to SMALL."""
     square = a * a
     ratio = 1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0))
     return ratio, -a / 3.0 * (1.0 - square / 10.0 * (1.0 - square / 28.0))
@@ -115,10 +115,10 @@ def _short_arc(a: float) -> tuple[float, float]:
 
 @inner
 def _sine_and_cosine(angle: float) -> tuple[float, float]:
-    """Sine and cosine without a branch, so that lanes are taken side by side.
+    """Return sine and cosine without a branch, so that loops over lanes vectorise.
 
-    The remainder by a quarter turn, in three parts, and the polynomials of fdlibm's k_sin and
-    k_cos: within 2e-16 for angles up to 1e5.
+    Takes the remainder by a quarter turn, in three parts, and the polynomials of fdlibm's k_sin and
+    k_cos; exact to 2e-16 for angles up to 1e5.
     """
     quarters = np.floor(angle * (2.0 / math.pi) + 0.5)
     r = angle - quarters * 1.57079632673412561417e00
@@ -157,7 +157,7 @@ def move(
     """Move vehicle i of x (3n + e, lanes) by readings (n, lanes); fill in the slopes of its way.
 
     `slopes` (12, lanes) are the way through the air, its derivatives by read speed, by turn rate
-    and by speed scale, x and y each, and what they are made of.
+    and by speed scale, x and y each, and four intermediate values.
     """
     time, substeps, r = motion.time, motion.substeps, 3 * i
     share = 0.5 * (substeps - 1) / substeps if substeps else 0.5
@@ -200,14 +200,14 @@ def move(
 
 @inner
 def kept(setup: FilterSetup, k: int, span: float) -> float:
-    """The share that is left of bias state k after `span` s."""
+    """Return the share of bias state k that is left after `span` s."""
     time, decay = setup.motion.time, setup.states.decays[k]
     return float(decay if span == time or decay in (0.0, 1.0) else decay ** (span / time))
 
 
 @inner
 def gained(setup: FilterSetup, k: int, span: float) -> float:
-    """The variance that bias state k gains in `span` s."""
+    """Return the variance that bias state k gains in `span` s."""
     left = kept(setup, k, span)
     return float(setup.states.variances[k] * (1.0 - left * left))
 
@@ -219,10 +219,10 @@ def gained(setup: FilterSetup, k: int, span: float) -> float:
 def add_reading_noise(
     P: Array, i: int, motion: MotionModel, states: States, frame: Frame, slopes: Array, lanes: Lanes
 ) -> None:
-    """Let the ways of vehicle i grow by its step, and add the noise of its readings to P.
+    """Extend the ways of vehicle i by its step, and add the noise of its readings to P.
 
-    `slopes` are those of `move`. Those by speed and by turn rate are turned into those in P's
-    frame: there a turn rate swings the vehicle about where its way began.
+    `slopes` are those of `move`. Those by speed and by turn rate become those in P's frame: there a
+    turn rate swings the vehicle about the point where its way began.
     """
     ways, r, heading = frame.ways, 3 * i, states.first[i]
     time, first = motion.time, 3 * (len(states.first) - 1)
@@ -297,7 +297,7 @@ def pass_step(
 
 @inner
 def grow_older(setup: FilterSetup, time: float, frame: Frame) -> float:
-    """Let the bias states of P's frame decay for `time` s; return the least share that is left."""
+    """Let the bias states of P's frame decay for `time` s; return the least share left."""
     least, first = 1.0, len(setup.initial_variances) - len(frame.left)
     for k in range(setup.states.first_changing - first, len(frame.left)):
         frame.left[k] *= kept(setup, k, time)
@@ -309,8 +309,8 @@ def grow_older(setup: FilterSetup, time: float, frame: Frame) -> float:
 def add_changes(P: Array, setup: FilterSetup, time: float, frame: Frame, lanes: Lanes) -> None:
     """Add the noise of bias states that change to P.
 
-    In its frame these are larger by 1 / left, and what they have moved vehicles by since, which
-    noise of now has not, is taken off.
+    In its frame these are larger by 1 / left. Their displacement of vehicles since, in which
+    present noise has no part, is subtracted.
     """
     states, ways, left = setup.states, frame.ways, frame.left
     first = len(P) - len(left)
@@ -349,7 +349,7 @@ def bring_to_now(P: Array, states: States, frame: Frame, lanes: Lanes) -> None:
 
 @inner
 def _carry(P: Array, i: int, states: States, frame: Frame, lanes: Lanes) -> None:
-    """P = F P F' of the passages to the pose of vehicle i, state by state and axis by axis.
+    """Update P = F P F' for the pose of vehicle i, state by state and axis by axis.
 
     Its heading is the first of these states, before another one moves it.
     """

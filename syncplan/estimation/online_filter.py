@@ -1,10 +1,10 @@
-"""The filter one step at a time, as a vehicle's computer runs it, by the kernels of trials.
+"""Step-by-step filter, as a vehicle's computer runs it, with the kernels of the trials.
 
-A step is what was read since the last one: motion readings over its span, then sightings at its
-end. There is no truth to compare with. What `robust` looks back at is kept, about 100 bytes a
-vehicle and step; other filters keep nothing but their state.
+A step takes motion readings over its span, then the sightings at its end. There is no truth to
+compare with. The robust filter keeps past readings, about 100 bytes a vehicle and step; other
+filters keep only their state.
 
-Source: as of `augmented_filter` and `robust_filter`.
+Source: as of `lane_filter` and `robust_filter`.
 """
 
 import math
@@ -36,7 +36,7 @@ _RIVALS = ("lanes", "began", "lead", "at")
 _ROWS = ("observers", "targets", "kinds", "variances")
 
 FIRST_ROOM = 64
-"""Steps, and sightings, that there is room for at first."""
+"""Initial capacity in sightings."""
 
 
 class Arrived(NamedTuple):
@@ -45,8 +45,8 @@ class Arrived(NamedTuple):
     Fields
     ------
     observers, targets, kinds : (s,) as in FilterSetup
-    variances : (s,) each sighting's, in its kind's unit squared
-    values : (s,)
+    variances : (s,) in each kind's unit squared
+    values : (s,) in each kind's unit
     """
 
     observers: Index
@@ -57,20 +57,21 @@ class Arrived(NamedTuple):
 
 
 class OnlineFilter:
-    """A team's filter on its way.
+    """Filter of a team, advanced step by step.
 
     Attributes
     ----------
-    steps : taken in
-    time : s, since the start
+    steps : number processed
+    time : s since the start
     """
 
     def __init__(
         self, setup: FilterSetup, initial: Array, model: FilterModel, stream: np.random.SeedSequence
     ) -> None:
-        """Begin at time 0, at poses `initial` (n, 3); runs and truth of `setup` do not matter.
+        """Start the filter at time 0 from poses `initial` (n, 3).
 
-        A filter that draws numbers draws them from the `stream`.
+        Steps and sightings of `setup` are ignored. A filter that draws random numbers uses
+        `stream`.
         """
         self.steps, self.time = 0, 0.0
         n = len(initial)
@@ -91,42 +92,42 @@ class OnlineFilter:
 
     @property
     def state(self) -> State:
-        """State (3n + e, 1) and covariance (3n + e, 3n + e, 1), of which the lower triangle counts.
+        """State (3n + e, 1) and covariance (3n + e, 3n + e, 1), whose lower triangle counts.
 
-        As kernels take them; views.
+        Both are views, in the layout of the kernels.
         """
         return self._run.state
 
     @property
     def poses(self) -> Array:
-        """(n, 3) m, m, rad: the estimate; a view."""
+        """Estimated poses (n, 3) in m, m, rad; a view."""
         return poses_of(self.state[0], self.setup.vehicles)[..., 0]
 
     @property
     def errors(self) -> Array:
-        """(e,) the bias states; a view."""
+        """Estimated bias states (e,); a view."""
         return self.state[0][3 * self.setup.vehicles :, 0]
 
     @property
     def covariance(self) -> Array:
-        """(3n + e, 3n + e) of the estimate."""
+        """Covariance (3n + e, 3n + e) of the estimate."""
         lower = np.tril(self.state[1][..., 0])
         return lower + np.tril(lower, -1).T
 
     @property
     def setup(self) -> FilterSetup:
-        """The set-up, whose steps are the filter's own."""
+        """Set-up with the filter's own steps."""
         return self._run.setup
 
     @property
     def counts(self) -> Mapping[str, float]:
-        """Sum of innovation^2 / variance of sightings, and how many were accepted and gated."""
+        """Sum of innovation^2 / variance, and numbers of accepted and gated sightings."""
         counted = self._run.statistics
         return {name: float(getattr(counted, name)[0]) for name in _COUNTED}
 
     @property
     def memory(self) -> dict[str, Array | Index]:
-        """All that it goes on from, by name; what a filter of the same set-up takes back."""
+        """Arrays, by name, from which a filter of the same set-up can resume."""
         run, counted = self._run, self._run.statistics
         found: dict[str, Array | Index] = {
             "steps": np.array(self.steps),
@@ -183,17 +184,17 @@ class OnlineFilter:
             run.rivals = _rivals(kept, run)
 
     def _parts(self, name: str, state: State) -> dict[str, Array | Index]:
-        """A state as it is kept: poses (n, 3, k), bias states (e, k) and covariance."""
+        """Parts of a state in a memory: poses (n, 3, k), bias states (e, k) and covariance."""
         (x, P), n = state, self.setup.vehicles
         return {f"{name}_0": poses_of(x, n), f"{name}_1": x[3 * n :], f"{name}_2": P}
 
     def step(
         self, speeds: Array, turn_rates: Array, arrived: Arrived, span: float | None = None
     ) -> None:
-        """Take in readings (n,) in m/s and rad/s over `span` s, a sample's if None, and sightings.
+        """Process readings (n,) in m/s and rad/s over `span` s, one sample if None, and sightings.
 
-        Sightings that are NaN are missed. All are taken for what they say: who calls has checked
-        that indices are those of the team.
+        NaN marks a missed sighting. Indices are not checked: callers ensure that they are those of
+        the team.
         """
         span = self._sample if span is None else span
         if isinstance(self._run, RobustRun):
@@ -204,7 +205,7 @@ class OnlineFilter:
         self.time += span
 
     def _forget(self, speeds: Array, turn_rates: Array, arrived: Arrived, span: float) -> None:
-        """Take in a step in the place of the last one: the second of a run of two."""
+        """Process a step in place of the last one, as the second step of a run of two."""
         run = self._run
         count = len(arrived.values)
         if count > len(run.readings.sightings):
@@ -218,7 +219,7 @@ class OnlineFilter:
         run.advance(2)
 
     def _look_back(self, speeds: Array, turn_rates: Array, arrived: Arrived, span: float) -> None:
-        """Take in a step after all others."""
+        """Process a step and keep its readings."""
         run, k = self._run, self.steps
         assert isinstance(run, RobustRun)
         used, count = int(self.setup.first[k + 1]), len(arrived.values)
@@ -245,11 +246,11 @@ class OnlineFilter:
         self._run.readings.sightings[begin:end, 0] = arrived.values
 
     def _make_room(self, used: int, rows: int) -> None:
-        """Let set-up and readings hold so many sightings."""
+        """Make room for `rows` sightings; the first `used` are kept."""
         self._run.given = with_room(self._run.given, used, rows)
 
     def _lengthen(self, steps: int) -> None:
-        """Let set-up and readings hold so many steps."""
+        """Make room for `steps` steps."""
         setup, readings, k = self.setup, self._run.readings, self.steps
         first = grown(setup.first, k + 2, steps + 2)
         first[k + 2 :] = first[k + 1]
@@ -265,7 +266,7 @@ class OnlineFilter:
 
 
 def _rivals(kept: Mapping[str, Array | Index], run: RobustRun) -> Rivals:
-    """The rivals of a memory; none in one that was kept before there were any."""
+    """Rivals of a memory; none for a memory of earlier versions, which lacks them."""
     if "rivals_lanes" not in kept:
         return Rivals.none(run.state)
     present, rival = (_joined(which, kept) for which in ("present", "rival"))
@@ -281,20 +282,20 @@ def _rivals(kept: Mapping[str, Array | Index], run: RobustRun) -> Rivals:
 
 
 def _joined(name: str, kept: Mapping[str, Array | Index]) -> State:
-    """A state of its parts, as they are kept."""
+    """State from its parts in a memory."""
     poses, errors, P = (np.array(kept[f"{name}_{k}"], dtype=float) for k in range(3))
     return np.concatenate([poses.reshape(3 * len(poses), -1), errors]), P
 
 
 def grown(array: Kept, used: int, size: int) -> Kept:
-    """Return an array of `size` entries along its first axis, the first `used` those given."""
+    """Return the first `used` entries of an array, zero-padded to `size` along the first axis."""
     larger: Any = np.zeros((size, *array.shape[1:]), dtype=array.dtype)
     larger[:used] = array[:used]
     return cast(Kept, larger)
 
 
 def with_room(run: FilterRun, used: int, rows: int) -> FilterRun:
-    """Return the run with room for so many sightings; the first `used` are kept."""
+    """Return the run with room for `rows` sightings; the first `used` are kept."""
     setup, readings = run.setup, run.readings
     return run._replace(
         setup=setup._replace(**{name: grown(getattr(setup, name), used, rows) for name in _ROWS}),
@@ -303,7 +304,7 @@ def with_room(run: FilterRun, used: int, rows: int) -> FilterRun:
 
 
 def _without_steps(setup: FilterSetup) -> FilterSetup:
-    """A set-up with room for the first steps and sightings, none of which there are."""
+    """Set-up without sightings, with room for two steps and FIRST_ROOM sightings."""
     index = np.zeros(FIRST_ROOM, dtype=np.int64)
     return setup._replace(
         spans=np.full(2, setup.motion.time),

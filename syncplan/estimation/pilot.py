@@ -1,25 +1,26 @@
-"""The pilot: a few trials of a filter along a plan, side by side in plain NumPy.
+"""Pilot: a few trials of a filter along a plan, side by side in plain NumPy.
 
-A plan must not wait for kernels to be compiled, or for numba to be loaded. So a pilot thins samples
-out (`pilot_readings`) and takes in all sightings of an instant at once. A filter that finds its
-start is second-order until a period has passed, then goes on from the batch solution over it; its
-looking for the start again over more periods, and its alarm, are left out. Errors that last are
-left out, of truth and filter alike: the pilot shows what the start does.
+A plan must not wait for kernels to compile or for numba to load. So a pilot thins out samples
+(`pilot_readings`) and processes all sightings of an instant at once. A filter that finds its start
+is second-order for a period, then continues from the batch solution over it; its later searches
+for the start and its alarm are left out. Lasting errors are left out of both truth and filter: the
+pilot shows the effect of the start.
 
-The batch solution over the first samples is a start for all trials. It minimises what
-`batch_solution` does, searched for as there, over the start and the noise of readings, both in
-their sigmas here. Along a trajectory, errors at time 0 are those of the start and all noise so far,
+The batch solution over the first samples starts all trials. It minimises the cost of
+`batch_solution` by the same search, over the start and the noise of readings, here in units of
+their sigmas. Along a trajectory, errors at time 0 are those of the start and all noise so far,
 which has block-diagonal covariance N_k after k samples. So a chunk of sightings of several samples,
-with rows h and tempered variances R, is one correction. Beside it,
+with rows h and tempered variances R, is one correction:
 
     V_a = (P + N_a) h_a,    S_ab = h_a' P h_b + h_a' N_min(a, b) h_b + R,    P -= V S^-1 V'
 
-where P + N_k is the covariance after sample k. The step that is best were all linear follows from
-the multipliers y of the sightings, last chunk first:
+where P + N_k is the covariance after sample k. The Gauss-Newton step follows from the multipliers y
+of the sightings, last chunk first:
 
     y = S^-1 (nu - V' lambda),   lambda += h y,   start = P0 lambda,   noise of k = Q G_k' lambda_k
 
-with nu less what is expected of the errors so far, and lambda_k as of the sightings from k on.
+where nu is the innovation less the effect of the errors expected so far, and lambda_k includes the
+sightings from k on.
 
 Source: Bell (1994), SIAM Journal on Optimization 4; Bierman (1973), International Journal of
 Control 18.
@@ -52,11 +53,11 @@ PILOT_TRIALS = 16
 PILOT_SEED = 0
 
 BATCH_WORK = 15.0
-"""Times what the filter takes of a period that a batch solution over it does."""
+"""Work of a batch solution over a period, relative to that of the filter."""
 
 
 def pilot_work(team: Team, windows: Windows, duration: float, model: FilterModel) -> float:
-    """Return about how many multiplications a pilot of `duration` s takes."""
+    """Return the approximate number of multiplications in a pilot of `duration` s."""
     thin = thinned(team)
     steps = steps_within(duration, thin.sensors.sample_time)
     turn = _samples_of_start(thin, model)
@@ -74,9 +75,9 @@ def pilot_squares(
     trials: int = PILOT_TRIALS,
     seed: int = PILOT_SEED,
 ) -> Array:
-    """Return (trials, n) m^2: squared position errors, mean over the second half of `duration` s.
+    """Return (trials, n) mean squared position errors in m^2 over the second half of `duration` s.
 
-    `team` is as `thinned` returns it. Infinite for all vehicles of a trial whose filter broke down.
+    `team` is as `thinned` returns it. All errors of a trial are infinite if its filter broke down.
     """
     run = PilotReadings.drawn(team, windows, duration, trials, seed)
     lanes = PilotFilter.at_start(run, second_order=model.second_order)
@@ -86,7 +87,7 @@ def pilot_squares(
             if k == turn:
                 lanes = batch_start(run, turn, seed)
             elif k > turn or 2 * turn > run.steps:
-                # before the batch solution only what is compared counts
+                # before the batch solution, the filter matters only if its errors count
                 lanes.predict(run, k)
                 lanes.correct(run, k)
             if 2 * k > run.steps:
@@ -98,7 +99,7 @@ def pilot_squares(
 
 
 def _samples_of_start(team: Team, model: FilterModel) -> int:
-    """Samples that the batch solution covers: a period; 0 of a filter without one."""
+    """Number of samples that the batch solution covers, a period; 0 for a filter without one."""
     if not model.finds_start:
         return 0
     return math.ceil(team.orbits.period / team.sensors.sample_time - 1e-9)
@@ -108,17 +109,17 @@ def _samples_of_start(team: Team, model: FilterModel) -> int:
 
 
 LAST_GAIN = 0.1
-"""Gain in cost that a step promises, below which a lane is done: a pilot need not be closer."""
+"""Predicted decrease of the cost below which a lane is done; a pilot need not be closer."""
 
 AT_ONCE = 24
-"""Sightings of a chunk, at most, unless one sample has more."""
+"""Largest number of sightings in a chunk, unless one sample has more."""
 
 WIDE_LANES = 16
-"""Starts searched from side by side; more take memory, and no less time."""
+"""Number of starts searched side by side; more take memory and save no time."""
 
 
 def batch_start(run: PilotReadings, samples: int, seed: int) -> PilotFilter:
-    """Return second-order filters of all trials, from the batch solution over so many samples.
+    """Return second-order filters of all trials, from the batch solution over `samples` samples.
 
     Further starts of a trial are drawn from SeedSequence(seed, spawn_key=(trial, 1, round)).
     """
@@ -142,13 +143,13 @@ def batch_start(run: PilotReadings, samples: int, seed: int) -> PilotFilter:
 
 @dataclass(slots=True)
 class _BatchStarts:
-    """The best trajectories found, a lane each.
+    """Best trajectories found, one per lane.
 
     Attributes
     ----------
     cost : (lanes,) twice the negative log-likelihood, less a constant
-    x, P, gone : at the end of the window, as a PilotFilter has them
-    errors : (lanes, 3 n) of x at time 0, as the last sightings have it
+    x, P, gone : as in PilotFilter, at the end of the window
+    errors : (lanes, 3 n) remaining corrections of x, referred to time 0
     """
 
     cost: Array
@@ -158,13 +159,13 @@ class _BatchStarts:
     errors: Array
 
     def take(self, other: "_BatchStarts", mine: Index, its: Index) -> None:
-        """Take the other's solutions `its` in place of `mine`."""
+        """Replace solutions `mine` by the other's solutions `its`."""
         for one in fields(self):
             getattr(self, one.name)[mine] = getattr(other, one.name)[its]
 
 
 def _solved_from(run: PilotReadings, trials: Index, start: Array, samples: int) -> _BatchStarts:
-    """Those of `trials`, which may recur, from starts (lanes, n, 3) in sigmas off the prior."""
+    """Solve `trials`, which may repeat, from starts (lanes, n, 3) in sigmas off the prior."""
     parts = [
         _descend(run, trials[k : k + WIDE_LANES], start[k : k + WIDE_LANES], samples)
         for k in range(0, len(trials), WIDE_LANES)
@@ -191,17 +192,17 @@ def _descend(run: PilotReadings, trials: Index, start: Array, samples: int) -> _
 
 @dataclass(frozen=True, slots=True)
 class _Path:
-    """A trajectory of each lane over K samples, and how far its sightings are from those made.
+    """Trajectory of each lane over K samples, with the innovations of its sightings.
 
     Attributes
     ----------
-    trials : (lanes,) whose readings they are
+    trials : (lanes,) trial whose readings each lane uses
     start : (lanes, n, 3) in sigmas off the prior
-    noise : (lanes, K, n, 2) in sigmas, by which readings of speed and turn rate are too small
+    noise : (lanes, K, n, 2) in sigmas, added to the readings of speed and turn rate
     x : (lanes, n, 3) m, m, rad, at the end
-    gone : (lanes, K, n + 1, 2) m, J D after each sample; 0 of landmarks, last
+    gone : (lanes, K, n + 1, 2) m, J D after each sample; the last, for landmarks, is 0
     arcs : of each sample
-    seen, innovation : the sightings of all samples, and (lanes, s) what is measured beyond them
+    seen, innovation : sightings of all samples, and their innovations (lanes, s)
     """
 
     run: PilotReadings
@@ -238,22 +239,22 @@ class _Path:
 
     @property
     def steps(self) -> Index:
-        """(s,) place in K of each sighting."""
+        """Index (s,) of each sighting's sample among the K."""
         return self.run.sightings.steps[self.read] - 1
 
     @property
     def read(self) -> slice:
-        """The sightings of the run that are of its samples."""
+        """Slice of the run's sightings that fall in the K samples."""
         return slice(self.run.first[1], self.run.first[self.noise.shape[1] + 1])
 
     def cost(self, temper: Array) -> Array:
-        """Return the cost of each lane, sightings' variances `temper` (lanes,) times as large."""
+        """Return the cost of each lane, with sighting variances scaled by `temper` (lanes,)."""
         seen = np.sum(self.innovation**2 / self.run.variances[self.read], axis=1)
         own = np.sum(self.start**2, axis=(1, 2)) + np.sum(self.noise**2, axis=(1, 2, 3))
         return np.asarray(own + seen / temper)
 
     def toward(self, step: "_GaussNewtonStep", share: Array) -> "_Path":
-        """Return the trajectories a share (lanes,) of the way to those of a step."""
+        """Return the trajectories after a share (lanes,) of a step."""
         start = self.start + share[:, None, None] * (step.start - self.start)
         noise = self.noise + share[:, None, None, None] * (step.noise - self.noise)
         return _Path.of(self.run, self.trials, start, noise)
@@ -261,14 +262,14 @@ class _Path:
 
 @dataclass(frozen=True, slots=True)
 class _GaussNewtonStep:
-    """Best change of a path if all were linear along it.
+    """Minimum of the cost, linearised along a path.
 
     Attributes
     ----------
-    start, noise : as a _Path has them
-    cost : (lanes,) it would have
-    P : (lanes, 3 n, 3 n) covariance at the end, of errors at time 0
-    errors : (lanes, 3 n) at time 0, expected at the end
+    start, noise : as in _Path
+    cost : (lanes,) predicted
+    P : (lanes, 3 n, 3 n) covariance at the end, referred to time 0
+    errors : (lanes, 3 n) expected errors of the path at the end, referred to time 0
     """
 
     start: Array
@@ -279,13 +280,13 @@ class _GaussNewtonStep:
 
 
 def _linear(path: _Path, temper: Array) -> _GaussNewtonStep:
-    """The Gauss-Newton step from a path."""
+    """Gauss-Newton step from a path."""
     run, rows, steps = path.run, path.seen.rows(), path.steps
     lanes, K, n, _ = path.noise.shape
     gains = path.arcs.gains(run.team, path.gone[:, :, :n])
     grown = np.cumsum(gains @ np.swapaxes(gains, -1, -2), axis=1)
     strayed = np.cumsum((gains @ path.noise[..., None]).reshape(lanes, K, -1), axis=1)
-    # errors are the path's: it is off the prior, and the readings, by their negative
+    # errors of the path: prior and readings lie off it by the negative of its start and noise
     spread = np.tile(run.spread, n)
     errors = -spread * path.start.reshape(lanes, -1)
     P = np.zeros((lanes, 3 * n, 3 * n))
@@ -319,7 +320,7 @@ def _linear(path: _Path, temper: Array) -> _GaussNewtonStep:
 def _smoothed(
     rows: Array, steps: Index, gains: Array, passed: list[tuple[slice, Array, Array]]
 ) -> tuple[Array, Array]:
-    """lambda (lanes, 3 n) of the start, and noise (lanes, K, n, 2), from chunks passed through."""
+    """lambda (lanes, 3 n) of the start and noise (lanes, K, n, 2), last chunk first."""
     lanes, K, n = gains.shape[:3]
     adjoint = np.zeros((lanes, 3 * n))
     pulls = np.zeros((lanes, K, 3 * n))
@@ -336,7 +337,7 @@ def _smoothed(
 
 
 def _chunks(steps: Index) -> Iterator[slice]:
-    """Sightings of whole samples, up to AT_ONCE together."""
+    """Yield slices of the sightings of whole samples, up to AT_ONCE sightings each."""
     begin, end = 0, 0
     for after in [*(np.flatnonzero(np.diff(steps)) + 1).tolist(), len(steps)]:
         if end > begin and after - begin > AT_ONCE:
@@ -350,7 +351,7 @@ def _chunks(steps: Index) -> Iterator[slice]:
 def _searched(
     path: _Path, step: _GaussNewtonStep, cost: Array, temper: Array, moving: Flags
 ) -> tuple[_Path, Flags]:
-    """The paths moved towards the step as far as their cost falls, and which moved."""
+    """Paths moved along the step as far as lowers their cost, and which lanes moved."""
     share = np.where(moving, 1.0, 0.0)
     for _ in range(MOST_HALVINGS):
         tried = path.toward(step, share)

@@ -1,17 +1,17 @@
-"""The pilot's model in plain NumPy: arcs, rows of sightings, and their second-order noise.
+"""Model of the pilot in plain NumPy: arcs, rows of sightings and their second-order noise.
 
-Errors are referred to time 0, where prediction only adds noise. With D the way that a vehicle was
-predicted to go since, without its corrections, and J a quarter turn counter-clockwise, an error of
-position and heading (a, psi) at time 0 is
+Errors are referred to time 0, so prediction only adds noise. Let D be a vehicle's displacement
+since then as predicted, without corrections, and J a quarter turn counter-clockwise. An error of
+position and heading (a, psi) at time 0 later becomes
 
     (a + J D psi, psi)
 
-later: the product of the filter's own transitions, in closed form. Leading axes are trials, or
+which is the product of the filter's own transitions, in closed form. Leading axes are trials, or
 trials and samples.
 
-The filter, extended or second-order, takes in all sightings of an instant at once, all trials side
-by side. With second-order noise, each has the variance that
-its tangent leaves out beside its own: `second_order`.
+The filter, extended or second-order, processes all sightings of an instant at once, all trials
+side by side. Second-order noise adds to each sighting's variance that of the terms which
+linearisation omits: `second_order`.
 
 Source: Bar-Shalom, Li, Kirubarajan (2001), 10.3 (extended Kalman filter).
 """
@@ -38,20 +38,20 @@ _ANGLES = np.array([kind.unit == "rad" for kind in SIGHTING_KINDS.values()])
 """Whether sightings of each kind are angles, equal up to whole turns."""
 
 _TURNED = np.array([-1.0, 1.0])
-"""With the coordinates swapped, a quarter turn counter-clockwise."""
+"""Signs that make a quarter turn counter-clockwise of swapped coordinates."""
 
 
 NEAREST_SQUARE = 1e-12
-"""m^2: nearer bodies count as this far apart, which leaves finite variances."""
+"""Least squared distance in m^2, which keeps variances finite."""
 
 
 @dataclass(frozen=True, slots=True)
 class Arcs:
-    """Where readings take vehicles in a sample, along arcs; (..., n, 2) each.
+    """Displacements of vehicles in a sample, along arcs, by their readings; (..., n, 2) each.
 
     Attributes
     ----------
-    moved, left : m, and turned a quarter turn counter-clockwise
+    moved, left : m, the displacement, and the same turned a quarter turn counter-clockwise
     by_speed : s, derivative of `moved` by the speed
     by_turn : m s, derivative by the turn rate
     """
@@ -62,7 +62,7 @@ class Arcs:
     by_turn: Array
 
     def gains(self, team: Team, gone: Array) -> Array:
-        """Return (..., n, 3, 2): an error at time 0 for each standard error of the two readings.
+        """Return (..., n, 3, 2) errors at time 0 for one standard deviation of each reading.
 
         `gone` (..., n, 2) m is J D after the sample.
         """
@@ -75,14 +75,14 @@ class Arcs:
 
 
 def arcs_of(speeds: Array, turn_rates: Array, headings: Array, time: float) -> Arcs:
-    """Return the arcs of a sample of `time` s by readings (..., n) from headings (..., n) rad."""
+    """Return arcs of `time` s from headings (..., n) rad, by readings (..., n)."""
     half = 0.5 * time * turn_rates
     chord = (time * np.sinc(half / np.pi))[..., None]
     middle = headings + half
     ahead = np.stack([np.cos(middle), np.sin(middle)], axis=-1)
     moved = speeds[..., None] * chord * ahead
     left = moved[..., ::-1] * _TURNED
-    # the chord turns by half of what the heading does, and shortens: sinc' = -h/3 + h^3/30 ...
+    # the chord turns half as far as the heading, and shortens: sinc' = -h/3 + h^3/30 ...
     shorter = 0.5 * time * speeds * (half * half * half / 30.0 - half / 3.0)
     by_turn = time * (0.5 * left + shorter[..., None] * ahead)
     return Arcs(moved, left, chord * ahead, by_turn)
@@ -90,15 +90,15 @@ def arcs_of(speeds: Array, turn_rates: Array, headings: Array, time: float) -> A
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """Who sees whom, and from where; m sightings of n vehicles in each of the trials.
+    """Geometry of m sightings of n vehicles in each of the trials.
 
     Attributes
     ----------
     count : n
-    kinds, observers, targets : (m,) a landmark's number is n
-    q : (trials, m, 2) m, of the target from the observer
+    kinds, observers, targets : (m,) all landmarks have number n
+    q : (trials, m, 2) m, position of the target relative to the observer
     headings : (trials, m) rad, of the observer
-    here, there : (trials, m, 2) m, J D of the observer and of the target; 0 of a landmark
+    here, there : (trials, m, 2) m, J D of the observer and of the target; 0 for a landmark
     """
 
     count: int
@@ -120,10 +120,11 @@ class Seen:
         gone: Array,
         steps: Index | None = None,
     ) -> "Seen":
-        """Return those sightings of a run, as seen along estimates.
+        """Return the geometry of a run's `sightings`, seen from estimates.
 
         `places` (trials, n + m, 2) m, `headings` (trials, n) rad and `gone` (trials, n + 1, 2) m
-        are of one sample; or, with a further axis after the first, of those that `steps` names.
+        are of one sample. If `steps` (m,) is given, they have an axis of samples after the first,
+        which it indexes.
         """
         seen, n = run.sightings, run.team.count
         observers, targets = seen.observers[sightings], seen.targets[sightings]
@@ -141,19 +142,19 @@ class Seen:
         )
 
     def innovation(self, measured: Array) -> Array:
-        """Return the innovations (trials, m), angles within half a turn."""
+        """Return the innovations (trials, m), with angles within half a turn."""
         off = measured - self._expected()
         turns = 2.0 * np.pi * np.floor((off + np.pi) / (2.0 * np.pi))
         return np.asarray(off - np.where(_ANGLES[self.kinds], turns, 0.0))
 
     def rows(self) -> Array:
-        """Return rows (trials, m, 3 n): what sightings change by errors at time 0."""
+        """Return rows (trials, m, 3 n): derivatives of the sightings by errors at time 0."""
         return self._rows(self._slopes(), turns_by_kind(self.kinds))
 
     def second_order(self, P: Array) -> Array:
-        """Return the variance (trials, m) of what the rows leave out, see `second_order`.
+        """Return the variance (trials, m) of the second-order terms, which the rows omit.
 
-        P (trials, 3 n, 3 n) is of errors at time 0.
+        P (trials, 3 n, 3 n) is the covariance of errors at time 0.
         """
         squared = np.maximum(np.sum(self.q**2, axis=-1), NEAREST_SQUARE)
         along = self.q / squared[..., None]
@@ -172,7 +173,7 @@ class Seen:
         return found
 
     def _rows(self, slopes: Array, turned: Array | float) -> Array:
-        """Rows (trials, ..., m, 3 n) of dz / dq (trials, ..., m, 2) and dz / dpsi (m,)."""
+        """Rows (trials, ..., m, 3 n) from dz / dq (trials, ..., m, 2) and dz / dpsi (m,)."""
         found = np.zeros((*slopes.shape[:-1], self.count + 1, 3))
         each = np.arange(len(self.kinds))
         for end, vehicles, gone, turn in (
@@ -205,7 +206,7 @@ class Seen:
 
 
 def solved(matrices: Array, sides: Array) -> Array:
-    """Return the batched solution; NaN throughout for a matrix that is singular."""
+    """Return the solutions of a batch of linear systems; NaN where a matrix is singular."""
     try:
         return np.asarray(np.linalg.solve(matrices, sides), dtype=np.float64)
     except np.linalg.LinAlgError:
@@ -223,13 +224,14 @@ def solved(matrices: Array, sides: Array) -> Array:
 
 @dataclass(slots=True)
 class PilotFilter:
-    """The filters of all trials.
+    """Filters of all trials.
 
     Attributes
     ----------
     x : (trials, n, 3) m, m, rad, estimates
-    P : (trials, 3 n, 3 n) covariances, of errors at time 0
-    gone : (trials, n + 1, 2) m, J D: the way predicted since time 0, turned; 0 of landmarks, last
+    P : (trials, 3 n, 3 n) covariances of errors at time 0
+    gone : (trials, n + 1, 2) m, J D: displacement predicted since time 0, turned; the last, for
+        landmarks, is 0
     second_order : whether sightings have second-order noise
     """
 
@@ -259,7 +261,7 @@ class PilotFilter:
         own += gains @ np.swapaxes(gains, -1, -2)
 
     def correct(self, run: PilotReadings, k: int) -> None:
-        """Take in the sightings of sample k."""
+        """Process the sightings of sample k."""
         own = slice(run.first[k], run.first[k + 1])
         if own.start == own.stop:
             return
@@ -277,7 +279,7 @@ class PilotFilter:
         self.change((seen.innovation(run.measured[:, own])[:, None] @ gain)[:, 0])
 
     def change(self, errors: Array) -> None:
-        """Add errors (trials, 3 n) at time 0 to the estimates."""
+        """Correct the estimates by errors (trials, 3 n) at time 0."""
         found = errors.reshape(self.x.shape)
         self.x[..., :2] += found[..., :2] + found[..., 2:] * self.gone[:, :-1]
         self.x[..., 2] += found[..., 2]

@@ -1,11 +1,11 @@
-"""What the trials of a pilot share, and what each of them reads, samples thinned out.
+"""Set-up and readings of a pilot's trials, with samples thinned out.
 
-Of each m samples a pilot keeps the last, with the noise that m of them leave together,
+A pilot keeps the last of every m samples, with the noise of a mean of m samples,
 
     bearings   sigma / sqrt(m)        speed and turn-rate readings   sigma / sqrt(m)
 
-and so for other sightings; m is how many are made, where they come at intervals or are missed now
-and then. Errors that last are left out.
+and likewise for other sightings. Where sightings come at intervals or may be missed, m is the
+expected number made. Lasting errors are left out.
 
 Trial k draws from SeedSequence(seed, spawn_key=(k,)): initial pose, speeds, turn rates, sightings.
 """
@@ -22,11 +22,11 @@ from syncplan.orbits.sightings import Sightings, sample_sightings, steps_within
 from syncplan.orbits.team import Team
 
 INSTANTS_A_TURN = 32
-"""Samples of a period that a pilot keeps, at least."""
+"""Least number of samples per period in a pilot."""
 
 
 def thinned(team: Team, instants: int = INSTANTS_A_TURN) -> Team:
-    """Return the team with as few samples a period as can be, but at least `instants`."""
+    """Return the team with as few samples per period as possible, but at least `instants`."""
     sensors, noise = team.sensors, team.noise
     kept = max(int(team.orbits.period / (sensors.sample_time * instants)), 1)
     share = 1.0 / np.sqrt(kept)
@@ -54,16 +54,16 @@ def thinned(team: Team, instants: int = INSTANTS_A_TURN) -> Team:
 
 @dataclass(frozen=True, slots=True)
 class PilotReadings:
-    """Set-up that the trials of a pilot share, and the readings of each.
+    """Common set-up of a pilot's trials, and their readings.
 
     Attributes
     ----------
-    team : whose samples are thinned out already
+    team : with samples already thinned out
     sightings : at k = 1..steps
-    first : (steps + 2,) number of the first sighting of each sample
-    places : (steps + 1, n + m, 2) m, true, of vehicles and landmarks
+    first : (steps + 2,) index of the first sighting of each sample
+    places : (steps + 1, n + m, 2) m, true positions of vehicles and landmarks
     variances : (s,) of sightings, in their kind's unit squared
-    spread : (3,) m, m, rad, deviations of the initial pose
+    spread : (3,) m, m, rad, standard deviations of the initial pose
     initial : (trials, n, 3) m, m, rad
     speeds, turn_rates : (steps, trials, n) m/s, rad/s
     measured : (trials, s) in the unit of each kind
@@ -131,7 +131,7 @@ class PilotReadings:
 
 
 def _draws(trials: int, seed: int, size: int) -> Array:
-    """(trials, size) standard normal numbers, those of a trial from a generator of its own."""
+    """Standard normal numbers (trials, size), each trial's from its own generator."""
     return np.stack(
         [
             np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(k,))).standard_normal(

@@ -1,8 +1,8 @@
-"""When the sightings of a recording determined where everybody was: rank and certificate over time.
+"""Observability of a recording over time: rank and certificate of its sightings in windows.
 
-At each of some times, the sightings of the last `window` s are judged as those of a plan's window
-are. Paths are those of odometry from the truth at the beginning of each window; where that is not
-known, from the filter's estimate then.
+The sightings of each window of `window` s are judged like those of a plan's window. Paths follow
+odometry from the true poses at the beginning of the window or, without truth, from the filter's
+estimates then.
 """
 
 from dataclasses import dataclass
@@ -23,18 +23,18 @@ from syncplan.orbits.circles import unit
 
 STEPS_IN_WINDOW = 3
 MOST_WINDOWS = 300
-"""More are further apart."""
+"""Largest number of windows: a longer recording has them further apart."""
 
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """A time over which the team was not observable.
+    """Time span over which the team was not observable.
 
     Attributes
     ----------
-    begin, end : s since the beginning of the run; no sightings of the window before determined all
-    least_rank : of the windows that end in it
-    robots : places of those of which some coordinate was not determined
+    begin, end : s since the beginning of the run; no window that ends between them determined all
+    least_rank : least rank of these windows
+    robots : indices of the robots with some coordinate undetermined
     """
 
     begin: float
@@ -45,15 +45,15 @@ class Gap:
 
 @dataclass(frozen=True, slots=True)
 class SeenOverTime:
-    """Observability over windows of a recording, each judged for the step that ends with it.
+    """Observability over windows of a recording, each standing for the step that ends with it.
 
     Attributes
     ----------
     window, step : s
-    judged, observable, certified : s, in all; from when the first window ends
+    judged, observable, certified : s, total length of the steps for which this holds
     state_dim : rank of a window that determines all
     gaps : in order of time
-    position_sigmas : (w,) m, of the worst robot from each window alone; infinite where it was not
+    position_sigmas : (w,) m, of the worst robot from each window alone; infinite where it is not
         observable
     """
 
@@ -68,14 +68,14 @@ class SeenOverTime:
 
     @property
     def longest_gap(self) -> float:
-        """In s; 0 where the team was always observable."""
+        """Length in s of the longest gap; 0 if the team was always observable."""
         return max((gap.end - gap.begin for gap in self.gaps), default=0.0)
 
 
 def seen_over_time(run: RecordedRun, made: FilteredRun, window: float) -> SeenOverTime:
-    """Return the observability by the accepted sightings of a run over windows of so many s.
+    """Return the observability from the accepted sightings of a run, in windows of `window` s.
 
-    Of a recording without truth, `made` must hold the estimates.
+    If the recording has no truth, `made` must hold the estimates.
     """
     clock = run.clock
     samples = max(min(round(window / clock.sample_time), clock.samples), 1)
@@ -115,7 +115,7 @@ def seen_over_time(run: RecordedRun, made: FilteredRun, window: float) -> SeenOv
 
 
 def _along_odometry(run: RecordedRun, poses: Array, used: Index, begins: Index) -> Placed:
-    """Where everybody is in windows from samples `begins`, by odometry from their poses there.
+    """Positions in windows from samples `begins`, by odometry from the poses there.
 
     `poses` are (samples + 1, n, 3) m, m, rad.
     """
@@ -140,7 +140,7 @@ def _along_odometry(run: RecordedRun, poses: Array, used: Index, begins: Index) 
 
 
 def _gaps(found: list[SeenWindow], length: float) -> tuple[Gap, ...]:
-    """Runs of windows that fall short, each as long as the steps that end with them."""
+    """Gaps: runs of unobservable windows, each window counting for the step before its end."""
     gaps = []
     for observable, group in groupby(found, key=lambda one: one.observability.observable):
         if not observable:
@@ -154,7 +154,7 @@ def _gaps(found: list[SeenWindow], length: float) -> tuple[Gap, ...]:
 
 
 def _paths(run: RecordedRun) -> Array:
-    """(steps + 1, n, 3) m, m, rad: odometry summed up from the origin, at the end of each step."""
+    """Odometry from the origin, (steps + 1, n, 3) m, m, rad, at the end of each step."""
     spans = run.setup.spans[:, None]
     speeds, turns = run.readings.speeds[..., 0], run.readings.turn_rates[..., 0] * spans
     headings = np.vstack([np.zeros(turns.shape[1]), np.cumsum(turns, axis=0)])
@@ -165,13 +165,13 @@ def _paths(run: RecordedRun) -> Array:
 
 
 def _turned(vectors: Array, angles: Array) -> Array:
-    """(s, 2) vectors turned by angles (s,)."""
+    """Vectors (s, 2) turned by angles (s,)."""
     cos, sin = np.cos(angles), np.sin(angles)
     x, y = vectors[:, 0], vectors[:, 1]
     return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
 
 
 def _scale(places: Array) -> float:
-    """m: how far robots are from the middle of all their places, typically."""
+    """RMS distance in m of the robots from the mean of all their positions."""
     away = places - places.mean(axis=(0, 1))
     return max(float(np.sqrt(np.mean(np.sum(away**2, axis=2)))), 1e-3)

@@ -1,4 +1,4 @@
-"""A recording's readings at their own times, on a clock that begins with its truth, if it has any.
+"""Readings of a recording at their own times, on a clock that begins with its truth, if any.
 
 odometry    held from one reading to the next, and averaged over each step of the filter; zero
             before the first and after the last
@@ -19,12 +19,12 @@ from syncplan.recordings.log import NOBODY, Log
 from syncplan.scenario.rules import excess
 
 SAME_TIME = 1e-6
-"""s: a sighting this close to a sample is at it. Clocks of today are exact to 2e-7 s."""
+"""Tolerance in s for a sighting at a sample. Present-day timestamps resolve 2e-7 s."""
 
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """The samples k = 0..samples at begin + k sample_time, s by the recording's clock."""
+    """Samples k = 0..samples at begin + k sample_time, in s by the recording's clock."""
 
     begin: float
     sample_time: float
@@ -32,28 +32,28 @@ class Clock:
 
     @property
     def times(self) -> Array:
-        """(samples + 1,) s since the beginning."""
+        """Times (samples + 1,) of the samples in s since the beginning."""
         return np.asarray(self.sample_time * np.arange(self.samples + 1))
 
     @property
     def duration(self) -> float:
-        """In s."""
+        """Duration in s."""
         return self.samples * self.sample_time
 
     def since_begin(self, recorded: Array) -> Array:
-        """The recording's times since the beginning, in s."""
+        """Return recorded times in s since the beginning."""
         return recorded - self.begin
 
 
 @dataclass(frozen=True, slots=True)
 class LeftOut:
-    """Readings of one kind that the filter is not given: their number, by reason.
+    """Numbers of readings of one kind that the filter does not receive, by reason.
 
     Attributes
     ----------
-    unknown : of a subject that there is not
-    not_asked_for : of landmarks or robots left out on purpose
-    outside : asked for, but from before or after the run
+    unknown : of an unknown subject
+    not_asked_for : of landmarks or robots that the settings exclude
+    outside : requested, but from before or after the run
     """
 
     unknown: int
@@ -63,15 +63,15 @@ class LeftOut:
 
 @dataclass(frozen=True, slots=True)
 class RecordedSightings:
-    """Sightings as the filter takes them, (s,) each, in the order of their times.
+    """Sightings for the filter, (s,) each, in order of time.
 
     Attributes
     ----------
-    times : s since the beginning, without the delay
+    times : s since the beginning, less the delay
     observers, targets : targets from n on are landmarks, in the order they were chosen
     kinds : places in SIGHTING_KINDS
     values : rad, m
-    left_out : by place in SIGHTING_KINDS, of the kinds that were asked for
+    left_out : by place in SIGHTING_KINDS, of the requested kinds
     """
 
     times: Array
@@ -83,10 +83,10 @@ class RecordedSightings:
 
 
 def clock_of(log: Log, sample_time: float, portion: tuple[float, float] = (0.0, 1.0)) -> Clock:
-    """Return the samples at which the truth of all robots is known, in a portion of that time.
+    """Return the samples in a portion of the time for which the truth of all robots is known.
 
-    Of a recording without truth, those from the first to the last odometry that all robots have.
-    Raises InputError where there are none or too many, or where no odometry is from then.
+    Without truth, that time is the one for which all robots have odometry. Raises InputError if
+    samples are too few or too many, or if a robot has no odometry in that time.
     """
     tables = [robot.truth if log.has_truth else robot.odometry for robot in log.robots]
     begin = max(float(table[0, 0]) for table in tables)
@@ -111,14 +111,14 @@ def clock_of(log: Log, sample_time: float, portion: tuple[float, float] = (0.0, 
                 f"{duration:.6g} s: by another clock?",
                 source=log.name,
             )
-    # rounding must not lose a sample of a whole number
+    # rounding must not lose the last sample
     samples = int(duration / sample_time + 1e-4)
     first, last = (int(share * samples) for share in portion)
     return Clock(begin + first * sample_time, sample_time, max(last - first, 1))
 
 
 def true_poses(log: Log, clock: Clock) -> Array:
-    """Return (samples + 1, n, 3) m, m, rad; zeros of a recording without truth."""
+    """Return the true poses (samples + 1, n, 3) in m, m, rad; zeros if the recording has none."""
     poses = np.zeros((clock.samples + 1, len(log.robots), 3))
     if not log.has_truth:
         return poses
@@ -131,7 +131,7 @@ def true_poses(log: Log, clock: Clock) -> Array:
 
 
 def mean_odometry(log: Log, clock: Clock, ends: Array, column: int) -> Array:
-    """Return (steps, n) means of a column over the steps between `ends` (steps + 1,), in s.
+    """Return (steps, n) means of an odometry column over the steps between `ends` (steps + 1,) s.
 
     A reading is held until the next.
     """
@@ -146,7 +146,7 @@ def mean_odometry(log: Log, clock: Clock, ends: Array, column: int) -> Array:
 def sightings_of(
     log: Log, clock: Clock, used: Index, settings: ReplaySettings
 ) -> RecordedSightings:
-    """Return the sightings that count: of the landmarks at places `used`, and of robots."""
+    """Return the sightings that count: those of robots and of the landmarks `used`."""
     robots = log.robots
     counts = [len(robot.times) for robot in robots]
     observers = np.repeat(np.arange(len(robots)), counts)
@@ -182,19 +182,19 @@ def sightings_of(
 
 
 def longest_gap(recorded: Array, begin: float, duration: float) -> float:
-    """Return the longest time in s between recorded times (k,), while a run lasts."""
+    """Return the longest interval in s between recorded times (k,) during a run."""
     first, last = np.searchsorted(recorded, (begin, begin + duration))
     return float(np.diff(recorded[max(first - 1, 0) : last + 1]).max(initial=0.0))
 
 
 def _at_samples(times: Array, clock: Clock) -> Array:
-    """The times, those that rounding put beside a sample moved to it."""
+    """Times, with those within SAME_TIME of a sample moved to it."""
     sample = clock.sample_time * np.rint(times / clock.sample_time)
     return np.where(np.abs(times - sample) < SAME_TIME, sample, times)
 
 
 def _targets(log: Log, subjects: Index, used: Index, *, meetings: bool) -> Index:
-    """Bodies of the subjects seen, (s,); -1 where they do not count."""
+    """Bodies (s,) of the subjects seen; -1 where they do not count."""
     bodies = {robot.subject: k for k, robot in enumerate(log.robots)} if meetings else {}
     for place, subject in enumerate(log.landmark_subjects[used].tolist()):
         bodies[subject] = len(log.robots) + place

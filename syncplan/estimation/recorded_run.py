@@ -1,20 +1,19 @@
-"""A recording as a run of the filter, and the filter run on it.
+"""Run of the filter on a recording.
 
-Each time at which something was seen ends a step of the filter, and so does each sample; errors are
-taken at the samples. Odometry is integrated over each step along an arc. The filter runs as for one
-trial of a Monte Carlo (`lane_filter.LaneFilter.run`), so its figures mean the same. Where the
-recording has no truth, zeros stand for it: what the filter then counts as errors is its estimate.
+Each sample and each time of a sighting ends a step of the filter; errors are evaluated at the
+samples. Odometry is integrated over each step along an arc. The filter runs as for one trial of a
+Monte Carlo (`lane_filter.LaneFilter.run`), so its figures mean the same. If the recording has no
+truth, zeros stand for it: the errors that the filter records are then its estimates.
 
-Whether the errors of a recording's sightings last is seen in sums of innovations over blocks.
-Innovations of a filter whose sightings have errors of their own are white. Where an observer's
-errors of a target last, k of them in a block add up to more than root k: with normalised
-innovations e of a block,
+Sums of innovations over blocks show whether the errors of sightings last. Innovations are white if
+each sighting has an independent error. If the errors of one observer and target last, k of them in
+a block add up to more than root k. With normalised innovations e of a block,
 
     ratio = sum over blocks of (sum of e)^2 / sum of e^2
 
-is 1 for white ones, give or take root of 2 / blocks. NIS times the ratio is the NIS of sums: a
-filter whose NIS is small while that of sums is not has errors that last, and smaller sigmas would
-make it surer than it is.
+is 1 for white ones, give or take root of 2 / blocks. NIS times the ratio is the NIS of sums. If
+NIS is small but that of sums is not, errors last, and smaller sigmas would make the filter
+overconfident.
 
 Source: Bar-Shalom, Li, Kirubarajan (2001), 5.4.2 (whiteness of innovations); Newey, West (1987),
 Econometrica 55 (the variance of sums).
@@ -56,16 +55,16 @@ from syncplan.orbits.error_states import ERROR_STATES, StateLayout
 from syncplan.recordings.log import Log
 
 LOOK_EVERY_S = 0.1
-"""How often a run's progress is looked at."""
+"""Interval in s between reports of a run's progress."""
 
 Seen = Callable[[int], None]
 """Callback that receives the number of sightings processed so far."""
 
 PERIOD = 59.9
-"""s of a recording that a batch solution covers: what it finds counts from one minute on."""
+"""Time in s that a batch solution covers; its estimate counts from one minute on."""
 
 REACH = 5.0
-"""m, about how far a robot is from its estimate once it is lost."""
+"""Typical position error in m of a lost robot."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,11 +74,11 @@ class RecordedRun:
     Attributes
     ----------
     clock, sightings : of the run
-    landmarks : places of the chosen ones among the recording's
-    setup, readings : as the filter takes them, in its one lane
-    truth : (samples + 1, n, 3) m, m, rad; zeros where it is not known
+    landmarks : indices of the chosen ones among the recording's
+    setup, readings : of the filter, with a single lane
+    truth : (samples + 1, n, 3) m, m, rad; zeros if not recorded
     layout : of poses and bias states
-    has_truth : whether it is known where every robot truly was
+    has_truth : whether the true poses of all robots are recorded
     """
 
     clock: Clock
@@ -99,11 +98,11 @@ class FilteredRun:
     Attributes
     ----------
     result : one trial's errors
-    innovations, weights : (s,) in the unit of each sighting's kind, and 1 over its variance, 0
-        where the sighting was rejected
-    errors, error_sigmas : (e,) lasting errors at the end, in the order of the layout
-    estimates : (samples + 1, n, 3) m, m, rad where robots are taken to be, headings wrapped; no
-        rows unless a series was kept
+    innovations, weights : (s,) in the unit of each sighting's kind, and 1 over the innovation's
+        variance, 0 where the sighting was rejected
+    errors, error_sigmas : (e,) estimated lasting errors at the end, in the order of the layout
+    estimates : (samples + 1, n, 3) m, m, rad, estimated poses, headings wrapped; no rows unless a
+        series was kept
     """
 
     result: MonteCarloResult
@@ -120,7 +119,7 @@ def run_of(log: Log, settings: ReplaySettings, options: FilterOptions) -> Record
     used = log.landmark_places(settings.landmarks)
     clock = clock_of(log, settings.sample_time, settings.portion)
     seen, truth = sightings_of(log, clock, used, settings), true_poses(log, clock)
-    # exact: sightings at a sample have its very time
+    # exact equality: sightings at a sample have the same time
     ends = np.unique(np.concatenate([clock.times, seen.times]))
     compared = np.full(len(ends), -1)
     compared[np.searchsorted(ends, clock.times)] = np.arange(clock.samples + 1)
@@ -155,7 +154,7 @@ def run_of(log: Log, settings: ReplaySettings, options: FilterOptions) -> Record
 
 
 def _start_of(truth: Array, settings: ReplaySettings, seed: int) -> Array:
-    """The initial estimate (n, 3) m, m, rad, from the true poses at the beginning."""
+    """Initial estimate (n, 3) in m, m, rad: as given, or at or about the true poses."""
     if settings.start_poses is not None:
         poses = np.array(settings.start_poses, dtype=np.float64)
         if poses.shape != truth.shape:
@@ -174,7 +173,7 @@ def _start_of(truth: Array, settings: ReplaySettings, seed: int) -> Array:
 def filtered(run: RecordedRun, options: FilterOptions, progress: Seen | None = None) -> FilteredRun:
     """Return the result of the options' filter over a run.
 
-    Raises NoSolutionError where it diverges. An interrupt ends the wait for it at once.
+    Raises NoSolutionError if the filter diverges. An interrupt ends the wait at once.
     """
     n, sightings = run.layout.count, len(run.sightings.times)
     samples = run.clock.samples if options.with_series else None
@@ -193,7 +192,7 @@ def filtered(run: RecordedRun, options: FilterOptions, progress: Seen | None = N
 
 
 def _estimates(truth: Array, result: MonteCarloResult) -> Array:
-    """Poses over time, of errors and the truth that they are from."""
+    """Estimated poses over time, from the truth and the errors."""
     if not result.branches:
         return np.zeros((0, *truth.shape[1:]))
     estimates = truth + series(result).mean_errors
@@ -204,9 +203,9 @@ def _estimates(truth: Array, result: MonteCarloResult) -> Array:
 def _in_thread(
     run: RecordedRun, options: FilterOptions, counted: FilterStatistics, progress: Seen | None
 ) -> tuple[Array, Array]:
-    """State (3n + e, 1) and covariance at the end, filtered in another thread.
+    """Filter in another thread; return the final state (3n + e, 1) and covariance.
 
-    Compiled code would keep an interrupt waiting, and lose it.
+    In the main thread, compiled code would delay an interrupt and lose it.
     """
     done: Future[tuple[Array, Array]] = Future()
 
@@ -242,7 +241,7 @@ def _run(
 
 
 def _layout(count: int, settings: ReplaySettings) -> StateLayout:
-    """Each robot's pose, then its lasting errors, those that have a sigma."""
+    """Layout of the poses, then of the lasting errors with a sigma above 0."""
     columns: dict[str, Index] = {}
     sigmas: list[float] = []
     times: list[float] = []
@@ -257,21 +256,21 @@ def _layout(count: int, settings: ReplaySettings) -> StateLayout:
     )
 
 
-# --- errors that last -----------------------------------------------------------------------------
+# --- lasting errors -------------------------------------------------------------------------------
 
 
 BLOCK_S = 10.0
 SURE = 3.0
-"""Standard errors beyond which innovations count as alike."""
+"""Standard errors by which a ratio must exceed 1 to show lasting errors."""
 
 
 @dataclass(frozen=True, slots=True)
 class Lasting:
-    """How much more sums of one kind's innovations scatter than those of white ones.
+    """Scatter of sums of one kind's innovations, relative to that of white ones.
 
     Attributes
     ----------
-    ratio : of the sums' mean square, 1 for white innovations
+    ratio : of the sums' mean squares; 1 for white innovations
     blocks : number of sums
     """
 
@@ -285,12 +284,12 @@ class Lasting:
 
     @property
     def growth(self) -> float:
-        """By what a sigma is larger for errors that last; 1 where they do not."""
+        """Factor by which lasting errors enlarge a sigma; 1 if errors do not last."""
         return float(np.sqrt(self.ratio)) if self.lasts else 1.0
 
 
 def lasting_of(run: RecordedRun, made: FilteredRun, kind: int) -> Lasting:
-    """Return how the innovations of a kind of sighting add up, by observer and target."""
+    """Return the scatter of sums of a kind's innovations, by observer and target."""
     seen, used = run.sightings, (made.weights > 0.0) & (run.sightings.kinds == kind)
     if not used.any():
         return Lasting(1.0, 0)

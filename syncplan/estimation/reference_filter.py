@@ -1,13 +1,12 @@
-"""The filter in plain NumPy, one trial at a time, with sightings of every kind.
+"""Filter in plain NumPy, one trial at a time, with sightings of every kind.
 
-This is the one to read; `lane_filter` computes the same, compiled, and is tested against it. The
-state stacks the poses of n vehicles, (x, y, heading) each, and the bias states of a FilterSetup,
-3 n + e in all. A vehicle that reads v and w moves in a time T by
+This is the readable form; the compiled `lane_filter` is tested against it. The state stacks the
+poses of n vehicles, (x, y, heading) each, and the bias states of a FilterSetup, 3 n + e in all. A
+vehicle that reads v and w moves in a time T by
 
     (displacement((1 + scale) v, w + bias) + T drift, T (w + bias))
 
-and bias states that are no constants decay as they go. Turning at w while driving v moves it along
-a chord,
+and bias states that are not constant decay. Turning at w with speed v moves it along a chord,
 
     displacement = v T s(a) e(heading + c w T),      a = w T / 2
 
@@ -16,7 +15,7 @@ a chord,
 
 The second line is the closed form of the paper's Algorithm 1, the sum over k < N of
 (v T / N) e(heading + k w T / N); it tends to the first as N grows. Here the sum itself is computed.
-What is sighted is that of syncplan.orbits.sighting_kinds, with the shifts of its observer.
+Sightings are those of syncplan.orbits.sighting_kinds, plus the shifts of the observer.
 
 Source: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001,
 10.3 (extended Kalman filter).
@@ -32,7 +31,7 @@ from syncplan.orbits.circles import perpendicular, unit, wrap
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
 
 Read = tuple[Array, Array]
-"""Speeds and turn rates (n,) that are read, m/s and rad/s."""
+"""Readings of speed and turn rate, (n,) m/s and rad/s."""
 
 
 def displacement(
@@ -51,10 +50,10 @@ def displacement(
 def displacement_jacobian(
     heading: Array, speed: Array, turn_rate: Array, time: float, substeps: int = 0
 ) -> Array:
-    """Return (n, 2, 2): the derivative of the displacement by speed (s) and turn rate (m s).
+    """Return derivatives (n, 2, 2) of the displacement by speed (s) and turn rate (m s).
 
-    Columns are speed and turn rate. The derivative by heading is the displacement turned a
-    quarter turn counter-clockwise, for either way of integrating.
+    Columns are speed and turn rate. For both ways of integrating, the derivative by heading is the
+    displacement turned a quarter turn counter-clockwise.
     """
     by_speed = displacement(heading, np.ones_like(speed), turn_rate, time, substeps)
     if substeps:
@@ -147,7 +146,7 @@ def sighted(
     """Return the expected value of a sighting and its derivative (3n + e,) by the state.
 
     `kind` is its place in SIGHTING_KINDS; targets from n on are landmarks. Angles are not wrapped.
-    `read`, speeds and turn rates (n,) at the time, is needed where a clock offset is a state.
+    `read`, speeds and turn rates (n,) at the time, is needed if a clock offset is a state.
     """
     n, o, t = setup.vehicles, 3 * observer, 3 * target
     what = list(SIGHTING_KINDS.values())[kind]
@@ -178,7 +177,7 @@ def sighted(
 def _later(
     state: Array, i: int, span: float, setup: FilterSetup, read: Read | None
 ) -> tuple[Array, Array]:
-    """Vehicle i's pose (3,) a short while later, by what it reads, and how it changes then."""
+    """Pose (3,) of vehicle i after `span` s, by its readings, and its rate of change then."""
     pose = state[3 * i : 3 * i + 3]
     if read is None:
         return pose, np.zeros(3)
@@ -196,7 +195,7 @@ def update_state(
 ) -> tuple[Array, Array, float, float]:
     """Return state, covariance, innovation and its variance after sighting s of the set-up.
 
-    A reading that is NaN is a missed one: both stay, and so they do where the gate rejects it.
+    State and covariance are unchanged if the reading is NaN, hence missed, or the gate rejects it.
     """
     kind = int(setup.kinds[s])
     o, t = int(setup.observers[s]), int(setup.targets[s])
@@ -225,7 +224,7 @@ def _kinds_of(i: int, setup: FilterSetup) -> list[int]:
 
 
 def _errors_of(state: Array, setup: FilterSetup) -> tuple[Array, Array, Array]:
-    """Velocity of the air at each vehicle (n, 2), its speed scale and its turn-rate bias (n,)."""
+    """Air velocity (n, 2), speed scale (n,) and turn-rate bias (n,) of each vehicle."""
     n = setup.vehicles
     drift, scale, bias = np.zeros((n, 2)), np.zeros(n), np.zeros(n)
     for i in range(n):

@@ -1,11 +1,11 @@
-"""A team's run with all errors referred to time 0, and the posterior bound that it gives.
+"""Run of a team with all errors referred to time 0, and its posterior bound.
 
-Errors are referred to time 0 by the closed-form transition, so that prediction only adds noise:
+Errors are referred to time 0 by the closed-form transition, so prediction only adds noise:
 
     P <- P + Phi(0, k) G Q G^T Phi(0, k)^T      block diagonal, one 3 x 3 block a vehicle
     P <- P - P H^T (H P H^T + 1)^-1 H P         H: the rows of the windowed matrix, sigma = 1
 
-Positions are in mean radii until the end. syncplan.estimation.covariances brings the rows in.
+Positions are in mean radii until the end. syncplan.estimation.covariances processes the rows.
 The state is the poses at time 0 and the errors that a layout names.
 """
 
@@ -38,10 +38,10 @@ from syncplan.orbits.sightings import Remainder, Sightings, sample_sightings
 from syncplan.orbits.team import Team
 
 _SAMPLES_AT_ONCE = 128
-"""Samples whose blocks of the covariance are kept until their quadratic forms are taken."""
+"""Number of samples whose covariance blocks are kept until their quadratic forms are taken."""
 
 SAME_SCALE = 1e-12
-"""Relative difference up to which two mean radii are the same."""
+"""Relative difference up to which two mean radii count as equal."""
 
 _INDEFINITE = (
     "no posterior bound: the sigmas span too many orders of magnitude for its covariance to stay "
@@ -51,15 +51,15 @@ _INDEFINITE = (
 
 @dataclass(frozen=True, slots=True)
 class PosteriorBound:
-    """The bound along a run from the initial sigmas.
+    """Posterior bound along a run from the initial sigmas.
 
     Attributes
     ----------
     position_variance : (steps + 1, n) m^2, trace of each vehicle's position block at k Ts
     heading_variance : (steps + 1, n) rad^2
-    start_up : how far from linear its sightings are; None where not asked for
+    start_up : nonlinearity of its sightings; None if not requested
     errors : (steps + 1, f) variance of each further state of layout_of(team), in the square of its
-        unit; None where poses are all
+        unit; None if the state consists of poses alone
     """
 
     position_variance: Array
@@ -68,7 +68,7 @@ class PosteriorBound:
     errors: Array | None = None
 
     def until(self, samples: float) -> "PosteriorBound":
-        """Return the bound along the first whole `samples`, or all there are."""
+        """Return the bound along the first `samples`, rounded down, or all if there are fewer."""
         end = int(samples + 1e-9) + 1
         return replace(
             self,
@@ -93,8 +93,8 @@ class PosteriorBound:
 def arc_noise_gain(orbits: Orbits, sample_time: float) -> Array:
     """Return (n, 3, 2) derivatives of a step's (x, y, heading) by speed and turn rate.
 
-    In the frame of the heading at the step's start. With h half the angle turned in a step, the
-    chord is v Ts sinc(h) e(h), here differentiated in closed form.
+    They are in the frame of the heading at the step's start. With h half the angle turned in a
+    step, the chord is v Ts sinc(h) e(h), differentiated here in closed form.
     """
     half = 0.5 * orbits.turn_rates * sample_time
     sinc = np.sinc(half / np.pi)
@@ -111,14 +111,14 @@ def arc_noise_gain(orbits: Orbits, sample_time: float) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class ReferredSystem:
-    """A team's run with all errors referred to time 0.
+    """Run of a team with all errors referred to time 0.
 
     Attributes
     ----------
     run : noise and rows with the columns of the layout, positions in `scale` m
     moved : (2, n, steps + 1) displacement since time 0, in `scale` m
     scale : m, the mean radius
-    team, sightings : in the order of the rows
+    team, sightings : sightings are in the order of the rows
     layout : of the state
     """
 
@@ -133,7 +133,7 @@ class ReferredSystem:
     def along(
         cls, team: Team, windows: Windows, steps: int, layout: StateLayout
     ) -> "ReferredSystem":
-        """Return the run of a team over so many steps."""
+        """Return the run of a team over `steps` steps."""
         orbits, sample_time = team.orbits, team.sensors.sample_time
         sightings = sample_sightings(windows, orbits.period, team.sensors, 1, steps)
         scale = float(orbits.radii.mean())
@@ -150,12 +150,12 @@ class ReferredSystem:
         return cls(run, moved, scale, team, sightings, layout)
 
     def left_by(self, left: Remainder, layout: StateLayout) -> "ReferredSystem":
-        """Return the run of what a loss leaves of the team; its state has the given layout."""
+        """Return the run of the team that remains after a loss, with the given state layout."""
         team = left.team
         sightings, kept = left.sightings(self.sightings)
         mean = float(team.orbits.radii.mean())
         if layout.names or abs(mean - self.scale) > SAME_SCALE * mean:
-            # near passes take their weights from the mean radius
+            # weights of near passes depend on the mean radius
             rows = state_rows(team, sightings, layout, self.scale)
         else:
             rows = SightingRows(
@@ -173,7 +173,7 @@ class ReferredSystem:
 
     @property
     def start(self) -> Array:
-        """(size, size) covariance of the initial sigmas; errors are in units of their own."""
+        """Initial covariance (size, size); errors are in units of their own sigmas."""
         noise = self.team.noise
         sigma = np.array([noise.position_sigma, noise.position_sigma, noise.heading_sigma])
         sigma[:2] /= self.scale
@@ -183,9 +183,9 @@ class ReferredSystem:
         return covariance
 
     def from_start(self, bound: Callable[[Array], PosteriorBound]) -> PosteriorBound:
-        """Return the bound that `bound` gives from the covariance of the start.
+        """Return the result of `bound` from the initial covariance.
 
-        Raises NoSolutionError where the covariance does not stay positive definite.
+        Raises NoSolutionError if the covariance does not stay positive definite.
         """
         try:
             found = bound(self.start)
@@ -216,18 +216,18 @@ class ReferredSystem:
         return replace(bound, start_up=index_of_run(self.team, seen, foreseen))
 
     def of_poses(self, variances: Array) -> PosteriorBound:
-        """Return the bound that variances of poses referred to time 0, (4, n, steps + 1), mean."""
+        """Return the bound from variances (4, n, steps + 1) of poses referred to time 0."""
         position_, x_turn, y_turn, turn = variances
         east, north = self.moved
         spread = position_ + 2.0 * (east * y_turn - north * x_turn) + (east**2 + north**2) * turn
         return PosteriorBound(self.scale**2 * spread.T, turn.T)
 
     def carried(self, covariances: Iterable[Array]) -> PosteriorBound:
-        """Return the bound that the covariances (size, size) of each sample mean.
+        """Return the bound from the covariances (size, size) of all samples.
 
-        A vehicle is off by its pose at time 0, carried by the closed-form transition, and by what
-        each constant error has moved it since; gusts act through the pose, and a bearing walk not
-        at all. So its variance is a quadratic form of the covariance of these few states.
+        A vehicle's error is that of its pose at time 0, carried by the closed-form transition, plus
+        its displacement by each constant error since. Gusts act through the pose; a bearing walk
+        has no effect. So its variance is a quadratic form in the covariance of these few states.
         """
         steps, count = self.run.steps, self.run.count
         columns = self._columns
@@ -253,9 +253,9 @@ class ReferredSystem:
         )
 
     def moved_on(self) -> Array:
-        """Return the (size, size) change of the state when time 0 is moved to the end of the run.
+        """Return the (size, size) matrix that moves time 0 of the state to the end of the run.
 
-        The end has to be whole periods later: vehicles are where they were.
+        The run must last whole periods, so that vehicles end where they began.
         """
         matrix, columns = np.eye(self.layout.size), self._columns
         moves = self._moves(np.array([self.run.steps]))[0]
@@ -265,23 +265,23 @@ class ReferredSystem:
         return matrix
 
     def _with_errors(self, seen: Sightings, six: Array) -> SightingRows:
-        """Functions (s, 6) of poses with the columns of the errors."""
+        """Rows of functions (s, 6) of poses, extended by the columns of the errors."""
         if self.run.poses_alone:
             return SightingRows(six, self.run.rows.columns[: len(six)])
         return error_moves(self.team, seen, self.layout, six[:, :2].T / -self.scale, six)
 
     @property
     def _columns(self) -> Index:
-        """(n, 3 + e) columns of each vehicle's pose and of the constant errors that move it."""
+        """Columns (n, 3 + e) of each vehicle's pose and of the constant errors that move it."""
         own = 3 * np.arange(self.layout.count)[:, None] + np.arange(3)
         others = [self.layout.columns[name] for name in _constant(self.layout)]
         # where a vehicle has no such error, any column will do
         return np.concatenate([own, *(np.where(one >= 0, one, 0) for one in others)], axis=1)
 
     def _moves(self, steps: Index) -> Array:
-        """(k, n, 3, 3 + e) how much the columns move each vehicle's place, in `scale`, and heading.
+        """Effect (k, n, 3, 3 + e) of columns on each vehicle's position, in `scale` m, and heading.
 
-        Those of its pose at time 0, then those of each constant error.
+        Columns are those of its pose at time 0, then those of each constant error.
         """
         team, count = self.team, self.run.count
         found = np.zeros((len(steps), count, 3, self._columns.shape[1]))
@@ -305,22 +305,22 @@ class ReferredSystem:
 
 
 def _referred_noise(team: Team, arm: Array, moved: Array, scale: float) -> Array:
-    """(6, n, steps + 1) motion noise of the step that ends at k, referred to time 0, as in Run.
+    """Motion noise (6, n, steps + 1) of the step that ends at k, referred to time 0, as in Run.
 
-    `arm` and `moved`, (2, n, steps + 1), are directions from the centres and displacements.
+    `arm` and `moved` (2, n, steps + 1) are directions from the centres, and displacements.
     """
     orbits, noise = team.orbits, team.noise
     gain = arc_noise_gain(orbits, team.sensors.sample_time) * np.array(
         [noise.speed_sigma, noise.turn_rate_sigma]
     )
     gain[:, :2] /= scale
-    # the heading where a step starts, a quarter turn from the arm
+    # heading at the start of each step, a quarter turn from the arm
     sense = orbits.senses[:, None]
     ahead = -sense * np.roll(arm[1], 1, axis=-1)
     left = sense * np.roll(arm[0], 1, axis=-1)
     total = np.zeros((6, *ahead.shape))
     for along, across, turn in np.moveaxis(gain, (2, 1), (0, 1))[..., None]:
-        # the turn moves the place at time 0 backwards about the vehicle
+        # referred to time 0, a turn moves the position backwards about the vehicle
         x = ahead * along - left * across + moved[1] * turn
         y = left * along + ahead * across - moved[0] * turn
         for place, product in enumerate((x * x, x * y, x * turn, y * y, y * turn, turn * turn)):
@@ -330,7 +330,7 @@ def _referred_noise(team: Team, arm: Array, moved: Array, scale: float) -> Array
 
 
 def _changing(team: Team, layout: StateLayout, scale: float) -> GaussMarkov | None:
-    """How the errors of a layout that change are carried."""
+    """Propagation of the changing errors of a layout; None if there are none."""
     columns = np.arange(layout.first_changing, layout.size)
     if not len(columns):
         return None

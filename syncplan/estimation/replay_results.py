@@ -1,4 +1,4 @@
-"""What a replay found: what became of readings, estimates, and errors where truth is recorded."""
+"""Results of a replay: counts of readings, estimates, and errors where truth is recorded."""
 
 from dataclasses import dataclass
 
@@ -19,14 +19,14 @@ from syncplan.results import Result
 
 @dataclass(frozen=True, slots=True)
 class KindCounts:
-    """Counts of readings of one kind of sighting, by what the filter did with them.
+    """Counts of readings of one kind of sighting, by their use in the filter.
 
     Attributes
     ----------
-    used, rejected : number that the gate accepted, and that it did not
-    left_out : those that the filter was not given
-    nis : of the used ones
-    lasting : how their innovations add up
+    used, rejected : numbers that the gate accepted and rejected
+    left_out : numbers that the filter did not receive
+    nis : consistency of the innovations of used ones
+    lasting : scatter of sums of these innovations
     """
 
     used: int
@@ -38,11 +38,11 @@ class KindCounts:
 
 @dataclass(frozen=True, slots=True)
 class FittedError:
-    """A lasting error of one robot's odometry or camera, as the filter has it at the end.
+    """Final estimate of a lasting error of one robot's odometry or camera.
 
     Attributes
     ----------
-    name, robot, unit : name in ERROR_STATES, of the robot, unit in words
+    name, robot, unit : name in ERROR_STATES, name of the robot, unit in words
     value, sigma : in that unit
     """
 
@@ -71,26 +71,25 @@ class ErrorsFromTruth:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Replay(Result):
-    """The filter on a recording, and its errors where truth is recorded.
+    """Result of the filter on a recording, with errors where truth is recorded.
 
     Attributes
     ----------
     log : the recording
-    landmarks : l names, or numbers, of the landmarks whose sightings were used
-    settings : what the filter assumed
-    options : which filter, and its gate
-    clock : when errors were taken
-    result : one trial's errors; where the recording has no truth, estimates stand for errors, and
-        the series is always kept
-    estimates : (samples + 1, n, 3) m, m, rad where robots are taken to be, headings wrapped; no
-        rows unless a series was kept
-    from_truth : errors; None where the recording has no truth
+    landmarks : names, or numbers, of the landmarks whose sightings were used
+    settings : assumptions of the filter
+    options : the filter and its gate
+    clock : samples at which errors were evaluated
+    result : one trial's errors; if the recording has no truth, estimates stand for errors, and the
+        series is always kept
+    estimates : (samples + 1, n, 3) m, m, rad, estimated poses, headings wrapped; no rows unless a
+        series was kept
+    from_truth : errors; None if the recording has no truth
     nis : consistency of the innovations of all kinds of sighting
-    counts : by name of the kind of sighting, of the kinds that were asked for
-    lasting_errors : as the filter has them at the end
-    seen : what windows of the sightings determined; None where none is judged
-    tuning : how sigmas and delay were fitted to what came before, and whether the fit was taken;
-        None where they were not
+    counts : by name of the kind of sighting, of the requested kinds
+    lasting_errors : final estimates
+    seen : observability over windows of the sightings; None if none is judged
+    tuning : fit of sigmas and delay to the part before, with its verdict; None without a fit
     """
 
     log: Log
@@ -108,7 +107,7 @@ class Replay(Result):
     tuning: Tuning | None = None
 
     def __repr__(self) -> str:
-        """Return one line: how many robots, how long, and the error."""
+        """Return one line: number of robots, duration and error."""
         said = "no truth"
         if self.from_truth is not None:
             said = f"RMS {float(self.accuracy.overall().position):.3g} m"
@@ -119,12 +118,12 @@ class Replay(Result):
 
     @property
     def accuracy(self) -> Accuracy:
-        """RMS errors by robot; raises InputError where the recording has no truth."""
+        """RMS errors by robot; raises InputError if the recording has no truth."""
         return self._known().accuracy
 
     @property
     def coverage(self) -> Array:
-        """(n,) share of coordinates within three sigma; raises InputError as `accuracy` does."""
+        """Share (n,) of coordinates within three sigma; raises InputError as `accuracy` does."""
         return self._known().coverage
 
     @property
@@ -140,22 +139,22 @@ class Replay(Result):
 
     @property
     def gate_probability(self) -> float:
-        """Of the innovation gate; 1 accepts all."""
+        """Probability of the innovation gate; 1 accepts all sightings."""
         return 1.0 if self.options.gate_probability is None else self.options.gate_probability
 
     @property
     def begin(self) -> float:
-        """When the run begins by the recording's clock, s."""
+        """Beginning of the run in s, by the recording's clock."""
         return self.clock.begin
 
     @property
     def duration(self) -> float:
-        """In s."""
+        """Duration in s."""
         return self.clock.duration
 
     @property
     def sample_time(self) -> float:
-        """In s."""
+        """Sample time in s."""
         return self.clock.sample_time
 
     @property
@@ -165,12 +164,12 @@ class Replay(Result):
 
     @property
     def bearing_sigma(self) -> float:
-        """Standard deviation that the filter assumed, rad."""
+        """Standard deviation of a bearing that the filter assumed, rad."""
         return self.settings.bearing_sigma
 
     @property
     def noise(self) -> Noise:
-        """Noise that the filter assumed of motion readings and the start."""
+        """Noise of motion readings and of the start that the filter assumed."""
         return self.settings.noise
 
     @property
@@ -180,15 +179,15 @@ class Replay(Result):
 
     @property
     def unknown(self) -> int:
-        """Number of bearings of a subject that there is not."""
+        """Number of bearings of an unknown subject."""
         return self.bearings.left_out.unknown
 
     @property
     def not_asked_for(self) -> int:
-        """Number of bearings of landmarks or robots left out on purpose."""
+        """Number of bearings of landmarks or robots that the settings exclude."""
         return self.bearings.left_out.not_asked_for
 
     @property
     def outside(self) -> int:
-        """Number of bearings asked for, but from before or after the run."""
+        """Number of requested bearings from before or after the run."""
         return self.bearings.left_out.outside

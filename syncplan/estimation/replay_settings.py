@@ -1,4 +1,4 @@
-"""What the filter assumes of a recording, and which of its sightings it is given."""
+"""Settings of a replay: noise, delay, start and the sightings that count."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -19,15 +19,15 @@ walks of 0.02 m and 0.05 rad after a second."""
 
 SPEED_SCALE_SIGMA = 0.05
 TURN_RATE_BIAS_SIGMA = 0.01
-"""Of these robots' odometry, 1 and rad/s: they moved 7 to 10 % less than they read."""
+"""Sigmas of these robots' odometry, 1 and rad/s: they moved 7 to 10 % less than they read."""
 
 BEARING_SIGMA = 0.01
 RANGE_SIGMA = 0.4
-"""Of these robots' cameras, rad and m. Distances scatter by 0.13 m, but the errors of one target
-last for seconds, and a filter that takes them for new at each sighting needs a larger sigma."""
+"""Sigmas of these robots' cameras, rad and m. Distances scatter by 0.13 m, but the errors of one
+target last for seconds, and a filter that treats them as independent needs a larger sigma."""
 
 BEARING_WALK_TIME = 10.0
-"""s, over which the correlation of bearing errors that change falls to 1/e."""
+"""Time in s over which the correlation of a changing bearing error falls to 1/e."""
 
 SAMPLE_TIME = 0.05
 WINDOW = 30.0
@@ -35,13 +35,13 @@ WINDOW = 30.0
 
 @dataclass(frozen=True, slots=True)
 class RecordedStart:
-    """Where the filter starts on a recording.
+    """Start of the filter on a recording.
 
     Attributes
     ----------
-    sigmas : m, rad, to which position and heading are known unless stated
-    needs_truth : whether the true poses must be known; start poses are given where they need not
-    is_drawn : whether the start is drawn about the true poses, by its sigmas
+    sigmas : m, rad, default standard deviations of position and heading
+    needs_truth : whether it needs the true poses; otherwise start poses are given
+    is_drawn : whether it is drawn about the true poses, by its sigmas
     """
 
     sigmas: tuple[float, float]
@@ -56,7 +56,7 @@ STARTS: Mapping[str, RecordedStart] = MappingProxyType(
         "given": RecordedStart((1.0, 0.2), needs_truth=False),
     }
 )
-"""By name."""
+"""Starts by name."""
 
 if TYPE_CHECKING:
     from syncplan.arrays import Array
@@ -66,7 +66,7 @@ if TYPE_CHECKING:
 else:
     StartKind = Literal[tuple(STARTS)]
     Poses = Sequence[Sequence[float]]
-"""A name in STARTS; (n, 3) m, m, rad."""
+"""Name in STARTS; poses (n, 3) in m, m, rad."""
 
 LEAST_SIGMA, LARGEST_SIGMA = 1e-6, 1e6
 """Limits of any sigma; those of motion, of lasting errors and of the start may also be 0."""
@@ -75,12 +75,12 @@ POSITIVE: dict[str, Any] = {"ge": LEAST_SIGMA, "le": LARGEST_SIGMA}
 AMOUNT: dict[str, Any] = {"ge": 0, "le": LARGEST_SIGMA}
 
 LARGEST_DELAY = 60
-"""s: more is a wrong clock."""
+"""Largest delay in s; a larger one means a wrong clock."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplaySettings(RunOptions):
-    """What a replay rests on; raises InputError naming the setting at fault.
+    """Settings of a replay; raises InputError naming the setting at fault.
 
     Attributes
     ----------
@@ -172,7 +172,7 @@ class ReplaySettings(RunOptions):
             raise InputError(problem, key="start_poses")
 
     def check_start(self, name: str, *, has_truth: bool) -> None:
-        """Raise InputError if the start rests on truth that the recording of this name lacks."""
+        """Raise InputError if the start needs truth that the recording `name` lacks."""
         if STARTS[self.start].needs_truth and not has_truth:
             problem = (
                 f"{self.start!r} needs the truth, which {name} does not hold; give the start: "
@@ -182,14 +182,14 @@ class ReplaySettings(RunOptions):
 
     @staticmethod
     def lasting_errors() -> Mapping[str, str]:
-        """Return the errors that a recording's filter may have as states, and their settings."""
+        """Return the lasting errors that can be states of the filter, and their settings."""
         names = ("speed_scale", "turn_rate_bias", "bearing_bias", "bearing_walk")
         return {name: f"{name}_sigma" for name in names}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplayOptions(ReplaySettings):
-    """What is asked of a replay: settings, sigmas of noise one by one, and how the filter runs."""
+    """Options of a replay: settings, single sigmas of its noise, and options of the filter."""
 
     speed_sigma: float = option(
         GROUND_ROBOTS.speed_sigma,
@@ -247,7 +247,7 @@ class ReplayOptions(ReplaySettings):
 
     @property
     def filter_options(self) -> FilterOptions:
-        """How the filter runs, which has no gate where it accepts every sighting."""
+        """Options of the filter, without a gate if it accepts every sighting."""
         return FilterOptions(
             trials=1,
             seed=self.seed,
@@ -258,7 +258,7 @@ class ReplayOptions(ReplaySettings):
 
 
 def _check_amounts(values: Mapping[str, float | None]) -> None:
-    """Raise InputError for a sigma that is too small or too large to compute with, and not 0."""
+    """Raise InputError for a nonzero sigma that is too small or too large to compute with."""
     for name, value in values.items():
         if value and not LEAST_SIGMA <= value <= LARGEST_SIGMA:
             allowed = f"allowed is {LEAST_SIGMA:g} to {LARGEST_SIGMA:g}, or 0"

@@ -1,35 +1,35 @@
-"""Sigmas and delay of a recording's sensors, fitted to its first third and judged on the rest.
+"""Fit of a recording's sigmas and delay to its first third, judged on the rest.
 
-The likelihood of what was seen, given what was seen before, is that of the filter's innovations:
-each has density N(nu; 0, S), and one that the gate rejects that of a reading that may be anything.
-No truth is needed but for a start at it. In turn
+The likelihood of the sightings is that of the filter's innovations: each has density N(nu; 0, S),
+and one that the gate rejects has that of an arbitrary reading. Truth is needed only for a start at
+the true poses. The fit takes these steps:
 
     delay                        the best of a few
     bearing, motion, delay       by the simplex method of Nelder and Mead, from bearings alone
-    motion                       again, as the sigma of a bearing has grown
+    motion                       again, after the sigma of a bearing has grown
     distance                     the best of many, the rest held
 
-    bearing, its walk            by the simplex, beside the better of what was given and that fit
+    bearing, its walk            by the simplex, from the better of the given settings and that fit
 
-Errors of sightings that last give innovations that are alike for seconds, which a likelihood of
-white ones does not see: where sums over blocks scatter more (`recorded_run`), the kind's
-sigma grows by as much. A likelihood of innovations is no judge either: what a fit is worth is seen
-on sightings of the rest that the filter is not given (`withheld_sightings`).
+Lasting errors of sightings keep innovations alike for seconds, which a likelihood of white ones
+does not show: where sums over blocks scatter more (`recorded_run`), the kind's sigma grows by as
+much. Nor can a likelihood of innovations judge a fit: its worth shows on sightings of the rest that
+are withheld from the filter (`withheld_sightings`).
 
-What was given is the other candidate: the fit is taken where the rest's withheld sightings are
-likelier with it, beyond chance, and predicted no worse, or better where innovations are not white;
-otherwise it is refused, and the rest runs with what was given. It must be so beside what was given
-with the fitted delay, too: a right delay predicts bearings of robots that turn so much better that
-it would hide wrong sigmas. A bearing walk is fitted to the better of the two and judged likewise,
-beside both: its time is that of the errors which white sigmas can only grow for.
+The fit is accepted if, compared with the given settings, it makes the rest's withheld sightings
+likelier, beyond chance, and predicts them no worse, or better if innovations are not white.
+Otherwise the rest runs with the given settings. The fit must also win against the given settings
+with the fitted delay: a right delay improves predicted bearings of turning robots so much that it
+would hide wrong sigmas. A bearing walk is then fitted from the better settings and judged likewise:
+it models lasting errors, which white sigmas can only grow to cover.
 
-Where the start is given, the rest starts where the filter with the same settings was then, as well
-known as its least known robot.
+If the start is given, the rest starts from the estimate of the filter with the same settings at the
+end of the first third, with the sigmas of its least known robot.
 
 Source: Bar-Shalom, Li, Kirubarajan (2001), 11.3; Nelder, Mead (1965).
 
-A new setting to fit is a line of FITTED. The simplex method takes logarithms of sigmas, and a delay
-in a unit that counts for as much as a sigma that is e times as large.
+A further setting to fit is a line of FITTED. The simplex method works on logarithms of sigmas, and
+on a delay in a unit that counts as much as a factor of e in a sigma.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -57,7 +57,7 @@ from syncplan.orbits.sighting_kinds import BEARING, DISTANCE, place_of
 from syncplan.recordings.log import Log
 from syncplan.scenario.filters import FILTERS
 
-# --- what is fitted -------------------------------------------------------------------------------
+# --- fitted settings ------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,9 +66,9 @@ class FittedSetting:
 
     Attributes
     ----------
-    of_noise : whether it is one of the settings' `noise`, or of the settings themselves
+    of_noise : whether it belongs to the settings' `noise` rather than to the settings themselves
     least, largest : limits of a fit, in the setting's own unit
-    unit : step of the simplex of a setting on a linear scale; None for a logarithmic one
+    unit : unit of the simplex on a linear scale; None for a logarithmic one
     """
 
     of_noise: bool
@@ -77,13 +77,13 @@ class FittedSetting:
     unit: float | None = None
 
     def scaled(self, value: float) -> float:
-        """The value as the simplex takes it."""
+        """Return the simplex coordinate of a value."""
         if self.unit is None:
             return float(np.log(np.clip(value, self.least, self.largest)))
         return value / self.unit
 
     def value(self, scaled: float) -> float:
-        """The value of what the simplex takes, within the limits."""
+        """Return the value of a simplex coordinate, clipped to the limits."""
         value = float(np.exp(min(scaled, 50.0))) if self.unit is None else scaled * self.unit
         return min(max(value, self.least), self.largest)
 
@@ -101,11 +101,11 @@ FITTED: Mapping[str, FittedSetting] = MappingProxyType(
         ),
     }
 )
-"""By name: rad, m, m/s and rad/s per sample, rad, s, s."""
+"""Settings by name, in rad, m, m/s and rad/s per sample, rad, s, s."""
 
 
 def point_of(settings: ReplaySettings, names: Sequence[str]) -> Array:
-    """Return (k,) what the simplex takes for the named settings."""
+    """Return the simplex coordinates (k,) of the named settings."""
     found = []
     for name in names:
         holder = settings.noise if FITTED[name].of_noise else settings
@@ -114,7 +114,7 @@ def point_of(settings: ReplaySettings, names: Sequence[str]) -> Array:
 
 
 def settings_at(settings: ReplaySettings, names: Sequence[str], point: Array) -> ReplaySettings:
-    """Return settings whose named ones are at a point; raises InputError for one out of bounds."""
+    """Return settings with the named ones at a point; raises InputError for one out of bounds."""
     values = {
         name: FITTED[name].value(one) for name, one in zip(names, point.tolist(), strict=True)
     }
@@ -124,13 +124,13 @@ def settings_at(settings: ReplaySettings, names: Sequence[str], point: Array) ->
 
 
 FIT_SHARE = 1.0 / 3.0
-"""Of the recording, from its beginning, that is fitted to."""
+"""Share of the recording, from its beginning, that settings are fitted to."""
 
 MOST_RUNS = 300
-"""Of the filter: of scans, all simplexes and what follows."""
+"""Largest number of filter runs: scans, simplexes and comparisons."""
 
 TURNS = 3
-"""A sighting is withheld in one of so many runs."""
+"""Number of runs, one of which withholds each sighting."""
 
 DELAYS = np.linspace(-0.5, 0.5, 11)
 RANGE_SIGMAS = np.geomspace(0.005, 5.0, 19)
@@ -140,27 +140,26 @@ RUNS_OF_SIMPLEX = 70
 MOTION = ("speed_sigma", "turn_rate_sigma")
 WALK = ("bearing_sigma", "bearing_walk_sigma", "bearing_walk_time")
 WALK_SIGMA = 0.03
-"""rad, where a fit of the walk begins unless one was given."""
+"""Sigma in rad from which a fit of the walk begins, unless one was given."""
 
 Progress = Callable[[int], None]
 
 
 @dataclass(frozen=True, slots=True)
 class Tuning:
-    """Settings fitted to the beginning of a recording, and whether they are worth it on the rest.
+    """Settings fitted to the beginning of a recording, and their verdict on the rest.
 
     Attributes
     ----------
     before, after : settings as given, and as fitted
-    used : of the two, those of the rest, for the rest
-    duration : s, that was fitted to
-    runs : of the filter
-    gain : by which the log-likelihood of a withheld sighting grew, on average over those that were
-        fitted to
-    verdict, beside_delay : on the rest: what the fit is worth beside what was given, and beside
-        that with no more than the fitted delay
-    bearing_growth, range_growth : by what sigmas are larger as errors of sightings last, at least
-        1; 1 for a kind that is not used
+    used : the accepted of the two, with portion and start of the rest
+    duration : s, length of the part fitted to
+    runs : number of filter runs
+    gain : mean growth of the log-likelihood of a withheld sighting, in the part fitted to
+    verdict, beside_delay : comparison of the fit, on the rest, with the given settings, and with
+        these at the fitted delay
+    bearing_growth, range_growth : factors by which lasting errors enlarge sigmas, at least 1; 1 for
+        a kind that is not used
     """
 
     before: ReplaySettings
@@ -176,17 +175,17 @@ class Tuning:
 
     @property
     def accepted(self) -> bool:
-        """Whether the rest runs with what was fitted."""
+        """Whether the rest runs with the fitted settings."""
         return self.verdict.is_better and self.beside_delay.is_better
 
 
 def tuned(
     log: Log, settings: ReplaySettings, options: FilterOptions, progress: Progress | None = None
 ) -> Tuning:
-    """Return settings whose sigmas and delay fit the first third of a recording, and their worth.
+    """Return settings fitted to the first third of a recording, and their verdict on the rest.
 
     `progress` is called with the number of filter runs so far, MOST_RUNS at most. Raises InputError
-    where too little was seen.
+    if sightings are too few.
     """
     fit = _Fit(log, settings, options, progress)
     none = dict.fromkeys((BEARING_PLACE, DISTANCE_PLACE), 1.0)
@@ -201,7 +200,7 @@ def tuned(
         walking = fit.of_walk(rivals[-1])
         others = fit.verdicts(rivals, walking)
         if all(one.is_better for one in others):
-            # bearings have the walk in place of a sigma that grows
+            # for bearings, the walk replaces the growth of their sigma
             growth = growth | {BEARING_PLACE: 1.0} if len(rivals) > 1 else none
             found, verdicts = walking, others
     accepted = all(one.is_better for one in verdicts)
@@ -223,7 +222,7 @@ BEARING_PLACE, DISTANCE_PLACE = place_of(BEARING), place_of(DISTANCE)
 
 
 class _Fit:
-    """Runs of the filter on a recording, counted."""
+    """Fit of settings to a recording, with a count of filter runs."""
 
     def __init__(
         self, log: Log, settings: ReplaySettings, options: FilterOptions, progress: Progress | None
@@ -242,7 +241,7 @@ class _Fit:
         self.farthest = max(float(np.nanmax(one.ranges, initial=1.0)) for one in log.robots)
 
     def of_motion_and(self, kind: int, growth: dict[int, float]) -> ReplaySettings:
-        """Settings fitted to one kind alone; its growth is set.
+        """Fit motion, delay and a kind's sigma to this kind alone; set its growth.
 
         Errors of distances last longest, so motion is not fitted to them if there are bearings.
         """
@@ -253,26 +252,26 @@ class _Fit:
         alone = replace(alone, delay=delays[int(np.argmin(costs))])
         alone = self.simplex(alone, (key, *MOTION, "delay"))
         growth[kind] = self.growth(alone, kind)
-        # what lasting errors of sightings explain, motion need not
+        # motion need not explain lasting errors of sightings
         alone = settings_at(alone, (key,), point_of(alone, (key,)) + np.log(growth[kind]))
         alone = self.simplex(alone, MOTION)
         return replace(alone, distances=self.settings.distances)
 
     def of_distances(self, found: ReplaySettings, growth: dict[int, float]) -> ReplaySettings:
-        """Settings with the sigma of distances fitted as well; their growth is set."""
+        """Fit the sigma of distances as well; set their growth."""
         trials = [replace(found, range_sigma=one) for one in RANGE_SIGMAS.tolist()]
         found = trials[int(np.argmin([self.cost(one) for one in trials]))]
         growth[DISTANCE_PLACE] = self.growth(found, DISTANCE_PLACE)
         return replace(found, range_sigma=found.range_sigma * growth[DISTANCE_PLACE])
 
     def of_walk(self, best: ReplaySettings) -> ReplaySettings:
-        """Settings with a bearing walk, and the sigma beside it, fitted to bearings alone."""
+        """Fit a bearing walk, and the sigma beside it, to bearings alone."""
         sigma = best.bearing_walk_sigma or WALK_SIGMA
         alone = replace(best, distances=False, bearing_walk_sigma=sigma)
         return replace(self.simplex(alone, WALK), distances=best.distances)
 
     def rest(self, settings: ReplaySettings) -> ReplaySettings:
-        """The settings for what was not fitted to; a start that is given is where that ended."""
+        """Return settings for the rest, with a given start moved to the end of the fitted part."""
         later = replace(settings, portion=(FIT_SHARE, 1.0))
         if settings.start != "given":
             return later
@@ -288,14 +287,14 @@ class _Fit:
     def verdicts(
         self, rivals: Sequence[ReplaySettings], fitted: ReplaySettings
     ) -> list[FitVerdict]:
-        """Compare fitted settings with each of others on the rest."""
+        """Compare fitted settings with each of `rivals` on the rest."""
         after = self.rest(fitted)
         found = self.of(after)
         white = found is not None and self.is_white(after)
         return [judged(self.of(self.rest(one)), found, white=white) for one in rivals]
 
     def of(self, settings: ReplaySettings) -> Predictions | None:
-        """All predictions; None where the filter diverges."""
+        """Return all predictions; None if the filter diverges."""
         self.count(TURNS)
         turns = tuple(range(TURNS))
         try:
@@ -304,7 +303,7 @@ class _Fit:
             return None
 
     def is_white(self, settings: ReplaySettings) -> bool:
-        """Whether innovations are those of white noise: sums over blocks, and NIS."""
+        """Return whether innovations are white, by sums over blocks and NIS."""
         run, made = self.run(settings)
         if any(lasting_of(run, made, kind).lasts for kind in self.kinds):
             return False
@@ -315,7 +314,7 @@ class _Fit:
     def run(
         self, settings: ReplaySettings, *, with_series: bool = False
     ) -> tuple[RecordedRun, FilteredRun]:
-        """The filter's run with settings."""
+        """Run the filter with settings."""
         self.count(1)
         run = run_of(self.log, settings, self.options)
         return run, filtered(run, replace(self.options, with_series=with_series))
@@ -327,7 +326,7 @@ class _Fit:
             self.progress(min(self.runs, MOST_RUNS))
 
     def cost(self, settings: ReplaySettings) -> float:
-        """The mean negative log-likelihood of innovations; infinite where the filter diverges."""
+        """Return the mean negative log-likelihood of innovations; infinite if it diverges."""
         try:
             run, made = self.run(settings)
         except (InputError, NoSolutionError):
@@ -341,11 +340,11 @@ class _Fit:
         return -total / max(len(used), 1)
 
     def gain(self, after: ReplaySettings) -> float:
-        """Gain of fitted settings on the sightings that they were fitted to."""
+        """Return the gain of fitted settings on the sightings that they were fitted to."""
         return judged(self.of(self.settings), self.of(after), white=True).gain
 
     def simplex(self, start: ReplaySettings, names: tuple[str, ...]) -> ReplaySettings:
-        """The settings near `start` of the least cost, in the named ones."""
+        """Minimise the cost over the named settings, starting from `start`."""
         from scipy.optimize import minimize
 
         begin = point_of(start, names)
@@ -363,5 +362,5 @@ class _Fit:
         return settings_at(start, names, found.x)
 
     def growth(self, settings: ReplaySettings, kind: int) -> float:
-        """By what the sigma of a kind is larger as errors of its sightings last, at least 1."""
+        """Return the factor, at least 1, by which lasting errors enlarge the sigma of a kind."""
         return lasting_of(*self.run(settings), kind).growth

@@ -1,10 +1,10 @@
-"""The filter run on a recording of real robots, and its errors against their truth, if recorded.
+"""Replay: the filter on a recording of real robots, with its errors if truth is recorded.
 
-`recorded_readings` brings readings onto one clock, `recorded_run` runs the filter on them;
-`replay_settings` says what it assumes.
+`recorded_readings` puts readings on one clock, `recorded_run` runs the filter on them, and
+`replay_settings` holds its assumptions.
 
-The filter also runs one step at a time, as it would have run on the robots: the same steps by the
-same kernels, so that its figures are the same to rounding.
+The filter also runs one step at a time, as it would have run on the robots: the same steps with the
+same kernels, so its figures are the same to rounding.
 """
 
 from collections.abc import Iterator, Mapping
@@ -44,7 +44,7 @@ from syncplan.recordings.log import Log
 from syncplan.scenario.filters import FOR_RECORDINGS
 
 OPTIONS = ReplayOptions().filter_options
-"""How the filter runs on a recording where nothing else is asked for."""
+"""Default options of the filter on a recording."""
 
 
 def replay(
@@ -56,26 +56,27 @@ def replay(
     progress: Seen | None = None,
     **asked: Any,
 ) -> Replay:
-    """Return what the filter makes of a recording's odometry and sightings, and its errors.
+    """Return the filter's estimates from a recording's odometry and sightings, and their errors.
 
-    What it rests on are the fields of ReplaySettings, each an argument by its name, and `noise`.
-    `landmarks` are the names of those whose sightings count (numbers, where the recording numbers
-    them), all if None; `meetings` says whether sightings between robots count, `distances` whether
-    distances do, where they are recorded. `bearing_sigma` and `range_sigma` are in rad and m,
-    `sample_time` in s; the sigmas of `noise`, a syncplan.orbits.noise.Noise, are per sample, and
-    GROUND_ROBOTS if None. Each robot's speed scale, turn-rate bias (rad/s), bearing bias (rad) and
-    bearing walk (rad), an error whose correlation falls to 1/e over `bearing_walk_time` s, is
-    estimated where its sigma is more than 0. Sightings are taken to be made `delay` s before
-    they are recorded. `start` is "truth"; "prior", drawn about the truth by the start's sigmas and
-    the `seed`; or "given", at `start_poses` (n, 3) m, m, rad: the one for recordings without truth,
-    whose errors are not known. `options`, or changes of it by name, choose the filter: a sighting
-    counts while it is within the gate of `gate_probability`, 0.999 if not given, where 1 accepts
-    all; `with_series` keeps errors and sigmas over time. The sightings of each `window` s are
-    judged by rank and certificate, none where it is 0. `tune` fits sigmas and delay to the first
-    third, beginning with those given, and runs on the rest: with those given where the fit is no
-    better there. A recording is one trial: `trials` and `duration` have no effect. `progress` is
-    called with the number of sightings so far. Raises InputError naming the argument or the robot
-    at fault, and NoSolutionError where the filter diverges.
+    The fields of ReplaySettings, `noise` included, are arguments by their names. `landmarks` are
+    the names of those whose sightings count (numbers, where the recording numbers them), all if
+    None; `meetings` states whether sightings between robots count, `distances` whether recorded
+    distances do. `bearing_sigma` and `range_sigma` are in rad and m, `sample_time` in s; the sigmas
+    of `noise`, a syncplan.orbits.noise.Noise, are per sample, and GROUND_ROBOTS if None. Each
+    robot's speed scale, turn-rate bias (rad/s), bearing bias (rad) and bearing walk (rad), an error
+    whose correlation falls to 1/e over `bearing_walk_time` s, is estimated if its sigma is more
+    than 0. Sightings are assumed to be made `delay` s before they are recorded.
+
+    `start` is "truth"; "prior", drawn about the truth by the start's sigmas and the `seed`; or
+    "given", at `start_poses` (n, 3) m, m, rad. Recordings without truth, whose errors are unknown,
+    need the last. `options`, or changes of it by name, choose the filter. A sighting counts if it
+    is within the gate of `gate_probability`, 0.999 if not given; 1 accepts all. `with_series` keeps
+    errors and sigmas over time. The sightings of each `window` s are judged by rank and
+    certificate, none if it is 0. `tune` fits sigmas and delay to the first third, beginning with
+    those given, and runs on the rest, with those given if the fit is no better there. A recording
+    is one trial: `trials` and `duration` have no effect. `progress` is called with the number of
+    sightings so far. Raises InputError naming the argument or the robot at fault, and
+    NoSolutionError if the filter diverges.
     """
     if noise is None:
         start = asked.get("start", "truth")
@@ -99,10 +100,10 @@ def replay_with(
     tuning: Tuning | None = None,
     progress: Seen | None = None,
 ) -> Replay:
-    """Return the replay that settings ask for, or those that tuning chose; see `replay`."""
+    """Return the replay with settings, or with those that tuning chose; see `replay`."""
     settings = settings if tuning is None else tuning.used
     run = run_of(log, settings, options)
-    # without truth, estimates are what there is to report
+    # without truth, only estimates can be reported
     kept = replace(options, with_series=options.with_series or not run.has_truth)
     found = filtered(run, kept, progress)
     names, result, gate = list(SIGHTING_KINDS), found.result, options.gate_probability
@@ -157,7 +158,7 @@ def _lasting_errors(log: Log, run: RecordedRun, found: FilteredRun) -> tuple[Fit
 
 
 def replay_options(options: FilterOptions | None, changes: Mapping[str, Any]) -> FilterOptions:
-    """Return the options of a replay with changes; its gate may also be 1: no gate.
+    """Return the options of a replay with changes; a gate probability of 1 means no gate.
 
     Raises InputError naming the option at fault, such as a filter that only a simulation can run.
     """
@@ -197,7 +198,7 @@ class RecordedStep(NamedTuple):
 
 
 def online_filter_of(run: RecordedRun, options: FilterOptions) -> OnlineFilter:
-    """Return the filter of a replay's run at its start."""
+    """Return a step-by-step filter at the start of a replay's run."""
     stream = np.random.SeedSequence(options.seed)
     return OnlineFilter(run.setup, run.readings.initial[..., 0], options.filter_model, stream)
 

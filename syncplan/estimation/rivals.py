@@ -1,20 +1,19 @@
-"""Two estimates of the same trial on the same later sightings, until one is clearly more likely.
+"""Rival estimates of a trial, compared on later sightings until one is clearly more likely.
 
-An estimate that is to take another's place is a hypothesis. Both run on as filters, and each new
-sighting adds to the log-likelihood of either
+An estimate that may replace another is a hypothesis. Both run on as filters, and each new sighting
+adds to the log-likelihood of either
 
     log p = -(nu^2 / S + log 2 pi S) / 2
 
-with its own innovation nu and variance S. The rival takes the place of the present estimate once
-the sum of its log-likelihoods leads by CLEARLY, and is dropped once it is behind by as much, or
-after a period: Wald's sequential test of the ratio of likelihoods, looked at every eighth of a
-period.
+with its own innovation nu and variance S. The rival replaces the present estimate once its
+log-likelihood leads by CLEARLY. It is dropped once it trails by as much, or after a period. This is
+Wald's sequential test of the likelihood ratio, evaluated every eighth of a period.
 
-While the present estimate is right, the ratio of likelihoods has the expectation 1 and never gains
-on average, whatever the rival is. So by Ville's inequality it ever exceeds exp(CLEARLY) with a
-probability of at most exp(-CLEARLY) = 1e-6: that is how often a right estimate is given up, for
-each rival. One that is lost is given up within an eighth of a period from the first sighting that
-shows it.
+While the present estimate is right, the likelihood ratio has expectation 1 and never gains on
+average, whatever the rival is. So by Ville's inequality, the probability that it ever exceeds
+exp(CLEARLY) is at most exp(-CLEARLY) = 1e-6: this bounds how often a right estimate is given up,
+for each rival. A lost estimate is given up within an eighth of a period from the first sighting
+that shows it.
 
 Sources
 -------
@@ -33,23 +32,23 @@ from syncplan.estimation.filter_setup import FilterSetup, Readings, State, run_w
 from syncplan.estimation.lane_filter import EXTENDED
 
 CLEARLY = math.log(1e6)
-"""Lead in log-likelihood at which one of two estimates is taken for right."""
+"""Lead in log-likelihood at which one of two estimates is accepted as right."""
 
 LOOKS = 8
-"""In a period, at which leads are looked at."""
+"""Number of times per period that leads are checked."""
 
 
 @dataclass(slots=True)
 class Rivals:
-    """The present estimates of some lanes, and a rival of each.
+    """Present estimates of some lanes, and a rival of each.
 
     Attributes
     ----------
     lanes : (k,) of the run
     present, rival : states of these lanes
-    began : (3n + e, k) state from which the rival set out
+    began : (3n + e, k) state from which the rival started
     lead : (k,) log-likelihood of the rival over that of the present estimate
-    at : step that both have come to
+    at : step that both have reached
     """
 
     lanes: Index
@@ -61,17 +60,17 @@ class Rivals:
 
     @classmethod
     def of(cls, lanes: Index, present: State, rival: State, at: int) -> "Rivals":
-        """Return rivals, none of which leads yet; the states are theirs to change."""
+        """Return rivals without a lead; they change the given states in place."""
         return cls(lanes, present, rival, rival[0].copy(), np.zeros(len(lanes)), at)
 
     @classmethod
     def none(cls, state: State) -> "Rivals":
-        """Return those of no lane of a state."""
+        """Return empty rivals, for no lane of a state."""
         nobody = np.zeros(0, dtype=np.int64)
         return cls.of(nobody, lanes_of_state(state, nobody), lanes_of_state(state, nobody), 0)
 
     def joined(self, other: "Rivals") -> "Rivals":
-        """Return these and others, of other lanes, that have come to the same step."""
+        """Return these rivals joined with those of other lanes at the same step."""
 
         def both(a: Array, b: Array) -> Array:
             return np.concatenate([a, b], axis=-1)
@@ -86,7 +85,7 @@ class Rivals:
         )
 
     def advance(self, setup: FilterSetup, readings: Readings, end: int) -> None:
-        """Take both estimates to step `end`, and add up by how much the rival leads."""
+        """Advance both estimates to step `end` and update the rival's lead."""
         if not len(self.lanes):
             return
         window = _window(setup, readings, self.lanes, self.at, end)
@@ -99,16 +98,16 @@ class Rivals:
 
     @property
     def ahead(self) -> Flags:
-        """(k,) where the rival is clearly more likely."""
+        """Whether the rival is clearly more likely, (k,)."""
         return np.asarray(self.lead > CLEARLY)
 
     @property
     def undecided(self) -> Flags:
-        """(k,) where neither is."""
+        """Whether neither is clearly more likely, (k,)."""
         return np.asarray(np.abs(self.lead) <= CLEARLY)
 
     def take(self, kept: Flags) -> "Rivals":
-        """Return those that are kept."""
+        """Return the rivals of the lanes `kept`."""
         return Rivals(
             self.lanes[kept],
             lanes_of_state(self.present, kept),
@@ -126,16 +125,16 @@ def lanes_of_state(state: State, lanes: Index | Flags) -> State:
 
 
 def _is_finite(state: State) -> Flags:
-    """(lanes,) whether an estimate is a number."""
+    """Whether each estimate is finite, (lanes,)."""
     return np.asarray(np.isfinite(state[0]).all(axis=0))
 
 
 def _window(
     setup: FilterSetup, readings: Readings, lanes: Index, begin: int, end: int
 ) -> tuple[FilterSetup, Readings]:
-    """Readings of some lanes from step `begin` to step `end`, as a run without truth.
+    """Set-up and readings of some lanes from step `begin` to step `end`, as a run without truth.
 
-    Its first step is step `begin`, whose sightings are no part of it.
+    Its step 0 is step `begin`, whose sightings it excludes.
     """
     first = setup.first[begin + 1 : end + 2]
     seen = slice(int(first[0]), int(first[-1]))
@@ -159,7 +158,7 @@ def _window(
 
 
 def _likelihood(setup: FilterSetup, readings: Readings, state: State) -> Array:
-    """(lanes,) log-likelihood of what is read, less a constant; takes the state along, in place.
+    """Log-likelihood (lanes,) of the sightings, less a constant; advances the state in place.
 
     A sighting that the gate rejects counts as one at the gate.
     """

@@ -1,18 +1,18 @@
-"""The robust filter: second-order until a period has passed, then from the batch solution on.
+"""Robust filter: second-order for a period, then continued from the batch solution.
 
-After the first period the batch solution over it refines the estimate, and the filter goes on from
-there. Where a vehicle is still hardly known then, but better than a period before, the same is done
-over two periods and over four. After each further period its innovations of that period are judged:
-where they are larger than noise explains, the filter may be lost, and a batch solution over the
-period, from a wide prior about where the filter began it, is an alternative.
+After the first period the batch solution over it refines the estimate, and the filter continues
+from there. If a vehicle is still poorly known then, but better than a period before, this is
+repeated over two periods and over four. The innovations of each further period are judged. If
+they are larger than noise explains, the filter may be lost; a batch solution over the period, from
+a wide prior about the filter's estimate at its beginning, is then an alternative.
 
-A solution that agrees with the filter takes its place at once, where both know the same. Any other
-is a hypothesis: both run on the same later sightings, and the less likely one is dropped
-(`rivals`). Until then the filter's own estimate stays, but at the first start, where a credible
-solution counts for more. A trial whose alternative was dropped is not solved again before its
-innovations have grown further.
+A solution from the start on replaces the filter's estimate at once if the two agree. Any other is a
+hypothesis: both run on the same later sightings, and the less likely one is dropped (`rivals`).
+Until then the filter's own estimate stays, except after the first period, where a credible solution
+takes precedence. A trial whose alternative was dropped is not solved again before its innovations
+have grown further.
 
-What a trial does depends on that trial alone; starts are drawn from its own stream.
+The result of a trial depends on that trial alone; starts are drawn from its own stream.
 """
 
 from collections.abc import Sequence
@@ -36,7 +36,7 @@ from syncplan.orbits.circles import wrap
 
 @dataclass(slots=True)
 class Solved:
-    """The best solutions found for some lanes: (k,) each, arrays as in BatchSolution."""
+    """Best solutions found for k lanes; arrays are as in BatchSolution."""
 
     lanes: Index
     cost: Array
@@ -46,11 +46,11 @@ class Solved:
 
     @property
     def credible(self) -> Flags:
-        """(k,) whether noise alone explains the cost."""
+        """Whether noise alone explains the cost, (k,)."""
         return is_credible(self.cost, self.sightings)
 
     def take(self, other: "Solved", mine: Index, its: Index) -> None:
-        """Take the other's solutions `its` in place of `mine`."""
+        """Replace solutions `mine` by the other's solutions `its`."""
         self.cost[mine] = other.cost[its]
         self.state[..., mine] = other.state[..., its]
         self.covariance[..., mine] = other.covariance[..., its]
@@ -60,21 +60,21 @@ ALARM = 1.2
 """Mean of innovation^2 / variance over a period above which a filter may be lost."""
 
 ALARM_SIGMAS = 6.0
-"""So many standard deviations of that mean are noise."""
+"""Standard deviations of that mean that noise explains."""
 
 GROWTH = 1.5
-"""How far the mean must grow until a trial that no start explained is solved again."""
+"""Factor by which the mean must grow before a trial is solved again."""
 
 AGREES = 1.0
-"""Standard deviations of the filter's up to which a solution is the same estimate, but refined."""
+"""Standard deviations of the filter within which a solution is a refinement of its estimate."""
 
 SETTLED = 0.9
-"""Share of what a vehicle's sigma was a period before, above which it hardly falls any more."""
+"""Ratio of a vehicle's sigma to that of a period before, above which it hardly falls any more."""
 
 
 @dataclass(frozen=True, slots=True)
 class RobustFilter:
-    """A filter whose trials are lanes, as a LaneFilter, which begins again where it is lost.
+    """Filter of trials as lanes, like LaneFilter, that restarts lost lanes.
 
     Attributes
     ----------
@@ -95,7 +95,7 @@ class RobustFilter:
         compile_solver(n)
 
     def run(self, run: FilterRun, streams: Sequence[np.random.SeedSequence]) -> State:
-        """Return as LaneFilter.run does; starts of a lane are drawn from its stream."""
+        """Run as LaneFilter.run does; starts of a lane are drawn from its stream."""
         own = RobustRun.begun(self.base, run, streams)
         own.advance(len(run.readings.speeds))
         return own.state
@@ -103,17 +103,17 @@ class RobustFilter:
 
 @dataclass(slots=True)
 class RobustRun(LaneRun):
-    """A robust filter on its way.
+    """Robust filter during a run.
 
     Attributes
     ----------
     streams : of the lanes
-    began : the state as the present period began
-    counted : (3, lanes) sum of innovation^2 / variance, number of accepted and of rejected
+    began : state at the beginning of the present period
+    counted : (3, lanes) sum of innovation^2 / variance, numbers of accepted and of rejected
         sightings until then
     limit : (lanes,) mean of innovation^2 / variance up to which a lane is not solved again
-    doubtful : (lanes,) whether the start is looked for again over more periods
-    looks, ends : steps at which a share of a period ends, and a whole one
+    doubtful : (lanes,) whether the start is searched for again over more periods
+    looks, ends : steps at which 1 / LOOKS of a period ends, and a whole one
     rivals : of lanes that have an alternative to their estimate
     """
 
@@ -148,7 +148,7 @@ class RobustRun(LaneRun):
         )
 
     def advance(self, end: int) -> None:
-        """Take in all samples up to `end`."""
+        """Process all steps up to `end`."""
         while self.at < end:
             place = int(self.looks.searchsorted(self.at, side="right"))
             look = int(self.looks[place]) if place < len(self.looks) else end + 1
@@ -161,7 +161,7 @@ class RobustRun(LaneRun):
                     self._pass_period(place)
 
     def _pass_period(self, place: int) -> None:
-        """Look for alternatives at the end of the period at a place in `ends`."""
+        """Search for alternatives at the period's end `ends[place]`."""
         end = int(self.ends[place])
         self.rivals = Rivals.none(self.state)
         handled = np.zeros(0, dtype=np.int64)
@@ -170,7 +170,7 @@ class RobustRun(LaneRun):
         if place:
             self._find_lost(int(self.ends[place - 1]), end, handled)
         else:
-            # so far the filter looked for its start: its innovations are no evidence
+            # until now the filter searched for its start: its innovations are no evidence
             for one in self._sums():
                 one[:] = 0.0
         self.began = self.state[0].copy(), self.state[1].copy()
@@ -181,21 +181,21 @@ class RobustRun(LaneRun):
         return counted.nis, counted.accepted, counted.gated
 
     def _decide(self, end: int) -> None:
-        """Go on from rivals that are clearly more likely than the estimate."""
+        """Continue from rivals that are clearly more likely than the estimate."""
         rivals = self.rivals
         rivals.advance(self.setup, self.readings, end)
         ahead, lanes = rivals.ahead, rivals.lanes[rivals.ahead]
         if len(lanes):
             for own, its in zip(self.state, rivals.rival, strict=True):
                 own[..., lanes] = its[..., ahead]
-            # the period is judged from here on, and looked back on as the rival would have it
+            # the period is judged from here on, and begins at the rival's state
             self.began[0][..., lanes] = rivals.began[..., ahead]
             self.counted[:, lanes] = np.stack(self._sums())[:, lanes]
             self.limit[lanes] = 0.0
         self.rivals = rivals.take(rivals.undecided)
 
     def _start(self, end: int, *, first: bool) -> Index:
-        """Look for the start again where it is in doubt; return the lanes where it was."""
+        """Search for the start again in lanes where it is in doubt; return these lanes."""
         setup = self.setup
         limit = DOUBT**2 * setup.lost_variances[:, :2].sum(axis=1)[:, None]
         if not first:
@@ -213,13 +213,13 @@ class RobustRun(LaneRun):
         return lanes
 
     def _find_lost(self, begin: int, end: int, handled: Index) -> None:
-        """Let batch solutions over a period be rivals where innovations say that a lane is lost."""
+        """Add batch solutions over a period as rivals of lanes whose innovations suggest a loss."""
         setup = self.setup
         nis, accepted, gated = np.stack(self._sums()) - self.counted
         cost = nis + gated * (setup.gate if np.isfinite(setup.gate) else 0.0)
         count = np.maximum(accepted + gated, 1.0)
         noise = np.maximum(ALARM, 1.0 + ALARM_SIGMAS * np.sqrt(2.0 / count))
-        # not finite: broken down
+        # a cost that is not finite counts as lost
         lanes = np.flatnonzero(~(cost / count <= np.maximum(noise, self.limit)))
         lanes = np.setdiff1d(lanes, handled)
         if not len(lanes):
@@ -233,7 +233,7 @@ class RobustRun(LaneRun):
         self._pit(found, none, ~none)
 
     def _agrees(self, found: Solved) -> Flags:
-        """(k,) whether solutions are within AGREES standard deviations of the filter's."""
+        """Whether solutions are within AGREES standard deviations of the estimates, (k,)."""
         n = self.setup.vehicles
         off = poses_of(found.state - self.state[0][..., found.lanes], n)
         variances = np.einsum("kkl->kl", self.state[-1])[: 3 * n, found.lanes].reshape(n, 3, -1)
@@ -242,7 +242,10 @@ class RobustRun(LaneRun):
         return np.asarray(np.all(place & heading, axis=0))
 
     def _pit(self, found: Solved, taken: Flags, rivals: Flags) -> None:
-        """Go on from the solutions `taken`; what is not taken of two becomes a rival, if asked."""
+        """Continue from the solutions `taken`.
+
+        In lanes with `rivals`, the estimate not continued from becomes a rival.
+        """
         filtered = lanes_of_state(self.state, found.lanes)
         solved: State = found.state, found.covariance
         for own, its in zip(self.state, solved, strict=True):
@@ -258,8 +261,8 @@ class RobustRun(LaneRun):
     def _best(self, poses: Array, variances: Array, lanes: Index, begin: int, end: int) -> Solved:
         """Return the best solutions of some lanes over the steps from `begin` to `end`.
 
-        The prior is about `poses` (n, 3, all lanes), its bias states are zero, and `variances`
-        (3n + e,) are its own. Where noise does not explain the solution, more starts are drawn.
+        The prior has mean `poses` (n, 3, all lanes), zero bias states and `variances` (3n + e,).
+        If noise does not explain a solution, more starts are drawn.
         """
         mean = np.zeros((len(variances), poses.shape[-1]))
         mean[: 3 * len(poses)] = poses.reshape(-1, poses.shape[-1])
@@ -276,7 +279,7 @@ class RobustRun(LaneRun):
         return best
 
     def _drawn(self, variances: Array, lane: int, begin: int, number: int) -> Array:
-        """(3n + e, starts) deviations from the prior of the starts of a round."""
+        """Deviations (3n + e, starts) of a round's starts from the prior."""
         own = self.streams[lane]
         key = (*own.spawn_key, begin, number)
         child = np.random.SeedSequence(own.entropy, spawn_key=key)
@@ -286,7 +289,7 @@ class RobustRun(LaneRun):
     def _solved(
         self, prior: Prior, lanes: Index, begin: int, end: int, away: Array | None = None
     ) -> Solved:
-        """Solutions of lanes, which may recur, from starts as far `away` from the prior's."""
+        """Solutions of lanes, which may repeat, from starts `away` from the prior's mean."""
         readings, first, width = self.readings, self.setup.first, lanes_for(self.setup.vehicles)
         window, parts = slice(first[begin + 1], first[end + 1]), []
         for k in range(0, len(lanes), width):
@@ -307,13 +310,13 @@ class RobustRun(LaneRun):
 
 
 def steps_passing(spans: Array, period: float, share: int = 1) -> Index:
-    """Return the steps at which a whole number of periods, or of that share of one, has passed."""
+    """Return the steps at which another 1 / `share` of a period has passed."""
     passed = np.concatenate([[0.0], np.cumsum(spans)]) / period + 1e-9
     return np.flatnonzero(np.diff(np.floor(share * passed)) > 0.0) + 1
 
 
 def _place_variances(P: Array, n: int) -> Array:
-    """(n, lanes) m^2, of the place of each vehicle."""
+    """Position variances (n, lanes) of the vehicles in m^2."""
     own = np.arange(3 * n).reshape(-1, 3)[:, :2]
     return np.asarray(P[own, own].sum(axis=1))
 

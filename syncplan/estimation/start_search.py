@@ -1,13 +1,13 @@
-"""The search for a batch solution: how it is tempered, what is credible, and further starts.
+"""Search for a batch solution: tempering, credibility and further starts.
 
 The variance R of sightings is 100 times too large at first, then 10 times, then true, which widens
-the basin that leads to the least minimum. Where the fit is not credible, others begin at starts
-drawn from the prior: the best stays. For N sightings the least cost is chi-square distributed with
-about N degrees of freedom, so a fit is credible up to N + 6 sqrt(2 N). Of a recording the true R is
-not known, and a wrong fit may cost no more than that: there the least cost counts once it has been
+the basin of the global minimum. If the fit is not credible, others begin at starts drawn from the
+prior, and the best stays. For N sightings the least cost is chi-square distributed with about N
+degrees of freedom, so a fit is credible up to N + 6 sqrt(2 N). For a recording the true R is
+unknown, and a wrong fit may cost no more than that: there the least cost counts once it has been
 found twice.
 
-`batch_solution` and the pilot's plain one, in `pilot`, search alike.
+`batch_solution` and the plain version in `pilot` share this search.
 """
 
 from collections.abc import Callable
@@ -19,46 +19,46 @@ import numpy as np
 from syncplan.arrays import Array, Flags, Index
 
 TEMPERS = (100.0, 10.0, 1.0)
-"""Factors on the variance of sightings, one after another."""
+"""Factors on the variance of sightings, in the order applied."""
 
 MOST_STEPS = (4, 4, 12)
-"""Gauss-Newton steps at each of TEMPERS."""
+"""Largest number of Gauss-Newton steps at each of TEMPERS."""
 
 CLOSE_ENOUGH = (1.0, 1.0, 0.01)
-"""Gain in cost that a step promises, below which a lane goes on to the next of TEMPERS."""
+"""Predicted decrease of the cost below which a lane goes on to the next of TEMPERS."""
 
 MOST_HALVINGS = 6
-"""Of a step that does not lower the cost."""
+"""Largest number of halvings of a step that does not lower the cost."""
 
 STARTS = (1, 2, 4)
-"""Periods from sample 0 that batch solutions cover; the later ones where the start is in doubt."""
+"""Periods from sample 0 that batch solutions cover; the later ones if the start is in doubt."""
 
 DOUBT = 0.1
-"""Share of what a lost vehicle may be off that leaves a start in doubt, as one sigma."""
+"""Position sigma that leaves a start in doubt, as a share of that of a lost vehicle."""
 
 ROUNDS = (2, 8, 16)
-"""Further starts, drawn where none before was credible."""
+"""Number of further starts in each round, drawn if none before was credible."""
 
 SAME = 1.0
-"""Difference in cost within which all starts have found the same: there is nothing better."""
+"""Difference in cost within which starts count as having found the same minimum."""
 
 PLAUSIBLE = 4.0
-"""Cost of a sighting up to which the first round is enough to say so.
+"""Cost of a sighting up to which agreement in the first round ends the search.
 
-Errors that the filter does not know explain such a cost. Wrong minima, in which many starts can
+Errors that the filter does not model explain such a cost. Wrong minima, in which many starts can
 end, cost far more.
 """
 
 
 @dataclass(slots=True)
 class Tempering:
-    """Which of some factors on the variance of sightings each lane has come to.
+    """Progress of lanes through factors on the variance of sightings.
 
     Attributes
     ----------
-    tempers, most, close : factors; at each, the most steps, and the promised gain that ends it
-    level : (lanes,) place in `tempers`; its length where a lane is through
-    steps : (lanes,) taken there
+    tempers, most, close : factors; for each, most steps and the predicted decrease that ends it
+    level : (lanes,) index in `tempers`; its length once a lane is done
+    steps : (lanes,) number taken at this level
     """
 
     tempers: tuple[float, ...]
@@ -71,26 +71,26 @@ class Tempering:
     def of(
         cls, width: int, tempers: tuple[float, ...], most: tuple[int, ...], close: tuple[float, ...]
     ) -> "Tempering":
-        """Return so many lanes at the first factor."""
+        """Return `width` lanes at the first factor."""
         none = np.zeros(width, dtype=np.int64)
         return cls(tempers, most, close, none, none.copy())
 
     @property
     def factors(self) -> Array:
-        """(lanes,) the present factor; the last for lanes that are through."""
+        """Present factor (lanes,); the last one for lanes that are done."""
         return np.asarray(np.take((*self.tempers, self.tempers[-1]), self.level))
 
     def settled(self, promised: Array) -> Flags:
-        """Return which lanes (lanes,) leave their factor: little is promised, or steps ran out."""
+        """Return the lanes whose factor ends: `promised` (lanes,) is small, or steps ran out."""
         little = promised < np.take((*self.close, np.inf), self.level)
         return np.asarray(little | (self.steps >= np.take((*self.most, 0), self.level)))
 
     def moving(self, settled: Flags) -> Flags:
-        """Return which lanes take another step: all but those that leave their last factor."""
+        """Return the lanes that take another step: all but those whose last factor ends."""
         return ~(settled & (self.level >= len(self.tempers) - 1))
 
     def advance(self, through: Flags) -> None:
-        """Count a step, or go on to the next factor where a lane is `through` with this one."""
+        """Count a step, or go on to the next factor in lanes that are `through` with this one."""
         self.steps = np.where(through, 0, self.steps + 1)
         self.level = np.where(through, np.minimum(self.level + 1, len(self.tempers)), self.level)
 
@@ -106,7 +106,7 @@ class Solutions(Protocol):
     cost: Array
 
     def take(self, other: Self, mine: Index, its: Index) -> None:
-        """Take the other's solutions `its` in place of `mine`."""
+        """Replace solutions `mine` by the other's solutions `its`."""
 
 
 AnySolutions = TypeVar("AnySolutions", bound=Solutions)
@@ -119,12 +119,12 @@ def search_further(
     *,
     noise_known: bool = True,
 ) -> None:
-    """Put better solutions, from further starts, in place of those that are not credible.
+    """Replace solutions that are not credible by better ones from further starts.
 
-    `sightings` (lanes,) are how many each explains. `tried`, of places in it and the number of a
-    round, returns solutions from ROUNDS of that number of drawn starts for each place, in turn.
-    Unless `noise_known`, no cost is credible, and the second round goes on to look for a better
-    one even where it is small.
+    `sightings` (lanes,) is the number that each solution explains. `tried` takes indices of lanes
+    and the number of a round; for each lane in turn it returns solutions from as many drawn starts
+    as ROUNDS has for that round. Unless `noise_known`, no cost is credible, however small: the
+    search goes on until starts agree.
     """
     credible = is_credible(best.cost, sightings) & noise_known
     missing = np.flatnonzero(~credible)

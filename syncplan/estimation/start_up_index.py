@@ -1,4 +1,4 @@
-"""The start-up index: how far sightings are from linear in what a filter does not know yet.
+"""Start-up index: nonlinearity of sightings in the initial errors, relative to innovations.
 
 An extended Kalman filter replaces a bearing by its tangent at the estimate. With the error of the
 relative position split into a along and b across the line of sight, at distance rho,
@@ -8,15 +8,15 @@ relative position split into a along and b across the line of sight, at distance
              = sqrt(P_aa P_bb + P_ab^2) / rho^2           of a bearing
              = P_bb / (sqrt(2) rho)                       of a distance
 
-for normal errors (Isserlis). The filter takes that term for noise it does not know of, so what
-counts is its size beside the deviation of the innovation, sqrt(S), that the filter expects:
+for normal errors (Isserlis). To the filter that term is unmodelled noise, so its size is compared
+with the standard deviation sqrt(S) of the innovation that the filter expects:
 
     start-up index = max of eta / sqrt(S) over the sightings of the first two periods
 
 with P and S of the covariance recursion along the plan, from the initial sigmas, each just before
-the sighting is taken in. By then a plan has seen twice all that it ever sees. The mean of the last
-term is left out: the index was compared with trials without it. A compass is linear and has no such
-term. A sighting that is missed now and then has the weight in S that the bound gives it.
+the sighting is processed. In two periods, each sighting of a plan occurs twice. The mean of the
+last term is left out: the index was compared with trials without it. A compass is linear and has no
+such term. A sighting that may be missed has the weight in S that the bound gives it.
 """
 
 from dataclasses import dataclass
@@ -41,8 +41,8 @@ class StartUpIndex:
     Attributes
     ----------
     value : the index, a pure number; 0 without sightings
-    observer, target : who measures whom there; targets from n on are landmarks
-    time : s, when
+    observer, target : of that sighting; targets from n on are landmarks
+    time : s, of that sighting
     """
 
     value: float
@@ -57,9 +57,9 @@ def first_samples(team: Team) -> int:
 
 
 def second_order_terms(team: Team, sightings: Sightings, scale: float) -> Array:
-    """Return (2, s, 6) the two functions whose product the tangent of each sighting leaves out.
+    """Return (2, s, 6) the two functions whose product makes each sighting's second-order term.
 
-    They are of errors at time 0, positions in `scale` m, as lines_of_sight.
+    They are functions of errors at time 0, positions in `scale` m, as in lines_of_sight.
     """
     lines = lines_of_sight(team, sightings, scale)
     functions = np.zeros_like(lines)
@@ -71,11 +71,11 @@ def second_order_terms(team: Team, sightings: Sightings, scale: float) -> Array:
 
 
 def lines_of_sight(team: Team, sightings: Sightings, scale: float) -> Array:
-    """Return (2, s, 6): the target's way along and across the line of sight, over its distance.
+    """Return (2, s, 6): errors of the relative position along and across, over the distance.
 
-    As linear functions of errors at time 0, the observer's three and the target's three, positions
-    in `scale` m; a landmark's three are zero. All are where the two are nearer than NEAREST
-    mean radii: the bound hardly counts such a sighting.
+    They are linear functions of errors at time 0, the observer's three and the target's three,
+    positions in `scale` m; a landmark's three are zero. All are zero where the two are nearer than
+    NEAREST mean radii: the bound hardly counts such a sighting.
     """
     q, (own, other) = _relative(team, sightings)
     squared = np.sum(q * q, axis=1, keepdims=True)
@@ -93,7 +93,7 @@ def lines_of_sight(team: Team, sightings: Sightings, scale: float) -> Array:
 
 
 def index_of_run(team: Team, sightings: Sightings, foreseen: Foreseen) -> StartUpIndex:
-    """Return the index from what is known before each sighting of its second-order terms."""
+    """Return the index from the covariances of second-order terms before each sighting."""
     if not len(sightings.steps):
         return StartUpIndex(0.0, 0, 0, 0.0)
     (along, both), (_, across) = foreseen.pairs
@@ -110,7 +110,7 @@ def index_of_run(team: Team, sightings: Sightings, foreseen: Foreseen) -> StartU
 
 
 def _sizes(team: Team, sightings: Sightings) -> Array:
-    """(s,) factor of each sighting's second-order term; 0 where it has none."""
+    """Factor (s,) of each sighting's second-order term; 0 where it has none."""
     distances = np.hypot(*_relative(team, sightings)[0].T)
     found = np.zeros(len(sightings.steps))
     for place, kind in enumerate(SIGHTING_KINDS.values()):
@@ -121,7 +121,7 @@ def _sizes(team: Team, sightings: Sightings) -> Array:
 
 
 def _relative(team: Team, sightings: Sightings) -> tuple[Array, tuple[Array, Array]]:
-    """(s, 2) m of the target from the observer, and how far each has gone since time 0."""
+    """Target relative to observer (s, 2) in m, and the displacement of each since time 0."""
     center, cosine, sine = body_paths(team.orbits, team.landmarks)
     tau = (sightings.steps * (team.orbits.rate * team.sensors.sample_time))[:, None]
     turned, swung = np.cos(tau) - 1.0, np.sin(tau)

@@ -20,15 +20,15 @@ from syncplan.estimation.filter_setup import (
 from syncplan.estimation.kernels import Lanes, inner, linked, part
 
 SMALLEST_PIVOT = 1e-13
-"""Share of a variance below which its remainder, given the other states, is rounding."""
+"""Share of a variance below which a pivot of its factorisation is rounding."""
 
 
 class Comparison(NamedTuple):
-    """Scratch of a comparison with the truth.
+    """Scratch arrays of a comparison with the truth.
 
     Fields
     ------
-    true, errors : (3n + e, lanes) states, and what the estimate is off them
+    true, errors : (3n + e, lanes) true states, and errors of the estimate
     block : (3n, 3n, lanes) covariance of poses, to be factorised
     column, factor : (3n, lanes) of the factorisation
     total, valid : (lanes,) NEES, and whether it counts
@@ -44,7 +44,7 @@ class Comparison(NamedTuple):
 
 
 def comparison_of(n: int, size: int, width: int) -> Comparison:
-    """Return scratch for n vehicles and a state of so many entries."""
+    """Return scratch arrays for n vehicles, `size` state entries and `width` lanes."""
     return Comparison(
         np.empty((size, width)),
         np.empty((size, width)),
@@ -99,7 +99,7 @@ def is_sampled(setup: FilterSetup, sample: int) -> bool:
 
 @part
 def takes_covariance(setup: FilterSetup, sample: int, statistics: FilterStatistics) -> bool:
-    """Return whether the statistics of a sample take the covariance, as it is then."""
+    """Return whether the statistics of a sample need the present covariance."""
     return is_sampled(setup, sample) or len(statistics.series) > 0
 
 
@@ -114,7 +114,7 @@ def record(
 ) -> None:
     """Add the errors at a sample to the statistics; sample 0 counts in the series alone.
 
-    P (3n + e, 3n + e, lanes) is that of the present where `takes_covariance`.
+    P (3n + e, 3n + e, lanes) must be the present one if `takes_covariance`.
     """
     errors = work.errors
     share = 1.0 if sample else 0.0

@@ -1,17 +1,18 @@
-"""What the filter reads in each trial, drawn from the trial's own generator.
+"""Readings of the filter in each trial, drawn from the trial's own generator.
 
 Trial k draws standard normal numbers from SeedSequence(seed, spawn_key=(k,)), the k-th child of
 SeedSequence(seed), in this order: initial pose (n, 3), speed readings (steps, n), turn-rate
 readings (steps, n), sightings (s,) in their order; then the lasting errors that the team has, in
 the order of ERROR_STATES: wind (2,), speed scales (n,), turn-rate biases (n,), bearing biases
-(n,), gusts (steps + 1, n, 2), bearing walks (steps + 1, n), clock offsets (n,). Where sightings
-are missed now and then, uniform numbers follow, one for each sample, observer and target with
-p < 1, in the order of sightings: bearing and distance are missed together. Where bearings may be
-false, another one follows for each sighting: below the share of false ones it says where in view
-the bearing points. So a key that is added leaves all draws before its own as they were.
+(n,), gusts (steps + 1, n, 2), bearing walks (steps + 1, n), clock offsets (n,). If sightings may
+be missed, uniform numbers follow, one for each sample, observer and target with p < 1, in the
+order of sightings: bearing and distance are missed together. If bearings may be false, another one
+follows for each sighting: below the share of false ones, it determines where in view the bearing
+points. So adding a key leaves all draws before its own unchanged.
 
 Errors are drawn whether or not the filter estimates them. In wind and gusts headings differ from
-trial to trial: `drawn_errors`. Who is in view is then decided by the true heading of each trial.
+trial to trial (`drawn_errors`); each trial's true headings then determine which targets are in
+view.
 """
 
 from dataclasses import dataclass, replace
@@ -37,20 +38,20 @@ from syncplan.orbits.team import Team
 FULL_VIEW = 2.0 * np.pi
 
 FILTERS_OWN = 1
-"""Key below a trial's of the numbers that its filter draws."""
+"""Spawn key, below a trial's, of the numbers that its filter draws."""
 
 
 def filter_stream(seed: int, trial: int) -> np.random.SeedSequence:
-    """Return the stream from which a filter that draws numbers draws those of a trial."""
+    """Return the stream of the random numbers that the filter of a trial draws."""
     return np.random.SeedSequence(seed, spawn_key=(trial, FILTERS_OWN))
 
 
 def split_draws(
     seed: int, trials: range, sizes: tuple[int, ...], normal: int | None = None
 ) -> list[Array]:
-    """Return what each of trials draws, (size, lanes) for each size.
+    """Return the draws of trials, an array (size, lanes) for each size.
 
-    The first so many are standard normal numbers, all if None, and the others uniform ones.
+    The first `normal` arrays are standard normal numbers, all if None; the others are uniform.
     """
     draws, total = np.empty((len(trials), sum(sizes))), sum(sizes[:normal])
     for trial, row in zip(trials, draws, strict=True):
@@ -68,20 +69,20 @@ def in_moving_air(team: Team) -> bool:
 
 
 def has_misses(team: Team) -> bool:
-    """Return whether sightings are missed now and then."""
+    """Return whether sightings may be missed."""
     return bool(np.any(team.sensors.detection < 1.0))
 
 
 def has_false_bearings(team: Team) -> bool:
-    """Return whether bearings are false now and then."""
+    """Return whether bearings may be false."""
     return bool(np.any(team.sensors.false_bearings > 0.0))
 
 
 def possible_sightings(team: Team, windows: Windows, steps: int) -> Sightings:
     """Return the sightings possible at k = 1..steps in any trial.
 
-    `windows` are those of the nominal headings. In moving air, what is in view differs from trial
-    to trial: there, all that is within range counts.
+    `windows` are those of the nominal headings. In moving air, the view differs from trial to
+    trial, so every target within range counts.
     """
     sensors = team.sensors
     if in_moving_air(team) and np.any(sensors.fields_of_view < FULL_VIEW):
@@ -96,10 +97,10 @@ class TrialReadings:
 
     Attributes
     ----------
-    team : whose noise and errors are drawn
+    team : team whose noise and errors are drawn
     truth : (steps + 1, n, 3) m, m, rad, at nominal headings
     setup : of the filter
-    layout : of the states that the filter has
+    layout : of the filter's states
     sightings : (s,) without noise, at nominal headings; angles are not wrapped
     sigmas : (s,)
     seed : of all trials
@@ -129,7 +130,7 @@ class TrialReadings:
         )
 
     def drawn(self, trials: range) -> tuple[Readings, Truth]:
-        """Return noisy readings of trials with all their bias errors, and what is true."""
+        """Return noisy readings of trials with all their bias errors, and the truth."""
         steps, n, lanes = len(self.truth) - 1, self.team.count, len(trials)
         poses, speeds, turn_rates, sightings, lasting, *made = self._draws(trials)
         errors = DrawnErrors.of(self.team, steps, lasting)
@@ -156,7 +157,7 @@ class TrialReadings:
         return readings, Truth(flown_poses, constants, changing)
 
     def stream(self, trial: int) -> np.random.SeedSequence:
-        """Return the stream from which a filter that draws numbers draws those of a trial."""
+        """Return the stream of the random numbers that the filter of a trial draws."""
         return filter_stream(self.seed, trial)
 
     def _draws(self, trials: range) -> list[Array]:
@@ -177,7 +178,7 @@ class TrialReadings:
         return np.tile(deviations, self.team.count)
 
     def _flown(self, errors: DrawnErrors) -> AirMotion:
-        """As in each trial, or in a single lane where all trials are alike."""
+        """Motion in each trial, in a single lane if all trials are alike."""
         orbits, steps = self.team.orbits, len(self.truth) - 1
         if in_moving_air(self.team):
             drift = np.asarray(errors.drift())
@@ -191,7 +192,7 @@ class TrialReadings:
     def _sighted(
         self, flown: AirMotion, errors: DrawnErrors, noise: Array, detected: Array, false: Array
     ) -> Array:
-        """(s, lanes) what is read; NaN where it is out of view or missed."""
+        """Measured sightings (s, lanes); NaN where out of view or missed."""
         setup = self.setup
         found = np.multiply(noise, self.sigmas[:, None], order="C")
         late = any(ERROR_STATES[name].delays for name in errors.values)
@@ -221,7 +222,7 @@ class TrialReadings:
         return found
 
     def _mislead(self, found: Array, noise: Array, draws: Array) -> None:
-        """Put bearings anywhere in view in place of the share that is false, with their noise."""
+        """Replace the share of false bearings by bearings anywhere in view, with their noise."""
         sensors, observers = self.team.sensors, self.setup.observers
         shares = sensors.false_bearings[observers]
         shares[self.setup.kinds != list(SIGHTING_KINDS).index("bearing")] = 0.0
@@ -232,10 +233,10 @@ class TrialReadings:
         found[row, lane] = seen + self.sigmas[row] * noise[row, lane]
 
     def _taken_later(self, flown: AirMotion, errors: DrawnErrors) -> Array:
-        """(s, lanes) sightings without noise, by clocks that are off, each by its own.
+        """Sightings (s, lanes) without noise, at times shifted by each observer's clock offset.
 
-        Places are those of the circles; headings go on as in the last sample. What is in view is
-        that at the time of the stamp.
+        Positions follow the circles; headings go on as in the last sample. The view is that at the
+        time of the stamp.
         """
         setup, orbits, time = self.setup, self.team.orbits, self.team.sensors.sample_time
         observers, targets, count = setup.observers, setup.targets, self.team.count
@@ -261,7 +262,7 @@ class TrialReadings:
         return found
 
     def _out_of_view(self, turned: Array) -> Flags:
-        """(s, lanes) whether the target is beside the field of view of a heading so far turned."""
+        """Whether targets are outside the field of view of headings turned so far, (s, lanes)."""
         setup, sensors = self.setup, self.team.sensors
         away, heading = _away(self.truth, setup)
         ahead = np.arctan2(away[1], away[0]) - heading - sensors.boresights[setup.observers]
@@ -273,24 +274,24 @@ class TrialReadings:
         return has_misses(self.team) and bool(self._missable().any())
 
     def _missable(self) -> Flags:
-        """(s,) whether a sighting may be missed."""
+        """Whether each sighting may be missed, (s,)."""
         some = self.team.sensors.detection[self.setup.observers] < 1.0
         return np.asarray(some & of_targets(self.setup.kinds))
 
     def _groups(self) -> Index:
-        """(s,) which draw decides on a sighting; those of one sample, observer and target share."""
+        """Index (s,) of each sighting's draw, common to one sample, observer and target."""
         setup, missable = self.setup, self._missable()
         of = np.column_stack([setup.sighted_at, setup.observers, setup.targets])[missable]
         new = np.ones(len(of), dtype=bool)
         new[1:] = np.any(of[1:] != of[:-1], axis=1)
         groups = np.zeros(len(missable), dtype=np.int64)
         groups[missable] = np.cumsum(new) - 1
-        # the last is the largest: sightings that can't be missed point at some other's
+        # the last must be the largest: sightings that can't be missed point at another's draw
         return np.maximum.accumulate(groups)
 
 
 def _away(truth: Array, setup: FilterSetup) -> tuple[Array, Array]:
-    """(2, s) m from observer to target, and (s,) rad, the observer's nominal heading."""
+    """Vectors (2, s) m from observer to target, and nominal headings (s,) rad of observers."""
     step = setup.sighted_at
     fixed = np.broadcast_to(setup.landmarks, (len(truth), *setup.landmarks.shape))
     places = np.concatenate([truth[:, :, :2], fixed], axis=1)

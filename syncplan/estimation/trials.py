@@ -9,9 +9,8 @@ CHUNK_TRIALS trials, whose shape depends on the trial numbers alone:
 
 so parts of a run that are computed elsewhere and merged give the bytes of the whole.
 
-An RMS over trials is that of its few worst ones where a filter is lost in some. The median trial is
-what to expect of one run, and the share of trials over a multiple of the bound is how often to
-expect something else.
+If a filter is lost in some trials, these dominate an RMS over trials. The median trial is what to
+expect of one run; the share of trials over a multiple of the bound shows how often to expect worse.
 
 An archive of trials is a part of a Monte Carlo run as bytes, an .npz file of plain arrays.
 """
@@ -35,14 +34,13 @@ CHUNK_TRIALS = 16
 
 @dataclass(frozen=True, slots=True)
 class Branch:
-    """Sums over the chunks from index * 2^level on, 2^level of them.
+    """Sums over 2^level chunks, from chunk index * 2^level on.
 
     Attributes
     ----------
     level, index : place in the binary tree over the chunks
     sums : (steps + 1, n, 11) three signed errors, the squared errors of position and heading, their
-        two variances, and squares and variances of x and y alone; of a flight as FlightResult has
-        them
+        two variances, and squares and variances of x and y alone; for a flight, as in FlightResult
     error_sums : (steps + 1, e, 3) of errors of the bias states, their squares and variances
     """
 
@@ -54,11 +52,11 @@ class Branch:
 
 @dataclass(frozen=True, slots=True)
 class MonteCarloResult:
-    """The result of a run of trials. Errors are (x, y, heading) in m, m, rad, heading wrapped.
+    """Result of a run of trials. Errors are (x, y, heading) in m, m, rad, heading wrapped.
 
     Attributes
     ----------
-    seed, first_trial, steps : which trials these are, and how long
+    seed, first_trial, steps : seed, number of the first trial, and samples per trial
     mean_squares : (trials, n, 3) squared error, mean over steps k = 1..steps
     late_mean_squares : (trials, n, 3) the same over the second half, steps k with 2k > steps
     final_errors : (trials, n, 3) at the last step
@@ -66,9 +64,9 @@ class MonteCarloResult:
     coverage_samples : 3 for every tenth step and the last
     nees : (trials,) e' P^-1 e over all 3n states, mean over every tenth step and the last;
         NaN where the covariance was not positive definite at any of them
-    nees_samples : (trials,) how many of them counted
+    nees_samples : (trials,) number of them that counted
     nis_sums, accepted, gated : (trials,) sum of innovation^2 / variance over accepted bearings,
-        number of these, and number the gate left out
+        number of these, and number that the gate rejected
     branches : sums of the series over trials, empty unless asked for
     state_squares, late_state_squares : (trials, e) squared error of each further state, mean over
         the run and over its second half; in the order of the filter's StateLayout
@@ -213,7 +211,7 @@ def result_of(
 
 
 def _branch_of(series: Array, count: int, first_trial: int) -> Branch:
-    """The sums of a chunk, from a series (samples + 1, 3n + e, 3)."""
+    """Sums of a chunk, from a series (samples + 1, 3n + e, 3)."""
     errors, squares, variances = (
         series[:, : 3 * count, quantity].reshape(-1, count, 3)
         for quantity in (ERROR, SQUARE, VARIANCE)
@@ -228,8 +226,8 @@ def _branch_of(series: Array, count: int, first_trial: int) -> Branch:
 def merge(parts: Sequence[MonteCarloResult]) -> MonteCarloResult:
     """Return one result from consecutive parts of a run, with the bytes of an undivided run.
 
-    Raises InputError where parts differ in seed or length, leave a gap, or where a part before the
-    last does not end at a multiple of CHUNK_TRIALS.
+    Raises InputError if parts differ in seed or length, leave a gap, or if a part before the last
+    does not end at a multiple of CHUNK_TRIALS.
     """
     head = parts[0]
     following = head.first_trial
@@ -255,9 +253,9 @@ def merge(parts: Sequence[MonteCarloResult]) -> MonteCarloResult:
 def check_whole(
     result: MonteCarloResult, trials: int, vehicles: Flags | EllipsisType = ...
 ) -> None:
-    """Raise InputError where trials of a run are missing, NoSolutionError where filters diverged.
+    """Raise InputError if trials of a run are missing, NoSolutionError if filters diverged.
 
-    Of vehicles that are not among those given, errors may be NaN.
+    Errors of vehicles other than `vehicles` may be NaN.
     """
     if (result.first_trial, result.trials) != (0, trials):
         problem = f"{result.trials} from {result.first_trial} on given, of {trials}"
@@ -309,7 +307,7 @@ def state_series(result: MonteCarloResult) -> StateSeries:
 
 
 def joined(branches: Sequence[Branch]) -> tuple[Branch, ...]:
-    """Return the branches in order, siblings joined to their parent as long as there are any."""
+    """Return the branches in order, with siblings joined into their parents."""
     stack: list[Branch] = []
     for branch in branches:
         stack.append(branch)
@@ -334,7 +332,7 @@ def _are_siblings(left: Branch, right: Branch) -> bool:
     return same and left.index % 2 == 0
 
 
-# --- how errors spread over trials ----------------------------------------------------------------
+# --- spread of errors over trials -----------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
@@ -378,7 +376,7 @@ _BRANCHES = "branches"
 
 
 def pack(part: MonteCarloResult) -> bytes:
-    """Return a part as bytes that hold every bit of it."""
+    """Return a part as bytes, bit for bit."""
     arrays: dict[str, Any] = {
         field.name: np.asarray(getattr(part, field.name))
         for field in fields(part)
@@ -397,7 +395,7 @@ def pack(part: MonteCarloResult) -> bytes:
 def unpack(data: bytes) -> MonteCarloResult:
     """Return the part that `pack` turned into bytes; raises InputError for other bytes.
 
-    Parts packed before there were further states load as parts without any.
+    Parts packed by versions without further states load as parts without any.
     """
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as stored:
@@ -418,10 +416,10 @@ def unpack(data: bytes) -> MonteCarloResult:
 
 
 def _later(stored: Any, name: str) -> list[Any]:
-    """An array that older archives have not: none or one."""
+    """Array that older archives lack, in a list; empty if it is missing."""
     return [stored[name]] if name in stored else []
 
 
 def _value(stored: Any) -> Any:
-    """A scalar as Python's own number, an array as it is."""
+    """Stored scalar as a Python number; a stored array unchanged."""
     return stored.item() if stored.ndim == 0 else stored

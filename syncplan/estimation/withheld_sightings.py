@@ -1,14 +1,14 @@
-"""How well settings predict sightings that the filter is not given.
+"""Predictions of sightings that are withheld from the filter, to compare settings.
 
-Sightings are withheld by blocks of BLOCK_S of an observer and a target, in turn: what the others
-say of them is no echo of their own errors, however long these last. A withheld sighting has a
-variance so large that the filter learns nothing from it; its innovation and what the filter expects
-of it come out as those of any other:
+Sightings are withheld in turn, by blocks of BLOCK_S of an observer and a target, so their
+predictions do not depend on their own errors, however long these last. A withheld sighting has a
+variance so large that the filter learns nothing from it; its innovation and the expected variance
+result as for any other:
 
     nu ~ N(0, H P H' + sigma^2), or anything at all with probability WILD
 
-No truth is needed. The innovation of a sighting that is used would not do: a filter that takes
-errors that last for new ones follows them, predicts the next of the same target well, and is wrong.
+No truth is needed. Innovations of used sightings would not do: a filter that treats lasting errors
+as independent follows them, predicts the next sighting of the same target well, and is wrong.
 
 Source: Geisser (1975), JASA 70 (predictive sample reuse); Burman, Chow, Nolan (1994), Biometrika 81
 (blocks for correlated errors).
@@ -27,39 +27,39 @@ from syncplan.orbits.sighting_kinds import BEARING, place_of
 from syncplan.recordings.log import Log
 
 WILD = 0.01
-"""Share of the readings that may be anything."""
+"""Share of readings that are arbitrary."""
 
 UNTOLD = np.array([1e6, 1e8])
-"""rad^2, m^2: variances of withheld sightings, by kind."""
+"""Variances of withheld sightings by kind, in rad^2 and m^2."""
 
 STRIDES = (7, 3, 1)
-"""Of observer, target and block: which turn withholds them."""
+"""Weights of observer, target and block in the number of the turn that withholds them."""
 
 TICK = 1e-4
-"""s: sightings of one target are further apart."""
+"""Resolution in s of the times in names; sightings of one target are further apart."""
 
 BODIES = 4096
-"""More than a recording's robots and landmarks."""
+"""Number above that of a recording's robots and landmarks."""
 
 SPAN_S = 30.0
-"""Predictions this close together count as one sample of what settings are worth."""
+"""Time span in s whose predictions count as one sample when settings are compared."""
 
 SURE = 2.0
-"""Standard errors by which a gain must differ from 0."""
+"""Standard errors by which a gain must exceed 0."""
 
 LEAST_RATIO = 1e-3
 
 CLIP = 3.0
-"""Standard deviations beyond which the size of an error does not count."""
+"""Standard deviations at which errors are clipped."""
 
 
 @dataclass(frozen=True, slots=True)
 class Predictions:
-    """Withheld sightings as others predict them.
+    """Predictions of withheld sightings from the others.
 
     Attributes
     ----------
-    names : (s,) of sightings, the same whatever the delay
+    names : (s,) numbers that identify sightings, whatever the delay
     times : (s,) s since the beginning, as recorded
     kinds : (s,) places in SIGHTING_KINDS
     errors : (s,) sighting less prediction, rad or m
@@ -73,7 +73,7 @@ class Predictions:
     scores: Array
 
     def among(self, others: "Predictions") -> "Predictions":
-        """Those that others predict too, in an order that both share."""
+        """Return those of sightings that `others` predict too, in a common order."""
         _, own, _ = np.intersect1d(self.names, others.names, return_indices=True)
         return Predictions(*(getattr(self, one.name)[own] for one in fields(self)))
 
@@ -84,12 +84,13 @@ class FitVerdict:
 
     Attributes
     ----------
-    gain, gain_sigma : by which the log-density of a withheld sighting is larger, on average, and
-        the standard error of that; infinite where the filter diverges with either
-    error_ratio, error_ratio_sigma : RMS over that of the others of the predictions' mean errors
-        over blocks, wild errors cut off, each in the RMS of its kind, and its standard error
-    white : whether innovations are those of white noise of the fitted sigmas; if not, it is the
-        wrong model, and what makes sightings likelier need not make estimates better
+    gain, gain_sigma : mean increase of a withheld sighting's log-density, and its standard error;
+        infinite if the filter diverges with either
+    error_ratio, error_ratio_sigma : RMS of the predictions' mean errors over blocks, relative to
+        that of the others, and its standard error; errors are clipped, and in units of the RMS of
+        their kind
+    white : whether innovations are white noise of the fitted sigmas; if not, the model is wrong,
+        and likelier sightings need not mean better estimates
     """
 
     gain: float
@@ -104,7 +105,7 @@ class FitVerdict:
 
         Where innovations are not white they must be more accurate, beyond chance.
         """
-        # of the square
+        # margin of the squared ratio
         margin = 0.0 if self.white else SURE * 2.0 * self.error_ratio * self.error_ratio_sigma
         return self.gain > SURE * self.gain_sigma and self.error_ratio**2 <= 1.0 - margin
 
@@ -117,9 +118,9 @@ def predictions_of(
     of: int,
     farthest: float,
 ) -> Predictions:
-    """Return predictions of the sightings that the given turns of `of` withhold, a run for each.
+    """Return predictions of the sightings that `turns`, out of `of`, withhold; one run per turn.
 
-    `farthest` is the largest distance seen, m. Raises NoSolutionError where the filter diverges.
+    `farthest` is the largest distance seen, m. Raises NoSolutionError if the filter diverges.
     """
     parts = [_predicted(log, settings, options, turn, of, farthest) for turn in turns]
     columns = zip(*parts, strict=True)
@@ -151,8 +152,8 @@ def _predicted(
 def judged(before: Predictions | None, after: Predictions | None, *, white: bool) -> FitVerdict:
     """Compare `after` with `before` on the withheld sightings that both predict.
 
-    Sums over SPAN_S are the samples: neighbours err together. None is of settings with which the
-    filter diverges; `white` says whether innovations of `after` are.
+    Sums over SPAN_S are the samples, since errors of neighbours are correlated. None stands for
+    settings with which the filter diverges; `white` states whether innovations of `after` are.
     """
     if after is None or before is None:
         lost = after is None
@@ -166,10 +167,10 @@ def judged(before: Predictions | None, after: Predictions | None, *, white: bool
 
 
 def _growth(before: Predictions, after: Predictions) -> tuple[Array, Array]:
-    """By what squares of mean errors of blocks grow, in the mean square of their kind, and times.
+    """Growth of squared mean errors of blocks, relative to the mean of their kind, and times.
 
-    What poses are off stays over a block; noise, and what a delay is off while a robot turns to and
-    fro, averages out. Wild errors are cut off.
+    Errors of poses persist over a block; noise, and the effect of a wrong delay while a robot turns
+    to and fro, average out. Wild errors are clipped.
     """
     streams = before.names % (2 * BODIES**2)
     blocks = np.column_stack([streams, (before.times // BLOCK_S).astype(np.int64)])

@@ -19,7 +19,7 @@ _RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)", re.IGNORECASE)
 
 
 def file_title(title: str) -> str:
-    """Return a title as the beginning of a file's name: `plan` where nothing is left of it."""
+    """Return a title as the beginning of a file's name; `plan` if nothing of it remains."""
     name = _safe(title) or "plan"
     return f"{name}_" if _RESERVED.fullmatch(name) else name
 
@@ -27,7 +27,7 @@ def file_title(title: str) -> str:
 def file_names(names: Sequence[str]) -> list[str]:
     """Return each name as part of a file's name: letters and digits of any script, - and _.
 
-    Names that would be the same, also where upper case is lower case, get a number.
+    Names that would be equal, regardless of case, get a number.
     """
     return _distinct([_safe(name) or "vehicle" for name in names], "-")
 
@@ -46,14 +46,14 @@ def ros_names(names: Sequence[str]) -> list[str]:
 
 
 def _safe(name: str) -> str:
-    """A name without what file systems or shells may take amiss, cut at LONGEST_BYTES."""
+    """A name without characters unsafe in file systems or shells, cut at LONGEST_BYTES."""
     plain = unicodedata.normalize("NFC", name)
     kept = "".join(c if c.isalnum() or c in "-_" else "_" for c in plain)
     return kept.encode()[:LONGEST_BYTES].decode(errors="ignore").strip("_-")
 
 
 def _distinct(names: list[str], joint: str) -> list[str]:
-    # a plain name keeps itself, whichever comes first: numbers only go to later ones
+    # the first of equal names stays unchanged: only later ones get numbers
     taken: set[str] = set()
     distinct = []
     for name in names:
@@ -69,7 +69,7 @@ def _distinct(names: list[str], joint: str) -> list[str]:
 
 
 EARLIEST = (1980, 1, 1, 0, 0, 0)
-"""The time that every entry of an archive bears: the earliest that the format knows."""
+"""Time of every entry in an archive: the earliest that the format allows."""
 
 _READABLE = 0o644 << 16
 
@@ -84,18 +84,18 @@ class ExportedFile:
 
 @dataclass(frozen=True, slots=True)
 class Written:
-    """Files that a format makes of flown circles.
+    """Files of a plan in one format.
 
     Attributes
     ----------
-    files : all of them
-    kind : what the files hold, as the vehicles fly it
-    own_files : name of the file of each vehicle; empty where they share
-    topics : ROS topic of each vehicle; empty elsewhere
-    start_items : number of the mission's item that begins at time 0, home being 0, of each vehicle
-    leg_speeds : speed along the chords between waypoints, m/s, of each vehicle; empty elsewhere
-    parameters : autopilot parameters of each vehicle that the flight rests on; empty elsewhere
-    notes : what the reader must not miss
+    files : all files
+    kind : kind of path that the files give the vehicles
+    own_files : file name of each vehicle; empty if they share a file
+    topics : ROS topic of each vehicle; empty in other formats
+    start_items : number of each vehicle's mission item that begins at time 0, where home is 0
+    leg_speeds : speed of each vehicle along the chords between waypoints in m/s; empty without them
+    parameters : autopilot parameters of each vehicle that the flight needs; empty without missions
+    notes : important notes for the reader
     """
 
     files: tuple[ExportedFile, ...]
@@ -110,7 +110,7 @@ class Written:
 
 @dataclass(frozen=True, slots=True)
 class Export:
-    """The files of an export and what the reader must not miss; equal input, equal bytes."""
+    """Files of an export and important notes for the reader; equal input gives equal bytes."""
 
     format: str
     files: tuple[ExportedFile, ...]
@@ -118,7 +118,7 @@ class Export:
 
 
 def as_archive(export: Export) -> bytes:
-    """Return the files as a ZIP archive whose bytes depend on nothing but theirs."""
+    """Return the files as a ZIP archive whose bytes depend only on theirs."""
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
         for file in export.files:
@@ -131,7 +131,7 @@ def as_archive(export: Export) -> bytes:
 
 
 def write_files(export: Export, folder: Path) -> None:
-    """Write the files into `folder`, each whole or not at all; missing folders are made.
+    """Write the files into `folder`, each completely or not at all; create missing folders.
 
     Raises InputError if one can't be written.
     """

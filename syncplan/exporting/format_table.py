@@ -1,7 +1,7 @@
-"""The table of export formats, and what an export may be asked for.
+"""The table of export formats, and the options of an export.
 
-A new format is a function that writes it and a line in FORMATS. Costs nothing to import: a format's
-own module is loaded once it writes.
+A new format is a function that writes it and a line in FORMATS. Importing this module is cheap: a
+format's own module is loaded when it writes.
 """
 
 from collections.abc import Mapping
@@ -44,10 +44,10 @@ class Autopilot:
     Attributes
     ----------
     code : its MAV_AUTOPILOT
-    titles : what it is called on each kind of vehicle
+    titles : its name on each kind of vehicle
     loiter_turns : whether its missions may hold loiter turns
     whole_metres : whether it stores acceptance radii in whole metres
-    yaw : of a waypoint that the vehicle is to pass nose first; None where it must be left out
+    yaw : yaw of a waypoint that the vehicle passes nose first; None if it must be left unset
     """
 
     code: int
@@ -92,16 +92,16 @@ ALL = "all"
 
 @dataclass(frozen=True, slots=True)
 class ExportFormat:
-    """One format.
+    """One export format.
 
     Attributes
     ----------
-    title : what it is called where people choose one
-    writer : module of this package and its function, from the plan to what is written
-    altitude_m : flown where the options name none
+    title : name in a list of choices
+    writer : module of this package and a function in it, from the plan to its files
+    altitude_m : altitude where the options give none
     on_earth : whether it needs the scenario's geo_origin
     mission : whether it is an autopilot's mission
-    only_for : the autopilot it is for, where it is for one alone
+    only_for : the only autopilot that the format is for; None if there are several
     """
 
     title: str
@@ -112,7 +112,7 @@ class ExportFormat:
     only_for: AutopilotName | None = None
 
     def write(self, flown: "ScheduledPlan") -> "Written":
-        """Return a plan's files in this format; raises InputError for what it can't hold."""
+        """Return a plan's files in this format; raises InputError if the format can't hold it."""
         module, _, function = self.writer.partition(".")
         written: Written = getattr(import_module(f"{__package__}.{module}"), function)(flown)
         return written
@@ -139,11 +139,11 @@ FORMATS: Mapping[str, ExportFormat] = MappingProxyType(
         "kml": ExportFormat("KML", "map_files.write_kml", 50.0, True),
     }
 )
-"""All formats by name, in the order people are shown them."""
+"""All formats by name, in the order of their lists."""
 
 
 def default_altitudes() -> str:
-    """Return the altitudes that formats fly at by default, the commonest first, in words."""
+    """Return the default altitudes of the formats in words, the most common first."""
     by_altitude: dict[float, list[str]] = {}
     for name, one in FORMATS.items():
         by_altitude.setdefault(one.altitude_m, []).append(name)
@@ -162,7 +162,7 @@ def default_altitudes() -> str:
 HIGHEST_M = 100_000.0
 LONGEST_S = 1e7
 MOST_TURNS = 20_000
-"""Longest flown, in turns: as long as a scenario's run may be."""
+"""Most turns flown: as many as the periods of a scenario's run."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Exports: the one function that writes a plan in any format of the table."""
+"""Export of a plan in any format of the table."""
 
 from dataclasses import replace
 
@@ -26,17 +26,18 @@ __all__ = [
 ]
 
 PLANE_ERROR_M = 0.5
-"""Difference of plane and ground from which a note states it."""
+"""Difference between plane and ground from which a note reports it."""
 
 
 def export(plan: Plan, format: str, options: ExportOptions | None = None) -> Export:
-    """Return a plan as the files of a format, with the sidecar that says what they can't.
+    """Return a plan as the files of a format, with a sidecar for what they can't hold.
 
-    With `all`, those of every format, each in a folder of its name; formats that need a geo_origin
-    are left out where there is none. Nothing is written to disk; equal input gives equal bytes.
+    `all` returns the files of every format, each in a folder of its name; formats that need a
+    geo_origin are left out if there is none. Nothing is written to disk; equal input gives equal
+    bytes.
 
-    Raises InputError for an unknown format, a missing geo_origin or library, and what a format
-    can't hold; NoGoError for a plan whose verdict has a stop, unless options force it.
+    Raises InputError for an unknown format, a missing geo_origin or library, and a plan that the
+    format can't hold; NoGoError for a plan whose verdict has a stop, unless options force it.
     """
     asked = ExportOptions() if options is None else options
     if format == ALL:
@@ -78,7 +79,7 @@ def _check_go(plan: Plan) -> None:
 
 
 def _all(plan: Plan, options: ExportOptions) -> Export:
-    """Every format that the scenario allows."""
+    """Export every format that the scenario allows."""
     placed = plan.scenario.geo_origin is not None
     if placed:
         why = f"the autopilot is {options.autopilot}"
@@ -93,7 +94,7 @@ def _all(plan: Plan, options: ExportOptions) -> Export:
             if name not in left_out:
                 exports.append(export(plan, name, options))
         except InputError as error:
-            # radii that a mission can't hold are no reason to go without the other formats
+            # radii that a mission can't hold must not prevent the other formats
             if error.key != "orbit.radius_m":
                 raise
             refused.append(f"{name} is left out: {error.problem}")
@@ -122,7 +123,7 @@ def _ground_notes(flown: ScheduledPlan) -> list[str]:
 
 
 def _snapped(flown: ScheduledPlan) -> tuple[ScheduledPlan, list[str]]:
-    """The plan with radii that ArduPilot can store, judged afresh by the exact code."""
+    """The plan with radii that ArduPilot can store, judged again by the exact code, and notes."""
     plan = flown.plan
     radii = snapped_radii(plan.orbits.radii)
     moved = np.abs(radii - plan.orbits.radii)

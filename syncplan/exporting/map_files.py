@@ -17,12 +17,12 @@ POINTS_PER_TURN = 180
 
 @dataclass(frozen=True, slots=True)
 class VehicleTrack:
-    """One vehicle on a map; places are latitude and longitude in degrees.
+    """Track of one vehicle on a map, in latitudes and longitudes in degrees.
 
     Attributes
     ----------
-    circle : (181, 2) from the entry point in the direction of flown, the last is the first
-    center, entry : (2,)
+    circle : (181, 2) points from the entry in the direction of flight; the last equals the first
+    center, entry : (2,) points
     """
 
     name: str
@@ -74,7 +74,7 @@ def parted(places: Array) -> list[Array]:
 
 
 DIGITS = 9
-"""Of degrees: a tenth of a millimetre."""
+"""Decimals of degrees, which resolve a tenth of a millimetre."""
 
 
 def write_geojson(flown: ScheduledPlan) -> Written:
@@ -133,14 +133,14 @@ KML = "http://www.opengis.net/kml/2.2"
 GOOGLE = "http://www.google.com/kml/ext/2.2"
 
 MOST_TRACK_POINTS = 2000
-"""Of one timed track: what is beyond would not show."""
+"""Most points of one timed track: more would not be visible."""
 
 
 def write_kml(flown: ScheduledPlan) -> Written:
     """Return one file with a folder for each vehicle; altitudes are above the ground.
 
-    Where the scenario has a start_time, each vehicle also has a track over time, which viewers
-    play. Raises InputError without a geo_origin.
+    If the scenario has a start_time, each vehicle also has a track over time, which viewers play.
+    Raises InputError without a geo_origin.
     """
     root = Xml.Element("kml", {"xmlns": KML, "xmlns:gx": GOOGLE})
     document = Xml.SubElement(root, "Document")
@@ -168,7 +168,7 @@ def _circle(placemark: Xml.Element, parts: list[Array], height: float) -> None:
 
 
 def _track(folder: Xml.Element, flown: ScheduledPlan, k: int) -> None:
-    """Add the timed track of vehicle k, where the moment of time 0 is known."""
+    """Add the timed track of vehicle k, if the moment of time 0 is known."""
     start = start_of(flown.plan)
     if start is None:
         return

@@ -1,22 +1,24 @@
 """Routes of missions: loiter turns where the autopilot has them, else waypoints on the circle.
 
-Items are as MAVLink has them (common.xml). What ArduPilot makes of loiter turns:
+Items follow MAVLink (common.xml). ArduPilot treats loiter turns as follows:
 
-- It keeps turns and radius in one byte each (AP_Mission.cpp): the radius in whole metres up to
-  255, in tens of metres up to 2,550, fractions cut off, not rounded; turns up to 255, and of more
-  than one turn the fraction is cut off as well.
-- Copter turns at its parameter CIRCLE_RATE, whatever speed is commanded, at no more than half of
-  its acceleration in waypoint flight and its speed allow (AC_Circle::calc_velocities). Which way
-  round is the radius's sign from 4.4 on (ArduPilot pull request 22834), but the parameter's before
-  and in some versions since (pull request 34178): with a parameter of the same sign all agree.
+- It stores turns and radius in one byte each (AP_Mission.cpp): the radius in whole metres up to
+  255, in tens of metres up to 2,550, truncated, not rounded; turns up to 255, also truncated above
+  one turn.
+- Copter turns at its parameter CIRCLE_RATE, whatever speed is commanded, within its speed and half
+  its acceleration in waypoint flight (AC_Circle::calc_velocities). The radius's sign gives the
+  direction from 4.4 on (ArduPilot pull request 22834); before, and in some versions since, the
+  parameter's sign does (pull request 34178). With both signs the same, all versions agree.
 - Plane holds the airspeed commanded, if it lies between AIRSPEED_MIN and AIRSPEED_MAX.
 
-A waypoint counts as reached half a leg from it, where the next leg is as near: the corners are cut
-from middle to middle, between the arc and the chords. PX4's multicopters take that radius from the
-item, its fixed wings do not (mission_block.cpp), nor does Copter (AP_Mission.cpp).
+A waypoint counts as reached half a leg from it, where the next leg is as near: the path cuts the
+corners from middle to middle of the legs, between the arc and the chords. PX4's multicopters take
+that radius from the item, its fixed wings do not (mission_block.cpp), nor does Copter
+(AP_Mission.cpp).
 
-No autopilot promises to hold its commanded speed round a corner. PX4's multicopters state how fast
-they fly there (FlightTaskAutoLineSmoothVel, TrajMath), which is computed here; the others do not.
+No autopilot promises to hold its commanded speed round a corner. PX4 defines the speed of its
+multicopters there (FlightTaskAutoLineSmoothVel, TrajMath), which is computed here; the others do
+not.
 """
 
 import math
@@ -41,9 +43,9 @@ _TIME_OF_DAY = -1.0
 
 @dataclass(frozen=True, slots=True)
 class MissionItem:
-    """One item: command and frame, parameters 1 to 4, latitude, longitude, altitude.
+    """One mission item: command and frame, parameters 1 to 4, latitude, longitude, altitude.
 
-    A parameter of None is not set. Items without a place have zeros.
+    A parameter of None is not set. Items without a position have zeros.
     """
 
     command: int
@@ -55,7 +57,7 @@ class MissionItem:
 
     @property
     def placed(self) -> bool:
-        """Whether it is about a place."""
+        """Whether it has a position."""
         return self.frame == FRAME_RELATIVE_ALTITUDE
 
 
@@ -65,10 +67,10 @@ class Mission:
 
     Attributes
     ----------
-    items : without home
-    speed : m/s, as commanded; along the chords where the items are waypoints
-    start_item : number, home being 0, of the item that begins at time 0
-    parameters : autopilot parameters it rests on
+    items : all items except home
+    speed : commanded speed in m/s; along the chords if the items are waypoints
+    start_item : number of the item that begins at time 0, where home is 0
+    parameters : autopilot parameters it needs
     """
 
     items: tuple[MissionItem, ...]
@@ -78,13 +80,13 @@ class Mission:
 
 
 def speed_item(flown: ScheduledPlan, speed: float) -> MissionItem:
-    """Return the change to a speed in m/s: of the air for fixed wings, else over ground."""
+    """Return the change to a speed in m/s: airspeed for fixed wings, else over ground."""
     kind = _AIRSPEED if flown.vehicle.holds_airspeed else _GROUND_SPEED
     return MissionItem(CHANGE_SPEED, FRAME_MISSION, (kind, speed, _UNCHANGED, 0.0))
 
 
 def waiting_items(flown: ScheduledPlan) -> tuple[MissionItem, ...]:
-    """Return a Copter's wait for time 0, a time of day in whole seconds; none if not known."""
+    """Return a Copter's wait for time 0, a time of day in whole seconds; empty if unknown."""
     moment = start_second(flown) if flown.is_copter else None
     if moment is None:
         return ()
@@ -95,15 +97,15 @@ def waiting_items(flown: ScheduledPlan) -> tuple[MissionItem, ...]:
 def waypoint_item(
     flown: ScheduledPlan, place: Array, altitude: float, accepted: float
 ) -> MissionItem:
-    """Return a waypoint that counts as reached `accepted` m from it; 0: the autopilot's own.
+    """Return a waypoint with an acceptance radius of `accepted` m; 0 means the autopilot's own.
 
-    Parameter 4 is the yaw: PX4 takes 0 for north and nothing for the way it flies.
+    Parameter 4 is the yaw: PX4 takes 0 for north, and no value for its direction of flight.
     """
     return _placed(WAYPOINT, (0.0, accepted, 0.0, flown.autopilot.yaw), place, altitude)
 
 
 def circle_item(turns: float, radius: float, center: Array, altitude: float) -> MissionItem:
-    """Return turns about a centre; a positive radius in m is clockwise, as MAVLink has it."""
+    """Return loiter turns about a centre; a positive radius in m is clockwise, as in MAVLink."""
     return _placed(LOITER_TURNS, (turns, 0.0, radius, 0.0), center, altitude)
 
 
@@ -120,22 +122,22 @@ TENS_UP_TO = 2550.0
 MOST_TURNS_PER_ITEM = 255
 
 FASTEST_RATE = 90.0
-"""deg/s, of CIRCLE_RATE."""
+"""Largest CIRCLE_RATE in deg/s."""
 
 ACCELERATION = 2.5
 LARGEST_ACCELERATION = 5.0
-"""m/s^2, of Copter's WPNAV_ACCEL: its default and the end of its range."""
+"""Copter's WPNAV_ACCEL in m/s^2: its default and the end of its range."""
 
 NOSE_ALONG_THE_PATH = 2.0
-"""Of CIRCLE_OPTIONS, a sum of bits."""
+"""Bit of CIRCLE_OPTIONS."""
 
 _NAMED = 6
 
 
 def loiter_missions(flown: ScheduledPlan) -> tuple[list[Mission], list[str]]:
-    """Return the mission of each vehicle, and what the reader must not miss.
+    """Return the mission of each vehicle, and notes for the reader.
 
-    Each sets the speed, flies to where the vehicle is at time 0, waits for that moment if the
+    Each sets the speed, flies to the vehicle's position at time 0, waits for that moment if the
     vehicle is a Copter and the moment is known, and circles for as many whole turns as cover the
     duration. Raises InputError for a radius that loiter turns can't have.
     """
@@ -145,7 +147,7 @@ def loiter_missions(flown: ScheduledPlan) -> tuple[list[Mission], list[str]]:
     centers = geodetic(flown.origin, orbits.centers)
     waits, missions = waiting_items(flown), []
     for k in range(orbits.count):
-        # clockwise is positive there, counter-clockwise here
+        # clockwise is positive in MAVLink, counter-clockwise here
         clockwise, altitude = -float(orbits.senses[k]), flown.altitudes[k]
         radius, speed = clockwise * float(orbits.radii[k]), float(orbits.speeds[k])
         before = (
@@ -183,7 +185,7 @@ def snapped_radii(radii: Array) -> Array:
 
 
 def _stored_radius(radius: float) -> float:
-    """Return the radius that ArduPilot keeps, in m."""
+    """Return the radius that ArduPilot stores, in m."""
     if radius <= WHOLE_METRES_UP_TO:
         return float(math.floor(radius))
     return 10.0 * math.floor(radius / 10.0)
@@ -230,7 +232,7 @@ def _radius_notes(flown: ScheduledPlan) -> list[str]:
 
 
 def _rate_notes(flown: ScheduledPlan) -> list[str]:
-    """Reasons why a Copter can't keep the rate of the plan."""
+    """Notes on how a Copter keeps the rate of the plan, and on why it may fail to."""
     if not flown.is_copter:
         return []
     orbits = flown.plan.orbits
@@ -248,7 +250,7 @@ def _rate_notes(flown: ScheduledPlan) -> list[str]:
         beyond = f"; its range ends at {LARGEST_ACCELERATION:g}" * (most > LARGEST_ACCELERATION)
         named = [flown.names[k] for k in slow]
         notes.append(
-            f"Copter circles with at most half its acceleration in waypoint flown, WPNAV_ACCEL: "
+            f"Copter circles with at most half its acceleration in waypoint flight, WPNAV_ACCEL: "
             f"{listed(named, _NAMED)} would turn too slowly at its default of "
             f"{ACCELERATION:g} m/s^2; set {most:.3g} m/s^2 or more{beyond}"
         )
@@ -267,22 +269,22 @@ def _too_large(radius: float) -> str:
 FEWEST_LEGS = 6
 MOST_ITEMS = 65_535
 LARGE_MISSION = 500
-"""Items from which on some autopilots' storage is too small."""
+"""Number of items above which some autopilots' storage is too small."""
 
 LARGEST_ACCEPTANCE_M = 255.0
-"""As ArduPilot stores it: in one byte."""
+"""Largest acceptance radius, which ArduPilot stores in one byte."""
 
 PX4_ACCELERATION, PX4_JERK, PX4_TRAJECTORY_GAIN = 3.0, 4.0, 0.5
 """PX4's defaults of MPC_ACC_HOR in m/s^2, MPC_JERK_AUTO in m/s^3 and MPC_XY_TRAJ_P in 1/s."""
 
 
 def waypoint_missions(flown: ScheduledPlan) -> tuple[list[Mission], list[str]]:
-    """Return the mission of each vehicle, evenly spaced in time, and what not to miss.
+    """Return the mission of each vehicle, evenly spaced in time, and notes for the reader.
 
-    A chord is shorter than its arc: flown at the speed of the circle, a polygon of 14 legs would
-    run ahead by 3 deg a turn, and the meetings would be lost. So the commanded speed is that of the
-    chords. A Copter waits at the first waypoint for time 0, where that moment is known. Raises
-    InputError where the missions would be too long.
+    A chord is shorter than its arc: at the speed of the circle, a vehicle on a polygon of 14 legs
+    would run ahead by 3 deg a turn and lose its meetings. So the commanded speed is that along the
+    chords. A Copter waits at the first waypoint for time 0, if that moment is known. Raises
+    InputError if the missions would be too long.
     """
     orbits, sagitta = flown.plan.orbits, flown.options.sagitta_m
     waits, missions, most = waiting_items(flown), [], 0
@@ -310,10 +312,10 @@ def waypoint_missions(flown: ScheduledPlan) -> tuple[list[Mission], list[str]]:
 
 
 def px4_corner_speed(radius: float, legs: int) -> float:
-    """Return the speed in m/s at which PX4's multicopters pass the corners, by their defaults.
+    """Return the speed in m/s at which PX4's multicopters pass the corners by default.
 
-    Least of what the corner's angle allows, sqrt(gain a d tan(alpha / 2)) with d half a leg and
-    alpha the angle between legs, and of the speed that may be braked from within the next leg.
+    The least of the speed that the corner's angle allows, sqrt(gain a d tan(alpha / 2)) with d half
+    a leg and alpha the angle between legs, and of the speed that allows braking in the next leg.
     """
     leg = _leg(radius, legs)
     corner = math.sqrt(
@@ -341,7 +343,7 @@ def _chord_speed(flown: ScheduledPlan, radius: float, legs: int) -> float:
 
 
 def _acceptance(flown: ScheduledPlan, radius: float, legs: int) -> float:
-    """Half a leg in m; ArduPilot's Plane keeps whole metres, and takes 0 for its own default."""
+    """Half a leg in m; ArduPilot's Plane stores whole metres, and takes 0 for its own default."""
     half = _leg(radius, legs) / 2.0
     if not flown.autopilot.whole_metres:
         return half
@@ -358,7 +360,7 @@ def _corners(orbits: Orbits, k: int, legs: int, count: int) -> Array:
 
 
 def _pace_notes(flown: ScheduledPlan) -> list[str]:
-    """Whether corners cost time, and with it the meetings."""
+    """Notes on the time that corners cost, and with it the meetings."""
     if flown.vehicle.holds_airspeed:
         return [
             "fixed wings cut and overshoot the corners of short legs, so that turns of waypoints "

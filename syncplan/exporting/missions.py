@@ -26,14 +26,14 @@ _STEEP = 45.0
 
 
 def flies_loiter_turns(flown: ScheduledPlan) -> bool:
-    """Whether the missions are loiter turns, not waypoints; PX4 refuses loiter turns."""
+    """Return whether the missions are loiter turns, not waypoints; PX4 refuses loiter turns."""
     return flown.autopilot.loiter_turns and not flown.options.waypoints
 
 
 def missions_of(flown: ScheduledPlan) -> tuple[list[Mission], list[str]]:
-    """Return the mission of each vehicle, and what the reader must not miss.
+    """Return the mission of each vehicle, and notes for the reader.
 
-    Raises InputError without a geo_origin, for a radius that loiter turns can't have, and where
+    Raises InputError without a geo_origin, for a radius that loiter turns can't have, and if
     missions would be too long.
     """
     made = loiter_missions if flies_loiter_turns(flown) else waypoint_missions
@@ -44,7 +44,7 @@ def missions_of(flown: ScheduledPlan) -> tuple[list[Mission], list[str]]:
 def write_missions(
     flown: ScheduledPlan, ending: str, text: Callable[[ScheduledPlan, Mission], str]
 ) -> Written:
-    """Return a file for each vehicle, its name with this ending, its `text` that of its mission.
+    """Return a file with this ending for each vehicle; `text` turns its mission into the content.
 
     Raises InputError as missions_of does.
     """
@@ -87,7 +87,7 @@ def _airspeed_notes(flown: ScheduledPlan) -> list[str]:
 
 
 def _waiting_notes(flown: ScheduledPlan) -> list[str]:
-    """Where whole seconds are all that a mission can wait for."""
+    """Note on a start between the whole seconds that a mission can wait for."""
     start, second = start_of(flown.plan), start_second(flown)
     if not flown.is_copter or start is None or second is None or start == second:
         return []

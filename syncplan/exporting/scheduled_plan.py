@@ -1,4 +1,4 @@
-"""The plan that an export writes down: how long and how high it is flown, and where on Earth."""
+"""The plan that an export writes, with its duration, its altitudes and its place on Earth."""
 
 import math
 from dataclasses import dataclass
@@ -16,15 +16,15 @@ from syncplan.scenario.models import GeoOrigin
 
 EARTH_RADIUS_M = 6.371e6
 WIDEST_M = 1e6
-"""Furthest from the origin that a plane may stand for the ground."""
+"""Largest distance from the origin at which a plane may represent the ground."""
 
 
 def geodetic(origin: GeoOrigin, points: Array) -> Array:
     """Return the (..., 2) latitudes and longitudes in degrees of (..., 2) points in m.
 
     The points lie in the plane that touches the ellipsoid at the origin; their geodetic height is
-    left out, because what is flown is a constant altitude. Raises InputError where pymap3d is
-    missing, or a point is further than 1,000 km from the origin.
+    left out, because vehicles fly at a constant altitude. Raises InputError if pymap3d is missing,
+    or a point is further than 1,000 km from the origin.
     """
     try:
         from pymap3d import enu2geodetic
@@ -49,7 +49,7 @@ def geodetic(origin: GeoOrigin, points: Array) -> Array:
 
 
 def ground_error(distance: float) -> float:
-    """Return how far, in m, the plane and the ground differ `distance` m from the origin.
+    """Return the difference in m between plane and ground `distance` m from the origin.
 
     A point of the plane at d lies over the ground at R atan(d / R), which is d^3 / 3 R^2 less.
     """
@@ -60,22 +60,22 @@ def ground_error(distance: float) -> float:
 
 
 MOST_POINTS = 2_000_000
-"""Most poses, waypoints or pieces of all vehicles together that are written."""
+"""Most poses, waypoints or pieces written for all vehicles together."""
 
 _SLIVER = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
 class ScheduledPlan:
-    """A plan with how it is flown.
+    """A plan and how it is flown.
 
     Attributes
     ----------
-    plan : whose orbits are flown
-    options : as asked for
-    altitudes : m above the origin, of each vehicle
-    duration : s, from time 0
-    title, labels : of the plan and of each vehicle, as parts of names of files
+    plan : plan whose orbits are flown
+    options : options of the export
+    altitudes : altitude of each vehicle in m above the origin
+    duration : length of the run in s, from time 0
+    title, labels : parts of file names that stand for the plan and for each vehicle
     """
 
     plan: Plan
@@ -92,17 +92,17 @@ class ScheduledPlan:
 
     @property
     def autopilot(self) -> format_table.Autopilot:
-        """The autopilot that missions are for."""
+        """Autopilot of the missions."""
         return format_table.AUTOPILOTS[self.options.autopilot]
 
     @property
     def vehicle(self) -> format_table.Vehicle:
-        """The kind of vehicle that flies."""
+        """Kind of vehicle."""
         return format_table.VEHICLES[self.options.vehicle]
 
     @property
     def is_copter(self) -> bool:
-        """Whether ArduPilot's Copter flies it."""
+        """Whether ArduPilot's Copter flies the vehicles."""
         return self.autopilot.loiter_turns and not self.vehicle.holds_airspeed
 
     @property
@@ -112,7 +112,7 @@ class ScheduledPlan:
 
     @property
     def origin(self) -> GeoOrigin:
-        """Where [0, 0] lies. Raises InputError if the scenario does not say."""
+        """Point on Earth at [0, 0]; raises InputError if the scenario has none."""
         if self.plan.scenario.geo_origin is None:
             raise InputError(
                 "is missing, and this export needs it: give the scenario "
@@ -132,7 +132,7 @@ class Poses:
 
 
 def scheduled(plan: Plan, options: format_table.ExportOptions, altitude: float) -> ScheduledPlan:
-    """Return a plan as it is written down; `altitude` in m holds where the options name none."""
+    """Return a plan as it is written; `altitude` in m applies where the options give none."""
     scenario, turns = plan.scenario, options.turns
     lowest = altitude if options.altitude_m is None else options.altitude_m
     period = plan.orbits.period
@@ -156,7 +156,7 @@ def scheduled(plan: Plan, options: format_table.ExportOptions, altitude: float) 
 def sampled_poses(flown: ScheduledPlan) -> Poses:
     """Return the poses every sample time, the first at 0, headings not wrapped.
 
-    Raises InputError where there would be more than two million of them.
+    Raises InputError if there would be more than two million poses.
     """
     step = flown.options.sample_time_s or flown.plan.scenario.sample_time
     count = math.floor(flown.duration / step + _SLIVER) + 1
@@ -166,7 +166,7 @@ def sampled_poses(flown: ScheduledPlan) -> Poses:
 
 
 def check_amount(what: str, total: int, key: str, value: float) -> None:
-    """Raise InputError, naming the option `key`, where a total of points is too large to write."""
+    """Raise InputError, naming the option `key`, if a total of points is too large to write."""
     if total > MOST_POINTS:
         raise InputError(
             f"{value:g}: makes {total:,} {what}, and at most {MOST_POINTS:,} are written; "
@@ -176,13 +176,13 @@ def check_amount(what: str, total: int, key: str, value: float) -> None:
 
 
 def places_of(flown: ScheduledPlan, points: Array) -> Array | None:
-    """Return (..., 2) latitudes and longitudes of points, or None where no origin is known."""
+    """Return (..., 2) latitudes and longitudes of points, or None if no origin is known."""
     known = flown.plan.scenario.geo_origin
     return None if known is None else geodetic(known, points)
 
 
 def start_of(plan: Plan) -> datetime | None:
-    """Return the moment of time 0 in UTC, or None where the scenario does not say.
+    """Return the moment of time 0 in UTC, or None if the scenario gives none.
 
     Raises InputError for a moment that in UTC lies before the year 1 or after 9999.
     """
@@ -196,7 +196,7 @@ def start_of(plan: Plan) -> datetime | None:
 
 
 def start_second(flown: ScheduledPlan) -> datetime | None:
-    """Return the first whole second in UTC at or after time 0, or None where none is known."""
+    """Return the first whole second in UTC at or after time 0, or None if there is none."""
     start = start_of(flown.plan)
     if start is None or start.microsecond == 0:
         return start

@@ -1,7 +1,8 @@
-"""The sidecar of an export: start, phases, speeds, meetings, and how a vehicle joins in.
+"""The sidecar of an export: start, phases, speeds, meetings, and how a vehicle joins its circle.
 
-First its JSON contract: what the exported files can't say, phase above all. Then the procedure: how
-a vehicle joins its circle at the right phase and stays in step, for each kind of file.
+The first part is its JSON contract, which holds what the exported files can't, above all the phase.
+The second is the procedure by which a vehicle joins its circle at the right phase and stays in
+step, for each kind of file.
 """
 
 import math
@@ -33,7 +34,7 @@ from syncplan.synchronisation.contact_tables import separation_tolerances
 
 
 class EntryPoint(DocumentPart):
-    """Where a vehicle joins its circle, and when: at time_s, and again every period."""
+    """Point at which a vehicle joins its circle, at time_s and again every period."""
 
     position_m: Point
     lat_deg: float | None = Field(description="Null without a geo_origin")
@@ -46,7 +47,7 @@ class EntryPoint(DocumentPart):
 
 
 class SyncedVehicle(DocumentPart):
-    """One vehicle: its file, its circle, how it joins it and what it holds from then on."""
+    """One vehicle: its file, its circle, its entry point, the speed it holds and its tolerances."""
 
     name: str
     file: str | None = Field(description="Its own file; null where all share one")
@@ -70,11 +71,10 @@ class SyncedVehicle(DocumentPart):
         description="To be set on this vehicle, where its autopilot needs it"
     )
     tolerance_s: float | None = Field(
-        description="How early or late it alone may be before a planned meeting is lost; null if "
-        "none is"
+        description="Delay or lead of it alone that loses a planned meeting; null if none does"
     )
     separation_tolerance_s: float | None = Field(
-        description="How early or late it alone may be before it comes nearer than "
+        description="Delay or lead of it alone that brings it nearer than "
         "min_separation_m to another in the plane (0: before it would hit it); null if it never "
         "does"
     )
@@ -93,20 +93,20 @@ class SyncedVehicle(DocumentPart):
 
 
 class VehicleMeeting(DocumentPart):
-    """When two vehicles are in contact, in each period."""
+    """Contact of two vehicles in each period."""
 
     a: str
     b: str
-    planned: bool = Field(description="False for those that come about by the way")
+    planned: bool = Field(description="False for a meeting of vehicles without a link")
     min_distance_m: float
     windows_s: list[Window] = Field(description="Since time 0; again every period_s")
     tolerance_s: float | None = Field(
-        description="How early or late one of the two may be; null if never too much"
+        description="Delay or lead of one of the two that loses the meeting; null if none does"
     )
 
 
 class LandmarkSighting(DocumentPart):
-    """When a vehicle sees a landmark, in each period."""
+    """Sightings of a landmark by a vehicle in each period."""
 
     vehicle: str
     landmark: str
@@ -115,7 +115,7 @@ class LandmarkSighting(DocumentPart):
 
 
 class SyncDocument(VersionedDocument):
-    """What goes with exported files: start, phases, speeds, who meets whom and when."""
+    """Sidecar of exported files: start, phases, speeds, and meetings with their times."""
 
     name: str
     format: str
@@ -128,7 +128,7 @@ class SyncDocument(VersionedDocument):
     angular_rate_rad_s: float
     min_separation_m: float = Field(description="As the scenario asks for")
     duration_s: float
-    procedure: list[str] = Field(description="How the vehicles join at the right phase")
+    procedure: list[str] = Field(description="Steps by which vehicles join at the right phase")
     vehicles: list[SyncedVehicle]
     meetings: list[VehicleMeeting]
     landmark_sightings: list[LandmarkSighting]
@@ -139,7 +139,7 @@ class SyncDocument(VersionedDocument):
 
 
 def procedure(flown: ScheduledPlan, written: Written) -> list[str]:
-    """Return the steps in order, for those who fly."""
+    """Return the steps for the operators, in order."""
     if written.kind in ("loiter_turns", "waypoints"):
         return [*_before_a_mission(flown, written), *_start_of_a_mission(flown, written)]
     if written.kind == "trajectories":
@@ -279,13 +279,13 @@ def _check() -> str:
 
 
 def sidecar_file(flown: ScheduledPlan, format_: str, written: Written) -> ExportedFile:
-    """Return the sidecar `TITLE.FORMAT.sync.json` of what was written."""
+    """Return the sidecar `TITLE.FORMAT.sync.json` of the files written."""
     document = sync_document(flown, format_, written)
     return ExportedFile(f"{flown.title}.{format_}.sync.json", as_text(document.as_json()).encode())
 
 
 def sync_document(flown: ScheduledPlan, format_: str, written: Written) -> SyncDocument:
-    """Return all that the files of a format can't hold, for the circles exported."""
+    """Return the sidecar of the exported circles, which holds what the files of a format can't."""
     from syncplan import __version__
 
     plan, start = flown.plan, start_of(flown.plan)
@@ -373,13 +373,13 @@ def _vehicles(flown: ScheduledPlan, written: Written) -> list[SyncedVehicle]:
 
 
 def _tolerance(flown: ScheduledPlan, meetings: Sequence[LinkVerdict]) -> float | None:
-    """Least time in s by which a phase may slip; None where no meeting can be lost."""
+    """Smallest time tolerance of the meetings in s; None if none can be lost."""
     least = min((item.tolerance for item in meetings), default=math.pi)
     return None if least >= math.pi else least / flown.plan.orbits.rate
 
 
 def _separation_tolerances(flown: ScheduledPlan) -> list[float | None]:
-    """How late or early each vehicle may be, s, before it comes too near; None for no limit."""
+    """Time in s by which each vehicle may be off before it comes too near; None for no limit."""
     orbits, apart = flown.plan.orbits, flown.plan.scenario.separation
     a, b = reachable_pairs(orbits, np.full(orbits.count, apart))
     pairs = np.column_stack([a, b])[a < b]

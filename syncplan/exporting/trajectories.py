@@ -35,8 +35,8 @@ if TYPE_CHECKING:
 def write_poses(flown: ScheduledPlan) -> Written:
     """Return one row for each vehicle at each sample: time, name, x, y, z in m, heading in rad.
 
-    `utc` follows where the scenario has a start_time, `lat_deg` and `lon_deg` where it has a
-    geo_origin. Headings in [-pi, pi). Raises InputError as sampled_poses does.
+    `utc` follows if the scenario has a start_time, `lat_deg` and `lon_deg` if it has a geo_origin.
+    Headings are in [-pi, pi). Raises InputError as sampled_poses does.
     """
     poses, start = sampled_poses(flown), start_of(flown.plan)
     places = places_of(flown, poses.positions)
@@ -63,10 +63,10 @@ def write_poses(flown: ScheduledPlan) -> Written:
 
 FRAME = "map"
 BAG_VERSION: Literal[8] = 8
-"""Of the bag's metadata: the oldest that rosbags writes, so that the most readers know it."""
+"""Version of the bag's metadata: the oldest that rosbags writes, which most readers know."""
 
 LAST_SECOND = 2**31 - 1
-"""Stamps hold signed 32-bit seconds."""
+"""Last second of stamps, which hold signed 32-bit seconds."""
 
 _NANO = 1_000_000_000
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
@@ -81,8 +81,8 @@ def write_mcap(flown: ScheduledPlan) -> Written:
     """Return a bag in MCAP: a folder with metadata.yaml and the messages.
 
     Topic /NAME/path holds one nav_msgs/Path in frame `map` (x east, y north, z up), published at
-    the start, its poses stamped from start_time, or from 0 where the scenario has none. Raises
-    InputError where rosbags is missing, and for times that a stamp can't hold.
+    the start, its poses stamped from start_time, or from 0 if the scenario has none. Raises
+    InputError if rosbags is missing, and for times that a stamp can't hold.
     """
     return _write(flown, "MCAP", "mcap")
 
@@ -116,7 +116,7 @@ def _write(flown: ScheduledPlan, storage: str, kind: str) -> Written:
 
 
 def _start(flown: ScheduledPlan) -> int:
-    """Time 0 in nanoseconds since 1970. Raises InputError if the run is not within the stamps."""
+    """Time 0 in nanoseconds since 1970; raises InputError if stamps can't hold the run."""
     start = start_of(flown.plan)
     if start is None:
         return 0
@@ -159,16 +159,16 @@ def _path(store: "Typestore", poses: Poses, k: int, start: int, altitude: float)
 
 
 TOLERANCE_M = 1e-4
-"""Largest distance between a piece and its arc: a tenth of what is asked for."""
+"""Largest distance between a piece and its arc: a tenth of the requirement."""
 
 MOST_PIECES = 31
-"""What a Crazyflie's trajectory memory of 4,096 bytes holds (crtp_commander_high_level.h)."""
+"""Pieces that a Crazyflie's memory of 4,096 bytes holds (crtp_commander_high_level.h)."""
 
 MOST_PIECES_WRITTEN = 200_000
-"""Of all vehicles together."""
+"""Most pieces written for all vehicles together."""
 
 FEWEST_PIECES = 2
-"""A table of one row is read as a vector by loaders that call numpy.loadtxt without more ado."""
+"""Fewest pieces: loaders that rely on numpy.loadtxt alone read a table of one row as a vector."""
 
 ORDER = 8
 
@@ -211,8 +211,8 @@ def arc_pieces(orbits: Orbits, k: int, duration: float, count: int, altitude: fl
     """Return (count, 33) rows of vehicle k: duration in s, then coefficients in m, rad and s.
 
     Each piece meets the circle in position, velocity, acceleration and jerk at both ends. A
-    polynomial of degree 7 that does so is off by at most R (delta / 2)^8 / 8! on each axis, delta
-    the angle of the piece (error of Hermite interpolation).
+    polynomial of degree 7 that does so is off by at most R (delta / 2)^8 / 8! on each axis, with
+    delta the angle of the piece (error of Hermite interpolation).
     """
     step = duration / count
     rate = orbits.senses[k] * orbits.rate
@@ -230,15 +230,15 @@ def arc_pieces(orbits: Orbits, k: int, duration: float, count: int, altitude: fl
 
 
 def _piece_count(radius: float, angle: float) -> int:
-    """Fewest pieces of an arc of `angle` rad within TOLERANCE_M, no piece above a third turn."""
+    """Fewest pieces of an arc of `angle` rad within TOLERANCE_M, each at most a third of a turn."""
     half = math.pow(TOLERANCE_M * math.factorial(ORDER) / radius, 1.0 / ORDER)
     return max(FEWEST_PIECES, math.ceil(angle / min(2.0 * half, 2.0 * math.pi / 3.0) - 1e-9))
 
 
 def _hermite(phases: Array, angle: float) -> Array:
-    """(k, 8) coefficients in s on [0, 1] that meet cos(phase + angle s) three times over at ends.
+    """(k, 8) coefficients in s on [0, 1] that fit cos(phase + angle s) to third order at both ends.
 
-    The first four are Taylor's; the others make the derivatives right at s = 1.
+    The first four are Taylor's; the others fit the derivatives at s = 1.
     """
     powers = np.arange(ORDER)
     derivatives = np.arange(4)
@@ -252,6 +252,6 @@ def _hermite(phases: Array, angle: float) -> Array:
 
 
 def _cosine_derivatives(phases: Array, angle: float) -> Array:
-    """(k, 4) derivatives by s, from none to three, of cos(phase + angle s) at s = 0."""
+    """(k, 4) derivatives by s, of order 0 to 3, of cos(phase + angle s) at s = 0."""
     order = np.arange(4)
     return np.asarray(np.cos(phases[:, None] + order * np.pi / 2.0) * angle**order)

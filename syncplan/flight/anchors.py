@@ -1,10 +1,10 @@
-"""Anchors: the body by which each vehicle keeps in contact with the rest, and how surely.
+"""Anchors: the body that keeps each vehicle in contact with the team, and the slack of contact.
 
-A meeting bears that a vehicle is off its place by its slack, the range less the least distance of
-the two in the plan. Anchors are chosen so that the least slack on the way from a vehicle to the
-landmarks is as large as can be: a spanning tree of the meetings, grown from the landmarks by the
-largest slack first. A vehicle without a way to a landmark is anchored in the largest part of the
-team that it belongs to; that part's first vehicle has no anchor.
+A meeting still takes place while a vehicle is off its place by no more than the slack, which is the
+range less the least distance of the two in the plan. Anchors maximise the least slack on the way
+from a vehicle to the landmarks: they form a spanning tree of the meetings, grown from the landmarks
+by the largest slack first. In a part of the team without a way to a landmark, the tree grows from
+the vehicle with the most meetings, which has no anchor.
 
 Source: Prim (1957), Shortest connection networks and some generalizations, for a tree of largest
 instead of smallest edges.
@@ -20,8 +20,8 @@ from syncplan.orbits.contacts import Windows, least_distances
 from syncplan.orbits.team import Team
 
 NEARER, NEAREST = 0.5, 0.15
-"""Share of the least distance from its anchor that is kept, always and where the anchor has not
-been met for a period; of a landmark, a circle may come to lie around it."""
+"""Share of the least distance to its anchor that remains when a circle moves: normally, and after a
+period without a sighting. A circle may move until it is centred on a landmark."""
 
 
 class Anchors(NamedTuple):
@@ -29,12 +29,12 @@ class Anchors(NamedTuple):
 
     Fields
     ------
-    order : (n,) vehicles, each after its anchor; none if circles stay where they are
-    bodies : (n,) body that each keeps in contact with; from n on a landmark, -1 for none
+    order : (n,) vehicles, each after its anchor; empty if circles stay where they are
+    bodies : (n,) anchor of each vehicle; from n on a landmark, -1 for none
     toward : (n, 2) unit vector from the centre of the vehicle's circle to its anchor's
-    slacks : (n,) m, by which the vehicle may be off its place and still meet its anchor
-    most, furthest : (n,) m, by which its circle may be moved to its anchor: so that it is surely
-        met, and where it has not been for a period
+    slacks : (n,) m, distance by which the vehicle may be off its place and still meet its anchor
+    most, furthest : (n,) m, largest shift of its circle towards its anchor: normally, and after a
+        period without a sighting
     """
 
     order: Index
@@ -54,8 +54,8 @@ def anchors_of(
 ) -> Anchors:
     """Return the anchors of a team; no two vehicles are to come nearer than `separation` m.
 
-    `left` (p,) says which pairs of the windows still meet, `there` (n + m,) which bodies take part;
-    all where they are None.
+    `left` (p,) marks the pairs of the windows that still meet, `there` (n + m,) the bodies that
+    take part; None marks all.
     """
     n, orbits = team.count, team.orbits
     left = np.ones(len(windows.observers), dtype=bool) if left is None else left

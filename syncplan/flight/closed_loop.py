@@ -1,16 +1,16 @@
-"""The closed loop: vehicles fly by their estimates, the filter estimates from what they read.
+"""The closed loop: vehicles fly by their estimates, and the filter estimates from their readings.
 
 Each sample:
 
     steer    commands from the estimate
-    move     truth obeys them                     `truth`
-    sight    who truly sees whom                  `truth`
-    filter   prediction by the readings, correction by the sightings; errors are counted
+    move     true motion by these commands        `truth`
+    sight    true sightings                       `truth`
+    filter   prediction by the readings, correction by the sightings; error statistics
 
-Sightings that arrive late are taken in late: the filter stays so many samples behind, and what
-steers is its estimate carried on by the readings since.
+Where sightings arrive late, the filter stays that many samples behind. Vehicles steer by its
+estimate, propagated with the readings since.
 
-The filter is that of `lane_filter`, and so is the state.
+The filter and its state are those of `lane_filter`.
 """
 
 import math
@@ -43,7 +43,7 @@ def carry_on(
     slopes: Array,
     lanes: Lanes,
 ) -> None:
-    """Fill in the estimate `ahead` (3n + e, lanes), after further readings (k, n, lanes)."""
+    """Fill in `ahead` (3n + e, lanes), the estimate x propagated with readings (k, n, lanes)."""
     copy(x, ahead, lanes)
     for k in range(len(speeds)):
         read, turned = speeds[k], turn_rates[k]
@@ -62,7 +62,7 @@ def fly_to(
     slopes: Array,
     lanes: Lanes,
 ) -> None:
-    """Fly until step `target` by the filter's estimate, which is that of step `at`."""
+    """Fly until step `target` by the filter's estimate x, which is that of step `at`."""
     setup, readings = run.setup, run.readings
     while flown.places[0] < target:
         step = flown.places[0]
@@ -80,9 +80,9 @@ def fly_to(
 
 @inner
 def _part_gone(P: Array, flight: FlightSetup, step: int) -> None:
-    """Make the poses of vehicles that are gone independent of all else; P is a lower triangle.
+    """Decorrelate the poses of lost vehicles from all other states; P is a lower triangle.
 
-    They would share the wind with the others. The others' estimates do not depend on it.
+    Otherwise they would share the wind with others. Estimates of other vehicles do not change.
     """
     for i in range(len(flight.circles.radii)):
         if flight.mishaps.gone_from[i] <= step:
@@ -93,7 +93,7 @@ def _part_gone(P: Array, flight: FlightSetup, step: int) -> None:
 
 @inner
 def _hear(setup: FilterSetup, sightings: Array, step: int, heard: Index, lanes: Lanes) -> None:
-    """Note of whom, and by whom, the filter has taken in sightings at a step."""
+    """Record a step in `heard` for each observer and target of the sightings processed then."""
     for s in range(setup.first[step], setup.first[step + 1]):
         if setup.kinds[s] == COMPASS_KIND:
             continue
@@ -109,7 +109,7 @@ def _hear(setup: FilterSetup, sightings: Array, step: int, heard: Index, lanes: 
 def _compare(
     x: Array, flight: FlightSetup, truth: Truth, step: int, compared: Comparison, lanes: Lanes
 ) -> None:
-    """Fill in the errors at a step; those of the pose of a vehicle that is gone are zero."""
+    """Fill in the errors at a step; pose errors of lost vehicles are zero."""
     n = len(flight.circles.radii)
     fill_truth(compared.true, truth, step, lanes)
     fill_errors(x, compared.true, n, compared.errors, lanes)
@@ -130,7 +130,7 @@ def fly_lanes(
     begin: int,
     end: int,
 ) -> None:
-    """Take x and P, lower triangle, from step `begin` to step `end`, flying on the way."""
+    """Advance x and P, lower triangle, from step `begin` to step `end`, flying on the way."""
     setup, readings, truth, statistics = run.setup, run.readings, run.truth, run.statistics
     frame, work, compared = scratch
     if begin == 0:

@@ -1,6 +1,6 @@
-"""What happens in a flight: losses and holds at their times, sightings that are lost or false.
+"""Events of a flight: losses and holds at their times, and checks of late or mistaken sightings.
 
-Texts are as the command line has them: v3@60 loses vehicle v3 at 60 s, sensor:v3@60 its sensor,
+Events are written as on the command line: v3@60 loses vehicle v3 at 60 s, sensor:v3@60 its sensor,
 L1@60 landmark L1; v2@100:20 holds vehicle v2 from 100 s on for 20 s.
 """
 
@@ -16,7 +16,7 @@ from syncplan.scenario.specification import Scenario
 
 @dataclass(frozen=True, slots=True)
 class TimedLoss:
-    """A vehicle, sensor or landmark that is lost at a time in s; `name` is as it was given."""
+    """Loss of a vehicle, sensor or landmark at a time in s; `name` is as given."""
 
     name: str
     loss: Loss
@@ -30,9 +30,10 @@ class TimedLoss:
 
 @dataclass(frozen=True, slots=True)
 class Hold:
-    """A vehicle, by name and number, that stands still in the air from `time` on for `length` in s.
+    """Hold of a vehicle, by name and number, from `time` s for `length` s.
 
-    It drifts with the wind, and flies the smallest circles it can where it has a least speed.
+    The vehicle stands still in the air and drifts with the wind. If it has a least speed, it flies
+    the smallest circles it can.
     """
 
     name: str
@@ -48,14 +49,14 @@ class Hold:
 
 @dataclass(frozen=True, slots=True)
 class FlightEvents:
-    """All that happens at a time, in order of time."""
+    """Losses and holds of a flight, in order of time."""
 
     losses: tuple[TimedLoss, ...] = ()
     holds: tuple[Hold, ...] = ()
 
     @property
     def sentences(self) -> list[str]:
-        """The events in sentences, in order of time."""
+        """The events as sentences, in order of time."""
         timed: list[TimedLoss | Hold] = [*self.losses, *self.holds]
         found = sorted(timed, key=lambda one: one.time)
         return [one.sentence for one in found]
@@ -63,7 +64,7 @@ class FlightEvents:
 
 @dataclass(frozen=True, slots=True)
 class _FlightTime:
-    """The time of a flight, in s, and in samples."""
+    """Duration of a flight, in s and in samples."""
 
     duration: float
     sample_time: float
@@ -73,16 +74,16 @@ class _FlightTime:
         return steps_within(self.duration, self.sample_time)
 
     def first_step(self, time: float) -> int:
-        """The first step that is not before a time."""
+        """Return the first step at or after a time."""
         return samples_before(time, self.sample_time)
 
 
 def events_of(options: FlightOptions, scenario: Scenario, duration: float) -> FlightEvents:
-    """Return the events that options name, in a flight of `duration` s.
+    """Return the events that the options name, in a flight of `duration` s.
 
-    Raises InputError, key `lose` or `hold`, for a text that is none, a name that nothing has, a
-    time that is no time of the flight, and for what is lost or held twice; key `late` or
-    `mistaken` for sightings that never arrive, or have nothing to be mistaken for.
+    Raises InputError, key `lose` or `hold`, for a malformed text, an unknown name, a time outside
+    the flight, and for a part that is lost or held twice; key `late` if sightings never arrive, key
+    `mistaken` if no other vehicle could be sighted instead.
     """
     run = _FlightTime(duration, scenario.sample_time)
     _check_sightings(options, scenario, run)
@@ -128,7 +129,7 @@ def _hold(text: str, scenario: Scenario, run: _FlightTime) -> Hold:
     name, at, rest = text.rpartition("@")
     when, colon, long = rest.partition(":")
     if not (at and colon):
-        problem = f"{text!r} is no hold; give it as v2@100:20, from 100 s for 20 s"
+        problem = f"{text!r} is not a hold; give it as v2@100:20, from 100 s for 20 s"
         raise InputError(problem, key="hold")
     names = scenario.vehicle_names
     if name not in names:
@@ -137,7 +138,7 @@ def _hold(text: str, scenario: Scenario, run: _FlightTime) -> Hold:
     time = _time(when, text, "hold", "v2@100:20", run)
     length = _number(long, text, "hold", "v2@100:20")
     if not length > 0.0:
-        raise InputError(f"{text}: {length:g} s is no length; give more than 0 s", key="hold")
+        raise InputError(f"{text}: {length:g} s is not a length; give more than 0 s", key="hold")
     end = time + length
     if end - run.duration > 1e-9 * run.sample_time:
         most = f"{name}@{time:g}:{run.duration - time:.6g}"
@@ -152,7 +153,7 @@ def _hold(text: str, scenario: Scenario, run: _FlightTime) -> Hold:
 def _time(text: str, whole: str, key: str, example: str, run: _FlightTime) -> float:
     time, until = _number(text, whole, key, example), run.duration
     if not 0.0 <= time < until:
-        problem = f"{whole}: {time:g} s is no time of the flight, which is from 0 to {until:g} s"
+        problem = f"{whole}: {time:g} s is outside the flight, which is from 0 to {until:g} s"
         raise InputError(f"{problem}; give one before its end", key=key)
     if run.first_step(time) >= run.steps:
         last = (run.steps - 1) * run.sample_time
@@ -167,7 +168,7 @@ def _number(text: str, whole: str, key: str, example: str) -> float:
     except ValueError:
         found = math.nan
     if not math.isfinite(found):
-        problem = f"{whole!r}: {text!r} is no number of seconds; give it as {example}"
+        problem = f"{whole!r}: {text!r} is not a number of seconds; give it as {example}"
         raise InputError(problem, key=key)
     return found
 

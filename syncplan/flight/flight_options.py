@@ -1,4 +1,4 @@
-"""How a flight is flown: the filter, the guidance, and all that goes wrong on the way."""
+"""Options of a flight: filter, guidance, losses, holds, faulty sightings and wind."""
 
 import math
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ from syncplan.options import option
 from syncplan.scenario.filters import AUTO, FILTERS, FlightFilterChoice
 
 OPEN_LOOP, TRACKING, AS_COMMANDED = 0, 1, 2
-"""Where commands come from: the plan, the tracking law, or whoever wrote them last."""
+"""Sources of commands: the plan, the tracking law, or the commands written last."""
 
 DEFAULT_GATE = 0.9999
 """Probability of the innovation gate where bearings may be false."""
@@ -20,14 +20,14 @@ DEFAULT_GATE = 0.9999
 
 @dataclass(frozen=True, slots=True)
 class GuidanceModel:
-    """A guidance that can be chosen.
+    """Guidance that a flight can choose.
 
     Attributes
     ----------
-    sentence : what it does
-    mode : where the loop has its commands from
-    work_per_s : operations of a vehicle's decisions in a second of flight; 0 where these are no
-        work beside the filter's
+    sentence : description in one sentence
+    mode : source of the loop's commands
+    work_per_s : operations of a vehicle's decisions in a second of flight; 0 where they are
+        negligible beside the filter's
     """
 
     sentence: str
@@ -46,24 +46,24 @@ GUIDANCES: Mapping[str, GuidanceModel] = MappingProxyType(
             work_per_s=4e5,
         ),
         "none": GuidanceModel(
-            "Open loop: the plan's speed and turn rate, whatever comes.", OPEN_LOOP
+            "Open loop: the plan's speed and turn rate, without corrections.", OPEN_LOOP
         ),
     }
 )
-"""By name."""
+"""Guidances by name."""
 
 if TYPE_CHECKING:
     GuidanceChoice: TypeAlias = str
 else:
     GuidanceChoice = Literal[tuple(GUIDANCES)]
-"""A name in GUIDANCES: for models that check it and describe it in their JSON schemas."""
+"""Name in GUIDANCES, for models that check it and describe it in their JSON schemas."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightOptions(FilterOptions):
-    """How a flight is flown; raises InputError naming the option at fault.
+    """Options of a flight; raises InputError naming the option at fault.
 
-    `lose` and `hold` are events as flight_events reads them.
+    `lose` and `hold` are events in the format of flight_events.
     """
 
     trials: int = option(100, "Number of flights", example=100, ge=1, le=MAX_TRIALS)
@@ -120,13 +120,15 @@ class FlightOptions(FilterOptions):
 
     def __post_init__(self) -> None:
         if self.filter in FILTERS and FILTERS[self.filter].needs_truth:
-            raise InputError(f"{self.filter} takes the truth; nobody can fly by it", key="filter")
+            raise InputError(
+                f"{self.filter} needs the truth, which no flight has; choose another", key="filter"
+            )
         super(FlightOptions, self).__post_init__()
         if self.outliers + self.mistaken >= 1.0:
             raise InputError("together with mistaken this is 1 or more", key="outliers")
         wind = (0.0, 0.0) if self.wind is None else tuple(self.wind)
         if len(wind) != 2 or not all(map(math.isfinite, wind)):
-            raise InputError(f"{self.wind} is no velocity; give x,y in m/s", key="wind")
+            raise InputError(f"{self.wind} is not a velocity; give x,y in m/s", key="wind")
         for name, example in (("lose", "v3@60"), ("hold", "v2@100:20")):
             if isinstance(getattr(self, name), str):
                 problem = f"{getattr(self, name)!r}: must be a list of texts, such as [{example!r}]"
@@ -136,7 +138,7 @@ class FlightOptions(FilterOptions):
 
     @property
     def conditions(self) -> list[str]:
-        """Faults of sightings and wind, in words; empty where nothing was asked for."""
+        """Faults of sightings and the wind, in words; empty if none are requested."""
         shares = {
             "of the sightings are lost on their way": self.dropout,
             "of the bearings are false": self.outliers,

@@ -1,12 +1,12 @@
-"""What is recorded on the way: errors and sigmas over time, and tracks of the first trials.
+"""Records kept during a flight: errors and sigmas over time, and tracks of the first trials.
 
     samples   .................................................
     tracks    .   .   .   .   .   .   .   .   .   .   .   .   .     TRACK_POINTS a period
     series    .       .       .       .       .       .       .     at most MOST_TIMES
     moments               .                       .           .     MOMENTS, see below
 
-Moments are spread over the run, each a share of a turn further round than the one before: so they
-do not lie on each other.
+Moments are spread over the run, each a share of a turn further round than the last, so that they do
+not overlap.
 """
 
 from collections.abc import Iterator
@@ -19,30 +19,30 @@ from syncplan.estimation.filter_setup import poses_of
 
 TRACK_POINTS = 60
 MOST_POINTS = 2400
-"""Places of a track in a period, and in all."""
+"""Points of a track in a period, and at most in all."""
 
 MOST_TIMES = 601
 
 MOMENTS = 12
 
 TRACKED, TRACKED_OF_MANY, MANY_VEHICLES = 3, 1, 20
-"""Trials with tracks, and how many of them where there are more vehicles."""
+"""Number of trials with tracks: for up to MANY_VEHICLES vehicles, and for more."""
 
 
 def tracked_trials(count: int) -> int:
-    """Return how many trials of so many vehicles have tracks."""
+    """Return the number of trials with tracks, for `count` vehicles."""
     return TRACKED if count <= MANY_VEHICLES else TRACKED_OF_MANY
 
 
 @dataclass(frozen=True, slots=True)
 class RecordedSteps:
-    """Steps at which something is recorded, each in order.
+    """Steps at which tracks, series and moments are recorded, each in order.
 
     Attributes
     ----------
     tracks : (t,) of places
-    series : (k,) of sums over trials, every few of these
-    moments : (m,) of covariances, some of these
+    series : (k,) of sums over trials, every few steps of `tracks`
+    moments : (m,) of covariances, a subset of `tracks`
     """
 
     tracks: Index
@@ -51,13 +51,13 @@ class RecordedSteps:
 
     @classmethod
     def of(cls, steps: int, sample_time: float, period: float) -> "RecordedSteps":
-        """Return those of a run of so many samples of `sample_time` s."""
+        """Return the recorded steps of a run of `steps` samples of `sample_time` s."""
         every = max(1, round(period / sample_time / TRACK_POINTS), -(-steps // MOST_POINTS))
         tracks = np.arange(0, steps + 1, every)
         few = -(-len(tracks) // MOST_TIMES)
         share = np.arange(1, MOMENTS + 1) / MOMENTS
         turns = steps * sample_time / period
-        # a whole number of turns and a share of one, which is as large at the end as all of it
+        # whole turns, and a share of one that grows to a whole turn at the end
         at = share * turns if turns < 2.0 else np.floor(share * (turns - 1.0)) + share
         places = np.floor(at * period / (every * sample_time) + 1e-6).astype(np.int64)
         return cls(tracks, tracks[::few], tracks[np.unique(np.minimum(places, len(tracks) - 1))])
@@ -70,13 +70,13 @@ class RecordedSteps:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Track:
-    """Where the vehicles of a trial were, and where their filter took them to be.
+    """True and estimated places of the vehicles of a trial.
 
     Attributes
     ----------
     trial : its number
     true, estimated : (t, n, 2) m, at steps RecordedSteps.tracks; NaN where a vehicle is gone
-    covariances : (m, n, 3) m^2, the filter's own of x, of y and of both, at RecordedSteps.moments
+    covariances : (m, n, 3) m^2, the filter's own xx, yy and xy, at RecordedSteps.moments
     """
 
     trial: int
@@ -89,16 +89,16 @@ class Track:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class LaneRecords:
-    """Records of some trials, lanes, on their way; the first few have tracks.
+    """Records of trials in progress, a lane each; the first few have tracks.
 
     Attributes
     ----------
-    steps : at which
-    squares : (k, n, lanes) m^2, of the errors of places
+    steps : steps at which they are recorded
+    squares : (k, n, lanes) m^2, squared errors of places
     variances : (k, n, lanes) m^2, the filter's own
-    bounds : (k, n, lanes) m^2, of the bound along the path; filled in after the flight
+    bounds : (k, n, lanes) m^2, variances of the bound along the path; filled in after the flight
     estimated : (t, n, 2, tracked) m
-    covariances : (m, n, 3, tracked) m^2, of x, of y and of both
+    covariances : (m, n, 3, tracked) m^2, xx, yy and xy
     """
 
     steps: RecordedSteps
@@ -112,7 +112,7 @@ class LaneRecords:
 
     @classmethod
     def empty(cls, steps: RecordedSteps, n: int, trials: range) -> "LaneRecords":
-        """Return records of n vehicles, as yet without anything."""
+        """Return empty records of n vehicles."""
         tracked = len(range(trials.start, min(trials.stop, tracked_trials(n))))
         over_time = len(steps.series), n, len(trials)
         return cls(
@@ -131,7 +131,7 @@ class LaneRecords:
         yield from of[first:last].tolist()
 
     def take(self, step: int, state: tuple[Array, Array], path: Array) -> None:
-        """Record what the filter has at a step; `path` (steps + 1, n, 3, lanes) is the truth."""
+        """Record the filter's state at a step; `path` (steps + 1, n, 3, lanes) is the truth."""
         estimate, P = state
         places = poses_of(estimate, path.shape[1])[:, :2]
         x = np.arange(0, 3 * len(places), 3)

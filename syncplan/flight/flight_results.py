@@ -1,10 +1,10 @@
-"""Results of flights: what the filter found, and how the plan was kept; parts join exactly.
+"""Results of flights: errors of estimates, and adherence to the plan; parts join exactly.
 
 Sums over trials follow the binary tree of `syncplan.estimation.trials`.
 
-An archive is a part of a flight as bytes, an .npz file of plain arrays. They are named as the
-fields that hold them are: figures.kept_meetings. A field that holds several is an array of their
-number, and each has its place in its name: estimates.branches.0.sums.
+An archive is a part of a flight as bytes, an .npz file of plain arrays named after their fields:
+figures.kept_meetings. A tuple is stored as an array of its length, and each item has its index in
+its name: estimates.branches.0.sums.
 """
 
 import io
@@ -23,27 +23,28 @@ from syncplan.flight.flight_records import Track
 
 @dataclass(frozen=True, slots=True)
 class FlightFigures:
-    """How some trials kept their plan; of n vehicles, p planned pairs and h holds.
+    """Adherence of trials to their plan, for n vehicles, p planned pairs and h holds.
 
     Attributes
     ----------
-    planned_meetings : (p,) number of each pair's in a trial
+    planned_meetings : (p,) number of each pair's meetings in a trial
     tracking_squares : (trials, n) m^2, mean square of the distance from the planned place over the
         second half; NaN for a vehicle that is gone by then, here and below
-    phase_squares, worst_phases : (trials, n) s^2, s, ahead of or behind the plan, second half
+    phase_squares, worst_phases : (trials, n) s^2, s, mean square and largest of the time
+        ahead of or behind the plan, second half
     bound_squares : (trials, n) m^2, mean of the bound's variance along the path, second half
-    state_bound_squares : (trials, e) the same of the filter's bias states, in their units
-    separations : (trials,) m, the closest that any two come
-    nearest : (trials, 2) which two
-    nearest_times : (trials,) s
+    state_bound_squares : (trials, e) the same for the filter's bias states, in their units
+    separations : (trials,) m, least distance of any two vehicles
+    nearest : (trials, 2) these two
+    nearest_times : (trials,) s, time of that approach
     kept_meetings : (trials, p)
-    longest_unseen : (trials, n) s, without a sighting of or by a vehicle
+    longest_unseen : (trials, n) s, longest time without a sighting of or by a vehicle
     slowest, fastest : (trials, n) m/s, of the speeds commanded in the second half
-    saturated, sought : (trials, n) share of samples
+    saturated, sought : (trials, n) share of samples, see Flown
     refused : (trials, n) share of decisions whose program was not solved
-    sightings : (trials,) made
-    settled : (trials, h) s, from the end of each hold until the vehicle has its phase again; NaN
-        where it never has
+    sightings : (trials,) number of sightings made
+    settled : (trials, h) s, from the end of each hold until the vehicle regains its phase; NaN
+        where it never does
     """
 
     planned_meetings: Index
@@ -73,9 +74,9 @@ class FlightResult:
     Attributes
     ----------
     estimates : errors of estimates against the truth flown; its series are not kept
-    figures : how the plan was kept
-    branches : sums over trials (k, n, 5) of a FlightSeries; none unless asked for
-    tracks : of the first trials; none unless asked for
+    figures : adherence to the plan
+    branches : sums over trials (k, n, 5) of a FlightSeries; empty unless requested
+    tracks : of the first trials; empty unless requested
     """
 
     estimates: MonteCarloResult
@@ -119,7 +120,7 @@ def joined_flights(parts: Sequence[FlightResult]) -> FlightResult:
 
 
 def pack_flight(part: FlightResult) -> bytes:
-    """Return a part as bytes that hold every bit of it."""
+    """Return a part as bytes, without loss."""
     buffer = io.BytesIO()
     arrays: dict[str, Any] = dict(_arrays(part, ""))
     np.savez(buffer, **arrays)
@@ -129,7 +130,7 @@ def pack_flight(part: FlightResult) -> bytes:
 def unpack_flight(data: bytes) -> FlightResult:
     """Return the part that `pack_flight` turned into bytes; raises InputError for other bytes.
 
-    A field that parts did not have when they were packed takes its default.
+    Fields that the bytes do not contain take their defaults.
     """
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as stored:
@@ -154,7 +155,7 @@ def _arrays(value: Any, name: str) -> Iterator[tuple[str, Array]]:
 
 
 def _value(stored: Mapping[str, Array], kind: Any, name: str) -> Any:
-    """The value of a type whose arrays have this name."""
+    """Value of a type from the arrays of this name."""
     if is_dataclass(kind):
         types, values = get_type_hints(kind), {}
         for one in fields(kind):

@@ -1,6 +1,6 @@
-"""What vehicles can do; what the closed loop is given, and what it keeps of a flight.
+"""Limits of vehicles, and inputs and state of the closed loop.
 
-Kernels are given vehicles, circles, sensors and mishaps as arrays. Trials are lanes, the last axis,
+Kernels take vehicles, circles, sensors and mishaps as arrays. Trials are lanes, the last axis,
 as in the filter's kernels.
 """
 
@@ -18,10 +18,10 @@ from syncplan.orbits.team import Team
 from syncplan.scenario.specification import Scenario
 
 DEFAULT_SPEEDS = (0.0, 2.0)
-"""Least and largest airspeed, in times the plan's speed, where the scenario has no limit."""
+"""Least and largest airspeed as multiples of the plan's, where the scenario has no limit."""
 
 DEFAULT_TURNS = 4.0
-"""Largest turn rate, in times the plan's, where the scenario has no limit."""
+"""Largest turn rate as a multiple of the plan's, where the scenario has no limit."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -32,7 +32,7 @@ class FlightLimits:
     ----------
     least_speeds, most_speeds : (n,) m/s, through the air
     most_turn_rates : (n,) rad/s
-    separation : m, that any two vehicles keep at least; 0 where none is asked for
+    separation : m, least distance that any two vehicles keep; 0 for none
     """
 
     least_speeds: Array
@@ -44,7 +44,7 @@ class FlightLimits:
 
     @classmethod
     def of(cls, scenario: Scenario, orbits: Orbits) -> "FlightLimits":
-        """Return the limits of a scenario; where it has none, those of DEFAULT_SPEEDS and TURNS."""
+        """Return the limits of a scenario, by default from DEFAULT_SPEEDS and DEFAULT_TURNS."""
         given = scenario.limits
         ones = np.ones(orbits.count)
         least, most = (share * orbits.speeds for share in DEFAULT_SPEEDS)
@@ -58,11 +58,11 @@ class FlightLimits:
 
 @dataclass(frozen=True, slots=True)
 class FlownWorld:
-    """The true team, and how it obeys commands.
+    """True team, and its response to commands.
 
     Attributes
     ----------
-    team, limits : of the vehicles
+    team, limits : the true vehicles and their limits
     lag : s, time constant of their response to commands
     measured : whether motion readings are measured
     """
@@ -73,7 +73,7 @@ class FlownWorld:
     measured: bool
 
     def mean_left(self, time: float) -> float:
-        """Return the mean share of a difference that is left over a sample of `time` s."""
+        """Return the share of a difference that remains on average over a sample of `time` s."""
         return self.lag / time * -math.expm1(-time / self.lag) if self.lag > 0.0 else 0.0
 
 
@@ -81,7 +81,7 @@ class FlownWorld:
 
 
 class Circles(NamedTuple):
-    """The plan that is flown.
+    """Circles of the plan that is flown.
 
     Fields
     ------
@@ -107,16 +107,16 @@ class Circles(NamedTuple):
 
 
 class Response(NamedTuple):
-    """How vehicles obey commands.
+    """Response of vehicles to commands.
 
     Fields
     ------
     least_speeds, most_speeds : (n,) m/s, of commands
     most_turn_rates : (n,) rad/s, of commands
-    left : share of a difference between response and command that is left after a sample
+    left : share of a difference between response and command that remains after a sample
     mean_left : its mean over a sample
     measured : whether readings are measured, with the noise, instead of commanded
-    speed_sigma, turn_rate_sigma : m/s, rad/s, of what is read, or else of what is done
+    speed_sigma, turn_rate_sigma : m/s, rad/s, of readings if measured, else of the motion
     """
 
     least_speeds: Array
@@ -130,7 +130,7 @@ class Response(NamedTuple):
 
 
 class Eyes(NamedTuple):
-    """Sensors of n vehicles by true geometry, and the obstacles that hide bodies from them.
+    """True sensors of n vehicles, and the obstacles that block their view.
 
     Fields
     ------
@@ -138,7 +138,7 @@ class Eyes(NamedTuple):
     half_views, boresights : (n,) rad
     every : (K, n) samples from one sighting of a kind to the next
     sigmas : (K, n) of each kind, infinite where it is not measured
-    taken : (K, n) what the filter takes these for
+    taken : (K, n) values of `sigmas` that the filter assumes
     detection : (n,) share of sightings that are made
     landmarks : (m, 2) m
     corners : (c, 2) m, of all obstacles
@@ -162,12 +162,12 @@ class Mishaps(NamedTuple):
 
     Fields
     ------
-    gone_from : (n + m,) from which a vehicle or landmark takes no further part
-    blind_from : (K, n) from which a vehicle makes no sightings of a kind
-    held_from, held_until : (n, h) between which a vehicle stands still in the air
+    gone_from : (n + m,) step from which a vehicle or landmark takes no further part
+    blind_from : (K, n) step from which a vehicle makes no sightings of a kind
+    held_from, held_until : (n, h) steps between which a vehicle stands still in the air
     dropout : share of sightings that are lost on their way
-    outliers : share of bearings that are of nothing, anywhere in view
-    mistaken : share of sightings that are of another vehicle in sight than the filter thinks
+    outliers : share of bearings that are false, anywhere in view
+    mistaken : share of sightings of another vehicle in sight than the filter assumes
     late : samples after which sightings arrive
     """
 
@@ -182,13 +182,13 @@ class Mishaps(NamedTuple):
 
 
 class Law(NamedTuple):
-    """How commands are found; see `tracking_law`.
+    """Source and gains of commands; see `tracking_law`.
 
     Fields
     ------
     mode : OPEN_LOOP, TRACKING or AS_COMMANDED
     place_gain, heading_gain : 1/s
-    closing_speeds : (n,) m/s, at most so fast a vehicle closes in on its place
+    closing_speeds : (n,) m/s, largest speed at which a vehicle closes in on its place
     """
 
     mode: int
@@ -198,16 +198,16 @@ class Law(NamedTuple):
 
 
 class Contact(NamedTuple):
-    """How vehicles keep in contact; see `tracking_law`.
+    """Rules by which vehicles keep in contact; see `tracking_law`.
 
     Fields
     ------
-    anchors : by whom, and how surely
+    anchors : of the vehicles
     patience : steps without a sighting after which a vehicle looks for its anchor
-    look_every : steps after which circles are moved
-    sigmas : standard deviations within which a place is taken to be
-    lead : s, how far ahead it is looked whether places will be known
-    gust_lead : s, in which a gust that did not decay would blow as far as one does in `lead`
+    look_every : steps between updates of the shifts of circles
+    sigmas : standard deviations within which a place is assumed to be
+    lead : s, look-ahead at which the uncertainty of places counts
+    gust_lead : s, in which a constant gust would drift as far as a decaying one does in `lead`
     """
 
     anchors: Anchors
@@ -232,26 +232,26 @@ class FlightSetup(NamedTuple):
 
 
 class Flown(NamedTuple):
-    """Truth and record of some trials, a lane each.
+    """Truth and records of trials, a lane each.
 
     Fields
     ------
     path : (steps + 1, n, 3, lanes) m, m, rad, as truly flown up to the present step
     drift : (1 or steps + 1, 1 or n, 2, lanes) m/s, velocity of the air, held over a sample
     scales, turn_biases, clock_offsets : (n, lanes) true lasting errors
-    shifts : (1 or steps + 1, n, lanes) for each kind of sighting, what is added to it, in its unit
+    shifts : (1 or steps + 1, n, lanes) for each kind of sighting, the error added to it
     speed_noise, turn_noise : (steps, n, lanes) standard normal
     keys : (lanes, 2) unsigned, of the noise of sightings
     commands, responses : (n, 2, lanes) m/s, rad/s, at present
-    moved : (n, 2, lanes) m, by how much each circle is moved at present to be seen again
+    moved : (n, 2, lanes) m, present shift of each circle towards its anchor
     seen : (n, lanes) step of the last sighting of, or by, each vehicle
-    heard : (n, lanes) step of the last one that the filter has taken in; behind where they are late
-    longest : (n, lanes) most steps between two of them so far
-    slowest, fastest : (n, lanes) m/s, of the speeds commanded in the second half, but for holds
-    saturated : (n, lanes) steps at which a command was at a limit, none of them in a hold
-    sought : (n, lanes) steps at which a vehicle was not sure to meet its anchor
+    heard : (n, lanes) step of the last one that the filter has processed; earlier if they are late
+    longest : (n, lanes) most steps between two sightings so far
+    slowest, fastest : (n, lanes) m/s, of the speeds commanded in the second half, outside holds
+    saturated : (n, lanes) number of steps outside holds with a command at a limit
+    sought : (n, lanes) number of steps at which a vehicle was not sure to meet its anchor
     places : (2,) steps flown, and sightings recorded so far
-    ahead : (3n + e, lanes) estimate that steers, away : (3, lanes) way to a target; scratch
+    ahead : (3n + e, lanes) estimate to steer by, away : (3, lanes) way to a target; scratch
     """
 
     path: Array

@@ -1,8 +1,8 @@
-"""Many flights of a team: trials side by side and over threads, the same bytes on any number.
+"""Flights of a team: trials side by side and over threads, the same bytes on any number of them.
 
-Trials are flown in chunks of CHUNK_TRIALS, as those of a validation are. Of a chunk that is cut
-short, figures are those of the whole chunk to rounding; with batch solutions, to how far these
-converge: they begin from one sighting in several, of those that any trial beside has made.
+Trials are flown in chunks of CHUNK_TRIALS, as in a validation. A chunk that is cut short has the
+figures of the whole chunk to rounding, or with batch solutions to the accuracy to which these
+converge: they begin from one in several of the sightings made in any trial side by side.
 
 Figures over time are sums over all trials, which follow the binary tree of
 `syncplan.estimation.trials` and so join exactly.
@@ -63,7 +63,7 @@ class FlightSeries:
 
 
 def sums_of(team: FlownTeam, lanes: FlownLanes) -> Array:
-    """Return (k, n, 5) sums over trials that have been flown, in the order of FlightSeries.
+    """Return (k, n, 5) sums of squares over flown trials, in the order of FlightSeries.
 
     Raises InputError for trials without records.
     """
@@ -79,7 +79,7 @@ def sums_of(team: FlownTeam, lanes: FlownLanes) -> Array:
 
 
 def tracks_of(team: FlownTeam, lanes: FlownLanes, first_trial: int) -> tuple[Track, ...]:
-    """Return the tracks of the trials, from `first_trial` on, that have any."""
+    """Return the tracks of those trials, from `first_trial` on, that have any."""
     records = lanes.records
     if records is None:
         return ()
@@ -146,7 +146,7 @@ def compile_flights(team: FlownTeam) -> None:
     n, solves = team.team.count, team.options.filter_model.finds_start
     if not flight_is_compiled(team):
         compile_steps(n)
-        # the solver takes as long as what flies: the bound is compiled after the first flights then
+        # the solver takes as long as the loop: the bound is then compiled after the first flights
         solver = "syncplan.estimation.batch_solution:compile_solver"
         bound = "syncplan.flight.flown_figures:compile_bound"
         with compiled_beside(solver if solves else bound, n):
@@ -154,7 +154,7 @@ def compile_flights(team: FlownTeam) -> None:
 
 
 def _chunk(team: FlownTeam, trials: range, stop: threading.Event) -> FlightResult:
-    """The result of the trials of a chunk."""
+    """Result of the trials of a chunk."""
     n = team.team.count
     counted: list[FilterStatistics] = []
     figures: list[FlightFigures] = []

@@ -1,19 +1,18 @@
-"""Figures of trials that have been flown: errors of estimates, and how the plan was kept.
+"""Figures of flown trials: errors of estimates, and adherence to the plan.
 
-The posterior Cramer-Rao bound is along the paths that vehicles truly took, by what they truly saw.
-It is the covariance of the filter's state, with F, G and rows of sightings at the truth: that of
-the ideal filter of `lane_filter`. Each trial has its own, as paths and sightings differ. A false
+The posterior Cramer-Rao bound is along the true paths of vehicles, with their true sightings. It is
+the covariance of the filter's state, with F, G and rows of sightings at the truth: that of the
+ideal filter of `lane_filter`. Each trial has its own, as paths and sightings differ. A false
 sighting counts here as a true one.
 
-The variance of a place now, while P is in an earlier frame, is h' P h with h the row in that frame
-of the place itself: `correction_kernels.refer_place`.
+While P is in an earlier frame, the variance of a present place is h' P h, with h the row of that
+place in the earlier frame: `correction_kernels.refer_place`.
 
 Source: Tichavsky, Muravchik, Nehorai (1998), Posterior Cramer-Rao bounds for discrete-time
 nonlinear filtering; Taylor (1979).
 
-A meeting of two bodies is planned once a period, where their contact windows of either direction
-are; it is kept where a sighting of one by the other is made within half a period of the middle of
-the longest of these.
+Two bodies with contact windows in either direction have one planned meeting a period. It is kept if
+one sights the other within half a period of the middle of the longest window.
 """
 
 from dataclasses import dataclass
@@ -41,19 +40,19 @@ from syncplan.orbits.circles import Orbits, phase, position, wrap
 from syncplan.orbits.contacts import Windows
 from syncplan.orbits.sightings import samples_before
 
-# --- what is measured -----------------------------------------------------------------------------
+# --- meetings, distances and figures --------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
 class Meetings:
-    """Meetings that a plan has in a run.
+    """Planned meetings of a run.
 
     Attributes
     ----------
     pairs : (p, 2) bodies, the first a vehicle; those from n on are landmarks
     first_end : (p,) step at which the first meeting is over
-    times : (p,) how many there are, all with a whole period about them in the run
-    period : steps, of a period; no whole number
+    times : (p,) number of meetings with a whole period about them in the run
+    period : steps in a period, not rounded
     """
 
     pairs: Index
@@ -64,7 +63,7 @@ class Meetings:
 
 @dataclass(frozen=True, slots=True)
 class Nearest:
-    """The closest that any two vehicles come in each trial.
+    """Closest approach of any two vehicles in each trial.
 
     Attributes
     ----------
@@ -79,7 +78,7 @@ class Nearest:
 
 
 def meetings_of(windows: Windows, sample_time: float, period: float, steps: int) -> Meetings:
-    """Return the meetings of a plan in so many steps."""
+    """Return the planned meetings in a run of `steps` steps."""
     longest: dict[tuple[int, int], tuple[float, float]] = {}
     for k, (observer, target) in enumerate(
         zip(windows.observers.tolist(), windows.targets.tolist(), strict=True)
@@ -90,7 +89,7 @@ def meetings_of(windows: Windows, sample_time: float, period: float, steps: int)
                 longest[pair] = (end - start, 0.5 * (start + end))
     pairs = sorted(longest)
     middle = np.array([longest[pair][1] for pair in pairs]) % period
-    # from half a period before the middle; the first that is wholly in the run
+    # a meeting begins half a period before its middle; the first lies wholly in the run
     end = np.where(middle >= 0.5 * period, middle + 0.5 * period, middle + 1.5 * period)
     length = period / sample_time
     first_end = end / sample_time
@@ -103,9 +102,9 @@ def meetings_of(windows: Windows, sample_time: float, period: float, steps: int)
 def kept_meetings(
     meetings: Meetings, setup: FilterSetup, sightings: Array, gone: Index
 ) -> tuple[Array, Index]:
-    """Return (p, lanes) how many of each pair's meetings were kept, and (p,) how many there were.
+    """Return the number of each pair's meetings that were kept (p, lanes) and planned (p,).
 
-    A meeting that is not over when one of the two is gone, (n + m,) steps, is none.
+    Meetings not over when one of the two is lost, at step `gone` (n + m,), do not count.
     """
     count = int(setup.first[-1])
     step = np.repeat(np.arange(len(setup.first) - 1), np.diff(setup.first))
@@ -126,9 +125,9 @@ def kept_meetings(
 
 
 def off_plan(orbits: Orbits, path: Array, time: float) -> tuple[Array, Array]:
-    """Return (steps + 1, n, lanes) how far vehicles are from their places, m, and ahead of them, s.
+    """Return the distance from the plan in m and the lead on it in s, each (steps + 1, n, lanes).
 
-    `path` is (steps + 1, n, 3, lanes), at steps of `time` s. Ahead is by the angle about the
+    `path` is (steps + 1, n, 3, lanes), at steps of `time` s. The lead is by the angle about the
     centre, within half a period.
     """
     times = time * np.arange(len(path))
@@ -140,9 +139,9 @@ def off_plan(orbits: Orbits, path: Array, time: float) -> tuple[Array, Array]:
 
 
 def nearest(path: Array, there: Flags) -> Nearest:
-    """Return the closest that two vehicles come on paths (steps + 1, n, 3, lanes).
+    """Return the closest approach of two vehicles on paths (steps + 1, n, 3, lanes).
 
-    `there` is (steps + 1, n): vehicles that are gone do not count.
+    `there` (steps + 1, n) marks the vehicles that count.
     """
     lanes = path.shape[-1]
     squares, pair = np.full(lanes, np.inf), np.zeros((lanes, 2), dtype=np.int64)
@@ -168,7 +167,7 @@ def _find_nearest(path: Array, there: Flags, squares: Array, pair: Index, step: 
 
 
 IN_PHASE_S = 1.0
-"""A vehicle that was held has its phase again where it is off by no more, for a period."""
+"""Largest phase error, over a period, of a vehicle that has regained its phase after a hold."""
 
 
 def figures_of(team: FlownTeam, lanes: FlownLanes) -> FlightFigures:
@@ -184,7 +183,7 @@ def figures_of(team: FlownTeam, lanes: FlownLanes) -> FlightFigures:
     sightings = lanes.readings.sightings[: flown.places[1]]
     gone = team.setup.mishaps.gone_from
     kept, planned = kept_meetings(meetings, lanes.setup, sightings, gone)
-    # for a vehicle that is gone the time until then counts
+    # for a lost vehicle, the time until its loss counts
     steered = np.maximum(np.minimum(gone[: len(there[0])], steps), 1)[:, None]
     return FlightFigures(
         planned_meetings=planned,
@@ -198,7 +197,7 @@ def figures_of(team: FlownTeam, lanes: FlownLanes) -> FlightFigures:
         nearest_times=np.asarray(close.step * time),
         kept_meetings=kept.T,
         longest_unseen=np.asarray(flown.longest.T * time),
-        # that of its circle for a vehicle that is held all the while
+        # the speed on its circle for a vehicle that is held throughout
         slowest=np.where(np.isinf(flown.slowest), orbits.speeds[:, None], flown.slowest).T,
         fastest=np.where(np.isinf(flown.slowest), orbits.speeds[:, None], flown.fastest).T,
         saturated=(flown.saturated / steered).T,
@@ -210,9 +209,9 @@ def figures_of(team: FlownTeam, lanes: FlownLanes) -> FlightFigures:
 
 
 def without_gone(team: FlownTeam, lanes: FlownLanes) -> FilterStatistics:
-    """Return the statistics, those of vehicles that leave being of the time that they are there.
+    """Return the statistics, with those of lost vehicles over the time before their loss.
 
-    A vehicle that is gone counts with errors of zero; means are over all samples.
+    In the sums, lost vehicles have errors of zero, and means are over all samples.
     """
     counted, there, steps = lanes.statistics, team.present, team.steps
     if there.all():
@@ -239,7 +238,7 @@ def without_gone(team: FlownTeam, lanes: FlownLanes) -> FilterStatistics:
 
 
 def _refused(lanes: FlownLanes) -> Array:
-    """(lanes, n) share of decisions that were refused; zero where none are made."""
+    """(lanes, n) share of refused decisions; zero where none are made."""
     guidance = lanes.guidance
     if guidance is None:
         n, _, width = lanes.readings.initial.shape
@@ -261,9 +260,9 @@ def _worst(values: Array, counted: Flags) -> Array:
 
 
 def _bounds(team: FlownTeam, lanes: FlownLanes, counted: Flags) -> tuple[Array, Array]:
-    """Mean of the bound's variance over the second half: of places (lanes, n) m^2, and of errors.
+    """Mean variances of the bound, second half: places (lanes, n) m^2 and bias states (lanes, e).
 
-    Those of the bias states are (lanes, e). Fills in the records' bounds over time.
+    Also fills in the records' bounds over time.
     """
     n = team.team.count
     width, e = lanes.readings.initial.shape[-1], len(team.layout.sigmas)
@@ -289,7 +288,7 @@ def _bounds(team: FlownTeam, lanes: FlownLanes, counted: Flags) -> tuple[Array, 
 
 
 def compile_bound(n: int) -> None:
-    """Compile the bound along paths of n vehicles, by that of no step."""
+    """Compile the bound along paths of n vehicles, by a run of no steps."""
     run, scratch, lanes, *state, _, _ = specimen(n)
     squares, of_states, along = np.zeros((n, 1)), np.zeros((0, 1)), np.zeros((0, n, 1))
     counted = np.zeros((1, n), dtype=bool)
@@ -299,7 +298,7 @@ def compile_bound(n: int) -> None:
 def _settled(team: FlownTeam, ahead: Array) -> Array:
     """(lanes, h) s from the end of each hold until the vehicle keeps its phase for a period.
 
-    NaN where it never does, or less than a period is left in which it could.
+    NaN where it never does, or where less than a period is left.
     """
     time, found = team.setup.time, []
     period = samples_before(team.team.orbits.period, time)
@@ -334,10 +333,11 @@ def bound_lanes(
 ) -> None:
     """Add each place's variance, m^2, to `squares` (n, lanes), at steps `counted` (steps + 1, n).
 
-    Those of bias states go to `state_squares` (e, lanes), over the second half of the run. Every
-    few steps, from step 0 on, each place's variance goes to `along` (k, n, lanes), if k > 0.
+    Variances of bias states are added to `state_squares` (e, lanes), over the second half of the
+    run. If k > 0, each place's variance is written to `along` (k, n, lanes) every `every` steps,
+    from step 0 on.
 
-    x and P are the state at the start, and scratch; so are the run's statistics.
+    x and P are the state at the start, and then scratch, as are the run's statistics.
     """
     setup, readings, truth = run.setup, run.readings, run.truth
     n, size, width, steps = len(squares), len(P), len(lanes), len(readings.speeds)
@@ -368,7 +368,7 @@ def bound_lanes(
                         along[step // every, i, lane] = here
         if 2 * step > steps:
             for k in range(3 * n, size):
-                # a constant is the same in any frame, what changes has decayed since
+                # a constant is the same in any frame; a changing state has decayed since
                 left = frame.left[k - 3 * n]
                 for lane in range(len(lanes)):
                     state_squares[k - 3 * n, lane] += left * left * P[k, k, lane]

@@ -1,10 +1,10 @@
-"""Some trials of a flight, side by side, on their way: the filter's run with the closed loop in it.
+"""Trials of a flight in progress, side by side: the filter's run with the closed loop in it.
 
-A flight is flown in legs. Between them room is made for further sightings, whose number nobody
-knows beforehand, and where something was lost anchors are chosen anew, of what is left.
+A flight is flown in legs. Between them, arrays grow for further sightings, whose number is not
+known beforehand. After a loss, anchors are chosen anew from the remaining bodies.
 
-Guidance `mpc` decides for each lane from its own estimates. Decisions are made where a leg begins,
-and hold until the next. The estimate is that of the filter, carried on by the readings where
+Guidance `mpc` decides for each lane from its own estimates. Decisions are made at the start of a
+leg and hold until the next. The estimate is the filter's, propagated with the readings where
 sightings arrive late.
 """
 
@@ -30,17 +30,17 @@ from syncplan.flight.predictive_guidance import PredictiveGuidance, PredictiveOp
 
 
 FAR = 1e7
-"""m, where vehicles are taken to be that are gone: nobody has to keep away from them."""
+"""Distance in m at which lost vehicles are placed, so that no other has to avoid them."""
 
 
 class LaneGuidance:
-    """Guidance of some trials of a flight.
+    """Guidance `mpc` of some trials of a flight.
 
     Attributes
     ----------
     every : samples between decisions
-    decisions : how many were made
-    refused : (n, lanes) how often a vehicle's program was not solved
+    decisions : number of decisions made
+    refused : (n, lanes) number of a vehicle's programs that were not solved
     """
 
     def __init__(self, team: FlownTeam, lanes: int) -> None:
@@ -87,7 +87,7 @@ class LaneGuidance:
 
 
 def winds_of(x: Array, states: filter_setup.States) -> Array:
-    """Return (n, 2) m/s, of the air about each vehicle, from a state (3n + e,): wind and own gust.
+    """Return the air's velocity (n, 2) m/s at each vehicle from a state (3n + e,): wind and gust.
 
     Zero where they are not states.
     """
@@ -101,19 +101,19 @@ def winds_of(x: Array, states: filter_setup.States) -> Array:
 
 
 LEG_STEPS = 64
-"""Samples that are flown at once."""
+"""Samples in a leg."""
 
 MOST_ROWS = 1_000_000
-"""Sightings that room is made for at once."""
+"""Most sightings in a leg."""
 
 
 @dataclass(frozen=True, slots=True)
 class ClosedLoop:
-    """Flies where a LaneFilter only filters, and takes the place of one.
+    """Filter of lanes that also flies, in place of a LaneFilter.
 
     Attributes
     ----------
-    flight, flown : what the closed loop is given, and keeps
+    flight, flown : inputs and state of the closed loop
     """
 
     flight: FlightSetup
@@ -127,7 +127,7 @@ class ClosedLoop:
     def advance(
         self, run: filter_setup.FilterRun, state: filter_setup.State, begin: int, end: int
     ) -> None:
-        """Take a state from step `begin` to step `end`, in place, and fly on the way."""
+        """Advance a state in place from step `begin` to step `end`, flying on the way."""
         n, _, width = run.readings.initial.shape
         scratch, lanes = scratch_of(run.setup, width), lanes_of(n, width)
         fly_lanes(self.flight, self.flown, run, scratch, lanes, *state, begin, end)
@@ -135,15 +135,15 @@ class ClosedLoop:
 
 @dataclass(slots=True)
 class FlownLanes:
-    """Trials on their way.
+    """Trials of a flight in progress.
 
     Attributes
     ----------
-    team : that flies
+    team : the team that flies
     flown : the truth
-    run : the filter, which flies as it goes
-    guidance : that decides at the begin of each leg; None where the closed loop has its own law
-    records : of what happens on the way; None where none are wanted
+    run : the filter's run, which also flies
+    guidance : decides at the start of each leg; None where the closed loop has its own law
+    records : errors, sigmas and tracks over time; None unless requested
     """
 
     team: FlownTeam
@@ -177,11 +177,11 @@ class FlownLanes:
         leg = max(1, min(LEG_STEPS, MOST_ROWS // rows))
         if self.guidance is not None:
             leg = self.guidance.every
-        # the last step before something is lost
+        # the last step before each loss
         stops = [step - 1 for step in self.team.loss_steps]
         if self.guidance is not None:
             self._fly_ahead(min(late, self.team.steps), rows)
-            # a vehicle that is free again has a command of its own
+            # a released vehicle needs a decision of its own
             stops += [step - late for step in self.team.hold_ends if step > late]
         while self.run.at < end:
             if self.run.at + 1 in self.team.loss_steps:
@@ -192,7 +192,7 @@ class FlownLanes:
             self._go(until)
 
     def _go(self, end: int) -> None:
-        """Run until step `end`, with a look at the filter where something is recorded."""
+        """Run until step `end`, and record the filter's state on the way."""
         if self.records is not None:
             for step in self.records.stops(self.run.at, end):
                 self.run.advance(step)
@@ -206,7 +206,7 @@ class FlownLanes:
             self.guidance.command(flight, self.flown, x, run.at, run.given, lanes)
 
     def _fly_ahead(self, end: int, rows: int) -> None:
-        """Fly until step `end` before the filter takes anything in: sightings are late."""
+        """Fly until step `end` before the filter starts, as sightings are late."""
         assert self.guidance is not None
         flown, (x, _) = self.flown, self.run.state
         slopes = np.empty((12, x.shape[-1]))
@@ -221,7 +221,7 @@ class FlownLanes:
 
     @property
     def _aloft(self) -> tuple[FlightSetup, Lanes]:
-        """Set-up of the closed loop at present, and lanes."""
+        """Present set-up of the closed loop, and lanes."""
         loop = self.run.base
         assert isinstance(loop, ClosedLoop)
         return loop.flight, lanes_of(self.team.team.count, self.readings.initial.shape[-1])
@@ -242,7 +242,7 @@ class FlownLanes:
         return self.run.statistics
 
     def _make_room(self, further: int) -> None:
-        """Let set-up and readings hold so many further sightings."""
+        """Make room for so many further sightings in set-up and readings."""
         used, have = int(self.flown.places[1]), len(self.readings.sightings)
         if used + further <= have:
             return
@@ -257,7 +257,7 @@ def _records(team: FlownTeam, trials: range) -> LaneRecords | None:
 
 
 def _rows_in_step(team: FlownTeam) -> int:
-    """Most sightings of a step: of each other body by each vehicle of each kind, and compasses."""
+    """Upper bound on the sightings of a step: of each kind by each vehicle, one of every body."""
     n = team.team.count
     kinds = np.isfinite(team.setup.eyes.sigmas)
     return int(kinds.sum()) * (n + len(team.team.landmarks)) or 1

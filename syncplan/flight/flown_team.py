@@ -1,4 +1,4 @@
-"""A team as it is flown: set-ups of filter and closed loop, and what each trial is drawn."""
+"""Team in flight: set-ups of filter and closed loop, and the random draws of each trial."""
 
 import math
 from dataclasses import dataclass
@@ -37,13 +37,13 @@ from syncplan.orbits.team import Team
 NEVER = np.iinfo(np.int64).max
 
 LOOKS_IN_PERIOD = 32
-"""So often in a period circles are moved to their anchors, or back."""
+"""Number of times in a period that circles are moved to their anchors, or back."""
 
 SURE_SIGMAS = 4.0
-"""A place is taken to be within so many standard deviations."""
+"""Standard deviations within which a place is assumed to be."""
 
 LEAD_PERIODS = 0.5
-"""Periods before a vehicle would be off by too much in which its circle begins to move."""
+"""Periods by which a circle begins to move before its vehicle would be off by too much."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,9 +52,9 @@ class FlownTeam:
 
     Attributes
     ----------
-    team, windows : that fly as the filter takes them, and the plan's contact windows
-    true_team : as they truly are
-    limits : of the vehicles, as whoever steers knows them
+    team, windows : the team as the filter models it, and the plan's contact windows
+    true_team : the team of the simulated world
+    limits : of the vehicles, as guidance knows them
     layout : of the filter's states
     setup : of the closed loop
     options, events : of the flight
@@ -81,34 +81,34 @@ class FlownTeam:
 
     @property
     def present(self) -> Flags:
-        """(steps + 1, n) whether a vehicle takes part, or is lost already."""
+        """(steps + 1, n) whether a vehicle takes part; False once it is lost."""
         gone = self.setup.mishaps.gone_from[: self.team.count]
         return np.asarray(np.arange(self.steps + 1)[:, None] < gone)
 
     @property
     def loss_steps(self) -> list[int]:
-        """Steps from which on something is lost, in order."""
+        """Steps at which losses take effect, in order."""
         time = self.setup.time
         return sorted({samples_before(one.time, time) for one in self.events.losses})
 
     @property
     def hold_ends(self) -> list[int]:
-        """Steps from which on a vehicle that was held is free again, in order."""
+        """Steps at which held vehicles are released, in order."""
         return sorted({self.steps_after(one).start for one in self.events.holds})
 
     def steps_after(self, hold: Hold) -> range:
-        """Return the steps from the end of a hold on at which its vehicle takes part."""
+        """Return the steps, from the end of a hold on, at which its vehicle takes part."""
         gone = int(self.setup.mishaps.gone_from[hold.vehicle])
         end = samples_before(hold.time + hold.length, self.setup.time)
         return range(end, min(gone, self.steps + 1))
 
     def shows_phase_after(self, hold: Hold) -> bool:
-        """Return whether a period is left after a hold, in which its vehicle can keep its phase."""
+        """Return whether a hold leaves its vehicle a period in which it can keep its phase."""
         period = samples_before(self.team.orbits.period, self.setup.time)
         return len(self.steps_after(hold)) >= period
 
     def setup_from(self, step: int) -> FlightSetup:
-        """Return the set-up of the closed loop from a step on: anchors are of what is left."""
+        """Return the closed loop's set-up from a step on, with anchors of the remaining team."""
         mishaps, windows = self.setup.mishaps, self.windows
         targeted = of_targets(np.arange(len(mishaps.blind_from)))
         sees = np.any(mishaps.blind_from[targeted] > step, axis=0)[windows.observers]
@@ -118,12 +118,12 @@ class FlownTeam:
         return self.setup._replace(contact=_contact(self.team, anchors, self.options))
 
     def filter_setup(self) -> FilterSetup:
-        """Return the filter's set-up for some trials, as yet without sightings."""
+        """Return the filter's set-up, as yet without sightings."""
         none = Sightings(*np.zeros((4, 0), dtype=np.int64))
         return setup_along(self.team, self.layout, none, self.steps, self.options)
 
     def begun(self, trials: range) -> tuple[Flown, Readings, Truth]:
-        """Return trials at time 0, what they read, as yet no sightings, and their true states."""
+        """Return trials at time 0, their readings, without sightings as yet, and true states."""
         n, steps, lanes = self.team.count, self.steps, len(trials)
         sizes = (3 * n, steps * n, steps * n, error_draws(self.true_team, steps))
         poses, speeds, turns, lasting = split_draws(self.options.seed, trials, sizes)
@@ -191,7 +191,7 @@ def team_in_flight(
     events: FlightEvents,
     lag: float,
 ) -> FlownTeam:
-    """Return the set-up of a flight of a team in a world; `lag` in s is what guidance counts on."""
+    """Return the set-up of a team's flight in a world; guidance assumes a lag of `lag` s."""
     time, true = team.sensors.sample_time, world.team
     anchors = anchors_of(team, windows, limits.separation)
     setup = FlightSetup(

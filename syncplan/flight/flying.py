@@ -1,4 +1,4 @@
-"""Flying a plan: many trials in closed loop, and what they found."""
+"""Flights of a plan: many trials in closed loop, and their results."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -28,10 +28,10 @@ from syncplan.results import Result
 from syncplan.runtime.machine import single_threaded_blas
 
 LOST_FACTOR = 5.0
-"""A filter is lost in a trial where some vehicle's error is over so many times its bound."""
+"""Multiple of its bound above which a vehicle's error means that the filter is lost."""
 
 OUT_OF_CONTACT_PERIODS = 2.0
-"""A vehicle is out of contact that is without a sighting for longer."""
+"""Periods without a sighting after which a vehicle is out of contact."""
 
 ROBUST_IN_FLIGHT = FilterChoice(
     "robust", "vehicles that steer by a lost filter are lost too; robust looks for its start"
@@ -40,16 +40,16 @@ ROBUST_IN_FLIGHT = FilterChoice(
 
 @dataclass(frozen=True, slots=True)
 class FlightRun:
-    """A flight that is set up; its trials can be flown in parts.
+    """Set-up of a flight, whose trials can be flown in parts.
 
     Attributes
     ----------
     plan : the plan that is flown
     duration : s
-    options : as fly takes them, the filter chosen
-    chosen_because : why this filter
+    options : those of `fly`, with the filter chosen
+    chosen_because : reason for this filter
     limits : of the vehicles
-    team : all that trials share
+    team : set-up that all trials share
     """
 
     plan: Plan
@@ -71,23 +71,23 @@ class FlightRun:
 
     @property
     def events(self) -> FlightEvents:
-        """Losses and holds on the way."""
+        """Losses and holds of the flight."""
         return self.team.events
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Flight(Result):
-    """Many flights of a plan, in closed loop.
+    """Result of many flights of a plan, in closed loop.
 
     Attributes
     ----------
-    run : what was flown, and how
+    run : set-up of the flights
     result : figures of each trial
     accuracy : RMS errors of the estimates by vehicle, against the truth as flown
     bound : (n,) m, of the bound along the paths flown, over the second half; NaN for a vehicle that
         is gone by then
-    expected : (n,) m, what the filter is expected to make of the true world along the circles;
-        None where the scenario has no truth, or not computed
+    expected : (n,) m, expected RMS error of the filter in the true world, along the circles; None
+        where the scenario has no truth, or not computed
     coverage : (n,) share of coordinates within three sigma
     anees, nis : consistency figures, with intervals from the spread over trials
     """
@@ -102,7 +102,7 @@ class Flight(Result):
     nis: Consistency
 
     def __repr__(self) -> str:
-        """Return one line: what was flown, how often, and how well."""
+        """Return one line: plan, number of trials, duration and main figures."""
         tracking = float(np.sqrt(np.nanmean(self.result.figures.tracking_squares)))
         return (
             f"<{type(self).__name__} of {self.run.plan!r}: {self.result.trials} trials over "
@@ -112,7 +112,7 @@ class Flight(Result):
 
     @property
     def plan(self) -> Plan:
-        """The plan that was flown, with what was found."""
+        """The plan that was flown, with the record of this flight."""
         return replace(self.run.plan, flight=self.record)
 
     @property
@@ -164,32 +164,32 @@ class Flight(Result):
 
     @property
     def judged_from(self) -> float:
-        """Time in s from which on ANEES, NIS and coverage count."""
+        """Time in s from which ANEES, NIS and coverage count."""
         run, time = self.run, self.run.plan.sensors.sample_time
         return judged_from(run.team.steps, time, self.run.plan.orbits.period, run.options) * time
 
     @property
     def predicted(self) -> Array | None:
-        """(n,) m, the plan's own prediction; None for another duration than the plan's."""
+        """(n,) m, the plan's own prediction; None if the duration is not the plan's."""
         same = self.run.duration == self.run.plan.scenario.duration_s
         return self.run.plan.prediction.rms if same else None
 
     @property
     def there(self) -> Flags:
-        """(n,) whether a vehicle is there to the end."""
+        """(n,) whether a vehicle takes part to the end."""
         return np.asarray(self.run.team.present[-1])
 
     @property
     def meetings(self) -> Meetings:
-        """The meetings of the plan."""
+        """Planned meetings of the flight."""
         plan, steps = self.run.plan, self.run.team.steps
         return meetings_of(plan.windows, plan.sensors.sample_time, plan.orbits.period, steps)
 
     @property
     def filter_lost(self) -> Flags:
-        """(trials,) whether some vehicle's error, second half, is over LOST_FACTOR times its bound.
+        """(trials,) whether a vehicle's error, second half, is over LOST_FACTOR times its bound.
 
-        The bound is that along the path it truly took.
+        The bound is the one along the vehicle's true path.
         """
         late = self.result.estimates.late_mean_squares
         bound = self.result.figures.bound_squares
@@ -197,7 +197,7 @@ class Flight(Result):
 
     @property
     def out_of_contact(self) -> Flags:
-        """(trials,) whether some vehicle was in no sighting for over OUT_OF_CONTACT_PERIODS."""
+        """(trials,) whether a vehicle had no sighting for over OUT_OF_CONTACT_PERIODS."""
         longest = self.result.figures.longest_unseen
         limit = OUT_OF_CONTACT_PERIODS * self.run.plan.orbits.period
         return np.asarray((longest > limit).any(axis=1))
@@ -211,13 +211,13 @@ def fly(
     progress: Callable[[int], None] | None = None,
     **changes: Any,
 ) -> Flight:
-    """Return many flights of a plan by vehicles that steer by their own estimates.
+    """Fly a plan many times, with vehicles that steer by their own estimates.
 
-    `options`, or changes of it by name, say how: trials=100, seed=0, duration=None (s, the
+    Give `options`, or changes of it by name: trials=100, seed=0, duration=None (s, the
     scenario's), guidance="track" (or "mpc", or "none" for open loop), filter="auto" (the
-    scenario's, or robust), gate_probability=None, with_series=False; what goes wrong:
-    truth=None (keys of the simulated world, beside those of the scenario's truth);
-    lose=("v3@60",), hold=("v2@100:20",), dropout=0, outliers=0, mistaken=0, late=0; and wind=None
+    scenario's, or robust), gate_probability=None, with_series=False. Faults and disturbances are
+    truth=None (keys of the simulated world, beside those of the scenario's truth),
+    lose=("v3@60",), hold=("v2@100:20",), dropout=0, outliers=0, mistaken=0, late=0 and wind=None
     (m/s; drawn by the scenario's sigma). The same seed gives the same bytes on any number of
     threads. `progress` is called with the number of trials done. Raises InputError naming the
     argument at fault.
@@ -229,7 +229,7 @@ def fly(
 def flight_run(
     subject: PlanSubject, options: FlightOptions | None = None, **changes: Any
 ) -> FlightRun:
-    """Return the set-up of a flight, whose parts fly_part flies and conclude_flight joins."""
+    """Return the set-up of a flight; fly_part flies its parts, conclude_flight joins them."""
     chosen = replace(options or FlightOptions(), **changes)
     plan = in_world(planned(subject, pilot=False), chosen.truth)
     scenario, true = plan.scenario, plan.scenario.in_truth
@@ -274,8 +274,8 @@ def fly_part(
 def conclude_flight(run: FlightRun, parts: Sequence[FlightResult]) -> Flight:
     """Return the flight from all parts of a run, in order.
 
-    The bytes do not depend on how the run was cut. Raises InputError where parts are missing, and
-    NoSolutionError where the filter diverged.
+    The bytes do not depend on the division into parts. Raises InputError where parts are missing,
+    and NoSolutionError where the filter diverged.
     """
     result = joined_flights(parts)
     found, gate = result.estimates, run.options.gate_probability
@@ -293,7 +293,7 @@ def conclude_flight(run: FlightRun, parts: Sequence[FlightResult]) -> Flight:
 
 
 def _expected(run: FlightRun) -> Array | None:
-    """Expected errors of the estimates in a world that differs, along circles flown exactly."""
+    """Expected errors of the estimates in a differing true world, along circles flown exactly."""
     plan, true = run.plan, run.team.true_team
     if true is plan.team or not bound_is_affordable(plan.team, run.duration):
         return None

@@ -1,11 +1,11 @@
-"""Random numbers by key: those of one sighting of one trial, whatever else is sighted.
+"""Random numbers by key: those of a sighting do not depend on other sightings.
 
-In flight, who sees whom differs from trial to trial, and with every change of a plan or of a
-guidance law. So the numbers of a sighting are no part of a sequence: they are a function of the
-trial's key and of the counter (step, observer, target, 0). Runs that differ in one thing are paired
-in all else.
+In flight, sightings differ from trial to trial, and with every change of a plan or of a guidance
+law. The numbers of a sighting are therefore not part of a sequence but a function of the trial's
+key and of the counter (step, observer, target, 0). Runs that differ in one thing are paired in
+everything else.
 
-The function is Philox4x64 with ten rounds, as numpy.random.Philox has it:
+The function is Philox4x64 with ten rounds, as in numpy.random.Philox:
 
     Philox(key=key, counter=counter - 1).random_raw(4)  ==  words_at(key, counter)
 
@@ -21,13 +21,13 @@ from numpy.typing import NDArray
 from syncplan.estimation.kernels import inner, kernel
 
 Word = np.uint64
-"""Of 64 bits, unsigned."""
+"""Unsigned word of 64 bits."""
 
 Words = tuple[Word, Word, Word, Word]
 """Four words of 64 bits."""
 
 SIGHTED = 2
-"""Key below a trial's of the numbers of its sightings; 1 is that of its filter."""
+"""Key, below a trial's, of the numbers of its sightings; 1 is that of its filter."""
 
 ROUNDS = 10
 FACTORS = (np.uint64(0xD2E7470EE14C6C93), np.uint64(0xCA5A826395121157))
@@ -46,7 +46,7 @@ def key_of(seed: int, trial: int) -> NDArray[np.uint64]:
 
 @inner
 def _high(a: Word, b: Word) -> Word:
-    """The upper half of the product of two words, from products of their halves."""
+    """Upper half of the product of two words, from products of their halves."""
     a_low, a_high, b_low, b_high = a & LOW, a >> HALF, b & LOW, b >> HALF
     middle = a_high * b_low + ((a_low * b_low) >> HALF)
     other = a_low * b_high + (middle & LOW)

@@ -1,11 +1,11 @@
-"""The navigator: the filter and the guidance of flights one step at a time, as on real robots.
+"""Navigator: filter and guidance of flights one step at a time, for real robots.
 
     navigator = Navigator(plan)
     command = navigator.command                       of the first sample
     estimate, command = navigator.step(sensed)        after each sample, until the flight ends
 
-What it is given is what was read; there is no truth in it. It computes as `fly` does, by the same
-kernels, for the whole team: run it where all readings come together, and send the commands out.
+It takes readings only, without ground truth. It computes as `fly` does, with the same kernels, for
+the whole team: run it where all readings come together, and send the commands out.
 """
 
 import hashlib
@@ -45,13 +45,13 @@ from syncplan.scenario.filters import FILTERS
 
 
 class Navigator:
-    """A team's filter and guidance on their way.
+    """Filter and guidance of a team, one step at a time.
 
     Attributes
     ----------
-    plan : that is flown
-    steps : samples so far
-    command : of the next sample
+    plan : the plan that is flown
+    steps : number of samples so far
+    command : commands for the next sample
     """
 
     def __init__(
@@ -67,9 +67,9 @@ class Navigator:
     ) -> None:
         """Begin at time 0 at the poses `start` (n, 3), the plan's if None.
 
-        The other arguments are those of syncplan.fly, whose first trial has the numbers that this
-        filter draws; `late` is by how many samples sightings may be late. Raises InputError naming
-        the argument at fault.
+        The other arguments are those of syncplan.fly. The filter draws the random numbers of its
+        first trial. `late` is the number of samples by which sightings may be late. Raises
+        InputError naming the argument at fault.
         """
         options = FlightOptions(
             guidance=guidance,
@@ -121,13 +121,13 @@ class Navigator:
 
     @property
     def too_late(self) -> int:
-        """How many sightings arrived after more than `late` samples, and were not used."""
+        """Number of sightings that arrived more than `late` samples late and were not used."""
         return self._arrivals.too_late
 
     def step(self, sensed: Sensed) -> tuple[Estimate, Command]:
-        """Return where the team is after a sample, and what it does in the next.
+        """Process a sample; return the estimate at its end and the commands for the next.
 
-        Raises InputError for readings that are not the team's.
+        Raises InputError for readings that do not fit the team.
         """
         n, arrivals = len(self._moved), self._arrivals
         arrivals.take(sensed, self._commands[..., 0])
@@ -147,7 +147,7 @@ class Navigator:
     ) -> list[TimedSighting]:
         """Return sightings given by names: ("v1", "v2", "bearing", 0.31), with an age if late.
 
-        The target of a compass is its own vehicle. Raises InputError for a name that nothing has.
+        The target of a compass is its own vehicle. Raises InputError for an unknown name.
         """
         scenario = self.plan.scenario
         bodies = {
@@ -164,7 +164,7 @@ class Navigator:
         return found
 
     def save(self) -> bytes:
-        """Return all that the navigator goes on from, as bytes."""
+        """Return the state of the navigator as bytes, for `restore`."""
         guided = None if self._predictive is None else self._predictive.memory
         arrays: dict[str, Any] = {
             **{f"filter_{name}": one for name, one in self._filter.memory.items()},
@@ -186,22 +186,22 @@ class Navigator:
         return buffer.getvalue()
 
     def restore(self, data: bytes) -> None:
-        """Go on where the navigator that was saved did; it must be of the same plan and options.
+        """Continue from the state of a saved navigator, which must have the same plan and options.
 
-        Raises InputError for bytes that are no such state, and then stays as it was.
+        Raises InputError for other bytes, and then keeps its present state.
         """
         before = self.save()
         try:
             self._resume(data)
         except (OSError, EOFError, BadZipFile, ValueError, KeyError, IndexError) as error:
             self._resume(before)
-            raise InputError(f"is no state of a navigator: {error}", key="data") from None
+            raise InputError(f"is not a saved state of a navigator: {error}", key="data") from None
 
     def _resume(self, data: bytes) -> None:
         with np.load(io.BytesIO(data), allow_pickle=False) as stored:
             kept = {name: stored[name] for name in stored.files}
         if str(kept["of"]) != self._digest:
-            raise InputError("is of another plan, or of other options", key="data")
+            raise InputError("was saved with another plan or other options", key="data")
         own = "filter_"
         self._filter.memory = {
             name.removeprefix(own): one for name, one in kept.items() if name.startswith(own)
@@ -217,7 +217,7 @@ class Navigator:
 
     @cached_property
     def _digest(self) -> str:
-        """Of the plan and of all options that a state hangs on."""
+        """Digest of the plan and of all options that a state depends on."""
         plan, one = self.plan, self._options
         options = one.guidance, one.filter, one.gate_probability, one.seed, one.late
         found = hashlib.sha256(f"{plan.scenario.model_dump_json()} {options}".encode())
@@ -231,10 +231,10 @@ class Navigator:
         return found.hexdigest()
 
     def _take_in(self, sample: SampleRead, arrived: Arrived) -> None:
-        """Let the filter take in a sample."""
+        """Process a sample with the filter."""
         step, heard = self._filter.steps + 1, self._heard[:, 0]
         n = len(heard)
-        # one by one: an index of so few takes NumPy longer
+        # one by one: with so few, NumPy indexing is slower
         for observer, target, kind, *_ in sample.sightings:
             if kind != COMPASS_KIND:
                 heard[observer] = step
@@ -256,7 +256,7 @@ class Navigator:
             )
 
     def _ahead(self) -> Array:
-        """The estimate now, (3n + e, 1): the filter's, carried on by later readings."""
+        """Present estimate (3n + e, 1): the filter's, propagated with later readings."""
         x, _ = self._filter.state
         if not len(self._arrivals):
             return x
@@ -293,4 +293,4 @@ class Navigator:
 
 
 _KEPT = ("time", "known", "flights", "multipliers")
-"""What guidance remembers."""
+"""Fields of the Memory of guidance, as saved."""

@@ -1,6 +1,6 @@
-"""What a navigator is given and gives: readings and sightings, an estimate and commands.
+"""Inputs and outputs of a navigator: readings and sightings, estimates and commands.
 
-What it has been given is checked, and kept until late sightings can arrive no more.
+Inputs are checked, and kept until late sightings can no longer arrive.
 """
 
 import math
@@ -20,7 +20,7 @@ from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
 
 
 class TimedSighting(NamedTuple):
-    """A sighting: who sighted whom, what was measured, and how many samples ago.
+    """Sighting of a target by an observer: kind, value, and age in samples.
 
     Fields
     ------
@@ -44,7 +44,7 @@ class Sensed:
     Attributes
     ----------
     speeds, turn_rates : (n,) m/s, rad/s, over the sample; NaN, or None for all, where there is no
-        reading: the command counts
+        reading; the command then takes its place
     sightings : made at its end, or late
     """
 
@@ -55,14 +55,14 @@ class Sensed:
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """Where a team is.
+    """Estimated state of a team.
 
     Attributes
     ----------
     time : s
     poses : (n, 3) m, m, rad
     errors : (e,) bias states, as the plan's filter has them
-    sigmas : (n, 3) m, m, rad, the filter's own; of the time of the last sightings taken in
+    sigmas : (n, 3) m, m, rad, the filter's own, at the time of the last sightings processed
     """
 
     time: float
@@ -79,7 +79,7 @@ class Command:
     turn_rates: Array
 
 
-# --- kept until late sightings can arrive no more -------------------------------------------------
+# --- samples that wait for late sightings ---------------------------------------------------------
 
 
 _NO_ROWS = np.zeros(0, dtype=np.int64)
@@ -98,11 +98,11 @@ class SampleRead:
 
 
 class Arrivals:
-    """Samples that the filter has not taken in yet, the oldest first.
+    """Samples that the filter has not processed yet, oldest first.
 
     Attributes
     ----------
-    too_late : sightings that arrived when their sample had been taken in
+    too_late : number of sightings that arrived after their sample was processed
     """
 
     def __init__(self, team: FlownTeam, names: Sequence[str]) -> None:
@@ -116,9 +116,9 @@ class Arrivals:
         return len(self._samples)
 
     def take(self, sensed: Sensed, commanded: Array) -> None:
-        """Take in a sample, in which (n, 2) was commanded, and sightings of it or earlier ones.
+        """Add a sample, flown with commands (n, 2), and sightings of it or of earlier ones.
 
-        Raises InputError for what is not the team's, and then takes in nothing.
+        Raises InputError for input that does not fit the team, and then adds nothing.
         """
         speeds = _read(sensed.speeds, commanded[:, 0], "speeds")
         turn_rates = _read(sensed.turn_rates, commanded[:, 1], "turn_rates")
@@ -132,7 +132,7 @@ class Arrivals:
                 self._samples[newest - one.age].sightings.append(one)
 
     def oldest(self) -> tuple[SampleRead, Arrived]:
-        """Give up the oldest sample, with its sightings in the order of those of flights."""
+        """Remove and return the oldest sample, with its sightings in the order of flights."""
         sample = self._samples.popleft()
         if not sample.sightings:
             return sample, NOTHING
@@ -156,7 +156,7 @@ class Arrivals:
 
     @property
     def memory(self) -> dict[str, Array | Index]:
-        """All samples as arrays, by name; what arrivals of the same team take back."""
+        """All samples as arrays by name; set it to restore them in arrivals of the same team."""
         sighted = [(k, *one) for k, sample in enumerate(self._samples) for one in sample.sightings]
         speeds, turn_rates = self.readings
         return {
@@ -176,7 +176,7 @@ class Arrivals:
             self._samples[int(place)].sightings.append(one)
 
     def _made(self, sightings: Iterable[TimedSighting]) -> list[TimedSighting]:
-        """Those that are not missed, as NaN are; raises InputError for what none can be."""
+        """Sightings without the missed ones, NaN; raises InputError for impossible ones."""
         variances, bodies, made = self._variances, self._bodies, []
         kinds, n = len(variances), len(variances[0])
         for one in sightings:
@@ -198,7 +198,7 @@ class Arrivals:
 
 
 def _read(given: Array | None, commanded: Array, name: str) -> Array:
-    """Readings (n,), the commands where there are none."""
+    """Readings (n,), with commands where there are none."""
     if given is None:
         return commanded.copy()
     found = np.asarray(given, dtype=float)

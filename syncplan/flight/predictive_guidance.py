@@ -1,26 +1,26 @@
-"""Guidance `mpc`: each vehicle decides by a quadratic program how to fly a third of a turn or more.
+"""Guidance `mpc`: a quadratic program for each vehicle plans at least a third of a turn ahead.
 
 Every `interval` seconds, from estimates:
 
-    guess     what was decided last, the tracking law, or an interception: whichever costs least
-    program   how to change the guess, with limits and changes of commands as constraints
-    solve     by OSQP; again with separation if the flight that comes out would be too near others
+    guess     the last decision, the tracking law, or an interception: whichever costs least
+    program   change of the guess, with limits and changes of commands as constraints
+    solve     by OSQP; again with separation if the resulting flight is too near others
     choose    the largest share of the change that makes the exact flight cost less
 
-What is flown is within limits in any case. A program that OSQP does not solve is refused: the
-vehicle flies its guess. A vehicle that is held is taken to stay where it is.
+Flights are always within limits. A program that OSQP does not solve is refused: the vehicle flies
+its guess. A held vehicle is assumed to stay where it is.
 
-The horizon: steps of 0.1 rad of a turn, or of the interval where that is longer; 20 of them, so at
-least 10 s and 2 rad, a third of a turn. At 0.8 rad/s it is 1.27 turns.
-In that time a vehicle with default limits turns round and crosses its circle, so that from half a
-period off it has its place in reach. Errors count in shares of the radius, commands in shares of
-the plan's speed and rate: nothing is in metres. Places, not phases: along and across the circle
-count alike, which leaves no singular point inside it, and what is in place is in phase.
+The horizon has 20 steps of 0.1 rad of a turn, or of the interval where that is longer: at least
+10 s and 2 rad, a third of a turn. At 0.8 rad/s it is 1.27 turns. In that time a vehicle with
+default limits turns round and crosses its circle, so it can reach its place from half a period off.
+Errors count in shares of the radius, commands in shares of the plan's speed and rate: nothing is in
+metres. Errors are of places, not of phases: along and across the circle count alike, which leaves
+no singular point inside it, and a vehicle in place is in phase.
 
 All programs of a team have one pattern, so one workspace serves all. It keeps nothing from one
-program to the next: data come scaled, the penalty rho is fixed, and each program starts at its
-guess (no change) with the multipliers that it brings. There is no limit of time. So a solution
-depends on its program alone, to the byte, whatever the load. OSQP lets other threads run while it
+program to the next: data are scaled beforehand, the penalty rho is fixed, and each program starts
+at its guess (no change) with its own multipliers. There is no time limit. A solution therefore
+depends on its program alone, to the byte, under any load. OSQP lets other threads run while it
 solves; a solver serves one thread at a time.
 """
 
@@ -58,16 +58,17 @@ SETTINGS = {
     "scaling": 0,
     "verbose": False,
 }
-"""Of OSQP. A thousandth is one of the plan's speed and rate; what is flown is exact in any case."""
+"""Settings of OSQP. Tolerances are in units of the plan's speed and rate; flights are exact."""
 
 RHO, RHO_APART = 0.3, 1.0
-"""OSQP's penalty for programs without and with separation, in which P's diagonal is 1 on average.
+"""OSQP's penalty without and with separation, for programs whose diagonal of P is 1 on average.
 
-In returns from holds under five sets of limits, these take the fewest iterations of 0.1 to 10.
+Of values from 0.1 to 10, these take the fewest iterations in returns from holds under five sets of
+limits.
 """
 
 SOLVED = 1
-"""OSQP's status of a program that is solved to the tolerances."""
+"""OSQP's status of a program solved to the tolerances."""
 
 
 class Solution(NamedTuple):
@@ -77,7 +78,7 @@ class Solution(NamedTuple):
     ------
     change : (2N,) of commands in units of the plan's speed and rate; zero where not solved
     multipliers : (4N,) of limits and changes; zero where not solved
-    solved : whether OSQP says so
+    solved : whether OSQP reports so
     iterations : of OSQP
     """
 
@@ -88,7 +89,7 @@ class Solution(NamedTuple):
 
 
 class ProgramSolver:
-    """Solves programs of N steps, with separation from so many neighbours at each; 0: without."""
+    """Solver of programs of N steps, with separation from `neighbours` others at each, or none."""
 
     def __init__(self, steps: int, neighbours: int = 0, shortfall: float = 1.0) -> None:
         from osqp import OSQP
@@ -126,7 +127,7 @@ class ProgramSolver:
         own, size, y = self._own, self._size, np.zeros(self._count)
         y[: 2 * own] = multipliers
         data = {"Px": program.hessian[: own * (own + 1) // 2 + size - own]}
-        if size > own:  # no shortfall is wanted, and its multiplier is what it costs
+        if size > own:  # shortfalls start at zero, and their multipliers at their cost
             y[2 * own : 2 * own + size - own] = -program.gradient[own:size]
             program.rows[self._constant] = self._entries
             data["Ax"] = program.rows
@@ -144,7 +145,7 @@ class ProgramSolver:
 
 
 def _rows(steps: int, neighbours: int, shortfall: float) -> Any:
-    """A (rows, variables): limits, changes, and with separation shortfalls and distances."""
+    """Matrix A (rows, variables): limits, changes, and with separation shortfalls and distances."""
     from scipy.sparse import block_diag, eye_array, hstack, kron, vstack
 
     own = 2 * steps
@@ -159,13 +160,13 @@ def _rows(steps: int, neighbours: int, shortfall: float) -> Any:
 
 
 STEP_ANGLE = 0.1
-"""rad of a turn that a step of the horizon takes at least."""
+"""Least angle of turn in rad of a step of the horizon."""
 
 MOST_GAIN = 0.8
-"""Share of a heading error that the laws of first guesses make good in a step, at most."""
+"""Largest share of a heading error that the laws of first guesses correct in a step."""
 
 GUARD = 0.005
-"""Separation asked beyond what is wanted, in sizes of near errors: five tolerances of OSQP."""
+"""Separation asked beyond the limit, as a share of `Weights.near`: five tolerances of OSQP."""
 
 
 class Status(IntEnum):
@@ -173,7 +174,7 @@ class Status(IntEnum):
 
     SOLVED = 0
     NEAR = 1
-    """Solved, but the flight decided on comes nearer to where another would fly than asked."""
+    """Solved, but the flight comes nearer to another's predicted flight than asked."""
     REFUSED = 2
     """Not solved: the vehicle flies its first guess."""
     HELD = 3
@@ -182,16 +183,16 @@ class Status(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class PredictiveOptions:
-    """How guidance `mpc` decides.
+    """Options of guidance `mpc`.
 
     Attributes
     ----------
     interval : s between decisions
-    steps : of the horizon
+    steps : number of steps of the horizon
     margin : m added to the separation asked, for the uncertainty of estimates
-    neighbours : others that a vehicle keeps away from at each step, the nearest
+    neighbours : number of nearest vehicles to keep away from at each step
     change_share : share of its range by which a command may change in a step
-    near_share : of the radius: beyond, errors count by the logarithm of their size
+    near_share : share of the radius beyond which errors count by the logarithm of their size
     heading, effort, shortfall : weights of the objective, see `predictive_program`
     """
 
@@ -215,8 +216,8 @@ class Decision:
     commands : (n, 2) speed through the air in m/s, turn rate in rad/s
     status : (n,) of Status
     flights : (n, N, 2) commands of the whole horizon
-    poses : (n, N + 1, 3) where these lead in the wind as estimated, in m and rad
-    shortfalls : (n,) m, by how much a flight is nearer to where others would fly than asked
+    poses : (n, N + 1, 3) m, m, rad, resulting poses in the estimated wind
+    shortfalls : (n,) m, separation that a flight lacks from the predicted flights of others
     iterations : (n,) of OSQP
     """
 
@@ -237,7 +238,7 @@ class Memory:
     Attributes
     ----------
     time : s, of the last decision
-    known : (n,) who decided then
+    known : (n,) which vehicles decided then
     flights : (n, N, 2) commands
     multipliers : (n, 4N) of the programs
     """
@@ -251,7 +252,7 @@ class Memory:
 
 
 class PredictiveGuidance:
-    """Decides for one team in one flight; one thread at a time."""
+    """Guidance `mpc` of one team in one flight, for one thread at a time."""
 
     def __init__(
         self, orbits: Orbits, limits: FlightLimits, options: PredictiveOptions | None = None
@@ -287,9 +288,9 @@ class PredictiveGuidance:
     ) -> Decision:
         """Return the team's commands from `time` s on.
 
-        `poses` (n, 3) m, m, rad and `winds` (n, 2) m/s are estimates, `before` (n, 2) is what was
-        commanded last, `held` (n,) says who does not steer, `moved` (n, 2) m how far from its place
-        each circle is flown.
+        `poses` (n, 3) m, m, rad and `winds` (n, 2) m/s are estimates, `before` (n, 2) are the last
+        commands, `held` (n,) marks vehicles that do not steer, and `moved` (n, 2) m is the shift of
+        each circle from its place.
         """
         n, circles, aim = len(poses), self._circles, self._aim
         held = np.zeros(n, dtype=np.bool_) if held is None else held
@@ -320,7 +321,7 @@ class PredictiveGuidance:
         )
 
     def _state(self, time: float, poses: Array, before: Array, held: Flags) -> TeamState:
-        """State of the team now; the last decision counts only if it is one of the past."""
+        """Present state of the team; the last decision counts only if it is not in the future."""
         last, (least, most, _) = self.memory, self._aim.bounds
         known = last.known & (last.time <= time)
         steps = (time - last.time) / self._step
@@ -329,7 +330,7 @@ class PredictiveGuidance:
         return TeamState(estimates, within, held, last.flights, known, steps)
 
     def _solve(self, i: int, state: TeamState) -> tuple[Solution, float, int]:
-        """Fill in the flight of vehicle i; return the solution, m of shortfall and iterations."""
+        """Fill in the flight of vehicle i; return solution, shortfall in m and iterations."""
         program = Program(*(part[i] for part in self._programs))
         (seen, guesses, _), weights = self._flights, self._aim.weights
         solution = self._free.solve(program, self.memory.multipliers[i])
@@ -352,12 +353,12 @@ class PredictiveGuidance:
         return apart._replace(multipliers=solution.multipliers), short, iterations
 
     def _improve(self, i: int, change: Array, state: TeamState) -> float:
-        """Fill in the flight of vehicle i with the best share of a change; return m it lacks."""
+        """Fill in the flight of vehicle i by a share of a change; return its shortfall in m."""
         return improve_flight(i, change, state.before[i], self._flights, self._aim)
 
 
 def _laws(orbits: Orbits, limits: FlightLimits, step: float) -> Laws:
-    """Gains of `track`, as far as steps are short enough for them."""
+    """Gains of `track`, reduced where steps are too long for them."""
     gains = tracking_gains(orbits, limits)
     heading = min(gains.heading, MOST_GAIN / step)
     return Laws(step, 0.25 * heading, heading, 1.0 / step, gains.closing_speeds)
@@ -391,7 +392,7 @@ def _foreseen(count: int, steps: int) -> Predicted:
 
 
 def _programs(count: int, steps: int, neighbours: int) -> Program:
-    """Room for the programs of a team; without separation they take the first part of each."""
+    """Arrays for the programs of a team; without separation only their first parts are used."""
     apart = steps * neighbours
     entries = 2 * steps + 2 * (2 * steps - 1) + steps + apart * (steps + 1) + apart
     rows = 5 * steps + apart

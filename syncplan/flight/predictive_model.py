@@ -1,12 +1,12 @@
-"""Predicted flights: what commands over a horizon lead to, and laws for a first guess of them.
+"""Predicted flights: poses that follow from commands over a horizon, and laws for first guesses.
 
 Time goes in steps of h. With commands (v, w), held over a step, and steady air,
 
     psi_k+1 = psi_k + h w,    p_k+1 = p_k + h (v s(a) e(psi_k + a) + wind),    a = h w / 2
 
-exactly, s(a) = sin(a) / a. Commands stay within limits, and so do their changes from step to step,
-whichever law they come from. Laws: `track`, as in `reference_tracking` but for whole steps;
-`intercept`, which flies at full speed to where the plan will be when the vehicle can be there.
+exactly, with s(a) = sin(a) / a. Commands and their changes from step to step stay within limits
+under every law. Laws: `track`, as in `reference_tracking` but for whole steps; `intercept`, which
+flies at full speed to the first place of the plan that the vehicle can reach in time.
 
 Kernels for a team; arrays begin with the vehicle.
 """
@@ -19,10 +19,10 @@ from syncplan.estimation.kernels import inner, kernel
 from syncplan.flight.flight_setup import Circles
 
 SEARCHED = 2
-"""Horizons that are searched for a place to intercept the plan at."""
+"""Number of horizons searched for a place to intercept the plan at."""
 
 NEAR = 2.0
-"""Steps below which the plan is not intercepted any more, but tracked."""
+"""Steps ahead up to which the plan is tracked instead of intercepted."""
 
 
 class Bounds(NamedTuple):
@@ -31,7 +31,7 @@ class Bounds(NamedTuple):
     Fields
     ------
     least, most : (n, 2) of speeds in m/s, turn rates in rad/s
-    changes : (n, 2) most change from a step to the next
+    changes : (n, 2) largest change from one step to the next
     """
 
     least: Array
@@ -47,7 +47,7 @@ class Laws(NamedTuple):
     step : s, h
     place, heading : 1/s, gains of the tracking law
     turning : 1/s, gain of the heading while intercepting
-    closing : (n,) m/s
+    closing : (n,) m/s, largest closing speed
     """
 
     step: float
@@ -58,7 +58,7 @@ class Laws(NamedTuple):
 
 
 class Course(NamedTuple):
-    """The plan as flown in the air of this moment; N steps in the horizon.
+    """The plan as flown in the present wind, over a horizon of N steps.
 
     Fields
     ------
@@ -165,7 +165,7 @@ def _tracking(i: int, k: int, pose: Array, course: Course, laws: Laws) -> tuple[
 def _intercepting(
     i: int, k: int, pose: Array, course: Course, laws: Laws, fastest: float
 ) -> tuple[float, float]:
-    """Return the command that flies at `fastest` m/s to where the plan can be met first."""
+    """Return the command that flies at `fastest` m/s to the first place to meet the plan."""
     wind, steps = course.winds[i], course.places.shape[1] - 1
     for ahead in range(1, steps - k + 1):
         time = ahead * laws.step
@@ -209,7 +209,7 @@ def foresee(
 
 @inner
 def shift(values: Array, steps: float, shifted: Array) -> int:
-    """Fill in values (N, d), held over steps, later by `steps`; return how many are known."""
+    """Fill in values (N, d), held over steps, `steps` later; return the number known."""
     whole = math.floor(steps + 1e-9)
     part = max(steps - whole, 0.0)
     last = len(values) - 1

@@ -1,19 +1,19 @@
-"""The quadratic program of one vehicle: how to change a predicted flight for the better.
+"""The quadratic program of one vehicle, which improves a predicted flight.
 
 Variables: changes of the guessed commands, x = (dv_0 .. dv_N-1, dw_0 .. dw_N-1) in units of the
 plan's own speed V and rate; with separation also s >= 0, N shortfalls.
 
-Objective, of the exact flight as of the program that is its model:
+Objective, of the exact flight and of the program that models it:
 
     sum_m f(|e_m|) + heading (1 - cos(psi_N - plan's)) + effort / 2 sum_k (dev v_k^2 + dev w_k^2)
                    + shortfall sum of what separation lacks / near,
     f(e) = log(1 + (e / near)^2) / 2
 
-e_m is the error of place after m steps, along and across the circle alike; dev is off what the
-plan needs in this air, in units of V and rate. f counts near errors by their square and hardly
-distinguishes far ones, so the sum is about the time that is spent away from the plan's place, and
-its least a return in little more than the least time. In the program it is f's quadratic majorant
-at the guess, |e_m|^2 / 2 with the weight 1 / (near^2 + |guessed e_m|^2).
+e_m is the error of place after m steps, along and across the circle alike; dev is the deviation
+from the commands that the plan needs in this wind, in units of V and rate. f counts near errors by
+their square and hardly distinguishes far ones. The sum is therefore about the time spent away from
+the plan's place, and its minimum a return in little more than the least time. The program has f's
+quadratic majorant at the guess, |e_m|^2 / 2 with the weight 1 / (near^2 + |guessed e_m|^2).
 
 Displacements in closed form. With d_k the way through the air in step k, g_m = d_0 + .. + d_m-1
 and J a quarter turn,
@@ -22,7 +22,7 @@ and J a quarter turn,
 
 so the Hessian needs sums over m > max(k, l) of q_m, q_m g_m and q_m |g_m|^2 alone.
 
-Separation: of each step m the neighbours that come nearest, u the direction away from one,
+Separation, for the nearest neighbours at each step m, with u the direction away from one:
 u dp_m / near >= (asked - distance) / near - s_m / sqrt(shortfall),
 which keeps s of the same size as x.
 
@@ -46,11 +46,11 @@ class Weights(NamedTuple):
     Fields
     ------
     near : (n,) m, size of errors up to which their square counts
-    heading, effort : plain numbers
-    shortfall : what a lack of `near` of separation costs
+    heading, effort : dimensionless
+    shortfall : cost of lacking `near` of separation
     speeds : (n,) m/s, V
     rate : rad/s
-    separations : (n,) m, what each vehicle asks of its distance from others; 0 for nothing
+    separations : (n,) m, distance from others that each vehicle asks; 0 for none
     step : s
     """
 
@@ -73,7 +73,7 @@ class Program(NamedTuple):
     gradient : q
     rows : data of A, column by column
     lower, upper : of the rows
-    scale : (1,) by which the objective is multiplied
+    scale : (1,) factor of the objective
     """
 
     hessian: Array
@@ -88,7 +88,7 @@ class Program(NamedTuple):
 def _asked_distance(i: int, j: int, m: int, poses: Array, weights: Weights) -> float:
     """Return the distance in m asked of vehicles i and j after m steps.
 
-    Half a step away they are then no nearer than the separation, if they fly straight.
+    Within half a step of it they are then no nearer than the separation, if they fly straight.
     """
     x = (poses[i, m, 0] - poses[i, m - 1, 0]) - (poses[j, m, 0] - poses[j, m - 1, 0])
     y = (poses[i, m, 1] - poses[i, m - 1, 1]) - (poses[j, m, 1] - poses[j, m - 1, 1])
@@ -97,7 +97,7 @@ def _asked_distance(i: int, j: int, m: int, poses: Array, weights: Weights) -> f
 
 @kernel
 def _shortfall_of(i: int, own: Array, poses: Array, weights: Weights) -> tuple[float, float]:
-    """Return by how many m flight `own` (N + 1, 3) is too near others: in sum, and at most."""
+    """Return the separation in m that flight `own` (N + 1, 3) lacks: its sum and its largest."""
     total, most = 0.0, 0.0
     if weights.separations[i] <= 0.0:
         return total, most
@@ -116,7 +116,7 @@ def _shortfall_of(i: int, own: Array, poses: Array, weights: Weights) -> tuple[f
 def cost_of(
     i: int, commands: Array, own: Array, poses: Array, course: Course, weights: Weights
 ) -> tuple[float, float]:
-    """Return the objective of a flight of vehicle i, and by how many m it is too near others.
+    """Return the objective of a flight of vehicle i, and the largest separation in m it lacks.
 
     `commands` (N, 2), `own` (N + 1, 3) are its flight; `poses` (n, N + 1, 3) the others'.
     """
@@ -239,7 +239,7 @@ def write_program(
 
 @kernel
 def _nearest(i: int, m: int, own: Array, poses: Array, weights: Weights, chosen: Index) -> None:
-    """Fill in who comes least above the distance asked of flight `own` at step m; -1 for nobody."""
+    """Fill in the vehicles with least margin over the distance asked at step m; -1 for none."""
     chosen[:] = -1
     margins = np.full(len(chosen), np.inf)
     for j in range(len(poses)):
@@ -267,10 +267,10 @@ def write_separation(
     neighbours: int,
     program: Program,
 ) -> None:
-    """Fill in, after `write_program`, what separation adds to P, q and the rows.
+    """Add separation to P, q and the rows, after `write_program`.
 
-    `starts` (3N,) says where in A's data the rows of separation begin in each column; `poses`
-    (n, N + 1, 3) are the others' predicted flights.
+    `starts` (3N,) is the place in A's data where the rows of separation begin in each column;
+    `poses` (n, N + 1, 3) are the others' predicted flights.
     """
     steps, near = len(commands), weights.near[i]
     penalty = math.sqrt(weights.shortfall) * program.scale[0]

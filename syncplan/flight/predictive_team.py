@@ -1,7 +1,7 @@
-"""A team's programs: first guesses of all flights and the programs about them; then what comes out.
+"""Programs of a team: first guesses of all flights, programs about them, and resulting flights.
 
-Each vehicle looks at where the others would fly by what they decided last, so programs do not
-depend on each other within a step, nor on the order of vehicles.
+Each vehicle assumes that the others fly by their last decisions. Programs therefore depend neither
+on each other within a step nor on the order of vehicles.
 """
 
 from typing import NamedTuple
@@ -23,11 +23,11 @@ from syncplan.flight.predictive_model import (
 from syncplan.flight.predictive_program import Program, Weights, cost_of, write_program
 
 SHARES = (1.0, 0.5, 0.25, 0.125)
-"""Of the step that the program asks for, the best is taken."""
+"""Shares of the program's change to try; the first that improves the flight is taken."""
 
 
 class Aim(NamedTuple):
-    """What flights of a team are predicted and judged by."""
+    """Plan, laws, limits and weights by which flights of a team are predicted and judged."""
 
     course: Course
     laws: Laws
@@ -40,9 +40,9 @@ class TeamFlights(NamedTuple):
 
     Fields
     ------
-    seen : by what was decided last
+    seen : flights by the last decisions
     guesses : first guesses
-    found : as they come out
+    found : resulting flights
     """
 
     seen: Predicted
@@ -58,8 +58,8 @@ class TeamState(NamedTuple):
     poses : (n, 3) m, m, rad estimated
     before : (n, 2) commands of the step before, within limits
     held : (n,) which vehicles do not steer
-    decided : (n, N, 2) commands as decided last
-    known : (n,) whether they were
+    decided : (n, N, 2) commands of the last decision
+    known : (n,) which vehicles have decided
     later : steps of the horizon since then
     """
 
@@ -91,9 +91,9 @@ def _copy_pose(pose: Array, into: Array) -> None:
 def _foresee_decided(
     i: int, state: TeamState, course: Course, laws: Laws, bounds: Bounds, seen: Predicted
 ) -> None:
-    """Fill in where vehicle i flies by what it decided last; one that is held stays where it is.
+    """Fill in the flight of vehicle i by its last decision; a held vehicle stays where it is.
 
-    It stays as `truth` has it: at its least speed, and if that is not zero in a circle.
+    It stays as in `truth`: at its least speed and, if that is not zero, in a circle.
     """
     commands, poses = seen.commands[i], seen.poses[i]
     _copy_pose(state.poses[i], poses[0])
@@ -109,7 +109,7 @@ def _foresee_decided(
 
 @kernel
 def guess_flights(state: TeamState, flights: TeamFlights, aim: Aim, programs: Program) -> None:
-    """Fill in the flights foreseen, the best first guess of each, and the program about it."""
+    """Fill in flights by the last decisions, the best first guess of each, and its program."""
     (seen, guesses, _), (course, laws, bounds, weights) = flights, aim
     n = len(state.poses)
     for i in range(n):
@@ -142,10 +142,10 @@ def guess_flights(state: TeamState, flights: TeamFlights, aim: Aim, programs: Pr
 
 @kernel
 def improve_flight(i: int, change: Array, before: Array, flights: TeamFlights, aim: Aim) -> float:
-    """Fill in a flight of vehicle i that is better than its guess, changed by a share of `change`.
+    """Fill in the flight of vehicle i, its guess improved by a share of `change`.
 
-    `change` (2N,) is in units of the plan's speed and rate. Returns by how many m the flight is too
-    near others. It is exact and within limits; it is the guess where no share makes that better.
+    `change` (2N,) is in units of the plan's speed and rate. Returns the separation in m that the
+    flight lacks. The flight is exact and within limits; it is the guess if no share improves that.
     """
     (seen, guesses, found), (course, laws, bounds, weights) = flights, aim
     guess, steps = guesses.commands[i], guesses.commands.shape[1]

@@ -1,6 +1,6 @@
 """Reference of guidance `track` in plain NumPy: a pose-tracking law with saturation.
 
-With place p and velocity V over ground that the plan has now, estimates marked ^, e = p - p^:
+With the plan's present place p and velocity V over ground, estimates marked ^, e = p - p^:
 
     u   = V + e kp, at most `closing` m/s of it, - w^        wanted velocity through the air
     v   = |u| cos(turn), not below 0                         turn = direction of u - psi^, wrapped
@@ -12,9 +12,9 @@ Linearised, it is the law of Kanayama with K_x = kp, K_theta = k_psi / v, K_y = 
 
 Gains are rates, so they scale with the plan's rate alone: kp = 2 rate forgets an error along the
 track in a twelfth of a period. Commands that act late, by a sample and the lag of the response,
-lower both: turning towards a heading then takes twice that at least. What scales with the radius is
-the speed, and with it the limit to closing: what the largest speed leaves beside the plan's own, at
-most the plan's own.
+lower both: turning towards a heading then takes at least twice that delay. The limit to closing
+scales with the radius, as the speed does: it is the largest speed less the plan's own, at most the
+plan's own.
 
 Source: Kanayama, Kimura, Miyazaki, Noguchi (1990), A stable tracking control method for an
 autonomous mobile robot, equation 8.
@@ -29,16 +29,16 @@ from syncplan.flight.flight_setup import FlightLimits
 from syncplan.orbits.circles import Orbits, cross, dot, perpendicular, phase, unit, wrap
 
 TRACKING_RATE = 2.0
-"""Gain kp in times the plan's rate, where commands act at once."""
+"""Gain kp as a multiple of the plan's rate, where commands act at once."""
 
 DELAYS_OF_GAIN = 2.0
-"""The law turns towards its heading over at least so many times what commands are late."""
+"""Least time to turn towards a heading, as a multiple of the delay of commands."""
 
 LEAST_CLOSING = 0.25
-"""A vehicle closes in on its place at this share of its speed even where limits leave no more."""
+"""Closing speed, as a share of the plan's, that is kept even where limits leave less."""
 
 STILL = 0.05
-"""Share of the plan's speed below which the direction of the wanted velocity says nothing."""
+"""Share of the plan's speed below which the direction of V - w^ is meaningless."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -49,7 +49,7 @@ class TrackingGains:
     ----------
     place : 1/s, kp
     heading : 1/s, k_psi
-    closing_speeds : (n,) m/s, at most so fast a vehicle closes in on its place
+    closing_speeds : (n,) m/s, largest speed at which a vehicle closes in on its place
     """
 
     place: float

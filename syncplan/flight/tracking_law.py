@@ -1,7 +1,7 @@
-"""The tracking law: commands from an estimate, towards the place that the plan has for this moment.
+"""The tracking law: commands from an estimate, towards the plan's present place.
 
-With place p and velocity V over ground that the plan has now, estimates marked ^, e = p - p^ and
-the estimated velocity of the air w^ (wind and the vehicle's own gust, where these are states),
+With the plan's present place p and velocity V over ground, estimates marked ^, e = p - p^ and the
+estimated velocity of the air w^ (wind and the vehicle's own gust, where these are states),
 
     u   = V + e kp, at most `closing` m/s of it, - w^        wanted velocity through the air
     v   = |u| cos(turn), not below 0                         turn = direction of u - psi^, wrapped
@@ -16,14 +16,14 @@ Source: Kanayama, Kimura, Miyazaki, Noguchi (1990), A stable tracking control me
 autonomous mobile robot, equation 8.
 
 To keep in contact, circles move to their anchors where places are uncertain. A vehicle is sure to
-meet its anchor while its place relative to it, in the direction of the anchor, stays known to some
-standard deviations within the slack of their meeting. Where it is not, its circle is moved towards
-the anchor by what is missing, and so is every circle that is anchored in it: a part of the team
-that has lost its landmarks moves as one and stays together. As soon as a sighting has shown where
-vehicles are, their circles are back in their places.
+meet its anchor while some standard deviations of its place relative to the anchor, in the direction
+of the anchor, stay within the slack of their meeting. Otherwise its circle moves towards the anchor
+by the difference, and so does every circle anchored in it: a part of the team that has lost its
+landmarks moves as one and stays together. Once a sighting has reduced the uncertainty, the circles
+return to their places.
 
-It takes time to move. So what counts is how well the place would be known `lead` s from now without
-a sighting, with the air's velocity as unsure as it is.
+Moving takes time. The uncertainty that counts is therefore that of the place `lead` s from now
+without a sighting, given the present uncertainty of the air's velocity.
 """
 
 import math
@@ -35,7 +35,7 @@ from syncplan.estimation.kernels import Lanes, inner, lean
 from syncplan.flight.flight_setup import Circles, Contact, Law
 
 STILL = 0.05
-"""Share of the plan's speed below which the direction of the wanted velocity says nothing."""
+"""Share of the plan's speed below which the direction of V - w^ is meaningless."""
 
 
 @inner
@@ -49,7 +49,7 @@ def command_plan(circles: Circles, commands: Array, lanes: Lanes) -> None:
 
 @inner
 def _air_at(x: Array, i: int, axis: int, states: States, lane: int) -> float:
-    """The velocity of the air at vehicle i along an axis, m/s."""
+    """Velocity of the air at vehicle i along an axis, in m/s."""
     air = 0.0
     for m in range(states.first[i], states.first[i + 1]):
         if states.acts[m] == DRIFT and states.axes[m, 0] == axis:
@@ -100,7 +100,7 @@ def track(
             commands[i, 1, lane] = ahead + law.heading_gain * turn
 
 
-# --- a team that flies by itself ------------------------------------------------------------------
+# --- commands within limits -----------------------------------------------------------------------
 
 
 @lean
@@ -143,9 +143,9 @@ def _add_place(
     entries: Array,
     count: int,
 ) -> int:
-    """Add how the place ahead of vehicle i, in a direction, hangs on states; return the count.
+    """Add the dependence of vehicle i's place ahead, in a direction, on states; return the count.
 
-    What all vehicles share counts only where the place is taken `apart` from the others'.
+    Common states count only if the place is taken `apart`, not relative to another vehicle.
     """
     for axis in range(2):
         columns[count], entries[count, 0] = 3 * i + axis, sign * toward[axis]
@@ -172,10 +172,10 @@ def move_circles(
     work: Correction,
     lanes: Lanes,
 ) -> None:
-    """Move circles, `moved` (n, 2, lanes) m, by what the covariance P now says, a lower triangle.
+    """Update the shifts `moved` (n, 2, lanes) m of circles from the covariance P, a lower triangle.
 
-    `heard` (n, lanes) are the steps of the last sighting of each vehicle that was taken in;
-    `sought` (n, lanes) counts steps; `work` is scratch.
+    `heard` (n, lanes) are the steps of each vehicle's last processed sighting; `sought` (n, lanes)
+    counts steps with a shift of its own; `work` is scratch.
     """
     n, leads, anchors = len(heard), (contact.lead, contact.gust_lead), contact.anchors
     columns, entries = work.columns, work.entries

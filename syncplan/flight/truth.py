@@ -1,15 +1,15 @@
-"""The truth in flight: how vehicles move, who sees whom, and what they read.
+"""The truth in flight: motion of vehicles, their sightings and their readings.
 
-A target is sighted when it is within range, in view and not hidden, its vehicle's turn to look has
-come, and the sighting is neither missed nor lost on its way. Trials differ in that, lanes do not: a
-pair that meets in any lane is recorded for all of them, as NaN where there is no sighting.
+A target is sighted when it is within range, in view and not hidden, a sighting is due, and it is
+neither missed nor lost on its way. Sightings differ between trials, but all lanes share their
+rows: a pair that meets in any lane is recorded for all of them, as NaN where there is no sighting.
 
-Numbers of a sighting are those of its key: two normal ones for bearing and distance, one that
-decides whether it is made, one that decides whether it is false. A compass has those of its own
-vehicle as target.
+The random numbers of a sighting are those of its key: two normal ones for bearing and distance, one
+that decides whether it is made, one that decides whether it is false. A compass has those of its
+own vehicle as target.
 
-A vehicle whose clock is off by delta reads what is there delta later, when all go on as in the last
-sample; who is in sight is decided by the stamp.
+A vehicle whose clock is off by delta measures the scene delta later, with all motion continued as
+in the last sample; the stamp decides which bodies are in sight.
 
 Vehicles obey commands late, with noise and errors, in moving air. A command (v, w), air speed and
 turn rate, is kept within the limits. The response follows it with a first-order lag. Over a sample
@@ -19,10 +19,10 @@ T the vehicle flies the exact arc of its mean response,
     measured     v = (1 + scale) response,              w = response + bias
 
 and drifts with the air by T (wind + gust). Its reading is the mean response, with the noise where
-readings are measured: what the filter makes of it, (1 + scale) v and w + bias, is off by the noise.
+readings are measured: the filter's motion from it, (1 + scale) v and w + bias, is off by the noise.
 
-A vehicle that is held stands still over ground as far as its limits and the air let it: it
-commands the least speed that it can fly and, if that is not zero, its largest turn rate.
+A held vehicle stands still over ground as far as its limits and the air allow: it commands the
+least speed that it can fly and, if that is not zero, its largest turn rate.
 """
 
 import math
@@ -37,11 +37,11 @@ from syncplan.flight.flight_setup import Eyes, FlightSetup, Flown
 from syncplan.flight.keyed_noise import Word, normal_pair, uniform, words_at
 from syncplan.orbits.contacts import BOUNDARY_SLACK
 
-# --- how vehicles move ----------------------------------------------------------------------------
+# --- motion ---------------------------------------------------------------------------------------
 
 
 NEAR_SHARE = 1e-3
-"""Of the range between two limits: so near to one a command is at it."""
+"""Share of the range between two limits within which a command is at one of them."""
 
 
 @inner
@@ -117,7 +117,7 @@ LOW_HALF = np.uint64(0xFFFFFFFF)
 def sight_truly(
     flight: FlightSetup, flown: Flown, step: int, setup: FilterSetup, sightings: Array, lanes: Lanes
 ) -> None:
-    """Record the sightings of a step: of what, in `setup`, and what they read, in `sightings`."""
+    """Record the sightings of a step: their bodies in `setup`, their values in `sightings`."""
     eyes, mishaps = flight.eyes, flight.mishaps
     ranges, landmarks, gone = eyes.ranges, eyes.landmarks, mishaps.gone_from
     path, first, n = flown.path, setup.first, len(ranges)
@@ -165,7 +165,7 @@ def _is_due(flight: FlightSetup, kind: int, o: int, step: int) -> bool:
 def _is_near(
     pose: Array, landmarks: Array, within: float, o: int, t: int, away: Array, lanes: Lanes
 ) -> bool:
-    """Fill in the way to the target and, as its third, whether it is in range; in any lane."""
+    """Fill in `away`: way to the target, and whether in range; return whether in any lane."""
     n, found = len(pose), 0.0
     reach = (within * (1.0 + BOUNDARY_SLACK)) ** 2
     for lane in range(len(lanes)):
@@ -182,7 +182,7 @@ def _is_near(
 
 @inner
 def _look(eyes: Eyes, pose: Array, o: int, away: Array, lanes: Lanes) -> bool:
-    """Leave in sight what is in view and not hidden of what is in range; in any lane."""
+    """Clear in `away` targets out of view or hidden; return whether any lane keeps one."""
     found = False
     for lane in range(len(lanes)):
         if away[2, lane] > 0.0 and not _in_view(eyes, o, pose, away[0, lane], away[1, lane], lane):
@@ -193,7 +193,7 @@ def _look(eyes: Eyes, pose: Array, o: int, away: Array, lanes: Lanes) -> bool:
 
 @inner
 def _in_view(eyes: Eyes, o: int, pose: Array, dx: float, dy: float, lane: int) -> bool:
-    """Whether what is (dx, dy) from vehicle o, and within range, is in view and not hidden."""
+    """Whether a body (dx, dy) from vehicle o, and within range, is in view and not hidden."""
     half = eyes.half_views[o]
     if half < math.pi:
         axis = pose[o, 2, lane] + eyes.boresights[o]
@@ -205,7 +205,7 @@ def _in_view(eyes: Eyes, o: int, pose: Array, dx: float, dy: float, lane: int) -
 
 @inner
 def _is_hidden(eyes: Eyes, x: float, y: float, dx: float, dy: float) -> bool:
-    """Whether an obstacle is between a place and one (dx, dy) from it: it crosses an edge."""
+    """Whether the way (dx, dy) from a place crosses an obstacle or has its middle inside one."""
     for k in range(len(eyes.first_corner) - 1):
         begin, end = eyes.first_corner[k], eyes.first_corner[k + 1]
         before, inside = end - 1, False
@@ -236,7 +236,7 @@ def _read_compass(
     sightings: Array,
     lanes: Lanes,
 ) -> None:
-    """Record what vehicle o reads of its own heading."""
+    """Record the compass reading of vehicle o."""
     sigma = flight.eyes.sigmas[COMPASS_KIND, o]
     s = _new_row(flown, setup, COMPASS_KIND, o, o, flight.eyes.taken[COMPASS_KIND, o])
     for lane in range(len(lanes)):
@@ -250,7 +250,7 @@ def _read_compass(
 
 @inner
 def _shift(shifts: Array, step: int, o: int, lane: int) -> float:
-    """What is added to a kind of sighting that vehicle o makes at a step."""
+    """Error added to a kind of sighting that vehicle o makes at a step."""
     return float(shifts[min(step, len(shifts) - 1), o, lane])
 
 
@@ -274,7 +274,7 @@ def _read(
     away: Array,
     sightings: Array,
 ) -> None:
-    """Record what vehicle o reads of body t, where it is in sight.
+    """Record the readings of body t by vehicle o, where it is in sight.
 
     `rows` of `sightings` are those of bearing and distance, -1 for one that is not due.
     """
@@ -319,11 +319,11 @@ def _read(
 
 @inner
 def _further(path: Array, step: int, i: int, later: float, lane: int) -> tuple[float, float, float]:
-    """How far vehicle i goes on in `later` samples, m, and turns, rad, as in the last sample."""
+    """Way, m, and turn, rad, of vehicle i in `later` samples, continued as in the last one."""
     dx = path[step, i, 0, lane] - path[step - 1, i, 0, lane]
     dy = path[step, i, 1, lane] - path[step - 1, i, 1, lane]
     turn = path[step, i, 2, lane] - path[step - 1, i, 2, lane]
-    # from the middle of the last sample to the middle of what follows
+    # from the middle of the last sample to the middle of the continuation
     cos, sin = math.cos(0.5 * turn * (1.0 + later)), math.sin(0.5 * turn * (1.0 + later))
     return later * (cos * dx - sin * dy), later * (sin * dx + cos * dy), later * turn
 
@@ -338,9 +338,9 @@ def _misread(
     away: Array,
     lane: int,
 ) -> tuple[float, float, float, int]:
-    """The way to what is truly sighted, the direction in view of a false bearing, or 7, and what.
+    """Way to the true target, direction in view of a false bearing, or 7, and the true target.
 
-    What is taken for the target is the next vehicle, by number, that is in sight as well.
+    The vehicle mistaken for the target is the next one, by number, that is also in sight.
     """
     eyes, mishaps, pose, (o, t) = flight.eyes, flight.mishaps, path[step], pair
     chance = float(word >> HALF_WORD) / 4294967296.0

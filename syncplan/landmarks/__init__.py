@@ -1,6 +1,6 @@
-"""Which of several candidate sites landmarks should be set at.
+"""Choice of landmark sites among candidates.
 
-site_information   what each site would add
+site_information   information that each site would add
 site_search        the convex relaxation and its bound, rounding, swaps, proof
-site_choice        candidates as the user gives them, and the choice, judged
+site_choice        the user's candidates, and the choice with its judged plan
 """

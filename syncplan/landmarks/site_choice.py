@@ -1,4 +1,4 @@
-"""Landmark sites: which k of given candidates leave the worst vehicle the smallest window bound.
+"""Choice of the k candidate sites that minimise the window bound of the worst vehicle.
 
 relax     shares and a bound that no choice can beat         syncplan.landmarks.site_search
 search    round the shares, swap sites, prove if possible    syncplan.landmarks.site_search
@@ -29,7 +29,7 @@ from syncplan.scenario.specification import Scenario
 
 
 class CandidateSites(Section):
-    """Sites that landmarks could be set at."""
+    """Candidate sites for landmarks."""
 
     candidates_m: ListedOrNamed = Field(
         description="Positions [x, y]: a list (S1, S2, ...) or a mapping of names",
@@ -50,7 +50,7 @@ def load_candidates(path: str | Path) -> dict[str, Point]:
 def named_candidates(values: Any, *, source: str = "") -> dict[str, Point]:
     """Return candidates by name, in m, from a list or array (S, 2) or a mapping of names.
 
-    Those without names are called S1, S2, ... Raises InputError.
+    Sites without names are called S1, S2, ... Raises InputError.
     """
     wrapped = isinstance(values, Mapping) and set(values) == {"candidates_m"}
     document = {"candidates_m": _plain(values["candidates_m"] if wrapped else values)}
@@ -66,7 +66,7 @@ def named_candidates(values: Any, *, source: str = "") -> dict[str, Point]:
 
 
 def _plain(values: Any) -> Any:
-    """Arrays and tuples, by themselves or as values of a mapping, as lists."""
+    """Convert arrays and tuples to lists, also as values of a mapping."""
     if isinstance(values, Mapping):
         return {name: _plain(value) for name, value in values.items()}
     if isinstance(values, np.ndarray):
@@ -98,17 +98,17 @@ def new_sites(
 
 @dataclass(frozen=True, slots=True, repr=False)
 class SiteChoice(Result):
-    """The chosen sites, what they reach, and what no choice can.
+    """Chosen sites, their window bound, and a lower bound for every choice.
 
     Attributes
     ----------
     chosen : indices into the candidates, ascending
     value : m, window bound of the worst vehicle with the chosen sites, by the exact code
-    bound : m, no choice of as many sites has a smaller value; from the convex relaxation
+    bound : m, lower bound on the value of any choice of as many sites; from the convex relaxation
     gap : value / bound - 1
     proven : whether every other choice was tried or ruled out: none is better
-    shares : (S,) the relaxation's, in [0, 1]
-    seen_by : (S,) how many vehicles see each candidate
+    shares : (S,) of the relaxation, in [0, 1]
+    seen_by : (S,) number of vehicles that see each candidate
     names, candidates : of all S candidates; (S, 2) m
     before : (n,) m, window bound of each vehicle without the sites; NaN where not determined
     plan : judged with the scenario's landmarks and the chosen sites
@@ -127,7 +127,7 @@ class SiteChoice(Result):
     plan: Plan
 
     def __repr__(self) -> str:
-        """Return one line: the sites, what they reach, and what no choice can beat."""
+        """Return one line: the sites, their value and the lower bound."""
         sites = ", ".join(self.names[k] for k in self.chosen[:8])
         more = f" and {len(self.chosen) - 8} more" if len(self.chosen) > 8 else ""
         return (
@@ -149,10 +149,10 @@ def choose_landmarks(
 ) -> SiteChoice:
     """Return the `choose` candidates (S, 2) m that minimise the worst vehicle's window bound.
 
-    Phases do not depend on landmarks: a plan keeps its own. `exhaustive` allows the proof by trying
-    all choices that are not ruled out, where they are few. `bound` is the plan's posterior bound,
-    see syncplan.planning.planner.plan. Raises InputError for unusable candidates, NoSolutionError
-    where no choice found determines every vehicle.
+    Phases do not depend on landmarks: a plan keeps its own. `exhaustive` allows a proof that tries
+    all choices not ruled out, where they are few. `bound` says whether to compute the posterior
+    bound, see syncplan.planning.planner.plan. Raises InputError for unusable candidates,
+    NoSolutionError where no choice found determines every vehicle.
     """
     before = planned(subject, bound="never")
     sites = new_sites(before.scenario, candidates)
@@ -199,7 +199,7 @@ def choose_landmarks(
 def _judged(
     before: Plan, sites: dict[str, Point], chosen: Sequence[int], bound: BoundChoice
 ) -> Plan:
-    """The plan with the chosen sites as further landmarks, on the same orbits."""
+    """Plan with the chosen sites as further landmarks, on the same orbits."""
     names = list(sites)
     given = dict(zip(before.scenario.landmark_names, before.scenario.landmarks, strict=True))
     added = {names[k]: sites[names[k]] for k in chosen}

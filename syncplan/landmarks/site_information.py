@@ -1,17 +1,17 @@
-"""What candidate sites would add: the windowed information as a function of the choice.
+"""Windowed information as a function of the chosen candidate sites.
 
 With x_s the share of candidate s, the information of the team over the window is linear in x,
 
     F(x) = F_fixed + sum_s x_s F_s,
 
 and the window bound of vehicle i is sqrt(f_i), f_i = tr(E_i^T F(x)^-1 E_i), with E_i the columns
-of its position. Its inverse h_i = 1 / f_i, here called precision, is concave and lies below a
-line in x for every matrix U, whatever U is:
+of its position. Its inverse h_i = 1 / f_i, here called precision, is concave. For every matrix U
+it lies below a line in x:
 
     h_i(x) <= tr(U^T F(x) U) / tr(U^T E_i)^2        (Cauchy-Schwarz)
 
-with equality where U = F(x)^-1 E_i. Such a cut is a sum of squares: no cancellation, valid however
-inaccurate U may be, and finite where F(x) is singular and the precision zero.
+with equality where U = F(x)^-1 E_i. Such a cut is a sum of squares, so there is no cancellation.
+It is valid however inaccurate U is, and finite where F(x) is singular and the precision is zero.
 """
 
 from dataclasses import dataclass, replace
@@ -25,10 +25,10 @@ from syncplan.orbits.sightings import sightings_over
 from syncplan.planning.planner import Plan
 
 MOST_CUTS = 8
-"""Cuts are made for this many vehicles, those of least precision, unless fewer are asked for."""
+"""Default number of vehicles, those of least precision, for which cuts are made."""
 
 SAFE_CONDITION = 0.1 / RANK_TOLERANCE
-"""Below this condition number the rank is full by any measure, and no SVD is needed."""
+"""Condition number below which the rank is certainly full, so that no SVD is needed."""
 
 _LOST = 1e-9
 
@@ -41,14 +41,14 @@ class Cuts:
     slopes: Array
 
     def joined(self, others: "Cuts") -> "Cuts":
-        """Return both together."""
+        """Return these cuts followed by the others."""
         return Cuts(
             np.concatenate([self.heights, others.heights]),
             np.concatenate([self.slopes, others.slopes]),
         )
 
     def ceilings(self, subsets: Index) -> Array:
-        """Return (b,) the least of the lines at each of the (b, k) subsets of sites."""
+        """Return the least value (b,) of the lines at each of the (b, k) subsets of sites."""
         least = np.full(len(subsets), np.inf)
         for height, slope in zip(self.heights, self.slopes, strict=True):
             np.minimum(least, height + slope[subsets].sum(axis=1), out=least)
@@ -57,13 +57,13 @@ class Cuts:
 
 @dataclass(frozen=True, slots=True)
 class SiteInformation:
-    """Rows of the windowed matrix: those there are, and those each candidate would add.
+    """Rows of the windowed matrix: the given ones, and those that each candidate would add.
 
     Attributes
     ----------
-    fixed : (r, 3 n) rows of vehicles and given landmarks, over sigma, positions in mean radii
-    blocks : (p, 3, 3) triangular rows of each pair of a vehicle and a candidate it sees
-    vehicles, sites : (p,) the two of each pair
+    fixed : (r, 3 n) rows of vehicles and given landmarks, divided by sigma, positions in mean radii
+    blocks : (p, 3, 3) rows of each pair of a vehicle and a candidate it sees, reduced to three
+    vehicles, sites : (p,) members of each pair
     count, site_count : n, S
     scale : m, the mean radius
     """
@@ -78,11 +78,11 @@ class SiteInformation:
 
     @property
     def seen_by(self) -> Index:
-        """(S,) how many vehicles see each candidate."""
+        """Number (S,) of vehicles that see each candidate."""
         return np.bincount(self.sites, minlength=self.site_count).astype(np.int64)
 
     def rows(self, shares: Array) -> Array:
-        """Return the rows (m, 3 n) at shares (S,) in [0, 1]: F(x) is their square."""
+        """Return the rows A (m, 3 n) at shares (S,) in [0, 1], with F(x) = A^T A."""
         kept = np.flatnonzero(shares[self.sites] > 0.0)
         added = np.zeros((len(kept), 3, self.count, 3))
         weight = np.sqrt(shares[self.sites[kept]])
@@ -92,7 +92,7 @@ class SiteInformation:
         return np.concatenate([self.fixed, added.reshape(-1, 3 * self.count)])
 
     def cut(self, directions: Array, vehicle: int) -> tuple[float, Array]:
-        """Return height and slopes (S,) of the cut of one vehicle from any U (3 n, 2)."""
+        """Return the height and slopes (S,) of one vehicle's cut, from any U (3 n, 2)."""
         overlap = float(np.trace(directions[3 * vehicle : 3 * vehicle + 2]))
         pose = (directions / overlap).reshape(self.count, 3, 2)
         gained = np.sum((self.blocks @ pose[self.vehicles]) ** 2, axis=(1, 2))
@@ -109,7 +109,7 @@ class Evaluation:
     ----------
     precision : (n,) 1 / f_i in mean radii^-2; 0 for a vehicle that is not determined
     rank : of the windowed matrix
-    cuts : of the vehicles of least precision, tangent there
+    cuts : for the vehicles of least precision, tangent at these shares
     """
 
     precision: Array
@@ -150,7 +150,7 @@ def candidate_information(plan: Plan, candidates: Array) -> SiteInformation:
 
 
 def evaluate(information: SiteInformation, shares: Array, most_cuts: int = MOST_CUTS) -> Evaluation:
-    """Return the exact precision of every vehicle at shares (S,) in [0, 1], with some cuts."""
+    """Return the exact precision of all vehicles at shares (S,) in [0, 1], with cuts for some."""
     matrix = information.rows(shares)
     size = 3 * information.count
     root = _inverse_root(matrix, size)
@@ -174,7 +174,7 @@ def evaluate(information: SiteInformation, shares: Array, most_cuts: int = MOST_
 
 
 def _inverse_root(matrix: Array, size: int) -> Array | None:
-    """B with B B^T the inverse of the information; None unless safely of full rank."""
+    """Matrix B for which B B^T is the inverse information; None unless safely of full rank."""
     if len(matrix) < size:
         return None
     triangle = np.linalg.qr(matrix, mode="r")

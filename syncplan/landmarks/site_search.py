@@ -1,23 +1,23 @@
-"""The search for the best choice of sites: relaxation, rounding, swaps, and proof.
+"""Search for the best choice of sites: relaxation, rounding, swaps and proof.
 
-    relax     shares x in [0, 1] that add up to k take the place of a choice
+    relax     replace the choice by shares x in [0, 1] that add up to k
     round     the largest shares, seeded draws, and dropping sites one by one
     swap      one site, then two, for others, while any swap helps
     prove     try all choices that are not ruled out, where they are few enough
 
 The least precision over the vehicles (see syncplan.landmarks.site_information) is concave in x, so
-it is maximised by cutting planes: a linear program over the cuts found so far proposes shares, an
-exact evaluation between them and the best shares known adds new cuts (in-out separation, Ben-Ameur
+it is maximised by cutting planes. A linear program over the cuts found so far proposes shares; an
+exact evaluation between them and the best known shares adds new cuts (in-out separation, Ben-Ameur
 and Neto, 2007, which keeps proposals from swinging between corners).
 
-Any weights on the cuts that add up to one give a line above the least precision; the largest
-value of a line over all choices is its height and its k largest slopes. Whatever accuracy the
-program's multipliers have, the bound computed from them here is true. (The same relaxation as one
-semidefinite program scales badly: on a team of six Clarabel's value is 15 % off unless the
-information is whitened first.)
+Any weights on the cuts that add up to one give a line above the least precision. The largest
+value of a line over all choices is its height plus its k largest slopes. So the bound computed from
+the program's multipliers is valid whatever their accuracy. (The same relaxation as one semidefinite
+program scales badly: on a team of six Clarabel's value is 15 % off unless the information is
+whitened first.)
 
-A choice whose cuts lie below the best known can't be better and is passed over, so searches lose
-nothing by being quick.
+A choice whose cuts lie below the best known precision can't be better, so skipping it loses
+nothing.
 """
 
 from dataclasses import dataclass
@@ -34,14 +34,14 @@ from syncplan.runtime.machine import has_solution, load_cvxpy
 
 @dataclass(frozen=True, slots=True)
 class SiteRelaxation:
-    """The best shares, what they reach, and a line above what any choice can reach.
+    """Best shares found, and a line above the least precision of every choice.
 
     Attributes
     ----------
     shares : (S,) in [0, 1], adding up to k
-    ceiling : no choice of k sites has a least precision above it
+    ceiling : upper bound on the least precision of any k sites
     height, slopes : line above the least precision; its largest value is the ceiling
-    cuts : all found
+    cuts : all cuts found
     """
 
     shares: Array
@@ -51,7 +51,7 @@ class SiteRelaxation:
     cuts: Cuts
 
     def ceilings_with(self, choose: int) -> Array:
-        """Return (S,): no choice of `choose` sites that holds s has a precision above entry s."""
+        """Return upper bounds (S,) on the precision of any `choose` sites that include site s."""
         order = np.sort(self.slopes)[::-1]
         others = order[: choose - 1].sum() if choose > 1 else 0.0
         inside = self.slopes > order[choose - 1]
@@ -60,10 +60,10 @@ class SiteRelaxation:
 
 
 ROUNDS = 200
-"""Most linear programs; the bound is true after any of them."""
+"""Largest number of linear programs; the bound is valid after each of them."""
 
 ACCURACY = 1e-4
-"""Relative difference of the bound's precision from the best shares' at which it is settled."""
+"""Relative gap between the ceiling and the best shares' precision at which it is settled."""
 
 _STEP = 0.5
 
@@ -91,7 +91,7 @@ def relax(information: SiteInformation, choose: int) -> SiteRelaxation:
 
 
 def _lowest_line(cuts: Cuts, weights: Array, choose: int) -> tuple[float, float, Array]:
-    """(ceiling, height, slopes) of that row of weights (w, c) whose line stays lowest."""
+    """Ceiling, height and slopes of the line of lowest ceiling, from rows of weights (w, c)."""
     heights, slopes = weights @ cuts.heights, weights @ cuts.slopes
     ceilings = heights + np.sort(slopes, axis=1)[:, -choose:].sum(axis=1)
     lowest = int(np.argmin(ceilings))
@@ -102,9 +102,9 @@ _STEEPEST = 1e5
 
 
 def _propose(cuts: Cuts, choose: int, ceiling: float) -> tuple[Array, Array] | None:
-    """Shares (S,) that maximise the least of the cuts, and the cuts' multipliers (c,), sum 1."""
+    """Shares (S,) that maximise the lowest cut, and the cuts' multipliers (c,), of sum 1."""
     cp = load_cvxpy()
-    # Variables, in units of the ceiling; steep slopes are held back, for the proposal only
+    # Variables, in units of the ceiling; steep cuts are clipped, for the proposal only
     shares: Any = cp.Variable(cuts.slopes.shape[1])
     least: Any = cp.Variable()
     slopes = np.minimum(cuts.slopes / ceiling, _STEEPEST)
@@ -126,19 +126,19 @@ def _propose(cuts: Cuts, choose: int, ceiling: float) -> tuple[Array, Array] | N
 
 
 MOST_LISTED = 50_000
-"""Choices are tried exhaustively, less those ruled out, up to this many."""
+"""Largest number of choices that are listed, each to be tried or ruled out."""
 
 CUT_VEHICLES = 2
-"""Each evaluation of a choice adds cuts of this many vehicles, the worst."""
+"""Number of vehicles, the worst, for which each evaluation of a choice adds cuts."""
 
 MOST_EVALUATIONS = 1500
-"""A proof or a round of swaps is given up after this many exact evaluations."""
+"""Exact evaluations after which a proof or a round of swaps is given up."""
 
 DRAWS = 20
-"""Seeded choices drawn in proportion to the shares."""
+"""Number of seeded choices drawn in proportion to the shares."""
 
 CLIMBS = 6
-"""Swaps begin from this many of the best starts."""
+"""Number of best starts from which swaps begin."""
 
 _SPARE = 12
 _BETTER = 1.0 + 1e-9
@@ -152,9 +152,9 @@ def best_sites(
     *,
     exhaustive: bool = True,
 ) -> tuple[Index, bool]:
-    """Return the best choice found, (choose,) ascending, and whether none better is left.
+    """Return the best choice found, (choose,) ascending, and whether it is proven best.
 
-    `exhaustive` allows the proof, which may improve the choice too.
+    `exhaustive` allows the proof, which may also improve the choice.
     """
     search = _Search(information, choose, relaxation.cuts)
     _improve(search, relaxation, generator)
@@ -163,7 +163,7 @@ def best_sites(
 
 
 class _Search:
-    """The best choice known, and the cuts that rule others out.
+    """Best known choice, and the cuts that rule out others.
 
     Choices that leave a vehicle undetermined all have precision 0; their rank distinguishes them.
     """
@@ -197,7 +197,7 @@ class _Search:
         return at.cuts
 
     def keep(self, subset: Index, key: tuple[float, int]) -> None:
-        """Take a choice for the best if it is."""
+        """Replace the best choice if this one is better."""
         level = key[0] == self.key[0] and key[1] > self.key[1]
         if key[0] > self.key[0] * _BETTER or level:
             self.best, self.key = subset, key
@@ -205,7 +205,7 @@ class _Search:
     def swap(self, relaxation: SiteRelaxation, count: int, passed: set[tuple[int, ...]]) -> bool:
         """Exchange `count` of the best choice's sites while that helps; return whether it did.
 
-        Ends at a choice already `passed`: what follows it is known.
+        Ends at a choice already `passed`: its swaps have been tried.
         """
         begun, known = self.key, None
         while self.key != known and tuple(self.best.tolist()) not in passed:
@@ -215,7 +215,7 @@ class _Search:
         return self.key != begun
 
     def useful(self, relaxation: SiteRelaxation) -> Index:
-        """Sites that a better choice than the best known may hold."""
+        """Return the sites that a choice better than the best known may include."""
         ceilings = relaxation.ceilings_with(self.choose)
         return np.flatnonzero(ceilings > self.key[0] * _BETTER).astype(np.int64)
 
@@ -238,7 +238,7 @@ def _improve(search: _Search, relaxation: SiteRelaxation, generator: np.random.G
 
 
 def _prove(search: _Search, relaxation: SiteRelaxation) -> bool:
-    """Try all choices of sites that may be useful; return whether none better is left."""
+    """Try all choices of useful sites; return whether the best known is proven best."""
     useful = search.useful(relaxation)
     if comb(len(useful), search.choose) > MOST_LISTED:
         return False
@@ -246,7 +246,7 @@ def _prove(search: _Search, relaxation: SiteRelaxation) -> bool:
 
 
 def _rounded(shares: Array, choose: int, generator: np.random.Generator) -> Index:
-    """(1 + DRAWS, k) choices: the largest shares, then draws in proportion to the shares."""
+    """Choices (1 + DRAWS, k): the largest shares, then draws in proportion to the shares."""
     with np.errstate(divide="ignore"):
         weight = np.log(np.maximum(shares, 1e-12))
     noise = generator.gumbel(size=(DRAWS, len(shares)))
@@ -255,7 +255,7 @@ def _rounded(shares: Array, choose: int, generator: np.random.Generator) -> Inde
 
 
 def _dropped_one_by_one(information: SiteInformation, shares: Array, choose: int) -> Index:
-    """The choice left when, of the largest shares, the site missed least is dropped in turn."""
+    """Choice from the largest shares, dropping one by one the site whose loss costs least."""
     left = np.argsort(-shares, kind="stable")[: choose + _SPARE]
     left = np.sort(left)
     while len(left) > choose:
@@ -270,7 +270,7 @@ def _dropped_one_by_one(information: SiteInformation, shares: Array, choose: int
 
 
 def _swaps(chosen: Index, useful: Index, count: int) -> Index:
-    """(b, k) choices that exchange `count` of the chosen for useful ones; none if too many."""
+    """Choices (b, k) that exchange `count` of the chosen for useful ones; none if too many."""
     others = np.setdiff1d(useful, chosen)
     if not 0 < comb(len(chosen), count) * comb(len(others), count) <= MOST_LISTED:
         return np.zeros((0, len(chosen)), dtype=np.int64)
@@ -279,6 +279,6 @@ def _swaps(chosen: Index, useful: Index, count: int) -> Index:
 
 
 def _listed(sites: Index, choose: int) -> Index:
-    """(b, choose) all choices of some of the sites."""
+    """All choices (b, choose) of `choose` of the sites."""
     listed = np.array(list(combinations(sites.tolist(), choose)), dtype=np.int64)
     return listed.reshape(comb(len(sites), choose), choose)

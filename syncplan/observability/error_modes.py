@@ -1,4 +1,4 @@
-"""What one window determines of poses and bias states together, and names for what it does not."""
+"""Joint observability of poses and bias states in one window, undetermined directions named."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -26,40 +26,39 @@ from syncplan.scenario.disturbances import ESTIMABLE, EstimableName
 
 # --- rank -----------------------------------------------------------------------------------------
 #
-# The matrix is [P E]: P by the poses, as syncplan.observability.rank has it, E by the constant
-# errors, each column in units of the error's own sigma. What a filter knows of an error beforehand,
-# its prior, is left out.
+# The matrix is [P E]. P has the columns of the poses, as in syncplan.observability.rank, E those of
+# the constant errors, each in units of the error's own sigma. The filter's prior on the errors is
+# left out.
 #
-# Errors that change have no column. Each sample brings them something new, so to the window they
-# are noise, if a correlated one: gusts as that of the motion, bearing walks as that of the
-# readings. A noise whose covariance has full rank weighs the rows of [P E] but leaves their rank as
-# it is. A walk so slow that it is constant over the window is a bearing bias; give it as one to see
-# what it hides.
+# Errors that vary have no column. They change at every sample, so within the window they act as
+# correlated noise: gusts on the motion, bearing walks on the readings. Noise whose covariance has
+# full rank weights the rows of [P E] but leaves their rank unchanged. A walk so slow that it is
+# constant over the window is a bearing bias; state it as one to see what it hides.
 #
-# The team's rank, `observable` and the certificate stay those of P. With the priors, rows of 1 for
-# each error below E, the matrix [P E; 0 I] has full rank exactly where P has: a prior is known of
-# every error, so a filter can do with what P determines. What rests on a prior, poses included, is
-# what the null space of [P E] moves.
+# The team's rank, `observable` and the certificate remain those of P. With the priors, one row of I
+# for each error, the matrix [P E; 0 I] has full rank exactly where P has: every error has a prior,
+# so P alone decides whether a filter can estimate all states. The states that the null space of
+# [P E] moves, poses included, rest on a prior.
 #
-# Rows of one pair are first reduced to at most as many as the states that they depend on, by QR;
-# this leaves the singular values as they are.
+# The rows of each pair are first reduced by QR to at most as many as the states that they depend
+# on; this leaves the singular values unchanged.
 
 
 MOVES = 1e-6
-"""A state is determined when no null vector of length 1 moves it by more.
+"""Largest motion of a determined state by any null vector of length 1.
 
-Null vectors are known to about 1e-15 / RANK_TOLERANCE.
+Null vectors are accurate to about 1e-15 / RANK_TOLERANCE.
 """
 
 
 @dataclass(frozen=True, slots=True)
 class ExtendedObservability:
-    """Rank and null space of the windowed matrix by poses and constant errors.
+    """Rank and null space of the windowed matrix of poses and constant errors.
 
     Attributes
     ----------
-    layout : of its columns: three by vehicle, then the errors
-    rank : of the matrix
+    layout : columns of the matrix: three per vehicle, then the errors
+    rank : rank of the matrix
     singular_values : (state_dim,) descending, scaled columns
     gap : ratio of the last singular value that counts to the first that does not; infinite
         where all count or the rest is exactly zero
@@ -74,7 +73,7 @@ class ExtendedObservability:
 
     @property
     def state_dim(self) -> int:
-        """Number of poses' coordinates and errors."""
+        """Number of pose coordinates and errors."""
         return self.layout.size
 
     @property
@@ -91,10 +90,10 @@ class ExtendedObservability:
 def assess_extended(
     assessed: Assessment, names: Sequence[str] | None = None
 ) -> ExtendedObservability | None:
-    """Return the rank with the errors that the filter estimates as states; None if there are none.
+    """Return the rank with constant errors as states; None if there are none.
 
-    `names` are other errors to have as states; tuple(ERROR_STATES) for all that have a sigma. Takes
-    memory with the square of the number of states, and time with its cube.
+    `names` selects the errors: by default those that the filter estimates, tuple(ERROR_STATES) for
+    all that have a sigma. Memory grows with the square of the number of states, time with its cube.
     """
     team = assessed.team
     wanted = team.errors.estimated if names is None else names
@@ -111,8 +110,8 @@ def assess_extended(
 def _spectrum(matrix: Array, size: int) -> tuple[Array, Array]:
     """Singular values (size,) and null space of an upper trapezoid (r, size), r <= size.
 
-    A large one is too slow for all vectors: those of the null space are found by QR, and taken
-    where the matrix leaves no more of them than counts as zero.
+    Computing all singular vectors of a large matrix takes too long. Its null space is found by QR
+    and accepted if the matrix maps it to zero within RANK_TOLERANCE.
     """
     if size > VECTORS_LIMIT:
         values = np.zeros(size)
@@ -128,7 +127,7 @@ def _spectrum(matrix: Array, size: int) -> tuple[Array, Array]:
 
 
 def _null_space(matrix: Array, rank: int) -> Array:
-    """(size - rank, size) orthonormal, close to the null space, by QR with pivoting."""
+    """Approximate null space (size - rank, size), orthonormal, by QR with pivoting."""
     from scipy.linalg import qr, solve_triangular
 
     size = matrix.shape[1]
@@ -140,7 +139,7 @@ def _null_space(matrix: Array, rank: int) -> Array:
 
 
 def _blocks(rows: SightingRows, sightings: Sightings) -> Iterator[tuple[Index, Array]]:
-    """The rows of each pair, reduced, and the columns (c,) that they have, (r, c)."""
+    """Yield the columns (c,) and the reduced rows (r, c) of each pair."""
     low = np.minimum(sightings.observers, sightings.targets)
     high = np.maximum(sightings.observers, sightings.targets)
     order = np.lexsort((high, low))
@@ -156,7 +155,7 @@ def _blocks(rows: SightingRows, sightings: Sightings) -> Iterator[tuple[Index, A
 
 
 def _triangle(blocks: Iterator[tuple[Index, Array]], size: int) -> Array:
-    """(r, size) with r <= size the rows of all blocks, reduced whenever twice as many are there."""
+    """Rows (r, size) of all blocks, r <= size, reduced by QR whenever the buffer is full."""
     matrix, filled = np.zeros((2 * size + 16, size)), 0
     for columns, block in blocks:
         if filled + len(block) > len(matrix):
@@ -173,37 +172,38 @@ def _triangle(blocks: Iterator[tuple[Index, Array]], size: int) -> Array:
 
 # --- names ----------------------------------------------------------------------------------------
 #
-# From the null space of [P E], the motions that no sighting can detect even with all errors known
-# (syncplan.observability.unobservable_modes) are taken out. One direction is left for each error
-# too many, chosen so that each has an error of its own. Such a direction may move poses too:
+# Motions that no sighting can detect even with all errors known, those of
+# syncplan.observability.unobservable_modes, are removed from the null space of [P E]. One direction
+# remains for each error too many, chosen so that each contains an error that the others lack. Such
+# a direction may move poses too:
 #
 #     speed scales of v1, v3 and v5 against v2, v4 and v6, with a turn of the team
 #
 # A vehicle whose speed scale is c flies a circle that is larger by c; with its centre kept, it
-# starts c times its radius further out. What its pose moves besides is compared with shifts, turns
-# and stretches of all the vehicles concerned.
+# starts c times its radius further out. The rest of its motion is compared with shifts, turns and
+# stretches of all the vehicles concerned.
 
 
 MOST_NAMED = 6
 
 _TAKES_PART = 1e-3
-"""Share of a direction's largest error from which another is named."""
+"""Share of a direction's largest error above which another error is named."""
 
 _MATCHES = 1e-3
-"""Share of the poses' motion that may differ from the one it is named for."""
+"""Share of the poses' motion that may deviate from the named motion."""
 
 
 @dataclass(frozen=True, slots=True)
 class ErrorMode:
-    """One way in which errors, and poses with them, can change without any sighting changing.
+    """Direction in which errors, possibly with poses, change without changing any sighting.
 
     Attributes
     ----------
     description : in words
-    states : of the errors that change, as the layout labels them
-    vehicles : indices of those whose errors or poses change
+    states : labels, in the layout, of the errors that change
+    vehicles : indices of the vehicles whose errors or poses change
     moves_poses : whether some position or heading changes too
-    cure : what would determine the errors
+    cure : remedy that would determine the errors
     """
 
     description: str
@@ -215,13 +215,13 @@ class ErrorMode:
 
 @dataclass(frozen=True, slots=True)
 class ErrorVerdict:
-    """Observability, in one window, of the errors that the filter estimates.
+    """Observability in one window of the errors that the filter estimates.
 
     Attributes
     ----------
-    state_dim : number of poses' coordinates and constant errors
-    extended : rank with the errors as states; None where they are too many
-    modes : a named one for each dimension in which errors are not determined
+    state_dim : number of pose coordinates and constant errors
+    extended : rank with the errors as states; None if there are too many
+    modes : one named mode for each dimension in which errors are undetermined
     """
 
     state_dim: int
@@ -232,9 +232,10 @@ class ErrorVerdict:
 def judge_errors(
     assessed: Assessment, names: Sequence[str], most_states: int
 ) -> ErrorVerdict | None:
-    """Return the verdict on the errors of vehicles named; None where none are estimated.
+    """Return the verdict on the errors that the filter estimates; None if it estimates none.
 
-    With more than `most_states` states, only their number.
+    `names` are those of the vehicles. Above `most_states` states, the verdict has only their
+    number.
     """
     team = assessed.team
     estimated = [name for name in team.errors.estimated if ERROR_STATES[name].constant]
@@ -250,7 +251,7 @@ def judge_errors(
 
 
 def _directions(poses: Observability, found: ExtendedObservability) -> Array:
-    """(k, size) null vectors beside those of the poses alone, each with an error of its own.
+    """Null vectors (k, size) besides those of the poses, each with an error that others lack.
 
     `poses` is the verdict with all errors known.
     """
@@ -286,7 +287,7 @@ def _mode(
         own |= (has & takes[np.where(has, columns - 3 * count, 0)]).any(axis=1)
     vehicles = np.flatnonzero(moving | own)
     *others, last = _trades(found, errors, takes, names)
-    # lists of vehicles have an "and" of their own
+    # lists of vehicles already contain an "and"
     description = f"{', '.join(others)}, and {last}" if others else last
     if moving.any():
         description += f", with {_motion_words(team, found, vector, vehicles, names)}"
@@ -302,7 +303,7 @@ def _mode(
 def _trades(
     found: ExtendedObservability, errors: Array, takes: Array, names: Sequence[str]
 ) -> list[str]:
-    """Each kind of error that takes part, in words: those that grow against those that fall."""
+    """Phrases for the errors that take part: vehicles whose error grows against the others."""
     layout, words = found.layout, []
     for name in layout.names:
         state, columns = ERROR_STATES[name], layout.columns[name] - 3 * layout.count
@@ -331,7 +332,7 @@ def _trades(
 def _motion_words(
     team: Team, found: ExtendedObservability, vector: Array, vehicles: Index, names: Sequence[str]
 ) -> str:
-    """How the poses of the vehicles concerned move, besides the growth of their circles."""
+    """Phrase for the motion of the poses, apart from the growth of their circles."""
     count, orbits = found.layout.count, team.orbits
     scale = float(orbits.radii.mean())
     places = position(orbits, 0.0)

@@ -23,18 +23,18 @@ _TOO_WEAK = "of full rank by itself, but too weak beside the team's other sighti
 
 @dataclass(frozen=True, slots=True)
 class LinkVerdict:
-    """How a pair meets over one period, and what its sightings determine.
+    """Contact of a pair over one period, and the rank of its sightings.
 
     Attributes
     ----------
-    a, b : indices, a < b; b is a landmark from the number of vehicles on
+    a, b : indices, a < b; b is a landmark if it is at least the number of vehicles
     min_distance : m, least distance over the period
-    windows : (k, 2) s in contact, the union of both ways
+    windows : (k, 2) s in contact, the union of both directions
     forward, backward : (k, 2) s in which a sees b, and b sees a
-    rank : of the pair's own rows; 0 without sightings
+    rank : rank of the pair's own rows; 0 without sightings
     certified : whether it counts for the certificate: rank 3, or 2 to a landmark
-    reason : why the rank falls short, empty where it does not
-    residual : rad, of the pair's rule; 0 for landmarks
+    reason : why the rank falls short; empty if it does not
+    residual : rad, residual of the pair's synchronisation rule; 0 for landmarks
     tolerance : rad, how far either phase may slip before contact is lost; pi if it never is
     """
 
@@ -128,7 +128,7 @@ def landmark_verdicts(assessed: Assessment) -> list[LinkVerdict]:
 
 
 def _why_unsighted(team: Team, observers: list[int]) -> str:
-    """Why a pair in contact is never sighted."""
+    """Reason why a pair in contact is never sighted."""
     rare = np.any(team.sensors.every[observers] > 1)
     return f"in contact only between {'sightings (interval_s)' if rare else 'samples'}"
 

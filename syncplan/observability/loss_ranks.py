@@ -1,15 +1,15 @@
-"""Which losses end the observability of a team, without judging each remainder from the start.
+"""Losses that end a team's observability, found without assessing every remainder.
 
-With M = Q T the rows of the whole team, M' those that a loss leaves and R those it takes, every
-direction x of the state has |M' x|^2 = |M x|^2 - |R x|^2. So with u = T x and largest singular
-value s of R T^-1 over the directions that do not move what is lost,
+Let M = Q T be the rows of the whole team, M' those that remain after a loss and R those lost. Every
+direction x of the state has |M' x|^2 = |M x|^2 - |R x|^2. With u = T x and the largest singular
+value s of R T^-1 over the directions that do not move lost vehicles,
 
     smallest singular value of M'  >=  sqrt(1 - s^2) * that of M
 
-which settles most losses; and where s is 1, its singular vector is a motion x that M' does not
-see: |M' x| / |x|, computed from the rows left, bounds the smallest singular value from above. What
-neither bound settles is assessed as any team is. Rows' units are mean radii; the mean radius may
-change with a vehicle's loss, which both bounds allow for.
+This bound settles most losses. Where s is 1, its singular vector is a motion x that M' does not
+see: |M' x| / |x|, computed from the remaining rows, bounds the smallest singular value from above.
+A loss that neither bound settles is assessed like any team. Rows are in mean radii; both bounds
+allow for the change of the mean radius when a vehicle is lost.
 """
 
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ from syncplan.observability.referred_rows import sighting_rows
 from syncplan.orbits.sightings import Loss, remainder_of
 
 CLEAR = 1e-4
-"""1 - s^2 above which it is no rounding error."""
+"""Value of 1 - s^2 above which it exceeds rounding errors."""
 
 SAFETY = 10.0
 """Factor by which a bound has to clear the tolerance of the rank."""
@@ -31,7 +31,7 @@ SAFETY = 10.0
 
 @dataclass(frozen=True, slots=True)
 class _Rows:
-    """The rows of each directed pair and kind of sighting, reduced to at most six, in mean radii.
+    """Rows of each directed pair and kind of sighting, reduced to at most six, in mean radii.
 
     Attributes
     ----------
@@ -51,9 +51,9 @@ class _Rows:
         )
 
     def lost(self, loss: Loss, count: int) -> Flags:
-        """Return (r,) whether a loss of a team of `count` vehicles takes each row.
+        """Return (r,) whether each row is lost, in a team of `count` vehicles.
 
-        What a vehicle measures of itself needs no sensor that can be lost.
+        A vehicle that loses its sensor keeps its measurements of itself.
         """
         gone = [*loss.vehicles, *(count + k for k in loss.landmarks)]
         lost = np.zeros(len(self.blocks), dtype=bool)
@@ -67,7 +67,7 @@ class _Rows:
         return lost | loss.parts(self.observers, self.targets)
 
     def times(self, matrix: Array) -> Array:
-        """Return (r, k): the rows, as wide as the state, times a matrix (3 n, k)."""
+        """Return the product (r, k) of the rows, as wide as the state, and a matrix (3 n, k)."""
         parts = matrix.reshape(-1, 3, matrix.shape[1])
         target = np.where(self.targets < len(parts), self.targets, 0)
         return np.asarray(
@@ -77,7 +77,7 @@ class _Rows:
 
 
 def decisive_losses(assessed: rank.Assessment, losses: Sequence[Loss]) -> list[Loss]:
-    """Return those of the losses after which an observable team is not; none if it never was."""
+    """Return the losses that end a team's observability; none if it is not observable."""
     if not assessed.observability.observable:
         return []
     rows = _directed_rows(assessed)
@@ -112,7 +112,7 @@ def _directed_rows(assessed: rank.Assessment) -> _Rows:
 
 @dataclass(frozen=True, slots=True)
 class _Measured:
-    """A team's rows, and what they see of the state in the team's own measure.
+    """Rows of a team, by the state x and by its coordinates u = T x.
 
     Attributes
     ----------
@@ -135,8 +135,8 @@ class _Measured:
         spread = self._spread(loss)
         seen = self._seen(lost, loss)
         squares = seen @ seen.T
+        # eigenvalues alone: vectors would take twice as long
         taken = np.linalg.eigvalsh(squares)[-1] if len(seen) else 0.0
-        # with vectors it takes twice as long
         least = np.sqrt(max(1.0 - taken, 0.0)) * values[-1]
         if 1.0 - taken > CLEAR and least > SAFETY * spread * rank.RANK_TOLERANCE * values[0]:
             return False
@@ -151,17 +151,17 @@ class _Measured:
         return not rank.assess(left.team, links, alone).observable
 
     def _seen(self, lost: Flags, loss: Loss) -> Array:
-        """The rows lost, in the team's own measure."""
+        """Lost rows times T^-1, over the directions that do not move lost vehicles."""
         seen = self.seen[lost]
         gone = [3 * k + axis for k in loss.vehicles for axis in range(3)]
         if gone:
-            # directions that leave the lost vehicles where they are
+            # remove the directions that move lost vehicles
             fixed = np.linalg.qr(self.inverse[gone].T)[0]
             seen -= (seen @ fixed) @ fixed.T
         return seen
 
     def _spread(self, loss: Loss) -> float:
-        """How far the change of the mean radius may move apart two singular values, a factor."""
+        """Factor by which the change of the mean radius may move two singular values apart."""
         if not loss.vehicles:
             return 1.0
         radii = np.delete(self.assessed.team.orbits.radii, list(loss.vehicles))
@@ -170,7 +170,7 @@ class _Measured:
 
 
 def _is_unseen(remaining: _Rows, motion: Array, loss: Loss, spread: float) -> bool:
-    """Whether the rows left don't see a motion of the state, beside the longest of them."""
+    """Whether the remaining rows do not see a motion, compared with the longest row."""
     for k in loss.vehicles:
         motion[3 * k : 3 * k + 3] = 0.0
     if not len(remaining.blocks):

@@ -2,14 +2,14 @@
 
     windows -> sampled sightings -> what each pair determines -> rank -> certificate
 
-Plans are judged by this chain, and so is every candidate of a refinement.
+This chain judges plans and every candidate of a refinement.
 
 Rows are those of syncplan.observability.referred_rows. Each link's rows are first reduced to at
-most six by its own singular value decomposition. That is an orthogonal change of the rows: the
-singular values of the whole matrix stay what they are, and nothing is ever squared.
+most six by its own singular value decomposition. This orthogonal change of the rows keeps the
+singular values of the whole matrix, and nothing is ever squared.
 
-Bearings and distances of a pair are rows of one link. What a vehicle measures of itself, as a
-compass does, belongs to no link: its rows enter the matrix alone.
+Bearings and distances of a pair are rows of one link. A vehicle's measurements of itself, such as
+those of a compass, belong to no link: their rows enter the matrix separately.
 """
 
 from collections.abc import Iterator
@@ -31,10 +31,10 @@ from syncplan.orbits.team import Team
 
 
 RANK_TOLERANCE = 1e-8
-"""A singular value of the whole matrix counts above this share of the largest."""
+"""Share of the whole matrix's largest singular value above which a singular value counts."""
 
 VECTORS_LIMIT = 900
-"""State dimension above which singular vectors are computed only where rank is lacking."""
+"""State dimension above which singular vectors are computed only if rank is deficient."""
 
 
 def decomposed(matrix: Array, size: int) -> tuple[Array, Array, Array]:
@@ -56,14 +56,14 @@ def decomposed(matrix: Array, size: int) -> tuple[Array, Array, Array]:
 
 
 def matrix_rank(values: Array, tolerance: float) -> int:
-    """Return how many singular values, descending, are above `tolerance` times the largest."""
+    """Return the number of `values`, descending, above `tolerance` times the largest."""
     if len(values) == 0 or values[0] == 0.0:
         return 0
     return int(np.sum(values > tolerance * values[0]))
 
 
 def rank_gap(values: Array, rank: int) -> float:
-    """Return the last singular value that counts over the first that does not.
+    """Return the ratio of the last singular value that counts to the first that does not.
 
     Infinite where all count or the rest is exactly zero.
     """
@@ -75,19 +75,19 @@ def rank_gap(values: Array, rank: int) -> float:
 
 
 NEGLIGIBLE = 1e-15
-"""Rows smaller than this share of the largest singular value of any link are left out."""
+"""Share of the largest singular value of any link below which rows are left out."""
 
 LINK_TOLERANCE = 1e-6
-"""A singular value of one link's matrix counts above this share of its largest."""
+"""Share of a link's largest singular value above which a singular value of the link counts."""
 
 
 @dataclass(frozen=True, slots=True)
 class PairRows:
-    """The rows of one pair's sightings, both ways together, in order of time.
+    """Rows of one pair's sightings, in both directions, in order of time.
 
     Attributes
     ----------
-    a, b : indices, a < b; b is a landmark from n on
+    a, b : indices, a < b; b is a landmark if b >= n
     rows : (k, 6) columns of a, then of b
     steps : (k,) sample numbers
     one_way : whether only one of the two sees the other
@@ -102,11 +102,11 @@ class PairRows:
 
 @dataclass(frozen=True, slots=True)
 class LinkInformation:
-    """Information on the poses of one pair by its sightings, both ways together.
+    """Information on the poses of one pair from its sightings in both directions.
 
     Attributes
     ----------
-    a, b : indices, a < b; b is a landmark from n on
+    a, b : indices, a < b; b is a landmark if b >= n
     sightings : number of rows
     one_way : whether only one of the two sees the other
     singular_values : (k,) of the scaled rows, descending
@@ -133,14 +133,14 @@ class Observability:
 
     Attributes
     ----------
-    rank, state_dim : of the matrix; state_dim is three times the number of vehicles
+    rank, state_dim : rank and column count of the matrix, which has three columns per vehicle
     singular_values : (state_dim,) descending, scaled columns
     gap : ratio of the last singular value that counts to the first that does not; infinite
         where all count or the rest is exactly zero
     null_space : (state_dim - rank, state_dim) orthonormal unobservable directions, scaled columns
-    variances : (state_dim,) diagonal of the information's pseudo-inverse, scaled columns: what one
-        window leaves of uncertainty in each coordinate at time 0, where it is determined
-    scale : m, the mean radius that positions are measured in
+    variances : (state_dim,) diagonal of the information's pseudo-inverse, scaled columns: after one
+        window, the variance at time 0 of each coordinate that is determined
+    scale : m, unit of positions: the mean radius unless stated otherwise
     """
 
     rank: int
@@ -158,7 +158,7 @@ class Observability:
 
     @property
     def condition_number(self) -> float:
-        """Largest over smallest singular value; infinite where unobservable."""
+        """Ratio of the largest to the smallest singular value; infinite if unobservable."""
         if not self.observable:
             return float("inf")
         return float(self.singular_values[0] / self.singular_values[-1])
@@ -170,7 +170,7 @@ class Observability:
 
 
 def equal_runs(*keys: Index) -> list[tuple[int, int]]:
-    """Return begin and end of each run of neighbours whose keys (k,), 0 or more, are all equal."""
+    """Return begin and end of each run over which all keys, (k,) and 0 or more, stay equal."""
     new = np.zeros(len(keys[0]), dtype=bool)
     for key in keys:
         new |= np.diff(key, prepend=-1) != 0
@@ -180,9 +180,10 @@ def equal_runs(*keys: Index) -> list[tuple[int, int]]:
 def rows_by_pair(
     rows: Array, observers: Index, targets: Index, steps: Index, count: int
 ) -> Iterator[PairRows]:
-    """Yield the rows (s, 6) of each pair, ordered by (a, b) and by their steps (s,).
+    """Yield the rows of each pair, ordered by (a, b) and, within a pair, by step.
 
-    Rows have the observer's three columns, then the target's, of `count` vehicles.
+    `rows` (s, 6) has the observer's three columns, then the target's; targets from `count` on are
+    landmarks.
     """
     swapped = (targets < count) & (targets < observers)
     rows = np.where(swapped[:, None], rows[:, [3, 4, 5, 0, 1, 2]], rows)
@@ -220,15 +221,15 @@ def link_information(
 ) -> list[LinkInformation]:
     """Return the information of each pair that has sightings, ordered by (a, b).
 
-    Positions in mean radii, or in `scale` m: pass the same to `assess`.
+    Positions are in mean radii, or in `scale` m; pass the same `scale` to `assess`.
     """
     return [link_of(pair) for pair in pair_rows(team, sightings, scale)]
 
 
 def lone_rows(team: Team, sightings: Sightings, scale: float | None = None) -> Array:
-    """Return (r, 3 n) what each vehicle measures of itself, reduced to at most three rows each.
+    """Return the rows (r, 3 n) of vehicles' measurements of themselves, at most three each.
 
-    Positions in mean radii, or in `scale` m.
+    Positions are in mean radii, or in `scale` m.
     """
     alone = ~of_targets(sightings.kinds)
     if not alone.any():
@@ -253,8 +254,8 @@ def assess(
 ) -> Observability:
     """Return rank, gap and unobservable directions of the windowed matrix.
 
-    `alone` are the rows of `lone_rows`, None where there are none; `scale` in m is the one that
-    both were computed with.
+    `alone` holds the rows of `lone_rows`, if any. `scale` in m is the one that `links` and `alone`
+    were computed with.
     """
     mean_radius = float(team.orbits.radii.mean())
     return judged_rank(team.count, links, mean_radius if scale is None else scale, alone)
@@ -265,7 +266,7 @@ def judged_rank(
 ) -> Observability:
     """Return rank, gap and unobservable directions of the matrix of `count` vehicles.
 
-    Whatever their paths are: `links` and `alone` are with positions in `scale` m.
+    Their paths may be of any shape. `links` and `alone` have positions in `scale` m.
     """
     size = 3 * count
     matrix = stacked_rows(links, count, alone)
@@ -285,9 +286,9 @@ def judged_rank(
 
 
 def stacked_rows(links: list[LinkInformation], count: int, alone: Array | None = None) -> Array:
-    """Return the (r, 3 n) reduced rows of all links in the team's columns, about three a link.
+    """Return the reduced rows (r, 3 n) of all links in the team's columns, about three per link.
 
-    After them those of `alone`, what vehicles measure of themselves.
+    The rows of `alone`, vehicles' measurements of themselves, follow.
     """
     largest = max((float(link.singular_values[0]) for link in links), default=0.0)
     blocks = []
@@ -311,11 +312,10 @@ def stacked_rows(links: list[LinkInformation], count: int, alone: Array | None =
 # theorem also accepts components joined only through a landmark, which can turn about it unseen).
 # Sufficient, not necessary: the rank of the windowed matrix decides, the certificate explains.
 #
-# A link counts if the singular value its rank rests on exceeds LINK_TOLERANCE times the largest of
-# its own, and times the largest of the whole team's matrix as well. Its own alone is not enough:
-# beside a close pass elsewhere, a link that is barely of rank 3 and seen from afar is lost in
-# rounding, and the team's rank, judged at RANK_TOLERANCE of the largest of all, falls short of what
-# was certified.
+# A link counts if the singular value that its rank rests on exceeds LINK_TOLERANCE times its own
+# largest, and also times the largest of the whole team's matrix. Its own largest is not enough:
+# next to a close pass elsewhere, a distant link that barely has rank 3 is lost in rounding, and the
+# team's rank, judged at RANK_TOLERANCE of the overall largest, falls short of the certificate.
 #
 #     L1        L2            two landmarks hold each component ...
 #       \      /
@@ -325,12 +325,12 @@ def stacked_rows(links: list[LinkInformation], count: int, alone: Array | None =
 
 
 DISTINCT_LANDMARKS = 0.1
-"""Two landmarks count as distinct when further apart than this share of the mean radius."""
+"""Share of the mean radius beyond which two landmarks count as distinct."""
 
 
 @dataclass(frozen=True, slots=True)
 class WitnessTree:
-    """Why one component is observable: two landmark links and a spanning tree of vehicle links.
+    """Two landmark links and a spanning tree of vehicle links that make a component observable.
 
     Attributes
     ----------
@@ -346,12 +346,12 @@ class WitnessTree:
 
 @dataclass(frozen=True, slots=True)
 class Certificate:
-    """Whether the corrected Theorem 3.3 holds, why or why not, and its witness.
+    """Certificate of the corrected Theorem 3.3, with its witness or the component that fails.
 
     Attributes
     ----------
-    lacking : vehicles of the first component that fails, empty where the certificate holds
-    anchors : landmarks that component has links of rank 2 to
+    lacking : vehicles of the first component that fails; empty if the certificate holds
+    anchors : landmarks to which that component has links of rank 2
     """
 
     holds: bool
@@ -380,11 +380,11 @@ class Bodies(Protocol):
 
     @property
     def landmarks(self) -> Array:
-        """(m, 2) m."""
+        """Positions (m, 2) of the landmarks in m."""
 
 
 def certify(team: Bodies, verdict: Observability, links: list[LinkInformation]) -> Certificate:
-    """Return the certificate of a team, from the links of one window and its verdict.
+    """Return a team's certificate from the links and the verdict of one window.
 
     Landmarks in the result are numbered from zero.
     """
@@ -430,10 +430,10 @@ class Assessment:
 
     Attributes
     ----------
-    windows : of contact, over one period
-    sightings : at the samples k Ts in the window, k >= 0
-    information : what the sightings of each pair determine, ordered by (a, b)
-    observability, certificate : of all sightings together
+    windows : contact windows over one period
+    sightings : those at the samples k Ts in the window, k >= 0
+    information : information of each pair's sightings, ordered by (a, b)
+    observability, certificate : verdict and certificate of all sightings together
     """
 
     team: Team
@@ -445,7 +445,7 @@ class Assessment:
 
     @property
     def largest(self) -> float:
-        """Largest singular value of the team's matrix, beside which a link must not drown."""
+        """Largest singular value of the team's matrix, against which links are measured."""
         return float(self.observability.singular_values[0])
 
     def measured_in(self, scale: float) -> Observability:

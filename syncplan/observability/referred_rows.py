@@ -1,24 +1,24 @@
-"""Rows of sightings: how each changes with the state at time 0, in closed form.
+"""Rows of sightings: derivatives by the state at time 0, in closed form.
 
-The row of every sighting is referred to the initial state by the closed-form transition, so that it
-has six non-zeros (three for a landmark) and no matrix product is formed. With q the target's
-position relative to the observer, g = dz / dq and dz / dpsi as syncplan.orbits.sighting_kinds has
-them, J a quarter turn counter-clockwise and p(t) - p(0) the way each has gone:
+The row of every sighting is referred to the initial state by the closed-form transition, so it has
+six non-zeros (three for a landmark) and no matrix product is formed. With q the target's position
+relative to the observer, g = dz / dq and dz / dpsi the slopes of syncplan.orbits.sighting_kinds, J
+a quarter turn counter-clockwise and p(t) - p(0) the displacement of a vehicle:
 
     dz / dp_target     =  g                              and minus that for the observer
     dz / dpsi_target   =  g . J (p_t(t) - p_t(0))
     dz / dpsi_observer = -g . J (p_o(t) - p_o(0)) + dz / dpsi
 
 For a bearing, g . J p is q . p / rho^2. Rows are divided by their sigma; positions are in mean
-radii, so all columns are pure numbers. A sighting that is made with probability p counts as p of
-one: its row is multiplied by sqrt(p).
+radii, so all columns are pure numbers. A sighting made with probability p counts as p of one: its
+row is multiplied by sqrt(p).
 
 A constant error that moves a vehicle by (dp, dpsi) has the entry -g . dp + dz / dpsi dpsi for the
-observer and g . dp for the target: syncplan.orbits.error_states. These columns are in units of the
-error's own sigma. A clock offset has dz / dt of its observer's sightings, g . (v_t - v_o) +
-dz / dpsi w_o with velocities v over ground and the observer's turn rate w_o. One that changes has
-a column only where it is added to what is read: its value at the time of the sighting. The others
-act through the poses.
+observer and g . dp for the target (syncplan.orbits.error_states), in units of the error's own
+sigma. A clock offset has the entry dz / dt for its observer's sightings, g . (v_t - v_o) +
+dz / dpsi w_o with velocities v over ground and the observer's turn rate w_o. An error that varies
+has a column only where it is added to the reading: its value at the time of the sighting. Other
+varying errors act through the poses.
 """
 
 from dataclasses import dataclass
@@ -39,20 +39,20 @@ from syncplan.orbits.sightings import Sightings
 from syncplan.orbits.team import Team
 
 NEAREST = 1e-3
-"""Sightings from nearer than this share of the mean radius are weighted down."""
+"""Distance, as a share of the mean radius, below which sightings are weighted down."""
 
 
 @dataclass(frozen=True, slots=True)
 class SightingRows:
     """Rows of sightings by poses and errors.
 
-    A column may stand twice in a row, as does that of a wind common to both vehicles: the entries
-    add. Where there is no such state the entry is zero and its column that of some other state.
+    A column may occur twice in a row, such as that of a wind common to both vehicles: its entries
+    add up. The entry of a missing state is zero, and its column is that of some other state.
 
     Attributes
     ----------
     entries : (s, 6 + e) whitened: the observer's three, the target's three, then errors
-    columns : (s, 6 + e) of the team's state
+    columns : (s, 6 + e) column of each entry in the team's state
     """
 
     entries: Array
@@ -65,29 +65,29 @@ class SightingRows:
 
     @property
     def targets(self) -> Index:
-        """(s,) vehicle of the next three; any, if the target is a landmark."""
+        """(s,) vehicle of the next three; arbitrary if the target is a landmark."""
         return self.columns[:, 3] // 3
 
     def of(self, which: Index | slice) -> "SightingRows":
-        """Return some of the rows."""
+        """Return a selection of the rows."""
         return SightingRows(self.entries[which], self.columns[which])
 
 
 @dataclass(frozen=True, slots=True)
 class _Slopes:
-    """How sightings change, over their sigmas."""
+    """Derivatives of sightings over their sigmas."""
 
-    by_place: Array  # (2, s) of the target's place, 1/m
-    by_heading: Array  # (s,) of the observer's heading
+    by_place: Array  # (2, s) by the target's place, 1/m
+    by_heading: Array  # (s,) by the observer's heading
     weights: Array  # (s,)
-    moved: tuple[Array, Array]  # (2, s) m that observer and target have gone
+    moved: tuple[Array, Array]  # (2, s) m, displacements of observer and target
 
 
 def sighting_rows(team: Team, sightings: Sightings, scale: float | None = None) -> Array:
     """Return (s, 6) rows referred to time 0, over sigma: the observer's three, the target's three.
 
-    Positions in mean radii, or in `scale` m; a landmark's three are zero. A sighting from nearer
-    than NEAREST mean radii is weighted down in proportion: its bearing turns faster than any
+    Positions are in mean radii, or in `scale` m; a landmark's three are zero. A sighting from
+    nearer than NEAREST mean radii is weighted down in proportion: its bearing turns faster than any
     estimate can follow, and one such row would drown all others in rounding. At distance zero
     there is no bearing. Equations (5) to (9) of the paper, in closed form.
     """
@@ -97,9 +97,9 @@ def sighting_rows(team: Team, sightings: Sightings, scale: float | None = None) 
 def state_rows(
     team: Team, sightings: Sightings, layout: StateLayout, scale: float | None = None
 ) -> SightingRows:
-    """Return the rows of `sighting_rows`, and the columns of the errors in a layout.
+    """Return the rows of `sighting_rows` with the columns of the errors in a layout.
 
-    Gusts act through the poses and have none.
+    Gusts act through the poses and have no column.
     """
     slopes = _slopes(team, sightings)
     return _wide(team, sightings, layout, slopes, _pose_rows(team, sightings, slopes, scale))
@@ -108,10 +108,10 @@ def state_rows(
 def error_moves(
     team: Team, sightings: Sightings, layout: StateLayout, ways: Array, six: Array
 ) -> SightingRows:
-    """Return functions of poses with the columns of the constant errors in a layout.
+    """Return rows of functions of poses, with the columns of the constant errors in a layout.
 
-    They are the target's place relative to the observer along `ways`, (2, s) 1/m; `six`, (s, 6),
-    is how the poses at time 0 change them.
+    Each function is the target's place relative to the observer along `ways`, (2, s) 1/m; `six`,
+    (s, 6), holds its derivatives by the poses at time 0.
     """
     none = np.zeros(len(six))
     slopes = _Slopes(by_place=ways, by_heading=none, weights=none, moved=(none, none))
@@ -119,15 +119,15 @@ def error_moves(
 
 
 def pose_columns(sightings: Sightings, count: int) -> Index:
-    """Return (s, 6) columns of the poses of observer and target, of a landmark any vehicle's."""
+    """Return (s, 6) columns of the poses of observer and target; the observer's for a landmark."""
     targets = np.where(sightings.targets < count, sightings.targets, sightings.observers)
     bodies = np.column_stack([sightings.observers, targets])
     return (3 * bodies[:, :, None] + np.arange(3)).reshape(-1, 6)
 
 
 def dense_rows(rows: SightingRows, size: int) -> Array:
-    """Return (s, size) the rows in full."""
-    # summed up, as a column may stand twice in a row
+    """Return the rows as a dense matrix (s, size)."""
+    # entries are summed: a column may occur twice in a row
     places = np.arange(len(rows.entries))[:, None] * size + rows.columns
     dense = np.bincount(places.ravel(), rows.entries.ravel(), len(places) * size)
     return np.asarray(dense.reshape(-1, size), dtype=float)
@@ -143,7 +143,7 @@ def _wide(
     among = np.where(targets < count, targets, observers)
     times = np.asarray(sightings.steps * team.sensors.sample_time, dtype=float)
     kinds, none = np.array(list(SIGHTING_KINDS)), np.zeros(len(sightings.steps))
-    # what is no sighting has no weights, and is not read by any clock
+    # functions that are no sightings have zero weights, and no clock stamps them
     delays = slopes.weights.any() and any(ERROR_STATES[name].delays for name in layout.names)
     rates = _rates(team, sightings, slopes) if delays else none
     for name in layout.names:
@@ -170,7 +170,7 @@ def _wide(
 
 
 def _rates(team: Team, sightings: Sightings, slopes: _Slopes) -> Array:
-    """(s,) how sightings change with time, over their sigmas."""
+    """Derivatives (s,) of sightings by time, over their sigmas."""
     orbits = team.orbits
     tau = sightings.steps * (orbits.rate * team.sensors.sample_time)
     _, cosine, sine = body_paths(orbits, team.landmarks)
@@ -199,7 +199,7 @@ def _pose_rows(team: Team, sightings: Sightings, slopes: _Slopes, scale: float |
 def _slopes(team: Team, sightings: Sightings) -> _Slopes:
     orbits = team.orbits
     observers, targets = sightings.observers, sightings.targets
-    # of all samples in turn: sightings share them
+    # cosines and sines once for each sample: sightings share them
     first = int(sightings.steps.min(initial=0))
     samples = np.arange(first, int(sightings.steps.max(initial=0)) + 1)
     tau = samples * (orbits.rate * team.sensors.sample_time)
@@ -224,7 +224,7 @@ def _slopes(team: Team, sightings: Sightings) -> _Slopes:
 
 
 def _of_those_made(weight: Array, team: Team, sightings: Sightings) -> None:
-    """Weigh in place: by their chance, and what has no target without regard to nearness."""
+    """Apply detection probabilities in place; readings without a target ignore nearness."""
     alone = ~of_targets(sightings.kinds)
     if alone.any():
         observers = sightings.observers[alone]

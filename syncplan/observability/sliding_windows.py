@@ -1,4 +1,4 @@
-"""Windows that slide: the shortest that certifies a team, and what was seen in recorded ones."""
+"""Sliding windows: the shortest that certifies a team, and observability in recorded ones."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from syncplan.orbits.sightings import sample_sightings, steps_within
 SEARCHED_PERIODS = 2
 
 CLEARLY = 30.0
-"""Factor above the tolerance of a link's rank from which on rounding cannot matter."""
+"""Factor above the tolerance of a link's rank beyond which rounding cannot matter."""
 
 _NEVER = np.iinfo(np.int64).max // 4
 _BATCH = 20_000
@@ -27,14 +27,14 @@ _BATCH = 20_000
 def connectivity_period(assessed: rank.Assessment) -> float | None:
     """Return the connectivity period in s, or None if no window of two periods certifies.
 
-    To count for the certificate, a link must not drown beside the largest singular value of the
-    team's matrix over the window assessed.
+    Links are measured against the largest singular value of the team's matrix over the window
+    assessed.
 
-    For every start just after a sample, each pair's earliest sample is found by which its
-    sightings since the start have the rank that the certificate asks for; the certificate then
-    holds as soon as those pairs hold together and to two distinct landmarks. The worst start is
-    the answer. From a start to the next where no pair's earliest sample jumps, the window only
-    shrinks: the graph is examined only where one jumps.
+    For every start just after a sample, the search finds the earliest sample by which each pair's
+    sightings since the start have the rank that the certificate requires. The certificate holds
+    once these pairs tie every component to two distinct landmarks. The worst start decides. As long
+    as no pair's earliest sample jumps from one start to the next, the window only shrinks, so the
+    graph is examined only where one jumps.
     """
     team = assessed.team
     orbits, sample_time = team.orbits, team.sensors.sample_time
@@ -57,7 +57,7 @@ def connectivity_period(assessed: rank.Assessment) -> float | None:
 
 
 def _ready_steps(assessed: rank.Assessment, samples: int) -> dict[tuple[int, int], Index]:
-    """For each pair (a, b): the step by which it certifies when watched from step k on, (k,)."""
+    """Step by which each pair (a, b) certifies when watched from each start, (samples,)."""
     team, period = assessed.team, assessed.team.orbits.period
     last = (1 + SEARCHED_PERIODS) * samples
     sightings = sample_sightings(assessed.windows, period, team.sensors, 0, last)
@@ -77,13 +77,13 @@ def _ready_steps(assessed: rank.Assessment, samples: int) -> dict[tuple[int, int
 
 @dataclass(frozen=True, slots=True)
 class _Starts:
-    """The rows of all pairs, one pair after another, and where windows of them may start."""
+    """Rows of all pairs, one pair after another, and the possible starts of windows."""
 
     rows: Array  # (k, 6)
     pair: Index  # (s,) ascending
-    row: Index  # (s,) the first of the window
+    row: Index  # (s,) first row of the window
     room: Index  # (s,) rows from there to the pair's last
-    needed: Index  # (s,) rank asked for
+    needed: Index  # (s,) rank required
 
     def only(self, chosen: Flags | Index) -> "_Starts":
         """Return the chosen starts."""
@@ -95,11 +95,11 @@ class _Starts:
 def _shortest_certified(
     rows: list[Array], starts: list[Index], needed: list[int], largest: float
 ) -> list[Index]:
-    """For each pair, the fewest consecutive rows from each start whose rank is `needed`.
+    """Fewest consecutive rows from each start of each pair that have rank `needed`.
 
     0 where none suffice. All pairs are searched at once: lengths are doubled until the rank is
-    there, then bisected. A pair whose first window falls short, as do all its rows together beside
-    `largest`, is given up: fewer rows have no larger singular value.
+    reached, then bisected. A pair is given up if its first window falls short and all its rows
+    together are too weak compared with `largest`: fewer rows have no larger singular value.
     """
     if not rows:
         return []
@@ -145,7 +145,7 @@ def _searched(starts: _Starts, largest: float) -> Index:
 
 
 def _certified(starts: _Starts, lengths: Index, largest: float) -> Flags:
-    """Whether the windows of these lengths have the rank, many at once by length."""
+    """Whether windows of these lengths have the rank; those of one length are batched."""
     result = np.ones(len(lengths), dtype=bool)
     squares = np.cumsum(np.concatenate([[0.0], np.einsum("sc,sc->s", starts.rows, starts.rows)]))
     for length in np.unique(lengths):
@@ -164,10 +164,10 @@ def _certified(starts: _Starts, lengths: Index, largest: float) -> Flags:
 def _clearly_certified(starts: _Starts, squares: Array, length: int, largest: float) -> Flags:
     """Whether windows of `length` rows have the rank beyond doubt, without singular values.
 
-    Three of the rows, or two, have no larger singular values than all. Of their products G,
-    det G = s1^2 s2^2 s3^2 and s1^2 + s2^2 <= tr G, so s3^2 >= det G / (tr G / 2)^2; of two rows
-    s2^2 >= det G / tr G. What exceeds the tolerance by CLEARLY is no rounding error. `squares`
-    are the rows' sums of squares up to each.
+    Three of the rows, or two, have no larger singular values than all. Their Gram matrix G has
+    det G = s1^2 s2^2 s3^2 and s1^2 + s2^2 <= tr G, so s3^2 >= det G / (tr G / 2)^2; for two rows
+    s2^2 >= det G / tr G. A value above the tolerance by the factor CLEARLY is no rounding error.
+    `squares` holds the cumulative sums of squares of the rows.
     """
     first, middle, last = (starts.rows[starts.row + k] for k in (0, length // 2, length - 1))
     aa, cc, ac = (
@@ -181,7 +181,7 @@ def _clearly_certified(starts: _Starts, squares: Array, length: int, largest: fl
     trace = aa + cc
     with np.errstate(divide="ignore", invalid="ignore"):
         least = np.where(starts.needed == 2, two / trace, three / (0.5 * (trace + bb)) ** 2)
-    # of all rows, of which no singular value is larger
+    # sum of squares of all rows: the square of no singular value is larger
     of_all = squares[starts.row + length] - squares[starts.row]
     largest_square = np.maximum(of_all, largest**2)
     return np.asarray(least > (CLEARLY * rank.LINK_TOLERANCE) ** 2 * largest_square)
@@ -196,7 +196,7 @@ def _distinct_landmarks(landmarks: Array, distance: float) -> Flags:
 def _first_certified(
     pairs: list[tuple[int, int]], ready: Index, count: int, distinct: Flags
 ) -> int | None:
-    """The step by which the certificate holds when each pair counts from its own step on."""
+    """First step at which the certificate holds, if each pair counts from its own step on."""
     merged = disjoint_sets(count)
     anchors: dict[int, set[int]] = {k: set() for k in range(count)}
     held = [False] * count
@@ -232,37 +232,36 @@ def _hold(anchors: set[int], distinct: Flags) -> bool:
 
 # --- windows along any paths ----------------------------------------------------------------------
 #
-# The closed form of `referred_rows` holds for whatever path a vehicle took: with the slope g of a
-# sighting by the target's place, and the ways d that both have gone since the window began, a row
-# is
+# The closed form of `referred_rows` holds for any path. With the slope g of a sighting by the
+# target's place, and the displacements d of both since the window began, a row is
 #
 #     target    g, g . J d_target              observer    -g, -g . J d_observer + dz / dpsi
 #
-# with J a quarter turn counter-clockwise. Paths are to be those of odometry, which are smooth:
-# places from motion capture tremble, and a tremble turns lines of sight that never turned.
+# with J a quarter turn counter-clockwise. Paths should be those of odometry, which are smooth:
+# places from motion capture jitter, and jitter turns lines of sight that never turned.
 
 
 Placed = Callable[[int, slice], tuple[Array, Array]]
-"""Of a window and its sightings (s,): the places (n, 2) m of vehicles when it begins, and (s, 2, 2)
-of observer and target when each sighting was made."""
+"""Function from a window's number and its sightings (s,) to places in m: (n, 2) of vehicles when it
+begins, and (s, 2, 2) of observer and target at each sighting."""
 
 INVOLVED = 1e-6
-"""Share of an unobservable direction above which a vehicle has a part in it."""
+"""Share of an unobservable direction above which a vehicle takes part in it."""
 
 
 @dataclass(frozen=True, slots=True)
 class WatchedTeam:
-    """Sightings that were made, in the order of their times.
+    """Recorded sightings of a team, in order of time.
 
     Attributes
     ----------
     times : (s,) s
-    observers, targets : (s,) targets from `count` on are landmarks
-    kinds : (s,) places in SIGHTING_KINDS, of a target
-    sigmas : (s,) of each, in its kind's unit
+    observers, targets : (s,) indices; targets from `count` on are landmarks
+    kinds : (s,) indices in SIGHTING_KINDS, of kinds that have a target
+    sigmas : (s,) standard deviations, in the unit of the kind
     count : number of vehicles
     landmarks : (m, 2) m
-    scale : m, that places are measured in
+    scale : m, unit of positions
     """
 
     times: Array
@@ -277,12 +276,12 @@ class WatchedTeam:
 
 @dataclass(frozen=True, slots=True)
 class SeenWindow:
-    """Observability, by the sightings of one window, of the poses at its beginning.
+    """Observability of the poses at the beginning of one window from its sightings.
 
     Attributes
     ----------
     begin, end : s
-    observability, certificate : of them all
+    observability, certificate : verdict and certificate of all its sightings
     """
 
     begin: float
@@ -292,7 +291,7 @@ class SeenWindow:
 
     @property
     def position_sigma(self) -> float:
-        """Of the worst vehicle in m, from this window alone; infinite where not observable."""
+        """Position sigma in m of the worst vehicle, from this window; infinite if unobservable."""
         found = self.observability
         if not found.observable:
             return float("inf")
@@ -303,7 +302,7 @@ class SeenWindow:
 def judged_windows(
     watched: WatchedTeam, placed: Placed, begins: Array, ends: Array
 ) -> Iterator[SeenWindow]:
-    """Yield what was seen in each window, after `begins` and up to `ends` (w,) s."""
+    """Yield the observability of each window, after `begins` and up to `ends` (w,) s."""
     first = np.searchsorted(watched.times, begins, side="right").tolist()
     last = np.searchsorted(watched.times, ends, side="right").tolist()
     for k, (a, b) in enumerate(zip(first, last, strict=True)):
@@ -316,13 +315,13 @@ def judged_windows(
 
 
 def undetermined(verdict: rank.Observability) -> list[int]:
-    """Return the vehicles of which some coordinate is not determined."""
+    """Return the vehicles that have an undetermined coordinate."""
     parts = np.abs(verdict.null_space).reshape(len(verdict.null_space), -1, 3)
     return np.flatnonzero((parts > INVOLVED).any(axis=(0, 2))).tolist()
 
 
 def _rows(watched: WatchedTeam, starts: Array, places: Array, of: slice) -> Array:
-    """(s, 6) the observer's three columns and the target's, over sigma, places in the scale."""
+    """Rows (s, 6) over sigma: the observer's three columns, then the target's; unit `scale`."""
     o, t = watched.observers[of], watched.targets[of]
     to_vehicle = t < watched.count
     q = (places[:, 1] - places[:, 0]).T

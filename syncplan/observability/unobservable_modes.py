@@ -1,9 +1,9 @@
-"""Names for unobservable directions: which vehicles can move which way unseen, and what cures it.
+"""Named unobservable directions: the vehicles that can move undetected, how, and the cure.
 
 The null space of the windowed matrix is matched against motions that have a name, simplest first:
 a shift or turn of vehicles that nothing ties to the ground, a turn about the only landmark seen,
-a stretch along lines of sight that never turn. What is left over is described by the vehicles that
-move most.
+a stretch along lines of sight that never turn. Any other direction is described by the vehicles
+that move most.
 """
 
 from dataclasses import dataclass
@@ -22,16 +22,16 @@ from syncplan.phrases import joined
 
 @dataclass(frozen=True, slots=True)
 class UnobservableMode:
-    """One way in which the team can move without any sighting changing.
+    """Motion of the team that changes no sighting.
 
     Attributes
     ----------
     description : in words
-    vehicles : indices of those that move
+    vehicles : indices of the vehicles that move
     motion : (n, 3) m, m, rad of each vehicle's (x, y, heading) at time 0, the largest
         displacement being 1 m (or the largest turn 1 rad where none is displaced)
-    cure : what would make it observable
-    desync : rad to put as orbit.desync_rad where that is a cure; 0 where it is none
+    cure : remedy that would make it observable
+    desync : rad, orbit.desync_rad that cures it; 0 if that is no cure
     """
 
     description: str
@@ -43,7 +43,7 @@ class UnobservableMode:
 
 @dataclass(frozen=True, slots=True)
 class _Naming:
-    """A team with what else it takes to name its modes."""
+    """Team with the other data needed to name its modes."""
 
     team: Team
     places: Array  # (n, 2) m, at time 0
@@ -67,7 +67,7 @@ class _Candidate:
 
 
 DESYNC_RAD = 0.2
-"""Offset from the rule that turns a line of sight enough to be seen, and costs little range."""
+"""Offset from the rule that makes a line of sight turn enough, at little cost in range."""
 
 MATCH_TOLERANCE = 1e-3
 """Share of a named motion that may lie outside the null space."""
@@ -131,14 +131,14 @@ def lost_bearing(orbits: Orbits, link: LinkInformation) -> float | None:
 
 
 def _null_of(link: LinkInformation) -> Array:
-    """(k, 6) orthonormal null vectors of a link's rows, judged by the link's own rank."""
+    """Orthonormal null vectors (k, 6) of a link's rows, by the link's own rank."""
     kept = link.directions[: link.rank]
     _, _, vectors = np.linalg.svd(kept)
     return vectors[link.rank :]
 
 
 def _candidates(naming: _Naming) -> list[_Candidate]:
-    """Motions with a name, simplest first."""
+    """Motions that have a name, simplest first."""
     count = naming.count
     seen = [(link.a, link.b) for link in naming.links if link.b < count]
     rigid = [(link.a, link.b) for link in naming.links if link.b < count and link.rank >= 3]
@@ -190,7 +190,7 @@ _MOST_NAMED = 6
 
 
 def _stretches(naming: _Naming, held: dict[int, set[int]]) -> list[_Candidate]:
-    """Shifts along lines of sight that never turn: one direction after the other."""
+    """Shifts along lines of sight that never turn, one direction at a time."""
     count = naming.count
     lost = []
     for link in naming.links:
@@ -312,7 +312,7 @@ def _mode(naming: _Naming, candidate: _Candidate) -> UnobservableMode:
 
 
 def _scaled(naming: _Naming, vector: Array) -> Array:
-    """(n, 3) in m and rad with the largest displacement 1 m, or the largest turn 1 rad."""
+    """Motion (n, 3) in m and rad, scaled to a largest displacement of 1 m, or turn of 1 rad."""
     motion = vector.reshape(-1, 3) * np.array([naming.scale, naming.scale, 1.0])
     largest = np.max(np.hypot(motion[:, 0], motion[:, 1]))
     if largest < 1e-9 * naming.scale:

@@ -1,12 +1,12 @@
-"""Circles, and what follows from them exactly: contact windows, least distances, sightings.
+"""Circular orbits, with exact contact windows, least distances and sightings.
 
 circles          positions, headings; paths as polynomials in time
-noise            of motion readings and of the start; errors that last
-sighting_kinds   the table of what sightings measure
-team             orbits, landmarks, sensors and noise together, as a scenario has them
-error_states     errors that last, and where the states of a team are
-sight_lines      when obstacles stand between
-contacts         when who sees whom, and how near circles and vehicles come
-sightings        contact sampled at k Ts, and what losses leave of it
+noise            noise of motion readings and of the start; lasting errors
+sighting_kinds   table of the kinds of sighting
+team             orbits, landmarks, sensors and noise of a scenario
+error_states     lasting errors, and the layout of a team's states
+sight_lines      sight lines and the obstacles that block them
+contacts         contact windows; least distances of circles and vehicles
+sightings        contact sampled at k Ts, and its remainder after losses
 graphs           components, trees and cycles of a team
 """

@@ -1,11 +1,11 @@
-"""Circular orbits: where vehicles are and head, and their paths as polynomials in time.
+"""Circular orbits: positions and headings of vehicles, and their paths as polynomials in time.
 
 A body is at center + cosine cos(tau) + sine sin(tau), with tau = omega t; a landmark stands still.
 A direction fixed to a vehicle is along ray cos(tau) + turned sin(tau): on a circle the heading
-turns at the rate itself. An ellipse has both too, the second along its velocity. Contacts need no
-more of a path than this.
+turns at the rate itself. An ellipse has both forms too, the second along its velocity. Contacts
+need nothing else of a path.
 
-What is asked of two bodies, such as their squared distance, is then a trigonometric polynomial of
+Quantities of two bodies, such as their squared distance, are then trigonometric polynomials of
 degree two,
 
     p(tau) = c0 + c1 cos tau + s1 sin tau + c2 cos 2 tau + s2 sin 2 tau
@@ -66,7 +66,7 @@ class Orbits:
         return self.rate * self.senses
 
     def only(self, vehicles: Index) -> "Orbits":
-        """Return the orbits of the vehicles (k,), in that order; a vehicle may stand twice."""
+        """Return the orbits of the vehicles (k,), in that order; a vehicle may occur twice."""
         names = ("centers", "radii", "senses", "phases")
         return replace(self, **{name: getattr(self, name)[vehicles] for name in names})
 
@@ -87,7 +87,7 @@ def dot(a: Array, b: Array) -> Array:
 
 
 def cross(a: Array, b: Array) -> Array:
-    """Return (...) how far vectors b turn counter-clockwise from a, |a| |b| sin; both (..., 2)."""
+    """Return the cross products (...) of vectors (..., 2), |a| |b| times the sine from a to b."""
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
@@ -98,7 +98,7 @@ def turned(vectors: Array, angle: float) -> Array:
 
 
 def wrap(angle: ArrayLike) -> Array:
-    """Return the angles brought into [-pi, pi), in rad."""
+    """Return the angles wrapped to [-pi, pi), in rad."""
     return np.asarray((np.asarray(angle, dtype=float) + np.pi) % (2.0 * np.pi) - np.pi)
 
 
@@ -122,7 +122,7 @@ def heading(orbits: Orbits, time: ArrayLike) -> Array:
 
 
 NO_LANDMARKS: Array = np.zeros((0, 2))
-"""Of a team that is looked at by itself."""
+"""Landmarks of a team without any."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,8 +132,8 @@ class RelativeMotion:
     Attributes
     ----------
     offset, cosine, sine : (p, 2) m
-    circular : (p,) whether cosine and sine are equally long and square to each other, exactly:
-        vehicles of one sense, and landmarks
+    circular : (p,) whether cosine and sine are equal in length and perpendicular, exactly: vehicles
+        of one sense, and landmarks
     """
 
     offset: Array
@@ -199,7 +199,7 @@ def directions_at(orbits: Orbits, vehicles: Index, boresights: Array, tau: Array
 
 
 def _axes(orbits: Orbits, vehicles: Index, boresights: Array) -> Array:
-    """(p,) rad: where the sensors look at time 0."""
+    """(p,) rad: directions of the boresights at time 0."""
     return np.asarray(heading(orbits, 0.0)[vehicles] + boresights)
 
 

@@ -1,4 +1,4 @@
-"""Contacts: exactly when each vehicle sees which vehicle or landmark, and how near they come.
+"""Contacts: exact windows in which vehicles see vehicles or landmarks, and least distances.
 
 The position of a target relative to its observer is D + a cos tau + b sin tau with tau = omega t,
 so "within range" and "inside the field of view" change sign only at roots of trigonometric
@@ -35,26 +35,26 @@ from syncplan.orbits.sight_lines import SightLines
 from syncplan.orbits.team import Team
 
 SMALLEST_STEP_RAD = 1e-11
-"""Roots nearer than this count as one."""
+"""Angle below which two roots count as one."""
 
 BOUNDARY_SLACK = 1e-12
 """Relative slack of range and field of view, so that a contact exactly at its limit counts."""
 
 _BESIDE = 0.618
-"""Share of an interval at which obstacles are looked at besides its middle."""
+"""Share of an interval from its end to the point, besides its middle, to check for obstacles."""
 
 DENSE_LIMIT = 500
-"""Up to this many bodies all pairs are tried; above, a k-d tree proposes them."""
+"""Most bodies for which all pairs are tried; above that, a k-d tree proposes them."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Windows:
-    """When each of p directed pairs is in contact, over one period T.
+    """Contact windows of p directed pairs over one period T.
 
     Attributes
     ----------
     observers : (p,) index of the vehicle that sees
-    targets : (p,) index of what it sees; n and above are landmarks
+    targets : (p,) index of the body that it sees; n and above are landmarks
     first : (p + 1,) windows of pair k are first[k] to first[k + 1]
     starts, ends : (w,) s; starts in [0, T), ends may pass T, permanent contact is [0, T]
     """
@@ -110,7 +110,7 @@ def reachable_pairs(
     """Return directed pairs (observer, target) whose circles come within the observer's reach.
 
     `reach` is (n,) in m. The circles' least distance is D - R_i - R_j outside each other and
-    |R_i - R_j| - D where one holds the other; landmarks are circles of radius zero.
+    |R_i - R_j| - D where one contains the other; landmarks are circles of radius zero.
     """
     n = orbits.count
     centers = np.concatenate([orbits.centers, landmarks.reshape(-1, 2)])
@@ -139,7 +139,7 @@ def _neighbours(orbits: Orbits, centers: Array, radius: float) -> tuple[Index, I
 
 @dataclass(frozen=True, slots=True)
 class _DirectedPairs:
-    """The directed pairs (p,) whose contact is asked for, how they move and what may be between."""
+    """Directed pairs (p,) whose contacts are requested, with their motion and sight lines."""
 
     team: Team
     observers: Index
@@ -154,10 +154,10 @@ class _DirectedPairs:
         return cls(team, observers, targets, motion, lines)
 
     def seen_between(self, tau: Array, beside: Array) -> Flags:
-        """(p, k) whether each observer sees its target in intervals that hold no root.
+        """(p, k) whether each observer sees its target in intervals that contain no root.
 
-        Both (p, k) rad are within the interval. An end that touches a wall from inside is free for
-        that instant, so sight has to be free at both.
+        `tau` and `beside`, both (p, k) rad, lie within the interval. An end that touches a wall
+        from inside is free for that instant, so sight has to be free at both.
         """
         sensors, observers = self.team.sensors, self.observers
         q = self.motion.at(tau)
@@ -176,12 +176,12 @@ class _DirectedPairs:
 
 
 def find_windows(team: Team, pairs: tuple[Index, Index] | None = None) -> Windows:
-    """Return a team's exact contact windows: of all directed pairs that can come within range.
+    """Return a team's exact contact windows, by default of all pairs that can come within range.
 
-    `pairs` restricts the search to given (observers, targets). Boundaries are good to about
+    `pairs` restricts the search to given (observers, targets). Boundaries are accurate to about
     1e-15 times the polynomial's size over its slope there: below 1e-9 s unless the crossing is
     nearly tangent. A window shorter than about 1e-7 of a period, opened by such a near-tangency,
-    may be absent. The same holds for the edges that obstacles make.
+    may be absent. The same holds for boundaries due to obstacles.
     """
     if pairs is None:
         pairs = reachable_pairs(team.orbits, team.sensors.ranges, team.landmarks)
@@ -225,7 +225,7 @@ def _splits(asked: _DirectedPairs) -> Array:
 
 
 def _range_roots(motion: RelativeMotion, ranges: Array, a: Index, b: Index) -> Array:
-    """(p, 4) roots of the range polynomials, once for both ways of a pair of equal ranges."""
+    """(p, 4) roots of the range polynomials, one set for both directions if ranges are equal."""
     count = len(ranges)
     vehicle = b < count
     shared = vehicle & (ranges[a] == ranges[np.where(vehicle, b, a)])
@@ -270,7 +270,7 @@ def _classified(asked: _DirectedPairs, splits: Array) -> Windows:
 
 
 def _paired_ends(starts: Array, ends: Array, number: Index) -> Array:
-    """The end that follows each start: a pair's first end may belong to its last start."""
+    """Ends that follow each start: a pair's first end may belong to its last start."""
     first = np.concatenate([[0], np.cumsum(number)])[:-1]
     pair = np.repeat(np.arange(len(number)), number)
     occupied = number > 0
@@ -306,7 +306,7 @@ def merge_windows(windows: Array, period: float) -> Array:
 
 
 def outer_gaps(centers: Array, radii: Array, pairs: Index) -> Array:
-    """Return (p,) m: D - R_a - R_b of each pair, negative where they cross or one holds the other.
+    """Return D - R_a - R_b (p,) in m, negative where circles cross or one contains the other.
 
     `centers` are (n, 2) m, `radii` (n,) m.
     """
@@ -315,9 +315,9 @@ def outer_gaps(centers: Array, radii: Array, pairs: Index) -> Array:
 
 
 def circle_gaps(centers: Array, radii: Array, pairs: Index) -> Array:
-    """Return (p,) m: the least distance of points on the two circles; negative where they cross.
+    """Return the least distance (p,) in m between the circles of each pair; negative if they cross.
 
-    The larger of D - R_a - R_b, side by side, and |R_a - R_b| - D, one within the other.
+    It is the larger of D - R_a - R_b, side by side, and |R_a - R_b| - D, one within the other.
     """
     distance = np.hypot(*(centers[pairs[:, 0]] - centers[pairs[:, 1]]).T)
     return least_circle_gaps((distance, distance), (radii, radii), pairs)
@@ -326,7 +326,7 @@ def circle_gaps(centers: Array, radii: Array, pairs: Index) -> Array:
 def least_circle_gaps(
     distances: tuple[Array, Array], radii: tuple[Array, Array], pairs: Index
 ) -> Array:
-    """Return (p,) m that no gap is below while distances and radii stay within their limits.
+    """Return lower bounds (p,) in m of the gaps, for distances and radii within their limits.
 
     `distances` are the least and largest (p,) m of the centres of each pair, `radii` the least
     and largest (n,) m of the circles.
@@ -337,9 +337,10 @@ def least_circle_gaps(
 
 
 def landmark_gaps(centers: Array, radii: Array, landmarks: Array) -> Array:
-    """Return (n, m) m: how near each circle's path comes to each of (m, 2) landmarks.
+    """Return the least distance (n, m) in m of each circle to each of the landmarks (m, 2).
 
-    ||c - L| - R|, once in every turn, whether the landmark lies within the circle or outside.
+    It is ||c - L| - R|, reached once in every turn, whether the landmark lies within the circle or
+    outside.
     """
     away = np.hypot(*(centers[:, None] - landmarks[None]).T).T
     return np.asarray(np.abs(away - radii[:, None]))
@@ -347,7 +348,7 @@ def landmark_gaps(centers: Array, radii: Array, landmarks: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Approach:
-    """The nearest meeting of a pair: `distance` m at `time` s, between vehicles `a` and `b`."""
+    """Closest approach of a pair: `distance` m at `time` s, between vehicles `a` and `b`."""
 
     a: int
     b: int
@@ -356,10 +357,10 @@ class Approach:
 
 
 def least_distances(motion: RelativeMotion) -> tuple[Array, Array]:
-    """Return the least distance (p,) in m of each pair over a turn, and the angle tau (p,) of it.
+    """Return the least distance (p,) in m of each pair over a turn, and its angle tau (p,).
 
     The candidates are the roots of d|q|^2/dtau; a pair at constant distance has none and is
-    read at tau = 0.
+    evaluated at tau = 0.
     """
     slope = derivative(range_polynomial(motion))
     tau = np.concatenate([real_roots(slope), np.zeros((len(slope), 1))], axis=1)
@@ -405,7 +406,7 @@ def pairs_nearer_than(orbits: Orbits, distance: float) -> list[Approach]:
 
 
 def _neighbour_pairs(orbits: Orbits) -> tuple[Index, Index]:
-    """Each vehicle with the one whose centre is nearest."""
+    """Pairs of each vehicle with the one whose centre is nearest."""
     if orbits.count <= DENSE_LIMIT:
         distance = np.hypot(*(orbits.centers[:, None] - orbits.centers[None]).T)
         np.fill_diagonal(distance, np.inf)

@@ -1,6 +1,6 @@
-"""Errors that last: wind, gusts, scales and biases, and how each moves a vehicle.
+"""Lasting errors: wind, gusts, scales and biases, and their effects on a vehicle.
 
-Noise is new at each sample; these errors are not, so a filter can estimate them, each as states
+Noise is new at each sample; these errors persist, so a filter can estimate them as further states
 beside the poses. With s = t - t0, p the place along the circle, phi the phase, d the sense, omega
 the rate, R the radius, u(phi) = (cos phi, sin phi) and J a quarter turn counter-clockwise, a unit
 of a constant error moves the vehicle by
@@ -13,17 +13,17 @@ of a constant error moves the vehicle by
     bearing_bias     (each)    nothing, but adds 1 to each bearing of its observer
     clock_offset     (each)    nothing, but adds dz/dt to each sighting z of its observer
 
-Others are no constants but first-order Gauss-Markov processes, which after s have kept exp(-s / T)
-of what they were, T their correlation time, each vehicle its own. They have no column here; filter
-and posterior bound carry them from sample to sample:
+The others are first-order Gauss-Markov processes, one for each vehicle: after s they keep
+exp(-s / T) of their value, with T the correlation time. They have no column here; filter and
+posterior bound propagate them from sample to sample:
 
     gusts            (each)    dp grows by Ts times the gust at each sample
     bearing_walk     (each)    nothing, but adds 1 to each bearing of its observer
 
-A speed scale c means that a vehicle moves 1 + c times what it reads, a bias b that it turns b
-faster than it reads, a bearing bias or walk that a bearing reads that much too large. With a clock
-offset sightings stamped t were taken that much later: the observer has moved on by its velocity and
-turned by its rate, each target has moved on by its own velocity.
+With a speed scale c, a vehicle moves 1 + c times its reading. With a bias b, it turns b faster than
+its reading. A bearing bias or walk makes bearings too large by its value. With a clock offset,
+sightings stamped t were taken that much later: the observer has moved on by its velocity and turned
+by its rate, and each target has moved on by its own velocity.
 
 Source: integration of the unicycle model along a circle, differentiated.
 """
@@ -41,20 +41,20 @@ from syncplan.orbits.team import Team
 
 @dataclass(frozen=True, slots=True)
 class ErrorState:
-    """An error that lasts, and can be a state of the filter.
+    """Lasting error that can be a state of the filter.
 
     Attributes
     ----------
     unit : in words
-    axes : names of its components; one without a name where it is a single number
+    axes : names of its components; one empty name for a scalar
     common : whether one value holds for all vehicles
-    sigma : of a team, the standard deviation of each vehicle's, (n,)
-    act : how it acts on its vehicle: as a share that is added to its "speed", as its "turn" rate,
-        as a "drift" of its air, as a "shift" of what it reads, or as a "delay" of its stamps
-    moves : of orbits, vehicles (s,) and times (s,) s, by how much a unit of each component moves
-        them until then: (axes, 3, s) m, m, rad
+    sigma : of a team, the standard deviation for each vehicle, (n,)
+    act : its effect: a share added to the "speed", a "turn" rate, a "drift" of the air, a "shift"
+        of readings, or a "delay" of stamps
+    moves : of orbits, vehicles (s,) and times (s,) s, the displacement of the vehicles by then for
+        a unit of each component: (axes, 3, s) m, m, rad
     shifts : name of the kind of sighting whose values it is added to; empty if none
-    times : of a team, the correlation time of each vehicle's in s, (n,); None of a constant
+    times : of a team, the correlation time for each vehicle in s, (n,); None for a constant
     """
 
     unit: str
@@ -73,26 +73,26 @@ class ErrorState:
 
     @property
     def drifts(self) -> bool:
-        """Whether it moves the place, by the sample time times it at each sample, and changes."""
+        """Whether it changes, and moves the place by Ts times its value at each sample."""
         return self.act == "drift" and not self.constant
 
     @property
     def delays(self) -> bool:
-        """Whether it is added to the time of what is sighted."""
+        """Whether it is added to the time of sightings."""
         return self.act == "delay"
 
 
 @dataclass(frozen=True, slots=True)
 class StateLayout:
-    """Where the states of a team are: 3 n of poses, then those of the errors named.
+    """Layout of a team's states: 3 n of poses, then those of the named errors.
 
     Attributes
     ----------
     names : of the errors, constants first, otherwise in the order of ERROR_STATES
-    columns : by name (n, axes) the column of each vehicle's error, the same for all where it is
+    columns : by name, the column (n, axes) of each vehicle's error, the same for all where it is
         common; -1 where a vehicle has none
     sigmas : (size - 3 n,) standard deviation of each further state
-    times : (size - 3 n,) s, correlation time of each; infinite of constants
+    times : (size - 3 n,) s, correlation time of each; infinite for constants
     """
 
     names: tuple[str, ...]
@@ -108,7 +108,7 @@ class StateLayout:
 
     @property
     def first_changing(self) -> int:
-        """Column of the first state that is no constant; all from there on change."""
+        """Column of the first state that is not constant; all from there on change."""
         changing = [
             columns[columns >= 0].min()
             for name, columns in self.columns.items()
@@ -142,17 +142,17 @@ class StateLayout:
 def layout_of(
     team: Team, names: Sequence[str] | None = None, *, filtered: Team | None = None
 ) -> StateLayout:
-    """Return where the states of a team are, those of the errors that its filter estimates.
+    """Return the layout of a team's states, with the errors that its filter estimates.
 
-    `names` are others to have as states; those without a sigma are left out. Constants that the
-    filter of the team `filtered` estimates have the sigmas that it takes for true.
+    `names` gives other errors as states; those without a sigma are left out. Constants that the
+    filter of the team `filtered` estimates have the sigmas that it assumes.
     """
     wanted = team.errors.estimated if names is None else names
     count = team.orbits.count
     columns: dict[str, Index] = {}
     sigmas: list[float] = []
     times: list[float] = []
-    # constants first: those that change are carried together
+    # constants first: changing states are propagated together
     for name, state in sorted(ERROR_STATES.items(), key=lambda item: not item[1].constant):
         sigma = state.sigma(team)
         if filtered is not None and state.constant and name in filtered.errors.estimated:
@@ -259,4 +259,4 @@ ERROR_STATES: Mapping[str, ErrorState] = MappingProxyType(
         "clock_offset": ErrorState("s", ("",), False, "delay", _same("clock_offset"), _still),
     }
 )
-"""By name, in the order in which trials draw them. A state has constants before what changes."""
+"""Lasting errors by name, in the order in which trials draw them. Layouts put constants first."""

@@ -10,7 +10,7 @@ from syncplan.arrays import Array
 Edge = tuple[int, int]
 
 _LARGEST_ENERGY_DRAWING = 120
-"""Most vertices that Kamada-Kawai, cubic in their number, is asked to draw."""
+"""Most vertices that Kamada-Kawai, cubic in their number, draws."""
 
 
 def two_colouring(count: int, edges: Iterable[Edge]) -> list[int] | None:
@@ -59,7 +59,7 @@ def components(count: int, edges: Iterable[Edge]) -> list[list[int]]:
 def blocks(count: int, edges: Sequence[Edge]) -> list[list[int]]:
     """Return the positions in `edges` of each biconnected block; a bridge is one by itself.
 
-    What is chosen within a block binds no other: they share single vertices.
+    Choices within a block do not restrict another: blocks share single vertices.
     """
     import networkx as nx
 
@@ -81,7 +81,7 @@ def spanning_forest(count: int, edges: Sequence[Edge], weights: Sequence[float])
 
 
 def traversal(count: int, edges: Sequence[Edge]) -> list[tuple[int, int, int]]:
-    """Return (parent, child, position in `edges`) breadth first, each component from its first."""
+    """Return (parent, child, position in `edges`) breadth first from the first vertices."""
     import networkx as nx
 
     graph = _graph(count, ((a, b, {"position": k}) for k, (a, b) in enumerate(edges)))
@@ -95,7 +95,7 @@ def traversal(count: int, edges: Sequence[Edge]) -> list[tuple[int, int, int]]:
 def bottleneck(lengths: Array) -> float:
     """Return the longest edge of a shortest spanning tree, from (n, n) lengths.
 
-    The range at which all vertices are connected; 0 for a single vertex. Infinite lengths are no
+    It is the least range that connects all vertices; 0 for a single vertex. Infinite lengths are no
     edges.
     """
     import networkx as nx
@@ -116,7 +116,7 @@ def disjoint_sets(count: int) -> Any:
 
 
 def contraction(count: int, same: Iterable[Edge]) -> list[int]:
-    """Return for each vertex the number of its class when the pairs in `same` are merged."""
+    """Return the class number of each vertex after the pairs in `same` are merged."""
     label = [0] * count
     for number, part in enumerate(components(count, same)):
         for vertex in part:
@@ -125,10 +125,10 @@ def contraction(count: int, same: Iterable[Edge]) -> list[int]:
 
 
 def drawings(count: int, edges: Iterable[Edge], amount: int, seed: int) -> Iterator[Array]:
-    """Yield `amount` drawings (count, 2) of a connected graph, in no unit; the likeliest first.
+    """Yield `amount` drawings (count, 2) of a connected graph, without unit, most promising first.
 
-    Kamada-Kawai, the same begun at a planar drawing where there is one, spectral, then springs
-    from random places. All are shaken a little, so that no two vertices fall on one point.
+    In order: Kamada-Kawai, the same from a planar drawing if there is one, spectral, then springs
+    from random places. Each is perturbed slightly, so that no two vertices coincide.
     """
     import networkx as nx
 
@@ -156,7 +156,7 @@ def drawings(count: int, edges: Iterable[Edge], amount: int, seed: int) -> Itera
 
 
 def _graph(count: int, edges: Iterable[Edge | tuple[int, int, dict[str, Any]]]) -> Any:
-    """The undirected graph of edges, each of which may have attributes."""
+    """Undirected graph of edges, each of which may have attributes."""
     import networkx as nx
 
     graph = nx.Graph()

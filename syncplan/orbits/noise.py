@@ -1,6 +1,6 @@
-"""Noise that the filter assumes, of motion readings and the initial pose, and errors that last.
+"""Standard deviations of motion readings, of the initial pose and of lasting errors.
 
-Costs nothing to import: the options of commands refer to it.
+Importing it costs nothing, as the options of commands refer to it.
 """
 
 from collections.abc import Mapping
@@ -27,13 +27,13 @@ class Noise:
 
 @dataclass(frozen=True, slots=True)
 class ErrorSigmas:
-    """Standard deviations of the errors that last; those of bearings stand in Sensors.
+    """Standard deviations of lasting errors; those of bearings are in Sensors.
 
     Attributes
     ----------
     sigmas : by name and in the unit of syncplan.orbits.error_states.ERROR_STATES, of each component
         of an error; an error that vehicles do not have is absent
-    gust_time : s, over which the correlation of gusts falls to 1/e
+    gust_time : s, time over which the correlation of gusts falls to 1/e
     estimated : names of the errors that are states of the filter
     """
 
@@ -47,4 +47,4 @@ class ErrorSigmas:
 
 
 NO_ERRORS = ErrorSigmas()
-"""Of vehicles whose readings have noise alone."""
+"""No lasting errors: readings have noise alone."""

@@ -1,4 +1,4 @@
-"""Sight lines: when polygons stand between an observer and its target.
+"""Sight lines, and the polygons that stand between an observer and its target.
 
 Both ends of a sight line are trigonometric polynomials of degree one in tau = omega t. Whether the
 open segment between them meets the interior of a polygon can change only where a corner comes to
@@ -18,7 +18,7 @@ the edge.
 A segment that only touches the boundary is free: it may graze a corner, run along a wall or end at
 a landmark mounted on it. A segment with an end in the interior is blocked. An end that touches a
 wall from inside is free for that instant, which need not be a root, so each interval between roots
-is looked at in two places.
+is checked at two points.
 
 Polygons are simple, concave or not. The edges cut a line into pieces, each of them inside or
 outside. Crossings are counted for the line moved a hair to its left and to its right: a piece runs
@@ -34,24 +34,24 @@ from syncplan.orbits.circles import body_paths, cross, dot, real_roots
 from syncplan.orbits.team import Team
 
 BOUNDARY_SLACK = 1e-12
-"""Of the largest coordinate: nearer than this, a point counts as on the boundary."""
+"""Share of the largest coordinate within which a point counts as on the boundary."""
 
 _ROOM = 1e-6
-"""Relative room with which roots are kept that lie at the end of a segment, an edge or a range."""
+"""Relative tolerance of roots at the end of a segment, an edge or a range."""
 
 _MOST_AT_ONCE = 100_000
-"""Corners times sight lines that are looked at together."""
+"""Most corners times sight lines that are processed together."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class SightLines:
-    """The sight lines of p directed pairs of bodies, u of them without regard to direction.
+    """Sight lines of p directed pairs of bodies, u of them regardless of direction.
 
     Attributes
     ----------
-    line : (p,) the sight line of each pair; both ways of a pair share one
+    line : (p,) the sight line of each pair; both directions of a pair share one
     start, end : (3, u, 2) m: offset, cosine and sine of the bodies at either end
-    reach : (u,) m, the larger range of those that look along it
+    reach : (u,) m, the larger range of its observers
     obstacles : polygons (k, 2) m, corners in order, not closed
     near : (u, q) whether each of the q obstacles may stand in the way
     """
@@ -79,7 +79,7 @@ class SightLines:
         return cls(line, start, end, reach, team.obstacles, np.array(near).T)
 
     def roots(self) -> Array:
-        """Return (p, k) rad: where sight may be lost or regained; NaN where there are fewer."""
+        """Return (p, k) rad at which sight may be lost or regained; NaN where there are fewer."""
         rows, found = [np.zeros(0, dtype=np.int64)], [np.zeros(0)]
         for corners, near in zip(self.obstacles, self.near.T, strict=True):
             chosen = np.flatnonzero(near)
@@ -108,7 +108,7 @@ class SightLines:
         return found
 
     def _roots_at(self, corners: Array, lines: Index) -> tuple[Index, Array]:
-        """Lines (r,) and their roots (r,) rad at one polygon, those that may matter."""
+        """Lines (r,) and their roots (r,) rad at one polygon, where the ends are within reach."""
         start, end = self.start[:, lines], self.end[:, lines]
         each = [_corner_roots(corners, start, end)]
         each += [_edge_roots(corners, side) for side in (start, end)]
@@ -128,7 +128,7 @@ def obstructible(team: Team, a: Index, b: Index) -> Flags:
 
 
 def hidden_landmarks(team: Team) -> dict[int, int]:
-    """Return the landmarks in the interior of an obstacle, which nobody can see, and that one."""
+    """Return the landmarks inside an obstacle, which no vehicle can see, each with its obstacle."""
     found: dict[int, int] = {}
     for number, corners in enumerate(team.obstacles):
         inside = crosses_interior(corners, team.landmarks, team.landmarks)
@@ -138,7 +138,7 @@ def hidden_landmarks(team: Team) -> dict[int, int]:
 
 
 def hidden_paths(team: Team) -> dict[int, int]:
-    """Return the vehicles whose whole path is in the interior of an obstacle, and that one."""
+    """Return the vehicles whose whole path is inside an obstacle, each with its obstacle."""
     found: dict[int, int] = {}
     orbits = team.orbits
     for number, corners in enumerate(team.obstacles):
@@ -152,7 +152,7 @@ def hidden_paths(team: Team) -> dict[int, int]:
 def crosses_interior(corners: Array, start: Array, end: Array) -> Flags:
     """Return (m,) whether open segments (m, 2) to (m, 2) m meet the interior of a polygon (k, 2).
 
-    A segment of no length does where its point is in the interior.
+    A segment of zero length does if its point is in the interior.
     """
     parts = [_some_cross(corners, start[part], end[part]) for part in _parts(start, corners)]
     return np.concatenate([np.zeros(0, dtype=bool), *parts])
@@ -180,9 +180,9 @@ def _some_cross(corners: Array, start: Array, end: Array) -> Flags:
 
 
 def _inner_pieces(along: Array, aside: Array, length: Array) -> tuple[Index, Array]:
-    """Segments (r,), and how far along them (r,) m their pieces in the interior have their middle.
+    """Segments (r,), and the middles (r,) m along them of their pieces in the interior.
 
-    `along` and `aside` are (m, k) m, of the corners from the start of segments of `length` (m,) m.
+    `along` and `aside` (m, k) m are the corners from the start of segments of `length` (m,) m.
     """
     next_along, next_aside = np.roll(along, -1, axis=1), np.roll(aside, -1, axis=1)
     left = (aside > 0.0) != (next_aside > 0.0)
@@ -201,7 +201,7 @@ def _inner_pieces(along: Array, aside: Array, length: Array) -> tuple[Index, Arr
 
 
 def _boundary_distance(corners: Array, points: Array) -> Array:
-    """(m,) m: how far points (m, 2) are from the nearest edge."""
+    """(m,) m: distance of points (m, 2) from the nearest edge."""
     edges = np.roll(corners, -1, axis=0) - corners
     away = points[:, None] - corners
     share = np.clip(dot(away, edges) / _squared_lengths(edges), 0.0, 1.0)
@@ -228,12 +228,12 @@ def _may_cross(corners: Array, start: Array, end: Array) -> Flags:
 
 
 def _corner_roots(corners: Array, start: Array, end: Array) -> tuple[Index, Array]:
-    """Lines (r,) and roots (r,) rad: where a corner lies between the ends, its edges to one side.
+    """Lines (r,) and roots (r,) rad with a corner between the ends and its edges on one side.
 
-    Elsewhere the line runs through the interior before and after; so it does at hollow corners.
+    Elsewhere, and at hollow corners, the line runs through the interior before and after.
     """
     before, after = np.roll(corners, 1, axis=0) - corners, np.roll(corners, -1, axis=0) - corners
-    # the sum is twice the area, of the sign with which the corners go round
+    # the sum is twice the signed area
     way_round = np.sum(cross(corners - corners[0], after))
     salient = np.flatnonzero(cross(after, before) * way_round >= 0.0)
     a, b = (np.repeat(side[:, :, None], len(salient), axis=2) for side in (start, end))
@@ -255,7 +255,7 @@ def _corner_roots(corners: Array, start: Array, end: Array) -> tuple[Index, Arra
 
 
 def _line_polynomial(a: Array, b: Array) -> Array:
-    """(..., 5) coefficients of a x b, of paths (3, ..., 2): zero where a line passes the origin."""
+    """(..., 5) coefficients of a x b, of paths (3, ..., 2): zero if a line meets the origin."""
     (a0, ac, as_), (b0, bc, bs) = a, b
     both_cosine, both_sine = cross(ac, bc), cross(as_, bs)
     # of one sense: the arms' sines lie to the same side of their cosines
@@ -273,7 +273,7 @@ def _line_polynomial(a: Array, b: Array) -> Array:
 
 
 def _edge_roots(corners: Array, side: Array) -> tuple[Index, Array]:
-    """Paths (r,) of the bodies (3, l, 2) and roots (r,) rad: where they are on an edge."""
+    """Paths (r,) of bodies (3, l, 2), and roots (r,) rad at which they are on an edge."""
     edges = np.roll(corners, -1, axis=0) - corners
     path = np.repeat(side[:, :, None], len(corners), axis=2)
     path[0] -= corners
@@ -291,13 +291,13 @@ def _edge_roots(corners: Array, side: Array) -> tuple[Index, Array]:
 
 
 def _parts(rows: Array | Index, corners: Array) -> list[slice]:
-    """Slices of rows, each with so many that their tables over all corners stay small."""
+    """Slices of rows, short enough that tables over all corners stay small."""
     number = max(1, _MOST_AT_ONCE // len(corners))
     return [slice(begin, begin + number) for begin in range(0, len(rows), number)]
 
 
 def _squared_lengths(edges: Array) -> Array:
-    """(k,) m^2; 1 where a corner stands twice."""
+    """(k,) m^2; 1 where a corner is repeated."""
     squared = dot(edges, edges)
     return np.where(squared > 0.0, squared, 1.0)
 

@@ -1,4 +1,4 @@
-"""Kinds of sighting: what each measures, how well, and how it changes with the two poses.
+"""Kinds of sighting: measured value, standard deviation, and slopes by the two poses.
 
 With q the target's position relative to the observer, rho its length and psi the observer's
 heading, a sighting z depends on the poses through q and psi alone:
@@ -10,15 +10,14 @@ heading, a sighting z depends on the poses through q and psi alone:
 
 A compass has no target: its sightings name the observer as their target.
 
-With errors of the target's place relative to the observer, split into a along and b across the line
-of sight at distance rho, what the slopes leave out of a sighting is a product to second order:
+Let a and b be errors of the target's relative place along and across the line of sight, at distance
+rho. The second-order term of a sighting, which its slopes leave out, is a product:
 
     bearing    -(a / rho) (b / rho)
     distance   rho / 2 (b / rho)^2
     compass    nothing
 
-A further kind is a further member of SIGHTING_KINDS, at its end: sightings refer to kinds by their
-place in the table.
+A new kind goes at the end of SIGHTING_KINDS: sightings refer to kinds by their place in the table.
 """
 
 from collections.abc import Callable
@@ -30,7 +29,7 @@ from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.team import Sensors
 
 ALONG, ACROSS = 0, 1
-"""Ways of an error, from the line of sight."""
+"""Directions of an error relative to the line of sight."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +38,7 @@ class SecondOrder:
 
     Attributes
     ----------
-    ways : of the two errors, ALONG or ACROSS the line of sight
+    ways : directions of the two errors, ALONG or ACROSS the line of sight
     size : of distances (...) m, the product's factor, in the sighting's unit
     """
 
@@ -49,12 +48,12 @@ class SecondOrder:
 
 @dataclass(frozen=True, slots=True)
 class OwnSensor:
-    """A sensor of one kind of sighting alone; a vehicle may be without, or lose it.
+    """Sensor of one kind of sighting alone; a vehicle may lack or lose it.
 
     Attributes
     ----------
-    words : what it is called
-    key : of the scenario, which gives its standard deviation; without it there is none
+    words : its name in messages
+    key : key of the scenario with its standard deviation; without it there is no sensor
     """
 
     words: str
@@ -63,7 +62,7 @@ class OwnSensor:
 
 @dataclass(frozen=True, slots=True)
 class SightingKind:
-    """A kind of sighting.
+    """Kind of sighting.
 
     Attributes
     ----------
@@ -73,11 +72,11 @@ class SightingKind:
     measured : of q (2, ...) m and psi (...) rad, the noiseless sighting; angles are not wrapped
     slopes : of q (2, ...) m and weights (...), each weight times dz / dq, (2, ...); 0 at q = 0
     by_heading : dz / dpsi
-    of_target : whether it measures something that must be within range and view; otherwise a
-        vehicle measures it of itself
-    every_name : attribute of Sensors that holds from how many samples one is made, (n,)
-    second_order : what the slopes leave out; None where nothing
-    own_sensor : what measures it; None where every vehicle's sensor does
+    of_target : whether it measures a target within range and view; otherwise a vehicle measures
+        itself
+    every_name : attribute of Sensors that holds the samples from one to the next, (n,)
+    second_order : second-order term that the slopes leave out; None if there is none
+    own_sensor : its own sensor; None where every vehicle's sensor measures it
     """
 
     sigma_name: str
@@ -175,7 +174,7 @@ COMPASS = SightingKind(
 
 
 SIGHTING_KINDS = {"bearing": BEARING, "distance": DISTANCE, "compass": COMPASS}
-"""By name."""
+"""Kinds of sighting by name."""
 
 
 def place_of(kind: SightingKind) -> int:
@@ -184,7 +183,7 @@ def place_of(kind: SightingKind) -> int:
 
 
 def kinds_measured(sensors: Sensors) -> Flags:
-    """Return (n, K): whether each vehicle's sensor measures each of the K kinds."""
+    """Return (n, K) whether each vehicle's sensor measures each of the K kinds."""
     return np.stack([kind.sigmas(sensors) != np.inf for kind in SIGHTING_KINDS.values()], axis=1)
 
 
@@ -194,7 +193,7 @@ def of_targets(kinds: Index) -> Flags:
 
 
 def samples_between(sensors: Sensors) -> Index:
-    """Return (K, n): from how many samples each vehicle makes one sighting of each of K kinds."""
+    """Return the samples (K, n) from one sighting of each of K kinds to the next, by vehicle."""
     every: list[Index] = [getattr(sensors, one.every_name) for one in SIGHTING_KINDS.values()]
     return np.stack(every)
 
@@ -227,7 +226,7 @@ def turns_by_kind(kinds: Index) -> Array:
 
 
 def _by_kind(kinds: Index) -> list[tuple[SightingKind, Index | slice]]:
-    """Each kind that occurs, and its sightings; a slice where there is but one."""
+    """Kinds that occur, with their sightings; a slice if there is only one."""
     table = list(SIGHTING_KINDS.values())
     if len(kinds) == 0:
         return []

@@ -1,11 +1,10 @@
-"""Sightings: the samples k Ts at which each contact is measured, and those that losses leave.
+"""Sightings: samples k Ts at which contacts are measured, and the remainder after losses.
 
-Losses are of vehicles, sensors, landmarks and links that a team no longer has. Orbits stay as they
-are. A vehicle that is lost sees nobody and is seen by nobody; one whose sensor is lost flies on and
-is seen by others; a landmark that is lost is seen by nobody. A vehicle may also lose the sensor of
-one kind of sighting alone: its compass, or what measures distances. Of a link that is lost, neither
-end sees the other. So what is left needs no new contact windows: those of the whole team are
-selected from.
+A team may lose vehicles, sensors, landmarks and links. Orbits stay as they are. A lost vehicle
+neither sees nor is seen. A vehicle that loses its sensor flies on and is seen by others. A lost
+landmark is not seen. A vehicle may also lose the sensor of one kind of sighting alone: its compass
+or its distance sensor. On a lost link, neither end sees the other. The remainder therefore needs no
+new contact windows, only a selection from those of the whole team.
 """
 
 from dataclasses import dataclass, replace
@@ -19,20 +18,20 @@ from syncplan.orbits.contacts import Windows
 from syncplan.orbits.team import Sensors, Team
 
 _ROUNDING = 1e-9
-"""Share of a sample time by which an edge or a duration may miss a sample and still meet it."""
+"""Share of a sample time by which an edge or a duration may miss a sample and still include it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sightings:
-    """Everything measured, ordered by step, then observer, then target, then kind.
+    """Sightings ordered by step, then observer, then target, then kind.
 
     Attributes
     ----------
     steps : (s,) sample number k, taken at k Ts
     observers : (s,) index of the vehicle that measures
-    targets : (s,) index of what it measures; n and above are landmarks, the observer itself where
+    targets : (s,) index of the body measured; n and above are landmarks, the observer itself where
         a kind has no target
-    kinds : (s,) place in SIGHTING_KINDS of what is measured of it
+    kinds : (s,) place of the kind in SIGHTING_KINDS
     """
 
     steps: Index
@@ -57,12 +56,12 @@ class Sightings:
 
 
 def steps_within(duration: float, sample_time: float) -> int:
-    """Return how many whole samples fit into `duration` s."""
+    """Return the number of whole samples in `duration` s."""
     return int(np.floor(duration / sample_time + _ROUNDING))
 
 
 def samples_before(duration: float, sample_time: float) -> int:
-    """Return how many samples k Ts with k >= 0 fall into [0, duration) s."""
+    """Return the number of samples k Ts with k >= 0 in [0, duration) s."""
     return int(np.ceil(duration / sample_time - _ROUNDING))
 
 
@@ -78,8 +77,8 @@ def sample_sightings(
     """Return the sightings at k Ts for k from `first_step` to `last_step`, both included.
 
     Windows repeat with the period; a sample exactly at a window's edge belongs to it. At each
-    sample in a window there is one sighting for each kind that the observer's sensor measures,
-    at every sample or as often as it is ready; what a vehicle measures of itself needs no window.
+    sample in a window there is one sighting of each kind that the observer's sensor measures and
+    is ready for. Sightings that a vehicle makes of itself need no window.
     """
     sample_time = sensors.sample_time
     pair = np.repeat(np.arange(len(windows.observers)), np.diff(windows.first))
@@ -133,10 +132,10 @@ class Loss:
 
     Attributes
     ----------
-    vehicles : that are gone
-    sensors : of vehicles that fly on, with all that they measure of targets
-    landmarks : from 0
-    kinds : of sighting, by place in SIGHTING_KINDS, each with the vehicle that no longer makes them
+    vehicles : lost vehicles
+    sensors : vehicles that fly on, but make no sightings of targets
+    landmarks : lost landmarks, numbered from 0
+    kinds : kinds of sighting, by place in SIGHTING_KINDS, each with the vehicle that lost it
     links : pairs a < b that no longer sight each other; b is a landmark from the number of vehicles
         on
     """
@@ -158,7 +157,7 @@ class Loss:
         )
 
     def parts(self, observers: Index, targets: Index) -> Flags:
-        """Return (p,) whether sightings of `targets` by `observers` are of a link that is lost."""
+        """Return (p,) whether sightings of `targets` by `observers` are on a lost link."""
         lost = np.zeros(len(observers), dtype=bool)
         for a, b in self.links:
             lost |= (observers == a) & (targets == b)
@@ -167,7 +166,7 @@ class Loss:
 
     @property
     def repeats(self) -> tuple[tuple[int, int], ...]:
-        """Kinds of sighting that are lost with a vehicle or a sensor anyhow."""
+        """Members of `kinds` that are lost anyway, with a vehicle or a sensor."""
         targeted = sighting_kinds.of_targets(np.arange(len(sighting_kinds.SIGHTING_KINDS)))
         return tuple(
             (place, k)
@@ -183,11 +182,11 @@ class Remainder:
     Attributes
     ----------
     team : of the k vehicles left, on their orbits
-    vehicles : (k,) the numbers they had
+    vehicles : (k,) their old numbers
     numbers : (n + m,) each body's new number, -1 for those that are lost
-    blind : (n,) whether a vehicle sees nothing any more, but what it measures of itself
-    lacking : (n, K) which of the K kinds of sighting it alone no longer makes
-    loss : what is lost
+    blind : (n,) whether a vehicle no longer sights any target
+    lacking : (n, K) whether a vehicle lost each of the K kinds of sighting individually
+    loss : the lost parts
     """
 
     team: Team
@@ -198,9 +197,9 @@ class Remainder:
     loss: Loss
 
     def still_seen(self, observers: Index, targets: Index) -> Flags:
-        """Return (p,) whether sightings of `targets` by `observers`, old numbers, remain.
+        """Return (p,) whether sightings of `targets` by `observers`, in old numbers, remain.
 
-        A vehicle that is lost is blind; what others measure of themselves has no lost target.
+        A lost vehicle is blind; sightings that others make of themselves have no lost target.
         """
         sees = ~self.blind[observers] | (observers == targets)
         return np.asarray(
@@ -221,7 +220,7 @@ class Remainder:
         )
 
     def sightings(self, before: Sightings) -> tuple[Sightings, Flags]:
-        """Return the sightings that remain, in their order, and (s,) which of the old they are."""
+        """Return the remaining sightings in their order, and (s,) whether each old one remains."""
         kept = self.still_seen(before.observers, before.targets)
         kept &= ~self.lacking[before.observers, before.kinds]
         left = Sightings(
@@ -233,7 +232,7 @@ class Remainder:
         return left, kept
 
     def pairs(self, before: Index) -> Index:
-        """Return those of the (e, 2) vehicle pairs whose vehicles are both left."""
+        """Return the pairs of vehicles (e, 2) that both remain, in new numbers."""
         left = self.numbers[before]
         return np.asarray(left[(left >= 0).all(axis=1)])
 
@@ -258,7 +257,7 @@ def remainder_of(team: Team, loss: Loss) -> Remainder:
 def single_losses(team: Team) -> list[Loss]:
     """Return the loss of each vehicle, unless it is the only one, each sensor and each landmark.
 
-    After the sensors come those that measure one kind of sighting and nothing else.
+    After the sensors come those of one kind of sighting alone.
     """
     vehicles = [Loss(vehicles=(k,)) for k in range(team.count)] if team.count > 1 else []
     sensors = [Loss(sensors=(k,)) for k in range(team.count)]

@@ -1,6 +1,6 @@
-"""The team: vehicles on their circles with their sensors and noise, and the landmarks they know.
+"""Team: vehicles on their circles with their sensors and noise, and the landmarks they know.
 
-A scenario as arrays, and with its circles the team, at the end.
+The last part converts a scenario to arrays, and with its circles to a team.
 """
 
 from dataclasses import dataclass, field, fields, replace
@@ -20,7 +20,7 @@ from syncplan.scenario.specification import Scenario, per_vehicle
 class Sensors:
     """Sensors of n vehicles: range, view, sample times and standard deviations.
 
-    What a plain camera has not may be left out, or be one value for all.
+    Fields beyond those of a plain camera have defaults. One value may stand for all vehicles.
 
     Attributes
     ----------
@@ -34,8 +34,8 @@ class Sensors:
     compass_every : (n,) samples from one reading of the compass to the next
     every : (n,) samples from one sighting of a target to the next
     detection : (n,) share of the sightings within range and view that are made
-    false_bearings : (n,) share of the bearings made that are of nothing, anywhere in view
-    bearing_bias_sigmas : (n,) rad, of an error of the sensor's bearings that is constant in a run
+    false_bearings : (n,) share of the bearings that are false, anywhere in view
+    bearing_bias_sigmas : (n,) rad, of a bearing error that is constant in a run
     bearing_walk_sigmas, bearing_walk_times : (n,) rad, s, of one that is a first-order Gauss-Markov
         process: its standard deviation, and the time over which its correlation falls to 1/e
     """
@@ -58,7 +58,7 @@ class Sensors:
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
-        """Give each vehicle its own where one value stands for all."""
+        """Expand single values to one for each vehicle."""
         for name in self._names():
             value = np.asarray(getattr(self, name))
             if value.ndim == 0:
@@ -66,16 +66,16 @@ class Sensors:
 
     @classmethod
     def _names(cls) -> list[str]:
-        """Attributes that are arrays."""
+        """Names of the attributes that are arrays."""
         return [one.name for one in fields(cls) if one.name != "sample_time"]
 
     def only(self, vehicles: Index) -> "Sensors":
-        """Return the sensors of the vehicles (k,), in that order; a vehicle may stand twice."""
+        """Return the sensors of the vehicles (k,), in that order; a vehicle may occur twice."""
         return replace(self, **{name: getattr(self, name)[vehicles] for name in self._names()})
 
     @property
     def compass_sigmas_each_sample(self) -> Array:
-        """(n,) rad: of readings at every sample that say as much as those that there are."""
+        """(n,) rad, of readings at every sample that carry the same information."""
         return np.asarray(self.compass_sigmas * np.sqrt(self.compass_every))
 
     def scaled(self, unit: float) -> "Sensors":
@@ -119,7 +119,7 @@ class Team:
 
 
 class WithTeam:
-    """Whatever has a `team` offers the parts of the team as its own."""
+    """Base of classes that offer the parts of their `team` as their own."""
 
     __slots__ = ()
 
@@ -204,7 +204,7 @@ def team_of(scenario: Scenario, orbits: Orbits) -> Team:
 
 
 def true_team_of(scenario: Scenario, team: Team) -> Team:
-    """Return the team of the simulated world, of a scenario whose own team is given."""
+    """Return the team of a scenario's simulated world; `team` is the scenario's own."""
     if scenario.truth is None:
         return team
     true = team_of(scenario.in_truth, team.orbits)

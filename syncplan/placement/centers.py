@@ -2,13 +2,13 @@
 
 From links: any drawing of the graph whose linked circles come within range with a margin, whose
 circles all keep apart, and that sights landmarks and stays within areas. From a shape: neighbours'
-circles `gap_m` apart. Either is a start for refinement, with what it attains computed in NumPy.
+circles `gap_m` apart. Either is a start for refinement, with its figures computed in NumPy.
 
-The way is one: the scenario's demands, a drawing that should meet them, its certificate.
+Both take the same steps: the scenario's demands, a drawing that should meet them, its certificate.
 
-Of a first drawing each connected component is drawn by itself, scaled to the distances wanted, then
-turned and shifted to the best of many poses: two of its circles beside two landmarks, or anywhere
-in the area. All that a drawing still misses is left to syncplan.placement.improvement.
+A first drawing draws each connected component by itself, scales it to the distances wanted, then
+turns and shifts it to the best of many poses: two of its circles beside two landmarks, or anywhere
+in the area. syncplan.placement.improvement reduces the remaining shortfalls.
 """
 
 from collections.abc import Iterator
@@ -37,25 +37,25 @@ _SHAPE_ACCURACY = 1e-12
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Placement:
-    """A scenario with its centres found, and what they attain, recomputed from the centres.
+    """Scenario with its centres found, and their figures, recomputed from the centres.
 
     Attributes
     ----------
-    scenario : as given, with formation.centers_m instead of what led to them
+    scenario : as given, with formation.centers_m instead of a shape; listed links are kept
     centers : (n, 2) m
-    margin : m; links that centres were found for come within range less this. The neighbours of a
-        shape are gap_m apart, whatever the range
+    margin : m, by which links stay within range if centres were found from them. The neighbours of
+        a shape are gap_m apart, whatever the range
     links : (e, 2) pairs a < b: those listed, or else the neighbours of the shape
     gaps : (e,) m, gap of the circles of each link: the least distance its vehicles can come to
     smallest_gap : m, least gap of any two circles; infinite for one
-    clearance : m, how far any circle lies from the border of area_m or keep_out_m; infinite
+    clearance : m, least distance of any circle from the border of area_m or keep_out_m; infinite
         without
     sightings : (k, 2) vehicle and landmark, two landmarks for each connected group of links
     sighting_distances : (k,) m, least distance of that vehicle's circle from the landmark
     hidden : (h, 2) bodies of links and sightings that obstacles hide from each other whatever the
         phases; landmarks from n on
     starts, iterations : layouts tried, convex problems solved in all; 0 for closed forms
-    seed : of the layouts
+    seed : seed of the layouts
     """
 
     scenario: Scenario
@@ -91,9 +91,9 @@ def place(
 ) -> Placement:
     """Return centres for a formation given by links alone, or by a shape and a gap.
 
-    Links stay within range by `margin` m: refine.margin_m if not given, else a fiftieth of the
-    shortest range. Raises InputError for a formation whose centres are known already,
-    NoSolutionError where no drawing is found, naming the links that fail.
+    Links stay within range by `margin` m, by default refine.margin_m or else a fiftieth of the
+    shortest range. Raises InputError for a formation whose centres are known already, and
+    NoSolutionError, naming the links that fail, if no drawing is found.
     """
     formation = scenario.formation
     if formation.placed:
@@ -115,7 +115,7 @@ def place(
 
 
 def _draw_links(demands: Demands, starts: int, seed: int) -> Drawing:
-    """The best of the layouts, improved; the first that meets all demands and hides nothing."""
+    """Best of the improved layouts, or the first that meets all demands and hides nothing."""
     reason = obstacle(demands)
     if reason:
         raise NoSolutionError(reason)
@@ -137,14 +137,14 @@ def _draw_links(demands: Demands, starts: int, seed: int) -> Drawing:
 
 
 def _draw_shape(demands: Demands, formation: Formation) -> Drawing:
-    """The shape with neighbours' circles gap_m apart, wherever that puts it."""
+    """Drawing of the shape with neighbours' circles gap_m apart, wherever that puts it."""
     shape, gap, columns = SHAPES[formation.shape or ""], formation.gap_m or 0.0, formation.columns
     centers = shape.gap_centers(demands.radii, gap, columns)
     if centers is not None:
         return draw(demands, centers)
     start = shape.centers(demands.count, 2.0 * float(demands.radii.mean()) + gap, columns)
     unbound = replace(demands, area=Area())
-    # first without an upper limit, which would hold gaps a little short of itself
+    # first with a loose upper limit: the true one would keep gaps a little below it
     loose = replace(unbound, most=2.0 * demands.most)
     drawing = improved(draw(loose, start), accuracy=_SHAPE_ACCURACY)
     if draw(unbound, drawing.centers).missed.total > 0.0:
@@ -153,7 +153,7 @@ def _draw_shape(demands: Demands, formation: Formation) -> Drawing:
 
 
 def _stood(centers: Array, regular: Array) -> Array:
-    """Centres turned to agree best with the regular shape, the first where the shape begins."""
+    """Turn centres to agree best with the regular shape, and shift the first to its first."""
     own, aim = centers - centers.mean(axis=0), regular - regular.mean(axis=0)
     dot = float(np.sum(own * aim))
     cross = float(np.sum(own[:, 0] * aim[:, 1] - own[:, 1] * aim[:, 0]))
@@ -209,11 +209,11 @@ def _placed(scenario: Scenario, centers: Array) -> Scenario:
 
 
 _POSES = 300
-"""Poses that are tried for each component."""
+"""Number of poses tried for each component."""
 
 
 def starting_layouts(demands: Demands, amount: int, seed: int) -> Iterator[Array]:
-    """Yield `amount` layouts (n, 2) m, each to be improved; the same for the same seed."""
+    """Yield `amount` layouts (n, 2) m to be improved, the same for the same seed."""
     groups = sorted(demands.groups, key=len, reverse=True)
     streams = [
         _component_drawings(_part(demands, group), amount, seed + k)
@@ -249,7 +249,7 @@ def _part(demands: Demands, group: Index) -> Demands:
 
 
 def _component_drawings(part: Demands, amount: int, seed: int) -> Iterator[Array]:
-    """Drawings of a component about the origin, scaled so that links have their mean length."""
+    """Yield drawings of a component about the origin, scaled to the mean length of its links."""
     edges = [(int(a), int(b)) for a, b in part.links]
     for places in drawings(part.count, edges, amount, seed):
         drawn = places - places.mean(axis=0)
@@ -268,7 +268,7 @@ def _posed(
     settled: Index,
     generator: np.random.Generator,
 ) -> Array:
-    """The pose of a component that misses least, among landmarks, area and circles settled."""
+    """Pose of a component with least shortfalls, given landmarks, area and settled circles."""
     aside = drawn + _aside(part, drawn, demands, centers, settled)
     if not len(demands.landmarks) and not demands.area.limited:
         return aside
@@ -288,7 +288,7 @@ def _posed(
 
 
 def _across(first: int, second: int) -> Index:
-    """Every pair of one of the `first` with one of the `second` that follow them."""
+    """All pairs of one of the `first` indices and one of the `second` that follow them."""
     a, b = np.divmod(np.arange(first * second), max(second, 1))
     return np.column_stack([a, first + b])
 
@@ -303,7 +303,7 @@ def _aside(part: Demands, drawn: Array, demands: Demands, centers: Array, settle
 
 
 def _poses(part: Demands, drawn: Array, generator: np.random.Generator) -> Iterator[Array]:
-    """Turned and shifted drawings: beside two landmarks, or within the area, without end."""
+    """Yield turned and shifted drawings without end, beside two landmarks or within the area."""
     marks, area = part.landmarks, part.area
     corners = area.edges()[:, 0] if area.inside is None else area.inside
     low, high = (corners.min(axis=0), corners.max(axis=0)) if len(corners) else (0.0, 0.0)
@@ -321,7 +321,7 @@ def _poses(part: Demands, drawn: Array, generator: np.random.Generator) -> Itera
         if i != j and a != b:
             angle = np.arctan2(aim[1], aim[0]) - np.arctan2(held[1], held[0])
         posed = turned(drawn, angle)
-        # Beside the landmarks, not on them: off by up to a radius and half of what it sees.
+        # Beside the landmarks, not on them: off by up to a radius and half its sighting range.
         off = generator.uniform(0.0, 1.0) * (part.radii[i] + 0.5 * part.sight[i])
         way = generator.uniform(0.0, 2.0 * np.pi)
         middle = 0.5 * (marks[a] + marks[b]) + off * np.array([np.cos(way), np.sin(way)])
@@ -329,6 +329,6 @@ def _poses(part: Demands, drawn: Array, generator: np.random.Generator) -> Itera
 
 
 def _two(count: int, generator: np.random.Generator) -> tuple[int, int]:
-    """Two different numbers below `count`, the same one twice where there is but one."""
+    """Draw two different numbers below `count`, or the same one twice if `count` is 1."""
     a = int(generator.integers(count))
     return a, (a + 1 + int(generator.integers(max(count - 1, 1)))) % count

@@ -1,4 +1,4 @@
-"""A drawing of circles: what it must meet, what it attains and misses, what obstacles hide."""
+"""Drawings of circles: demands, figures, shortfalls, and links that obstacles hide."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,18 +19,18 @@ from syncplan.synchronisation.sighted_phases import hidden_at_all_phases
 
 # --- demands --------------------------------------------------------------------------------------
 #
-# They are read once from a scenario, from its links or from its shape, and stated in SI units; what
-# follows, the drawing and its certificate, sees the demands alone.
+# Demands are read once from a scenario's links or shape, and stated in SI units. The drawing and
+# its certificate see the demands alone.
 
 
 MARGIN_SHARE = 0.02
-"""Share of the range by which links stay within it where no margin is given."""
+"""Margin by which links stay within range if none is given, as a share of the range."""
 
 _LEAST_SHARE = 0.01
-"""Share of the range that circles are kept apart where min_separation_m asks for less."""
+"""Least gap of circles, as a share of the range, if min_separation_m is less."""
 
 _APART_SHARE = 1.1
-"""Gap of unlinked circles aimed for, in ranges: just too far to meet."""
+"""Target gap of unlinked circles, in ranges: just too far to meet."""
 
 _GAP_TOLERANCE = 1e-7
 _CROSSING = 1e-9
@@ -51,20 +51,20 @@ class Names:
 
 @dataclass(frozen=True, slots=True)
 class Demands:
-    """Constraints that n circles must meet, and wishes that they should; lengths in m.
+    """Hard and soft demands on n circles; lengths in m.
 
     Attributes
     ----------
-    names : of the vehicles and landmarks
+    names : names of the vehicles and landmarks
     radii : (n,)
     links : (e, 2) pairs a < b that must come within range
     least : least gap of any two circles
     most : (e,) largest gap of each link
-    wanted : (e,) gap of each link aimed for
-    apart : gap of unlinked circles aimed for at least
+    wanted : (e,) target gap of each link
+    apart : least target gap of unlinked circles
     landmarks : (m, 2)
-    sight : (n,) largest distance off its circle at which a vehicle sights a landmark
-    groups : connected components of the links; each is to sight two landmarks, or the only one
+    sight : (n,) largest distance from its circle at which a vehicle sights a landmark
+    groups : connected components of the links; each must sight two landmarks, or the only one
     area : where the circles may lie
     ranges : (n,)
     obstacles : polygons (k, 2) that block sight
@@ -146,7 +146,7 @@ def _of_links(scenario: Scenario, names: Names, ranges: Array) -> Demands:
 
 
 def _of_shape(scenario: Scenario, names: Names, ranges: Array) -> Demands:
-    """Neighbours' circles gap_m apart: within range or not, and whatever landmarks there are."""
+    """Demands of a shape: neighbours' circles gap_m apart, whatever the range and landmarks."""
     formation, radii = scenario.formation, radii_of(scenario)
     gap, separation = formation.gap_m or 0.0, scenario.separation
     links = SHAPES[formation.shape or ""].neighbours(len(radii), formation.columns)
@@ -189,20 +189,20 @@ def others(count: int, links: Index) -> Index:
 #     off = |D - R|                   of a circle and a landmark
 #     clearance                       of a circle in an area, see syncplan.scenario.areas
 #
-# All is computed here in NumPy from the centres; nothing rests on a solver's word.
+# All figures are computed here in NumPy from the centres; none is taken from a solver.
 
 
 @dataclass(frozen=True, slots=True)
 class Shortfalls:
-    """By how much a drawing misses its demands, in m; zero where it meets them.
+    """Shortfalls of a drawing from its demands in m; zero where it meets them.
 
     Attributes
     ----------
-    links : (e,) gap beyond the largest
+    links : (e,) excess over the largest gap
     pairs : (p, 2) circles nearer than the least gap
-    gaps : (p,) m, how much nearer
-    landmarks : (k,) of each row of the drawing's `sightings`
-    area : (n,)
+    gaps : (p,) how much nearer
+    landmarks : (k,) excess distance for each row of the drawing's `sightings`
+    area : (n,) how far each circle lies across the area's borders
     """
 
     links: Array
@@ -213,22 +213,22 @@ class Shortfalls:
 
     @property
     def total(self) -> float:
-        """Sum of all in m."""
+        """Sum of all shortfalls in m."""
         return float(self.links.sum() + self.gaps.sum() + self.landmarks.sum() + self.area.sum())
 
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
-    """Centres of n circles, and what they attain.
+    """Centres of n circles, with their figures and shortfalls.
 
     Attributes
     ----------
-    demands : on the drawing
+    demands : demands on the drawing
     centers : (n, 2) m
     link_gaps : (e,) m, gap of the circles of each link
     sightings : (k, 2) vehicle and landmark: for each component the two it sights most easily
     sighted_from : (k,) m, distance of that vehicle's centre from the landmark
-    missed : by how much the demands are missed
+    missed : shortfalls from the demands
     starts, rounds : layouts tried and convex problems solved for it; 0 for closed forms
     """
 
@@ -265,7 +265,7 @@ def draw(demands: Demands, centers: Array) -> Drawing:
 
 
 def _sightings(demands: Demands, centers: Array) -> Index:
-    """(k, 2) of vehicle and landmark: for each component the two it sights most easily."""
+    """Vehicle and landmark (k, 2): for each component the two it sights most easily."""
     chosen = []
     needed = min(2, len(demands.landmarks))
     for group in demands.groups if needed else ():
@@ -282,14 +282,14 @@ def _sightings(demands: Demands, centers: Array) -> Index:
 
 # --- what obstacles hide --------------------------------------------------------------------------
 #
-# Circles within range need not see each other past an obstacle. No step of a drawing's improvement
-# looks at that; of the drawings that meet all demands, the one that hides least is taken.
+# Obstacles may hide circles within range from each other. The improvement of a drawing ignores
+# this; of the drawings that meet all demands, the one with the fewest hidden pairs is taken.
 
 
 def hidden_pairs(drawing: Drawing, links: Index) -> Index:
     """Return (k, 2) bodies within range that obstacles hide from each other at all phases.
 
-    They are among the (e, 2) links and the drawing's sightings; bodies from n on are landmarks.
+    Candidates are the (e, 2) links and the drawing's sightings; bodies from n on are landmarks.
     """
     demands = drawing.demands
     if not demands.obstacles:
@@ -305,7 +305,7 @@ def hidden_pairs(drawing: Drawing, links: Index) -> Index:
 
 
 def _seeing(demands: Demands, centers: Array) -> Team:
-    """The vehicles with all-round views, whose senses and phases are yet to be found."""
+    """Team with all-round views; its senses and phases are placeholders."""
     count = demands.count
     orbits = Orbits(centers, demands.radii, np.ones(count), np.zeros(count), 1.0)
     sensors = Sensors(

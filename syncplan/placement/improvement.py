@@ -1,8 +1,8 @@
-"""Drawings improved step by step, by sequential convex programming.
+"""Improvement of drawings by sequential convex programming.
 
-Each round solves a QP about the present drawing (syncplan.placement.improvement), which prices
-whatever is missed; the step is taken only if the true, curved shortfalls agree, and the trust
-region follows how well the two agree (Nocedal and Wright, Numerical Optimization, chapter 18).
+Each round solves a QP about the present drawing that prices every shortfall. The step is taken only
+if the true, curved merit improves too, and the trust region follows how well the two agree (Nocedal
+and Wright, Numerical Optimization, chapter 18).
 """
 
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ from syncplan.runtime.machine import has_solution, load_cvxpy
 
 # --- the quadratic program of one step ------------------------------------------------------------
 #
-# In the steps of all centres, within a trust region, about the present drawing:
+# Constraints on the steps of all centres, within a trust region about the present drawing:
 #
 #     apart       u . (c_a - c_b) >= R_a + R_b + gap      u the present direction: never too lenient
 #     linked      f . (c_a - c_b) <= R_a + R_b + gap      f = u, and u turned a little each way
@@ -28,18 +28,18 @@ from syncplan.runtime.machine import has_solution, load_cvxpy
 # A polygon's edge lies beyond the line through its point nearest the centre, so the last holds for
 # convex corners and others alike.
 #
-# Every constraint may be missed at a price, so that any drawing has a step.
+# Every constraint may be violated at a price, so that any drawing has a step.
 
 
 @dataclass(frozen=True, slots=True)
 class LayoutQP:
-    """A compiled QP; lengths in typical distances of linked centres.
+    """Compiled QP, with lengths in typical distances of linked centres.
 
     Attributes
     ----------
-    problem : of cvxpy
-    steps : variable (n, 2), of the centres
-    parameters : by name, see set_parameters
+    problem : cvxpy problem
+    steps : variable (n, 2), steps of the centres
+    parameters : parameters by name, see set_parameters
     free : (p, 2) unlinked pairs that have rows
     """
 
@@ -53,10 +53,10 @@ PRICE = 50.0
 """Price of missing a link by a typical distance."""
 
 FIRM = 3.0
-"""Price of missing all but links, relative to links: what can't be drawn shows in its links."""
+"""Price of other shortfalls relative to links, so that infeasibility shows in the links."""
 
 APART_WEIGHT = 0.1
-"""Weight of unlinked circles apart and of landmarks aside, relative to the gaps of links."""
+"""Weight of the target distances of unlinked circles and landmarks, relative to those of links."""
 
 
 def compile_qp(demands: Demands, free: Index) -> LayoutQP:
@@ -106,11 +106,11 @@ def compile_qp(demands: Demands, free: Index) -> LayoutQP:
 
 
 _EDGES = 6
-"""Most polygon edges that limit a circle at a time."""
+"""Largest number of polygon edges that limit a circle at a time."""
 
 
 def _holds(demands: Demands) -> dict[str, int]:
-    """Rows that hold one circle each: a whole number of them for every circle."""
+    """Number of rows of each kind that limits single circles, equally many for every circle."""
     n = demands.count
     holds = {"edge": n * min(_EDGES, len(demands.area.edges()))}
     if len(demands.landmarks):
@@ -136,7 +136,7 @@ def _parameters(demands: Demands, free: int, holds: dict[str, int]) -> dict[str,
 
 
 def _differences(pairs: Index, count: int) -> Any:
-    """Sparse (p, n) matrix that takes the second of each pair from the first."""
+    """Sparse (p, n) matrix that subtracts the second of each pair from the first."""
     from scipy import sparse
 
     rows, ones = np.arange(len(pairs)), np.ones(len(pairs))
@@ -145,7 +145,7 @@ def _differences(pairs: Index, count: int) -> Any:
 
 
 def solved(qp: LayoutQP) -> tuple[Array | None, float]:
-    """Steps (n, 2) in units, and the merit they promise; None where the solver failed."""
+    """Return the steps (n, 2) in units, None if the solver failed, and their predicted merit."""
     settings = {
         "solver": "OSQP",
         "warm_start": False,
@@ -198,7 +198,7 @@ def set_parameters(qp: LayoutQP, drawing: Drawing, trust: float) -> None:
 
 
 def _landmark_limits(drawing: Drawing) -> dict[str, Array]:
-    """Rows for two landmarks a vehicle at most; rows of zeros where there is none."""
+    """Rows for at most two landmarks per vehicle; rows of zeros where there are fewer."""
     demands, chosen = drawing.demands, drawing.sightings
     n = demands.count
     slots: list[int] = []
@@ -223,7 +223,7 @@ def _landmark_limits(drawing: Drawing) -> dict[str, Array]:
 
 
 def _edge_limits(drawing: Drawing) -> tuple[Array, Array]:
-    """(k n, 2) normals and (k n,) m of how far along them each circle must yet move, k edges."""
+    """Normals (k n, 2) of k edges, and how far (k n,) m each circle must still move along them."""
     demands, centers = drawing.demands, drawing.centers
     edges = demands.area.edges()
     start, along = edges[:, 0], edges[:, 1] - edges[:, 0]
@@ -234,7 +234,7 @@ def _edge_limits(drawing: Drawing) -> tuple[Array, Array]:
     nearest = np.argsort(away, axis=1, kind="stable")[:, : min(_EDGES, len(edges))]
     rows = np.arange(demands.count)[:, None]
     normal, away = normal[rows, nearest], away[rows, nearest]
-    # On the wrong side: back through the nearest edge, and no other counts.
+    # On the wrong side: move back through the nearest edge; no other edge counts.
     normal[wrong, 0] *= -1.0
     away[wrong, 0] *= -1.0
     normal[wrong, 1:] = 0.0
@@ -244,7 +244,7 @@ def _edge_limits(drawing: Drawing) -> tuple[Array, Array]:
 
 
 def _directions(vectors: Array) -> tuple[Array, Array]:
-    """Lengths and unit vectors of (..., 2) m; along +x where there is no direction."""
+    """Lengths and unit vectors of `vectors` (..., 2) m; +x where the length is zero."""
     length = np.hypot(vectors[..., 0], vectors[..., 1])
     safe = np.where(length > 0.0, length, 1.0)[..., None]
     return length, np.where(length[..., None] > 0.0, vectors / safe, np.array([1.0, 0.0]))
@@ -254,10 +254,10 @@ def _directions(vectors: Array) -> tuple[Array, Array]:
 
 
 _ALL_PAIRS = 40
-"""Number of circles up to which every pair is in the QP; beyond it, those nearby."""
+"""Number of circles up to which every pair is in the QP; above it, only pairs nearby."""
 
 _NEARBY = 1.5
-"""How much nearer pairs in the QP may come, in typical distances, before others count."""
+"""Excess over the target gap, in typical distances, up to which a pair is nearby."""
 
 _TRUST = 0.5
 _LEAST_TRUST = 1e-6
@@ -271,8 +271,8 @@ _PATIENCE = {True: 2, False: 5}
 def improved(drawing: Drawing, *, rounds: int = 100, accuracy: float = 1e-3) -> Drawing:
     """Return a drawing no worse than the given one.
 
-    Ends when some rounds in turn gain less than `accuracy` of what is still charged, more of them
-    where demands are not met yet, or when no step helps.
+    Ends after several rounds in a row that gain less than `accuracy` of the remaining charge, more
+    of them while demands are unmet, or when no step helps.
     """
     demands, unit = drawing.demands, drawing.demands.unit
     worth = _merit(drawing)
@@ -303,7 +303,7 @@ def improved(drawing: Drawing, *, rounds: int = 100, accuracy: float = 1e-3) -> 
 
 
 def _merit(drawing: Drawing) -> float:
-    """Merit of a drawing: its true, curved misses, in units of a typical distance."""
+    """Merit of a drawing from its true, curved shortfalls, in typical distances; 0 is perfect."""
     demands, missed = drawing.demands, drawing.missed
     unit = demands.unit
     free = others(demands.count, demands.links)
@@ -324,7 +324,7 @@ def _merit(drawing: Drawing) -> float:
 
 
 def _near(drawing: Drawing, allowance: float) -> Index:
-    """Unlinked pairs within `allowance` m of the gap they should have; all in a small team."""
+    """Unlinked pairs within `allowance` m of their target gap; all of them in a small team."""
     demands = drawing.demands
     free = others(demands.count, demands.links)
     if demands.count <= _ALL_PAIRS:
@@ -333,7 +333,7 @@ def _near(drawing: Drawing, allowance: float) -> Index:
 
 
 def _strangers_near(drawing: Drawing, known: Index, trust: float) -> bool:
-    """Whether a pair that is not in the QP could cross within one step of it."""
+    """Whether a pair that is not in the QP could cross within one step."""
     demands = drawing.demands
     if demands.count <= _ALL_PAIRS:
         return False

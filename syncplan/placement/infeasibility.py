@@ -1,6 +1,6 @@
-"""Obstacles: geometric reasons why no drawing meets its demands, and what a drawing misses.
+"""Geometric proofs that no drawing meets its demands, and messages on a drawing's shortfalls.
 
-Every reason of `obstacle` is a proof; where it finds none, a drawing may still not exist.
+Every reason that `obstacle` returns is a proof; if it finds none, there may still be no drawing.
 """
 
 import math
@@ -28,7 +28,7 @@ def obstacle(demands: Demands) -> str:
 
 
 def complaint(drawing: Drawing) -> str:
-    """Return the misses of a drawing in one line, links first and the worst first."""
+    """Return the shortfalls of a drawing in one line, links first and the worst first."""
     demands, missed, gaps = drawing.demands, drawing.missed, drawing.link_gaps
     names, faults = demands.names, []
     for k in _worst(missed.links):
@@ -74,12 +74,12 @@ def _tight_link(demands: Demands) -> str:
 
 
 def _crowd(demands: Demands) -> str:
-    """More circles linked to one than fit round it, each within range, all apart.
+    """Proof that more circles are linked to one than fit round it within range and apart.
 
-    Two neighbours round the middle at distances p and q stand at least `least` apart, so the angle
-    between them is at least acos((p^2 + q^2 - L^2) / 2pq), smallest at an end of the ranges of p
-    and of q. In a full turn each one's angles to its two neighbours are no less than its two
-    smallest: half their sum over all can't exceed 2 pi.
+    The centres of two neighbours at distances p and q from the middle are at least L apart, so the
+    angle between them is at least acos((p^2 + q^2 - L^2) / 2pq), smallest at an end of the ranges
+    of p and of q. In a full turn, the angles of each circle to its two neighbours are no less than
+    its two smallest; half their sum over all circles can't exceed 2 pi.
     """
     names = demands.names
     for middle in range(demands.count):
@@ -136,7 +136,7 @@ def _no_room(demands: Demands) -> str:
 
 
 def _landmark_out_of_reach(demands: Demands) -> str:
-    """Landmarks that no circle in the area comes within range of."""
+    """Proof that too few landmarks are within range of any circle in the area."""
     names = demands.names
     if not demands.area.limited or not len(demands.landmarks):
         return ""
@@ -163,7 +163,7 @@ def _landmark_out_of_reach(demands: Demands) -> str:
 
 
 def _landmarks_too_far_apart(demands: Demands) -> str:
-    """Groups of linked vehicles that are too small to sight any two landmarks."""
+    """Proof that a group of linked vehicles is too small to sight any two landmarks."""
     names = demands.names
     if len(demands.landmarks) < 2:
         return ""

@@ -1,15 +1,15 @@
-"""How much work a scenario will be, before it is planned: from circles and ranges alone.
+"""Estimate of a scenario's computing work before it is planned, from circles and ranges alone.
 
-The circles of an observer and its target, D apart, carry the target around the observer by at most
-the sum of their radii, rho. On a circle of relative motion of radius rho' <= rho, it is within
-range r for the share arccos((D^2 + rho'^2 - r^2) / (2 D rho')) / pi of the time, which is largest
-at rho' = sqrt(D^2 - r^2), or at rho where that is less; if D <= r, it may be in range always. This
-bounds vehicles of one sense, and landmarks; of opposite senses it is an estimate. Obstacles, which
-only take sightings away, are left out.
+On circles D apart, the target moves relative to the observer by at most rho, the sum of the radii.
+On a circle of relative motion of radius rho' <= rho, it is within range r for the share
+arccos((D^2 + rho'^2 - r^2) / (2 D rho')) / pi of the time. This share is largest at
+rho' = sqrt(D^2 - r^2), or at rho where that is less; if D <= r, the target may always be in range.
+The share is a bound for vehicles of one sense and for landmarks, and an estimate for opposite
+senses. Obstacles only remove sightings and are left out.
 
-A narrow view turns with its vehicle, so what it shows depends on where the target is, not only on
-how near. There the share is counted at instants around the circle, with the target at each of some
-phases, and the largest is taken.
+A narrow view turns with its vehicle, so a sighting depends on the target's direction as well as its
+distance. For such views, the share is counted at instants around the circle for several phases of
+the target, and the largest is taken.
 """
 
 from dataclasses import dataclass
@@ -26,20 +26,20 @@ from syncplan.planning.planner import bound_is_affordable
 from syncplan.scenario.specification import Scenario
 
 _INSTANTS, _PHASES = 72, 8
-"""Instants around a circle, and phases of a target, at which narrow views are looked at."""
+"""Instants around a circle, and phases of a target, at which narrow views are sampled."""
 
 
 @dataclass(frozen=True, slots=True)
 class ExpectedWork:
-    """Sizes of a run of a scenario.
+    """Expected size of a run of a scenario.
 
     Attributes
     ----------
-    sightings : in all samples of the run
-    pass_work : sightings times the squared size of the state with all errors that there are: work
-        of the bound, and of a trial
-    bounded : whether a plan computes the posterior bound without being asked
-    pairs : of an observer and a target that may come into its range
+    sightings : number of sightings in the run
+    pass_work : sightings times the squared dimension of the state with every error: work of the
+        bound, and of a trial
+    bounded : whether a plan computes the posterior bound by default
+    pairs : number of pairs of an observer and a target that may come within its range
     """
 
     sightings: float
@@ -51,7 +51,7 @@ class ExpectedWork:
 def work_of(scenario: Scenario, duration: float | None = None) -> ExpectedWork | None:
     """Return the work of a run of `duration` s, the scenario's if not given.
 
-    None where centres are yet to be found.
+    None if the centres are yet to be found.
     """
     if not scenario.formation.placed:
         return None
@@ -86,7 +86,7 @@ def work_of(scenario: Scenario, duration: float | None = None) -> ExpectedWork |
 
 
 def _senses(scenario: Scenario) -> Array:
-    """(n,) senses given; where they are yet to be chosen, neighbours in the list alternate."""
+    """Senses (n,) as given; where they are yet to be chosen, neighbours in the list alternate."""
     direction = scenario.orbit.direction
     given = direction if isinstance(direction, list) else [direction] * scenario.size
     senses = np.array([1.0 if one == "ccw" else -1.0 for one in given])
@@ -95,7 +95,7 @@ def _senses(scenario: Scenario) -> Array:
 
 
 def _share_in_view(team: Team, places: Array, a: Index, b: Index) -> Array:
-    """(p,) largest share of the time that each target is in range and view, over its phases."""
+    """Share (p,) of the time that each target is in range and view, the largest over phases."""
     orbits, sensors = team.orbits, team.sensors
     apart = (places[b] - places[a]) @ np.array([1.0, 1.0j])
     own = orbits.senses[a, None]
@@ -104,10 +104,10 @@ def _share_in_view(team: Team, places: Array, a: Index, b: Index) -> Array:
     senses = np.concatenate([orbits.senses, np.ones(fixed)])[b, None]
     turn = 2.0 * np.pi * (np.arange(_INSTANTS) + 0.5) / _INSTANTS
     arm = np.exp(1.0j * own * turn)
-    # the way of the camera is a quarter turn from the arm
+    # the heading is a quarter turn from the arm, the camera's direction a boresight further
     ahead = 1.0j * own * arm * np.exp(1.0j * sensors.boresights[a, None])
     least = np.cos(0.5 * sensors.fields_of_view[a, None])
-    # from the observer to the target's centre, and on to the target
+    # vectors from the observer to the target's centre, and from there to the target
     start, further = (
         apart[:, None] - orbits.radii[a, None] * arm,
         radii * np.exp(1j * senses * turn),

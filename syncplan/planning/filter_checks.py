@@ -1,4 +1,4 @@
-"""Findings on what the filter does: whether it starts well, and what its neglect costs."""
+"""Findings on the filter: whether it starts well, and the cost of errors that it neglects."""
 
 from collections.abc import Iterator
 
@@ -22,11 +22,11 @@ from syncplan.scenario.filters import FILTERS
 MOST_LATE = 3
 
 WORSE_START = 1.1
-"""Times the input's ratio from which on a refined plan's counts as worse."""
+"""Factor over the input's ratio beyond which a refined plan's start counts as worse."""
 
 
 def start_up(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield the finding that trials miss the predicted error, or do not show whether they do."""
+    """Yield the finding that trials miss the predicted error, or could not test it."""
     found = judged.start_up
     if found is None or found.cleared:
         return
@@ -117,17 +117,17 @@ def _cure(found: StartUp) -> FindingCure | str:
 
 
 WORTH_A_WARNING = 1.1
-"""Expected over predicted RMS error, of any vehicle, from which on neglect counts."""
+"""Ratio of expected to predicted RMS error, of any vehicle, beyond which neglect matters."""
 
 WORSE_EXPECTED = 1.01
-"""Expected RMS error of all vehicles, over that of the input, from which on it has grown."""
+"""Ratio of all vehicles' expected RMS error to the input's beyond which it counts as grown."""
 
 _LEAST = 1e-300
-"""m: a prediction of nothing but 0 still has a ratio."""
+"""Smallest prediction in m, which gives a prediction of 0 a ratio."""
 
 
 def not_estimated(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield the finding that the filter leaves out errors which the scenario states."""
+    """Yield the finding that the filter leaves out errors that the scenario states."""
     neglect, predicted = judged.prediction.neglect, judged.prediction.rms
     if neglect is None or predicted is None:
         return
@@ -156,7 +156,7 @@ def not_estimated(judged: JudgedTeam) -> Iterator[Remark]:
 
 
 def expected_worse(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield the finding that refinement made worse what is to be expected of the filter."""
+    """Yield the finding that refinement increased the filter's expected error."""
     record, neglect = judged.refinement, judged.prediction.neglect
     before = None if record is None or not record.improved else record.expected_before
     after = None if neglect is None else neglect.expected_of_all

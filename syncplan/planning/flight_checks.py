@@ -1,4 +1,4 @@
-"""Findings on vehicles that steer by their estimates: before a flight, and of a flight."""
+"""Findings on vehicles that steer by their estimates, before a flight and after it."""
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -24,13 +24,13 @@ from syncplan.runtime.machine import single_threaded_blas
 
 @dataclass(frozen=True, slots=True)
 class WithoutLinks:
-    """A team without all sightings of some of its links.
+    """Effect on a team of losing all sightings of some of its links.
 
     Attributes
     ----------
     needed : whether the team is not observable without them
-    cost : in words, what is predicted of the worst vehicle, and of the one that loses most, with
-        them and without; empty where nothing is predicted
+    cost : predicted errors in words, of the worst vehicle and of the one that loses most, with the
+        links and without; empty if nothing is predicted
     """
 
     needed: bool
@@ -39,9 +39,9 @@ class WithoutLinks:
 
 @single_threaded_blas
 def without_links(judged: JudgedTeam, links: Collection[tuple[int, int]]) -> WithoutLinks:
-    """Return the remainder of a team without some links, each a < b, all of them at once.
+    """Return the effect of losing some links, each a < b, all of them at once.
 
-    Circles and limits are as before: what a verdict may stop anew is observability alone.
+    Circles and limits stay the same: only a loss of observability can newly stop a plan.
     """
     left = remainder_of(judged.team, Loss(links=tuple(links)))
     assessed = assess_team(judged.team, judged.scenario.window)
@@ -66,24 +66,24 @@ def without_links(judged: JudgedTeam, links: Collection[tuple[int, int]]) -> Wit
 
 # --- errors that leave no room --------------------------------------------------------------------
 #
-# Vehicles steer by their estimates, so they are off their places by the errors of these at least. A
-# plan supposes none of that: what lies between its meetings and the limits of sensors, or between
-# two vehicles and the separation asked, has to take it. Flights show whether it does; a plan that
-# was flown has their findings instead.
+# Vehicles steer by their estimates, so they are off their places by at least the errors of these. A
+# plan assumes no such error: the room between its meetings and the limits of sensors, or between
+# two vehicles and the separation asked for, has to absorb it. Flights show whether it does; a plan
+# that was flown has their findings instead.
 
 
 SIGMAS = 2.0
-"""Room is enough for so many standard deviations of an error, as phases in flight are judged."""
+"""Standard deviations of an error for which room must suffice, as for phases in flight."""
 
 _FLY = "fly the plan (fly, plan --fly), which shows how often it goes wrong"
 
 
 def start_uncertain(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield the finding that vehicles may start nearer to each other than the plan has them.
+    """Yield the finding that initial errors may bring vehicles nearer than allowed.
 
-    Each starts off its place by the initial sigma, and until it sees something the error of its
-    heading, with sigma h, turns its path about the start: by 2 R^2 (1 - exp(-h^2 / 2)) m^2 a
-    coordinate over a period.
+    Each starts off its place by the initial sigma. Until its first sighting, its heading error,
+    with sigma h, turns its path about the start: by 2 R^2 (1 - exp(-h^2 / 2)) m^2 per coordinate
+    over a period.
     """
     nearest = judged.approach
     if nearest is None or judged.flight is not None:
@@ -105,7 +105,7 @@ def start_uncertain(judged: JudgedTeam) -> Iterator[Remark]:
 
 
 def separation_uncertain(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield the finding that predicted errors may bring vehicles nearer than they may come."""
+    """Yield the finding that predicted errors may bring vehicles nearer than allowed."""
     errors = _coordinate_errors(judged)
     if errors is None or judged.approach is None:
         return
@@ -131,7 +131,7 @@ def separation_uncertain(judged: JudgedTeam) -> Iterator[Remark]:
 
 
 def meetings_uncertain(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield the finding that predicted errors may end meetings without which a team is lost."""
+    """Yield the finding that predicted errors may end meetings that the team needs."""
     errors = _coordinate_errors(judged)
     if errors is None:
         return
@@ -154,7 +154,7 @@ def meetings_uncertain(judged: JudgedTeam) -> Iterator[Remark]:
 
 
 def _room_in_sigmas(judged: JudgedTeam, link: LinkVerdict, errors: Array) -> float:
-    """How many standard deviations of place or phase a meeting bears, whichever is fewer."""
+    """Standard deviations of place or phase that a meeting tolerates, whichever are fewer."""
     vehicles = [k for k in (link.a, link.b) if k < judged.orbits.count]
     off = hypot(*(float(errors[k]) for k in vehicles))
     seen_from = [k for k, seen in ((link.a, link.forward), (link.b, link.backward)) if len(seen)]
@@ -166,7 +166,7 @@ def _room_in_sigmas(judged: JudgedTeam, link: LinkVerdict, errors: Array) -> flo
 
 
 def _coordinate_errors(judged: JudgedTeam) -> Array | None:
-    """(n,) m, predicted sigma of a coordinate; None where it says nothing or the plan was flown."""
+    """Predicted sigma (n,) m of a coordinate; None if unknown, unobservable or once flown."""
     rms = judged.prediction.rms
     if rms is None or judged.flight is not None or not judged.observability.observable:
         return None
@@ -180,30 +180,30 @@ def _room(judged: JudgedTeam, room: float) -> str:
 
 # --- findings of a flight -------------------------------------------------------------------------
 #
-# A plan that was not flown has none of these. Trials are few, so what happened in some of them is a
-# warning, and what happened in more than MOST_SHARE of them stops the flight.
+# A plan that was not flown has none of these. Trials are few, so a failure in some of them is a
+# warning, and a failure in more than MOST_SHARE of them stops the flight.
 
 
 MOST_SHARE = 0.05
-"""Share of trials, or of a pair's meetings, above which what goes wrong is no accident."""
+"""Share of trials, or of a pair's meetings, above which a failure is no accident."""
 
 LEAST_KEPT = 0.5
-"""Share of a pair's meetings below which they are over two periods apart, as for a vehicle that is
+"""Share of a pair's meetings below which they are over two periods apart, the limit for a vehicle
 out of contact."""
 
 MOST_SATURATED = 0.2
-"""Share of the time at a limit from which on guidance does not have its way."""
+"""Share of the time at a limit above which vehicles do not follow their guidance."""
 
 MOST_STRAYING, MOST_EVENTS = 3, 8
 
 PHASE_SIGMAS = 2.0
-"""A phase is kept where so many times its RMS error is within what is allowed."""
+"""Multiple of a phase's RMS error that must be within the allowed error."""
 
 RANDOM_PHASE = 1.0 / math.sqrt(12.0)
-"""RMS error, in periods, of a phase that is quite random: it says nothing any more."""
+"""RMS error, in periods, of a completely random phase."""
 
 LOOKS_FOR_ITS_START, KEEPS_APART, OPEN_LOOP = "robust", "mpc", "none"
-"""The filter and the guidances that cures name."""
+"""Filter and guidances that cures name."""
 
 
 def lost_in_flight(judged: JudgedTeam) -> Iterator[Remark]:
@@ -233,7 +233,7 @@ def lost_in_flight(judged: JudgedTeam) -> Iterator[Remark]:
 
 
 def too_close_in_flight(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield the finding that vehicles came nearer than they may in some trials."""
+    """Yield the finding that vehicles came nearer than allowed in some trials."""
     flight = judged.flight
     if flight is None or flight.least_separation_m is None or not flight.too_close_share:
         return
@@ -252,11 +252,11 @@ def too_close_in_flight(judged: JudgedTeam) -> Iterator[Remark]:
 
 
 def phase_not_kept(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield the finding that vehicles stray from their phases by more than they may.
+    """Yield the finding that vehicles stray from their phases by more than allowed.
 
-    Allowed is the tolerance of a vehicle's meetings, and at most half of what a phase that is quite
-    random has. It stops the flight where an RMS error is over that half, or over the tolerance of
-    meetings that the team needs.
+    The allowed error is the tolerance of a vehicle's meetings, and at most half the RMS error of a
+    random phase. The finding stops the flight if an RMS error is over that half, or over the
+    tolerance of meetings that the team needs.
     """
     flight = judged.flight
     if flight is None:
@@ -288,8 +288,8 @@ def phase_not_kept(judged: JudgedTeam) -> Iterator[Remark]:
 def meetings_missed(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield the finding that pairs miss meetings that the plan's figures rest on.
 
-    It stops the flight where pairs keep less than LEAST_KEPT of what they would on the circles, and
-    the team needs them: without all these it is not observable.
+    The finding stops the flight if some pairs keep less than LEAST_KEPT of the meetings that they
+    would have on the circles, and the team is not observable without all of these pairs.
     """
     flight = judged.flight
     if flight is None:
@@ -333,7 +333,7 @@ def commands_saturated(judged: JudgedTeam) -> Iterator[Remark]:
 
 
 def _without(judged: JudgedTeam, links: Sequence[tuple[int, int]]) -> tuple[bool, str]:
-    """Whether a team needs links, numbers a < b; and in words, what it is without them."""
+    """Whether a team needs these links, indices a < b, and a phrase on it without them."""
     if not links:
         return False, ""
     names = [*judged.scenario.vehicle_names, *judged.scenario.landmark_names]
@@ -346,7 +346,7 @@ def _without(judged: JudgedTeam, links: Sequence[tuple[int, int]]) -> tuple[bool
 
 
 def _slipped(judged: JudgedTeam, phases: Mapping[str, float]) -> list[tuple[int, int]]:
-    """Links that phase errors in s, by vehicle, exceed the tolerance of."""
+    """Links whose tolerance is exceeded by phase errors, in s by vehicle."""
     names, rate = judged.scenario.vehicle_names, judged.orbits.rate
     return [
         (one.a, one.b)
@@ -356,12 +356,12 @@ def _slipped(judged: JudgedTeam, phases: Mapping[str, float]) -> list[tuple[int,
 
 
 def _largest_phase(judged: JudgedTeam) -> float:
-    """RMS error in s that any phase may have, whatever its meetings bear."""
+    """Largest RMS error in s allowed for any phase, whatever its meetings tolerate."""
     return 0.5 * RANDOM_PHASE * judged.orbits.period
 
 
 def _allowed_phases(judged: JudgedTeam) -> dict[str, float]:
-    """RMS error in s that the phase of each vehicle may have."""
+    """Largest RMS phase error in s allowed for each vehicle."""
     names = judged.scenario.vehicle_names
     least = dict.fromkeys(names, _largest_phase(judged))
     for link in judged.links:
@@ -371,9 +371,9 @@ def _allowed_phases(judged: JudgedTeam) -> dict[str, float]:
 
 
 def _expected_share(judged: JudgedTeam, link: LinkVerdict) -> float:
-    """The share of a pair's meetings with a sighting, by either, where circles are flown exactly.
+    """Share of a pair's meetings with a sighting, by either, if circles are flown exactly.
 
-    Where a sensor is slow, or sees little of what is in view, some meetings have none.
+    Some meetings have none if a sensor is slow or detects little of what is in view.
     """
 
     def seen_by(k: int, windows: Array) -> float:
@@ -398,7 +398,7 @@ def _steering_cure(flight: FlownPlan) -> str:
 
 
 def _cure(*ways: tuple[str, bool]) -> str:
-    """Cure of a finding, of ways each with whether it is still to be tried."""
+    """Cure of a finding from remedies, each with whether it is still untried."""
     *first, last = [text for text, untried in ways if untried]
     return f"{', '.join(first)} or {last}" if first else last
 
@@ -408,7 +408,7 @@ def _level(share: float) -> Level:
 
 
 def _flown(flight: FlownPlan) -> str:
-    """How much was flown, with what happened on the way."""
+    """Phrase for the number and length of flights, with their events."""
     flights = "1 flight" if flight.trials == 1 else f"{flight.trials} flights"
     events = f" ({listed(flight.events, MOST_EVENTS)})" if flight.events else ""
     return f"{flights} of {flight.duration_s:g} s{events}"

@@ -1,4 +1,4 @@
-"""A team on its orbits with all that was found of it: distances, predicted errors, findings."""
+"""Judged team: a team on its orbits with least distances, predicted errors and findings."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -28,24 +28,24 @@ from syncplan.synchronisation.phases import Synchronisation
 
 # --- least distances ------------------------------------------------------------------------------
 #
-# One rule for the verdict, which judges it, and for refinement, which keeps it.
+# One rule for both: the verdict judges it, and refinement keeps it.
 
 
 TOLERANCE = 1e-6
-"""Share of a limit by which it may be missed and still be met: what a solver's accuracy leaves."""
+"""Share of a limit by which missing it still counts as meeting it, given a solver's accuracy."""
 
 TOO_NEAR = 0.1
-"""Share of the mean radius below which a distance is too small where no least one is stated."""
+"""Share of the mean radius below which a distance is too small if no least one is stated."""
 
 
 @dataclass(frozen=True, slots=True)
 class DistanceLimit:
-    """A least distance.
+    """Least distance allowed.
 
     Attributes
     ----------
-    key : of the scenario, which states it
-    stated : m; None where the scenario does not state it
+    key : key of the scenario that states it
+    stated : m; None if the scenario does not state it
     """
 
     key: str
@@ -64,12 +64,12 @@ class DistanceLimit:
 
 
 def separation_limit(scenario: Scenario) -> DistanceLimit:
-    """Return how near two vehicles may come to each other."""
+    """Return the least distance allowed between two vehicles."""
     return DistanceLimit("min_separation_m", scenario.min_separation_m)
 
 
 def landmark_limit(scenario: Scenario) -> DistanceLimit:
-    """Return how near a vehicle may come to a landmark."""
+    """Return the least distance allowed between a vehicle and a landmark."""
     return DistanceLimit("landmark_clearance_m", scenario.landmark_clearance_m)
 
 
@@ -78,13 +78,13 @@ def landmark_limit(scenario: Scenario) -> DistanceLimit:
 
 @dataclass(frozen=True, slots=True)
 class PredictedState:
-    """A state of the filter that is no pose.
+    """State of the filter other than a pose, with its predicted error.
 
     Attributes
     ----------
-    label : what it is, `wind x` or `speed scale of v1`
+    label : name, such as `wind x` or `speed scale of v1`
     unit : in words
-    sigma : its standard deviation before anything is seen
+    sigma : standard deviation before the first sighting
     rms : predicted RMS error over the second half of the run, along circles flown in still air
     """
 
@@ -100,9 +100,9 @@ class Neglect:
 
     Attributes
     ----------
-    names : of the errors, as in ERROR_STATES
-    expected : (n,) m, RMS position errors over the second half of the run; None where the
-        covariance did not stay positive definite
+    names : names of the errors, as in ERROR_STATES
+    expected : (n,) m, RMS position errors over the second half of the run; None if the covariance
+        did not stay positive definite
     """
 
     names: tuple[str, ...]
@@ -110,7 +110,7 @@ class Neglect:
 
     @property
     def expected_of_all(self) -> float | None:
-        """RMS over the vehicles of what is expected, in m; None where that is."""
+        """RMS of the expected errors over all vehicles, in m; None if there are none."""
         return None if self.expected is None else float(np.sqrt(np.mean(self.expected**2)))
 
 
@@ -120,13 +120,13 @@ class Prediction:
 
     Attributes
     ----------
-    rms : (n,) over the second half of the run, or None where not computed
-    steady : (n,) over a period once periodic, infinite if it never is; None where not asked for
+    rms : (n,) over the second half of the run; None if not computed
+    steady : (n,) over a period once periodic, infinite if it never is; None if not asked for
     window : (n,) bound from one window without motion noise; NaN where not determined
     note : why a figure is missing
-    states : of the filter that are no poses; empty where there are none or no bound is computed
-    neglect : what is to be expected instead, as the filter leaves errors out; None where it leaves
-        out none or no bound is computed
+    states : filter states other than poses; empty if there are none or no bound is computed
+    neglect : errors expected instead, as the filter leaves errors out; None if it leaves out none
+        or no bound is computed
     """
 
     rms: Array | None
@@ -140,7 +140,7 @@ class Prediction:
 def predicted_states(
     team: Team, bound: PosteriorBound, names: Sequence[str]
 ) -> tuple[PredictedState, ...]:
-    """Return the bound's figures of further states, of vehicles with these names."""
+    """Return the bound's figures of states other than poses; `names` are those of vehicles."""
     layout = layout_of(team)
     return tuple(
         PredictedState(*one)
@@ -155,9 +155,9 @@ def predicted_states(
 
 
 def expected_in_world(team: Team, true: Team, windows: Windows, duration: float) -> Array | None:
-    """Return (n,) m what the filter of a team makes of the true world, second half of a run.
+    """Return (n,) m expected RMS errors of a team's filter in the true world, second half of a run.
 
-    `windows` are the contacts there. None where that is not computed.
+    `windows` are the contact windows there. None if the errors are not computed.
     """
     try:
         return expected_errors(team, windows, duration, true=true).rms_second_half()
@@ -166,7 +166,7 @@ def expected_in_world(team: Team, true: Team, windows: Windows, duration: float)
 
 
 def neglect_of(team: Team, windows: Windows, duration: float) -> Neglect | None:
-    """Return the cost of errors that the filter leaves out over `duration` s; None if none."""
+    """Return the cost over `duration` s of errors that the filter leaves out; None if none."""
     names = neglected_errors(team)
     if not names:
         return None
@@ -182,12 +182,11 @@ def neglect_of(team: Team, windows: Windows, duration: float) -> Neglect | None:
 Level = Literal["stop", "warning", "note"]
 
 MOST_NAMED = 5
-"""Findings of one code, or subjects of one finding, that are worded one by one; the rest is
-counted."""
+"""Findings of one code, or subjects of one finding, that are listed; the rest are counted."""
 
 
 class FindingCure(DocumentPart):
-    """What would remedy a finding."""
+    """Remedy for a finding."""
 
     text: str
     change: Mapping[str, float | str] = Field(
@@ -198,10 +197,10 @@ class FindingCure(DocumentPart):
 
 @dataclass(frozen=True, slots=True)
 class Remark:
-    """What a check finds: its figures in a sentence, and what would remedy it, if known.
+    """Result of a check: its figures in a sentence, and a cure if one is known.
 
-    The attributes are those of PlanFinding; its code is the check's. A cure that no key of the
-    scenario brings is a text.
+    The attributes are those of PlanFinding; its code is the check's. A cure that changes no key of
+    the scenario is a plain text.
     """
 
     level: Level
@@ -211,11 +210,9 @@ class Remark:
 
 
 class PlanFinding(DocumentPart):
-    """One thing that speaks against flying the plan, or has to be known of it."""
+    """Reason against flying the plan, or a fact to know about it."""
 
-    code: str = Field(
-        description="Stable word by which software knows the finding", examples=["unobservable"]
-    )
+    code: str = Field(description="Stable identifier of the finding", examples=["unobservable"])
     level: Level
     message: str
     subjects: tuple[str, ...] = Field(description="Names of the vehicles and landmarks concerned")
@@ -223,7 +220,7 @@ class PlanFinding(DocumentPart):
 
     @classmethod
     def of(cls, code: str, one: Remark) -> Self:
-        """Return the finding that the check of this code remarks on."""
+        """Return the finding for a remark of the check with this code."""
         cure = FindingCure(text=one.cure, change={}) if isinstance(one.cure, str) else one.cure
         return cls(
             code=code, level=one.level, message=one.message, subjects=one.subjects, cure=cure
@@ -231,20 +228,20 @@ class PlanFinding(DocumentPart):
 
 
 class PlanVerdict(DocumentPart):
-    """Whether the plan can be flown: go is false exactly where a finding is a stop."""
+    """Whether the plan can be flown: go is false exactly if a finding is a stop."""
 
     go: bool
     findings: tuple[PlanFinding, ...]
 
     @classmethod
     def of(cls, findings: Iterable[PlanFinding]) -> Self:
-        """Return the verdict on what was found, in the order of the checks."""
+        """Return the verdict on findings in the order of the checks."""
         found = tuple(findings)
         return cls(go=all(one.level != "stop" for one in found), findings=found)
 
     @property
     def stops(self) -> tuple[PlanFinding, ...]:
-        """The findings that stop the flight."""
+        """Findings that stop the flight."""
         return tuple(one for one in self.findings if one.level == "stop")
 
     @property
@@ -259,7 +256,7 @@ class PlanVerdict(DocumentPart):
 
 @dataclass(frozen=True, slots=True)
 class UnmetLink:
-    """A listed link, between vehicles `a` < `b`, that never comes into contact, and why."""
+    """Listed link of vehicles `a` < `b` that never comes into contact, with the reason."""
 
     a: int
     b: int
@@ -268,33 +265,33 @@ class UnmetLink:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class JudgedTeam(WithTeam):
-    """A team with all that the exact code found of it; what a verdict rests on.
+    """Team with the results of the exact code, on which its verdict rests.
 
     Attributes
     ----------
     scenario : as resolved
-    team, windows : what the judgement rests on
+    team, windows : team and contact windows that were judged
     synchronisation : how the phases were found; None for a plan whose phases were given
-    alternating_proven : whether the number of alternating links is proven largest; None where
-        the senses were given
-    links, incidental_links, landmark_links : verdicts on the links listed that meet, on other
+    alternating_proven : whether the number of alternating links is proven largest; None if the
+        senses were given
+    links, incidental_links, landmark_links : verdicts on the listed links that meet, on other
         pairs that meet, and on vehicles with the landmarks they see
     dropped_links : listed links that never meet
     connectivity_period : s, None if no window of two periods certifies the team
-    approach : the closest two vehicles come; None for one vehicle
-    too_close : pairs of vehicles that come nearer than they may, nearest first
+    approach : closest approach of two vehicles; None for one vehicle
+    too_close : pairs of vehicles that come nearer than allowed, nearest first
     observability, certificate : over the scenario's window
     unobservable : a named mode for each dimension that the rank lacks
-    prediction : errors that the bounds predict
-    error_verdict : what the window determines of errors that the filter estimates; None where it
-        estimates none
-    single_points : what ends observability when it alone is lost; None where not looked for
-    refinement : how the plan was refined, or why it could not be; None if that was not tried
-    placement : how the centres were found; None where they were given or the plan is a file's
+    prediction : errors predicted by the bounds
+    error_verdict : observability of the errors that the filter estimates; None if it estimates
+        none
+    single_points : single losses that end observability; None if not searched for
+    refinement : record of a refinement, successful or not; None if it was not tried
+    placement : how the centres were found; None if they were given or the plan is a file's
     centres_placed : whether the plan's file says that placement found the centres
-    start_up : whether the filter can be expected to reach the bound; None where no bound was
-        computed, or the team is not observable
-    flight : what flying the plan has found; None where it was not flown
+    start_up : whether the filter can be expected to reach the bound; None if no bound was computed
+        or the team is not observable
+    flight : results of flying the plan; None if it was not flown
     """
 
     scenario: Scenario

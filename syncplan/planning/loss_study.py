@@ -1,4 +1,4 @@
-"""What if a vehicle, a sensor or a landmark is lost: every loss judged afresh, orbits unchanged."""
+"""What-if study: losses of vehicles, sensors and landmarks, judged afresh on unchanged orbits."""
 
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -37,15 +37,15 @@ class LossOutcome:
 
     Attributes
     ----------
-    lost : names of what is lost, as lost_together reads them; empty for the whole team
-    vehicles : names of those left
-    rank, state_dim : of the windowed matrix
+    lost : names of the lost parts, as lost_together reads them; empty for the whole team
+    vehicles : names of the remaining vehicles
+    rank, state_dim : rank and column count of the windowed matrix
     unobservable : a named mode for each dimension that the rank lacks
-    error_verdict : what the window determines of errors that the filter estimates; None where it
-        estimates none
-    predicted_rms : (k,) m, of each vehicle left; None where not computed
+    error_verdict : observability of the errors that the filter estimates; None if it estimates
+        none
+    predicted_rms : (k,) m, RMS position error of each remaining vehicle; None if not computed
     note : why there are no predicted errors
-    verdict : on flying on without what is lost
+    verdict : verdict on flying on after the loss
     """
 
     lost: tuple[str, ...]
@@ -65,7 +65,7 @@ class LossOutcome:
 
     @property
     def worst_predicted_rms(self) -> float | None:
-        """Largest predicted RMS position error of a vehicle left, in m."""
+        """Largest predicted RMS position error of a remaining vehicle, in m."""
         return None if self.predicted_rms is None else float(self.predicted_rms.max())
 
     @property
@@ -76,14 +76,14 @@ class LossOutcome:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class WhatIf(Result):
-    """A plan and what losses do to it.
+    """A plan and the effects of losses on it.
 
     Attributes
     ----------
     baseline : the plan itself, with nothing lost
     losses : every loss that was judged, the most harmful first
-    critical : names of what ends observability when lost, the smallest sets; empty where the plan
-        is not observable itself
+    critical : smallest sets of names whose loss ends observability; empty if the plan itself is not
+        observable
     """
 
     plan: Plan
@@ -110,16 +110,16 @@ def what_if(
     threads: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> WhatIf:
-    """Return the effects of losses on a plan: each remainder judged afresh, on the orbits it has.
+    """Return the effects of losses on a plan, each remainder judged afresh on its present orbits.
 
-    `subject` is the plan or whatever one can be made of: a scenario, a file or a mapping. `lose`
-    names what is lost together: vehicles, landmarks, and sensors as sensor:v3, whose vehicles fly
-    on, are seen by others and keep their compasses; compass:v3 and distance:v3 are sensors of one
-    kind of sighting. Without it every loss of one vehicle, sensor or landmark is judged;
-    with losses=2, of every two as well. Everything is lost from time 0 on: predicted errors are
-    those of a run without it. Verdicts leave out the start and what a further loss would do.
-    `bound` says whether errors are predicted, as for syncplan.plan. `progress` is called with the
-    number of losses judged.
+    `subject` is the plan, or a scenario, file or mapping to make one from. `lose` names parts that
+    are lost together: vehicles, landmarks, and sensors as sensor:v3. A vehicle that loses its
+    sensor flies on, is seen by others and keeps its compass; compass:v3 and distance:v3 are sensors
+    of one kind of sighting. Without `lose`, every loss of one vehicle, sensor or landmark is
+    judged; losses=2 adds every loss of two. Parts are lost from time 0 on: predicted errors are
+    those of a run without them. Verdicts leave out the start and further losses. `bound` selects
+    whether errors are predicted, as in syncplan.plan. `progress` is called with the number of
+    losses judged.
 
     Raises InputError for names that the plan does not have and for options out of range.
     """
@@ -128,7 +128,7 @@ def what_if(
     plan = planned(subject, bound=bound)
     chosen = [lost_together(lose, plan.scenario)] if lose else possible_losses(plan.team, losses)
     if not why_no_bound(plan.team, plan.scenario.duration_s, bound):
-        # its BLAS is limited to one thread only once it is loaded
+        # loaded first: only a loaded BLAS can be limited to one thread
         from syncplan.estimation import covariance_kernel  # noqa: F401
     return _studied(plan, chosen, bound, side_by_side, progress)
 
@@ -167,7 +167,7 @@ def _check(lose: Sequence[str], losses: int, bound: str) -> None:
 
 @dataclass(frozen=True)
 class _Study:
-    """A plan as the judgement of its losses needs it."""
+    """A plan, with the data that the judgements of its losses share."""
 
     plan: Plan
     assessed: Assessment
@@ -175,14 +175,14 @@ class _Study:
 
     @cached_property
     def bounds(self) -> "LossBounds":
-        """The run that predicted errors are found from."""
+        """Bounds along the run, from which predicted errors are computed."""
         from syncplan.estimation.bounds import LossBounds
 
         plan = self.plan
         return LossBounds.along(plan.team, self.assessed.windows, plan.scenario.duration_s)
 
     def outcome(self, loss: Loss) -> LossOutcome:
-        """Return the remainder after a loss, judged afresh."""
+        """Return the outcome of a loss: the remainder, judged afresh."""
         left = remainder_of(self.plan.team, loss)
         assessed = assess_remainder(self.assessed, left)
         scenario = scenario_after(self.plan.scenario, loss)
@@ -203,7 +203,7 @@ class _Study:
 
 
 def _in_order(study: _Study, losses: Sequence[Loss], threads: int) -> Generator[LossOutcome]:
-    """Outcomes in the order of the losses, a few computed ahead."""
+    """Yield outcomes in the order of the losses, a few computed ahead."""
     if not why_no_bound(study.plan.team, study.plan.scenario.duration_s, study.bound):
         study.bounds  # noqa: B018 - prepared once, before threads ask for it
     with ThreadPoolExecutor(threads) as pool:
@@ -235,7 +235,7 @@ def _judged_as(found: JudgedTeam, lost: tuple[str, ...]) -> LossOutcome:
 
 
 def _critical(outcomes: Sequence[LossOutcome]) -> tuple[tuple[str, ...], ...]:
-    """The smallest sets whose loss ends observability, in the order they were judged."""
+    """Smallest sets whose loss ends observability, by size, then in the order judged."""
     smallest: list[tuple[str, ...]] = []
     for one in sorted(
         (one for one in outcomes if not one.observable), key=lambda one: len(one.lost)

@@ -1,4 +1,4 @@
-"""What can be lost, by name: v3, sensor:v3, compass:v3, L1; and the scenario of what is left."""
+"""Names of parts that can be lost (v3, sensor:v3, compass:v3, L1); the scenario after a loss."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations
@@ -16,7 +16,7 @@ from syncplan.scenario.disturbances import EstimableName
 from syncplan.scenario.specification import Scenario, per_vehicle
 
 SENSOR = "sensor:"
-"""Stands before the name of the vehicle whose sensor is lost."""
+"""Prefix to the name of a vehicle whose sensor is lost."""
 
 _KINDS = list(SIGHTING_KINDS.values())
 
@@ -25,7 +25,7 @@ _OF_KIND = {
     for place, (name, kind) in enumerate(SIGHTING_KINDS.items())
     if kind.own_sensor is not None
 }
-"""What stands before it where the sensor of one kind of sighting alone is lost, and that kind."""
+"""Prefix where the sensor of a single kind of sighting is lost, and that kind's index."""
 
 _WORDS = {
     SENSOR: "sensor",
@@ -40,10 +40,10 @@ T = TypeVar("T")
 
 
 def lost_together(names: Iterable[str], scenario: Scenario) -> Loss:
-    """Return the loss of all that is named: vehicles, landmarks, and sensors as sensor:v3.
+    """Return the loss of all named parts: vehicles, landmarks, and sensors as sensor:v3.
 
-    Those of one kind of sighting are named compass:v3 and distance:v3. Raises InputError for a name
-    that nothing has, for one that stands twice and where no vehicle would be left.
+    Sensors of one kind of sighting are named compass:v3 and distance:v3. Raises InputError for an
+    unknown name, for a repeated one, and if no vehicle would be left.
     """
     given = list(names)
     loss = Loss()
@@ -68,7 +68,7 @@ def lost_together(names: Iterable[str], scenario: Scenario) -> Loss:
 def possible_losses(team: Team, most: int) -> list[Loss]:
     """Return every loss of one, or of up to two, vehicles, sensors and landmarks.
 
-    Left out is what leaves no vehicle, and a vehicle or sensor together with a part of it.
+    Losses that leave no vehicle, or take a vehicle or sensor with a part of it, are left out.
     """
     singles = single_losses(team)
     if most == 1:
@@ -84,7 +84,7 @@ def possible_losses(team: Team, most: int) -> list[Loss]:
 
 
 def names_of(loss: Loss, scenario: Scenario) -> tuple[str, ...]:
-    """Return the lost parts as `lost_together` reads them."""
+    """Return the names of the lost parts as `lost_together` reads them."""
     vehicles, landmarks = scenario.vehicle_names, scenario.landmark_names
     return (
         *(vehicles[k] for k in loss.vehicles),
@@ -95,7 +95,7 @@ def names_of(loss: Loss, scenario: Scenario) -> tuple[str, ...]:
 
 
 def phrase_of(name: str) -> str:
-    """Return one of the names as a sentence has it."""
+    """Return the phrase for one of the names in a sentence."""
     before, colon, vehicle = name.partition(":")
     words = _WORDS.get(before + colon)
     return f"the {words} of {vehicle}" if words else name
@@ -106,11 +106,11 @@ def _name_of_kind(place: int, vehicle: str) -> str:
 
 
 def scenario_after(scenario: Scenario, loss: Loss) -> Scenario:
-    """Return a resolved scenario without what is lost.
+    """Return a resolved scenario without the lost parts.
 
-    Names stay. Links that ended at what is lost are left out, as are those for which no sensor
-    reaches far enough any more. A sensor that is lost has the smallest range there is; one of a
-    single kind of sighting, no sigma. An error that nothing shows any more is no state.
+    Names stay. Links to a lost vehicle are left out, as are those for which no remaining sensor
+    reaches far enough. A lost sensor gets the smallest range there is; one of a single kind of
+    sighting, no sigma. An error that no remaining vehicle has is no longer a state.
     """
     values = scenario.model_dump(mode="json", exclude_none=True)
     kept = [k for k in range(scenario.size) if k not in loss.vehicles]
@@ -136,7 +136,7 @@ def scenario_after(scenario: Scenario, loss: Loss) -> Scenario:
 
 
 def _errors_after(scenario: Scenario, kept: list[int]) -> Mapping[EstimableName, float]:
-    """Sigmas of the errors that those vehicles have, by name."""
+    """Sigmas, by name, of the errors that the vehicles kept have."""
     sensors = [scenario.sensors[k] for k in kept]
     return scenario.following(sensor=sensors).error_sigmas
 
@@ -144,7 +144,7 @@ def _errors_after(scenario: Scenario, kept: list[int]) -> Mapping[EstimableName,
 def _without_sensor(
     values: Mapping[str, Any], kind: SightingKind, vehicle: int, count: int
 ) -> dict[str, Any]:
-    """The values that change where a vehicle's sensor of a kind is lost."""
+    """Scenario values that change when a vehicle loses its sensor of one kind."""
     section, _, key = kind.own_sensor.key.rpartition(".") if kind.own_sensor else ("", "", "")
     each = per_vehicle(values[section or key], count)
     if not section:

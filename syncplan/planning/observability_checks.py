@@ -1,4 +1,4 @@
-"""Findings on what sightings determine: rank, certificate, links, single points of failure."""
+"""Findings on observability: rank, certificate, links, single points of failure."""
 
 from collections.abc import Iterator, Sequence
 
@@ -16,11 +16,11 @@ from syncplan.scenario.specification import per_vehicle
 
 
 LARGEST_CONDITION_NUMBER = 1e6
-"""Of the windowed matrix: beyond it, full rank rests on noise-free geometry."""
+"""Condition number of the windowed matrix above which full rank rests on noise-free geometry."""
 
 _WITH_POSES: tuple[Level, str] = ("warning", "positions and headings rest")
 _ERRORS_ALONE: tuple[Level, str] = ("note", "the filter rests")
-"""Level and opening words of what errors leave open with poses, and without."""
+"""Level and opening words of a finding on undetermined errors, with poses and without."""
 
 
 def unobservable(judged: JudgedTeam) -> Iterator[Remark]:
@@ -37,7 +37,7 @@ def unobservable(judged: JudgedTeam) -> Iterator[Remark]:
 
 
 def near_degenerate(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield the finding that full rank is barely so."""
+    """Yield the finding that full rank is nearly degenerate."""
     condition = judged.observability.condition_number
     if judged.observability.observable and condition > LARGEST_CONDITION_NUMBER:
         yield Remark(
@@ -49,12 +49,12 @@ def near_degenerate(judged: JudgedTeam) -> Iterator[Remark]:
 
 
 def needs_prior(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield a finding for each way in which errors not determined take poses with them."""
+    """Yield a finding for each undetermined direction of errors that moves poses."""
     yield from _resting_on_priors(judged, poses=True)
 
 
 def error_undetermined(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield a finding for each way in which errors are not determined, but poses are."""
+    """Yield a finding for each undetermined direction of errors that moves no pose."""
     verdict = judged.error_verdict
     if verdict is not None and verdict.extended is None:
         yield Remark(
@@ -68,7 +68,7 @@ def error_undetermined(judged: JudgedTeam) -> Iterator[Remark]:
 
 
 def _resting_on_priors(judged: JudgedTeam, *, poses: bool) -> Iterator[Remark]:
-    """A finding for each way in which errors are not determined that moves poses, or does not."""
+    """Yield a finding for each undetermined direction of errors that moves poses, or none."""
     verdict = judged.error_verdict
     if verdict is None or verdict.extended is None:
         return
@@ -86,7 +86,7 @@ def _resting_on_priors(judged: JudgedTeam, *, poses: bool) -> Iterator[Remark]:
 
 
 def not_certified(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield the finding that the rank decides alone, without the certificate."""
+    """Yield the finding that the team is observable by rank, but without the certificate."""
     if judged.observability.observable and not judged.certificate.holds:
         names = judged.scenario.vehicle_names
         yield Remark(
@@ -97,7 +97,7 @@ def not_certified(judged: JudgedTeam) -> Iterator[Remark]:
 
 
 def _desynchronised(judged: JudgedTeam, mode: UnobservableMode) -> dict[str, float]:
-    """The change that cures a mode; one offset for all turns a team of one sense as a whole."""
+    """Change that cures a mode; none for a team of one sense, which one offset turns as a whole."""
     now = per_vehicle(judged.scenario.orbit.desync_rad, judged.scenario.size)
     if np.ptp(judged.orbits.senses) == 0.0 or max(map(abs, now)) >= mode.desync:
         return {}
@@ -108,11 +108,11 @@ def _desynchronised(judged: JudgedTeam, mode: UnobservableMode) -> dict[str, flo
 
 
 FRAGILE_SHARE = 0.01
-"""Of a period: a link that a vehicle this late loses is fragile."""
+"""Share of a period: a link that tolerates less delay of a vehicle is fragile."""
 
 
 def lost_links(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield the listed links that never come into contact."""
+    """Yield a finding for each listed link that never comes into contact."""
     names = judged.scenario.vehicle_names
     cure = "a longer range, nearer circles, or other phases"
     if judged.team.obstacles:
@@ -127,7 +127,7 @@ def lost_links(judged: JudgedTeam) -> Iterator[Remark]:
 
 
 def landmarks_hidden(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield the landmarks that lie within an obstacle."""
+    """Yield a finding for each landmark that lies within an obstacle."""
     names = judged.scenario.landmark_names
     for landmark, obstacle in hidden_landmarks(judged.team).items():
         yield Remark(
@@ -139,7 +139,7 @@ def landmarks_hidden(judged: JudgedTeam) -> Iterator[Remark]:
 
 
 def vehicles_hidden(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield a finding for each obstacle within which vehicles fly all the way round."""
+    """Yield a finding for each obstacle that contains whole paths of vehicles."""
     hidden = hidden_paths(judged.team)
     for obstacle in sorted(set(hidden.values())):
         names = [
@@ -156,7 +156,7 @@ def vehicles_hidden(judged: JudgedTeam) -> Iterator[Remark]:
 
 
 def fragile_links(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield one finding on all links that a small delay of one vehicle loses."""
+    """Yield one finding on all links that are lost by a small delay of one vehicle."""
     names, rate = judged.scenario.vehicle_names, judged.orbits.rate
     limit = FRAGILE_SHARE * judged.orbits.period
     fragile = sorted(
@@ -182,7 +182,7 @@ MOST_POINTS = 8
 
 
 def single_points_of_failure(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield what, lost alone, ends observability."""
+    """Yield the finding that some single losses end observability."""
     if judged.single_points is None:
         yield Remark(
             "note",
@@ -210,7 +210,7 @@ def single_points_of_failure(judged: JudgedTeam) -> Iterator[Remark]:
 
 
 def _phrases(judged: JudgedTeam, losses: Sequence[Loss]) -> list[str]:
-    """Losses in words, a vehicle and its sensor named once: vehicles, sensors, landmarks."""
+    """Phrases for losses, a vehicle and its sensor in one: vehicles, sensors, landmarks."""
     names, gone = judged.scenario.vehicle_names, {k for one in losses for k in one.vehicles}
     blind = {k for one in losses for k in one.sensors}
     return [

@@ -1,4 +1,4 @@
-"""Findings on paths and speeds: distances, areas, and what the wind allows."""
+"""Findings on paths and speeds: distances, areas, and speeds in wind."""
 
 from collections.abc import Iterator, Sequence
 from math import exp, hypot, log, pi, sqrt
@@ -24,7 +24,7 @@ from syncplan.scenario.models import RefineOptions
 
 
 def vehicles_too_close(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield the pairs of vehicles that come nearer than they may, nearest first."""
+    """Yield findings on pairs of vehicles that come nearer than allowed, nearest first."""
     names = judged.scenario.vehicle_names
     limit = separation_limit(judged.scenario).worded(judged.orbits.radii)
     each = [
@@ -40,7 +40,7 @@ def vehicles_too_close(judged: JudgedTeam) -> Iterator[Remark]:
 
 
 def landmarks_too_close(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield the vehicles that come nearer to a landmark than they may, nearest first."""
+    """Yield findings on vehicles that come nearer to a landmark than allowed, nearest first."""
     scenario, orbits = judged.scenario, judged.orbits
     asked = landmark_limit(scenario)
     clear = landmark_gaps(orbits.centers, orbits.radii, judged.landmarks)
@@ -74,7 +74,7 @@ def _not_cleared(judged: JudgedTeam) -> str:
 
 
 def outside_area(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield the vehicles whose circles leave the area."""
+    """Yield a finding for each vehicle whose circle leaves the area."""
     for key, name, clear in _crossings(judged, within=True):
         yield Remark(
             "stop",
@@ -85,7 +85,7 @@ def outside_area(judged: JudgedTeam) -> Iterator[Remark]:
 
 
 def in_keep_out(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield the vehicles whose circles pass through a keep-out; flying round one is no fault."""
+    """Yield a finding for each circle that passes through a keep-out; one round it is allowed."""
     for key, name, clear in _crossings(judged, within=False):
         yield Remark(
             "stop",
@@ -99,7 +99,7 @@ def in_keep_out(judged: JudgedTeam) -> Iterator[Remark]:
 def _first_of(
     each: Sequence[tuple[str, tuple[str, ...]]], cure: str, more: str
 ) -> Iterator[Remark]:
-    """A stop for each of the first, given in words and subjects; the rest is counted in one."""
+    """Yield a stop for each of the first, given as message and subjects; one counts the rest."""
     for message, subjects in each[:MOST_NAMED]:
         yield Remark("stop", message, subjects, cure=cure)
     if rest := each[MOST_NAMED:]:
@@ -108,7 +108,7 @@ def _first_of(
 
 
 def _crossings(judged: JudgedTeam, *, within: bool) -> Iterator[tuple[str, str, float]]:
-    """(key of the polygon, vehicle, m by which its circle keeps clear: negative) of each fault."""
+    """Yield (key of the polygon, vehicle, negative clearance of its circle in m) of each fault."""
     area = Area.of(judged.scenario.area_m, judged.scenario.keep_out_m)
     if not area.limited:
         return
@@ -125,34 +125,35 @@ def _crossed(clearances: Array, radii: Array) -> Array:
 
 # --- speeds ---------------------------------------------------------------------------------------
 #
-# Wind is common and constant, gusts come on top; each component has its own standard deviation, so
-# the speed W of all air that a vehicle meets is Rayleigh distributed with s = hypot(wind, gust):
+# Wind is common and constant, and gusts add to it. Both state the standard deviation of each
+# component, so the speed W of the air that a vehicle meets is Rayleigh distributed with
+# s = hypot(wind, gust):
 #
 #     P(W > w) = exp(-w^2 / (2 s^2))        W95 = s sqrt(-2 ln 0.05) = 2.45 s
 #
-# Through the air, a circle at ground speed v needs from |v - W| to v + W. A vehicle whose largest
-# airspeed V is below v + W falls behind against the wind, and makes up for it with the wind while
-# one turn at full airspeed, R times
+# A circle at ground speed v needs airspeeds from |v - W| to v + W. A vehicle whose largest airspeed
+# V is below v + W falls behind upwind. It catches up downwind as long as one turn at full airspeed,
+# which takes R times
 #
 #     4 V E(W / V) / (V^2 - W^2)        E the complete elliptic integral of the second kind
 #
-# seconds, takes no longer than the period 2 pi R / v. Beyond, it falls behind for ever: that stops
-# the plan. Airspeeds below the least one, and turns of the heading near W = v that are faster than
-# vehicles turn, are soon made up for: over a whole turn a slow limit or a turn rate above the
-# common rate never is what a vehicle lacks.
+# seconds, takes no longer than the period 2 pi R / v. In stronger wind it falls behind for ever:
+# that stops the plan. Needing airspeeds below the least one, or turns of the heading near W = v
+# faster than vehicles turn, is soon made up for: over a whole turn, neither the least airspeed nor
+# a turn rate limit above the common rate is what a vehicle lacks.
 
 
 EXCEEDED = 0.05
-"""Share of winds that may be too much, as of the trials of a flight that may fail."""
+"""Share of winds that may be too strong, as for the trials of a flight that may fail."""
 
 LINEAR_SHARE = 0.5
-"""Of the ground speed: with a larger sigma of the wind, headings are no small angles off."""
+"""Share of the ground speed above which a wind's sigma makes heading deviations large."""
 
 
 def over_limit(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield the vehicles whose speed on their circle is none they can keep, in the wind stated.
+    """Yield findings on vehicles that cannot keep the speed of their circle in the wind stated.
 
-    A rate above limits.turn_rate_rad_s is refused where the scenario is read.
+    A rate above limits.turn_rate_rad_s is refused when the scenario is read.
     """
     limits = judged.scenario.limits
     if limits is None or limits.speed_mps is None:
@@ -174,7 +175,7 @@ def over_limit(judged: JudgedTeam) -> Iterator[Remark]:
 
 
 def strong_wind(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield the finding that the wind is no small disturbance of a circle."""
+    """Yield the finding that the wind is too strong for predictions of small deviations."""
     sigma, speeds = _air_sigma(judged), judged.orbits.speeds
     slow = np.flatnonzero(sigma > LINEAR_SHARE * speeds)
     if not len(slow):
@@ -191,9 +192,9 @@ def strong_wind(judged: JudgedTeam) -> Iterator[Remark]:
 
 
 def wind_made_up_for(speed: float, airspeed: float) -> float:
-    """Return the strongest wind in m/s in which a circle at a ground speed is flown on time.
+    """Return the strongest wind in m/s in which a circle at ground speed `speed` is flown on time.
 
-    `airspeed` is the largest there is; 0 where it is no larger than the ground speed.
+    `airspeed` is the largest available. The wind is 0 if that does not exceed `speed`.
     """
     from scipy.optimize import brentq
     from scipy.special import ellipe
@@ -202,7 +203,7 @@ def wind_made_up_for(speed: float, airspeed: float) -> float:
         return 0.0
 
     def spare(share: float) -> float:
-        """Ground speed that one turn in a wind of `share` airspeeds allows, beyond that wanted."""
+        """Mean ground speed in excess of `speed` over one turn in a wind of `share` airspeeds."""
         turn = 2.0 * float(ellipe(share**2)) / pi
         return airspeed * (1.0 - share**2) / turn - speed
 
@@ -212,7 +213,7 @@ def wind_made_up_for(speed: float, airspeed: float) -> float:
 def _over_limit_in_wind(
     sigma: float, high: float, vehicles: list[tuple[float, str]]
 ) -> Iterator[Remark]:
-    """The findings on vehicles (ground speed, name), the fastest first, in a wind."""
+    """Yield the findings on vehicles (ground speed, name), the fastest first, in a wind."""
     strongest = sigma * sqrt(-2.0 * log(EXCEEDED))
     over = [
         (speed, name, wind_made_up_for(speed, high))
@@ -257,6 +258,6 @@ def _share_below(wind: float, sigma: float) -> float:
 
 
 def _air_sigma(judged: JudgedTeam) -> float:
-    """m/s, of each component of wind and gust together."""
+    """Standard deviation in m/s of each component of wind and gust together."""
     wind = judged.scenario.wind or Wind()
     return hypot(wind.sigma_mps, wind.gust_sigma_mps)

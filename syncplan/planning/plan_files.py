@@ -1,4 +1,4 @@
-"""Plan files read back, and whatever else a plan can be made of: their orbits, judged afresh."""
+"""Plan files and other sources of a plan: their orbits, read and judged afresh."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -30,10 +30,10 @@ from syncplan.scenario.truths import with_truth
 
 
 ROUNDING = 1e-4
-"""Difference that rounding explains, of a radius, a radian, a speed or a period."""
+"""Difference explained by rounding, as a share of a radius, a radian, a speed or a period."""
 
 COORDINATE_ROUNDING = 1e-6
-"""The same, of a coordinate."""
+"""Difference explained by rounding, as a share of a coordinate."""
 
 
 def check_derived(document: Mapping[str, Any], orbits: Orbits, source: str) -> None:
@@ -58,9 +58,9 @@ def check_derived(document: Mapping[str, Any], orbits: Orbits, source: str) -> N
 
 
 def _derived(orbits: Orbits) -> list[tuple[str, str, Array, Array]]:
-    """Key, what it follows from in words, its values, and the differences that rounding explains.
+    """Derived keys with their sources in words, values, and differences explained by rounding.
 
-    Values are one of the team, or one of each vehicle.
+    Each key has one value for the team, or one for each vehicle.
     """
     far = COORDINATE_ROUNDING * np.abs(orbits.centers).max(axis=1)
     speed = "the angular rate of scenario.orbit"
@@ -108,7 +108,7 @@ def _shown(value: Any) -> str:
 
 
 class StatedOrbit(BaseModel):
-    """What a plan must state of a vehicle; keys that follow from these may be left out."""
+    """Keys that a plan must state for a vehicle; keys that follow from them may be left out."""
 
     model_config = ConfigDict(extra="ignore", strict=True, allow_inf_nan=False)
 
@@ -122,10 +122,10 @@ class StatedOrbit(BaseModel):
 
 
 class PlanFile(BaseModel):
-    """A plan given: its orbits are judged as they are.
+    """Plan given by its orbits, which are judged as they are.
 
-    Keys that follow from others may be left out, but must not contradict them. What was found of
-    the plan is found again, and not read.
+    Keys that follow from others may be left out, but must not contradict them. Results in the file
+    are computed again, not read.
     """
 
     model_config = ConfigDict(extra="ignore", strict=True)
@@ -138,7 +138,7 @@ class PlanFile(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _without_a_separation_that_was_none(cls, document: Any) -> Any:
-        """Plans written before there were verdicts state 0 where no separation was given."""
+        """Drop the separation of 0 that plans older than verdicts state if none was given."""
         if not isinstance(document, dict) or "version" not in document or "verdict" in document:
             return document
         scenario = document.get("scenario")
@@ -150,7 +150,7 @@ class PlanFile(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class Loaded:
-    """A scenario file, or a plan file with the orbits it states and how it says they were found."""
+    """Content of a scenario file, or of a plan file with its orbits and how they were found."""
 
     scenario: Scenario
     orbits: Orbits | None
@@ -160,7 +160,7 @@ class Loaded:
 def load(path: str | Path, *, max_vehicles: int = MAX_VEHICLES) -> Loaded:
     """Return the content of a scenario or plan file; "-" reads standard input.
 
-    A plan is known by its keys `scenario` and `vehicles`. Raises InputError.
+    A plan is recognised by its keys `scenario` and `vehicles`. Raises InputError.
     """
     name, text = read_text(path)
     return loaded_from(parse_document(text, name), source=name, max_vehicles=max_vehicles)
@@ -169,7 +169,7 @@ def load(path: str | Path, *, max_vehicles: int = MAX_VEHICLES) -> Loaded:
 def loaded_from(
     document: Mapping[str, Any], *, source: str = "", max_vehicles: int = MAX_VEHICLES
 ) -> Loaded:
-    """Return the content of the document of a scenario or a plan; `source` names it in messages."""
+    """Return the content of a scenario or plan document; `source` names it in messages."""
     if not is_plan(document):
         return Loaded(scenario_from(document, source=source, max_vehicles=max_vehicles), None)
     try:
@@ -197,7 +197,7 @@ def plan_of(
 
 
 def stated(scenario: Scenario, orbits: Orbits) -> dict[str, Any]:
-    """Return of a plan, as JSON values, just what is read of a plan file."""
+    """Return a plan's scenario and orbits, the parts read from a plan file, as JSON values."""
     return {
         "scenario": scenario.model_dump(mode="json", exclude_none=True),
         "vehicles": [
@@ -214,7 +214,7 @@ def stated(scenario: Scenario, orbits: Orbits) -> dict[str, Any]:
 
 
 def _orbits(given: PlanFile, source: str) -> Orbits:
-    """The orbits stated, which must be those of the scenario's vehicles."""
+    """Orbits stated in a plan file, which must be those of the scenario's vehicles."""
     vehicles, scenario = given.vehicles, given.scenario
     if not scenario.formation.placed:
         raise InputError(
@@ -254,15 +254,15 @@ def _check_circles(vehicles: list[StatedOrbit], source: str) -> None:
         raise InputError(error.message(), key="vehicles", source=source) from None
 
 
-# --- what a function takes as a plan --------------------------------------------------------------
+# --- subjects that functions take as a plan -------------------------------------------------------
 
 
 PlanSubject = Plan | Scenario | str | Path | Mapping[str, Any]
-"""A plan; a scenario, which is planned; or a file or a mapping that holds one or the other."""
+"""A plan, a scenario to be planned, or a file or mapping that holds either."""
 
 
 def planned(subject: PlanSubject, *, bound: BoundChoice = "auto", pilot: bool = True) -> Plan:
-    """Return a plan as it is, and the plan of anything else.
+    """Return the plan of a subject; a plan is returned as it is.
 
     `bound` and `pilot` are those of syncplan.plan. Raises InputError for a file or mapping that
     holds neither a plan nor a scenario.
@@ -285,7 +285,7 @@ def planned(subject: PlanSubject, *, bound: BoundChoice = "auto", pilot: bool = 
 
 
 def in_world(plan: Plan, truth: Mapping[str, Any] | None) -> Plan:
-    """Return a plan in a simulated world with these keys too, beside its scenario's truth.
+    """Return a plan whose simulated world has these keys in addition to its scenario's truth.
 
     Raises InputError naming the key at fault.
     """
@@ -301,9 +301,9 @@ def load_plan(
     steady: bool = False,
     max_vehicles: int = MAX_VEHICLES,
 ) -> Plan:
-    """Return the plan of a file that `Plan.save` or `syncplan plan -o` wrote; "-" reads input.
+    """Return the plan that `Plan.save` or `syncplan plan -o` wrote; "-" reads standard input.
 
-    Its orbits are taken as they stand and judged afresh. `bound` and `steady` are those of
+    Its orbits are taken as they are and judged afresh. `bound` and `steady` are those of
     syncplan.plan. Raises InputError naming the file, the key, its value and what is allowed, and
     for a scenario, which syncplan.load_scenario reads.
     """

@@ -1,4 +1,4 @@
-"""The record of a refinement: options, the result of each start, figures before and after."""
+"""Records of a plan: its refinement, with each start and figures before and after; its flights."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ from syncplan.scenario.quantities import Many
 
 
 class StartResult(DocumentPart):
-    """The result of one start of the solver."""
+    """Result of one start of the solver."""
 
     start: int = Field(description="0: the plan; 1: the rules desynchronised; then random ones")
     status: Words = Field(description="IPOPT's return status")
@@ -28,21 +28,21 @@ class StartResult(DocumentPart):
 
 @dataclass(frozen=True, slots=True)
 class RefinementRecord:
-    """How a plan was refined.
+    """Record of a plan's refinement.
 
     Attributes
     ----------
     options : as used; None for a plan read from a file
     objective : name of the figure that was improved
     improved : whether the plan is better than the input; if not, it is the input
-    reason : why nothing better was found; empty if it was
+    reason : why nothing better was found; empty if something was
     cut_short : whether the time limit or Ctrl-C ended the search
     before, after : exact figures of merit, positions in the input's mean radius
     active : constraints that the result meets with hardly any margin
-    starts : in order
-    start_before : how the input starts; None where that was not judged
-    expected_before : m, RMS error of all vehicles to be expected of the input, where its filter
-        leaves out errors; None where it leaves out none or no bound is computed
+    starts : results of the starts, in order
+    start_before : start-up of the input; None if it was not judged
+    expected_before : m, expected RMS error of all vehicles in the input, if its filter leaves out
+        errors; None if it leaves out none or no bound is computed
     cleared : whether the result keeps distances that the input did not, whatever its figures
     """
 
@@ -60,16 +60,16 @@ class RefinementRecord:
     cleared: bool = False
 
 
-# --- what flying has found ------------------------------------------------------------------------
+# --- flights --------------------------------------------------------------------------------------
 
 
 class PhasesFlown(DocumentPart):
-    """How one vehicle flew, over the second half of all trials."""
+    """Flight of one vehicle over the second half of all trials."""
 
     name: str
-    phase_rms_s: float = Field(description="Ahead of the plan, or behind it")
-    phase_worst_s: float = Field(description="In any trial")
-    tracking_rms_m: float = Field(description="From the plan's place")
+    phase_rms_s: float = Field(description="RMS of the phase error, ahead of the plan or behind it")
+    phase_worst_s: float = Field(description="Largest phase error in any trial")
+    tracking_rms_m: float = Field(description="RMS distance from the place in the plan")
     speed_mps: tuple[float, float] = Field(
         description="Least and largest airspeed that was commanded, once a steady state is "
         "reached, holds apart: what it needs in the wind"
@@ -77,22 +77,24 @@ class PhasesFlown(DocumentPart):
 
 
 class MeetingsFlown(DocumentPart):
-    """Two that meet in the plan: vehicles, or a vehicle and a landmark."""
+    """Meetings of a pair of the plan: two vehicles, or a vehicle and a landmark."""
 
     between: tuple[str, str]
     meetings: int = Field(description="In the plan, in each trial")
-    kept_share: float = Field(description="In which a sighting was made, of all trials'")
+    kept_share: float = Field(
+        description="Share of the meetings in all trials in which a sighting was made"
+    )
 
 
 class FlownPlan(Document):
-    """What flying the plan has found; the circumstances are those of the scenario."""
+    """Results of flying the plan under the conditions of its scenario."""
 
     trials: int
     seed: int
     duration_s: float
     guidance: str
     filter: str
-    events: Many[Words] = Field(description="What happened on the way, in every trial")
+    events: Many[Words] = Field(description="Losses and holds in every trial")
     filter_lost_share: float
     out_of_contact_share: float
     least_separation_m: tuple[float, float] | None = Field(

@@ -1,7 +1,7 @@
-"""The planner and the judge: from a scenario to a plan, or from orbits given.
+"""Planner and judge: the plan of a scenario, or of given orbits.
 
-The judge takes nothing over from whoever made the orbits: every verdict is found afresh by the
-exact code. Only this module sees the whole chain.
+The judge takes nothing over from the source of the orbits: the exact code computes every verdict
+afresh. Only this module sees the whole chain.
 """
 
 from collections.abc import Mapping
@@ -44,7 +44,7 @@ from syncplan.synchronisation.sighted_phases import hidden_at_all_phases, obstac
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Plan(Result, judged_team.JudgedTeam):
-    """Orbits with all that the exact code found of them; attributes are those of JudgedTeam."""
+    """Orbits with the results of the exact code; attributes are those of JudgedTeam."""
 
     _verdict: judged_team.PlanVerdict | None = field(default=None, init=False, compare=False)
 
@@ -66,7 +66,7 @@ class Plan(Result, judged_team.JudgedTeam):
 
     @property
     def verdict(self) -> judged_team.PlanVerdict:
-        """Whether the plan can be flown, with all that was found for and against it.
+        """Whether the plan can be flown, with all findings.
 
         Computed at the first access and kept.
         """
@@ -84,7 +84,7 @@ BoundChoice = Literal["auto", "always", "never"]
 
 
 class JudgementOptions(TypedDict, total=False):
-    """Options of syncplan.plan that hold for given orbits too."""
+    """Options of syncplan.plan that also apply to given orbits."""
 
     bound: BoundChoice
     steady: bool
@@ -93,17 +93,17 @@ class JudgementOptions(TypedDict, total=False):
 
 
 BOUND_WORK_LIMIT = 4e10
-"""Steps times state dimension squared times vehicles up to which `auto` computes the bound."""
+"""Steps times squared state dimension times vehicles up to which `auto` computes the bound."""
 
 
 LARGEST_SEARCHED = 200
-"""Vehicles up to which every plan says what its single points of failure are."""
+"""Number of vehicles up to which every plan states its single points of failure."""
 
 MOST_STATES = 1500
-"""Poses' coordinates and errors up to which every plan says which of them a window determines."""
+"""Number of pose coordinates and errors up to which every plan states the undetermined errors."""
 
 MOST_STATES_LEFT = 400
-"""The same after a loss, of which there are many: 60 vehicles with errors of every kind."""
+"""The same number after a loss, as losses are many: 60 vehicles with errors of every kind."""
 
 
 @single_threaded_blas
@@ -118,12 +118,12 @@ def judge(
     given: Index | None = None,
     found: Synchronisation | None = None,
 ) -> Plan:
-    """Return the plan of given orbits; nothing is taken over from whoever made them.
+    """Return the plan of given orbits; nothing is taken over from their source.
 
-    `bound`, `steady`, `pilot` and `single_points` are those of syncplan.plan. `given` are the
+    `bound`, `steady`, `pilot` and `single_points` are those of syncplan.plan. `given` holds the
     (e, 2) links that the phases were found for, by default those that the scenario lists or its
-    circles allow; `found`, how the phases were found, has the reasons of links that they could not
-    keep.
+    circles allow. `found` is the synchronisation that found the phases, with the reasons for the
+    links it dropped.
     """
     resolved = scenario.resolved()
     team = team_of(resolved, orbits)
@@ -152,11 +152,11 @@ def judged(
     remainder: bool = False,
     single_points: bool = True,
 ) -> Plan:
-    """Return the plan of a team assessed, from its resolved scenario, its links and its prediction.
+    """Return the plan of an assessed team from its resolved scenario, links and prediction.
 
-    With `remainder`, of a team that has lost something, what is not asked of one is left out: the
-    connectivity period, links not listed and what a further loss would do. Without
-    `single_points` it is not looked for which losses end observability, as in teams too large.
+    `remainder`, for a team after a loss, leaves out the connectivity period, links not listed and
+    further losses. Without `single_points`, losses that end observability are not searched for, as
+    in teams that are too large.
     """
     team, orbits = assessed.team, assessed.team.orbits
     names = scenario.vehicle_names
@@ -193,7 +193,7 @@ def judged(
 def listed_pairs(scenario: Scenario, team: Team) -> Index:
     """Return the (e, 2) links to synchronise, a < b: as listed, or all that can come within range.
 
-    Of the team's orbits only the circles matter.
+    Only the circles of the team's orbits matter.
     """
     if scenario.formation.links is not None:
         return as_pairs(scenario.linked)
@@ -254,14 +254,14 @@ def _too_close(orbits: Orbits, limit: judged_team.DistanceLimit) -> tuple[contac
 
 
 def bound_is_affordable(team: Team, duration: float) -> bool:
-    """Return whether the posterior bound is cheap enough to be computed without being asked for."""
+    """Return whether the posterior bound is cheap enough to be computed by default."""
     steps = duration / team.sensors.sample_time
     size = float(layout_of(team, tuple(ERROR_STATES)).size)
     return steps * size**2 * team.count <= BOUND_WORK_LIMIT
 
 
 def why_no_bound(team: Team, duration: float, bound: BoundChoice) -> str:
-    """Return why the posterior bound is not computed, empty where it is."""
+    """Return why the posterior bound is not computed; empty if it is."""
     if bound == "never":
         return "the posterior bound was not asked for"
     if bound == "auto" and not bound_is_affordable(team, duration):
@@ -275,7 +275,7 @@ def why_no_bound(team: Team, duration: float, bound: BoundChoice) -> str:
 def _bound_along(
     assessed: Assessment, duration: float, bound: BoundChoice
 ) -> tuple[PosteriorBound | None, str]:
-    """The posterior bound with its start-up index, or why it is missing."""
+    """Posterior bound with its start-up index, or None and the reason."""
     team = assessed.team
     if why := why_no_bound(team, duration, bound):
         return None, why
@@ -340,11 +340,11 @@ def plan(
     `scenario` may be the path of its file or a mapping of its keys; syncplan.load_plan reads plans.
     Centres that are not given are found first, see syncplan.placement.centers.
 
-    `bound` says whether the posterior bound is computed: for teams up to a stated amount of work
-    (auto), always or never. `steady` adds its periodic limit. `margin_bound` says whether the
-    bound on the links' smallest margin is computed, which takes most of the time where phases have
-    no closed form. `pilot` says whether a few trials are run where the start-up index does not
-    clear the plan, `single_points` whether it is found which single losses end observability.
+    `bound` selects when the posterior bound is computed: up to a stated amount of work (auto),
+    always or never. `steady` adds its periodic limit. `margin_bound` adds the bound on the links'
+    smallest margin, which takes most of the time if phases have no closed form. `pilot` runs a few
+    trials if the start-up index does not clear the plan. `single_points` finds the single losses
+    that end observability.
     """
     if bound not in ("auto", "always", "never"):
         raise InputError(f"{bound!r}: must be auto, always or never", key="bound")
@@ -384,16 +384,16 @@ def plan(
 
 
 def _circles(scenario: Scenario) -> Orbits:
-    """Centres, radii and rate of a scenario; senses and phases are yet to be found."""
+    """Centres, radii and rate of a scenario; senses and phases are placeholders."""
     zeros = np.zeros(scenario.size)
     centers = np.array(scenario.centers, dtype=float)
     return Orbits(centers, radii_of(scenario), zeros + 1.0, zeros, scenario.orbit.rate)
 
 
 def _senses(scenario: Scenario, team: Team, pairs: Index) -> tuple[Array, bool | None]:
-    """Senses (n,), and whether as many links alternate as can be; None where they were given.
+    """Senses (n,), and whether the number of alternating links is proven largest; None if given.
 
-    Links that obstacles hide whatever the senses do not count.
+    Links that obstacles hide whatever the phases do not count.
     """
     direction = scenario.orbit.direction
     if direction == "alternate":
@@ -405,7 +405,7 @@ def _senses(scenario: Scenario, team: Team, pairs: Index) -> tuple[Array, bool |
 
 
 def _sharing_a_circle(circles: Orbits) -> list[tuple[int, int]]:
-    """Pairs of vehicles whose circles are the same, to SAME_PLACE_M in centre and radius."""
+    """Pairs of vehicles whose circles agree to SAME_PLACE_M in centre and radius."""
     centers, radii = circles.centers, circles.radii
     a, b = contacts.reachable_pairs(circles, np.full(circles.count, SAME_PLACE_M))
     apart = np.hypot(*(centers[a] - centers[b]).T)

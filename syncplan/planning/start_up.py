@@ -1,8 +1,8 @@
 """Start-up: whether the filter can be expected to reach the bound from the initial sigmas.
 
-An index that comes with the bound clears most plans, for any filter. Where it does not, the robust
-filter runs unless another is asked for, and a pilot of a few trials of the filter that will run
-shows what it makes of the plan, beside what the bound predicts.
+An index computed with the bound clears most plans, for any filter. Otherwise, the robust filter
+runs unless another is asked for, and a pilot of a few trials compares the errors of the filter that
+will run with those that the bound predicts.
 """
 
 import math
@@ -25,19 +25,19 @@ from syncplan.orbits.team import Team
 from syncplan.scenario.filters import AUTO, FILTERS, FilterModel
 
 CLEARING_INDEX = 0.45
-"""A plan with at most this start-up index needs no trials."""
+"""Largest start-up index of a plan that needs no trials."""
 
 CLEARED_FILTER, UNCLEARED_FILTER = "ekf", "robust"
-"""Names of the filters that run, unless another is asked for."""
+"""Names of the filters that run on cleared and on other plans, unless another is asked for."""
 
 SAFE_RATIO = 1.5
-"""Largest RMS error over its prediction, of any vehicle, that counts as reaching the bound."""
+"""Largest ratio of RMS error to prediction, of any vehicle, that counts as reaching the bound."""
 
 PILOT_TURNS = 5
-"""Periods that a pilot covers at most."""
+"""Largest number of periods that a pilot covers."""
 
 PILOT_WORK_LIMIT = 3e9
-"""Multiplications that a pilot may take: about a second, 26 vehicles of the robust filter."""
+"""Largest number of multiplications in a pilot: about a second, 26 vehicles with `robust`."""
 
 _ATTEMPTS = 4
 _LEAST_SHARE = 0.02
@@ -45,15 +45,15 @@ _LEAST_SHARE = 0.02
 
 @dataclass(frozen=True, slots=True)
 class StartTrials:
-    """Result of trials from the initial sigmas, beside the prediction.
+    """Errors in trials from the initial sigmas, with their predictions.
 
     Attributes
     ----------
-    trials, seed : of the trials
-    duration : s, of each
-    pilot : whether they are a pilot's, rather than those of a validation
+    trials, seed : number of trials, and their seed
+    duration : s, of each trial
+    pilot : whether the trials are a pilot's, rather than those of a validation
     found, predicted : (n,) m, RMS position error over the second half, and the bound's; an error
-        is infinite where a filter broke down
+        is infinite if a filter broke down
     """
 
     trials: int
@@ -65,7 +65,7 @@ class StartTrials:
 
     @property
     def ratios(self) -> Array:
-        """(n,) error found over that predicted; infinite where nothing is predicted but 0."""
+        """(n,) ratio of the error found to that predicted; infinite if only the latter is 0."""
         with np.errstate(divide="ignore", invalid="ignore"):
             shares = self.found / self.predicted
         return np.where(np.isnan(shares), 1.0, shares)
@@ -80,7 +80,7 @@ class ClearingSigmas:
 
 
 class InputStart(DocumentPart):
-    """How the plan starts that was refined; see `start_up` of plans."""
+    """Start-up of the plan that was refined; see `start_up` of plans."""
 
     index: float
     worst_rms_over_predicted: float | None = Field(
@@ -95,7 +95,7 @@ class InputStart(DocumentPart):
 
     @property
     def worst_ratio(self) -> float:
-        """Largest error over its prediction that trials found; infinite where a filter failed."""
+        """Largest ratio of error to prediction in the trials; infinite if a filter broke down."""
         worst = self.worst_rms_over_predicted
         return math.inf if worst is None else worst
 
@@ -106,12 +106,12 @@ class StartUp:
 
     Attributes
     ----------
-    index : of the whole run
-    filter : that will run, or ran in the trials: a name in syncplan.scenario.filters.FILTERS
-    trials : the pilot, or a validation's trials; None where none ran
+    index : start-up index of the whole run
+    filter : name in syncplan.scenario.filters.FILTERS of the filter that will run, or ran in trials
+    trials : the pilot, or a validation's trials; None if none ran
     untried : why no pilot ran although the index does not clear the plan; else empty
-    clearing : initial sigmas from which the index clears the plan; None where trials found no
-        harm, or none were found
+    clearing : initial sigmas from which the index clears the plan; None if trials found no harm,
+        or no such sigmas were found
     """
 
     index: StartUpIndex
@@ -127,12 +127,12 @@ class StartUp:
 
     @property
     def worst_ratio(self) -> float:
-        """Largest error over its prediction that trials found; 1 where none were needed."""
+        """Largest ratio of error to prediction in the trials; 1 if there are none."""
         return 1.0 if self.trials is None else float(self.trials.ratios.max())
 
     @property
     def before(self) -> InputStart | None:
-        """Record for a plan made from this one; None where nothing was tried."""
+        """Record of this start-up for a plan refined from this one; None if nothing was tried."""
         if self.trials is None and not self.cleared:
             return None
         return InputStart(
@@ -149,10 +149,10 @@ def start_up_of(
     asked: str | None,
     pilot: bool,
 ) -> StartUp | None:
-    """Return the start-up verdict, by index and pilot, of a run of `duration` s with its bound.
+    """Return the start-up verdict, by index and pilot, on a run of `duration` s with its bound.
 
-    `asked` names the filter that is asked for, AUTO or None if none is. None is returned where the
-    bound has no index. Without `pilot`, only the index.
+    `asked` names the filter that is asked for; AUTO or None if none is. Without `pilot`, the
+    verdict rests on the index alone. Returns None if the bound has no index.
     """
     index = bound.start_up
     if index is None:
@@ -174,7 +174,7 @@ def start_up_of(
 def concluded(
     found: StartUp, trials: StartTrials, team: Team, windows: Windows, duration: float
 ) -> StartUp:
-    """Return what the index, over `duration` s, and these trials say, with a cure for harm."""
+    """Return the verdict with these trials and a cure for harm; the index covers `duration` s."""
     found = replace(found, trials=trials, untried="", clearing=None)
     if found.worst_ratio <= SAFE_RATIO:
         return found
@@ -195,7 +195,7 @@ def _piloted(
         return None
     squares = pilot_squares(thin, windows, length, model)
     if bound.errors is not None:
-        # the pilot leaves out bias states, and so does what stands beside it
+        # the pilot leaves out bias states, so its prediction does too
         bound = posterior_bound(replace(team, errors=NO_ERRORS), windows, length)
     return StartTrials(
         trials=PILOT_TRIALS,
@@ -208,7 +208,7 @@ def _piloted(
 
 
 def _clearing(team: Team, windows: Windows, duration: float, index: float) -> ClearingSigmas | None:
-    """Both sigmas in one proportion, to two digits; the index falls about as they do."""
+    """Both sigmas scaled alike, to two digits; the index falls about in proportion."""
     share, noise = 1.0, team.noise
     for _ in range(_ATTEMPTS):
         share *= 0.95 * CLEARING_INDEX / index

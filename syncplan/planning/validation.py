@@ -1,4 +1,4 @@
-"""Validation: many runs of the filter on a plan, beside the error that the bound predicts."""
+"""Validation: Monte Carlo runs of the filter on a plan, compared with the predicted error."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -49,7 +49,7 @@ from syncplan.scenario.specification import Scenario
 
 @dataclass(frozen=True, slots=True)
 class FilterChoice:
-    """A filter, and why it was chosen.
+    """Filter, with the reason for its choice.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class FilterChoice:
 
 
 def asked_filter(scenario: Scenario, options: FilterOptions) -> FilterChoice | None:
-    """Return the filter that options or scenario name; None where neither does."""
+    """Return the filter named by the options or the scenario; None if neither names one."""
     if options.filter != AUTO:
         return FilterChoice(options.filter, "asked for")
     kind = None if scenario.filter is None else scenario.filter.kind
@@ -74,7 +74,7 @@ def asked_filter(scenario: Scenario, options: FilterOptions) -> FilterChoice | N
 
 
 def choose_filter(flown: Plan, options: FilterOptions) -> FilterChoice:
-    """Return the filter that runs on a plan: the one asked for, or what its start calls for."""
+    """Return the filter that runs on a plan: the one asked for, or the one its start requires."""
     asked = asked_filter(flown.scenario, options)
     if asked is not None:
         return asked
@@ -93,23 +93,23 @@ def choose_filter(flown: Plan, options: FilterOptions) -> FilterChoice:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Validation(Result):
-    """A Monte Carlo run on a plan.
+    """Result of a Monte Carlo run on a plan.
 
     Attributes
     ----------
-    plan : the plan that was flown; of its start, these trials say what a pilot would
+    plan : the plan that was run; these trials replace the pilot in its start-up
     duration : s
-    options : which filter, and its gate
-    chosen_because : why this filter
-    result : per trial figures, and the series where asked for
+    options : filter, gate and other options of the run
+    chosen_because : why this filter runs
+    result : figures of each trial, and the series if asked for
     accuracy : RMS errors by vehicle
-    predicted : (n,) m, the bound's RMS over the second half; None where not computed
-    predicted_errors : the same of the filter's bias states; empty where there are none, or it is
-        not computed
-    predicted_over_time : (steps + 1, e) the bound of each bias state, in its unit; None where
-        there are none, no series was asked for, or it is not computed
-    expected : (n,) m, what the filter is expected to make of it, as it does not estimate errors
-        that the scenario names, or the world differs from it; None otherwise, or not computed
+    predicted : (n,) m, the bound's RMS over the second half; None if not computed
+    predicted_errors : the same for the filter's bias states; empty if there are none or the bound
+        is not computed
+    predicted_over_time : (steps + 1, e) bound of each bias state, in its unit; None if there are
+        none, no series was asked for, or it is not computed
+    expected : (n,) m, RMS expected instead if the filter leaves out errors that the scenario
+        states, or the world differs from the scenario; None otherwise, or if not computed
     coverage : (n,) share of coordinates within three sigma
     anees, nis : consistency figures, with intervals from the spread over trials
     """
@@ -129,7 +129,7 @@ class Validation(Result):
     nis: Consistency
 
     def __repr__(self) -> str:
-        """Return one line: what was flown, how often, and the error."""
+        """Return one line: the plan, the trials and the error."""
         found = self.accuracy.overall()
         return (
             f"<{type(self).__name__} of {self.plan!r}: {self.result.trials} trials over "
@@ -148,39 +148,39 @@ class Validation(Result):
 
     @property
     def model(self) -> str:
-        """How the filter integrates its readings: arc or euler."""
+        """Integration of the filter's readings: arc or euler."""
         return self.options.filter_model.motion
 
     @property
     def judged_from(self) -> float:
-        """Time in s from which on ANEES, NIS and coverage count."""
+        """Time in s from which ANEES, NIS and coverage count."""
         team, time = self.plan.team, self.plan.sensors.sample_time
         samples = judged_from(self.result.steps, time, team.orbits.period, self.options)
         return samples * time
 
     @property
     def substeps(self) -> int:
-        """Euler sub-steps in a sample, as asked for."""
+        """Euler sub-steps per sample, as asked for."""
         return self.options.substeps
 
     @property
     def gate_probability(self) -> float | None:
-        """Of the innovation gate; None without one."""
+        """Probability of the innovation gate; None without a gate."""
         return self.options.gate_probability
 
 
 @dataclass(frozen=True, slots=True)
 class TrialRun:
-    """A validation that is set up; its trials can run in parts.
+    """Set-up of a validation, whose trials can run in parts.
 
     Attributes
     ----------
-    plan : the plan that is flown
-    true_team, windows : of the simulated world, and its contacts
-    duration, steps : s, and whole samples in it
-    sightings : who sees whom at k = 1..steps
-    options : as validate takes them, the filter chosen
-    chosen_because : why this filter
+    plan : the plan that runs
+    true_team, windows : team of the simulated world, and its contact windows
+    duration, steps : s, and number of whole samples in it
+    sightings : possible sightings at k = 1..steps
+    options : as in validate, with the filter chosen
+    chosen_because : why this filter runs
     """
 
     plan: Plan
@@ -206,15 +206,14 @@ def validate(
     progress: Callable[[int], None] | None = None,
     **changes: Any,
 ) -> Validation:
-    """Return the errors of the filter over many trials on a plan, or on what a plan can be made of.
+    """Return the errors of the filter over many trials on the plan of `subject`.
 
-    `options`, or changes of it by name, say which filter and how many trials: trials=200, seed=0,
-    duration=None (s, the scenario's), filter="auto" (ekf where the start-up index clears it, robust
-    where not; or any name of the table of filters, `paper` with `substeps`=10 in a sample),
-    gate_probability=None, with_series=False, truth=None (keys of the simulated world, beside those
-    of the scenario's truth). The same seed gives the same bytes on any number of
-    threads. `progress` is called with the number of trials done. Raises InputError naming the
-    argument at fault.
+    `options`, or changes of it by name, set the filter and the trials: trials=200, seed=0,
+    duration=None (s, the scenario's), filter="auto" (ekf if the start-up index clears the plan,
+    else robust; or any name in the table of filters, `paper` with `substeps`=10 per sample),
+    gate_probability=None, with_series=False, truth=None (keys of the simulated world in addition to
+    the scenario's truth). The same seed gives the same bytes on any number of threads. `progress`
+    is called with the number of trials done. Raises InputError naming the argument at fault.
     """
     run = trial_run(subject, options, **changes)
     return conclude(run, [run_part(run, 0, run.trials, threads=threads, progress=progress)])
@@ -225,7 +224,7 @@ def trial_run(
     options: FilterOptions | None = None,
     **changes: Any,
 ) -> TrialRun:
-    """Return the set-up of a validation, whose parts run_part runs and conclude joins."""
+    """Return the set-up of a validation; run_part runs its parts and conclude joins them."""
     chosen = options_with(options, changes)
     flown = in_world(planned(subject, pilot=False), chosen.truth)
     length = flown.scenario.duration_s if chosen.duration is None else chosen.duration
@@ -266,8 +265,8 @@ def run_part(
 def conclude(run: TrialRun, parts: Sequence[MonteCarloResult]) -> Validation:
     """Return the validation from all parts of a run, in order.
 
-    The bytes do not depend on how the run was cut. Raises InputError where parts are missing, and
-    NoSolutionError where the filter diverged.
+    The bytes do not depend on how the run was cut. Raises InputError if parts are missing, and
+    NoSolutionError if the filter diverged.
     """
     result = merge(parts)
     check_whole(result, run.trials)
@@ -291,7 +290,7 @@ def conclude(run: TrialRun, parts: Sequence[MonteCarloResult]) -> Validation:
 
 
 def _with_own_trials(run: TrialRun, found: Accuracy, predicted: Array | None) -> Plan:
-    """The plan that was flown; where its start needed trials, these stand in for the pilot's."""
+    """Plan of the run; if its start needed trials, those of the run replace the pilot's."""
     flown = run.plan
     if flown.start_up is None or flown.start_up.cleared or predicted is None:
         return flown
@@ -310,7 +309,7 @@ def _with_own_trials(run: TrialRun, found: Accuracy, predicted: Array | None) ->
 
 
 def _expected(run: TrialRun, prediction: judged_team.Prediction) -> Array | None:
-    """Expected errors of the filter in the world, where they are not the prediction."""
+    """Expected errors of the filter in the world, if they differ from the prediction."""
     team, neglect = run.plan.team, prediction.neglect
     if run.true_team is team or prediction.rms is None:
         return None if neglect is None else neglect.expected
@@ -318,7 +317,7 @@ def _expected(run: TrialRun, prediction: judged_team.Prediction) -> Array | None
 
 
 def _prediction(run: TrialRun) -> tuple[judged_team.Prediction, Array | None]:
-    """The plan's own prediction, or one for another duration; and that of states over time."""
+    """The plan's own prediction, or one for another duration; bound of bias states over time."""
     flown, duration, team = run.plan, run.duration, run.plan.team
     known = flown.prediction
     lasts = duration == flown.scenario.duration_s and known.rms is not None

@@ -1,4 +1,4 @@
-"""A plan validated in many variants: one key varied, or worlds worse than its scenario states."""
+"""Sweeps of one key, and stress tests in worlds that are worse than the scenario states."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -77,8 +77,8 @@ def sweep(
 ) -> Sweep:
     """Return a row for each value of the key `name`; see syncplan.scenario.dotted_keys.
 
-    `name` is that of any number of a scenario, such as sensor.range_sigma_m; range, angular_rate,
-    radius and spacing are short for theirs. Of a list, the number is set for all vehicles.
+    `name` is the key of any number in a scenario, such as sensor.range_sigma_m; range,
+    angular_rate, radius and spacing are short names. In a list, the number is set for all vehicles.
 
     `options`, or changes of it by name, are those of syncplan.validate: trials=200, seed=0,
     duration=None (s, the scenario's) and the rest. `connected` adds a last row: the last value
@@ -119,7 +119,7 @@ def validated(
     threads: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Sweep:
-    """Return the sweep of the key `name` whose planned rows are validated, each in turn."""
+    """Return the sweep of the key `name`, with its planned rows validated one by one."""
     found: list[ValidatedRow] = []
     for one in rows:
         done = _shifted(progress, len(found) * options.trials)
@@ -132,7 +132,7 @@ def validated(
 def options_of_row(flown: Plan, options: FilterOptions) -> FilterOptions:
     """Return the options with the filter that validates a row of a sweep.
 
-    It is the one asked for by options or scenario, or ekf: rows are compared, so all have the same.
+    It is the one that options or scenario ask for, else ekf: rows are compared, so all share it.
     """
     asked = asked_filter(flown.scenario, options)
     return replace(options, filter="ekf") if asked is None else asked.applied(options)
@@ -145,8 +145,8 @@ _RANGE_MARGIN = 1.01
 def connected_range(subject: Plan) -> float:
     """Return a range in m at which all vehicles and landmarks are connected at every instant.
 
-    The longest edge of the shortest spanning tree, the largest over a period, one per cent added
-    for what lies between the instants looked at. Fields of view are not considered.
+    It is the longest edge of the shortest spanning tree, the largest over a period, with one per
+    cent added for the time between the sampled instants. Fields of view are not considered.
     """
     times = np.arange(_INSTANTS) * subject.orbits.period / _INSTANTS
     longest = 0.0
@@ -169,31 +169,31 @@ def _shifted(progress: Callable[[int], None] | None, done: int) -> Callable[[int
 # --- stress tests ---------------------------------------------------------------------------------
 #
 # Each sigma that the scenario states is doubled, one at a time and all together; one sighting in
-# five is missed; one bearing in a hundred is false. Plan and filter are the same in all of them,
-# and know nothing of it. The found error over that of the world as stated is what a wrong key
-# costs.
+# five is missed; one bearing in a hundred is false. Plan and filter stay the same and are unaware
+# of the change. The cost of a wrong key is the ratio of the error found to that in the world as
+# stated.
 
 
 FACTOR, MISSED, FALSE = 2.0, 0.2, 0.01
 
 MOST_HARM = 2.0 * 1.1
-"""Where all is linear, all sigmas doubled double the error; some more counts as no more."""
+"""Largest harm in proportion: in a linear system, doubled sigmas double the error; plus 10 %."""
 
 ALL_SIGMAS, MISSES, FALSE_BEARINGS = "all sigmas doubled", "20 % missed", "1 % false bearings"
 
 _FURTHER = ("random_walk",)
-"""In names of keys that are standard deviations but do not say so."""
+"""Parts of the names of keys that are standard deviations without `sigma` in the name."""
 
 
 @dataclass(frozen=True, slots=True)
 class StressedRow:
-    """Result of the filter of a plan in one world.
+    """Validation of a plan in one world of a stress test.
 
     Attributes
     ----------
-    world : what is worse there, in words
-    validation : in that world
-    harm : RMS error of all vehicles, second half, over that of the world as stated
+    world : description of what is worse there
+    validation : validation in that world
+    harm : ratio of the RMS error of all vehicles, second half, to that in the world as stated
     """
 
     world: str
@@ -202,7 +202,7 @@ class StressedRow:
 
     @property
     def expected(self) -> float | None:
-        """RMS error of all vehicles to be expected, second half, in m; None if not computed."""
+        """Expected RMS error of all vehicles, second half, in m; None if not computed."""
         each = self.validation.expected
         each = self.validation.predicted if each is None else each
         return None if each is None else float(np.sqrt(np.mean(each**2)))
@@ -210,19 +210,19 @@ class StressedRow:
 
 @dataclass(frozen=True, slots=True)
 class StressTest:
-    """A plan in the world as stated, and in worse ones, the most harmful first."""
+    """Validations of a plan in the world as stated, and in worse ones, the most harmful first."""
 
     nominal: Validation
     rows: tuple[StressedRow, ...]
 
     @property
     def fragile(self) -> tuple[StressedRow, ...]:
-        """The worlds that cost more than in proportion: over MOST_HARM times the error."""
+        """Worlds that cost more than in proportion: over MOST_HARM times the error."""
         return tuple(row for row in self.rows if row.harm > MOST_HARM)
 
     @property
     def findings(self) -> tuple[PlanFinding, ...]:
-        """The finding that some world costs more than in proportion; none where none does."""
+        """Finding that some world costs more than in proportion; empty if none does."""
         if not self.fragile:
             return ()
         each = [f"{row.world}: {row.harm:.3g} times the error" for row in self.fragile]
@@ -235,7 +235,7 @@ class StressTest:
 
 
 def doubled_sigmas(scenario: Scenario) -> dict[str, dict[str, Any]]:
-    """Return worlds in each of which one sigma that a scenario states is doubled, by its key."""
+    """Return a world for each sigma that a scenario states, with that sigma doubled, by its key."""
     found, document = {}, scenario.model_dump(exclude_none=True)
     for key in numeric_keys():
         own = key.removeprefix(IN_TRUTH)
@@ -249,10 +249,10 @@ def doubled_sigmas(scenario: Scenario) -> dict[str, dict[str, Any]]:
 
 
 def _doubled(value: Any, path: list[str]) -> Any:
-    """The number at a path doubled, or those of a list of sections; None where there is none."""
+    """Double the number at a path, or those in a list of sections; None if there is none."""
     if isinstance(value, list):
         each = [_doubled(one, path) for one in value]
-        # a vehicle that has none keeps what it has
+        # a vehicle without the number keeps its values
         empty: Any = {} if path else None
         return [empty if one is None else one for one in each] if any(each) else None
     if path:
@@ -262,7 +262,7 @@ def _doubled(value: Any, path: list[str]) -> Any:
 
 
 def stress_worlds(scenario: Scenario) -> Mapping[str, dict[str, Any]]:
-    """Return the truth of each world of a stress test, by what is worse there."""
+    """Return the truth of each world of a stress test, by the description of the world."""
     scenario = scenario.in_truth
     each = doubled_sigmas(scenario)
     together: dict[str, Any] = {}
@@ -282,9 +282,9 @@ def stress_worlds(scenario: Scenario) -> Mapping[str, dict[str, Any]]:
 def stress_runs(
     subject: PlanSubject, options: FilterOptions | None = None, **changes: Any
 ) -> dict[str, TrialRun]:
-    """Return the set-ups of a stress test by world, that as stated first, under an empty name.
+    """Return the set-ups of a stress test by world; the first, as stated, has an empty name.
 
-    All run the same filter. What the options or the scenario say of the truth holds in all.
+    All run the same filter. The truth stated by the options and the scenario holds in all.
     """
     chosen = options_with(options, changes)
     flown = in_world(planned(subject, pilot=False), chosen.truth)
@@ -294,7 +294,7 @@ def stress_runs(
 
 
 def joined_worlds(worlds: Sequence[str], results: Sequence[Validation]) -> StressTest:
-    """Return the stress test of validations in these worlds, the first that as stated."""
+    """Return the stress test of validations in these worlds, the first as stated."""
     nominal, *others = results
     least = _late(nominal)
     rows = [

@@ -1,4 +1,4 @@
-"""The table of checks that a verdict is made of, and those on how the plan was found."""
+"""Table of the checks behind a verdict, and the checks on how the plan was found."""
 
 from collections.abc import Callable, Iterable, Iterator
 
@@ -9,14 +9,14 @@ from syncplan.planning.judged_team import JudgedTeam, PlanFinding, PlanVerdict, 
 
 
 CENTRES_PLACED, CLEARED = "centres-placed", "cleared"
-"""The codes of the findings of those names, which plan files are read by."""
+"""Codes of the two findings that are read back from plan files."""
 
 PLACED = "the centres were found by placement; formation.centers_m of the plan's scenario has them"
-"""The message of the first."""
+"""Message of the finding `centres-placed`."""
 
 
 def centres_placed(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield the finding that the centres are none of the user's."""
+    """Yield the finding that the centres were found by placement."""
     if judged.centres_placed or judged.placement is not None:
         yield Remark("note", PLACED)
 
@@ -29,7 +29,7 @@ def not_refined(judged: JudgedTeam) -> Iterator[Remark]:
 
 
 def cleared(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield the finding that refinement cleared what was too near, whatever that cost."""
+    """Yield the finding that refinement cleared distances that were too small, at any cost."""
     record = judged.refinement
     if record is not None and record.cleared:
         yield Remark(
@@ -40,7 +40,7 @@ def cleared(judged: JudgedTeam) -> Iterator[Remark]:
 
 
 def search_cut_short(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield the finding that refinement did not come to its end."""
+    """Yield the finding that refinement was cut short."""
     record = judged.refinement
     if record is not None and record.improved and record.cut_short:
         yield Remark(
@@ -49,7 +49,7 @@ def search_cut_short(judged: JudgedTeam) -> Iterator[Remark]:
 
 
 def bound_missing(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield the finding that errors are not predicted, and why."""
+    """Yield the finding that errors are not predicted, with the reason."""
     if judged.prediction.note:
         yield Remark("note", judged.prediction.note)
 
@@ -92,7 +92,7 @@ CHECKS: dict[str, Callable[[JudgedTeam], Iterable[Remark]]] = {
     "not-certified": observability_checks.not_certified,
     "bound-missing": bound_missing,
 }
-"""Each code with the check that yields its findings, in the order of the verdict."""
+"""Check that yields the findings of each code, in the order of the verdict."""
 
 
 def verdict_of(judged: JudgedTeam) -> PlanVerdict:

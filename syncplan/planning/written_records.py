@@ -1,4 +1,4 @@
-"""What a plan file says of how its orbits were found, kept while they are still those orbits."""
+"""A plan file's record of how its orbits were found, kept while the orbits are unchanged."""
 
 import math
 from collections.abc import Mapping
@@ -20,8 +20,7 @@ from syncplan.synchronisation.phases import Synchronisation
 from syncplan.synchronisation.sighted_phases import attainable_contact
 
 SAME_ORBITS = 1e-4
-"""Of the mean radius: links that come this near to what the file says are those it was written
-for."""
+"""Share of the mean radius by which the links' least distances may differ from the file's."""
 
 
 class _Read(BaseModel):
@@ -72,7 +71,7 @@ class _WrittenVerdict(_Read):
 
 
 class WrittenRecord(_Read):
-    """The parts of a plan file that say how its orbits were found."""
+    """Parts of a plan file that record how its orbits were found."""
 
     links: Many[_WrittenLink]
     dropped_links: Many[_WrittenLoss]
@@ -84,7 +83,7 @@ class WrittenRecord(_Read):
 
 
 def written_record(document: Mapping[str, Any]) -> WrittenRecord | None:
-    """Return the record of a plan file, None where it has none that can be read."""
+    """Return the record of a plan file; None if it has no readable one."""
     try:
         return WrittenRecord.model_validate(dict(document), extra="ignore")
     except (ValidationError, RecursionError):
@@ -92,10 +91,10 @@ def written_record(document: Mapping[str, Any]) -> WrittenRecord | None:
 
 
 def with_record(judged: Plan, record: WrittenRecord | None) -> Plan:
-    """Return a plan that was judged afresh with the record of its file.
+    """Return a plan that was judged afresh, with the record of its file.
 
-    It is left out where the links come nearer, or stay further apart, than the file says: then
-    the orbits are no longer those that the record is about.
+    The record is left out if the links or their least distances differ from the file's: the orbits
+    are then no longer those that it describes.
     """
     if record is None or not _same_links(judged, record):
         return judged
@@ -127,7 +126,7 @@ def _same_links(judged: Plan, record: WrittenRecord) -> bool:
 
 
 def _synchronisation(record: WrittenRecord, team: Team, names: list[str]) -> Synchronisation | None:
-    """How the phases were found, None where they were given or refined."""
+    """Recorded synchronisation; None if the phases were given or refined."""
     given, index = record.synchronisation, {name: k for k, name in enumerate(names)}
     if given.method in ("given", "refined") or not set(given.odd_cycle) <= index.keys():
         return None

@@ -1,6 +1,7 @@
-"""Errors vehicle by vehicle, predicted, found or stated, and whether the filter is honest.
+"""Figures of errors by vehicle, and of the filter's consistency.
 
-ANEES and NIS are shown with their intervals, beside the share of errors within 3 sigma.
+Errors are predicted, found, or the filter's own sigmas. ANEES and NIS are shown with their
+intervals, beside the share of errors within 3 sigma.
 """
 
 from collections.abc import Sequence
@@ -28,7 +29,7 @@ from syncplan.reports.run_figures import Spread, interval_words, verdict_words
 from syncplan.reports.validation_report import ValidationDocument
 
 _LEAST_BAR_PX = 5.0
-"""Width below which bars become marks: their patterns could not be distinguished."""
+"""Width below which marks replace bars, whose patterns could not be distinguished."""
 
 _MARKS = {"predicted": "line-ew-open", "late": "circle", "whole": "circle-open"}
 _MARK_PX = 6
@@ -134,7 +135,7 @@ def bars(
     color: str,
     pattern: str = "",
 ) -> Spec:
-    """Return bars over vehicles (escaped names), distinguished by pattern as well as colour."""
+    """Return one bar per vehicle (names escaped), distinguished by pattern as well as colour."""
     y = numbers(np.array(values, dtype=float), 6)
     shown = {"type": "bar", "uid": uid, "name": name, "x": vehicles, "y": y}
     return {**shown, "marker": bar_marker(color, pattern), "hovertemplate": _HOVER}
@@ -155,11 +156,11 @@ def _drawn(
     style: figure_style.FigureStyle,
     shown: str = "RMS position error, m",
 ) -> Spec:
-    """The figure of traces over `count` vehicles: bars, or marks where bars become too thin."""
+    """Figure of traces over `count` vehicles; marks replace bars that would be too thin."""
     bars_shown = sum(trace["type"] == "bar" for trace in traces)
     if style.plot_px < _LEAST_BAR_PX * count * (bars_shown + 0.5):
         traces = [_as_marks(trace) for trace in traces]
-    # names may look like numbers or dates: they stay names
+    # "category" keeps Plotly from reading names as numbers or dates
     drawn = layout(
         title,
         note=note,
@@ -172,7 +173,7 @@ def _drawn(
 
 
 def _as_marks(trace: Spec) -> Spec:
-    """Bars as marks at their ends."""
+    """Replace bars by marks at their ends."""
     if trace["type"] != "bar":
         return trace
     symbol, color = _MARKS[trace["uid"]], trace["marker"]["color"]
@@ -192,7 +193,7 @@ _TOLERATED = [1.0 - TOLERANCE, 1.0 + TOLERANCE]
 _BAND_PX = 78
 _WORDS_PX = 96
 _COVERAGE_PX = 190
-"""Heights: of a panel with a band, of what stands between panels, of the panel of vehicles."""
+"""Heights of a panel with a band, of the words between panels and of the coverage panel."""
 
 _SYMBOLS = {"consistent": "circle", "optimistic": "triangle-right", "conservative": "triangle-left"}
 _COLOURS = {"consistent": figure_style.BLUE, "unknown": figure_style.MUTED}
@@ -203,7 +204,7 @@ def consistency_spec(
 ) -> Spec:
     """Return the figure of ANEES and NIS with 95 % intervals, and of each vehicle's coverage.
 
-    Of a recording without truth: of NIS alone.
+    For a recording without truth, NIS alone is shown.
     """
     figures = [("NIS", report.nis)]
     if report.anees is not None:
@@ -218,7 +219,7 @@ def consistency_spec(
         values = [*_TOLERATED, *([] if figure.value is None else [figure.value])]
         values += figure.band or ()
         axes[f"xaxis{suffix}"] = axis(
-            f"{name}: 1 is honest",
+            f"{name}: 1 is consistent",
             domain=[left, right],
             anchor=f"y{suffix}",
             nticks=5,
@@ -239,7 +240,7 @@ def consistency_spec(
         titles.append(panel_title("Coordinates within the filter's own 3 sigma", 0, split))
     else:
         note += " without truth: innovations alone are judged"
-    title = f"{escaped(report.name or 'Plan')}: is the filter honest?"
+    title = f"{escaped(report.name or 'Plan')}: consistency of the filter"
     drawn = layout(title, note=note, inner=inner, above=40, annotations=titles, **axes)
     return {"data": traces, "layout": drawn}
 
@@ -247,9 +248,9 @@ def consistency_spec(
 def _panels(
     style: figure_style.FigureStyle, count: int, lowest_px: int
 ) -> tuple[int, list[tuple[float, float, float, float]], float]:
-    """Height in px, (left, right, low, high) of the bands' panels, and the top of the lowest one.
+    """Height in px, (left, right, low, high) of each band's panel, and top of the lowest panel.
 
-    The bands stand side by side, or under each other where that leaves no room for their words.
+    Panels with bands stand side by side, or are stacked in a narrow figure, where words need room.
     """
     below = style.narrow or count == 1
     rows, words_px = count if below else 1, style.px(_WORDS_PX)
@@ -278,7 +279,7 @@ def _room(values: list[float]) -> list[float | None]:
 
 
 def _spread_traces(name: str, figure: Spread, suffix: str) -> list[Spec]:
-    """The interval as a thick line, the value as a mark on it, beside the tolerated range."""
+    """Interval as a thick line and value as a mark on it, over the tolerated range."""
     shown = {"xaxis": f"x{suffix}", "yaxis": f"y{suffix}", "showlegend": not suffix}
 
     def line(part: str, words: str, x: list[Any], y: list[float], look: Spec, **more: Any) -> Spec:

@@ -1,8 +1,8 @@
-"""What all figures share: layout, axes, rounding, and the angles and texts that Plotly takes.
+"""Parts that all figures share: layouts, axes, traces, and numbers and texts for Plotly.
 
 A figure's values ("spec") are {"data": [...], "layout": {...}, "frames": [...]} of plain lists,
-strings and numbers: the same go to Plotly in Python, to a page and through the service. `fitted`
-fits its frame to its width:
+strings and numbers. The same values go to Plotly in Python, to a page and through the service.
+`fitted` lays a figure out for its width:
 
   14 px
 title, in as many lines as it needs
@@ -39,13 +39,13 @@ CONFIG: Mapping[str, Any] = {
     "showSendToCloud": False,
     "plotlyServerURL": "",
 }
-"""Plotly's configuration for pages: nothing is offered that would send a plan elsewhere."""
+"""Plotly's configuration for pages, without buttons that would send a plan elsewhere."""
 
 _TITLE_FONT_PX = 17
 _LEGEND_FONT_PX = 12
 
 _CONTROLS_PX = 96
-"""Height of Plotly's own play button and slider; pages that have others take it off."""
+"""Height of Plotly's play button and slider; pages with controls of their own subtract it."""
 
 _LINE_LENGTH = 46
 _BELOW_PX = 52
@@ -61,12 +61,11 @@ def layout(
     below: int = _BELOW_PX,
     **more: Any,
 ) -> Spec:
-    """Return a layout: title, a note under it, legend in columns below, clear background.
+    """Return a layout: title, note below it, legend in columns at the bottom, clear background.
 
-    `inner` is the height of the plot in px, `above` what stands between it and the note, `below`
-    the room for the lowest axis; syncplan.plotting.canvas adds the rest. `title` and
-    `note` are shown as they are: names in them must be escaped. uirevision keeps zoom and hidden
-    legend entries when a page draws the figure again.
+    `inner` is the height of the plot in px, `above` the room between it and the note, `below` the
+    room for the lowest axis; `fitted` adds the rest. Names in `title` and `note` must be escaped.
+    uirevision keeps zoom and hidden legend entries when a page draws the figure again.
     """
     heading: dict[str, Any] = {
         "text": title,
@@ -89,7 +88,7 @@ def layout(
         "height": inner + below,
         "margin": {"l": 70, "r": 24, "t": above, "b": below},
         "meta": {"inner_px": inner, "above_px": above, "controls_px": _CONTROLS_PX},
-        # columns of one width, whatever traces are switched together
+        # "normal" keeps columns of one width although some traces share a legend group
         "legend": {
             "orientation": "h",
             "x": 0.008,
@@ -163,7 +162,7 @@ def message(title: str, text: str) -> Spec:
 
 
 def line_trace(uid: str, name: str, x: Any, y: Any, line: Spec, **more: Any) -> Spec:
-    """Return a trace of lines that says nothing when pointed at, unless `more` makes it."""
+    """Return a trace of lines, without hover text unless `more` gives it."""
     said = {} if "hovertemplate" in more and "hoverinfo" not in more else {"hoverinfo": "skip"}
     shown = {"type": "scatter", "uid": uid, "name": name, "mode": "lines", "x": x, "y": y}
     return {**shown, "line": line, **said, **more}
@@ -172,14 +171,14 @@ def line_trace(uid: str, name: str, x: Any, y: Any, line: Spec, **more: Any) -> 
 def mark_trace(
     uid: str, name: str, x: Any, y: Any, marker: Spec, hover: str = "", **more: Any
 ) -> Spec:
-    """Return a trace of marks; `hover` is Plotly's template of what they say when pointed at."""
+    """Return a trace of marks; `hover` is Plotly's template of their hover text."""
     said = {"hovertemplate": hover} if hover else {"hoverinfo": "skip"}
     shown = {"type": "scatter", "uid": uid, "name": name, "mode": "markers", "x": x, "y": y}
     return {**shown, "marker": marker, **more, **said}
 
 
 def bar_marker(color: str, pattern: str = "", *, edge_px: float = 0.8, size: int = 6) -> Spec:
-    """Return how bars look: edged, and hatched where there is a pattern."""
+    """Return the marker of bars: edged, and hatched if there is a pattern."""
     marker: Spec = {"color": color, "line": {"color": INK, "width": edge_px}}
     if pattern:
         marker["pattern"] = {"shape": pattern, "fillmode": "replace", "size": size}
@@ -189,7 +188,7 @@ def bar_marker(color: str, pattern: str = "", *, edge_px: float = 0.8, size: int
 def row_bars(
     uid: str, name: str, rows: Sequence[Any], x: list[float | None], marker: Spec, **more: Any
 ) -> Spec:
-    """Return lying bars, each as long as x in its row of a figure of rows."""
+    """Return horizontal bars of lengths x, each in its row of a figure of rows."""
     bars = {"type": "bar", "orientation": "h", "uid": uid, "name": name, "y": list(rows), "x": x}
     return {**bars, "marker": marker, **more}
 
@@ -204,9 +203,9 @@ def rows_spec(
     row_px: int = 21,
     gap: float = 0.25,
 ) -> Spec:
-    """Return a figure of rows, the first on top, over the axis `across`; empty traces are left out.
+    """Return a figure of rows, the first on top, over the axis `across`, without empty traces.
 
-    Names of rows are escaped.
+    Names of rows must be escaped.
     """
     named: Spec = {"categoryorder": "array", "categoryarray": list(rows), "showgrid": False}
     shown = layout(
@@ -231,12 +230,12 @@ def compass(heading: ArrayLike) -> list[float]:
 
 
 def decimals(extent: float) -> int:
-    """Return how many decimals show a hundred-thousandth of `extent`."""
+    """Return the number of decimals that shows a hundred-thousandth of `extent`."""
     return 5 - math.floor(math.log10(extent)) if extent > 0.0 else 3
 
 
 def numbers(values: ArrayLike, places: int | None = None) -> list[float | None]:
-    """Return values of any shape as a flat list, rounded; NaN and infinity as null."""
+    """Return values of any shape as a flat list, rounded; NaN and infinity become null."""
     flat = np.asarray(values, dtype=float).ravel()
     if places is not None:
         flat = np.round(flat, places)
@@ -247,18 +246,18 @@ def numbers(values: ArrayLike, places: int | None = None) -> list[float | None]:
 
 
 def gapped(lines: Array, places: int) -> tuple[list[float | None], list[float | None]]:
-    """Return (x, y) of (k, p, 2) polylines in one trace: a gap follows each."""
+    """Return (x, y) of (k, p, 2) polylines for one trace, with a gap after each."""
     with_gap = np.concatenate([lines, np.full((len(lines), 1, 2), np.nan)], axis=1)
     return numbers(with_gap[..., 0], places), numbers(with_gap[..., 1], places)
 
 
 def escaped(text: str) -> str:
-    """Return a user's text so that Plotly shows it as it is: < and & are no markup."""
+    """Return a user's text escaped, so that Plotly does not read < and & as markup."""
     return html.escape(text, quote=False)
 
 
 def label(text: str, most: int = _LINE_LENGTH) -> str:
-    """Return an escaped text broken into lines of at most so many characters."""
+    """Return a text, escaped and broken between words into lines of at most `most` characters."""
     words = " ".join(escaped(text).split())
     return "<br>".join(wrap(words, most, break_long_words=False, break_on_hyphens=False))
 
@@ -266,10 +265,10 @@ def label(text: str, most: int = _LINE_LENGTH) -> str:
 # --- fit to a width -----------------------------------------------------------------------------
 
 _EM = 0.53
-"""Mean width of a character, of the font's size; somewhat generous."""
+"""Mean width of a character in units of the font's size; somewhat generous."""
 
 _LINE = 1.3
-"""Height of a line of text, of the font's size."""
+"""Height of a line of text in units of the font's size."""
 
 _SIDE_PX = 14
 _LEGEND_SYMBOL_PX = 46
@@ -282,8 +281,8 @@ _NOTE_LINES = 4
 def fitted(spec: Spec, style: FigureStyle) -> Spec:
     """Return a figure laid out for a style's width and height, its text at the style's scale.
 
-    The height is the style's; if it has none, what title, plot and legend need together. `spec`
-    itself stays as it is. Raises InputError where the height leaves no room for the plot.
+    If the style has no height, the figure takes what title, plot and legend need. `spec` is not
+    modified. Raises InputError if the height leaves no room for the plot.
     """
     layout = {**_with_fonts(spec["layout"], style.font_scale)}
     size = layout["legend"]["font"]["size"]
@@ -310,7 +309,7 @@ def fitted(spec: Spec, style: FigureStyle) -> Spec:
 
 
 def _with_fonts(value: Any, scale: float) -> Any:
-    """A layout with every font's size at a scale."""
+    """Scale the size of every font in a layout."""
     if isinstance(value, list):
         return [_with_fonts(one, scale) for one in value]
     if not isinstance(value, dict) or scale == 1.0:
@@ -325,7 +324,7 @@ def _with_fonts(value: Any, scale: float) -> Any:
 def _heading(layout: Spec, style: FigureStyle) -> int:
     """Break title and note into lines; return the room above the plot in px.
 
-    Plotly centres a title of several lines on where a single one would stand: it is moved down.
+    Plotly centres a title of several lines where a single line would stand, so it is moved down.
     """
     title = layout["title"] = dict(layout["title"])
     room = style.page_px - 2 * _SIDE_PX
@@ -345,7 +344,7 @@ def _heading(layout: Spec, style: FigureStyle) -> int:
 
 
 def _legend_px(data: list[Spec], layout: Spec, style: FigureStyle) -> int:
-    """Height of the legend: one row where all entries fit, else columns of the widest."""
+    """Height of the legend in px: one row if it fits, otherwise columns of the widest entry."""
     named = [t["name"] for t in data if t.get("showlegend", True) and t.get("name")]
     if not named or layout.get("showlegend") is False:
         return 0
@@ -360,7 +359,7 @@ def _legend_px(data: list[Spec], layout: Spec, style: FigureStyle) -> int:
 
 
 def _folded(trace: Spec, size: float, style: FigureStyle) -> Spec:
-    """A trace whose entry in the legend is no wider than the figure."""
+    """Break the legend entry of a trace into lines that fit the figure's width."""
     if not trace.get("name") or not trace.get("showlegend", True):
         return trace
     room = style.page_px - 2 * _SIDE_PX - _LEGEND_SYMBOL_PX
@@ -370,7 +369,7 @@ def _folded(trace: Spec, size: float, style: FigureStyle) -> Spec:
 
 
 def _annotation(note: Spec, style: FigureStyle) -> Spec:
-    """An annotation that starts at a share of the plot's width, broken where that ends."""
+    """Break a left-aligned annotation into lines that end at the plot's right edge."""
     if note.get("xref") != "paper" or note.get("xanchor") != "left":
         return note
     room = (1.0 - float(note["x"])) * style.plot_px
@@ -385,7 +384,7 @@ def _width(text: str, size: float) -> float:
 
 
 def _broken(text: str, room: float, size: float) -> list[str]:
-    """An escaped text in lines that fit into `room` px, words longer than that cut."""
+    """Break an escaped text into lines that fit `room` px, cutting longer words."""
     most = max(8, int(room / (_EM * size)))
     plain = html.unescape(text.replace("<br>", " "))
     return [html.escape(line, quote=False) for line in _lines(plain, most)]

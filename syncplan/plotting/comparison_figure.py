@@ -1,4 +1,4 @@
-"""Before and after: two plans of the same vehicles, and the figures of merit of a refinement."""
+"""Figures that compare two plans of the same vehicles, or a plan before and after refinement."""
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from syncplan.scenario.objectives import OBJECTIVES, ROWS
 _BARS_PX = 170
 _GAP_PX = 84
 _NAMED = 6
-"""Vehicles named in a note."""
+"""Largest number of vehicles that a note names."""
 
 _SIDES = (("before", ORANGE, "/"), ("after", BLUE, ""))
 """Names, colours and patterns of the bars."""
@@ -55,7 +55,7 @@ def refinement_spec(record: RefinementResult, name: str, style: FigureStyle) -> 
     metres, captioned = canvas.axis("m", rangemode="tozero"), canvas.axis(type="category")
     axes: canvas.Spec = {"xaxis": captioned, "yaxis": metres}
     if style.narrow:
-        # bars lie down: captions find no room beside each other
+        # horizontal bars: captions do not fit side by side
         for trace in traces:
             lying = {"x": trace["y"], "y": trace["x"], "orientation": "h"}
             trace.update(lying, hovertemplate="%{y}: %{x:.3g} m<extra></extra>")
@@ -65,10 +65,10 @@ def refinement_spec(record: RefinementResult, name: str, style: FigureStyle) -> 
 
 
 def comparison_spec(before: Plan, after: Plan, style: FigureStyle) -> canvas.Spec:
-    """Return the figure of two plans of the same vehicles: circles, and each predicted error.
+    """Return the figure of two plans of the same vehicles: circles and predicted errors.
 
-    Heads on the circles show the senses; a thin line joins a vehicle's two centres. Raises
-    InputError where the plans are of different vehicles.
+    Arrowheads on the circles show the senses; a thin line joins a vehicle's two centres. Raises
+    InputError if the plans' vehicles differ.
     """
     _refuse_other_vehicles(before, after)
     view, names = view_of(style, before, after), body_names(after)
@@ -107,7 +107,7 @@ def comparison_spec(before: Plan, after: Plan, style: FigureStyle) -> canvas.Spe
 
 
 def _turned(before: Plan, after: Plan) -> str:
-    """Which vehicles fly round the other way."""
+    """Phrase that names the vehicles that change direction."""
     other = np.flatnonzero(before.orbits.senses != after.orbits.senses)
     names = [canvas.escaped(after.scenario.vehicle_names[k]) for k in other]
     if not names:
@@ -127,7 +127,7 @@ def _refuse_other_vehicles(before: Plan, after: Plan) -> None:
 
 
 def _errors(before: Plan, after: Plan) -> list[canvas.Spec]:
-    """Bars of every vehicle's predicted error, if both plans have them."""
+    """Bars of each vehicle's predicted error, if both plans have one."""
     found = [plan.prediction.rms for plan in (before, after)]
     if any(rms is None for rms in found):
         return []
@@ -140,7 +140,7 @@ def _errors(before: Plan, after: Plan) -> list[canvas.Spec]:
 
 
 def _circles(plan: Plan, side: str, color: str, dash: str, view: MapView) -> list[canvas.Spec]:
-    """Circles with a head each that shows the sense, and their centres."""
+    """Circles, each with an arrowhead that shows its sense, and their centres."""
     x, y = canvas.gapped(circle_points(plan), view.places)
     centers = plan.orbits.centers
     line = {"color": color, "dash": dash, "width": view.line_px(2.0), "simplify": False}
@@ -167,7 +167,7 @@ def _circles(plan: Plan, side: str, color: str, dash: str, view: MapView) -> lis
 
 
 def _summary(figures: FiguresOfMerit) -> str:
-    """The rank, and the information if there is any."""
+    """Rank and, if known, log determinant, in words."""
     logdet = figures.model_dump()[OBJECTIVES["logdet"].key]
     return f"rank {figures.rank}" + ("" if logdet is None else f", log det {logdet:.4g}")
 

@@ -1,8 +1,8 @@
-"""The contact timeline, and the singular values of the matrix that its sightings fill.
+"""Figures of contacts over a period, and of the observability matrix's singular values.
 
-The timeline has a bar for each directed sighting, and what their union joins below. A row is a
-directed sighting (v1 -> v2) or, of teams with more than MANY_SIGHTINGS of these, a vehicle: what it
-sees at once stands in lanes of its row.
+The timeline has a bar for each contact window; a panel below shows what the union of the sightings
+joins. A row is a directed sighting (v1 -> v2). For teams with more than MANY_SIGHTINGS of these, a
+row is a vehicle, and simultaneous sightings stand in lanes of its row.
 """
 
 from collections.abc import Iterable
@@ -24,7 +24,7 @@ from syncplan.plotting.links import Standing, body_names, grouped, hover
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One directed sighting: who sees whom, when in s (k, 2), as part of which meeting."""
+    """A directed sighting, its windows (k, 2) in s, and the meeting that it is part of."""
 
     observer: int
     target: int
@@ -34,12 +34,12 @@ class Row:
 
 
 MANY_SIGHTINGS = 60
-"""Directed sightings up to which each has a row of its own."""
+"""Largest number of directed sightings for which each has a row of its own."""
 
 ROW_PX = 19
 VEHICLE_ROW_PX = 14
 BARS_PX = (60, 1600)
-"""Height of a row, and of all of them."""
+"""Heights of a row, and least and largest height of all rows together."""
 
 _LABEL_PX = 12
 _LABEL_FONT_PX = 11
@@ -51,7 +51,7 @@ _BAR = 0.72
 
 @dataclass(frozen=True, slots=True)
 class Lane:
-    """One window drawn: its row, middle and width in rows, start and end in s, its sighting."""
+    """A window as drawn: row, middle and width in rows, start and end in s, and its sighting."""
 
     row: int
     at: float
@@ -64,14 +64,14 @@ class Lane:
 def timeline_spec(plan: Plan, style: FigureStyle) -> canvas.Spec:
     """Return the figure of all sightings over [0, T), with the growth of their union below.
 
-    A window that passes T goes on from 0.
+    A window that passes T continues from 0.
     """
     names = body_names(plan)
     lanes, labels = lanes_of(plan, names)
     row_px = style.px(ROW_PX if len(rows_of(plan)) <= MANY_SIGHTINGS else VEHICLE_ROW_PX)
     bars_px = min(max(row_px * len(labels), BARS_PX[0]), BARS_PX[1])
     inner = bars_px + style.px(_GAP_PX) + _UNION_PX
-    # a label where there is room for it: in each row, or in every k-th
+    # label each row or, where labels have no room, every k-th
     every = max(1, -(-style.px(_LABEL_PX) * len(labels) // bars_px))
     split = _UNION_PX / inner
     period = plan.orbits.period
@@ -101,9 +101,9 @@ def timeline_spec(plan: Plan, style: FigureStyle) -> canvas.Spec:
 
 
 def lanes_of(plan: Plan, names: list[str]) -> tuple[list[Lane], list[str]]:
-    """Return every window with its place in a row, and the rows' labels; `names` escaped.
+    """Return all windows with their places in rows, and the rows' labels; `names` are escaped.
 
-    Windows of one row that overlap in time stand in lanes under each other.
+    Windows of one row that overlap in time stand in separate lanes.
     """
     sightings, period = rows_of(plan), plan.orbits.period
     if len(sightings) <= MANY_SIGHTINGS:
@@ -121,7 +121,7 @@ def lanes_of(plan: Plan, names: list[str]) -> tuple[list[Lane], list[str]]:
 
 
 def _laid_out(row: int, windows: list[tuple[float, float, Row]]) -> list[Lane]:
-    """The windows of a row, each in the first lane that is free when it begins."""
+    """Place each window of a row in the first lane that is free when it begins."""
     busy: list[float] = []
     lanes = []
     ordered = sorted(windows, key=lambda window: window[:2])
@@ -137,7 +137,7 @@ def _laid_out(row: int, windows: list[tuple[float, float, Row]]) -> list[Lane]:
 
 
 def rows_of(plan: Plan) -> list[Row]:
-    """Return the directed sightings: links, incidental links, landmarks, each both ways."""
+    """Return the directed sightings of links, incidental links and landmark links, both ways."""
     return [
         Row(observer, target, windows, meeting, shown)
         for shown, meetings in grouped(plan).items()
@@ -161,10 +161,10 @@ def within_period(windows: Array, period: float) -> list[tuple[float, float]]:
 
 
 def union_growth(plan: Plan) -> tuple[Array, Array, Array]:
-    """Return (times, groups, held) of the union of sightings from time 0 on, a step at each time.
+    """Return (times, groups, held): the growth of the union of sightings from time 0, in steps.
 
-    `groups` counts the components of vehicles joined so far, `held` the vehicles in components
-    that have seen two distinct landmarks. Sightings count as they begin, whatever their rank.
+    `groups` counts the components that vehicles form so far, `held` the vehicles in components
+    that have seen two distinct landmarks. A sighting counts once it begins, whatever its rank.
     """
     count = plan.orbits.count
     merged = disjoint_sets(count)
@@ -194,7 +194,7 @@ def union_growth(plan: Plan) -> tuple[Array, Array, Array]:
 
 
 def _beginnings(plan: Plan) -> Iterable[tuple[float, int, int]]:
-    """(time, observer, target) at which each pair is first in contact, in order of time."""
+    """Time of first contact, observer and target of each pair, in order of time."""
     windows, period = plan.windows, plan.orbits.period
     first = []
     for k in np.flatnonzero(np.diff(windows.first)):
@@ -222,7 +222,7 @@ def _note(plan: Plan) -> str:
 
 
 def _bars(lanes: list[Lane], names: list[str]) -> list[canvas.Spec]:
-    """One trace for each kind of link, so that the legend distinguishes them."""
+    """One trace of bars for each kind of link, so that the legend distinguishes them."""
     traces = []
     for shown in dict.fromkeys(lane.sighting.shown for lane in lanes):
         drawn = [lane for lane in lanes if lane.sighting.shown == shown]
@@ -280,7 +280,7 @@ def _union_traces(plan: Plan) -> list[canvas.Spec]:
 
 
 _FLOOR = 1e-18
-"""Share of the largest singular value below which one is drawn at the floor."""
+"""Smallest value drawn, as a share of the largest singular value."""
 
 
 def spectrum_spec(plan: Plan) -> canvas.Spec:
@@ -334,9 +334,10 @@ def _points(
 
 
 def _gap(rank: int, drawn: np.ndarray, gap: float, limit: float) -> canvas.Spec:
-    """Trace between the last value that counts and the first that does not, or at the tolerance.
+    """Annotation in the gap between the last value that counts and the first that does not.
 
-    The words stand in the larger part of the gap, away from the line of the tolerance.
+    It stands in the larger part of the gap, away from the line of the tolerance. At full rank, it
+    compares the smallest value with the tolerance.
     """
     high = float(drawn[max(rank, 1) - 1])
     if rank < len(drawn):

@@ -1,7 +1,7 @@
 """Figures as files: a page that works offline, and images.
 
-The page is self-contained, in light and dark, printed, by keyboard. Images are drawn by kaleido and
-a Chrome or Chromium that is installed, started once.
+The page is self-contained and works in light and dark, in print and by keyboard. Kaleido draws
+images with an installed Chrome or Chromium, which it starts once.
 """
 
 import html
@@ -26,7 +26,7 @@ _POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
     "img-src data: blob:; font-src data:"
 )
-"""Nothing is ever fetched: the browser itself refuses."""
+"""Content security policy of pages: the browser refuses to fetch anything."""
 
 
 def figure_page(
@@ -37,14 +37,14 @@ def figure_page(
     columns: Mapping[str, Spec] | None = None,
     theme: Theme | None = None,
 ) -> str:
-    """Return the HTML of figures, by name, under a heading; everything needed is inside.
+    """Return a self-contained HTML page of figures, given by name, under a heading.
 
-    Verdicts on the plans that are shown, by what each is (empty for a single one), stand above
-    the figures with their findings. Figures are in the colours of a light page, which the script
-    swaps: for `theme` or, without it, as the reader's system has it. `columns` are the same
-    figures laid out for COLUMN_PX, shown where the page is narrow. The page is as wide as a
-    figure's layout says, if one does. The same figures give the same bytes. Raises InputError
-    where Plotly is not installed.
+    Verdicts on the plans shown, by label (empty for a single plan), stand above the figures with
+    their findings. Figures have the colours of a light page; the script swaps them for those of
+    `theme` or, without it, of the reader's system. `columns` are the same figures laid out for
+    COLUMN_PX, shown where the page is narrow. The page takes the largest width that a figure's
+    layout states, if any. The same figures give the same bytes. Raises InputError if Plotly is not
+    installed.
     """
     sections = "\n".join(_section(name) for name in specs)
     parts = {f"values-{name}": _fluid(spec) for name, spec in specs.items()}
@@ -86,7 +86,7 @@ def figure_page(
 
 
 def _verdict_lines(which: str, verdict: PlanVerdict) -> str:
-    """The headline, and each finding below it."""
+    """HTML of a verdict: its headline, with the findings below."""
     items = "".join(
         f"<li>{one.level}: {one.code}: {html.escape(one.message)}</li>\n"
         for one in verdict.findings
@@ -97,12 +97,12 @@ def _verdict_lines(which: str, verdict: PlanVerdict) -> str:
 
 
 def _fluid(spec: Spec) -> Spec:
-    """A figure that takes the width of its page."""
+    """Remove a figure's width, so that it takes the width of its page."""
     return {**spec, "layout": {key: v for key, v in spec["layout"].items() if key != "width"}}
 
 
 def _changed(spec: Spec, column: Spec) -> Spec:
-    """Changes of a figure in a narrow column; an animation keeps its frames and marks."""
+    """Parts of a figure that change in a narrow column; of an animation, the layout alone."""
     other = _fluid(column)
     keys = {"layout"} if spec["data"] == column["data"] or "frames" in spec else {"layout", "data"}
     return {key: other[key] for key in sorted(keys)}
@@ -120,14 +120,14 @@ def _section(name: str) -> str:
 
 
 def embedded(name: str, values: Spec) -> str:
-    """Return JSON inside a script element named `name`, where < would be read as markup."""
+    """Return JSON inside a script element with id `name`, each < escaped."""
     text = json.dumps(values, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     safe = text.replace("<", "\\u003c")
     return f'<script type="application/json" id="{name}">{safe}</script>'
 
 
 def plotly_script() -> str:
-    """Return Plotly's script as it is installed; raises InputError if it is not."""
+    """Return the installed Plotly's script; raises InputError if Plotly is not installed."""
     try:
         from plotly.offline import get_plotlyjs
     except ImportError:
@@ -137,7 +137,7 @@ def plotly_script() -> str:
 
 
 def _beside(name: str) -> str:
-    """The text of a file beside this module."""
+    """Text of a file beside this module."""
     return files(__package__).joinpath(name).read_text("utf-8")
 
 
@@ -151,11 +151,11 @@ _SVG_KEY = re.compile(r"\b(?:clip|defs-|topdefs-|legend)([0-9a-f]{6})")
 def figure_images(
     specs: Mapping[str, Spec], image_format: str, style: FigureStyle = PLAIN
 ) -> dict[str, bytes]:
-    """Return figures as PNG, SVG or PDF by name, the same ones as the same bytes.
+    """Return figures as PNG, SVG or PDF by name; the same figures give the same bytes.
 
-    Each is as wide and high as it was laid out, on its theme's background; a PNG has the style's
-    dots for each px. One browser draws them all. Raises InputError where kaleido or the browser is
-    missing, SyncplanError where drawing fails.
+    Each has the size of its layout and the background of the style's theme; a PNG has the style's
+    dots per px. One browser draws them all. Raises InputError if kaleido or the browser is missing,
+    SyncplanError if drawing fails.
     """
     missing = [n for n in ("plotly", "kaleido") if importlib.util.find_spec(n) is None]
     if missing:
@@ -170,9 +170,9 @@ def figure_images(
 
 
 def _job(spec: Spec, image_format: str, style: FigureStyle) -> Spec:
-    """A figure on paper, with kaleido's options."""
+    """Figure on an opaque background, with kaleido's options."""
     layout = {**spec["layout"], "paper_bgcolor": PAPER[style.theme]}
-    # what a page is operated by has no place on paper
+    # an image needs no controls
     if layout.pop("sliders", None):
         room = layout["meta"]["controls_px"]
         layout["height"] -= room
@@ -192,7 +192,7 @@ def _drawn(jobs: Sequence[Spec], image_format: str) -> list[bytes]:
 
     from kaleido.errors import ChromeNotFoundError
 
-    # what fails raises; a browser's goodbye that comes with its last answer is logged as an error
+    # failures raise; a browser that closes with its last answer would be logged as an error
     for library in ("choreographer", "kaleido"):
         logging.getLogger(library).setLevel(logging.CRITICAL)
     drawn: Future[list[bytes]] = Future()
@@ -203,8 +203,8 @@ def _drawn(jobs: Sequence[Spec], image_format: str) -> list[bytes]:
         except Exception as error:
             drawn.set_exception(error)
 
-    # a thread of its own: a notebook's has an event loop that runs already. kaleido's own limit is
-    # that of a figure: it waits for ever for a browser that goes away while it starts or ends
+    # a thread of its own: a notebook's thread already runs an event loop. kaleido's time limit
+    # covers a figure alone: it would wait for ever for a browser that dies as it starts or ends
     Thread(target=draw, daemon=True).start()
     try:
         return drawn.result(_TIMEOUT_S * (len(jobs) + 1))
@@ -235,14 +235,14 @@ def _by_one_browser(jobs: Sequence[Spec]) -> list[bytes]:
 
 
 def _constant(image: bytes, image_format: str) -> bytes:
-    """An image without what changes from one drawing to the next."""
+    """Remove the parts of an image that change from one drawing to the next."""
     if image_format == "svg":
         return _without_random_keys(image.decode("utf-8")).encode("utf-8")
     return _PDF_DATE.sub(b"D:20000101000000", image) if image_format == "pdf" else image
 
 
 def _without_random_keys(svg: str) -> str:
-    """Plotly draws a random key for the names of an image's clips; here it is always the same."""
+    """Replace the random keys that Plotly puts into the names of an image's clips."""
     for key in dict.fromkeys(_SVG_KEY.findall(svg)):
         svg = svg.replace(key, "000000")
     return svg

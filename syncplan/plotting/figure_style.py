@@ -1,8 +1,8 @@
-"""How large a figure is, how large its text, and in which colours, on light and on dark.
+"""Size, text scale and colours of figures, on light and dark pages.
 
 The colours are readable in print and by colour-blind people; the hues are those of Okabe and Ito,
-"Color Universal Design" (2008), without black and yellow. Nothing rests on a hue alone: classes
-differ in dash, pattern or symbol too, and are named. Text, axes and grids are drawn in the colours
+"Color Universal Design" (2008), without black and yellow. Classes never differ in hue alone: they
+also differ in dash, pattern or symbol, and are named. Text, axes and grids are drawn in the colours
 of a light page; `themed` swaps them.
 """
 
@@ -28,11 +28,11 @@ MUTED = "#5b5b66"
 GRID = "#dcdce2"
 
 DARK: Mapping[str, str] = {INK: "#ececf0", MUTED: "#b2b2bd", GRID: "#3b3b44", BLUE: "#4aa3df"}
-"""Colours of a light page, and what they become on a dark one."""
+"""Colours of a light page, with their counterparts on a dark one."""
 
 
 def themed(spec: dict[str, Any], theme: Theme) -> dict[str, Any]:
-    """Return a figure's values in the colours of a theme; `spec` itself is left as it is."""
+    """Return a figure's values in the colours of a theme; `spec` is not modified."""
     if theme == "light":
         return spec
     swapped: dict[str, Any] = _swapped(spec)
@@ -49,7 +49,7 @@ def _swapped(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _swapped(one) for key, one in value.items()}
     if isinstance(value, list):
-        # long lists are numbers: the first value decides
+        # lists of numbers hold no colours
         return [_swapped(one) for one in value] if _may_hold_colors(value) else value
     return DARK.get(value, value) if isinstance(value, str) else value
 
@@ -62,19 +62,19 @@ def _may_hold_colors(values: list[Any]) -> bool:
 
 
 THEMES: tuple[Theme, ...] = get_args(Theme)
-"""What figures can be shown on."""
+"""Themes that a figure can have."""
 
 PAPER: Mapping[Theme, str] = MappingProxyType({"light": "#ffffff", "dark": "#16161a"})
-"""The background of pages and images."""
+"""Background of pages and images."""
 
 PAGE_PX = 1000
-"""Width for which figures are laid out where none is given."""
+"""Width for which figures are laid out by default."""
 
 COLUMN_PX = 400
 """Width of a column of a page, or of a telephone."""
 
 _NARROW_PX = 640
-"""Below this, panels stand under each other rather than side by side."""
+"""Width below which panels are stacked rather than side by side."""
 
 _SIDES_PX = (70, 24)
 _NARROW_SIDES_PX = (56, 12)
@@ -87,7 +87,7 @@ LIMITS: Mapping[str, tuple[float, float]] = MappingProxyType(
         "pixel_ratio": (1.0, 6.0),
     }
 )
-"""The least and the largest of what can be chosen."""
+"""Least and largest value of each setting."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,10 +97,10 @@ class FigureStyle:
     Attributes
     ----------
     width : px; without it a figure is as wide as its page, laid out for PAGE_PX
-    height : px of the whole figure; without it, what the figure wants
-    font_scale : of all text, times its usual size
-    theme : "light" or "dark", what it is to be shown on
-    pixel_ratio : dots of a PNG for each px
+    height : px of the whole figure; without it, what the figure needs
+    font_scale : factor on the usual size of all text
+    theme : "light" or "dark"
+    pixel_ratio : dots of a PNG per px
     """
 
     width: int | None = None
@@ -119,29 +119,29 @@ class FigureStyle:
 
     @property
     def page_px(self) -> int:
-        """The width in px that the figure is laid out for."""
+        """Width in px for which the figure is laid out."""
         return self.width or PAGE_PX
 
     @property
     def narrow(self) -> bool:
-        """Whether panels find no room side by side."""
+        """Whether the figure is too narrow for panels side by side."""
         return self.page_px < _NARROW_PX * self.font_scale
 
     @property
     def sides_px(self) -> tuple[int, int]:
-        """Room left of the plot, for an axis and its title, and right of it."""
+        """Room in px left of the plot, for an axis and its title, and right of it."""
         left, right = _NARROW_SIDES_PX if self.narrow else _SIDES_PX
         return round(left * (0.3 + 0.7 * self.font_scale)), right
 
     @property
     def plot_px(self) -> int:
-        """The width in px between the two sides."""
+        """Width in px of the plot, between the two sides."""
         return self.page_px - sum(self.sides_px)
 
     def px(self, length: float) -> int:
-        """Return a length that text fills, in px, at this scale of text."""
+        """Return a length in px that text fills, scaled as the text is."""
         return round(length * self.font_scale)
 
 
 PLAIN = FigureStyle()
-"""What a figure looks like where nothing is chosen."""
+"""Default style."""

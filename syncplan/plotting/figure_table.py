@@ -1,6 +1,6 @@
-"""The table of figures. A new figure is a function that draws it and an entry here.
+"""Table of figures. A new figure is a function that draws it and an entry here.
 
-Costs nothing to import: a figure's own module is loaded once it draws.
+Importing it is cheap: a figure's own module is loaded when the figure is drawn.
 """
 
 from collections.abc import Callable, Mapping
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from syncplan.reports.refinement_report import RefinementResult
 
 IMAGE_FORMATS = ("png", "svg", "pdf")
-"""What a figure may be drawn as, beside a page."""
+"""Image formats that a figure can be drawn in."""
 
 SubjectKind = Literal["plan", "run", "flight", "sweep", "losses"]
 
@@ -29,7 +29,7 @@ SUBJECTS: Mapping[SubjectKind, str] = MappingProxyType(
         "losses": "a what-if",
     }
 )
-"""What figures are drawn of, in words."""
+"""Kinds of subject that figures are drawn from, in words."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,9 +39,9 @@ class FigureInput:
     Attributes
     ----------
     subject : the plan, or the document of a run, a sweep or a what-if
-    refined : how the plan was refined, where it was
+    refined : the record of the plan's refinement, if there was one
     after : a second plan to compare with
-    style : size, scale of text, theme
+    style : size, text scale, theme
     """
 
     subject: Any
@@ -63,20 +63,19 @@ _NO_SERIES = "the report has no figures over time (--series keeps them)"
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """One figure.
+    """Entry of the table of figures.
 
     Attributes
     ----------
-    title, sentence : its heading, and what it shows
-    of : the kind of its subject
-    maker : module of this package and its function that returns Plotly's plain values
-    takes : the maker's arguments
-    part : what a report must hold to have it, by its dotted key; empty where every report has it
-    there : whether a subject has it for other reasons; None where there are none
-    why_not : why a subject may lack it
+    title, sentence : heading, and description in a sentence
+    of : kind of its subject
+    maker : module of this package, and the function in it that returns Plotly's plain values
+    takes : function that returns the maker's arguments
+    part : dotted key that a report must hold to have the figure; empty if every report has it
+    there : further condition on a subject; None if there is none
+    why_not : reason why a subject may lack it
     compares : whether it shows two plans; it is then the figure shown unless another is named
-    of_errors : whether only a run whose errors are known has it, as all but recordings without
-        truth have
+    of_errors : whether it needs known errors, which only recordings without truth lack
     """
 
     title: str
@@ -91,7 +90,7 @@ class Figure:
     of_errors: bool = False
 
     def fits(self, given: FigureInput) -> bool:
-        """Whether a subject of the right kind has this figure."""
+        """Return whether a subject of the right kind has this figure."""
         if self.of_errors and not given.subject.has_errors:
             return False
         if self.part and not _part(given.subject, self.part):
@@ -199,7 +198,7 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
         ),
         "states": Figure(
             "Further states over time",
-            "RMS error of each state of the filter that is no pose, such as wind or a bias, beside "
+            "RMS error of each filter state other than a pose, such as wind or a bias, beside "
             "the filter's own sigma and the predicted error.",
             "run",
             "series_figures.states_spec",
@@ -290,7 +289,7 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
         ),
     }
 )
-"""Every figure by its name, in the order they are shown."""
+"""All figures by name, in the order in which they are shown."""
 
 
 def always_there(of: SubjectKind) -> list[str]:
@@ -303,7 +302,7 @@ def always_there(of: SubjectKind) -> list[str]:
 
 
 def _part(report: Any, path: str) -> Any:
-    """A part of a report; None where it has none."""
+    """Part of a report by its dotted key; None if the report lacks it."""
     for key in path.split("."):
         report = getattr(report, key, None)
     return report

@@ -4,12 +4,12 @@
     figures.formation(plan).show()
     for name, figure in figures.figures_of(report).items(): ...
 
-The command line, the web page and these functions draw the same values, `specs_of`. All take
-`theme`, "light" or "dark", or a whole `style` in its place:
+The command line, the web page and these functions draw the same values, those of `specs_of`. All
+take `theme`, "light" or "dark", or a whole `style` in its place:
 
     figures.formation(plan, style=figures.FigureStyle(width=400, font_scale=1.2, theme="dark"))
 
-Backgrounds are clear.
+Backgrounds are transparent.
 """
 
 from collections.abc import Sequence
@@ -68,9 +68,9 @@ def specs_of(
 ) -> dict[str, Spec]:
     """Return the figures of a subject as Plotly's plain values, by name: all, or the ones named.
 
-    `refined` is the record of a plan read from a file, which Plan.refinement does not hold; `after`
-    a second plan to compare with. Needs no Plotly. Raises InputError for a name that the subject
-    does not have.
+    `refined` is the refinement record of a plan read from a file, which Plan.refinement does not
+    hold; `after` is a second plan to compare with. Needs no Plotly. Raises InputError for a figure
+    that the subject lacks.
     """
     of, given = _given(subject, refined, after, style)
     known = _known(of, given)
@@ -83,13 +83,13 @@ def specs_of(
 def first_figure(
     subject: Subject, *, refined: RefinementResult | None = None, after: Plan | None = None
 ) -> str:
-    """Return the name of the figure to show where there is room for one; see specs_of."""
+    """Return the name of the figure to show where there is room for only one; see specs_of."""
     known = _known(*_given(subject, refined, after, PLAIN))
     return next((name for name in known if FIGURES[name].compares), known[0])
 
 
 def report_of(run: Run) -> ValidationDocument | ReplayDocument:
-    """Return the report of a run of the filter, which may be that already."""
+    """Return the report of a run of the filter; a report is returned as it is."""
     if isinstance(run, Validation):
         return validation_document(run)
     return replay_document(run) if isinstance(run, Replay) else run
@@ -129,7 +129,7 @@ def _why_not(name: str, of: SubjectKind, known: list[str]) -> str:
 
 
 def formation(plan: Plan, *, theme: Theme | None = None, style: FigureStyle = PLAIN) -> Figure:
-    """Return circles, senses, links by rank and certificate, unobservable motions as arrows."""
+    """Return circles, senses, links by rank and certificate, and arrows of unobservable motions."""
     return _one(plan, "formation", _styled(theme, style))
 
 
@@ -154,7 +154,7 @@ def prediction(plan: Plan, *, theme: Theme | None = None, style: FigureStyle = P
 
 
 def refinement(plan: Plan, *, theme: Theme | None = None, style: FigureStyle = PLAIN) -> Figure:
-    """Return the figures of merit before and after; raises InputError if never refined."""
+    """Return figures of merit before and after; raises InputError if the plan was not refined."""
     return _one(plan, "refinement", _styled(theme, style))
 
 
@@ -180,8 +180,8 @@ def error_bands(
 ) -> Figure:
     """Return errors over time in the filter's own 3-sigma band, for the vehicles named.
 
-    If none are: for all, or of a large team those with the largest errors. Raises InputError for
-    a report without series, or an unknown vehicle.
+    By default, all vehicles are shown or, of a large team, those with the largest errors. Raises
+    InputError for a report without series, or an unknown vehicle.
     """
     chosen = _styled(theme, style)
     spec = fitted(errors_spec(report_of(report), chosen, vehicles), chosen)

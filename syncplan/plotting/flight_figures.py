@@ -1,6 +1,6 @@
 """Figures of flights: errors and phases over time, events, meetings, least separation.
 
-On axes of time a band stands for a vehicle that is held, a line for a loss.
+On time axes, a band marks a hold and a line a loss.
 """
 
 import math
@@ -25,19 +25,19 @@ from syncplan.reports.flight_report import (
 from syncplan.reports.flight_series import VehicleOverTime
 
 MOST_NAMED = 4
-"""Events that a note names."""
+"""Largest number of events that a note names."""
 
 MOST_VEHICLES = 12
-"""Vehicles drawn: of larger teams, the worst."""
+"""Largest number of vehicles drawn; of larger teams, the worst."""
 
 MOST_BARS = 40
-"""Links shown, those that missed most: more would be too many to read."""
+"""Largest number of links that stay readable; those that missed most are shown."""
 
 _BAND = figure_style.translucent(figure_style.MUTED, 0.25)
 _LINE: Spec = {"color": figure_style.INK, "width": 1.5, "dash": "dashdot"}
 
 _DECADES = 2.5
-"""What a logarithmic axis holds at most below its largest value."""
+"""Largest extent of a logarithmic axis below its largest value, in decades."""
 
 _AIR = 1.15
 _SEPARATION_AIR = 1.06
@@ -55,13 +55,13 @@ _EVENTS = (
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """One curve of each panel.
+    """A curve in a vehicle's panel.
 
     Attributes
     ----------
-    key, name : in the figure, and in the legend
-    line : Plotly's
-    values : over time or, as a level, a single one; None where it is not known
+    key, name : identifier in the figure, and name in the legend
+    line : Plotly's line style
+    values : values over time, or a single one for a level; None where unknown
     """
 
     key: str
@@ -71,9 +71,9 @@ class Curve:
 
 
 def flight_errors_spec(report: FlightDocument, style: FigureStyle) -> Spec:
-    """Return the figure of tracking and estimation errors over time, a panel a vehicle.
+    """Return the figure of tracking and estimation errors over time, one panel per vehicle.
 
-    The bound is that along the paths flown, the level the plan's own prediction for the second
+    The bound is that along the paths flown; the level is the plan's own prediction for the second
     half. Raises InputError for a report without series.
     """
 
@@ -110,10 +110,10 @@ def flight_errors_spec(report: FlightDocument, style: FigureStyle) -> Spec:
 
 
 def flight_phases_spec(report: FlightDocument, style: FigureStyle) -> Spec:
-    """Return the figure of phase errors over time, a panel a vehicle, with its tolerance.
+    """Return the figure of phase errors and tolerances over time, one panel per vehicle.
 
-    The tolerance is the least of a vehicle's links; a level shows the worst error of any trial in
-    the second half. Raises InputError for a report without series.
+    The tolerance is the smallest of a vehicle's links; a level shows the worst error of any trial
+    in the second half. Raises InputError for a report without series.
     """
 
     def curves(vehicle: VehicleOverTime, flown: FlownVehicle) -> list[Curve]:
@@ -145,7 +145,7 @@ def _over_time(
     curves: Callable[[VehicleOverTime, FlownVehicle], list[Curve]],
     off: Callable[[FlownVehicle], float],
 ) -> Spec:
-    """A panel of curves for each vehicle; of a large team, for those most `off`."""
+    """Figure with a panel of curves per vehicle; of a large team, for those furthest `off`."""
     series = report.series
     if series is None:
         raise InputError("the report has no figures over time; --series keeps them", key="series")
@@ -188,9 +188,9 @@ def _positive(values: Sequence[float | None]) -> Array:
 
 
 def _logarithmic(curves: Sequence[Curve]) -> Spec:
-    """An axis that holds curves, but no more than _DECADES below the largest of their values.
+    """Logarithmic axis that holds curves, down to _DECADES below the largest of their values.
 
-    It is marked at 1, 2, 5, 10, ... or, where these are many, at fewer.
+    Ticks are at 1, 2, 5, 10, ... or, on a wide axis, at 1, 3, 10, ...
     """
     low, high = 0.1, 1.0
     known = np.concatenate([np.ones(0), *(_positive(one.values) for one in curves)])
@@ -215,14 +215,14 @@ def _logarithmic(curves: Sequence[Curve]) -> Spec:
 
 
 def event_words(report: FlightDocument) -> str:
-    """Return the events in words that a note can have; empty if there are none."""
+    """Return the events in words for a note; empty if there are none."""
     said = [canvas.escaped(one.what) for one in report.events[:MOST_NAMED]]
     more = len(report.events) - len(said)
     return ", ".join(said) + (f" and {more} more" if more else "")
 
 
 def _event_mark(one: FlightEvent, number: int) -> Spec:
-    """A shape in panel `number`."""
+    """Shape that marks an event in panel `number`."""
     suffix = str(number + 1) if number else ""
     axes = {"xref": f"x{suffix}", "yref": f"y{suffix} domain", "y0": 0, "y1": 1}
     if one.end_s is None:
@@ -233,7 +233,7 @@ def _event_mark(one: FlightEvent, number: int) -> Spec:
 
 
 def _event_entries(events: Sequence[FlightEvent]) -> list[Spec]:
-    """The legend's entries of what _event_mark draws."""
+    """Legend entries of the shapes that _event_mark draws."""
     kinds = {one.kind for one in events}
     entries: list[Spec] = []
     if "loss" in kinds:
@@ -245,9 +245,9 @@ def _event_entries(events: Sequence[FlightEvent]) -> list[Spec]:
 
 
 def flight_events_spec(report: FlightDocument) -> Spec:
-    """Return the figure of events: bars from a loss to the end, and over the time of a hold.
+    """Return the figure of events: bars from each loss to the end, and over each hold.
 
-    After a hold, a thin bar shows how long the median trial takes to have its phase again.
+    After a hold, a thin bar shows how long the median trial takes to regain its phase.
     """
     title = f"{canvas.escaped(report.name or 'Plan')}: what was lost, and when"
     if not report.events:
@@ -276,7 +276,7 @@ def flight_events_spec(report: FlightDocument) -> Spec:
     traces.append(
         canvas.row_bars(
             "settling",
-            "until its phase is kept again, median trial",
+            "until back in phase, median trial",
             [canvas.escaped(one.subject) for one in settled],
             canvas.numbers([one.settled_s or 0.0 for one in settled], 4),
             canvas.bar_marker(figure_style.GREEN),
@@ -294,7 +294,7 @@ def flight_events_spec(report: FlightDocument) -> Spec:
 
 
 def flight_meetings_spec(report: FlightDocument) -> Spec:
-    """Return the figure of the share of meetings kept, a bar a link, the worst on top.
+    """Return the figure of the share of meetings kept, one bar per link, the worst on top.
 
     Links that missed a meeting in any trial are hatched.
     """
@@ -342,7 +342,7 @@ def _link(one: FlownLink | FlownSeparation) -> str:
 def flight_separation_spec(report: FlightDocument) -> Spec:
     """Return the figure of the share of trials in which two vehicles come nearer than a distance.
 
-    Lines mark the separation that is asked for, and the plan's own.
+    Lines mark the required separation, and the plan's own.
     """
     title = f"{canvas.escaped(report.name or 'Plan')}: least separation"
     found = report.least_separation_m

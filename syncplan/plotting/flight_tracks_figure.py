@@ -1,4 +1,4 @@
-"""Tracks of a flight over its plan: where vehicles truly were, and were taken to be."""
+"""Figure of a flight's true and estimated tracks over the planned circles."""
 
 from dataclasses import dataclass
 
@@ -22,10 +22,10 @@ from syncplan.reports.flight_series import (
 )
 
 SIGMAS = 3.0
-"""Size of ellipses."""
+"""Semi-axes of ellipses, in standard deviations."""
 
 _FURTHEST = 0.75
-"""How far beyond circles and landmarks tracks are shown, of the extent of these."""
+"""Margin beyond the plan's view in which tracks are shown, as a share of its extent."""
 
 _CORNERS = 36
 
@@ -42,9 +42,9 @@ class FlownMap:
 def flight_tracks_spec(report: FlightDocument, style: figure_style.FigureStyle) -> Spec:
     """Return the figure of the first trial's tracks, true and estimated, over the plan's circles.
 
-    Ellipses are the filter's own, three sigma, at moments over the run; a mark shows where the
-    vehicle truly was then. Other recorded trials are drawn faintly. Raises InputError for a report
-    without series.
+    Ellipses show the filter's own three sigma at moments over the run; a mark shows the vehicle's
+    true position at that moment. Other recorded trials are drawn faintly. Raises InputError for a
+    report without series.
     """
     series = report.series
     if series is None:
@@ -86,7 +86,7 @@ def _map_of(ground: FlightGround) -> FlownMap:
 
 
 def _view(flown: FlownMap, series: FlightOverTime, style: figure_style.FigureStyle) -> MapView:
-    """The view that holds all tracks, but of those that went astray no more than is useful."""
+    """View that holds all tracks, up to _FURTHEST beyond the view of the plan."""
     near = view_about(style, [flown])
     room = _FURTHEST * float(np.max(near.high - near.low))
     places = [_places(one, true=True) for track in series.tracks for one in track.vehicles]
@@ -96,7 +96,7 @@ def _view(flown: FlownMap, series: FlightOverTime, style: figure_style.FigureSty
 
 
 def _places(vehicle: TrackedVehicle, *, true: bool) -> Array:
-    """(t, 2) m; NaN where the vehicle is lost."""
+    """True or estimated positions (t, 2) in m; NaN where the vehicle is lost."""
     x, y = (
         (vehicle.true_x_m, vehicle.true_y_m)
         if true
@@ -122,7 +122,7 @@ def _other_trials(tracks: list[FlownTrack], view: MapView) -> list[Spec]:
 
 def _circles(flown: FlownMap, view: MapView) -> Spec:
     x, y = gapped(circle_points(flown), view.places)
-    # on top of paths that keep to them
+    # drawn over paths that keep to the circles
     line = {"color": figure_style.INK, "dash": "dot", "width": view.line_px(1.2), "simplify": False}
     return line_trace("planned", "planned circle", x, y, line)
 
@@ -149,7 +149,7 @@ def _ellipses(track: FlownTrack, view: MapView) -> list[Spec]:
 
 
 def _rim(one: PlaceEllipse) -> Array:
-    """(_CORNERS + 1, 2) m, closed."""
+    """Closed outline (_CORNERS + 1, 2) in m of an ellipse."""
     turn = unit(np.linspace(0.0, 2.0 * np.pi, _CORNERS + 1))
     ahead = unit(one.angle_rad)
     across = np.array([-ahead[1], ahead[0]])
@@ -158,7 +158,7 @@ def _rim(one: PlaceEllipse) -> Array:
 
 
 def _moments(track: FlownTrack, series: FlightOverTime, view: MapView) -> list[Spec]:
-    """Where vehicles truly were as the ellipses were taken."""
+    """Marks at the true positions of vehicles at the times of the ellipses."""
     where, said = [], []
     times = np.array(series.track_time_s)
     for vehicle in track.vehicles:
@@ -191,7 +191,7 @@ def _moments(track: FlownTrack, series: FlightOverTime, view: MapView) -> list[S
 def _ends(
     report: FlightDocument, series: FlightOverTime, track: FlownTrack, view: MapView
 ) -> list[Spec]:
-    """Where vehicles were as they were lost or held, and lost landmarks."""
+    """Marks where vehicles were lost or held, and at lost landmarks."""
     times = np.array(series.track_time_s)
     spots = {one.name: np.array([one.position_m]) for one in series.ground.landmarks}
     spots.update({one.name: _places(one, true=True) for one in track.vehicles})

@@ -1,7 +1,7 @@
-"""The formation at time 0, and one period of it, animated.
+"""Figures of the formation at time 0, and of one period, animated.
 
-The first shows circles and senses, poses, links by worth and unobservable motions; the second where
-everybody is, and who sees whom at that moment.
+The first shows circles, senses, poses, links by worth and unobservable motions; the second shows
+positions and sightings at each moment.
 """
 
 from collections.abc import Iterator, Sequence
@@ -30,17 +30,17 @@ from syncplan.plotting.links import (
 from syncplan.plotting.map_labels import landmark_trace, name_trace, obstructions
 
 MOTIONS_SHOWN = 3
-"""Unobservable motions drawn at first; the others stand in the legend, to be switched on."""
+"""Unobservable motions drawn at first; the legend switches the others on."""
 
 
 _ARROW = 0.9
 _LEAST_ARROW = 0.05
-"""Length of the longest arrow of a motion in mean radii, and at least in widths of the map."""
+"""Length of a motion's longest arrow in mean radii, and at least as a share of the map's extent."""
 
 _HEAD_PX = 15.0
 _SHORT_PX = 9.0
 _SHORT_MARK_PX = 7.0
-"""Length of a link's line below which a mark shows it, and the size of that."""
+"""Length of a link's line below which a mark shows it, and the size of that mark."""
 
 _MOTION_DASHES = ("solid", "dash", "dot")
 
@@ -48,9 +48,9 @@ _MOTION_DASHES = ("solid", "dash", "dot")
 def formation_spec(plan: Plan, style: FigureStyle) -> canvas.Spec:
     """Return the figure of a plan's formation at time 0, both axes to one scale.
 
-    Links run from rim to rim, by what they are worth. An unobservable motion is an arrow at each
+    Links run from rim to rim, styled by their worth. An unobservable motion is an arrow at each
     vehicle that it displaces, the longest 0.9 mean radii long (more on a large map).
-    Turns are shown when pointed at.
+    Hover texts give the turns.
     """
     view = maps.view_of(style, plan)
     names = body_names(plan)
@@ -71,7 +71,7 @@ def formation_spec(plan: Plan, style: FigureStyle) -> canvas.Spec:
 
 
 def verdict_words(plan: Plan) -> str:
-    """Return in a line whether the plan is observable, with rank and certificate."""
+    """Return one line on whether the plan is observable, with rank and certificate."""
     verdict = plan.observability
     state = "observable" if verdict.observable else "NOT observable"
     holds = "holds" if plan.certificate.holds else "does not hold"
@@ -124,7 +124,7 @@ def _pair_trace(
     shown: Standing,
     view: maps.MapView,
 ) -> canvas.Spec:
-    """Lines from rim to rim, with a middle point to be pointed at, marked where a line is short."""
+    """Lines from rim to rim, with a middle point for hover texts, marked where a line is short."""
     pairs = np.array([(item.a, item.b) for item in links])
     start, end = link_ends(plan.orbits, plan.landmarks, pairs)
     x, y = canvas.gapped(np.stack([start, 0.5 * (start + end), end], axis=1), view.places)
@@ -152,7 +152,7 @@ def _pair_trace(
 
 
 def _motion_traces(plan: Plan, names: list[str], view: maps.MapView) -> list[canvas.Spec]:
-    """Arrows of each motion, and an entry in the legend, which has no room for arrowheads."""
+    """Arrows of each motion, and a legend entry without arrowheads, which have no room there."""
     traces = []
     for number, motion in enumerate(plan.unobservable):
         dash = _MOTION_DASHES[number % len(_MOTION_DASHES)]
@@ -181,7 +181,7 @@ def _motion_traces(plan: Plan, names: list[str], view: maps.MapView) -> list[can
 def _arrows(
     plan: Plan, motion: UnobservableMode, names: list[str], view: maps.MapView
 ) -> canvas.Spec:
-    """Places of lines and their heads, and what each of them says."""
+    """Coordinates of a motion's arrows, with their heads and hover texts."""
     head = view.mark_px(_HEAD_PX)
     x: list[float | None] = []
     y: list[float | None] = []
@@ -202,7 +202,7 @@ def _arrows(
 def _arrow_paths(
     plan: Plan, motion: UnobservableMode, view: maps.MapView
 ) -> Iterator[tuple[int, Array, Array]]:
-    """Each vehicle that moves, its line (p, 2) in m, and the direction of its head."""
+    """Yield each vehicle that moves, its arrow's line (p, 2) in m and the direction of its head."""
     radius = float(plan.orbits.radii.mean())
     length = max(_ARROW * radius, _LEAST_ARROW * float(np.max(view.high - view.low)))
     where = position(plan.orbits, 0.0)
@@ -217,7 +217,7 @@ def _arrow_paths(
 
 
 def _arrow_lines(plan: Plan, view: maps.MapView) -> Array:
-    """The lines (k, 2, 2) m of all arrows that are drawn at first."""
+    """Line segments (k, 2, 2) in m of all arrows that are drawn at first."""
     lines = [
         np.stack([path[:-1], path[1:]], axis=1)
         for motion in plan.unobservable[:MOTIONS_SHOWN]
@@ -236,7 +236,7 @@ def _motion_words(motion: UnobservableMode, name: str, k: int) -> str:
 
 
 def _turning_arc(place: Array, radius: float, turn: float) -> Array:
-    """Three quarters of a small circle about a place, the way it turns: (p, 2) m."""
+    """Three quarters of a small circle about a place, in the sense of `turn`: (p, 2) m."""
     angles = np.linspace(0.0, 1.5 * np.pi, 13) * np.sign(turn or 1.0)
     return np.asarray(place + radius * unit(angles))
 
@@ -245,19 +245,19 @@ def _turning_arc(place: Array, radius: float, turn: float) -> Array:
 
 
 FRAMES = 60
-"""Moments shown of one period."""
+"""Number of frames that show one period."""
 
 FRAME_MS = 100
 
 _HEAD_AT = 0.68
-"""Where on a sight line its arrowhead lies: past the middle, which keeps both ways apart."""
+"""Position of the arrowhead on a sight line: past the middle, to keep both ways apart."""
 
 
 def animation_spec(plan: Plan, style: FigureStyle, frames: int = FRAMES) -> canvas.Spec:
     """Return the figure of one period in `frames` steps, with buttons and a slider.
 
-    A line joins a vehicle and what it sees at that moment, in the look that the formation gives a
-    link of that worth; its arrowhead points at what is seen.
+    A line joins a vehicle and each target in contact at that moment, in the style that the
+    formation gives a link of that worth; its arrowhead points at the target.
     """
     view = maps.view_of(style, plan)
     names = body_names(plan)
@@ -288,7 +288,7 @@ def animation_spec(plan: Plan, style: FigureStyle, frames: int = FRAMES) -> canv
 
 
 def live(windows: Windows, period: float, time: float) -> tuple[Index, Index]:
-    """Return (observers, targets) of the sightings in contact at `time` s, windows' edges in."""
+    """Return (observers, targets) in contact at `time` s, edges of windows included."""
     pair = np.repeat(np.arange(len(windows.observers)), np.diff(windows.first))
     now = (time - windows.starts) % period <= windows.ends - windows.starts
     return windows.observers[pair[now]], windows.targets[pair[now]]
@@ -299,12 +299,12 @@ def _moving_traces(
 ) -> list[canvas.Spec]:
     """Traces that change from frame to frame: sight lines of each kind, their heads, the vehicles.
 
-    `kind_of` is (b, b), symmetric, of bodies; -1 for pairs that never meet.
+    `kind_of` (b, b) is the kind of each pair of bodies, symmetric; -1 for pairs that never meet.
     """
     orbits, places = plan.orbits, view.places - 1
     bodies = np.concatenate([position(orbits, time), plan.landmarks.reshape(-1, 2)])
     observers, targets = live(plan.windows, orbits.period, time)
-    # two that see each other are joined once
+    # one line for two that see each other
     pairs = np.unique(np.sort(np.column_stack([observers, targets]), axis=1), axis=0)
     worth = kind_of[pairs[:, 0], pairs[:, 1]]
     away = bodies[targets] - bodies[observers]
@@ -323,13 +323,13 @@ def _moving_traces(
 
 
 def _segments(ends: Array, places: int) -> canvas.Spec:
-    # of a trace with nothing in it, the legend's entry would come and go
+    # the legend entry of an empty trace would come and go
     x, y = canvas.gapped(ends.reshape(-1, 2, 2), places)
     return {"x": x or [None], "y": y or [None]}
 
 
 def _looks(kinds: list[Standing], names: list[str], view: maps.MapView) -> list[canvas.Spec]:
-    """How the moving traces look; their places come with each frame."""
+    """Style of the moving traces, whose coordinates come with each frame."""
 
     def marks(group: str, **more: Any) -> canvas.Spec:
         shared = {"uid": group, "legendgroup": group, "showlegend": False}

@@ -1,6 +1,6 @@
-"""Links in figures: what one is worth, in colour, dash, pattern and words, and where it is drawn.
+"""Links in figures: their worth in colour, dash, pattern and words, and their ends on maps.
 
-A map draws it from rim to rim, and never through a name:
+A map draws a link from rim to rim, and never through a name:
 
 ( v1 )-------( v2 )        apart: along the line of centres
 ( v1 (=) v2 )              overlapping a little: the same, within the lens
@@ -22,14 +22,14 @@ from syncplan.plotting.figure_style import GREEN, MUTED, SKY, VERMILLION
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """How a link counts, in words and in the marks of a figure.
+    """Worth of a link for observability, in words and in the style of figures.
 
     Attributes
     ----------
-    key : short name, fixed, for what must not change between figures
+    key : short name that stays the same between figures
     text : the legend's words
-    color, dash, width : of a line
-    pattern : of a bar, Plotly's name; empty for a plain one
+    color, dash, width : style of a line
+    pattern : Plotly's name of a bar's pattern; empty for a plain bar
     """
 
     key: str
@@ -65,7 +65,7 @@ def standing_of(plan: Plan, meeting: LinkVerdict, *, incidental: bool = False) -
 
 
 def grouped(plan: Plan) -> dict[Standing, list[LinkVerdict]]:
-    """Return all meetings by what they are worth: links, incidental ones, those with landmarks."""
+    """Return all meetings by standing: links, incidental links, landmark links."""
     found: dict[Standing, list[LinkVerdict]] = {}
     for meetings, incidental in (
         (plan.links, False),
@@ -83,7 +83,7 @@ def body_names(plan: Plan) -> list[str]:
 
 
 def hover(meeting: LinkVerdict, names: list[str], shown: Standing) -> str:
-    """Return the hover text of a meeting; `names` escaped."""
+    """Return the hover text of a meeting; `names` are escaped."""
     lines = [
         f"{names[meeting.a]}-{names[meeting.b]}, {shown.text}",
         f"least distance {meeting.min_distance:.4g} m, in contact {meeting.contact:.4g} s a period",
@@ -101,7 +101,7 @@ _LENS = 1.25
 
 
 def link_pairs(plan: Plan) -> Index:
-    """Return the bodies (k, 2) that links join: listed, incidental, to landmarks, dropped."""
+    """Return the pairs of bodies (k, 2) that links join: listed, incidental, landmark, dropped."""
     met = [*plan.links, *plan.incidental_links, *plan.landmark_links]
     joined = [(item.a, item.b) for item in met]
     joined += [(item.a, item.b) for item in plan.dropped_links]
@@ -111,7 +111,7 @@ def link_pairs(plan: Plan) -> Index:
 def link_ends(orbits: Orbits, landmarks: Array, pairs: Index) -> tuple[Array, Array]:
     """Return both ends (k, 2) m of the lines of links between bodies (k, 2), on their rims.
 
-    A landmark has no rim but itself. Where rims meet, the ends may be one point.
+    A landmark is a rim of radius 0. Where rims meet, both ends may be one point.
     """
     bodies = np.concatenate([orbits.centers, landmarks.reshape(-1, 2)])
     reach = np.concatenate([orbits.radii, np.zeros(len(bodies) - orbits.count)])
@@ -124,7 +124,7 @@ def link_ends(orbits: Orbits, landmarks: Array, pairs: Index) -> tuple[Array, Ar
     end = bodies[b] - reach[b, None] * ahead
     larger = np.maximum(reach[a], reach[b])
     within = apart <= np.abs(reach[a] - reach[b])
-    # inside each other: both rims on the side where they are nearest
+    # one inside the other: both ends where the rims are nearest
     side = np.where(reach[a] >= reach[b], 1.0, -1.0)[:, None] * ahead
     start = np.where(within[:, None], bodies[a] + reach[a, None] * side, start)
     end = np.where(within[:, None], bodies[b] + reach[b, None] * side, end)
@@ -136,7 +136,7 @@ def link_ends(orbits: Orbits, landmarks: Array, pairs: Index) -> tuple[Array, Ar
 
 
 def _rims_meet(apart: Array, own: Array, other: Array, ahead: Array) -> Array:
-    """Where two circles cross, from the first's centre: left of the way to the second's."""
+    """Crossing of two circles relative to the first's centre, left of the line to the second's."""
     far = np.where(apart > 0.0, apart, 1.0)
     along = (far**2 + own**2 - other**2) / (2.0 * far)
     across = np.sqrt(np.maximum(own**2 - along**2, 0.0))

@@ -1,4 +1,4 @@
-"""Names on maps: where they are free of links and rims, in a size that fits the circles."""
+"""Names on maps, placed clear of links and rims, in a size that fits the circles."""
 
 import html
 from dataclasses import dataclass, field, replace
@@ -14,21 +14,21 @@ from syncplan.plotting.maps import Mapped, MapView
 
 NAME_PX = 13.0
 LEAST_NAME_PX = 7.0
-"""Size of names, and the least that can be read: smaller ones are left to the pointer."""
+"""Size of names, and the smallest that can be read; hover texts give the others."""
 
 MOST_OUTSIDE = 40
-"""Vehicles up to which names that don't fit into their circles stand beside them."""
+"""Largest team in which names that do not fit into their circles stand beside them."""
 
 _EM = 0.62
 _LINE = 1.0
-"""Width of a character and height of a name's box, of the font's size."""
+"""Width of a character and height of a name's box, in units of the font's size."""
 
 _FILLED = 0.96
 _INSIDE = 0.48
 _STAR_PX = 13.0
 
 _LINK_WEIGHT, _RIM_WEIGHT = 10_000, 100
-"""How much worse than an arrow a link through a name is, and a rim."""
+"""Penalties of a link and of a rim through a name, relative to an arrow's."""
 
 _PLACES = (
     ("top center", 0.0, 1.0),
@@ -40,12 +40,12 @@ _PLACES = (
     ("bottom right", 1.0, -1.0),
     ("bottom left", -1.0, -1.0),
 )
-"""Plotly's places of a text about its mark, with their directions."""
+"""Plotly's text positions about a mark, with their directions."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Obstructions:
-    """Obstructions of a name: lines (k, 2, 2) m, rims of circles, and `less`, if possible."""
+    """Obstructions of names: lines (k, 2, 2) m, rims and, less important, the lines `less`."""
 
     lines: Array
     centers: Array
@@ -61,9 +61,9 @@ def obstructions(plan: Mapped, pairs: Index, arrows: Array | None = None) -> Obs
 
 
 def name_trace(plan: Mapped, view: MapView, names: list[str], about: Obstructions) -> Spec:
-    """Return the names of vehicles, each in its circle or beside it; shared circles share one.
+    """Return the names of vehicles in their circles or beside them; one text for each centre.
 
-    Names that can't be read at any place are empty: the vehicle's own mark has them.
+    Names that would be too small to read are left empty; the vehicles' hover texts have them.
     """
     shared: dict[tuple[float, float], list[int]] = {}
     for k, center in enumerate(np.round(plan.orbits.centers, view.places).tolist()):
@@ -125,7 +125,7 @@ def landmark_trace(
 
 
 def crossed(where: Array, half: Array, about: Obstructions) -> Index:
-    """Return how badly boxes about `where` (k, 2), half as large as (k, 2), are crossed: 0 not."""
+    """Return the penalty (k,) of boxes about `where`, half sizes `half`, both (k, 2); 0 if free."""
     off = np.abs(about.centers[None] - where[:, None])
     nearest = np.hypot(*np.moveaxis(np.maximum(off - half[:, None], 0.0), 2, 0))
     farthest = np.hypot(*np.moveaxis(off + half[:, None], 2, 0))
@@ -135,7 +135,7 @@ def crossed(where: Array, half: Array, about: Obstructions) -> Index:
 
 
 def _lines_through(where: Array, half: Array, lines: Array) -> Index:
-    """How many lines cross each box: from p along d, for the s in [0, 1] between all four sides."""
+    """Number of lines p + s d, s in [0, 1], that pass between all four sides of each box."""
     if not len(lines):
         return np.zeros(len(where), dtype=np.int64)
     along = (lines[:, 1] - lines[:, 0])[None]
@@ -151,7 +151,7 @@ def _lines_through(where: Array, half: Array, lines: Array) -> Index:
 
 
 def _steps(radii: Array, half: Array, outside: Flags) -> Array:
-    """(k, 17, 2) m: from the centre, in it, within the circle, and beside it."""
+    """Offsets (k, 17, 2) in m from the centre: at it, within the circle, and beside it."""
     round_about = unit(np.pi / 4.0 * np.array([2, 6, 0, 4, 1, 3, 5, 7]))
     within = _INSIDE * radii[:, None, None] * round_about
     beside = (radii[:, None, None] + half[:, None]) * round_about
@@ -166,7 +166,7 @@ def _free(places: Array, steps: Array, half: Array, about: Obstructions) -> Arra
 
 
 def _chosen(places: Array, steps: Array, half: Array, about: Obstructions) -> Index:
-    """The first step (k,) at which nothing crosses a box, else the least bad."""
+    """Index (k,) of the first step at which nothing crosses a box, otherwise of the least bad."""
     best = np.zeros(len(places), dtype=int)
     fewest = np.full(len(places), np.iinfo(np.int64).max)
     for k in range(steps.shape[1]):

@@ -1,4 +1,4 @@
-"""Maps of circles, landmarks and areas: what they show, how large, and their layers."""
+"""Maps of circles, landmarks and areas: their extent, scale and layers."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ class Mapped(Protocol):
 
     @property
     def landmarks(self) -> Array:
-        """(m, 2) m."""
+        """Positions of landmarks (m, 2) in m."""
 
     @property
     def scenario(self) -> Zones:
@@ -52,16 +52,16 @@ class Mapped(Protocol):
 
 _ROOM = 0.06
 _ROOM_PX = 28
-"""Space left around the formation: of its larger extent, and at least, for names of landmarks."""
+"""Space around the formation as a share of its extent, and at least, for landmarks' names."""
 
 _HEIGHTS_PX = (150, 640)
 _STOUT_PX = 36.0
-"""Radius in px of a circle whose lines are drawn at their full width."""
+"""Smallest radius in px of a circle at which lines have their full width."""
 
 _NO_POINTS = np.empty((0, 2))
 
 _LINKS_EACH = 3.0
-"""Links for each vehicle up to which they are drawn at their full width."""
+"""Largest number of links per vehicle at which links have their full width."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,11 +71,11 @@ class MapView:
     Attributes
     ----------
     low, high : (2,) m, the corners of what must be seen; the plot may show more
-    scale : px for each m
-    height_px : of the map
-    least_radius : m, of the smallest circle
-    crowding : links for each vehicle
-    font_scale : of names
+    scale : px per m
+    height_px : height of the map
+    least_radius : m, radius of the smallest circle
+    crowding : links per vehicle
+    font_scale : scale of names
     """
 
     low: Array
@@ -88,7 +88,7 @@ class MapView:
 
     @property
     def places(self) -> int:
-        """Decimals that show a hundred-thousandth of what is shown."""
+        """Number of decimals that shows a hundred-thousandth of the extent."""
         return canvas.decimals(float(np.max(self.high - self.low)))
 
     def mark_px(self, largest: float) -> float:
@@ -109,7 +109,7 @@ class MapView:
         return self.scale * self.least_radius
 
     def axes(self) -> canvas.Spec:
-        """Return the two axes, to one scale; what is left over of the plot shows more."""
+        """Return both axes, at one scale; the plot shows more where it has room."""
         low, high = self.low, self.high
         across = {"range": canvas.numbers([low[0], high[0]], 6), "constrain": "range"}
         up = {"range": canvas.numbers([low[1], high[1]], 6), "constrain": "range"}
@@ -120,7 +120,7 @@ class MapView:
 
 
 def view_of(style: FigureStyle, *plans: Plan) -> MapView:
-    """Return the view that holds all of some plans, as wide as the figure."""
+    """Return the view that holds all the plans, as wide as the figure."""
     return view_about(style, plans, max(_links(plan) / plan.orbits.count for plan in plans))
 
 
@@ -132,7 +132,7 @@ def view_about(
 ) -> MapView:
     """Return the view that holds circles, landmarks, areas and points (k, 2) m.
 
-    `crowding` is of links for each vehicle.
+    `crowding` is the number of links per vehicle.
     """
     boxes = [_view_box(one) for one in mapped]
     low = np.min([*(box[0] for box in boxes), *points], axis=0)
@@ -153,7 +153,7 @@ def _links(plan: Plan) -> int:
 
 
 def _view_box(mapped: Mapped) -> tuple[Array, Array]:
-    """Return the corners (2,), (2,) in m of what a map needs: circles, landmarks, areas."""
+    """Return the corners (2,), (2,) in m of the box about circles, landmarks and the area."""
     orbits, scenario = mapped.orbits, mapped.scenario
     points = [
         orbits.centers - orbits.radii[:, None],
@@ -169,7 +169,7 @@ def _view_box(mapped: Mapped) -> tuple[Array, Array]:
 
 
 CIRCLE_POINTS = 72
-"""Points of a circle; the chord is a thousandth of the radius inside it."""
+"""Points of a circle; chords lie up to a thousandth of the radius inside it."""
 
 VEHICLE_PX = 15.0
 HEAD_PX = 10.0
@@ -188,7 +188,7 @@ def circle_points(plan: Mapped) -> Array:
 
 
 def circle_traces(plan: Mapped, view: MapView, *, arrows: bool) -> list[canvas.Spec]:
-    """Return the circles, a trace for each sense; `arrows` adds heads that show the sense."""
+    """Return the circles, one trace per sense; `arrows` adds heads that show the sense."""
     points = circle_points(plan)
     traces: list[canvas.Spec] = []
     for sense, key, name, color, dash in _SENSE_STYLES:
@@ -212,7 +212,7 @@ def area_traces(plan: Mapped, view: MapView) -> list[canvas.Spec]:
         x, y = canvas.gapped(_closed(scenario.area_m), view.places)
         line = {"color": MUTED, "dash": "dot", "width": 1.5}
         traces.append(canvas.line_trace("area", "area", x, y, line))
-    # what blocks sight as well as paths is drawn as both, the obstacle on top
+    # a polygon that blocks both paths and sight is drawn as both, the obstacle on top
     for uid, name, polygons, opacity, line in (
         ("keep-out", "keep-out zone", scenario.keep_out_m, 0.25, {"color": MUTED, "width": 1}),
         ("obstacle", "obstacle to sight", scenario.obstacles_m, 0.6, {"color": INK, "width": 2}),
@@ -227,7 +227,7 @@ def area_traces(plan: Mapped, view: MapView) -> list[canvas.Spec]:
 
 
 def vehicle_marks(plan: Mapped, view: MapView, time: float, places: int) -> canvas.Spec:
-    """Return places, rounded, and arrows of the vehicles at a time in s."""
+    """Return the vehicles' arrows at a time in s, coordinates rounded to `places` decimals."""
     where = position(plan.orbits, time)
     return {
         "x": canvas.numbers(where[:, 0], places),
@@ -242,13 +242,13 @@ def pointer(view: MapView, largest: float, angles: Any, color: str) -> canvas.Sp
 
 
 def pointer_entry(group: str, name: str, size: float) -> canvas.Spec:
-    """Return the legend's entry of a trace of pointers, upright and on the line of its words."""
+    """Return the legend entry of a trace of pointers, upright and in line with its words."""
     marker = {"symbol": "triangle-up", "size": 0.8 * size, "color": INK}
     return canvas.mark_trace(f"{group}-entry", name, [None], [None], marker, legendgroup=group)
 
 
 def sense_heads(plan: Mapped, view: MapView, color: str, chosen: Array) -> canvas.Spec:
-    """Return a head on each chosen circle opposite the vehicle, pointing the way it flies round."""
+    """Return an arrowhead on each chosen circle, opposite the vehicle, in the sense of flight."""
     orbits = plan.orbits
     across = orbits.phases + np.pi
     where = (orbits.centers + orbits.radii[:, None] * unit(across))[chosen]

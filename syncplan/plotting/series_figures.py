@@ -1,8 +1,8 @@
 """Figures of runs over time: errors, estimates and further states, a panel for each.
 
-Axes of errors hold all of the run's second half, the settled one. A start with larger errors leaves
-them, by how much the note says; whoever zooms out on a page sees it. Errors are drawn as in the
-paper's Figs. 9-11 and 14-18.
+Axes of errors fit the run's second half, when errors have settled. Larger errors at the start are
+clipped: the note states how large they are, and zooming out on a page shows them. Errors are drawn
+as in the paper's Figs. 9-11 and 14-18.
 """
 
 from collections import defaultdict
@@ -21,16 +21,16 @@ from syncplan.reports.run_figures import Series, StateErrorSeries, VehicleSeries
 from syncplan.reports.validation_report import ValidationDocument
 
 MOST_POINTS = 400
-"""Moments drawn of a run: every k-th sample."""
+"""Largest number of samples drawn; longer runs show every k-th."""
 
 MOST_VEHICLES = 8
-"""Vehicles drawn where none are named: of larger teams, those with the largest errors."""
+"""Largest number of vehicles drawn if none are named: those with the largest errors."""
 
 MOST_ROBOTS = 8
-"""Robots drawn: of larger teams, those that the filter knows least."""
+"""Largest number of robots drawn: those with the largest position sigmas."""
 
 MOST_STATES = 24
-"""States drawn: where there are more, the least known of each kind."""
+"""Largest number of states drawn: the least known of each kind."""
 
 _ROW_PX = 150
 _NARROW_ROW_PX = 110
@@ -39,7 +39,7 @@ _GAP_PX = 38
 _ERRORS = ("x in m", "y in m", "heading in rad")
 _ESTIMATES = ("x in m", "y in m", "own position sigma in m")
 _WORTH_CLIPPING = 1.5
-"""How many times larger than the settled half a start must be to be clipped."""
+"""Ratio to the settled half's range above which a start is clipped."""
 
 _AIR = 1.1
 _DIGITS = 4
@@ -49,7 +49,7 @@ _DIGITS = 4
 
 
 def every_so_many(samples: int) -> int:
-    """Return k, where every k-th of so many samples makes at most MOST_POINTS."""
+    """Return the smallest k for which every k-th of `samples` makes at most MOST_POINTS."""
     return max(1, -(-samples // MOST_POINTS))
 
 
@@ -62,9 +62,9 @@ def panels_spec(
     vertical: Sequence[Spec],
     **more: Any,
 ) -> Spec:
-    """Return a figure of panels that share an axis of time, in three columns or in one.
+    """Return a figure of panels that share a time axis, in three columns or in one.
 
-    `vertical` is what each panel's vertical axis has besides.
+    `vertical` holds further properties of each panel's vertical axis.
     """
     columns = 1 if style.narrow else 3
     row_px, gap_px = _NARROW_ROW_PX if style.narrow else _ROW_PX, style.px(_GAP_PX)
@@ -103,9 +103,9 @@ def panel_line(
     line: Spec,
     hover: str,
 ) -> Spec:
-    """Return a line of panel `number`, of which the first has the legend's entry of its group.
+    """Return a line of panel `number`; the first panel's line has its group's legend entry.
 
-    Nothing is said of it when pointed at where `hover` is empty.
+    An empty `hover` gives no hover text.
     """
     suffix = str(number + 1) if number else ""
     shown: Spec = {"legendgroup": group, "showlegend": number == 0}
@@ -115,7 +115,7 @@ def panel_line(
 
 
 def _band(number: int, key: str, times: Array, middle: Array, sigma: Array) -> Spec:
-    """Three of the filter's own sigmas about a line, there and back."""
+    """Band of three of the filter's own sigmas about a line."""
     y = numbers(np.concatenate([middle + 3.0 * sigma, (middle - 3.0 * sigma)[::-1]]), 5)
     there_and_back = np.concatenate([times, times[::-1]])
     line = {"color": SKY, "width": 0.5}
@@ -134,10 +134,10 @@ def errors_spec(
 ) -> Spec:
     """Return the figure of errors over time: a row per vehicle; x, y and heading.
 
-    The line is the mean error over the trials (of a single trial: its error), the band three of
-    the filter's own sigmas, the dotted lines three times the errors' RMS: where these leave the
-    band, the filter claims more than it knows. Raises InputError for a report without series, or
-    a vehicle that it does not hold.
+    The line is the mean error over the trials (for a single trial, its error), the band is three
+    of the filter's own sigmas, and the dotted lines are three times the RMS error. Where these
+    leave the band, the filter is optimistic. Raises InputError for a report without series, or a
+    vehicle that is not in the report.
     """
     series = _series_of(report)
     rows = _chosen(report, series, vehicles)
@@ -162,14 +162,14 @@ def errors_spec(
 
 
 def _settled(row: VehicleSeries, column: int) -> float | None:
-    """Half the range of an axis that holds the second half; None if the start is hardly larger."""
+    """Half the range of an axis that fits the second half; None if the start is hardly larger."""
     whole = _reach(row, column)
     half = _AIR * float(np.max(whole[len(whole) // 2 :]))
     return half if 0.0 < _WORTH_CLIPPING * half < float(np.max(whole)) else None
 
 
 def _reach(row: VehicleSeries, column: int) -> Array:
-    """The largest of what is drawn of a coordinate, at each moment."""
+    """Largest magnitude drawn of a coordinate at each sample."""
     mean, sigma, rms = _error_curves(row, column)
     return np.asarray(np.maximum.reduce([np.abs(mean), 3.0 * sigma, 3.0 * rms]))
 
@@ -220,7 +220,7 @@ def _chosen(
 
 
 def _error_curves(row: VehicleSeries, column: int) -> tuple[Array, Array, Array]:
-    """(mean, sigma, RMS) over time of one coordinate."""
+    """Mean, sigma and RMS of one coordinate over time."""
     mean = (row.mean_x_m, row.mean_y_m, row.mean_heading_rad)[column]
     sigma = (row.sigma_x_m, row.sigma_y_m, row.sigma_heading_rad)[column]
     rms = (row.rms_x_m, row.rms_y_m, row.rms_heading_rad)[column]
@@ -258,8 +258,8 @@ def _error_panel(
 def estimates_spec(report: ReplayDocument, style: FigureStyle) -> Spec:
     """Return the figure of estimates over time: a row per robot; x, y and position sigma.
 
-    The line is the estimate, the band three of the filter's own sigmas about it. Raises InputError
-    for a report without estimates.
+    The line is the estimate, the band is three of the filter's own sigmas about it. Raises
+    InputError for a report without estimates.
     """
     kept = report.estimates
     if kept is None:
@@ -284,7 +284,7 @@ def estimates_spec(report: ReplayDocument, style: FigureStyle) -> Spec:
 
 
 def _least_known_robots(robots: list[EstimatedPath]) -> list[EstimatedPath]:
-    """At most MOST_ROBOTS, in the order given."""
+    """At most MOST_ROBOTS robots, those with the largest position sigmas, in the order given."""
     kept = sorted(robots, key=lambda one: -float(np.mean(one.sigma_m)))[:MOST_ROBOTS]
     names = {one.name for one in kept}
     return [one for one in robots if one.name in names]
@@ -312,9 +312,9 @@ def _estimate_panel(row: EstimatedPath, column: int, times: Array, number: int) 
 def states_spec(report: ValidationDocument | ReplayDocument, style: FigureStyle) -> Spec:
     """Return the figure of further states over time: a panel for each, in its own unit.
 
-    The thin line is the RMS error over the trials (of a single trial: the size of its error), the
-    broad one the filter's own sigma, the dotted one the bound. Raises InputError for a report
-    without such a series.
+    The thin line is the RMS error over the trials (for a single trial, the size of its error), the
+    broad line is the filter's own sigma, and the dotted line is the bound. Raises InputError for a
+    report without such a series.
     """
     if report.series is None or report.series.errors is None:
         problem = "the report has no errors of further states over time; --series keeps them"
@@ -338,7 +338,7 @@ def states_spec(report: ValidationDocument | ReplayDocument, style: FigureStyle)
 
 
 def _least_known_states(states: Sequence[StateErrorSeries]) -> list[StateErrorSeries]:
-    """At most MOST_STATES, as many of each kind as there is room for, in the order given."""
+    """At most MOST_STATES states, the least known of each kind, in the order given."""
     if len(states) <= MOST_STATES:
         return list(states)
     kinds: dict[str, list[int]] = defaultdict(list)
@@ -380,7 +380,7 @@ def _state_panel(state: StateErrorSeries, times: Array, number: int, single: boo
 
 
 def _significant(values: Array) -> Array:
-    """Values to _DIGITS digits of the largest: units differ by orders of magnitude."""
+    """Round values to _DIGITS digits of the largest, as units differ by orders of magnitude."""
     largest = float(np.max(np.abs(values), initial=0.0))
     if not 0.0 < largest < np.inf:
         return values

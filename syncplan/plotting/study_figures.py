@@ -1,4 +1,4 @@
-"""Figures of studies of a plan: what losses, worse worlds and swept values do to its error."""
+"""Figures of a plan's error after losses, in worse worlds and over swept values."""
 
 from collections.abc import Callable
 
@@ -11,7 +11,7 @@ from syncplan.reports.validation_report import SweepReport, SweepRow, Validation
 from syncplan.scenario.dotted_keys import swept_key
 
 MOST_BARS = 30
-"""Losses shown, the most harmful: more would be too many to read."""
+"""Largest number of losses that stay readable; the most harmful are shown."""
 
 FEW_TRIALS = 100
 
@@ -83,7 +83,7 @@ def _loss_note(report: WhatIfDocument, shown: int) -> str:
 def stress_spec(report: ValidationDocument) -> Spec:
     """Return the figure of the error in each worse world, the most harmful on top.
 
-    Diamonds mark what was to be expected, a line the error in the world as stated.
+    Diamonds mark the expected errors, a line the error in the world as stated.
     """
     worlds = report.stress or []
     rows = [canvas.escaped(one.world) for one in worlds]
@@ -149,10 +149,10 @@ _CURVES: tuple[tuple[str, str, _Figure, str, str, str], ...] = (
 
 
 def sweep_spec(report: SweepReport) -> Spec:
-    """Return the figure of errors over the swept value, as the paper's Tables 1 and 2.
+    """Return the figure of errors over the swept value, as in the paper's Tables 1 and 2.
 
-    A row for a team connected at every instant stands beside the curves, with hollow marks; rows
-    whose plan is not observable are crossed out.
+    A row for a team connected at every instant has hollow marks beside the curves; rows whose plan
+    is not observable are crossed out.
     """
     key = swept_key(report.swept)
     connected = [row for row in report.rows if row.label.startswith("connected")]

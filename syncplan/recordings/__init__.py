@@ -1,6 +1,6 @@
-"""What real robots recorded, read from the layouts that people keep it in.
+"""Recordings of real robots, read from the common layouts.
 
-log                what a recording holds, in short, and as bytes; robots and landmarks with names
+log                content of a recording, its overview and its bytes; named robots and landmarks
 recorded_files     files of a recording, limits of what is read, zip and tar archives
 mrclam             folders in the layout of the MRCLAM data sets
 csv_layout         folders of CSV files with a header

@@ -1,4 +1,4 @@
-"""Recordings as a folder of CSV files, whose first lines name their columns.
+"""Recordings in a folder of CSV files, whose first lines name the columns.
 
     odometry.csv    robot, time_s, speed_mps, turn_rate_rad_s
     sightings.csv   robot, time_s, target, bearing_rad, range_m   either of the last two, or both
@@ -6,7 +6,7 @@
     truth.csv       robot, time_s, x_m, y_m, heading_rad          where robots truly were; optional
 
 Columns come in any order; rows of one robot are in order of time. An empty bearing_rad or range_m
-was not recorded, an empty target was not recognised.
+means not recorded, an empty target not recognised.
 """
 
 import csv
@@ -31,10 +31,10 @@ if TYPE_CHECKING:
 
 
 ROWS_AT_ONCE = 2_000
-"""Rows whose cells are held as text at one time: few enough for the processor's cache."""
+"""Rows held as text at one time: few enough for the processor's cache."""
 
 LONGEST_SHOWN = 60
-"""Characters of a cell in a message."""
+"""Most characters of a cell in a message."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,13 +49,13 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class NamedCells:
-    """A column of names: (k,) places among the names that occur; an empty cell has the name ""."""
+    """A column of names: each name once, (k,) indices into them; an empty cell has the name ""."""
 
     names: tuple[str, ...]
     places: Index
 
     def numbers(self, by_name: dict[str, int], otherwise: int) -> Index:
-        """Return (k,) the number of each cell's name, `otherwise` where it has none."""
+        """Return the (k,) number of each cell's name, `otherwise` for names without one."""
         table = [by_name.get(name, otherwise) for name in self.names]
         return np.array([*table, otherwise], dtype=np.int64)[self.places]
 
@@ -66,7 +66,7 @@ class CsvTable:
 
     Attributes
     ----------
-    path, header : of the file; its columns in its order
+    path, header : path of the file; its columns in order
     names : columns of names
     numbers : columns of numbers (k,), NaN in empty cells
     """
@@ -94,15 +94,15 @@ class CsvTable:
 
 
 class _Numbers:
-    """A column of numbers on its way."""
+    """A column of numbers under construction."""
 
     def __init__(self, column: Column) -> None:
-        # the faster first
+        # the faster conversion first
         self._ways = (float, _number_or_none) if column.gaps else (float,)
         self._parts: list[Array] = []
 
     def add(self, cells: Sequence[str]) -> int | None:
-        """Take cells in; return the place of the first that is no number."""
+        """Append cells; return the index of the first that is not a number, None if all are."""
         for number in self._ways:
             with suppress(ValueError):
                 self._parts.append(np.fromiter(map(number, cells), np.float64, len(cells)))
@@ -122,14 +122,14 @@ class _Numbers:
 
 
 class _Names:
-    """A column of names on its way."""
+    """A column of names under construction."""
 
     def __init__(self) -> None:
         self._places: defaultdict[str, int] = defaultdict(itertools.count().__next__)
         self._parts: list[Index] = []
 
     def add(self, cells: Sequence[str]) -> None:
-        """Take cells in."""
+        """Append cells."""
         self._parts.append(np.fromiter(map(self._places.__getitem__, cells), np.int64, len(cells)))
 
     def whole(self) -> NamedCells:
@@ -147,7 +147,7 @@ def _number_or_none(cell: str) -> float:
 def read_table(path: Path, columns: Sequence[Column]) -> CsvTable:
     """Return the columns of a file, which may come in any order.
 
-    Raises InputError naming the file, and the line, column and cell that are at fault.
+    Raises InputError naming the file, and the line, column and cell at fault.
     """
     check_file(path, missing=f"is missing; its first line names the columns {_listed(columns)}")
     with _rows_of(path) as rows:
@@ -179,7 +179,7 @@ def read_table(path: Path, columns: Sequence[Column]) -> CsvTable:
 
 @contextmanager
 def _rows_of(path: Path) -> Iterator["Reader"]:
-    """The rows of a file, whose faults raise InputError."""
+    """Rows of a file, whose faults raise InputError."""
     rows = None
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:
@@ -203,7 +203,7 @@ def _line_of(path: Path, row: int) -> tuple[int, list[str]]:
 
 
 def _header(cells: list[str], columns: Sequence[Column], path: Path) -> tuple[str, ...]:
-    """The columns that the first line names."""
+    """Columns named by the first line; raises InputError unless they are those of the file."""
     header = tuple(cell.strip() for cell in cells)
     known = {column.name: column for column in columns}
     wanted = f"the columns are {_listed(columns)}"
@@ -239,7 +239,7 @@ def _check_widths(rows: list[list[str]], before: int, header: tuple[str, ...], p
 
 
 def _check_cells(table: CsvTable, column: Column) -> None:
-    """Raise InputError for the first cell that can't be what its column holds."""
+    """Raise InputError for the first cell with a value that its column can't hold."""
     if column.named:
         cells = table.names[column.name]
         for place, name in enumerate(cells.names):
@@ -282,7 +282,7 @@ FILES: Mapping[str, tuple[Column, ...]] = MappingProxyType(
 
 
 UNKNOWN = -2
-"""Number of a name that nobody has."""
+"""Number of a name that no robot or landmark has."""
 
 NAMED_ELSEWHERE = (
     "name it in odometry.csv or landmarks.csv, or leave the cell empty where nobody knows it"
@@ -297,7 +297,7 @@ def holds_csv(path: Path) -> bool:
 def read_csv(folder: Path) -> Log:
     """Return the recording in a folder.
 
-    Raises InputError naming the file, and the line, column and cell that are at fault.
+    Raises InputError naming the file, and the line, column and cell at fault.
     """
     odometry = _table(folder, "odometry.csv")
     read = _by_robot(odometry, "time_s", "speed_mps", "turn_rate_rad_s")
@@ -322,10 +322,10 @@ def _table(folder: Path, name: str) -> CsvTable:
 
 
 def _landmarks(table: CsvTable, robots: Container[str]) -> dict[str, tuple[float, float]]:
-    """Places by name."""
+    """Positions by name."""
     cells = table.names["name"]
     for row, place in enumerate(cells.places.tolist()):
-        # places count names as they first occur
+        # names are numbered as they first occur
         problem = "it is there twice" if place < row else ""
         problem = problem or landmark_problem(cells.names[place], robots)
         if problem:
@@ -335,13 +335,13 @@ def _landmarks(table: CsvTable, robots: Container[str]) -> dict[str, tuple[float
 
 
 def _by_robot(table: CsvTable, *columns: str) -> dict[str, Array]:
-    """Columns of numbers, the time first, of each robot's rows."""
+    """Columns of numbers of each robot, the time first."""
     rows = _rows_by_robot(table)
     return {robot: table.stacked(*columns)[places] for robot, places in rows.items()}
 
 
 def _rows_by_robot(table: CsvTable) -> dict[str, Index]:
-    """Places of each robot's rows; raises InputError where its time goes back."""
+    """Indices of each robot's rows; raises InputError if its time decreases."""
     cells, times = table.names["robot"], table.numbers["time_s"]
     order = np.argsort(cells.places, kind="stable")
     ends = np.searchsorted(cells.places[order], np.arange(1, len(cells.names)))

@@ -1,4 +1,4 @@
-"""What a recording holds, whatever layout it came in; who is who in it, in short, and as bytes."""
+"""Content of a recording in any layout, its overview and its bytes; named robots and landmarks."""
 
 import io
 import json
@@ -16,7 +16,7 @@ from syncplan.phrases import listed
 from syncplan.recordings.recorded_files import MOST_ROBOTS, name_problem
 
 NOBODY = -1
-"""Subject of a reading that belongs to no subject."""
+"""Subject of a reading whose target is unknown."""
 
 MOST_LISTED = 20
 """Most landmarks that a message names."""
@@ -28,12 +28,12 @@ class RobotLog:
 
     Attributes
     ----------
-    name : in reports
-    subject : its number, which no other robot and no landmark has
-    truth : (k, 4) time s, x m, y m, heading rad; no rows where it is not known
+    name : name in reports
+    subject : its number, unique among robots and landmarks
+    truth : (k, 4) time s, x m, y m, heading rad; no rows if unknown
     odometry : (k, 3) time s, speed m/s, turn rate rad/s
-    times, subjects, bearings, ranges : (s,) s; number of the subject seen, NOBODY where unknown;
-        rad and m, NaN where not recorded
+    times, subjects, bearings, ranges : (s,) times in s; numbers of the subjects seen, NOBODY where
+        unknown; bearings in rad and ranges in m, NaN where not recorded
     """
 
     name: str
@@ -52,11 +52,11 @@ class Log:
 
     Attributes
     ----------
-    name : of the folder or file
-    robots : n of them, in order
-    landmark_names : m of them; numbers where the layout has no other names
-    landmark_subjects : (m,) the numbers by which they are seen
-    landmarks : (m, 2) m
+    name : name of the folder or file
+    robots : the n robots in order
+    landmark_names : m names; numbers where the layout has no other names
+    landmark_subjects : (m,) numbers of the landmarks in sightings
+    landmarks : (m, 2) positions in m
     """
 
     name: str
@@ -67,21 +67,21 @@ class Log:
 
     @property
     def has_truth(self) -> bool:
-        """Whether it is recorded where every robot truly was."""
+        """Whether the true poses of every robot are recorded."""
         return all(len(robot.truth) for robot in self.robots)
 
     def landmark_places(self, names: Iterable[int | str] | None) -> Index:
-        """Return the places of the named landmarks among all, in their order; of all if None.
+        """Return the indices of the named landmarks, ascending; of all if None.
 
-        Raises InputError naming one that there is not.
+        Raises InputError naming one that does not exist.
         """
         return np.array(chosen_landmarks(self.landmark_names, names), dtype=np.int64)
 
 
 def chosen_landmarks(known: Iterable[int | str], names: Iterable[int | str] | None) -> list[int]:
-    """Return the places of the named landmarks among those known, in their order; all if None.
+    """Return the indices of the named landmarks among the known ones, ascending; all if None.
 
-    Raises InputError naming one that there is not.
+    Raises InputError naming one that does not exist.
     """
     all_names = dict.fromkeys(known)
     wanted = dict.fromkeys(all_names if names is None else names)
@@ -92,19 +92,19 @@ def chosen_landmarks(known: Iterable[int | str], names: Iterable[int | str] | No
     return [place for place, name in enumerate(all_names) if name in wanted]
 
 
-# --- in short -----------------------------------------------------------------------------------
+# --- overview -----------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
 class Overview:
-    """A recording in short.
+    """Overview of a recording.
 
     Attributes
     ----------
     name, robots, landmarks : names; numbers where the layout numbers landmarks
-    begin_s, duration_s : s, of the odometry, by the recording's clock
-    bearings, distances : number of readings that have them
-    has_truth : whether it is recorded where every robot truly was
+    begin_s, duration_s : begin and length of the odometry in s, by the recording's clock
+    bearings, distances : numbers of readings with a bearing, with a distance
+    has_truth : whether the true poses of every robot are recorded
     """
 
     name: str
@@ -118,7 +118,7 @@ class Overview:
 
 
 def overview_of(log: Log) -> Overview:
-    """Return a recording in short."""
+    """Return the overview of a recording."""
     begin = min(float(robot.odometry[0, 0]) for robot in log.robots)
     end = max(float(robot.odometry[-1, 0]) for robot in log.robots)
     return Overview(
@@ -140,7 +140,7 @@ _NUMBERS = ("truth", "odometry", "times", "subjects", "bearings", "ranges")
 
 
 def pack_log(log: Log) -> bytes:
-    """Return a recording as bytes, compressed."""
+    """Return a recording as compressed bytes."""
     words = {
         "name": log.name,
         "robots": [(robot.name, robot.subject) for robot in log.robots],
@@ -163,7 +163,7 @@ def pack_log(log: Log) -> bytes:
 
 
 def unpack_log(data: bytes) -> Log:
-    """Return the recording that `pack_log` turned into bytes; raises InputError for others."""
+    """Return the recording in bytes from `pack_log`; raises InputError for other bytes."""
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as stored:
             words = json.loads(stored["words"].tobytes())
@@ -186,11 +186,11 @@ def unpack_log(data: bytes) -> Log:
 
 
 RESERVED = ("all", "none")
-"""Words that stand for landmarks where one is chosen."""
+"""Words that can't be names, because they stand for choices of landmarks."""
 
 
 class SeenBodies(NamedTuple):
-    """Sightings of one robot, by time: as in a RobotLog."""
+    """Sightings of one robot in order of time, as in a RobotLog."""
 
     times: Array
     subjects: Index
@@ -200,12 +200,12 @@ class SeenBodies(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class NamedTeam:
-    """Robots, in order of their names, and landmarks; robots are subjects 1 to n, landmarks follow.
+    """Robots in order of their names, which are subjects 1 to n, and landmarks, which follow.
 
     Attributes
     ----------
     robots : names
-    landmarks : places in m, by name
+    landmarks : positions in m by name
     """
 
     robots: tuple[str, ...]
@@ -215,7 +215,7 @@ class NamedTeam:
     def of(
         cls, robots: Iterable[str], landmarks: Mapping[str, tuple[float, float]], source: str
     ) -> "NamedTeam":
-        """Return the team; raises InputError where there are too many robots."""
+        """Return the team; raises InputError if there are too many robots."""
         ordered = tuple(sorted(robots, key=_by_number))
         if len(ordered) > MOST_ROBOTS:
             problem = f"holds {len(ordered)} robots, more than {MOST_ROBOTS}"
@@ -224,7 +224,7 @@ class NamedTeam:
 
     @property
     def subjects(self) -> dict[str, int]:
-        """Numbers of robots and landmarks by name."""
+        """Subject numbers of robots and landmarks by name."""
         return {name: number for number, name in enumerate((*self.robots, *self.landmarks), 1)}
 
     def log(
@@ -234,7 +234,7 @@ class NamedTeam:
         seen: Mapping[str, SeenBodies],
         truth: Mapping[str, Array],
     ) -> Log:
-        """Return the recording, of what each robot read and where it was, as in a RobotLog."""
+        """Return the recording of each robot's odometry, sightings and truth, as in a RobotLog."""
         nothing = SeenBodies(np.zeros(0), np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
         unknown = np.zeros((0, 4))
         robots = tuple(
@@ -258,7 +258,7 @@ class NamedTeam:
 
 
 def landmark_problem(name: str, robots: Container[str]) -> str:
-    """Return the fault of a landmark's name beside robots, or "" if there is none."""
+    """Return the fault of a landmark's name, given the robots' names, or "" if there is none."""
     if name in robots:
         return "a robot has this name as well"
     if name in RESERVED:
@@ -267,5 +267,5 @@ def landmark_problem(name: str, robots: Container[str]) -> str:
 
 
 def _by_number(name: str) -> list[str]:
-    """A key that sorts robot2 before robot10."""
+    """Key that sorts robot2 before robot10."""
     return [part.zfill(20) if part.isdigit() else part for part in re.split(r"(\d+)", name)]

@@ -9,7 +9,7 @@ clock common to all files and never decrease; angles are in rad:
     Robot1_Odometry.dat        time, speed, turn rate  m/s, rad/s
     Robot1_Measurement.dat     time, barcode, range, bearing   m, rad from the robot's heading
 
-Each robot has the last three, or all lack the first of them; its number is its subject's.
+Each robot has the last three files, or none has Groundtruth; its number is its subject's.
 
 Source: Leung, Halpern, Barfoot, Liu, "The UTIAS multi-robot cooperative localization and mapping
 dataset", International Journal of Robotics Research 30(8):969-974, 2011.
@@ -76,7 +76,7 @@ def _landmarks(path: Path, robots: list[int]) -> tuple[Index, Array]:
 
 
 def _barcodes(path: Path, known: set[int]) -> dict[int, int]:
-    """Subject by barcode."""
+    """Subjects by barcode."""
     table = _table(path, "subject, barcode", whole=(0, 1)).astype(np.int64)
     _refuse_twice(table[:, 1], "barcode", path)
     for subject in table[:, 0].tolist():
@@ -90,7 +90,7 @@ def _barcodes(path: Path, known: set[int]) -> dict[int, int]:
 
 
 def _has_truth(folder: Path, numbers: list[int]) -> bool:
-    """Whether robots have truth; raises InputError where some have, and one has not."""
+    """Return whether robots have truth; raises InputError if only some of them have it."""
     paths = [folder / f"Robot{number}_Groundtruth.dat" for number in numbers]
     missing = [path for path in paths if not path.exists()]
     if 0 < len(missing) < len(paths):
@@ -133,7 +133,7 @@ def _robot(folder: Path, number: int, carried: dict[int, int], *, has_truth: boo
 def _table(
     path: Path, columns: str, *, whole: tuple[int, ...] = (), ordered: bool = False
 ) -> Array:
-    """The named columns (k, c) of a file; `whole` ones hold integers, `ordered` is by time."""
+    """(k, c) named columns of a file; `whole` ones hold integers, `ordered` rows are by time."""
     names = columns.split(", ")
     check_file(path)
     try:
@@ -165,14 +165,14 @@ def _table(
 
 
 def _rows(path: Path) -> list[tuple[int, list[str]]]:
-    """Rows of words with their lines' numbers, comments left out."""
+    """Rows of words with their line numbers, without comments."""
     lines = path.read_text("utf-8-sig").splitlines()
     rows = [(number, line.split("#")[0].split()) for number, line in enumerate(lines, 1)]
     return [(number, row) for number, row in rows if row]
 
 
 def _no_number(path: Path, names: list[str]) -> InputError:
-    """The fault of the first line that does not hold numbers in the named columns."""
+    """Error of the first line that lacks numbers in the named columns."""
     for number, row in _rows(path):
         if len(row) < len(names):
             there = "1 column" if len(row) == 1 else f"{len(row)} columns"

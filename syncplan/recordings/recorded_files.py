@@ -1,10 +1,10 @@
-"""Files of a recording: checked, or taken from a zip or tar archive.
+"""Files of a recording: checks, and unpacking of zip and tar archives.
 
-A file is no larger than is read, and its values and names are within what they can be.
+The size of a file, its values and its names are limited.
 
-Whatever an archive holds, nothing is written but files of recordings, by their own names, into one
-folder, and no more than is allowed. Too many members are refused by their number alone: those of a
-zip archive before it is opened, those of a tar archive, which has no directory, on the way.
+Whatever an archive holds, only files of recordings are written, by their own names, into one
+folder, and no more than is allowed. An archive with too many members is refused by their number
+alone: a zip archive before it is opened, a tar archive, which has no directory, while it is read.
 """
 
 import stat
@@ -22,7 +22,7 @@ from syncplan.errors import InputError
 MOST_ROBOTS = 200
 LARGEST_FILE_BYTES = 256 * 2**20
 LARGEST_VALUE = 1e12
-"""Larger than any clock in seconds and any coordinate."""
+"""Largest value: beyond any clock in s and any coordinate."""
 
 
 LONGEST_NAME = 64
@@ -40,7 +40,7 @@ def name_problem(name: str) -> str:
 
 
 def check_file(path: Path, *, kind: str = "text file", missing: str = "is missing") -> None:
-    """Raise InputError if the path is no file, or one that is too large or can't be read."""
+    """Raise InputError if the path is not a file, or the file is too large or can't be read."""
     try:
         size = path.stat().st_size
     except FileNotFoundError:
@@ -58,17 +58,17 @@ def check_file(path: Path, *, kind: str = "text file", missing: str = "is missin
 
 
 MOST_BYTES = 2**30
-"""Of all files together, unpacked."""
+"""Most bytes of all files together, unpacked."""
 
 MOST_MEMBERS = 2_000
-"""Files and folders. A recording of the most robots has some 600 files, and some systems add a
-hidden one to each."""
+"""Most files and folders. A recording of MOST_ROBOTS robots has some 600 files, and some systems
+add a hidden one to each."""
 
 _ZIP_ENTRY = b"PK\x01\x02"
-"""What begins each entry of a zip archive's directory."""
+"""Signature of each entry in a zip archive's directory."""
 
 UNNAMED = "recording"
-"""Folder of files that lie at an archive's top."""
+"""Folder for files at the top level of an archive."""
 
 _AT_ONCE = 2**20
 
@@ -92,7 +92,7 @@ def unpack_files(stream: BinaryIO, into: Path, patterns: Sequence[str], source: 
     """Write an archive's files whose names fit a pattern, and return their folder below `into`.
 
     Other files, and hidden ones, are left out. The folder is named as in the archive. Raises
-    InputError, naming `source`, for an archive that is broken or too large, and where files are of
+    InputError, naming `source`, if the archive is broken or too large, or if its files belong to
     two recordings or would be written elsewhere.
     """
     try:
@@ -100,7 +100,7 @@ def unpack_files(stream: BinaryIO, into: Path, patterns: Sequence[str], source: 
     except InputError:
         raise
     except Exception as error:
-        # a broken archive raises whatever its bytes lead to, lack of memory among it
+        # a broken archive can raise any error, even MemoryError
         problem = f"can't be unpacked: {str(error) or type(error).__name__}"
         raise InputError(problem, source=source) from error
 
@@ -140,9 +140,9 @@ def _unpacked(stream: BinaryIO, into: Path, patterns: Sequence[str], source: str
 
 
 def _members(stream: BinaryIO, source: str) -> Iterator[_ArchivedFile]:
-    """The files of an archive; those of a tar one by one, as far as it is read.
+    """Files of an archive; those of a tar archive one by one while it is read.
 
-    Raises InputError where there are too many members, folders among them.
+    Raises InputError if there are too many members, including folders.
     """
     if zipfile.is_zipfile(stream):
         _check_count(_zip_entries(stream), source)
@@ -168,7 +168,7 @@ def _members(stream: BinaryIO, source: str) -> Iterator[_ArchivedFile]:
 
 
 def _check_count(count: int, source: str) -> None:
-    """Raise InputError if an archive of at least so many members has too many."""
+    """Raise InputError if an archive with at least `count` members has too many."""
     if count > MOST_MEMBERS:
         problem = (
             f"holds at least {count} files and folders; allowed is up to {MOST_MEMBERS}; leave out "
@@ -178,24 +178,24 @@ def _check_count(count: int, source: str) -> None:
 
 
 def _zip_entries(stream: BinaryIO) -> int:
-    """Number of entries of a zip archive's directory, by their signature.
+    """Number of entries in a zip archive's directory, counted by their signature.
 
-    The number that the directory states need not be true, and to open it reads all of it. In
-    compressed bytes the signature is there by chance once in 4 GiB.
+    The number that the directory states may be false, and opening the archive reads all of the
+    directory. In compressed bytes the signature occurs by chance once in 4 GiB.
     """
     stream.seek(0)
     count, kept = 0, b""
     while part := stream.read(_AT_ONCE):
         part = kept + part
         count += part.count(_ZIP_ENTRY)
-        # one that lies across two parts is whole in the second
+        # a signature split between two parts is whole in the second
         kept = part[1 - len(_ZIP_ENTRY) :]
     stream.seek(0)
     return count
 
 
 def _write(member: _ArchivedFile, path: Path) -> None:
-    """Write a member's bytes, as many as it states."""
+    """Write a member's bytes, up to the size it states."""
     opened = member.opened()
     assert opened is not None
     left = member.size

@@ -1,6 +1,6 @@
-"""The table of layouts of recordings. A new one is a module that reads it and a line here.
+"""The table of recording layouts. A new layout is a module that reads it and a line here.
 
-Costs nothing to import: a layout's own module is loaded once it is looked for.
+Importing this module is cheap: a layout's own module is loaded when first used.
 """
 
 import io
@@ -21,15 +21,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class RecordingFormat:
-    """One layout.
+    """A layout of recordings.
 
     Attributes
     ----------
-    title : what it is called
-    sign : a file that shows it
-    files : patterns of the names of its files
-    detector, reader : module of this package and its function, from a path to whether it holds this
-        layout, and to the recording
+    title : name of the layout
+    sign : a file that identifies it
+    files : patterns of its file names
+    detector, reader : module of this package and a function in it, from a path to whether it holds
+        this layout, and from a path to the recording
     """
 
     title: str
@@ -79,7 +79,7 @@ FORMATS: Mapping[str, RecordingFormat] = MappingProxyType(
 def load_log(path: str | Path) -> "Log":
     """Return the recording in a folder, a bag's file or an archive, whatever its layout.
 
-    Raises InputError naming file, line and fault, and where there is no recording, or two.
+    Raises InputError naming file, line and fault, and if there is no recording, or two.
     """
     path = Path(path)
     layout = _format_of(path)
@@ -90,10 +90,9 @@ def load_log(path: str | Path) -> "Log":
 
 
 def read_archive(stream: BinaryIO, source: str = "") -> "Log":
-    """Return the recording in a zip or tar archive, whose messages name `source`.
+    """Return the recording in a zip or tar archive; messages name `source`.
 
-    Raises InputError as `load_log` does, also for an archive that is broken, too large or holds
-    what it should not.
+    Raises InputError as `load_log` and `unpack_files` do.
     """
     from syncplan.recordings.recorded_files import unpack_files
 
@@ -105,16 +104,16 @@ def read_archive(stream: BinaryIO, source: str = "") -> "Log":
             assert layout is not None
             return layout.read(folder)
         except InputError as error:
-            # as its reader knows it
+            # the reader's source, without the temporary folder
             inner = error.source.replace(str(folder), folder.name, 1)
             place = ": ".join(filter(None, (source, inner)))
             raise InputError(error.problem, source=place) from None
 
 
 def archived(path: Path) -> bytes:
-    """Return a recording as the bytes of an archive: zipped, unless it is one already.
+    """Return a recording as the bytes of an archive, zipped unless it is one already.
 
-    Nothing but the names of its files is looked at. Raises InputError as `load_log` does.
+    Checks no more than the names of the files. Raises InputError as `load_log` does.
     """
     layout = _format_of(path)
     if layout is None:
@@ -127,14 +126,14 @@ def archived(path: Path) -> bytes:
 
 
 def recorded_files_in(path: Path) -> list[Path]:
-    """Return the files of the recordings that a folder holds; a file is its own."""
+    """Return the files of the recordings in a folder; a file alone is returned as it is."""
     if not path.is_dir():
         return [path]
     return [one for layout in FORMATS.values() for name in layout.files for one in path.glob(name)]
 
 
 def _format_of(path: Path) -> RecordingFormat | None:
-    """The layout of a folder or file, None for an archive."""
+    """Layout of a folder or file, None for an archive."""
     from syncplan.recordings.recorded_files import holds_archive
 
     try:

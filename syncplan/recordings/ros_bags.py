@@ -1,16 +1,16 @@
 """Recordings as ROS 2 bags, in SQLite or MCAP.
 
-    /NAME/odom           nav_msgs/Odometry or geometry_msgs/TwistStamped, of which the twist is read
-    /NAME/sightings      vision_msgs/Detection3DArray: class_id names what was seen, the pose says
-                         where, seen from the robot: x ahead, y to the left
-    /NAME/bearings       the same where only the direction was measured
-    /NAME/ranges         the same where only the distance was
-    /NAME/ground_truth   geometry_msgs/PoseStamped or nav_msgs/Odometry, of which the pose is read
-    /landmarks           vision_msgs/Detection3DArray: names, and places on the ground
+    /NAME/odom           nav_msgs/Odometry or geometry_msgs/TwistStamped: its twist
+    /NAME/sightings      vision_msgs/Detection3DArray: class_id names the target, the pose is its
+                         position relative to the robot: x ahead, y to the left
+    /NAME/bearings       the same, if only the direction was measured
+    /NAME/ranges         the same, if only the distance was measured
+    /NAME/ground_truth   geometry_msgs/PoseStamped or nav_msgs/Odometry: its pose
+    /landmarks           vision_msgs/Detection3DArray: names, and positions on the ground
 
-Times are those of the messages' headers. Targets that are neither robots nor landmarks count as
-not recognised: detectors also report other things. Only these types are read, by definitions that
-stand here or come with rosbags: those that a bag brings along would be compiled to code.
+Times are those of the message headers. Targets that are neither robots nor landmarks count as not
+recognised: detectors also report other things. Only these types are read, and only by the
+definitions here and in rosbags: a bag's own definitions would be compiled to code.
 """
 
 import math
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 
 Reading = tuple[tuple[float, ...], str]
-"""Numbers, of which the first is a time in s, and the name of what was seen."""
+"""Numbers, the first a time in s, and the name of the target, "" if there is none."""
 
 ODOMETRY = "nav_msgs/msg/Odometry"
 DETECTIONS = "vision_msgs/msg/Detection3DArray"
@@ -53,7 +53,7 @@ _VISION = {
     "vision_msgs/msg/ObjectHypothesis": "string class_id\nfloat64 score",
     "vision_msgs/msg/BoundingBox3D": "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size",
 }
-"""As of vision_msgs 4, since ROS 2 Humble."""
+"""Definitions of vision_msgs 4, in use since ROS 2 Humble."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,9 +62,9 @@ class TopicKind:
 
     Attributes
     ----------
-    columns : what the numbers of a reading are
-    taken : what is taken from a message, by its type
-    of_robot : whether each robot has its own
+    columns : names of the numbers of a reading
+    taken : function from a message to its readings, by type of message
+    of_robot : whether each robot has its own topic
     """
 
     columns: tuple[str, ...]
@@ -101,7 +101,7 @@ def _placed_by_odometry(message: Any) -> list[Reading]:
 
 
 def _detected(message: Any) -> list[Reading]:
-    """The place of each detection, with its likeliest name."""
+    """Position of each detection, with its most likely name."""
     readings: list[Reading] = []
     for detection in message.detections:
         if detection.results:
@@ -113,12 +113,12 @@ def _detected(message: Any) -> list[Reading]:
 
 def _seconds(message: Any) -> float:
     stamp = message.header.stamp
-    # the quotient of whole numbers is rounded once
+    # the quotient of integers is rounded only once
     return float((stamp.sec * 1_000_000_000 + stamp.nanosec) / 1_000_000_000)
 
 
 def _planar(pose: Any) -> tuple[float, float, float]:
-    """Place in m and heading in rad, of a pose whose z axis is up."""
+    """Position in m and heading in rad of a pose whose z axis points up."""
     q = pose.orientation
     heading = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y**2 + q.z**2))
     return pose.position.x, pose.position.y, heading
@@ -142,14 +142,14 @@ TOPICS: Mapping[str, TopicKind] = MappingProxyType(
         "landmarks": TopicKind(_PLACES, {DETECTIONS: _detected}, of_robot=False),
     }
 )
-"""Topics that count, by the last part of their name."""
+"""Kinds of topics that are read, by the last part of their name."""
 
 
 # --- topics -------------------------------------------------------------------------------------
 
 
 SUFFIXES = (".mcap", ".db3")
-"""Of files of bags."""
+"""Suffixes of the files of bags."""
 
 MOST_READINGS = 5_000_000
 """Most readings of all topics together."""
@@ -160,29 +160,29 @@ MOST_LISTED = 10
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """A topic that counts: whose it is, "" where nobody's, and of which kind."""
+    """A topic that is read: its robot, "" if it has none, and its kind."""
 
     robot: str
     kind: str
 
     @property
     def name(self) -> str:
-        """As in the bag."""
+        """Name in the bag."""
         return f"/{self.robot}/{self.kind}" if self.robot else f"/{self.kind}"
 
 
 @dataclass(frozen=True, slots=True)
 class TopicReadings:
-    """Readings of a topic, in order of time: numbers (k, c), and names where it names something."""
+    """Readings of a topic in order of time: (k, c) numbers, and names of targets, "" if none."""
 
     numbers: Array
     names: tuple[str, ...]
 
 
 def read_topics(path: Path) -> dict[Topic, TopicReadings]:
-    """Return the readings of a bag, its folder or one file of it, of the topics that count.
+    """Return the readings of a bag by topic; `path` is its folder or one file of it.
 
-    Each robot has odometry. Raises InputError naming the topic and the message at fault, and where
+    Each robot has odometry. Raises InputError naming the topic and the message at fault, and if
     rosbags is missing.
     """
     found: dict[Topic, list[Reading]] = {}
@@ -205,7 +205,7 @@ def read_topics(path: Path) -> dict[Topic, TopicReadings]:
 
 @contextmanager
 def _opened(path: Path) -> Iterator["Reader"]:
-    """The bag, whose faults raise InputError."""
+    """Open a bag, whose faults raise InputError."""
     try:
         from rosbags.rosbag2 import Reader
     except ImportError as error:
@@ -220,13 +220,13 @@ def _opened(path: Path) -> Iterator["Reader"]:
     except InputError:
         raise
     except Exception as error:
-        # a broken bag raises whatever its bytes lead to, lack of memory among it
+        # a broken bag can raise any error, even MemoryError
         problem = f"can't be read as a ROS 2 bag: {str(error) or type(error).__name__}"
         raise InputError(problem, source=str(path)) from error
 
 
 def _only_file(folder: Path) -> Path:
-    """The file of a bag without metadata.yaml, which says how several belong together."""
+    """The only file of a bag without metadata.yaml, which several files would need."""
     files = [one for one in folder.iterdir() if one.suffix in SUFFIXES]
     if len(files) != 1:
         problem = f"holds no metadata.yaml; `ros2 bag reindex {folder.name}` writes it"
@@ -235,7 +235,7 @@ def _only_file(folder: Path) -> Path:
 
 
 def _refuse_whole_files(path: Path) -> None:
-    """Raise InputError for a bag whose files are compressed whole: they may be of any size."""
+    """Raise InputError for a bag whose files are compressed whole: they may unpack to any size."""
     from ruamel.yaml import YAML
 
     if not path.is_dir():
@@ -248,14 +248,14 @@ def _refuse_whole_files(path: Path) -> None:
 
 
 def _topic_of(name: str) -> Topic | None:
-    """The topic of a name; None if it does not count."""
+    """Topic of a name; None if it is not read."""
     robot, _, last = name.strip("/").rpartition("/")
     kind = TOPICS.get(last)
     return Topic(robot, last) if kind and kind.of_robot == bool(robot) else None
 
 
 def _topics_in(bag: "Reader", path: Path) -> dict[str, Topic]:
-    """Topics that count, by name; raises InputError if one can't be read, or lacks odometry."""
+    """Topics to read, by name; raises InputError if one can't be read or lacks odometry."""
     topics: dict[str, Topic] = {}
     for connection in bag.connections:
         topic = _topic_of(connection.topic)
@@ -281,7 +281,7 @@ def _topics_in(bag: "Reader", path: Path) -> dict[str, Topic]:
 
 
 def _in_order(topic: Topic, readings: list[Reading], path: Path) -> TopicReadings:
-    """The readings by time; raises InputError for a number that can't be."""
+    """Readings in order of time; raises InputError for a number out of range or not finite."""
     columns = TOPICS[topic.kind].columns
     numbers = np.array([one for one, _ in readings], np.float64).reshape(-1, len(columns))
     wrong = ~(np.abs(numbers) <= LARGEST_VALUE)
@@ -300,7 +300,7 @@ def _in_order(topic: Topic, readings: list[Reading], path: Path) -> TopicReading
 
 
 SEEN = {"sightings": (True, True), "bearings": (True, False), "ranges": (False, True)}
-"""Whether direction and distance were measured, by the kind of topic."""
+"""Whether direction and distance were measured, by kind of topic."""
 
 
 def holds_bag(path: Path) -> bool:
@@ -311,9 +311,9 @@ def holds_bag(path: Path) -> bool:
 
 
 def read_bag(path: Path) -> Log:
-    """Return the recording in a bag, its folder or one file of it.
+    """Return the recording in a bag; `path` is its folder or one file of it.
 
-    Raises InputError naming the topic and the reading at fault, and where rosbags is missing.
+    Raises InputError naming the topic and the reading at fault, and if rosbags is missing.
     """
     topics = read_topics(path)
     odometry = {topic.robot: one.numbers for topic, one in topics.items() if topic.kind == "odom"}
@@ -352,7 +352,7 @@ def _check_odometry(
 def _landmarks(
     readings: TopicReadings | None, robots: Container[str], path: Path
 ) -> dict[str, tuple[float, float]]:
-    """Places by name; each may be there many times, at one place."""
+    """Positions by name; a landmark may occur many times, always at one position."""
     places: dict[str, tuple[float, float]] = {}
     if readings is None:
         return places
@@ -366,7 +366,7 @@ def _landmarks(
 
 
 def _seen(readings: TopicReadings, topic: Topic, team: NamedTeam, path: Path) -> SeenBodies:
-    """Sightings of the robot of a topic; a robot that sees itself was mistaken."""
+    """Sightings of a topic's robot; one of the robot itself counts as not recognised."""
     subjects = {name: number for name, number in team.subjects.items() if name != topic.robot}
     times, x, y = readings.numbers.T
     nowhere = (x == 0.0) & (y == 0.0)
@@ -384,6 +384,6 @@ def _seen(readings: TopicReadings, topic: Topic, team: NamedTeam, path: Path) ->
 
 
 def _merged(parts: list[SeenBodies]) -> SeenBodies:
-    """Sightings of one robot by several topics, in order of time."""
+    """Sightings of one robot from several topics, in order of time."""
     order = np.argsort(np.concatenate([one.times for one in parts]), kind="stable")
     return SeenBodies(*(np.concatenate(columns)[order] for columns in zip(*parts, strict=True)))

@@ -1,11 +1,11 @@
-"""Constraints of a refinement, smooth, over the whole turn: contacts, separation, landmarks, areas.
+"""Smooth constraints of a refinement over the whole turn: contacts, separation, landmarks, areas.
 
 Each concerns one vehicle or one pair, so its Jacobian is sparse. Two vehicles of one sense move
 relative to each other on a circle of radius m = |R_b e(phi_b) - R_a e(phi_a)| about the offset D of
 their centres, so their least distance is |D - m|: closed form. For opposite senses the relative
 path is an ellipse. There the constraint takes a soft minimum of |q|^2 at many samples, which is
-never above the true minimum, less the most that |q|^2 can fall between two samples: never more than
-the true least distance.
+never above the smallest sample, less the most that |q|^2 can fall between two samples. So it never
+exceeds the true least distance.
 
 A circle passes a landmark at ||c - L| - R|. It clears a keep-out by the distances of its edges less
 R or, going round it, by R less those of its corners.
@@ -42,9 +42,9 @@ class Blocks:
     Attributes
     ----------
     values : (g,)
-    jacobian : (g, 4 n) sparse, by the circles column by column
-    lower : (g,) what the values must reach
-    labels : (g,) what each is
+    jacobian : (g, 4 n) sparse, with respect to the circles, column by column
+    lower : (g,) lower bounds of the values
+    labels : (g,) name of each constraint
     """
 
     values: ca.MX
@@ -61,9 +61,9 @@ def blocks_of(
     lower: Array,
     labels: list[str],
 ) -> Blocks:
-    """Return the blocks of a function of one or two circles of (4, n), then of parameters.
+    """Return the blocks of a function of one or two of the circles (4, n), then of parameters.
 
-    `owners` (e, 1) or (e, 2) are the vehicles of each block; parameters have a column for each.
+    `owners` (e, 1) or (e, 2) are the vehicles of each block; parameters have a column per block.
     """
     number, each = owners.shape
     inputs = [*(circles[:, own.tolist()] for own in owners.T), *parameters]
@@ -82,7 +82,7 @@ def blocks_of(
 
 
 def stacked_blocks(blocks: list[Blocks], count: int) -> Blocks:
-    """Return blocks on `count` vehicles, one below the other; without any, (0,) values."""
+    """Return blocks on `count` vehicles stacked into one; without any, values are (0,)."""
     return Blocks(
         ca.vertcat(ca.MX(0, 1), *(block.values for block in blocks)),
         ca.vertcat(ca.MX(0, 4 * count), *(block.jacobian for block in blocks)),
@@ -93,19 +93,19 @@ def stacked_blocks(blocks: list[Blocks], count: int) -> Blocks:
 
 # --- sides ----------------------------------------------------------------------------------------
 #
-# A landmark lies outside a circle or within it, and so does a keep-out that its path must not
-# cross: flying round an obstacle is a plan. Each is a constraint of its own, so the side is fixed
-# while a stage is solved, and every start has its own.
+# A landmark lies outside a circle or within it. So does a keep-out, which the path must not cross
+# but may go round. The two sides are different constraints, so the side is fixed while a stage is
+# solved, and every start has its own.
 #
 #       (   x   )    within: the circle goes round it
 #       (       )  x    outside
 
 
 _SAFETY = 1e-4
-"""Share of a clearance by which the solver keeps beyond it."""
+"""Share of a clearance that the solver keeps in addition to it."""
 
 _LEAST_SHARE = 1e-3
-"""Share of a clearance that is asked for where bounds allow less."""
+"""Share of a clearance that is required even where bounds allow less."""
 
 
 def kept_landmarks(problem: RefineProblem) -> Index:
@@ -121,18 +121,18 @@ def side_count(problem: RefineProblem) -> int:
 
 
 def sides_of(problem: RefineProblem, circles: Array) -> Array:
-    """Return the side that circles (4, n) in m are on, of each landmark kept, then each keep-out.
+    """Return the sides of circles (4, n) in m on which landmarks kept, then keep-outs, lie.
 
-    Positive outside, negative within. Landmarks: 1 / m, the side over the clearance to be kept;
-    keep-outs: 1, those of each polygon for all vehicles.
+    Positive outside, negative within. Landmarks: in 1 / m, +-1 over the clearance to be kept;
+    keep-outs: +-1, polygon by polygon for all vehicles.
     """
     return np.concatenate([_of_landmarks(problem, circles), _of_keep_outs(problem, circles)])
 
 
 def _of_landmarks(problem: RefineProblem, circles: Array) -> Array:
-    """The side of the start, unless its bounds allow more room on the other and too little here.
+    """Sides of landmarks: those at the start, unless bounds allow too little room there.
 
-    Where they allow too little on either, as much as they allow is kept.
+    Then the side with more room is taken. Where both have too little, what bounds allow is kept.
     """
     k, landmark = kept_landmarks(problem).T
     places = problem.landmarks[landmark]
@@ -161,13 +161,13 @@ def _of_keep_outs(problem: RefineProblem, circles: Array) -> Array:
 
 _SAMPLES = 120
 _SHARPNESS = 200.0
-"""Of the soft minimum, relative to the square of the separation."""
+"""Sharpness of the soft minimum, relative to the square of the separation."""
 
 _TINY = 1e-12
 
 
 def separations(problem: RefineProblem, circles: ca.MX) -> Blocks:
-    """Return the distances of guarded pairs over the least separation; at least 1 is met.
+    """Return the distances of guarded pairs over the least separation; met at 1 or more.
 
     `circles` are (4, n), scaled. A pair of one sense whose relative circle leaves the origin
     outside keeps it outside, and one that goes round it keeps it inside.
@@ -189,9 +189,9 @@ def separations(problem: RefineProblem, circles: ca.MX) -> Blocks:
 
 
 def landmark_clearances(problem: RefineProblem, circles: ca.MX, sides: ca.MX) -> Blocks:
-    """Return the distances of circles from landmarks over what is kept; at least 1 is met.
+    """Return the distances of circles from landmarks over the clearance kept; met at 1 or more.
 
-    `sides` are those of `sides_of`, the first of them.
+    `sides` are all those of `sides_of`, of which the first are used.
     """
     kept, names, count = kept_landmarks(problem), problem.names, problem.orbits.count
     if len(kept) == 0:
@@ -206,9 +206,9 @@ def landmark_clearances(problem: RefineProblem, circles: ca.MX, sides: ca.MX) ->
 
 
 def area_clearances(problem: RefineProblem, circles: ca.MX, sides: ca.MX) -> Blocks:
-    """Return by how much each circle clears each edge of the polygons, scaled; 0 is met.
+    """Return the clearance of each circle from each edge of the polygons, scaled; met at 0 or more.
 
-    `sides` are those of `sides_of`, the last of them.
+    `sides` are all those of `sides_of`, of which the last are used.
     """
     area, scale, count = problem.area, problem.scale, problem.orbits.count
     last = sides[sides.numel() - len(area.outside) * count :]
@@ -301,7 +301,7 @@ def _segment() -> ca.Function:
 
 
 def _edge_kept_out() -> ca.Function:
-    """Of an edge outside the circle; of its start where the circle goes round the polygon."""
+    """Clearance of an edge outside the circle, or of its start within one round the polygon."""
     a, edge, side = ca.SX.sym("a", 4), ca.SX.sym("edge", 4), ca.SX.sym("side")
     outside, within = _from_segment(a, edge) - a[2], a[2] - _length(a[:2] - edge[:2])
     clear = ca.if_else(side > 0.0, outside, within)
@@ -353,15 +353,15 @@ def _doubled_area(corners: Array) -> float:
 #
 # Each sample's weight is a logistic step in the distance and, for limited views, in the angle off
 # boresight. The function is the logarithm of their sum (log-sum-exp of the weights' logarithms):
-# its slope stays large far from contact, where that of the number itself vanishes.
+# its slope stays large far from contact, where that of the sum itself vanishes.
 
 
 def contacts_kept(
     problem: RefineProblem, circles: ca.MX, times: SampleTimes, width: float, safety: float
 ) -> Blocks:
-    """Return the logarithm of the samples in contact, out of `times`, of contacts to be kept.
+    """Return the logarithm of the number of `times` in contact, of each contact to be kept.
 
-    `width` is that of the step; `safety` in m is added to the margins.
+    `width` is the step's, as a share of the range; `safety` in m is added to the margins.
     """
     count, names = problem.orbits.count, problem.names
     views = bool(np.any(problem.sensors.fields_of_view < 2.0 * np.pi))
@@ -387,14 +387,14 @@ def contacts_kept(
             owners, function = kept[:, :1], anchor_contact(times, views, pieces)
             places = problem.landmarks[kept[:, 1] - count].T / problem.scale
             inputs = [places, _observers(problem, kept[:, 0], views), step]
-            # counted at all samples: the fewest that hold so many at which the sensor is ready
+            # counted at all samples: the fewest that include so many with the sensor ready
             lower = np.log(needed * problem.sensors.every[kept[:, 0]] + 1.0)
         blocks.append(blocks_of(function, circles, owners, [*map(ca.DM, inputs)], lower, labels))
     return stacked_blocks(blocks, count)
 
 
 def _observers(problem: RefineProblem, vehicles: Index, views: bool) -> Array:
-    """(2 or 4, e) senses, scaled ranges, and with `views` half views and boresights of vehicles."""
+    """Senses and scaled ranges of vehicles, with `views` half views and boresights: (2 or 4, e)."""
     sensors = problem.sensors
     rows = [problem.orbits.senses[vehicles], sensors.ranges[vehicles] / problem.scale]
     if views:
@@ -404,9 +404,9 @@ def _observers(problem: RefineProblem, vehicles: Index, views: bool) -> Array:
 
 
 def _shares(problem: RefineProblem, pairs: Index) -> Array:
-    """(2, e) shares of both directions of sight: half each, or all for the longer range.
+    """Shares (2, e) of both directions of sight: half each, or all for the longer range.
 
-    A sensor that is not ready at every sample makes the fewer sightings.
+    Each is divided by the samples from one sighting of its sensor to the next.
     """
     ranges, every = problem.sensors.ranges, problem.sensors.every
     a, b = ranges[pairs[:, 0]], ranges[pairs[:, 1]]
@@ -419,8 +419,8 @@ def pair_contact(
 ) -> ca.Function:
     """Return the function (a, b, own_a, own_b, shares, step) -> log samples in contact.
 
-    `a`, `b` are circles (x, y, R, phi), scaled; `own_a`, `own_b` as `_observers` has them, and
-    `shares` of the two directions of sight in the contact as `_shares` has them. `step` holds the
+    `a`, `b` are circles (x, y, R, phi), scaled; `own_a`, `own_b` are columns of `_observers`, and
+    `shares`, of the two directions of sight in the contact, one of `_shares`. `step` holds the
     step's width, as a share of the range, and the margin by which contact stays within the range.
     Scaled `pieces` block sight.
     """
@@ -456,14 +456,14 @@ def anchor_contact(
 
 
 def _arms_at(circle: ca.SX, sense: ca.SX, times: SampleTimes) -> ca.SX:
-    """(2, k) from the centre to the vehicle at each sample."""
+    """Vectors (2, k) from the centre to the vehicle at each sample."""
     arm = circle[2] * ca.vertcat(ca.cos(circle[3]), ca.sin(circle[3]))
     swing = sense * ca.vertcat(-arm[1], arm[0])
     return arm @ ca.DM(np.cos(times.angles)).T + swing @ ca.DM(np.sin(times.angles)).T
 
 
 def _view(arms: ca.SX, sense: ca.SX, q: ca.SX, half: ca.SX, boresight: ca.SX) -> ca.SX:
-    """(1, k) rad between the direction of q and the edge of the view; negative outside it."""
+    """Angle (1, k) in rad from the direction of q to the edge of the view; negative outside it."""
     ahead = sense * ca.vertcat(-arms[1, :], arms[0, :])
     cos, sin = ca.cos(boresight), ca.sin(boresight)
     axis = ca.vertcat(cos * ahead[0, :] - sin * ahead[1, :], sin * ahead[0, :] + cos * ahead[1, :])
@@ -476,7 +476,7 @@ def _view(arms: ca.SX, sense: ca.SX, q: ca.SX, half: ca.SX, boresight: ca.SX) ->
 def _gap(
     pieces: tuple[ConvexPiece, ...], here: ca.SX, there: ca.SX, *, to_landmark: bool = False
 ) -> ca.SX | None:
-    """(1, k) by which sight lines from (2, k) to (2, k) clear what blocks sight, where it is."""
+    """Clearance (1, k) of sight lines from (2, k) to (2, k) past `pieces`; None without pieces."""
     if not pieces:
         return None
     ends = here[0, :], here[1, :], there[0, :], there[1, :]
@@ -494,8 +494,8 @@ def _log_count(
 ) -> ca.SX:
     """Logarithm of the number of samples at which targets at q, (2, k), are in contact.
 
-    The view's step is as wide in rad as the range's share, that of obstacles as wide as the range's
-    own.
+    If the step in range is w times the range wide, so is the step past obstacles, and the step in
+    view is w rad wide.
     """
     reach, width = own[1] - step[1], step[0]
     log = _log_logistic((reach**2 - squared) / (2.0 * width * reach**2))
@@ -514,19 +514,19 @@ def _log_logistic(x: ca.SX) -> ca.SX:
 
 
 _CONTACT_WIDTH = 0.25
-"""Contact's step is narrower than that of information by this factor."""
+"""Width of the step of contact, as a share of that of information."""
 
 _SAFETY_WIDTHS = 3.0
-"""Steps of contact by which kept links stay inside their margin in the last stage."""
+"""Widths of contact's step by which kept links stay inside their margin in the last stage."""
 
 CONTACT_SAMPLES = 96
-"""Contact needs few samples; near its minimum the distance hardly changes between them."""
+"""Most samples for contact: near its minimum the distance hardly changes between them."""
 
 
 def constraints_of(problem: RefineProblem, stage: Stage, circles: ca.MX, sides: ca.MX) -> Blocks:
-    """Return the contacts kept, separations, clearances of landmarks and areas of a stage.
+    """Return the constraints of a stage: contacts, separations, clearances of landmarks and areas.
 
-    `circles` are (4, n), scaled; `sides` as `sides_of` has them.
+    `circles` are (4, n), scaled; `sides` are those of `sides_of`.
     """
     width = _CONTACT_WIDTH * stage.width
     safety = _SAFETY_WIDTHS * width * float(problem.sensors.ranges.mean())

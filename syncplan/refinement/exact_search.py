@@ -1,11 +1,11 @@
-"""A last search near a refined plan by the exact measure: patterns, then random moves.
+"""Final search near a refined plan by the exact measure: patterns, then random moves.
 
 The solver sees the step between seen and unseen as a slope; the exact figures jump where a sample
 falls in or out of contact. Pattern search (Hooke and Jeeves, "Direct Search" Solution of Numerical
 and Statistical Problems, J. ACM 8, 1961, pages 212-229) tries each free value a step up and down.
 Where a round of that improves the plan, the same move is repeated; otherwise the step is halved.
 Random moves of all sizes then leave small local minima. Circles that violate a constraint are
-never taken; of others those that are less too near to something come first.
+never taken; among others, a smaller shortfall of distances comes before a lower cost.
 """
 
 from collections.abc import Callable
@@ -17,19 +17,19 @@ from syncplan.refinement.measures import NO_STANDING, Measurement, Standing, mea
 from syncplan.refinement.problem import RefineProblem, orbits_of
 
 _FIRST_STEP, _LEAST_STEP = 0.2, 0.002
-"""In rad for phases, in the plan's mean radius for lengths."""
+"""First and least step: in rad for phases, in mean radii of the plan for lengths."""
 
 _MOST_VALUES = 24
-"""Most free values that are searched; for larger teams the phases alone, or none."""
+"""Most free values that are searched; of more, the phases alone, or none."""
 
 _LARGEST_MOVE = 1.0
 """Size of the largest random move, in the same units."""
 
 _LOOKS_OF_ALL, _MOST_LOOKS = 2400, 600
-"""Measurements: the first number over that of the free values, and at most the second."""
+"""Measurements allowed: the first number over that of the free values, at most the second."""
 
 _RUN_STEPS, _LEAST_RUNS, _MOST_RUNS = 60_000, 30, 150
-"""Posterior bounds: samples in all of them, and the least and largest number of bounds."""
+"""Posterior bounds allowed: samples in all of them, and least and largest number of bounds."""
 
 
 def improved_nearby(
@@ -41,10 +41,10 @@ def improved_nearby(
     predict: bool = True,
     over: Callable[[], bool] = lambda: False,
 ) -> tuple[Array, Measurement] | None:
-    """Return better circles (4, n) near the given ones, and their measurement; None if none are.
+    """Return better circles (4, n) near the given ones and their measurement, or None.
 
     They violate nothing that `before` met. `predict` adds their posterior bound to the measurement;
-    `over` says before each measurement whether to stop.
+    `over`, called before each measurement, returns whether to stop.
     """
     values = _searched(problem)
     if len(values) == 0:
@@ -82,7 +82,7 @@ def _random_moves(
     values: list[tuple[int, int]],
     generator: np.random.Generator,
 ) -> tuple[Array, Standing]:
-    """The best circles after moves in random directions, their sizes spread over all scales."""
+    """Best circles after moves in random directions, their sizes spread over all scales."""
     best = start
     rows, vehicles = np.array(values).T
     units = np.where(rows == 3, 1.0, looks.problem.scale)
@@ -99,7 +99,7 @@ def _random_moves(
 
 
 def _searched(problem: RefineProblem) -> list[tuple[int, int]]:
-    """(row, vehicle) of the values that are searched: all of them, or the phases if too many."""
+    """Row and vehicle of each value to search: all that are free, or the phases if too many."""
     free = problem.freedom.free
     if free.sum() > _MOST_VALUES:
         free = free & (np.arange(4)[:, None] == 3)
@@ -112,7 +112,7 @@ def _searched(problem: RefineProblem) -> list[tuple[int, int]]:
 def _round(
     looks: "_Looks", at: tuple[Array, Standing], values: list[tuple[int, int]], step: float
 ) -> tuple[Array, Standing]:
-    """The best circles found by moving one value after the other, and their cost."""
+    """Best circles found by moving one value after the other, and their cost."""
     best = at
     for row, vehicle in values:
         unit = step if row == 3 else step * looks.problem.scale
@@ -128,7 +128,7 @@ def _round(
 
 
 class _Looks:
-    """Measures circles and counts how often; the cost of a violation is infinite."""
+    """Exact cost of circles within a budget of measurements; a violation costs infinity."""
 
     def __init__(
         self, problem: RefineProblem, before: Measurement, values: int, over: Callable[[], bool]
@@ -145,14 +145,14 @@ class _Looks:
         return self.looks <= 0 or self.run_looks <= 0 or self.over()
 
     def limited(self, circles: Array) -> Array:
-        """Return the circles within their bounds; phases turn freely."""
+        """Return the circles clipped to their bounds, except free phases."""
         freedom = self.problem.freedom
         limited = np.clip(circles, freedom.lower, freedom.upper)
         limited[3] = np.where(freedom.free[3], circles[3], limited[3])
         return np.asarray(limited)
 
     def cost(self, circles: Array) -> Standing:
-        """Return the exact standing; none for a violation, or when no measurement is left."""
+        """Return the exact standing; NO_STANDING for a violation or when no measurement is left."""
         if self.spent:
             return NO_STANDING
         self.looks -= 1

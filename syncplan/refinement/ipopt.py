@@ -1,4 +1,4 @@
-"""One start of a refinement, solved by IPOPT in stages.
+"""Solution of one start of a refinement by IPOPT, in stages.
 
 Each stage narrows the step between seen and unseen; the last one takes as many of the sensor's own
 samples as time allows. First derivatives are CasADi's (Andersson, Gillis, Horn, Rawlings and Diehl,
@@ -34,12 +34,12 @@ class SolverProgress:
 
 @dataclass(frozen=True, slots=True)
 class Steering:
-    """How a run is followed and stopped.
+    """Limits and callbacks of a run.
 
     Attributes
     ----------
     deadline : time.monotonic() after which it stops
-    stopped : called at every iteration; true ends the run
+    stopped : called at every iteration; ends the run if true
     report : called with the progress at every iteration
     """
 
@@ -61,10 +61,10 @@ class SolverRun:
     ----------
     candidates : (4, n) circles in m and rad: the result of each stage, in order; of a stage that
         was stopped, the best feasible iterate
-    status : IPOPT's, of the last stage
+    status : IPOPT's status in the last stage
     stopped : whether time or the user ended it
-    iterations : in all stages
-    violation, dual_residual : IPOPT's own at the end, scaled
+    iterations : total of all stages
+    violation, dual_residual : IPOPT's own values at the end, scaled
     unmet : labels of the constraints most violated at the end, worst first
     """
 
@@ -145,7 +145,7 @@ class StagedSolver:
 def _ipopt(nlp: StageNlp, stage: Stage, watcher: "_Watcher") -> ca.Function:
     options: dict[str, Any] = {
         "print_time": False,
-        # multipliers of the parameters, which nobody reads, would take further derivatives
+        # multipliers of the parameters are not used and would take further derivatives
         "calc_lam_p": False,
         "no_nlp_grad": True,
         "show_eval_warnings": False,
@@ -173,7 +173,7 @@ def _ipopt(nlp: StageNlp, stage: Stage, watcher: "_Watcher") -> ca.Function:
 
 
 _NAMED = 4
-"""Most constraints that are named as unmet."""
+"""Largest number of constraints named as unmet."""
 
 
 def _unmet(nlp: StageNlp, variables: Array, sides: Array) -> tuple[str, ...]:
@@ -188,7 +188,7 @@ def _last(iterations: dict[str, Any], name: str) -> float:
 
 
 class _Watcher(ca.Callback):
-    """IPOPT calls it at every iteration: it reports, keeps the best feasible iterate, may stop."""
+    """Callback of every IPOPT iteration: reports, keeps the best feasible iterate, may stop."""
 
     def __init__(self, nlp: StageNlp, stage: int) -> None:
         super().__init__()
@@ -197,7 +197,7 @@ class _Watcher(ca.Callback):
         self.construct("watcher", {})
 
     def begin(self, watch: Steering, before: int) -> None:
-        """Forget the last run; earlier stages took `before` iterations."""
+        """Reset for a run, after `before` iterations of earlier stages."""
         self.watch, self.iteration = watch, before
         self.best: Array | None = None
         self.best_objective = float("inf")
@@ -222,7 +222,7 @@ class _Watcher(ca.Callback):
         return ca.Sparsity.dense(size) if size else ca.Sparsity(0, 0)
 
     def eval(self, arguments: Sequence[ca.DM]) -> list[ca.DM]:
-        """Look at one iterate; return 1 to stop."""
+        """Record one iterate; return 1 to stop."""
         values = dict(
             zip((ca.nlpsol_out(k) for k in range(len(arguments))), arguments, strict=True)
         )
@@ -246,7 +246,7 @@ class _Watcher(ca.Callback):
 _NUDGE_RAD = 0.1
 _DESYNC_RAD = 0.4
 _SCATTER_RAD = 1.2
-"""Of phases, from the plan's or those of the rules."""
+"""Random shifts of phases, from the plan's or those of the rules."""
 
 _DRAWS = 24
 _PENALTY = 10.0
@@ -261,7 +261,7 @@ def starting_circles(
     seed: int,
     softest: Callable[[], StageNlp],
 ) -> Array:
-    """Return the circles (4, n) in m and rad at which start `start` (from 0) begins.
+    """Return the initial circles (4, n) in m and rad of start number `start` (from 0).
 
     `rule_phases` (n,) rad meet the rules. `nudged` moves the plan itself a little: a plan that is
     not observable may be a saddle point, where all slopes vanish. `softest` returns the nonlinear
@@ -282,7 +282,7 @@ def starting_circles(
 def _drawn(
     problem: RefineProblem, rule_phases: Array, generator: np.random.Generator, draw: int
 ) -> Array:
-    """Circles anywhere within bounds; phases near the rules, in every second draw anywhere."""
+    """Random circles within bounds; phases near the rules, in every second draw anywhere."""
     given, freedom = circles_of(problem.orbits), problem.freedom
     low = np.maximum(freedom.lower[:3], given[:3] - problem.scale)
     high = np.minimum(freedom.upper[:3], given[:3] + problem.scale)
@@ -295,7 +295,7 @@ def _drawn(
 
 
 def _limited(problem: RefineProblem, circles: Array, phases: Array) -> Array:
-    """Circles within their bounds, phases taken modulo 2 pi to the middle of theirs."""
+    """Circles within their bounds, with phases wrapped about the middle of theirs."""
     freedom = problem.freedom
     limited = np.clip(circles, freedom.lower, freedom.upper)
     if problem.area.limited and freedom.free[:2].all():

@@ -1,4 +1,4 @@
-"""What a refinement is judged by: exact figures of merit, and the margin of every constraint.
+"""Exact measures of a refinement: figures of merit, and the margin of every constraint.
 
 Nothing here is smooth or relaxed: contact windows, sampled sightings, least distances, singular
 values and the posterior bound are those of the plan itself. Positions are in the mean radius of
@@ -26,16 +26,16 @@ from syncplan.scenario.objectives import Figures
 
 @dataclass(frozen=True, slots=True)
 class ConstraintMargin:
-    """How far one constraint is from being violated.
+    """Margin of one constraint.
 
     Attributes
     ----------
-    label : which constraint it is
+    label : name of the constraint
     room : m to the limit, negative beyond it
-    size : m that the room is compared with
-    required : whether the user gave it; one that is not required only has to be met if the plan
-        to be refined meets it
-    stops : whether a plan that violates it is not to be flown
+    size : m, scale with which the room is compared
+    required : whether the user gave it; any other has to be met only if the plan to be refined
+        meets it
+    stops : whether a plan that violates it must not be flown
     """
 
     label: str
@@ -62,9 +62,9 @@ class ConstraintMargin:
 def margins_of(
     problem: RefineProblem, orbits: Orbits, contact: list[float]
 ) -> tuple[ConstraintMargin, ...]:
-    """Return the margins of orbits: contacts, as `contact_margins` has them, distances, circles.
+    """Return the margins of orbits: contacts, distances, circles.
 
-    Their order does not depend on the orbits.
+    `contact` is the result of `contact_margins`. The order does not depend on the orbits.
     """
     return (
         *_contacts(problem, contact),
@@ -75,10 +75,10 @@ def margins_of(
 
 
 def contact_margins(problem: RefineProblem, orbits: Orbits, sightings: Sightings) -> list[float]:
-    """Return by how many m each pair, then each landmark, to be kept stays within range.
+    """Return the margins in m by which the contacts to be kept stay within range, in their order.
 
-    It has to for as many samples as it needs, of which the best count: with three needed, the third
-    best. Minus the range where there are too few.
+    A contact has to stay within range for as many samples as it needs, of which the best count:
+    with three needed, the third best. Minus the range where there are too few.
     """
     n, sensors = orbits.count, problem.sensors
     a = np.minimum(sightings.observers, sightings.targets)
@@ -95,7 +95,7 @@ def contact_margins(problem: RefineProblem, orbits: Orbits, sightings: Sightings
     margins = []
     for (one, other), samples in zip(kept.tolist(), needed.tolist(), strict=True):
         begin, end = np.searchsorted(key, [one * bodies + other, one * bodies + other + 1])
-        # both ways at one moment are one sample
+        # both directions of sight at one moment are one sample
         _, moment = np.unique(steps[begin:end], return_inverse=True)
         best = np.full(int(moment.max()) + 1 if end > begin else 0, -np.inf)
         np.maximum.at(best, moment, room[begin:end])
@@ -106,7 +106,7 @@ def contact_margins(problem: RefineProblem, orbits: Orbits, sightings: Sightings
 
 
 def _contacts(problem: RefineProblem, contact: list[float]) -> list[ConstraintMargin]:
-    """Of every pair and landmark whose contact is kept."""
+    """Margins of all contacts to be kept."""
     names = problem.names
     return [
         ConstraintMargin(
@@ -122,7 +122,7 @@ def _contacts(problem: RefineProblem, contact: list[float]) -> list[ConstraintMa
 
 
 def _separations(problem: RefineProblem, orbits: Orbits) -> list[ConstraintMargin]:
-    """Of every pair that could come nearer than the separation, however the circles move."""
+    """Margins of all pairs that could come nearer than the separation, however circles move."""
     pairs, names = problem.guarded_pairs(), problem.names
     if len(pairs) == 0:
         return []
@@ -142,9 +142,9 @@ def _separations(problem: RefineProblem, orbits: Orbits) -> list[ConstraintMargi
 
 
 def _clearances(problem: RefineProblem, orbits: Orbits) -> list[ConstraintMargin]:
-    """Of every vehicle and landmark that could come nearer than the clearance.
+    """Margins of all vehicles and landmarks that could come nearer than the clearance.
 
-    None is required: bounds may leave no way to clear a landmark that the plan passes too near.
+    None is required: bounds may leave no way to clear a landmark that the plan passes too closely.
     """
     names, count = problem.names, orbits.count
     floor = problem.landmark_limit.least(orbits.radii)
@@ -162,7 +162,7 @@ def _clearances(problem: RefineProblem, orbits: Orbits) -> list[ConstraintMargin
 
 
 def _circles(problem: RefineProblem, orbits: Orbits) -> list[ConstraintMargin]:
-    """Of the area, the box and the radius of each vehicle."""
+    """Margins of the area, the box and the radius of each vehicle."""
     names, freedom = problem.names, problem.freedom
     margins = []
     if problem.area.limited:
@@ -187,34 +187,34 @@ def _circles(problem: RefineProblem, orbits: Orbits) -> list[ConstraintMargin]:
 
 
 Standing = tuple[float, float]
-"""Shortfall, cost; the lesser is the better."""
+"""(shortfall, cost); smaller is better."""
 
 NO_STANDING: Standing = (math.inf, math.inf)
-"""Of what is no plan at all."""
+"""Worst standing: that of a candidate that is no valid plan."""
 
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """Figures of merit of one plan, and how far it is from violating each constraint."""
+    """Figures of merit of one plan, and its margin of each constraint."""
 
     figures: Figures
     margins: tuple[ConstraintMargin, ...]
 
     @property
     def shortfall(self) -> float:
-        """Shortfall of distances, as shares of those asked for, up to rounding; 0 if met."""
+        """Total shortfall of distances, as shares of those required, up to rounding; 0 if met."""
         short = sum(one.shortfall for one in self.margins if one.stops)
         return round(short / TOLERANCE) * TOLERANCE
 
     def standing(self, objective: str) -> Standing:
-        """Return the key by which measurements are ordered: what is too near, then the cost."""
+        """Return the key that orders measurements: shortfall of distances, then cost."""
         return self.shortfall, self.figures.cost(objective)
 
     def violations(self, before: "Measurement") -> list[str]:
-        """Return the labels of constraints that this plan violates although it must not.
+        """Return the labels of the constraints that this plan must meet but violates.
 
         It must not violate what is required or what `before` met, nor anything more than `before`.
-        The window bound is not compared where this plan clears what `before` came too near to.
+        The window bound is not compared where this plan has a smaller shortfall than `before`.
         """
         labels = [
             after.label
@@ -237,7 +237,7 @@ def measure(problem: RefineProblem, orbits: Orbits, *, predict: bool = True) -> 
 
     team = problem.team.on(orbits)
     assessed = assess_team(team, problem.window)
-    # judged as the plan is, in its own mean radius; measured in that of the plan refined
+    # judged like any plan, in its own mean radius; measured in that of the plan to be refined
     judged, scaled = assessed.observability, assessed.measured_in(problem.scale)
     rms = _predicted(problem, assessed) if predict else np.full(team.count, np.nan)
     bounds = window_bound(judged) if judged.observable else np.full(team.count, np.inf)
@@ -259,7 +259,7 @@ def measure(problem: RefineProblem, orbits: Orbits, *, predict: bool = True) -> 
 
 
 def _predicted(problem: RefineProblem, assessed: Assessment) -> Array:
-    """(n,) m: the posterior bound over the second half; infinite where it breaks down."""
+    """Posterior bound (n,) in m over the second half; infinite where the recursion fails."""
     try:
         bound = posterior_bound(assessed.team, assessed.windows, problem.duration)
     except NoSolutionError:

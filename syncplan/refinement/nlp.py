@@ -1,4 +1,4 @@
-"""The nonlinear program of one stage: variables, objective, constraints, as IPOPT takes them."""
+"""Nonlinear program of one stage: variables, objective and constraints for IPOPT."""
 
 import math
 from collections.abc import Callable
@@ -21,9 +21,9 @@ from syncplan.refinement.smooth_team import (
 
 # --- objectives -----------------------------------------------------------------------------------
 #
-# What an objective is called and needs stands in syncplan.scenario.objectives. Smooth forms are
-# minimised and free of scale, so that one solver tolerance serves all; W is the windowed
-# information of n vehicles:
+# syncplan.scenario.objectives states the name and needs of each objective. Smooth forms are
+# minimised and scale-free, so that one solver tolerance suits all; W is the windowed information
+# of n vehicles:
 #
 #     logdet            -(log det W) / 3n
 #     trace             -log tr W
@@ -41,7 +41,7 @@ class MeasuredTeam:
 
     Attributes
     ----------
-    observable : whether the plan is, judged in its own mean radius
+    observable : whether the plan is observable, judged in its own mean radius
     eigenvalues : (3 n,) of the windowed information, largest first, positions in the mean radius
         of the plan that is refined
     rms : (n,) m, posterior bound over the second half of the run; NaN where not computed
@@ -59,7 +59,7 @@ class SmoothInputs:
     Attributes
     ----------
     circles : (4, n), scaled
-    information : the windowed information's non-zeros, of `team.sparsity`
+    information : non-zeros of the windowed information, with `team.sparsity`
     """
 
     problem: RefineProblem
@@ -76,9 +76,9 @@ class SmoothObjective:
     Attributes
     ----------
     value : expression
-    gradient : (4, n) by the circles, where it is written out rather than left to CasADi; or None
-    extra : a variable without bounds beside those of the circles, or None
-    extra_start : its value to start from, of the information (3 n, 3 n) there
+    gradient : (4, n) with respect to the circles, where it is written out; None leaves it to CasADi
+    extra : further variable, without bounds; or None
+    extra_start : function from the information (3 n, 3 n) at the start to its initial value
     """
 
     value: ca.MX
@@ -89,13 +89,13 @@ class SmoothObjective:
 
 @dataclass(frozen=True, slots=True)
 class ObjectiveForm:
-    """How one objective is computed.
+    """Exact and smooth form of one objective.
 
     Attributes
     ----------
     exact : the figure of merit itself
-    smooth : what IPOPT minimises instead
-    in_units : of a problem and a smooth value, the figure that it stands for
+    smooth : objective that IPOPT minimises instead
+    in_units : function from a problem and a smooth value to the figure that it stands for
     """
 
     exact: Callable[[MeasuredTeam], float]
@@ -153,7 +153,7 @@ def _worst_predicted_rms(given: SmoothInputs) -> SmoothObjective:
 
 
 def _of_vehicles(given: SmoothInputs, cost: Callable[[ca.MX], ca.MX]) -> SmoothObjective:
-    """The cost of the vehicles' RMS errors (n,)."""
+    """Objective from a cost of the vehicles' RMS errors (n,)."""
     problem = given.problem
     run = coarse_run(problem)
     seen = SmoothTeam.of(problem, run.times)
@@ -165,7 +165,7 @@ def _of_vehicles(given: SmoothInputs, cost: Callable[[ca.MX], ca.MX]) -> SmoothO
 
 
 _LARGEST_EXPONENT = 700.0
-"""Of an exponential that a float can hold."""
+"""Largest exponent: a float can hold its exponential."""
 
 
 def _exponential(value: float) -> float:
@@ -215,18 +215,18 @@ class StageNlp:
 
     Attributes
     ----------
-    problem : what it was made of
-    variables : expression; the free values of the circles, then what the objective adds
-    sides : expression; of landmarks and keep-outs, as `sides_of` has them
-    objective : what is minimised, with the variable that it adds
+    problem : refinement problem that it belongs to
+    variables : expression; the free values of the circles, then the objective's own variable
+    sides : expression; sides of landmarks and keep-outs, as `sides_of` returns them
+    objective : objective to be minimised, with its own variable
     constraints : expression
     jacobian : function (x, p) -> (constraints, their sparse Jacobian)
     gradient : function (x, p) -> (objective, its gradient), where the objective has one; or None
     values : function (x, p) -> (objective, constraints)
     information : function of the circles' variables -> the windowed information (3 n, 3 n), where
-        the start of the objective's own variable needs it
-    lower, upper, constraint_lower : bounds; constraints have none above
-    labels : what each constraint is
+        the initial value of the objective's own variable needs it
+    lower, upper, constraint_lower : bounds; constraints have no upper ones
+    labels : name of each constraint
     """
 
     problem: RefineProblem
@@ -258,7 +258,7 @@ class StageNlp:
         }
 
     def variables_of(self, circles: Array) -> Array:
-        """Return the variables at circles (4, n) in m and rad, brought within their bounds."""
+        """Return the variables at circles (4, n) in m and rad, clipped to their bounds."""
         free = self.problem.freedom.free.ravel(order="F")
         scaled = (circles / _units(self.problem)).ravel(order="F")[free]
         variables = np.clip(scaled, self.lower[: len(scaled)], self.upper[: len(scaled)])
@@ -282,7 +282,7 @@ class StageNlp:
         return np.asarray(np.maximum(self.constraint_lower - constraints, 0.0))
 
     def sides_of(self, circles: Array) -> Array:
-        """Return the sides that circles (4, n) in m and rad are on."""
+        """Return the sides of circles (4, n) in m and rad on which landmarks and keep-outs lie."""
         return sides_of(self.problem, circles)
 
     def violations(self, variables: Array, sides: Array) -> Array:
@@ -347,13 +347,13 @@ def _gradient(
 
 
 def _units(problem: RefineProblem) -> Array:
-    """(4, 1) what the variables are measured in."""
+    """Units (4, 1) of the variables."""
     scale = problem.scale
     return np.array([[scale], [scale], [scale], [1.0]])
 
 
 def _bounds(problem: RefineProblem, free: Index, extra: int) -> tuple[Array, Array]:
-    """Least and largest value of each variable; `extra` ones at the end have no bounds."""
+    """Least and largest value of each variable; the `extra` ones at the end have no bounds."""
     freedom, units = problem.freedom, _units(problem)
     lower, upper = (
         np.append((limit / units).ravel(order="F")[free], np.full(extra, far))
@@ -363,7 +363,7 @@ def _bounds(problem: RefineProblem, free: Index, extra: int) -> tuple[Array, Arr
 
 
 def _circles(problem: RefineProblem, chosen: ca.MX, free: Index) -> ca.MX:
-    """Scaled circles (4, n), those values that may change taken from `chosen`."""
+    """Scaled circles (4, n), with the free values taken from `chosen`."""
     freedom = problem.freedom
     fixed = np.where(freedom.free, 0.0, freedom.lower / _units(problem)).ravel(order="F")
     spread = ca.DM.triplet(

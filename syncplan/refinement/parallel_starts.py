@@ -1,4 +1,4 @@
-"""The starts of a refinement, each solved and measured: in this process or in child processes.
+"""Starts of a refinement, solved and measured in this process or in child processes.
 
 A child (see syncplan.runtime.child_processes) ignores Ctrl-C: the parent sends it the order to
 stop, and it returns the best result it has.
@@ -36,7 +36,7 @@ class RefineTask:
     rule_phases : (n,) rad that meet the rules
     nudged : whether the start at the plan itself is moved a little
     before : the plan's own measurement, with which results are compared
-    seed : of all starts
+    seed : common to all starts
     predict : whether to compute the posterior bound of results
     """
 
@@ -50,7 +50,7 @@ class RefineTask:
 
 @dataclass(frozen=True, slots=True)
 class Attempt:
-    """The result of one start: IPOPT's run, and its best candidate by the exact measure.
+    """Result of one start: IPOPT's run, and its best candidate by the exact measure.
 
     Attributes
     ----------
@@ -84,19 +84,19 @@ def attempt(
         violations = tuple(after.violations(task.before))
         found = Attempt(start, run, circles, after, violations)
         best = found if best is None else _better(problem, best, found)
-        # later stages are sharper: once time is over, the latest that passes is enough
+        # later stages are sharper: when time is up, the latest candidate that passes is enough
         if steering.over and not best.violations:
             break
     return best or Attempt(start, run, None, None, ())
 
 
 def _better(problem: RefineProblem, one: Attempt, other: Attempt) -> Attempt:
-    """The attempt that violates nothing, or else the cheaper one; the first of equals."""
+    """Attempt that comes first by `rank_of`; the first of equals."""
     return min(one, other, key=lambda item: rank_of(problem, item))
 
 
 def rank_of(problem: RefineProblem, item: Attempt) -> tuple[bool, Standing]:
-    """Return the key by which attempts are ordered: whether they violate something, then others."""
+    """Return the key that orders attempts: whether they violate a constraint, then standing."""
     if item.after is None:
         return True, NO_STANDING
     return bool(item.violations), item.after.standing(problem.objective.name)
@@ -115,8 +115,8 @@ def run_starts(
     """Return the attempts of all starts, by number, and whether Ctrl-C cut them short.
 
     After `time_limit` s, and on Ctrl-C, solvers stop and return the best they have; starts that
-    have not begun are left out. `found` is called with each attempt that is made; `earlier` ones
-    are not made again.
+    have not begun are left out. `found` is called with each new attempt; `earlier` ones are not
+    repeated.
     """
     deadline = time.monotonic() + time_limit
     done = {one.start: one for one in earlier}
@@ -136,7 +136,7 @@ def run_starts(
 
 @dataclass(frozen=True, slots=True)
 class _StartsToRun:
-    """The starts that wait, those that are done, and who hears of them."""
+    """Waiting and finished starts, with callbacks for progress and results."""
 
     task: RefineTask
     waiting: list[int]
@@ -146,7 +146,7 @@ class _StartsToRun:
     take: Found
 
     def over(self) -> bool:
-        """Whether no further start begins; the first one does, however late it is."""
+        """Return whether to begin no further start; the first one always begins, however late."""
         return bool(self.done) and time.monotonic() >= self.deadline
 
 
@@ -169,7 +169,7 @@ def _run_here(search: _StartsToRun, _workers: int) -> bool:
 
 @contextlib.contextmanager
 def _interruption() -> Iterator[threading.Event]:
-    """An event that Ctrl-C sets, if this is the main thread."""
+    """Context of an event that Ctrl-C sets, if this is the main thread."""
     event = threading.Event()
     if threading.current_thread() is not threading.main_thread():
         yield event
@@ -184,7 +184,7 @@ def _interruption() -> Iterator[threading.Event]:
 def searched_nearby(
     task: RefineTask, attempts: list[Attempt], deadline: float
 ) -> tuple[list[Attempt], bool]:
-    """Return the attempts, the best improved by an exact search, and whether Ctrl-C cut it short.
+    """Return the attempts, the best improved by exact search, and whether Ctrl-C cut it short.
 
     Where the plan itself is better than all attempts, the search begins at the plan; its result
     then replaces the best attempt's candidate.
@@ -216,7 +216,7 @@ def searched_nearby(
 
 
 class _Child:
-    """A process that runs starts, one after the other."""
+    """Child process that runs starts, one after the other."""
 
     def __init__(self, number: int, task: RefineTask, messages: "queue.Queue[Any]") -> None:
         self.number, self.messages = number, messages
@@ -280,7 +280,7 @@ def _run_in_children(search: _StartsToRun, workers: int) -> bool:
 
 
 def serve_tasks(descriptor: int) -> None:
-    """Run the starts that the parent orders, until it goes: what a child process does."""
+    """Run the starts that the parent orders, until it ends; main function of a child process."""
     connection = connect_to_parent(descriptor)
     task: RefineTask = connection.recv()
     solver = ipopt.StagedSolver(task.problem)
@@ -300,7 +300,7 @@ def serve_tasks(descriptor: int) -> None:
 def _take_orders(
     connection: Connection, orders: "queue.Queue[tuple[int, float]]", stop: threading.Event
 ) -> None:
-    """Queue the parent's orders; exit at the end of the stream, when nobody waits for a result."""
+    """Queue the parent's orders; exit at the end of the stream, as no one waits for a result."""
     with contextlib.suppress(EOFError, OSError):
         while True:
             order = connection.recv()
@@ -320,18 +320,18 @@ def _answer(connection: Connection, message: Any) -> None:
 
 # --- finished starts as bytes ---------------------------------------------------------------------
 #
-# Kept are the circles and what IPOPT reported. The exact measure is taken again: it is the same to
-# the byte, and what was kept by another process needs no trust.
+# The circles and IPOPT's report are kept. The exact measure is taken again: it is the same to the
+# byte, and data kept by another process need not be trusted.
 
 
 @dataclass(frozen=True, slots=True)
 class EarlierSearch:
-    """Starts kept from an interrupted refinement, and where this one keeps those it finishes.
+    """Starts kept from an interrupted refinement, and the function that keeps further ones.
 
     Attributes
     ----------
     finished : finished starts by number, as they were kept
-    spent_s : s of its time limit that are spent
+    spent_s : part of its time limit that is spent
     keep : called with the number and the bytes of each start that ends by itself
     """
 
@@ -343,7 +343,7 @@ class EarlierSearch:
 def keeper(earlier: EarlierSearch | None, first: int) -> Callable[[Attempt], None] | None:
     """Return a function that keeps the attempts of a round of starts, numbered from `first` on.
 
-    Of a start that was stopped nothing is kept.
+    Starts that were stopped are not kept.
     """
     if earlier is None:
         return None
@@ -356,16 +356,16 @@ def keeper(earlier: EarlierSearch | None, first: int) -> Callable[[Attempt], Non
 
 
 def kept_attempts(earlier: EarlierSearch | None, task: RefineTask, numbers: range) -> list[Attempt]:
-    """Return the attempts of a round that were kept, measured again, numbered from 0 on.
+    """Return the attempts of a round that were kept, measured again and numbered from 0 on.
 
-    Their runs have no candidates any more.
+    Their runs no longer have candidates.
     """
     found = {} if earlier is None else earlier.finished
     return [_unpacked(found[k], task, k - numbers.start) for k in numbers if k in found]
 
 
 def _packed(attempt: Attempt) -> bytes:
-    """An attempt as JSON, whose numbers read back as they were."""
+    """Attempt as JSON, whose numbers read back unchanged."""
     run, circles = attempt.run, attempt.circles
     values = {
         "circles": None if circles is None else circles.tolist(),

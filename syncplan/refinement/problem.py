@@ -1,4 +1,4 @@
-"""The refinement problem as arrays: variables and their bounds, objective, constraints.
+"""Refinement problem as arrays: variables and their bounds, objective, constraints.
 
 Circles are columns (x, y, R, phi). Scaled lengths are in the mean radius of the plan that is
 refined (`scale`); it stays fixed while radii change, so that figures can be compared.
@@ -19,7 +19,7 @@ from syncplan.scenario.areas import Area
 from syncplan.scenario.objectives import Objective
 
 WINDOW_BOUND = "window bound of the worst vehicle"
-"""Label of the constraint on it."""
+"""Label of the constraint on this bound."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class Freedom:
 
     @property
     def free(self) -> Flags:
-        """(4, n) whether a value may change."""
+        """Whether each value (4, n) may change."""
         return np.asarray(self.lower < self.upper)
 
     def distances(self, a: Index, b: Index) -> tuple[Array, Array]:
@@ -52,7 +52,7 @@ class Freedom:
 
 @dataclass(frozen=True, slots=True)
 class RefineProblem(WithTeam):
-    """All that the solver needs of a plan to refine.
+    """Refinement of a plan as a problem for the solver.
 
     Attributes
     ----------
@@ -60,15 +60,15 @@ class RefineProblem(WithTeam):
     team : the plan's; senses and rate of its orbits are kept
     window, duration : s
     freedom : bounds of the variables
-    objective : what is improved
-    kept : (k, 2) whose contact is kept: pairs of vehicles a < b, then vehicles and landmarks
+    objective : figure of merit to improve
+    kept : (k, 2) contacts to be kept: pairs of vehicles a < b, then vehicles and landmarks
     kept_samples : (k,) fewest samples in contact
     kept_margins : (k,) m by which contact stays within range
     margins_required : whether the user gave the margins; if not, they are those of the plan
     min_separation : m, as given or as the plan has it
-    separation_limit, landmark_limit : how near vehicles may come to each other and to landmarks
+    separation_limit, landmark_limit : least distances of vehicles from each other and landmarks
     area : polygons that limit the circles
-    window_limit : m that no vehicle's window bound may exceed; infinite for no limit
+    window_limit : m, largest window bound allowed of any vehicle; infinite for no limit
     """
 
     names: tuple[str, ...]
@@ -89,7 +89,7 @@ class RefineProblem(WithTeam):
 
     @property
     def contact_span(self) -> float:
-        """Seconds over which contact is counted: the window, or at least a period."""
+        """Time in s over which contact is counted: the window, but at least a period."""
         return max(self.window, self.orbits.period)
 
     @property
@@ -138,14 +138,14 @@ class RefineProblem(WithTeam):
 
 
 def _lengths(low: Array, high: Array) -> tuple[Array, Array]:
-    """The least and largest length (p,) of vectors within (2, p) bounds."""
+    """Least and largest length (p,) of vectors within (2, p) bounds."""
     nearest = np.maximum(np.maximum(low, -high), 0.0)
     furthest = np.maximum(np.abs(low), np.abs(high))
     return np.hypot(*nearest), np.hypot(*furthest)
 
 
 def circles_of(orbits: Orbits) -> Array:
-    """Return (4, n): x, y and R in m, and the phase in rad."""
+    """Return circles (4, n): x, y and R in m, and the phase in rad."""
     return np.concatenate([orbits.centers.T, orbits.radii[None], orbits.phases[None]])
 
 
@@ -165,13 +165,13 @@ def orbits_of(circles: Array, like: Orbits) -> Orbits:
 
 @dataclass(frozen=True, slots=True)
 class SampleTimes:
-    """The samples of a window, or groups of neighbours where there are many.
+    """Samples of a window, or groups of neighbours where there are many.
 
     Attributes
     ----------
     angles : (k,) rad turned since time 0
     counts : (k,) samples in each group
-    ready : (k, n) those of them at which each vehicle's sensor sights targets; None where all are
+    ready : (k, n) number of them at which each vehicle's sensor sights targets; None for all
     """
 
     angles: Array
@@ -184,7 +184,7 @@ class SampleTimes:
         return float(2.0 * np.pi / max(len(self.angles), 1))
 
     def sighted(self, observers: Index) -> Array:
-        """Return (k, e) the samples in each group at which the observers (e,) sight targets."""
+        """Return the numbers (k, e) of samples per group at which observers (e,) sight targets."""
         if self.ready is None:
             return np.repeat(self.counts[:, None], len(observers), axis=1)
         return np.asarray(self.ready[:, observers])
@@ -222,15 +222,15 @@ _FEW, _MANY = 64, 400
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """How one stage looks at the problem.
+    """Resolution of the problem and solver settings in one stage.
 
     Attributes
     ----------
-    samples : most samples of a window that are distinguished
-    width : of the step between seen and unseen, as a share of the range
-    barrier : weight of the logarithmic barrier, of the objectives that have one
-    iterations : most that IPOPT may take
-    tolerance : at which IPOPT calls it solved
+    samples : most samples or groups of them in a window
+    width : width of the step between seen and unseen, as a share of the range
+    barrier : weight of the logarithmic barrier, for objectives that have one
+    iterations : largest number that IPOPT may take
+    tolerance : IPOPT's, for convergence
     last : whether contacts keep a safety distance from their limits
     """
 
@@ -243,7 +243,7 @@ class Stage:
 
 
 def stages_of(problem: RefineProblem) -> tuple[Stage, ...]:
-    """Return soft, sharper, nearly hard: the last step as wide as what passes between samples."""
+    """Return a soft, a sharper and a nearly hard stage; the last resolves neighbouring samples."""
     most = int(np.clip(12_000 // max(problem.orbits.count, 1), 2 * _FEW, _MANY))
     last = max(_LEAST_WIDTH, step_width(problem, samples_in(problem, problem.window, most)))
     return (
@@ -254,11 +254,11 @@ def stages_of(problem: RefineProblem) -> tuple[Stage, ...]:
 
 
 def samples_in(problem: RefineProblem, span: float, most: int) -> SampleTimes:
-    """Return the samples in `span` s, at most `most` of them distinguished."""
+    """Return the samples in `span` s, in at most `most` groups."""
     return samples_of(span, problem.sensors, problem.orbits.rate, most)
 
 
 def step_width(problem: RefineProblem, times: SampleTimes) -> float:
-    """Return a share of the range: about what passes between neighbouring samples, at most 5 %."""
+    """Return the step's width over the range: a quarter of the motion per sample, at most 5 %."""
     passed = 2.0 * problem.orbits.radii.max() * times.spacing
     return float(min(_STEP_OF_SPACING * passed / problem.sensors.ranges.max(), _LARGEST_WIDTH))

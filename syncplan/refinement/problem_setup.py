@@ -1,6 +1,6 @@
-"""The problem that a plan and options pose: bounds, margins, separation; conflicts are named.
+"""Setup of the problem from a plan and options: bounds, margins, separation, and conflicts.
 
-What the scenario and the options leave open is taken from the plan, so that a refinement never
+Limits that the scenario and the options leave open come from the plan, so that a refinement never
 gives up what the plan has.
 """
 
@@ -71,7 +71,7 @@ def _problem_as_given(given: Plan, options: RefineOptions) -> RefineProblem:
 
 
 def _objective(options: RefineOptions, count: int) -> Objective:
-    """The objective given, or that of a team of this size."""
+    """Objective given, or the default for a team of this size."""
     if options.objective is not None:
         return OBJECTIVES[options.objective]
     return default_objective(count)
@@ -88,9 +88,10 @@ def _samples_in_contact(given: Plan) -> dict[tuple[int, int], int]:
 
 
 def _separation(given: Plan) -> float:
-    """m: as given; else the plan's, up to half its mean radius.
+    """Least separation in m: as given, or else the plan's, up to half its mean radius.
 
-    Bearings say most from nearby: without a floor, refinement would fly vehicles into each other.
+    Bearings are most informative from nearby: without a floor, refinement would fly vehicles into
+    each other.
     """
     required = given.scenario.separation
     if required > 0.0 or given.approach is None:
@@ -99,7 +100,7 @@ def _separation(given: Plan) -> float:
 
 
 def _freedom(given: Plan, options: RefineOptions, area: Area) -> Freedom:
-    """Bounds of what varies; everything else stays as it is, the first vehicle's phase, too."""
+    """Bounds of the values that vary; all others stay fixed, as does the first vehicle's phase."""
     lower, upper = circles_of(given.orbits), circles_of(given.orbits)
     if "centers" in options.vary:
         box = options.center_box_m
@@ -141,7 +142,7 @@ def refuse_conflicts(given: Plan, problem: RefineProblem, options: RefineOptions
 
 
 def _speed_conflicts(given: Plan, options: RefineOptions) -> list[str]:
-    """Radii that are all flown at speeds outside their limits."""
+    """Conflict of radii that are all flown at speeds outside the limits."""
     limits, rate = given.scenario.limits, given.orbits.rate
     if options.radius_m is None or limits is None or limits.speed_mps is None:
         return []
@@ -156,7 +157,7 @@ def _speed_conflicts(given: Plan, options: RefineOptions) -> list[str]:
 
 
 def _link_conflicts(given: Plan, problem: RefineProblem, options: RefineOptions) -> list[str]:
-    """Links, kept or dropped, that have no distance between the separation and the range."""
+    """Conflicts of links, kept or dropped, without any distance between separation and range."""
     names, ranges = problem.names, problem.sensors.ranges
     listed = [(one.a, one.b) for one in given.links]
     listed += [(one.a, one.b) for one in given.dropped_links]
@@ -195,10 +196,10 @@ def _area_conflicts(problem: RefineProblem) -> list[str]:
 def _with_limits(
     problem: RefineProblem, before: Measurement, options: RefineOptions
 ) -> RefineProblem:
-    """The problem with margins that the plan meets, except those of vehicles that were given.
+    """Problem with margins that the plan meets, except given ones of vehicle links.
 
     For objectives that neglect it, the window bound of the worst vehicle becomes a constraint,
-    unless the plan itself comes nearer to something than it may.
+    unless the plan itself falls short of a least distance.
     """
     rooms = np.array([one.room for one in before.margins[: len(problem.kept)]])
     held = np.clip(problem.kept_margins + np.minimum(rooms, 0.0), 0.0, None)

@@ -1,8 +1,8 @@
-"""Refinement: from a plan to the best plan near it, judged by the exact code.
+"""Refinement of a plan to the best plan near it, judged by the exact code.
 
 Variables are phases, centres and radii within their bounds. IPOPT improves a smooth form of the
-objective from several starts. Every candidate is then measured exactly; the best that violates
-nothing the input met comes back, judged afresh like any plan.
+objective from several starts. Every candidate is then measured exactly. The best that violates
+nothing the input met is judged afresh, like any plan, and returned.
 """
 
 import math
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from syncplan.refinement.parallel_starts import Attempt, EarlierSearch
 
 RefineProgress = Callable[[int, int, float], None]
-"""Called with (start, iteration, the objective as the solver sees it)."""
+"""Callback that receives the start, the iteration and the solver's value of the objective."""
 
 _IMPROVED = 1e-9
 """Least relative gain that counts as better."""
@@ -50,7 +50,7 @@ _NO_RESULT = (
 )
 
 _ACTIVE = 0.01
-"""Constraints with less room than this share of their size hold the result where it is."""
+"""Room, as a share of a constraint's size, up to which it counts as active."""
 
 
 @single_threaded_blas
@@ -66,14 +66,14 @@ def refine(
 ) -> Plan:
     """Return the best plan found near `subject`: never worse, and violating nothing it met.
 
-    Where `subject` comes nearer to vehicles, landmarks or areas than it may, a plan that clears
-    them is the better one, whatever its figures.
+    Where `subject` brings vehicles too near to each other, to landmarks or to areas, a plan that
+    clears them is better, whatever its figures.
 
     `options` default to the scenario's `refine` section; `changes` replace some of its keys
     (objective="logdet", starts=1, ...; see RefineOptions). `workers` is the number of processes,
-    by default one a core; it changes no result. `earlier` is what an interrupted search has kept:
-    its starts are not made again, and the result is that of a search never interrupted. `bound` is
-    that of `plan`. The plan's `refinement` records the search. Where nothing better was found, the
+    by default one per core; it changes no result. `earlier` holds what an interrupted search kept:
+    its starts are not repeated, and the result is that of an uninterrupted search. `bound` is that
+    of `plan`. The plan's `refinement` records the search. Where nothing better was found, the
     record says why, and the plan is the input.
 
     Raises InputError for options that cannot be used, and NoSolutionError, naming the constraints,
@@ -106,7 +106,7 @@ def options_for(
     values = base.model_dump(exclude_none=True, exclude_defaults=True)
     changed = {key: value for key, value in changes.items() if value is not None}
     if "vary" in changed:
-        # limits of what no longer varies are dropped, unless they are given as well
+        # drop the limits of values that no longer vary, unless they are given as well
         for variable, limit in (("centers", "center_box_m"), ("radii", "radius_m")):
             if variable not in changed["vary"]:
                 values.pop(limit, None)
@@ -119,7 +119,7 @@ def options_for(
 
 @dataclass(frozen=True, slots=True)
 class _Case:
-    """A plan, the problem that it poses, and its own measurement, with the bound if `predict`.
+    """A plan, its refinement problem and its own measurement, with the bound if `predict`.
 
     The time of the search counts from `began` (monotonic), so it includes that measurement.
     """
@@ -143,7 +143,8 @@ def _search(
 ) -> tuple[list["Attempt"], bool]:
     """Attempts from all starts, and whether the search was cut short.
 
-    If only the window bound keeps them from passing, all start once more with it as a constraint.
+    If only the window bound keeps attempts from passing, all starts run again with it as a
+    constraint.
     """
     from syncplan.refinement.nlp import FORMS
     from syncplan.refinement.parallel_starts import (
@@ -194,7 +195,7 @@ def _search(
 
 
 def _stopped_by_window_bound(attempts: list["Attempt"], before: Measurement) -> bool:
-    """Whether no attempt passes, and some fail only by the window bound."""
+    """Whether no attempt passes, and some fail only on the window bound."""
     if not math.isfinite(before.figures.window_bound):
         return False
     ended = [one.violations for one in attempts if one.after is not None]
@@ -202,7 +203,7 @@ def _stopped_by_window_bound(attempts: list["Attempt"], before: Measurement) -> 
 
 
 def _rule_phases(given: Plan) -> Array:
-    """Phases that meet the rules, whatever the plan's are."""
+    """Phases that meet the rules, whatever those of the plan."""
     pairs = as_pairs([(link.a, link.b) for link in given.links])
     orbits, scenario = given.orbits, given.scenario
     return synchronise(
@@ -222,9 +223,9 @@ def _rule_phases(given: Plan) -> Array:
 
 
 def _best(case: _Case, attempts: list["Attempt"], cut_short: bool, bound: BoundChoice) -> Plan:
-    """The plan of the best attempt that passes and improves, else the one given; with its record.
+    """Plan of the best attempt that passes and improves, or else the one given; with the record.
 
-    The plan is judged afresh: nothing is taken over from the search but its circles.
+    The plan is judged afresh: only its circles come from the search.
     """
     from syncplan.refinement.parallel_starts import rank_of
 
@@ -315,7 +316,7 @@ def _still_reachable(given: Plan, orbits: Orbits) -> list[tuple[int, int]]:
 
 
 def _moved(given: Plan, options: RefineOptions, orbits: Orbits) -> Scenario:
-    """The scenario with the circles of the result, its links listed so that they stay the same."""
+    """Scenario with the circles of the result, its links listed so that they stay the same."""
     scenario = given.scenario
     document = scenario.model_dump(exclude_none=True)
     names = scenario.vehicle_names

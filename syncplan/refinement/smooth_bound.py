@@ -1,18 +1,18 @@
-"""The posterior bound's RMS over a run as a smooth function of the circles, and its slopes.
+"""RMS of the posterior bound over a run as a smooth function of the circles, and its slopes.
 
 The recursion of syncplan.estimation.bounds (Tichavský, Muravchik and Nehorai, IEEE Trans. Signal
-Process. 46, 1998, equation 21) in coarse steps, a fixed number a turn: sightings and motion noise
-of a step's samples are taken together at its middle. The state is that of the moment: the poses,
-then the bias states that the filter estimates, if there are any. So all that a step needs repeats
-every turn. Sightings show poses alone: a bearing depends on the target's place relative to the
-observer, and on its heading less its bearing bias and walk. With these `observed` (r, m) and the
-information K (r, r) on them, a step goes
+Process. 46, 1998, equation 21) runs in coarse steps, a fixed number per turn. The sightings and
+motion noise of a step's samples are taken together at its middle. The state is the current one:
+poses, then the bias states that the filter estimates, if any. So the inputs of a step repeat every
+turn. Sightings show poses alone: a bearing depends on the target's position relative to the
+observer, and on the observer's heading less its bearing bias and walk. With these `observed` (r, m)
+and the information K (r, r) on them, a step is
 
     P <- P + motion noise
     S = P - (O P)^T (1 + K O P O^T)^-1 K O P       = (1 + P O^T K O)^-1 P; gives the variances
     P <- F S F^T + noise of gusts and bearing walks
 
-Its slopes are written out, from the last step to the first: with weights B of S,
+Its slopes are written out, from the last step to the first. With weights B of S,
 
     U = O S B,  V = U S O^T,  Q = K U - K V K O / 2
     weights of K   -V,    weights of P   B - O^T Q - Q^T O
@@ -38,17 +38,17 @@ _MOST_TURNS = 60.0
 _LINEAR_SOLVER = "lapackqr"
 
 _AT_ONCE = {"base": -1}
-"""Unrolls a recursion in one go: levels within levels only pay where CasADi differentiates them."""
+"""Option that unrolls a recursion at once: nested levels pay only where CasADi differentiates."""
 
 
 @dataclass(frozen=True, slots=True)
 class CoarseRun:
-    """The coarse steps of a run.
+    """Coarse steps of a run.
 
     Attributes
     ----------
-    times : of one turn
-    turn_of_step : (steps,) the sample of the turn that each step uses
+    times : samples of one turn
+    turn_of_step : (steps,) sample of the turn that each step uses
     """
 
     times: SampleTimes
@@ -70,12 +70,13 @@ def coarse_run(problem: RefineProblem) -> CoarseRun:
 
 @dataclass(frozen=True, slots=True)
 class SmoothRms:
-    """The RMS position bounds of n vehicles, and their slopes.
+    """RMS position bounds of n vehicles, and their slopes.
 
     Attributes
     ----------
     value : (n,) over the second half, scaled
-    slopes : of weights (n,), the gradient (4, n) of the weighted sum of `value` by the circles
+    slopes : function from weights (n,) to the gradient (4, n) of the weighted sum of `value`, with
+        respect to the circles
     """
 
     value: ca.MX
@@ -87,8 +88,8 @@ def smooth_rms(
 ) -> SmoothRms:
     """Return the RMS position bounds of circles (4, n), scaled.
 
-    The bias states are those that the team's filter estimates, but for clock offsets, which would
-    make each observer see its targets elsewhere: exact verdicts have them. `seen` is the team at
+    The bias states are those that the team's filter estimates, except clock offsets, which would
+    make each observer see its targets elsewhere; exact verdicts include them. `seen` is the team at
     the run's times.
     """
     estimated = problem.team.errors.estimated
@@ -121,9 +122,9 @@ def smooth_rms(
 
 
 def _forward(step: "_Step", chosen: Index, start: ca.MX, turn: list[ca.MX]) -> tuple[ca.MX, ca.MX]:
-    """The RMS (n,) over the second half, and the covariances (m, m k) after each step's sightings.
+    """RMS (n,) over the second half, and covariances (m, m k) after each step's sightings.
 
-    `turn` are information, noise and what varies in F at the samples of a turn, a column each.
+    `turn` holds the information, noise and varying entries of F, a column for each sample.
     """
     number = len(chosen)
     _, variances, after = step.forward().mapaccum("run", number, _AT_ONCE)(
@@ -136,9 +137,9 @@ def _forward(step: "_Step", chosen: Index, start: ca.MX, turn: list[ca.MX]) -> t
 def _backward(
     step: "_Step", chosen: Index, turn: list[ca.MX], after: ca.MX, late: ca.MX
 ) -> list[ca.MX]:
-    """Slopes by the covariance at the start and by `turn`.
+    """Slopes with respect to the covariance at the start and to `turn`.
 
-    `late` (n,) are those by each vehicle's variance, at every step of the second half.
+    `late` (n,) are those with respect to each vehicle's variance, at every step of the second half.
     """
     number, size = len(chosen), step.layout.size
     back = np.arange(number)[::-1]
@@ -168,7 +169,7 @@ class _Step:
     ----------
     layout : of the states
     sparsity : of the information of poses (3 n, 3 n)
-    observed, compasses : as `_observed` has them
+    observed, compasses : results of `_observed`
     onward : the passage to the next step
     """
 
@@ -179,7 +180,7 @@ class _Step:
     onward: "Passage"
 
     def _inputs(self) -> list[ca.MX]:
-        """Information, noise, what varies in F."""
+        """Symbols of the information, noise and varying entries of F."""
         sizes = self.sparsity.nnz(), 6 * self.layout.count, self.onward.by_place.size1()
         return [ca.MX.sym(name, size) for name, size in zip("MNF", sizes, strict=True)]
 
@@ -187,7 +188,7 @@ class _Step:
         return ca.diagcat(ca.MX(self.sparsity, information), self.compasses)
 
     def forward(self) -> ca.Function:
-        """(P, information, noise, F's) -> (P a step later, variances (n,), S)."""
+        """Return the function (P, information, noise, F's) -> (later P, variances (n,), S)."""
         covariance = ca.MX.sym("P", self.layout.size, self.layout.size)
         information, noise, moved = self._inputs()
         places, entries = _noise_places(self.layout)
@@ -201,7 +202,7 @@ class _Step:
         )
 
     def _updated(self, grown: ca.MX, known: ca.MX) -> ca.MX:
-        """The covariance after sightings, by the smaller of two systems of equations."""
+        """Covariance after sightings, by the smaller of two systems of equations."""
         observations, size = self.observed.shape
         if observations >= size:
             shown = self.observed.T @ known @ self.observed
@@ -215,9 +216,10 @@ class _Step:
         return grown - ways.T @ gain
 
     def backward(self) -> ca.Function:
-        """(weights of P a step later, S, information, noise, F's, weights of variances) -> slopes.
+        """Return the slopes of `forward` as a function.
 
-        By P, information, noise, and what varies in F.
+        (weights of the later P, S, information, noise, F's, weights of variances) -> slopes with
+        respect to P, information, noise and the varying entries of F.
         """
         size, count = self.layout.size, self.layout.count
         later, after = (ca.MX.sym(name, size, size) for name in ("B", "S"))
@@ -252,21 +254,21 @@ class _Step:
 
 
 def _picked(matrix: ca.MX, sparsity: ca.Sparsity) -> ca.MX:
-    """The entries of a dense matrix at a sparsity's non-zeros, as a column."""
+    """Entries of a dense matrix at a sparsity's non-zeros, as a column."""
     rows, columns = sparsity.get_triplet()
     size = matrix.size1()
     return ca.vec(matrix)[[row + size * column for row, column in zip(rows, columns, strict=True)]]
 
 
 def _places(layout: StateLayout) -> ca.DM:
-    """(m, n) 1 where a state is of a vehicle's place."""
+    """Matrix (m, n) with 1 where a state is a coordinate of a vehicle."""
     rows = [3 * k + axis for k in range(layout.count) for axis in (0, 1)]
     ones = ca.DM.ones(len(rows))
     return ca.DM.triplet(rows, [row // 3 for row in rows], ones, layout.size, layout.count)
 
 
 def _noise_places(layout: StateLayout) -> tuple[ca.Sparsity, list[int]]:
-    """Sparsity (m, m) of motion noise, and which of six entries a vehicle each non-zero is."""
+    """Sparsity (m, m) of motion noise, and the index of each non-zero, six per vehicle."""
     place = {(0, 0): 0, (0, 1): 1, (1, 1): 2, (0, 2): 3, (1, 2): 4, (2, 2): 5}
     rows, columns, entries = [], [], []
     for k in range(layout.count):
@@ -279,7 +281,7 @@ def _noise_places(layout: StateLayout) -> tuple[ca.Sparsity, list[int]]:
 
 
 def _start(problem: RefineProblem, layout: StateLayout) -> ca.MX:
-    """(m, m) the covariance at time 0, bias states in units of their sigmas."""
+    """Covariance (m, m) at time 0, with bias states in units of their sigmas."""
     sigma = np.ones(layout.size)
     pose = [problem.noise.position_sigma / problem.scale] * 2 + [problem.noise.heading_sigma]
     sigma[: 3 * layout.count] = np.tile(pose, layout.count)
@@ -287,10 +289,10 @@ def _start(problem: RefineProblem, layout: StateLayout) -> ca.MX:
 
 
 def _observed(problem: RefineProblem, layout: StateLayout, run: CoarseRun) -> tuple[ca.DM, ca.DM]:
-    """Rows of sightings (r, m) by the state, and information of compasses in a step (r', r').
+    """Rows (r, m) that sightings observe, and the information (r', r') of compasses in a step.
 
-    The poses with headings less errors of bearings, then the headings of those with a compass,
-    with the errors of compasses.
+    The rows are the poses, with headings less errors of bearings, then the headings of vehicles
+    with a compass, plus errors of compasses.
     """
     poses = np.eye(3 * layout.count, layout.size)
     headings = poses[2::3].copy()
@@ -318,11 +320,11 @@ def _observed(problem: RefineProblem, layout: StateLayout, run: CoarseRun) -> tu
 def _turn_of_vehicles(
     problem: RefineProblem, times: SampleTimes, circles: ca.MX
 ) -> tuple[ca.MX, ca.MX]:
-    """Motion noise of the poses at each sample (6 n, k), and places from the centres (2 n, k)."""
+    """Motion noise of poses at each sample (6 n, k), and positions from the centres (2 n, k)."""
     count, samples = problem.orbits.count, len(times.angles)
     gain = arc_noise_gain(problem.orbits, problem.sensors.sample_time)
     gain[:, :2] /= problem.scale
-    # the part driven by turn rate grows with the speed, so with the radius, which may change
+    # the part driven by turn rate grows with the speed, and so with the radius, which may change
     gain[:, :2, 1] *= (problem.scale / problem.orbits.radii)[:, None]
     gain *= np.array([problem.noise.speed_sigma, problem.noise.turn_rate_sigma])
     parameters = np.concatenate(
@@ -336,7 +338,7 @@ def _turn_of_vehicles(
 
 
 def _vehicle_turn(times: SampleTimes) -> ca.Function:
-    """(circle, parameters) -> (noise (6, k), place from the centre (2, k)) of a vehicle."""
+    """Function (circle, parameters) -> (noise (6, k), position from the centre (2, k))."""
     circle, parameters = ca.SX.sym("circle", 4), ca.SX.sym("parameters", 6)
     sense = parameters[0]
     phase = circle[3] + sense * ca.DM(times.angles).T
@@ -364,21 +366,22 @@ def _vehicle_turn(times: SampleTimes) -> ca.Function:
 #     place by gusts             Ts (1 - a^M) / (1 - a)
 #     gusts, bearing walks       a^M of themselves,  a = exp(-Ts / correlation time)
 #
-# with M samples in h seconds. A place on a circle says where the vehicle was h seconds before, so
-# each entry of F is a constant or a linear function of p(t + h). As factors of rows, the few that
-# vary are cheap to apply and to differentiate.
+# with M samples in h seconds. A position on a circle determines that of h seconds before, so each
+# entry of F is a constant or a linear function of p(t + h). Applied as factors of rows, the few
+# entries that vary are cheap to apply and to differentiate.
 
 
 @dataclass(frozen=True, slots=True)
 class Passage:
-    """How the m states go on for some seconds, positions scaled and errors in their sigmas.
+    """Transition of the m states over some seconds, positions scaled and errors in their sigmas.
 
     Attributes
     ----------
-    steady : (m, m) what of F is the same for all circles
-    by_place : (q, 2 n) the entries that vary, by where each vehicle then is from its centre
+    steady : (m, m) part of F that is the same for all circles
+    by_place : (q, 2 n) slopes of the entries that vary, by each vehicle's final position from its
+        centre
     taken, given : (q, m), (m, q) 1 at the column, and at the row, of each of these entries
-    noise : (m, m) of gusts and walks that come up on the way
+    noise : (m, m) of gusts and walks that arise during the passage
     """
 
     steady: ca.DM
@@ -395,7 +398,7 @@ class Passage:
         varying: dict[tuple[int, int], Array] = {}
 
         def move(moves: Array, vehicle: int, column: int, size: float) -> None:
-            """Add by how much a state moves a vehicle: `moves` is (3, 3), see `_moves`."""
+            """Add the effect of a state on a vehicle: `moves` is (3, 3), see `_moves`."""
             for row, (constant, *by_place) in enumerate(moves.T.tolist(), 3 * vehicle):
                 steady[row, column] += size * constant
                 if any(by_place):
@@ -439,15 +442,15 @@ class Passage:
         return ca.densify(self.steady.T @ matrix + self.taken.T @ varying)
 
     def carried(self, covariance: ca.MX, moved: ca.MX) -> ca.MX:
-        """Return (m, m) the covariance at the end."""
+        """Return the covariance (m, m) at the end."""
         return self.onward(self.onward(covariance, moved).T, moved) + self.noise
 
     def carried_slopes(
         self, covariance: ca.MX, moved: ca.MX, weights: ca.MX
     ) -> tuple[ca.MX, ca.MX]:
-        """Return how much `weights` (m, m), symmetric, times `carried` grow.
+        """Return the slopes of the sum of `weights` (m, m), symmetric, times `carried`.
 
-        By the covariance, (m, m), and by the entries that vary, (q, 1).
+        They are with respect to the covariance, (m, m), and to the entries that vary, (q, 1).
         """
         by_covariance = self.back(self.back(weights, moved).T, moved)
         columns = self.taken @ self.onward(covariance, moved).T
@@ -455,16 +458,16 @@ class Passage:
 
 
 _Moves = Callable[[Orbits, Index, Array], Array]
-"""As ErrorState.moves."""
+"""Type of ErrorState.moves."""
 
 _ROUNDING = 1e-12
-"""Moves smaller than this are those of a cosine that should be 0."""
+"""Size up to which moves are rounding errors of a cosine that should be 0."""
 
 
 def _moves(problem: RefineProblem, moves: _Moves, seconds: float) -> Array:
-    """(3, axes, 3, n) moves in `seconds` s: constants, then by x and y of where a vehicle then is.
+    """Moves (3, axes, 3, n) in `seconds` s: constants, then slopes by x and y of the end position.
 
-    They are read off a circle without radius and circles of radius 1 that end on each axis.
+    They are read off a circle of radius 0 and circles of radius 1 that end on each axis.
     """
     orbits, vehicles = problem.orbits, np.arange(problem.orbits.count)
     begun = -orbits.senses * orbits.rate * seconds
@@ -483,7 +486,7 @@ def _moves(problem: RefineProblem, moves: _Moves, seconds: float) -> Array:
 
 
 def _turned(orbits: Orbits, vehicles: Index, times: Array) -> Array:
-    """(1, 3, s) by how much a unit of heading moves vehicles: the way gone, a quarter turn on."""
+    """Moves (1, 3, s) of vehicles by a unit of heading: their displacement, a quarter turn on."""
     turn = orbits.senses[vehicles] * orbits.rate * times
     gone = unit(orbits.phases[vehicles] + turn) - unit(orbits.phases[vehicles])
     moves = np.zeros((1, 3, len(vehicles)))
@@ -497,10 +500,10 @@ class _Change:
 
     Attributes
     ----------
-    kept : share that is left of it
-    push : s, how far a gust moves a vehicle that it had at the beginning
-    spread, joint : s^2, s: variance of how far later gusts move it, and its covariance with the
-        gust left at the end
+    kept : share of it that is left
+    push : s, displacement of a vehicle by a unit of the gust at the beginning
+    spread, joint : s^2, s: variance of the displacement by later gusts, and its covariance with
+        the gust at the end
     """
 
     kept: float
@@ -515,7 +518,7 @@ class _Change:
         samples = seconds / sample_time
         kept = kept_each**samples
         once, twice = (1.0 - kept) / (1.0 - kept_each), (1.0 - kept**2) / (1.0 - kept_each**2)
-        # within one sample later gusts move nothing yet
+        # within one sample later gusts do not move the vehicle yet
         later = 1.0 if samples > 1.0 else 0.0
         fresh_each = 1.0 - kept_each**2
         spread = fresh_each * (samples - 2.0 * once + twice) / (1.0 - kept_each) ** 2

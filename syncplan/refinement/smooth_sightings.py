@@ -1,4 +1,4 @@
-"""The information of all sightings as a smooth function of the circles, for derivatives.
+"""Information of all sightings as a smooth function of the circles, for derivatives.
 
 Each sighting has a weight between 0 and 1 instead of counting or not: a logistic step in the
 distance (and, for limited views, in the angle off boresight), which the solver narrows from stage
@@ -13,11 +13,11 @@ ten sums over its samples:
                           row of b seeing a:   ( c, -t.g_a,       -c, t.g_b - 1 )
     sums: c c^T (3), c h_a (2), c h_b (2), h_a h_a, h_b h_b, h_a h_b
 
-A distance is seen where the bearing is, and has the same row both ways: with u = q / |q|,
+A range is measured where the bearing is, and has the same row both ways: with u = q / |q|,
 
     c = -u                row of a seeing b:   ( c, u x g_a,      -c, -u x g_b    )
 
-A compass needs nobody in sight: a number for each sample, whatever the circles.
+A compass needs no target: it adds a number for each sample, whatever the circles.
 """
 
 from dataclasses import dataclass, replace
@@ -35,21 +35,22 @@ from syncplan.scenario.areas import convex_parts
 
 # --- sight lines past obstacles -------------------------------------------------------------------
 #
-# Two convex sets are apart exactly if the normal of an edge of one of them separates them. For a
-# sight line and a convex polygon these are the outward normals of the polygon's edges, along which
-# the nearer end of the sight line counts, and the sight line's own, along which the nearest corner
-# does. The largest of these gaps is positive where sight is free. Where it is blocked, minus that
-# is the depth: how far the sight line has to move. A concave polygon is cut into triangles once.
+# Two convex sets are disjoint if and only if the normal of an edge of one of them separates them.
+# For a sight line and a convex polygon these are the outward normals of the polygon's edges, along
+# which the nearer end of the sight line counts, and the sight line's own normals, along which the
+# nearest corner counts. The largest of these gaps is positive where sight is free. Where it is
+# blocked, the gap is minus the depth: the distance that the sight line has to move. A concave
+# polygon is cut into triangles once.
 #
-# A landmark on a polygon's boundary does not count as its end: walls do not hide what hangs on
-# them.
+# A landmark on a polygon's boundary does not count as the end of its sight line: walls do not hide
+# landmarks on them.
 
 
 _ON_EDGE = 1e-9
-"""Nearer than this, in mean radii, a landmark is on an edge."""
+"""Distance in mean radii up to which a landmark is on an edge."""
 
 _FAR = 1e3
-"""Mean radii: further than any gap that matters."""
+"""Distance in mean radii, larger than any gap that matters."""
 
 Expression = TypeVar("Expression", ca.MX, ca.SX)
 
@@ -65,7 +66,7 @@ class ConvexPiece:
     ----------
     corners : (k, 2)
     normals : (k, 2) unit vectors out of each edge
-    offsets : (k,) of each edge along its normal
+    offsets : (k,) offset of each edge along its normal
     """
 
     corners: Array
@@ -74,7 +75,7 @@ class ConvexPiece:
 
     @classmethod
     def of(cls, corners: Array) -> "ConvexPiece":
-        """Return the piece of a convex polygon (k, 2), its corners either way round."""
+        """Return the piece of a convex polygon (k, 2), its corners in either direction."""
         along = np.roll(corners, -1, axis=0) - corners
         kept = np.hypot(*along.T) > 0.0
         corners, along = corners[kept], along[kept]
@@ -96,9 +97,9 @@ def convex_pieces(obstacles: tuple[Array, ...], scale: float) -> tuple[ConvexPie
 def sight_gap(
     pieces: tuple[ConvexPiece, ...], line: SightLine[Expression], *, to_landmark: bool = False
 ) -> Expression:
-    """Return how far sight lines clear all pieces, negative where they are blocked, as `line`.
+    """Return the clearance of sight lines past all pieces, shaped as `line`; negative if blocked.
 
-    `to_landmark` says that the second end is a landmark's. There must be a piece.
+    `to_landmark` states that the second end is a landmark. At least one piece is required.
     """
     gaps = [_gap(piece, line, to_landmark) for piece in pieces]
     return reduce(ca.fmin, gaps)
@@ -123,27 +124,27 @@ def _gap(piece: ConvexPiece, line: SightLine[Expression], to_landmark: bool) -> 
 
 PAIR_SUMS = 10
 ANCHOR_SUMS = 6
-"""A landmark has no heading: c c^T (3), c h (2), h h."""
+"""Sums of a landmark, which has no heading: c c^T (3), c h (2), h h."""
 
 _NEAREST_SQUARED = 1e-6
-"""The square of referred_rows.NEAREST: keeps bearings from turning infinitely fast."""
+"""Square of referred_rows.NEAREST: keeps bearings from turning infinitely fast."""
 
 ROUNDED_ANGLE = 1e-6
-"""rad^2, added to the square of an angle whose absolute value has to be smooth."""
+"""Term in rad^2, added to the square of an angle to make its absolute value smooth."""
 
 ALL_ROUND = 1e3
-"""Half view in rad whose edge no bearing comes near."""
+"""Half view in rad that stands for an unlimited one: no bearing comes near its edge."""
 
 
 @dataclass(frozen=True, slots=True)
 class Paths:
-    """Where n vehicles are at k samples, as (k, n) expressions, scaled.
+    """Positions of n vehicles at k samples, as (k, n) expressions, scaled.
 
     Attributes
     ----------
     times : the samples
-    sensors : of the vehicles, with ranges in the scale
-    pieces : convex pieces of what blocks sight, scaled
+    sensors : of the vehicles, with scaled lengths
+    pieces : convex pieces of obstacles, scaled
     x, y : positions
     arm_x, arm_y : from the centre
     gone_x, gone_y : displacement since time 0
@@ -186,7 +187,7 @@ class Paths:
         )
 
     def begun_at_each(self) -> "Paths":
-        """Return the same paths with time 0 at each sample: sightings show the poses there."""
+        """Return the same paths with time 0 at each sample: sightings refer to the poses then."""
         still = ca.MX(*self.gone_x.shape)
         return replace(self, gone_x=still, gone_y=still)
 
@@ -194,7 +195,7 @@ class Paths:
 def pair_information(paths: Paths, pairs: Index, width: float, each: bool) -> ca.MX:
     """Return the ten sums of (e, 2) pairs, (10 e, 1), or (10 e, k) sample by sample with `each`.
 
-    Sum s of pair p stands at s e + p. `width` is that of the step, as a share of the range.
+    Sum s of pair p stands at s e + p. `width` is the step's, as a share of the range.
     """
     a, b = pairs[:, 0].tolist(), pairs[:, 1].tolist()
     qx, qy = paths.x[:, b] - paths.x[:, a], paths.y[:, b] - paths.y[:, a]
@@ -283,7 +284,7 @@ def anchor_information(
 
 
 def compass_information(paths: Paths) -> ca.DM:
-    """Return (n, 1) what each vehicle's compass shows of its heading."""
+    """Return the information (n, 1) of each vehicle's compass on its heading."""
     inverse = 1.0 / paths.sensors.compass_sigmas_each_sample**2
     return ca.DM(inverse * paths.times.counts.sum())
 
@@ -291,7 +292,7 @@ def compass_information(paths: Paths) -> ca.DM:
 def _distance_sums(
     paths: Paths, pairs: Index, qx: ca.MX, qy: ca.MX, known: ca.MX
 ) -> tuple[ca.MX, ...]:
-    """The ten sums of distances, sample by sample, with weights `known` over |q|^2."""
+    """Ten sums of ranges, sample by sample, with weights `known` over |q|^2."""
     a, b = pairs[:, 0].tolist(), pairs[:, 1].tolist()
     turn_a = qx * paths.gone_y[:, a] - qy * paths.gone_x[:, a]
     turn_b = qx * paths.gone_y[:, b] - qy * paths.gone_x[:, b]
@@ -321,7 +322,7 @@ def _alike(sensors: Sensors) -> bool:
 
 
 def _certainty(paths: Paths, kind: SightingKind, observers: Index) -> ca.DM:
-    """(k, e) sightings in each group, those missed left out, over the variance of the kind."""
+    """Expected number (k, e) of sightings in each group, over the variance of the kind."""
     inverse = 1.0 / kind.sigmas(paths.sensors)[observers] ** 2
     inverse *= paths.sensors.detection[observers]
     return ca.DM(paths.times.sighted(observers) * inverse)
@@ -330,7 +331,7 @@ def _certainty(paths: Paths, kind: SightingKind, observers: Index) -> ca.DM:
 def _weight(
     paths: Paths, observers: Index, squared: ca.MX, qx: ca.MX, qy: ca.MX, width: float
 ) -> ca.MX:
-    """(k, e) weights of sightings at q; the view's step is as wide in rad as the range's share."""
+    """Weights (k, e) of sightings at q; the step in view is `width` rad wide."""
     reach = paths.sensors.ranges[observers] ** 2
     slope = np.tile(1.0 / (4.0 * width * reach), (len(paths.times.angles), 1))
     weight = 0.5 + 0.5 * ca.tanh(0.25 / width - squared * ca.DM(slope))
@@ -353,7 +354,7 @@ def _weight(
 def _unobstructed(
     paths: Paths, ends: SightLine[ca.MX], width: float, *, to_landmark: bool = False
 ) -> ca.MX:
-    """(k, e) weights of sight lines by how far they clear what blocks sight.
+    """Weights (k, e) of sight lines by their clearance past obstacles.
 
     The step is as wide as that of the mean range.
     """

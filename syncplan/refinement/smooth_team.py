@@ -1,6 +1,6 @@
-"""The whole team's windowed information as a smooth function of its circles: sparse, by pairs.
+"""Windowed information of the whole team as a smooth, sparse function of its circles.
 
-Only pairs that can come near each other's range, wherever their circles may move, enter. Each
+Only pairs enter that can come near each other's range, wherever their circles may move. Each
 pair's ten sums go to fixed places of the sparse information matrix. CasADi finds the pattern of its
 LDL factorisation once; the derivative is the inverse on that pattern.
 """
@@ -28,14 +28,14 @@ _FAR = 0.25
 
 @dataclass(frozen=True, slots=True)
 class SmoothTeam:
-    """A team's information for its circles X (4, n), scaled.
+    """Information of a team as a function of its scaled circles X (4, n).
 
     Attributes
     ----------
-    sighted : (s, 2) that may come into contact, as `sighted_bodies` has them
+    sighted : (s, 2) bodies that may come into contact, as `sighted_bodies` returns them
     times : samples that information is summed over
-    sparsity : of the (3 n, 3 n) information matrix, all of it
-    place : (nnz, sums) where each pair's sums go
+    sparsity : of the whole information matrix (3 n, 3 n)
+    place : (nnz, sums) matrix that adds the sums into the non-zeros
     """
 
     problem: RefineProblem
@@ -52,7 +52,7 @@ class SmoothTeam:
         return cls(problem, sighted, times, sparsity, place)
 
     def information(self, circles: ca.MX, width: float) -> ca.MX:
-        """Return (nnz, 1) the non-zeros of the information on the poses at time 0."""
+        """Return the non-zeros (nnz, 1) of the information on the poses at time 0."""
         paths = Paths.of(circles, self.problem.team, self.times, self.problem.scale)
         compasses = _compasses(self.problem).tolist()
         known = ca.MX(compass_information(paths)[compasses, :])
@@ -60,7 +60,10 @@ class SmoothTeam:
         return ca.densify(self.place @ parts)
 
     def information_now(self, circles: ca.MX, width: float) -> ca.MX:
-        """Return (nnz, k) what sightings of targets at each sample show of the poses there."""
+        """Return the non-zeros (nnz, k) of the information on the poses at each sample.
+
+        It is that of the sample's own sightings, without compasses.
+        """
         problem = self.problem
         paths = Paths.of(circles, problem.team, self.times, problem.scale).begun_at_each()
         parts = ca.vertcat(
@@ -82,10 +85,10 @@ class SmoothTeam:
 
 
 def sighted_bodies(problem: RefineProblem) -> Index:
-    """Return (s, 2) what may come within range while circles move.
+    """Return the bodies (s, 2) that may come within range of each other while circles move.
 
-    Pairs of vehicles a < b, then vehicles and landmarks, from n on; of either, first those whose
-    contact is kept.
+    Pairs of vehicles a < b, then vehicles and landmarks, which number from n on; of either, first
+    the contacts to be kept.
     """
     freedom, count = problem.freedom, problem.orbits.count
     lower, upper = (
@@ -108,26 +111,26 @@ def sighted_bodies(problem: RefineProblem) -> Index:
         strict=True,
     ):
         every = np.concatenate([kept, np.column_stack(others)])
-        # a mapping keeps the order in which its keys came
+        # a dictionary keeps the order of its keys
         found += dict.fromkeys((i, j) for i, j in every.tolist())
     return as_pairs(found)
 
 
 def _pairs_and_anchors(bodies: Index, count: int) -> tuple[Index, Index]:
-    """Those of (k, 2) bodies that are pairs of vehicles, and those with landmarks."""
+    """Bodies (k, 2) split into pairs of vehicles and vehicles with landmarks."""
     to_landmark = bodies[:, 1] >= count
     return bodies[~to_landmark], bodies[to_landmark]
 
 
 def _compasses(problem: RefineProblem) -> Index:
-    """The vehicles with a compass."""
+    """Vehicles with a compass."""
     return np.flatnonzero(COMPASS.sigmas(problem.sensors) < np.inf)
 
 
 def _places(sighted: Index, count: int, compasses: Index) -> tuple[ca.Sparsity, ca.DM]:
     """Sparsity of the information, and the matrix that adds all sums into its non-zeros.
 
-    Sums are those of pairs, of landmarks, then one of each compass.
+    The sums are those of pairs, then of landmarks, then one of each compass.
     """
     pairs, anchors = _pairs_and_anchors(sighted, count)
     entries: list[tuple[int, int, int, float]] = []
@@ -159,7 +162,7 @@ def _places(sighted: Index, count: int, compasses: Index) -> tuple[ca.Sparsity, 
 
 
 def _pair_entries(a: int, b: int) -> list[tuple[int, int, int, float]]:
-    """(row, column, sum, sign) of a pair's entries, one of two symmetric ones."""
+    """Entries (row, column, sum, sign) of a pair, one of each two symmetric ones."""
     entries = []
     for start in (a, b):
         entries += [
@@ -185,7 +188,7 @@ def _pair_entries(a: int, b: int) -> list[tuple[int, int, int, float]]:
 
 
 RELATIVE_SHIFT = 1e-9
-"""Added to W's diagonal, in information units: a team that is not observable yet has log det W."""
+"""Shift of W's diagonal, in information units, so that log det W exists for unobservable teams."""
 
 _WORST_POWER = 20.0
 """Exponent of the norm over vehicles' variances that stands for the largest."""
@@ -215,9 +218,9 @@ def window_variances(sparsity: ca.Sparsity, problem: RefineProblem) -> ca.Functi
 
 
 def window_excess(sparsity: ca.Sparsity, information: ca.MX, problem: RefineProblem) -> ca.MX:
-    """Return the logarithm of the worst vehicle's window bound over its limit; at most 0 is met.
+    """Return the logarithm of the worst vehicle's window bound over its limit; met at 0 or less.
 
-    The worst is a norm over the vehicles, so never less than the true worst.
+    A norm over the vehicles stands for the worst, so it is never less than the true worst.
     """
     entries = ca.SX.sym("W", sparsity.nnz())
     limit = (problem.window_limit / problem.scale) ** 2

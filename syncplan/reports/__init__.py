@@ -1,18 +1,18 @@
-"""Plans and runs as JSON documents, with what their figures mean in words.
+"""Plans and runs as JSON documents, with notes on the meaning of their figures.
 
-A module holds a document's parts with their descriptions, what makes them of a result, and the
-notes on them.
+Each module holds a document's parts with their descriptions, the functions that make them from a
+result, and its notes.
 
-observability_report  what is determined of a team, and how well
+observability_report  rank, certificate and predicted errors of a team
 refinement_report     refinements
 plan_report           plans
 sites_report          choices of landmark sites
-loss_report           what losses do to a plan
+loss_report           effects of losses on a plan
 run_figures           figures that runs of the filter share
 validation_report     validations and sweeps
 flight_series         flights over time
 flight_report         flights
-replay_notes          what the figures of a replay mean
+replay_notes          notes on the figures of a replay
 replay_report         replays
 job_contract          kinds and states of the service's jobs
 presentations         results as documents, data frames and HTML

@@ -1,4 +1,4 @@
-"""Flights as documents, with what their figures mean in words."""
+"""Flights as documents, with notes on the meaning of their figures."""
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Literal
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class PhaseError(DocumentPart):
-    """How far ahead of the plan a vehicle is, or behind it, over the second half."""
+    """Time by which a vehicle is ahead of the plan, or behind it, over the second half."""
 
     rms: float
     worst: float = Field(description="In any trial")
@@ -45,7 +45,7 @@ class FlightErrors(run_figures.Errors):
 
 
 class FlownVehicle(DocumentPart):
-    """How one vehicle flew."""
+    """Figures of one vehicle in flight."""
 
     name: str
     errors: FlightErrors | None = Field(description="Null for a vehicle that is lost on the way")
@@ -64,22 +64,24 @@ class FlownVehicle(DocumentPart):
         description="Share of decisions of guidance mpc whose program was not solved: the vehicle "
         "then flies the best of its guesses; null for other guidances"
     )
-    anchor: str | None = Field(description="By whom it keeps in contact; null for none")
+    anchor: str | None = Field(
+        description="Vehicle or landmark that it stays in contact with; null for none"
+    )
     sought_share: float = Field(
         description="Share of samples at which its circle was moved to be sure of its anchor"
     )
 
 
 class FlownLink(DocumentPart):
-    """Two that meet in the plan: vehicles, or a vehicle and a landmark."""
+    """A pair that meets in the plan: two vehicles, or a vehicle and a landmark."""
 
     between: tuple[str, str]
     meetings: int = Field(description="In the plan, in each trial")
-    kept_share: float = Field(description="In which a sighting was made")
+    kept_share: float = Field(description="Share of the meetings in which a sighting was made")
 
 
 class FlownSeparation(DocumentPart):
-    """The closest that any two vehicles came, over trials."""
+    """Least separation of any two vehicles, over trials."""
 
     median: float
     worst: float
@@ -96,11 +98,14 @@ class FlownSeparation(DocumentPart):
 
 
 class FlightEvent(DocumentPart):
-    """What happened in every trial."""
+    """A loss or a hold, the same in every trial."""
 
     event: str = Field(description="As it was asked for", examples=["v3@60", "v2@100:20"])
     kind: Literal["loss", "hold"]
-    subject: str = Field(description="What is lost or held", examples=["v3", "sensor of v3"])
+    subject: str = Field(
+        description="Vehicle, sensor or landmark that is lost or held",
+        examples=["v3", "sensor of v3"],
+    )
     begin_s: float
     end_s: float | None = Field(description="Null for what is lost")
     what: str = Field(examples=["v3 is lost at 60 s"])
@@ -113,12 +118,13 @@ class FlightEvent(DocumentPart):
 
 
 class FlightConditions(DocumentPart):
-    """What sightings suffer in every trial, and the air, as it was asked for."""
+    """Faults of sightings and true wind in every trial, as requested."""
 
     dropout: float = Field(description="Share of sightings that are lost on their way")
     outliers: float = Field(description="Share of bearings that are false, anywhere in view")
     mistaken: float = Field(
-        description="Share of sightings of another vehicle in sight than is thought"
+        description="Share of sightings whose true target is a vehicle in sight other than the "
+        "assumed one"
     )
     late: int = Field(description="Samples after which sightings arrive")
     wind_mps: tuple[float, float] | None = Field(
@@ -127,9 +133,9 @@ class FlightConditions(DocumentPart):
 
 
 class FlownStateError(DocumentPart):
-    """Errors of a state of the filter that is no pose, over all trials."""
+    """Errors of a filter state other than a pose, over all trials."""
 
-    state: str = Field(description="What it is", examples=["wind x", "speed scale of v1"])
+    state: str = Field(description="Name", examples=["wind x", "speed scale of v1"])
     unit: str = Field(description="Of the errors", examples=["m/s"])
     rms: float = Field(description="Over the samples after time 0")
     rms_second_half: float
@@ -145,7 +151,7 @@ LimitsFrom = Literal["scenario", "default"]
 
 
 class VehicleModel(DocumentPart):
-    """What the vehicles were taken to be."""
+    """Model of the vehicles: limits, lag and readings."""
 
     speed_mps: tuple[float, float] = Field(description="Least and largest airspeed of any vehicle")
     turn_rate_rad_s: float = Field(description="Largest turn rate")
@@ -197,7 +203,7 @@ class FlightDocument(run_figures.TrueWorldReport):
 
     @property
     def run(self) -> str:
-        """How much was flown, in words."""
+        """Number and length of the flights, and seed, in words."""
         return f"{self.trials} flights of {self.duration_s:g} s, seed {self.seed}"
 
 
@@ -299,7 +305,7 @@ def _vehicle(flight: "Flight", k: int) -> FlownVehicle:
 
 
 def _tolerance(plan: Plan, k: int) -> float | None:
-    """The least phase tolerance in s of a vehicle's links; None without any."""
+    """Smallest phase tolerance in s of a vehicle's links; None without links."""
     found = [item.tolerance for item in plan.links if k in (item.a, item.b)]
     return min(found) / plan.orbits.rate if found else None
 
@@ -316,7 +322,7 @@ def _errors(flight: "Flight", k: int, bound: float, tracking: Array) -> FlightEr
 
 
 def _overall(flight: "Flight") -> FlightErrors:
-    """Over all vehicles that are there in the second half."""
+    """Errors over all vehicles that are present in the second half."""
     there, predicted = flight.there, flight.predicted
     bound = float(np.sqrt(np.mean(flight.bound[there] ** 2)))
     found = run_figures.errors_of(
@@ -366,7 +372,7 @@ def _events(flight: "Flight") -> list[FlightEvent]:
         for one in events.losses
     ]
     for k, hold in enumerate(events.holds):
-        # a trial that never settles counts as one that takes for ever
+        # a trial that never settles counts as infinite
         median = float(np.median(np.nan_to_num(settled[:, k], nan=np.inf)))
         event = FlightEvent(
             event=f"{hold.name}@{hold.time:g}:{hold.length:g}",
@@ -423,7 +429,7 @@ def notes_of(flight: "Flight", report: FlightDocument) -> list[str]:
 
 
 def _of_truth(report: FlightDocument) -> Iterator[str]:
-    """How the simulated world differs from the scenario."""
+    """Note on how the simulated world differs from the scenario."""
     own = report.overall
     note = run_figures.truth_note(
         report.truth, report.expected_rms_m, own.rms_second_half_m, own.predicted_rms_m
@@ -450,7 +456,7 @@ def _of_conditions(flight: "Flight") -> Iterator[str]:
 
 
 def _of_holds(flight: "Flight") -> Iterator[str]:
-    """Notes on held vehicles, and on those whose return can't be judged."""
+    """Notes on held vehicles, and on those whose return to phase can't be judged."""
     team, holds = flight.run.team, flight.run.events.holds
     if holds:
         circling = any(team.limits.least_speeds[one.vehicle] > 0.0 for one in holds)
@@ -465,7 +471,7 @@ def _of_holds(flight: "Flight") -> Iterator[str]:
 
 
 def _of_vehicles(report: FlightDocument) -> Iterator[str]:
-    """Notes on supposed limits of vehicles."""
+    """Notes on assumed limits of vehicles."""
     model = report.vehicle_model
     if model.speed_from == "default":
         low, high = model.speed_mps
@@ -486,13 +492,13 @@ def _of_places(flight: "Flight") -> Iterator[str]:
     given = [key for key in ("area_m", "keep_out_m") if getattr(scenario, key)]
     if given:
         yield (
-            f"flights do not look at {' and '.join(given)}: who is off the plan may be where no "
-            "circle is; compare the distance from the plan with what there is room for"
+            f"flights do not check {' and '.join(given)}: a vehicle off the plan may cross the "
+            "edge; compare the distance from the plan with the room that there is"
         )
 
 
 def _of_filter(flight: "Flight", report: FlightDocument) -> Iterator[str]:
-    """From when on the filter is judged, and what it does not know of."""
+    """Notes on the time from which the filter is judged, and on errors that it leaves out."""
     yield from run_figures.start_notes(flight.judged_from)
     neglected = neglected_errors(flight.plan.team)
     if neglected:
@@ -509,7 +515,7 @@ def _of_filter(flight: "Flight", report: FlightDocument) -> Iterator[str]:
 
 
 def _of_guidance(report: FlightDocument) -> Iterator[str]:
-    """Notes on actions of guidance that nobody asked for."""
+    """Notes on circles that guidance moved, and on programs that it did not solve."""
     sought = max(one.sought_share for one in report.vehicles)
     if sought > 0.0:
         yield (

@@ -1,4 +1,4 @@
-"""Flights over time as documents: what their figures and a playback are drawn from."""
+"""Flights over time as documents, the source of their figures and of a playback."""
 
 import math
 from typing import TYPE_CHECKING, Literal
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from syncplan.flight.flying import Flight
 
 Values = list[float | None]
-"""Null where a vehicle is lost."""
+"""Values over time; null where a vehicle is lost."""
 
 
 class PlannedCircle(DocumentPart):
-    """A vehicle's circle, as the plan has it."""
+    """A vehicle's circle in the plan."""
 
     name: str
     center_m: Point
@@ -36,7 +36,7 @@ class GroundMark(DocumentPart):
 
 
 class FlightGround(DocumentPart):
-    """What was to be flown, and where."""
+    """Planned circles, landmarks and areas of a flight."""
 
     period_s: float
     circles: list[PlannedCircle]
@@ -51,14 +51,16 @@ class VehicleOverTime(DocumentPart):
 
     name: str
     tracking_rms_m: Values = Field(description="True distance from the plan's place")
-    phase_rms_s: Values = Field(description="Ahead of the plan, or behind it")
+    phase_rms_s: Values = Field(
+        description="RMS of the phase error, ahead of the plan or behind it"
+    )
     rms_m: Values = Field(description="Error of the estimated place")
     sigma_m: Values = Field(description="The filter's own position sigma")
     bound_m: Values = Field(description="The bound along the paths truly flown")
 
 
 class PlaceEllipse(DocumentPart):
-    """The filter's own covariance of a place at a moment, as axes of one sigma."""
+    """The filter's own covariance of a position at one moment, as axes of one sigma."""
 
     time_s: float
     center_m: Point = Field(description="The estimated place")
@@ -68,7 +70,7 @@ class PlaceEllipse(DocumentPart):
 
 
 class TrackedVehicle(DocumentPart):
-    """Where a vehicle was, and was taken to be, at the times of `track_time_s`; to 1 mm."""
+    """True and estimated positions of a vehicle at the times of `track_time_s`, to 1 mm."""
 
     name: str
     true_x_m: Values
@@ -81,7 +83,7 @@ class TrackedVehicle(DocumentPart):
 
 
 class FlownTrack(DocumentPart):
-    """One trial."""
+    """Tracks of one trial."""
 
     trial: int = Field(description="Its number, from 0 on")
     vehicles: list[TrackedVehicle]
@@ -100,13 +102,13 @@ class FlightOverTime(DocumentPart):
 
 
 _PLACES = 3
-"""Decimals of m in tracks."""
+"""Decimals of positions in m in tracks."""
 
 _DECIMALS = 6
 
 
 def flight_over_time(flight: "Flight") -> FlightOverTime | None:
-    """Return a flight over time; None where it kept no series."""
+    """Return a flight over time; None if it kept no series."""
     from syncplan.flight.flights import mean_series
 
     if not flight.result.branches:
@@ -167,7 +169,7 @@ def _ellipses(track: Track, k: int, steps: RecordedSteps, time: float) -> list[P
 
 
 def _axes(covariance: Array) -> dict[str, float]:
-    """Sigmas along the axes of an ellipse in m, and the angle of the major one."""
+    """Sigmas in m along the axes of an ellipse, and the angle of the major axis."""
     xx, yy, xy = covariance.tolist()
     middle, half = 0.5 * (xx + yy), math.hypot(0.5 * (xx - yy), xy)
     return {

@@ -1,4 +1,4 @@
-"""What the service and its clients agree on about jobs: their kinds and their states.
+"""Kinds and states of jobs, shared by the service and its clients.
 
 queued --> running --> succeeded | failed
    \\__________\\______> cancelled          an ended job changes no more
@@ -21,12 +21,12 @@ STATES: Mapping[JobState, str] = MappingProxyType(
         "cancelled": "it was stopped on request",
     }
 )
-"""Every state of a job, with what it means."""
+"""States of a job, with their meanings."""
 
 UNFINISHED: tuple[JobState, ...] = ("queued", "running")
-"""The states that change; a job in any other has ended."""
+"""States of a job that has not ended."""
 
 
 def has_ended(state: JobState) -> bool:
-    """Return whether a job in this state changes no more."""
+    """Return whether a job in this state has ended and no longer changes."""
     return state not in UNFINISHED

@@ -1,4 +1,4 @@
-"""What losses do to a plan, as a document."""
+"""Effects of losses on a plan, as a document."""
 
 from pydantic import Field
 
@@ -17,7 +17,7 @@ from syncplan.reports.observability_report import (
 
 
 class RemainingTeam(Document):
-    """What a loss leaves of a team, judged afresh on the orbits it has."""
+    """The team that a loss leaves, judged again on the same orbits."""
 
     lost: list[str] = Field(
         description="Names of what is lost: vehicles, landmarks, and sensors as sensor:v3, whose "
@@ -44,20 +44,20 @@ class RemainingTeam(Document):
 
 
 class WhatIfDocument(VersionedDocument):
-    """What losses of vehicles, sensors and landmarks do to a plan."""
+    """Effects of losses of vehicles, sensors and landmarks on a plan."""
 
     name: str = Field(description="Of the scenario")
     baseline: RemainingTeam = Field(description="The plan with nothing lost")
     losses: list[RemainingTeam] = Field(description="Each loss judged, the most harmful first")
     critical: list[list[str]] = Field(
-        description="What ends observability when lost, the smallest sets; empty where the plan is "
+        description="Smallest sets whose loss ends observability; empty where the plan is "
         "not observable itself",
         examples=[[["v3"], ["sensor:v3"], ["L1"]]],
     )
 
 
 def what_if_document(found: WhatIf) -> WhatIfDocument:
-    """Return the document of what losses do to a plan."""
+    """Return the document of the effects of losses on a plan."""
     return WhatIfDocument(
         version=__version__,
         name=found.plan.scenario.name,

@@ -1,4 +1,4 @@
-"""What is determined of a team, and how well, as documents hold it."""
+"""Observability and predicted errors of a team, as parts of documents."""
 
 from collections.abc import Sequence
 
@@ -21,14 +21,14 @@ from syncplan.planning.planner import Plan
 
 
 class CertificateVerdict(DocumentPart):
-    """The corrected Theorem 3.3."""
+    """The certificate: the corrected Theorem 3.3."""
 
     holds: bool
     reason: str
 
 
 class VehicleMotion(DocumentPart):
-    """How one vehicle moves in an unobservable motion."""
+    """Displacement of one vehicle in an unobservable motion."""
 
     vehicle: str
     shift_m: Point
@@ -66,7 +66,7 @@ class UndeterminedErrors(DocumentPart):
 
 
 class ExtendedRank(DocumentPart):
-    """Rank with the constant errors that the filter estimates as states, priors left out."""
+    """Rank with the constant errors that the filter estimates as states, without priors."""
 
     rank: int
     state_dim: int
@@ -80,7 +80,7 @@ class ExtendedRank(DocumentPart):
 
 
 class ObservabilityVerdict(Document):
-    """Rank and conditioning of the windowed matrix by poses, positions in mean radii."""
+    """Rank and conditioning of the windowed matrix of the poses, positions in mean radii."""
 
     rank: int
     state_dim: int
@@ -103,12 +103,12 @@ class ObservabilityVerdict(Document):
         "constant, or where there are too many states",
     )
     states: OrAbsent[list[StateVerdict]] = Field(
-        default=None, description="What is determined, by kind of state; absent as `extended` is"
+        default=None, description="Determined states, by kind; absent as `extended` is"
     )
 
 
 class ErrorPrediction(DocumentPart):
-    """Predicted RMS position error: per vehicle and over all."""
+    """Predicted RMS position error, per vehicle and over all."""
 
     overall: float | None
     vehicles: dict[str, float | None]
@@ -116,7 +116,7 @@ class ErrorPrediction(DocumentPart):
 
 
 def certificate_reason(plan: Plan) -> str:
-    """Return in words why the certificate holds or does not."""
+    """Return the reason why the certificate holds or does not, in words."""
     certificate = plan.certificate
     if certificate.holds:
         parts = len(certificate.witness)
@@ -138,7 +138,7 @@ def certificate_reason(plan: Plan) -> str:
 
 
 def observability_of(plan: Plan, names: list[str]) -> ObservabilityVerdict:
-    """Return the rank and the certificate of a plan, of the vehicles named."""
+    """Return rank and certificate of a plan of the named vehicles as documents hold them."""
     verdict = plan.observability
     return ObservabilityVerdict(
         rank=verdict.rank,
@@ -161,7 +161,7 @@ def observability_of(plan: Plan, names: list[str]) -> ObservabilityVerdict:
 def unobservable_motions(
     modes: Sequence[UnobservableMode], names: Sequence[str]
 ) -> list[Unobservable]:
-    """Return unobservable modes of the vehicles named as documents hold them."""
+    """Return unobservable modes of the named vehicles as documents hold them."""
     return [
         Unobservable(
             description=item.description,
@@ -181,7 +181,7 @@ def unobservable_motions(
 
 
 def error_prediction(values: Array | None, names: Sequence[str], note: str = "") -> ErrorPrediction:
-    """Return predicted errors (n,) m of the vehicles named as documents hold them."""
+    """Return predicted errors (n,) m of the named vehicles as documents hold them."""
     if values is None:
         return ErrorPrediction(overall=None, vehicles=dict.fromkeys(names), note=note)
     return ErrorPrediction(
@@ -197,7 +197,7 @@ _POSES = (("position", "m", (0, 1)), ("heading", "rad", (2,)))
 
 
 def extended_rank_record(verdict: ErrorVerdict | None, names: Sequence[str]) -> ExtendedRank | None:
-    """Return the rank with errors of the vehicles named as states; None where there is none."""
+    """Return the rank with errors of the named vehicles as states; None if there is none."""
     if verdict is None or verdict.extended is None:
         return None
     found = verdict.extended
@@ -220,7 +220,7 @@ def extended_rank_record(verdict: ErrorVerdict | None, names: Sequence[str]) -> 
 
 
 def state_verdicts(verdict: ErrorVerdict | None, names: Sequence[str]) -> list[StateVerdict] | None:
-    """Return the verdict by kind of state, of the vehicles named; None where no errors."""
+    """Return the verdict by kind of state of the named vehicles; None if no errors are states."""
     if verdict is None or verdict.extended is None:
         return None
     return [*_poses(verdict.extended, names), *_errors(verdict.extended, names)]

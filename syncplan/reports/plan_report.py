@@ -49,7 +49,7 @@ class VehicleOrbit(DocumentPart):
 
 
 class DirectedContact(DocumentPart):
-    """When one vehicle sees the other."""
+    """Contact windows in which one vehicle sees the other."""
 
     from_: str = Field(alias="from", serialization_alias="from")
     to: str
@@ -74,7 +74,7 @@ class Link(Document):
     windows_s: list[Window] = Field(description="Union of both ways; an end may pass the period")
     directed: list[DirectedContact]
     phase_tolerance_rad: float = Field(
-        description="How far either phase may slip before contact is lost; pi if it never is"
+        description="Least slip of either phase that loses contact; pi if none does"
     )
     phase_tolerance_s: float = Field(description="The same as time: how late a vehicle may be")
     rank: int
@@ -83,7 +83,7 @@ class Link(Document):
 
 
 class LandmarkLink(DocumentPart):
-    """When a vehicle sees a landmark."""
+    """Contact of a vehicle with a landmark."""
 
     vehicle: str
     landmark: str
@@ -104,7 +104,7 @@ class DroppedLink(DocumentPart):
 
 
 class CloseApproach(DocumentPart):
-    """The nearest two vehicles come, and when first."""
+    """Closest approach of two vehicles, and its first time."""
 
     min_m: float
     between: tuple[str, str]
@@ -112,7 +112,7 @@ class CloseApproach(DocumentPart):
 
 
 class Separation(DocumentPart):
-    """Least separation over all pairs, and the pairs below the least allowed."""
+    """Least separation over all pairs, and the pairs below the required one."""
 
     min_m: float | None
     between: tuple[str, str] | None
@@ -130,9 +130,9 @@ class Witness(DocumentPart):
 
 
 class PredictedStateError(DocumentPart):
-    """Predicted RMS error of a state of the filter that is no pose."""
+    """Predicted RMS error of a filter state other than a pose."""
 
-    state: str = Field(description="What it is", examples=["wind x", "speed scale of v1"])
+    state: str = Field(description="Name", examples=["wind x", "speed scale of v1"])
     unit: str = Field(examples=["m/s"])
     sigma: float = Field(description="Its standard deviation before anything is seen")
     predicted_rms: float = Field(
@@ -142,7 +142,7 @@ class PredictedStateError(DocumentPart):
 
 
 class PilotRecord(DocumentPart):
-    """A few trials of the filter from the initial sigmas, samples thinned out."""
+    """A few trials of the filter from the initial sigmas, with thinned samples."""
 
     filter: FilterName | None = Field(
         default=None, description="That ran; null in older files, whose pilots are of ekf"
@@ -159,7 +159,7 @@ class PilotRecord(DocumentPart):
 class StartUpRecord(DocumentPart):
     """Whether the filter can be expected to reach the bound from the initial sigmas.
 
-    Supposes errors as drawn from the sigmas of the scenario, and circles that are flown exactly.
+    Assumes errors drawn from the scenario's sigmas, and circles flown exactly.
     """
 
     index: float = Field(
@@ -175,7 +175,7 @@ class StartUpRecord(DocumentPart):
 
 
 class SynchronisationRecord(DocumentPart):
-    """How the phases were found."""
+    """Method that found the phases, with its margin and bound."""
 
     method: str
     smallest_margin_m: float | None
@@ -221,10 +221,10 @@ class PlanDocument(VersionedDocument):
         "predicted, from plans that are not observable and from older files",
     )
     refinement: OrAbsent[RefinementResult] = Field(
-        default=None, description="How the plan was refined, where it was"
+        default=None, description="Record of the refinement; absent where there was none"
     )
     flight: OrAbsent[FlownPlan] = Field(
-        default=None, description="What flying the plan has found; absent where it was not flown"
+        default=None, description="Results of flying the plan; absent where it was not flown"
     )
     notes: list[str] = Field(description="The messages of the verdict's findings")
 
@@ -374,7 +374,7 @@ def _synchronisation(plan: Plan, names: list[str]) -> SynchronisationRecord:
 
 
 def _separation(plan: Plan, names: list[str]) -> Separation:
-    """Without a separation that is asked for, the verdict alone says who comes too near."""
+    """Least separation; without a required one, the verdict alone reports close approaches."""
     nearest, required = plan.approach, plan.scenario.separation
     return Separation(
         min_m=nearest.distance if nearest else None,
@@ -412,7 +412,7 @@ def _sense(value: float) -> Literal["ccw", "cw"]:
 def start_up_record(
     start_up: StartUp, names: Sequence[str], landmarks: Sequence[str]
 ) -> StartUpRecord:
-    """Return how a plan starts as documents hold it."""
+    """Return the start-up figures of a plan as documents hold them."""
     index = start_up.index
     return StartUpRecord(
         index=index.value,

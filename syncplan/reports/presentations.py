@@ -1,4 +1,4 @@
-"""Each kind of result as a document, as rows of a data frame and as a table in a notebook."""
+"""Results as documents, as rows of data frames and as tables in notebooks."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -26,17 +26,17 @@ from syncplan.scenario.specification import Scenario, per_vehicle
 Row = dict[str, Any]
 
 MOST_ROWS = 100
-"""Rows that a notebook shows; the data frame holds all."""
+"""Largest number of rows that a notebook shows; the data frame holds all."""
 
 
 @dataclass(frozen=True, slots=True)
 class Presentation:
-    """How a kind of result is shown.
+    """Conversions of a kind of result.
 
     Attributes
     ----------
     document : makes its document
-    rows : makes a row of plain values for each vehicle, site or value, from that document
+    rows : makes rows of plain values from that document, one per vehicle, site, loss or value
     """
 
     document: Callable[[Any], Any]
@@ -63,7 +63,7 @@ def frame_of(result: Result) -> Any:
 
 
 def html_of(result: Result) -> str:
-    """Return the rows of a result as an HTML table, below its line and its plan's verdict."""
+    """Return the rows of a result as an HTML table, below its summary and its plan's verdict."""
     rows = _rows(result)
     lines = [f"<p><b>{escape(repr(result)[1:-1])}</b></p>", *_verdict_lines(result)]
     if rows:
@@ -85,12 +85,12 @@ def _presentation(result: Result) -> Presentation:
 def _rows(result: Result) -> list[Row]:
     shown = _presentation(result)
     rows = shown.rows(shown.document(result))
-    # what a row is about comes first
+    # the name of a row comes first
     return [{key: row[key] for key in sorted(row, key=lambda key: key != "name")} for row in rows]
 
 
 def _verdict_lines(result: Result) -> list[str]:
-    """The headline of a plan's verdict, and each finding."""
+    """HTML of the headline and the findings of a plan's verdict."""
     plan = result if isinstance(result, Plan) else getattr(result, "plan", None)
     if not isinstance(plan, Plan):
         return []
@@ -174,12 +174,12 @@ def _sweep_rows(document: Any) -> list[Row]:
 
 
 def _known(figures: Document) -> Row:
-    """Values that are not null: of a robot, those that the truth of its recording allows."""
+    """Values that are not null: a robot's depend on whether its recording has truth."""
     return {key: value for key, value in figures.as_json().items() if value is not None}
 
 
 def _flat(values: Mapping[str, Any]) -> Row:
-    """Plain values alone: a point [x, y] as two columns, `center_m` as `center_x_m`."""
+    """Plain values alone; a point [x, y] becomes two columns, `center_m` as `center_x_m`."""
     row: Row = {}
     for key, value in values.items():
         if isinstance(value, tuple) and len(value) == 2:
@@ -211,4 +211,4 @@ PRESENTATIONS: Mapping[type, Presentation] = {
         _sweep_rows,
     ),
 }
-"""How each kind of result is shown."""
+"""Presentation of each kind of result."""

@@ -1,4 +1,4 @@
-"""Refinements as documents: before and after, what holds the result where it is, every start."""
+"""Refinements as documents: figures before and after, active constraints, all starts."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +11,7 @@ from syncplan.scenario.objectives import FIGURES, Figures
 
 
 class _ComparedPlan(DocumentPart):
-    """What figures of merit begin with; the others are those of FIGURES."""
+    """First fields of the figures of merit; FIGURES gives the others."""
 
     rank: int
     certified: bool
@@ -36,15 +36,15 @@ else:
         "FiguresOfMerit",
         __base__=_ComparedPlan,
         __module__=__name__,
-        __doc__="What a plan is measured by; positions in the mean radius of the plan that was "
-        "refined. Predicted errors count whatever the filter estimates; rank, certificate, "
+        __doc__="Figures of merit of a plan; positions in the mean radius of the plan that was "
+        "refined. Predicted errors allow for all states of the filter; rank, certificate, "
         "information and window bound are of the poses, as if all else were known.",
         **_merit_fields(),
     )
 
 
 class RefinementResult(Document):
-    """How a plan was refined; `improved` says whether this is a better plan or the input."""
+    """Record of a refinement; `improved` states whether the plan is better or the input itself."""
 
     objective: str
     improved: bool
@@ -55,7 +55,7 @@ class RefinementResult(Document):
     active_constraints: list[str]
     starts: list[StartResult]
     start_up_before: InputStart | None = Field(
-        default=None, description="How the input starts; null where that was not tried"
+        default=None, description="Start-up of the input; null where not judged"
     )
     expected_rms_before_m: OrAbsent[float] = Field(
         default=None,
@@ -65,7 +65,7 @@ class RefinementResult(Document):
 
 
 def refinement_result(record: RefinementRecord) -> RefinementResult:
-    """Return the document of a refinement; infinities and what was not computed as null."""
+    """Return the document of a refinement; infinite and missing figures are null."""
     return RefinementResult(
         objective=record.objective,
         improved=record.improved,

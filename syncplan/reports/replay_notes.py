@@ -1,4 +1,4 @@
-"""What the figures of a replay mean, and what of its recording is amiss, in plain words."""
+"""Notes on the meaning of a replay's figures, and on faults of its recording."""
 
 import numpy as np
 
@@ -12,21 +12,21 @@ from syncplan.phrases import listed
 from syncplan.reports.run_figures import Spread, interval_words, spread_of
 
 LONG_GAP_S = 0.5
-"""A gap of the truth worth a note."""
+"""Length above which a gap of the truth is worth a note."""
 
 LONG_PAUSE_S = 2.0
-"""A time without odometry worth a note."""
+"""Length above which a time without odometry is worth a note."""
 
 SHARE_WORTH_TELLING = 0.01
-"""Of a recording, where it can't be used."""
+"""Share of a recording above which an unused part is worth a note."""
 
 MOST_BEARING_RAD = 6.5
-"""Beyond a turn, with a little to spare."""
+"""Largest plausible bearing: a turn, with a little to spare."""
 
 MOST_NAMED = 8
 
 LEAST_FLOOR = 0.9
-"""Of a sigma: what lasting errors leave to be gained above it is nothing."""
+"""Share of a sigma: a floor that lasting errors set above it leaves no room for a smaller one."""
 
 OTHER_CAUSES = "clocks, units or places do not fit"
 
@@ -163,7 +163,7 @@ def _consistency_notes(replayed: Replay) -> list[str]:
 
 
 def _floor_words(count: KindCounts, few: str) -> str:
-    """How far lasting errors let a sigma fall."""
+    """Words on how far lasting errors let a sigma fall."""
     floor = np.sqrt(count.nis.value * count.lasting.ratio)
     if floor < LEAST_FLOOR:
         return f"{few}, but no less than {floor:.1g} times that"
@@ -192,7 +192,7 @@ def _error_notes(anees: Spread, nis: Consistency, *, lasts: bool) -> list[str]:
 
 
 def _span_notes(replayed: Replay) -> list[str]:
-    """Where what a run needs of all robots is there of some for much longer."""
+    """Notes on parts of a recording that are unused because one robot lacks truth or odometry."""
     log = replayed.log
     what = "truth" if log.has_truth else "odometry"
     times = {one.name: (one.truth if log.has_truth else one.odometry)[:, 0] for one in log.robots}
@@ -240,7 +240,7 @@ def _gap_notes(replayed: Replay) -> list[str]:
 
 
 def _gaps(replayed: Replay, tables: list[Array]) -> list[tuple[str, float]]:
-    """The longest gap in s of each robot's table of times."""
+    """Name of each robot, and longest gap in s between rows of its table."""
     return [
         (robot.name, longest_gap(table[:, 0], replayed.begin, replayed.duration))
         for robot, table in zip(replayed.log.robots, tables, strict=True)

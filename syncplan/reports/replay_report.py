@@ -46,9 +46,9 @@ class RobotFigures(Document):
 
 
 class ReplayFilter(Document):
-    """What the filter assumes of a recording; sigmas of motion are per sample.
+    """Assumptions of the filter about a recording; sigmas of motion are per sample.
 
-    What is null in older files was not part of the filter then.
+    Values that are null in older files were not part of the filter then.
     """
 
     model: str | None = Field(default=None, description="Name of the filter", examples=["ekf"])
@@ -59,19 +59,18 @@ class ReplayFilter(Document):
     speed_sigma_mps: float
     turn_rate_sigma_rad_s: float
     speed_scale_sigma: float | None = Field(
-        default=None, description="Of the share by which each robot's speed readings are wrong"
+        default=None,
+        description="Sigma of the share by which each robot's speed readings are wrong",
     )
     turn_rate_bias_sigma_rad_s: float | None = None
     bearing_bias_sigma_rad: float | None = None
     bearing_walk_sigma_rad: OrAbsent[float] = Field(
-        default=None, description="Of the bearing error that changes slowly; not there: not a state"
+        default=None, description="Sigma of the slowly changing bearing error; absent: not a state"
     )
     bearing_walk_time_s: OrAbsent[float] = Field(
-        default=None, description="Over which the correlation of that error falls to 1/e"
+        default=None, description="Time over which the correlation of that error falls to 1/e"
     )
-    delay_s: float | None = Field(
-        default=None, description="By which sightings are recorded later than they were made"
-    )
+    delay_s: float | None = Field(default=None, description="Delay from a sighting to its record")
     start: str | None = Field(
         default=None, description="Where the filter starts; at the truth where null"
     )
@@ -82,17 +81,17 @@ class ReplayFilter(Document):
 
 
 class ReadingCounts(DocumentPart):
-    """How many readings of one kind were used, and why others were not."""
+    """Numbers of readings of one kind that were used and, by reason, that were not."""
 
     used: int
     rejected: int = Field(description="Rejected by the gate")
-    unknown: int = Field(description="Of targets that nobody recognised")
-    not_asked_for: int = Field(description="Of landmarks or robots left out on purpose")
+    unknown: int = Field(description="Readings of unrecognised targets")
+    not_asked_for: int = Field(description="Readings of landmarks or robots left out on purpose")
     outside: int = Field(description="Asked for, but from before or after the run")
 
 
 class LastingError(DocumentPart):
-    """A lasting error of one robot's odometry or camera, as the filter has it at the end."""
+    """A lasting error of one robot's odometry or camera, as estimated at the end."""
 
     name: str = Field(examples=["speed_scale"])
     robot: str
@@ -102,7 +101,7 @@ class LastingError(DocumentPart):
 
 
 class GapRecord(DocumentPart):
-    """A time over which the team was not observable."""
+    """An interval over which the team was not observable."""
 
     from_s: float = Field(description="Since the beginning of the run")
     to_s: float
@@ -111,42 +110,42 @@ class GapRecord(DocumentPart):
 
 
 class SeenRecord(DocumentPart):
-    """What the sightings of sliding windows determined, each judged for the step that ends it."""
+    """Observability over sliding windows of sightings, each judged for the step that ends it."""
 
     window_s: float
     step_s: float = Field(description="Between the ends of two windows")
     judged_s: float = Field(description="All in all, from when the first window ends")
-    observable_s: float = Field(description="Of it, with full rank")
-    certified_s: float = Field(description="Of it, with the certificate")
+    observable_s: float = Field(description="Part of it with full rank")
+    certified_s: float = Field(description="Part of it with the certificate")
     longest_gap_s: float = Field(description="Longest time over which the team was not observable")
     state_dim: int
     gaps: list[GapRecord]
     median_position_sigma_m: float | None = Field(
-        description="Of the worst robot from one window alone, median over windows; null where "
-        "more than half of them determine less than all"
+        description="Sigma of the worst robot from one window alone, median over windows; null "
+        "where more than half of them determine less than all"
     )
 
 
 class Sigmas(Document):
-    """What a replay fits; sigmas of motion are per sample."""
+    """Sigmas and delay that a replay fits; sigmas of motion are per sample."""
 
     bearing_sigma_rad: float
     range_sigma_m: float
     speed_sigma_mps: float
     turn_rate_sigma_rad_s: float
     bearing_walk_sigma_rad: OrAbsent[float] = Field(
-        default=None, description="Of the bearing error that changes slowly; not there: not a state"
+        default=None, description="Sigma of the slowly changing bearing error; absent: not a state"
     )
     bearing_walk_time_s: OrAbsent[float] = Field(
-        default=None, description="Over which the correlation of that error falls to 1/e"
+        default=None, description="Time over which the correlation of that error falls to 1/e"
     )
     delay_s: float
 
 
 class TuningRecord(Document):
-    """How sigmas and delay were fitted to the beginning of a recording, without its truth.
+    """Fit of sigmas and delay to the beginning of a recording, without its truth.
 
-    Gains are in the log-likelihood of a sighting that the filter is not given, on average.
+    Gains are mean gains in the log-likelihood of a sighting that the filter is not given.
     """
 
     fitted_s: float = Field(description="Length of what was fitted to; figures are of the rest")
@@ -181,13 +180,13 @@ class TuningRecord(Document):
         "only a smaller error makes a fit acceptable. Null in older files",
     )
     bearing_growth: float = Field(
-        description="By what the sigma of a bearing is larger as its errors last; at least 1"
+        description="Factor by which lasting errors enlarge the sigma of a bearing; at least 1"
     )
     range_growth: float = Field(description="The same of a distance")
 
 
 class EstimatedPath(DocumentPart):
-    """Where the filter takes one robot to be over time, and its own sigmas."""
+    """Estimates of one robot's pose over time, with the filter's own sigmas."""
 
     name: str
     x_m: list[float]
@@ -207,9 +206,9 @@ class EstimateSeries(DocumentPart):
 
 
 class ReplayDocument(run_figures.RunReport):
-    """The filter on a recording of real robots, beside where they truly were if that is known.
+    """The filter on a recording of real robots, compared with the truth if it is known.
 
-    Where the recording has no truth, all that compares with it is null.
+    Where the recording has no truth, all figures that compare with it are null.
     """
 
     begin_s: float = Field(description="When the run begins by the recording's clock")
@@ -253,17 +252,17 @@ class ReplayDocument(run_figures.RunReport):
 
     @property
     def run(self) -> str:
-        """How much was run, in words."""
+        """Length of the run, in words."""
         return f"a recording of {self.duration_s:g} s"
 
     @property
     def vehicles(self) -> list[RobotFigures]:
-        """The robots, as figures of any run know them."""
+        """The robots, under the name that all runs share."""
         return self.robots
 
     @property
     def trials(self) -> int:
-        """One: a recording is a single trial."""
+        """Number of trials; a recording is a single one."""
         return 1
 
 
@@ -388,7 +387,7 @@ def _sigmas(settings: ReplaySettings) -> Sigmas:
 
 
 def _distances(replayed: Replay) -> KindCounts | None:
-    """Counts of distances; None where none is recorded, or they were not asked for."""
+    """Counts of distances; None if none are recorded, or they were not asked for."""
     recorded = any(np.isfinite(robot.ranges).any() for robot in replayed.log.robots)
     return replayed.counts.get("distance") if recorded else None
 
@@ -404,7 +403,7 @@ def _counts(counts: KindCounts) -> ReadingCounts:
 
 
 def _estimates_of(replayed: Replay, names: list[str]) -> list[RobotFigures]:
-    """Figures of robots of whom it is not known where they truly were."""
+    """Figures of robots without ground truth."""
     kept = series(replayed.result)
     last, sigmas = replayed.estimates[-1], kept.position_sigma
     whole = np.sqrt(np.mean(sigmas[1:] ** 2, axis=0))

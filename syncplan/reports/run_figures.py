@@ -1,4 +1,4 @@
-"""Figures that runs of the filter share, as documents hold them and in words."""
+"""Figures that all runs of the filter share, as parts of documents and in words."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
@@ -21,7 +21,7 @@ from syncplan.scenario.truths import changed_keys
 
 
 class TrueKey(DocumentPart):
-    """A key of the scenario of which the simulated world differs."""
+    """A key of the scenario in which the simulated world differs."""
 
     key: str = Field(examples=["wind.gust_sigma_mps"])
     assumed: JsonValue = Field(
@@ -33,18 +33,18 @@ class TrueKey(DocumentPart):
 
 
 class ExpectedErrors(DocumentPart):
-    """RMS position error to be expected, second half: per vehicle and over all."""
+    """Expected RMS position error over the second half, per vehicle and over all."""
 
     overall: float
     vehicles: dict[str, float]
 
 
 MOST_NAMED = 6
-"""Keys that a note names."""
+"""Largest number of keys that a note names."""
 
 
 def keys_in_truth(plan: Plan) -> list[TrueKey] | None:
-    """Return the keys of which a plan's world differs; None where it has no truth of its own."""
+    """Return the keys in which a plan's world differs; None if it has no truth of its own."""
     scenario = plan.scenario
     if scenario.truth is None:
         return None
@@ -53,7 +53,7 @@ def keys_in_truth(plan: Plan) -> list[TrueKey] | None:
 
 
 def expected_in_truth(plan: Plan, expected: Array | None) -> ExpectedErrors | None:
-    """Return the errors expected in a plan's world, (n,) m; None without a truth or figures."""
+    """Return the errors (n,) m expected in a plan's world; None without a truth or errors."""
     if plan.scenario.truth is None or expected is None:
         return None
     return ExpectedErrors(
@@ -68,7 +68,7 @@ def truth_note(
     found: float,
     predicted: float | None,
 ) -> str | None:
-    """Return in words how the world differs and what came of it, m; None without a truth."""
+    """Return a note on how the world differs, with errors in m; None if no key differs."""
     if not keys:
         return None
     each = [f"{one.key} is {_words(one.true)}, not {_words(one.assumed)}" for one in keys]
@@ -85,9 +85,9 @@ def _words(value: object) -> str:
 
 
 class StateErrorFigures(DocumentPart):
-    """Errors of a state of the filter that is no pose, over all trials."""
+    """Errors of a filter state other than a pose, over all trials."""
 
-    state: str = Field(description="What it is", examples=["wind x", "speed scale of v1"])
+    state: str = Field(description="Name", examples=["wind x", "speed scale of v1"])
     unit: str = Field(description="Of the errors", examples=["m/s"])
     rms: float = Field(description="Over the samples after time 0")
     rms_second_half: float
@@ -100,7 +100,7 @@ class StateErrorFigures(DocumentPart):
 
 
 class StateErrorSeries(DocumentPart):
-    """Errors over time of a state of the filter that is no pose, in its unit."""
+    """Errors over time of a filter state other than a pose, in its unit."""
 
     state: str = Field(examples=["wind x", "speed scale of v1"])
     unit: str = Field(examples=["m/s"])
@@ -113,7 +113,7 @@ class StateErrorSeries(DocumentPart):
 
 
 class Spread(DocumentPart):
-    """A normalised squared error: its mean, that mean's confidence interval, and what that says."""
+    """Mean of a normalised squared error, with its confidence interval and the verdict."""
 
     value: float | None = Field(description="1 for a consistent filter; null without samples")
     band: tuple[float, float] | None = Field(
@@ -125,10 +125,10 @@ class Spread(DocumentPart):
         "conservative where it is below 0.9; unknown without an interval, or where one over trials "
         "is wider than 0.4; otherwise consistent"
     )
-    count: int = Field(description="Of what the interval rests on: trials or degrees of freedom")
+    count: int = Field(description="Number of trials or degrees of freedom behind the interval")
     basis: Literal["trials", "chi-square"] | None = Field(
         default=None,
-        description="What the interval rests on: the spread over trials or, for a single run, a "
+        description="Basis of the interval: the spread over trials or, for a single run, a "
         "chi-square variable; null in older files",
     )
 
@@ -173,7 +173,7 @@ class VehicleFigures(ErrorFigures):
 class FilterRecord(DocumentPart):
     """The filter that was run."""
 
-    model: MotionName = Field(description="How readings are integrated: exact arcs, or Euler's way")
+    model: MotionName = Field(description="Integration of readings: exact arcs, or Euler's method")
     kind: FilterName | None = Field(
         default=None, description="Which filter; null in older files, whose filter is ekf or paper"
     )
@@ -226,7 +226,7 @@ class RunReport(VersionedDocument):
 
     @property
     def has_errors(self) -> bool:
-        """Whether errors are known: of all runs but of recordings without truth."""
+        """Whether errors are known, as in all runs except recordings without truth."""
         return True
 
 
@@ -240,8 +240,8 @@ class TrueWorldReport(RunReport):
     )
     expected_rms_m: OrAbsent[ExpectedErrors] = Field(
         default=None,
-        description="What the filter is to be expected to make of that world along the circles, by "
-        "a linear recursion; absent where there is no truth, or it was not computed",
+        description="Expected RMS error of the filter in that world along the circles, by a linear "
+        "recursion; absent where there is no truth, or it was not computed",
     )
 
 
@@ -259,7 +259,7 @@ def spread_of(figure: Consistency) -> Spread:
 def filter_record(
     options: FilterOptions, why: str, judged_from: float, found: MonteCarloResult
 ) -> FilterRecord:
-    """Return which filter ran, why, and how much it used; `judged_from` in s."""
+    """Return the record of the filter that ran, the reason and its counts; `judged_from` in s."""
     return FilterRecord(
         model=options.filter_model.motion,
         kind=options.filter,
@@ -273,7 +273,7 @@ def filter_record(
 
 
 def start_notes(judged_from: float) -> list[str]:
-    """Return the note on a filter that is judged from a time in s on; none where it always is."""
+    """Return the note on the time in s from which the filter is judged; none if it is 0."""
     if not judged_from:
         return []
     return [
@@ -285,7 +285,7 @@ def start_notes(judged_from: float) -> list[str]:
 def state_errors(
     found: MonteCarloResult, states: Iterable[tuple[str, str]], bounds: Sequence[float | None]
 ) -> Iterator[dict[str, Any]]:
-    """Yield what figures of each further state share: its label and unit, errors and coverage."""
+    """Yield the common figures of each further state: label, unit, errors and coverage."""
     squares = found.state_squares, found.late_state_squares
     rms, late = (np.sqrt(one.mean(axis=0)).tolist() for one in squares)
     covered = found.states_covered.mean(axis=0).tolist()
@@ -296,7 +296,7 @@ def state_errors(
 
 
 def errors_of(accuracy: Accuracy, vehicle: int | tuple[()], covered: float) -> dict[str, float]:
-    """Return the figures of Errors: a vehicle's, or () for those of an overall accuracy."""
+    """Return the fields of Errors for a vehicle; `vehicle` is () for an overall accuracy."""
     return {
         "rms_m": float(accuracy.position[vehicle]),
         "rms_second_half_m": float(accuracy.late_position[vehicle]),
@@ -343,7 +343,7 @@ _MOST_DECIMALS = 9
 def spread_figures(figure: Spread) -> tuple[str, str, str]:
     """Return value and ends of the interval with as many digits as their comparison needs.
 
-    Rounded, they compare with each other and with the tolerated range as they do unrounded. Raises
+    Rounding does not change their order, nor that of the ends and the tolerated range. Raises
     ValueError for a figure without an interval.
     """
     if figure.value is None or figure.band is None:
@@ -359,7 +359,7 @@ def spread_figures(figure: Spread) -> tuple[str, str, str]:
 
 
 def interval_words(figure: Spread) -> str:
-    """Return the value with its interval and what that rests on, without the verdict."""
+    """Return the value with its interval and the interval's basis, without the verdict."""
     if figure.value is None:
         return "no samples"
     if figure.band is None:
@@ -377,7 +377,7 @@ def interval_words(figure: Spread) -> str:
 
 
 def verdict_words(figure: Spread) -> str:
-    """Return the verdict, and why there is none where there is none."""
+    """Return the verdict, or the reason why there is none."""
     if figure.verdict != "unknown":
         return figure.verdict
     if figure.value is None:
@@ -388,7 +388,7 @@ def verdict_words(figure: Spread) -> str:
 
 
 def _decimals(value: float) -> int:
-    """Decimals of four significant digits; at least one, at most three."""
+    """Number of decimals for four significant digits; at least one, at most three."""
     return max(1, min(3, 3 - math.floor(math.log10(max(value, 1.0)))))
 
 

@@ -1,4 +1,4 @@
-"""Choices of landmark sites as documents, with what their figures mean in words."""
+"""Choices of landmark sites as documents, with notes on their figures."""
 
 from pydantic import Field
 
@@ -9,7 +9,7 @@ from syncplan.reports.plan_report import PlanDocument, plan_document
 
 
 class CandidateSite(DocumentPart):
-    """One candidate."""
+    """A candidate site."""
 
     name: str
     position_m: Point
@@ -48,7 +48,7 @@ class SitesDocument(VersionedDocument):
 
 
 _OPEN_GAP = 0.01
-"""A gap to the bound that is worth a note where the choice is not proven best."""
+"""Gap to the bound above which a choice that is not proven best is worth a note."""
 
 
 def sites_document(choice: SiteChoice) -> SitesDocument:

@@ -1,4 +1,4 @@
-"""Validations and sweeps as documents, with what their figures mean in words."""
+"""Validations and sweeps as documents, with notes on the meaning of their figures."""
 
 from collections.abc import Sequence
 from typing import Annotated, Any
@@ -31,7 +31,7 @@ class StressedWorld(DocumentPart):
     rms_second_half_m: float = Field(description="Over all vehicles")
     harm: float = Field(description="That over the one of the world as stated")
     expected_rms_m: float | None = Field(
-        description="What was to be expected, by a linear recursion; null where not computed"
+        description="Expected error, by a linear recursion; null where not computed"
     )
     anees: run_figures.Spread
 
@@ -65,7 +65,7 @@ class ValidationDocument(run_figures.TrueWorldReport):
 
     @property
     def run(self) -> str:
-        """How much was run, in words."""
+        """Number and length of the trials, and seed, in words."""
         return f"{self.trials} trials of {self.duration_s:g} s, seed {self.seed}"
 
 
@@ -73,7 +73,7 @@ class SweepRow(Document):
     """One value of a sweep: the verdict on its plan, and its validation."""
 
     label: str = Field(examples=["0.4"])
-    value: float = Field(description="What the swept key was set to", examples=[0.4])
+    value: float = Field(description="Value of the swept key", examples=[0.4])
     range_m: list[float] = Field(description="Range of each vehicle's sensor")
     rank: int
     state_dim: int
@@ -112,7 +112,7 @@ class SweepReport(Document):
 
 
 _FACTORS = (3.0, 10.0)
-"""Multiples of the bound that the shares of trials are over."""
+"""Multiples of the bound above which trials are counted."""
 
 
 def validation_document(validation: Validation) -> ValidationDocument:
@@ -149,7 +149,7 @@ def validation_document(validation: Validation) -> ValidationDocument:
 
 
 def stress_document(test: StressTest) -> ValidationDocument:
-    """Return the report of a stress test: of the world as stated, with what others did."""
+    """Return the report of a stress test: the world as stated, and the errors in worse ones."""
     report = validation_document(test.nominal)
     verdict = PlanVerdict.of((*test.nominal.plan.verdict.findings, *test.findings))
     worlds = [
@@ -249,7 +249,7 @@ def _series(validation: Validation) -> run_figures.Series:
 
 
 def state_errors_of(validation: Validation) -> list[run_figures.StateErrorFigures] | None:
-    """Return the errors of each further state; None where poses are all."""
+    """Return the errors of each further state; None if all states are poses."""
     names = _names(validation)
     if not names:
         return None
@@ -264,7 +264,7 @@ def state_errors_of(validation: Validation) -> list[run_figures.StateErrorFigure
 
 
 def series_of_states(validation: Validation) -> list[run_figures.StateErrorSeries] | None:
-    """Return errors of further states over time; None where poses are all.
+    """Return errors of further states over time; None if all states are poses.
 
     Raises InputError for a run that kept no series.
     """
@@ -293,7 +293,7 @@ def _names(validation: Validation) -> list[tuple[str, str]]:
 
 
 FEW_SHAPE_THE_RMS = 1.5
-"""RMS over the median trial's error, above which a few trials make up the RMS."""
+"""Ratio of the RMS to the median trial's error above which a few trials dominate the RMS."""
 
 _STILL_AIR = (
     "the bound of the wind is that of circles flown in still air; in wind an error of a heading "
@@ -365,7 +365,7 @@ def _unobservable_note(validation: Validation, figure: run_figures.Spread) -> st
 
 
 def _outliers_note(overall: run_figures.ErrorFigures) -> str | None:
-    """Where some trials are so far off that the RMS is theirs."""
+    """Note on trials so far off that they dominate the RMS; None without such trials."""
     far, lost = overall.share_over_3_predicted, overall.share_over_10_predicted
     median = overall.median_rms_second_half_m
     if not far or lost is None or median is None:

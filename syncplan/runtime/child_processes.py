@@ -2,8 +2,8 @@
 
 A child imports from its parent's path, not from its working directory. On Linux the kernel ends it
 with the thread that started it, even before it has imported what it runs; elsewhere it ends when it
-next reads the pipe. It inherits no secrets: of its parent's environment all but keys, passwords and
-settings, and of its files the pipe alone.
+next reads the pipe. It inherits no secrets: it has its parent's environment without keys, passwords
+and settings, and the pipe as its only file.
 """
 
 import contextlib
@@ -29,12 +29,12 @@ _WITHHELD = re.compile(
     r"(SYNCPLAN|OTEL)_|PG[A-Z]+$|.*(KEY|PASSW(OR)?D|SECRET|TOKEN|CREDENTIAL|DATABASE_URL)",
     re.IGNORECASE,
 )
-"""Variables that children don't get: settings, PostgreSQL's, and what is named like a secret."""
+"""Variables withheld from children: settings, PostgreSQL's, and names that suggest a secret."""
 
 
 CHILD_VARIABLES = {
     "OPENBLAS_NUM_THREADS": "1",
-    # glibc: arrays of a task come from memory that the one before has given back
+    # glibc: arrays of a task reuse the memory that the last one has freed
     "MALLOC_MMAP_THRESHOLD_": str(8 * 2**20),
     "MALLOC_TRIM_THRESHOLD_": str(24 * 2**20),
 }
@@ -42,13 +42,13 @@ CHILD_VARIABLES = {
 
 
 class ChildProcess:
-    """A running child: `connection` carries messages both ways, any that can be pickled.
+    """Running child process; `connection` carries picklable messages both ways.
 
     Parameters
     ----------
-    module, function : what the child runs, called with the number that connect_to_parent takes
-    heir : a part of the same program: it inherits the whole environment, and writes where the
-        parent does
+    module, function : function that the child calls with the descriptor for connect_to_parent
+    heir : whether it is a part of the same program: it then inherits the whole environment, and
+        writes where the parent does
     keep : further descriptors that the child inherits
     """
 
@@ -83,7 +83,7 @@ class ChildProcess:
         return lines[-1] if lines else f"exit status {self.process.poll()}"
 
     def end(self) -> None:
-        """Close the connection, which ends the process, and wait for that."""
+        """Close the connection, which ends the process, and wait for its end."""
         if self.connection.closed:
             return
         # closing alone does nothing while another thread waits for a message

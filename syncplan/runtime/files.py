@@ -1,4 +1,4 @@
-"""Writing results: whole or not at all."""
+"""Files written whole or not at all."""
 
 import contextlib
 import json
@@ -25,11 +25,11 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write `content` to `path` by way of a temporary file beside it, so no half is ever left.
+    """Write `content` to `path` through a temporary file beside it, so it is never left partial.
 
     Links are followed and an existing file keeps its permissions. Devices, pipes and standard
-    streams by name are written to as they are. Raises InputError if the path can't be written;
-    what was there before stays.
+    streams by name are written to directly. Raises InputError if the path can't be written; a file
+    that was there before stays.
     """
     try:
         before = _status(path)
@@ -43,7 +43,7 @@ def write_bytes(path: Path, content: bytes) -> None:
 
 
 def check_writable(path: Path) -> None:
-    """Raise InputError where write_bytes would, as far as can be seen without writing anything."""
+    """Raise InputError where write_bytes would, as far as can be checked without writing."""
     try:
         _check(path, _status(path))
     except OSError as error:
@@ -67,7 +67,7 @@ def _check(path: Path, before: os.stat_result | None) -> None:
 
 
 def _is_stream(path: Path, before: os.stat_result | None) -> bool:
-    """Whether a path is written to as it is."""
+    """Whether a path is written to directly."""
     if str(path).startswith(_STREAM_FOLDERS):
         return True
     return before is not None and not stat.S_ISREG(before.st_mode)

@@ -1,8 +1,8 @@
 """The machine: cores and memory that this process may use, and libraries held to one thread.
 
-Linux keeps what a container may use in control groups.
+On Linux, control groups hold the limits of a container.
 
-One thread for linear algebra gives the same bytes on every machine load, and no fight over cores: a
+One thread for linear algebra gives the same bytes under any load, and no contention for cores: a
 threaded BLAS splits sums by the number of threads it finds, so its last bits depend on the machine;
 and two processes whose BLAS threads wait for each other run many times slower than one thread each.
 The matrices here are small: one thread costs nothing until a thousand vehicles.
@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 
 
 def groups_of(proc: Path, controller: str) -> Iterator[Path]:
-    """Return the folders of a process's control groups, each with those above it; maybe none.
+    """Yield the folders of a process's control groups, if any, each with those above it.
 
-    `proc` is its folder in /proc; `controller` counts in version 1 of control groups, such as
-    "cpu" or "memory"; version 2 has one group for all.
+    `proc` is its folder in /proc. `controller`, such as "cpu" or "memory", counts in version 1 of
+    control groups; version 2 has one group for all.
     """
     try:
         groups = (proc / "cgroup").read_text().splitlines()
@@ -63,7 +63,7 @@ def groups_of(proc: Path, controller: str) -> Iterator[Path]:
 
 
 def threads_for(asked: int | None) -> int:
-    """Return how many threads to run: as many as are asked for, one for each core if None.
+    """Return the number of threads to run: `asked`, or one for each core if None.
 
     Raises InputError, key `threads`, for fewer than 1.
     """
@@ -86,7 +86,7 @@ def usable_cores(proc: Path = Path("/proc/self")) -> int:
 
 
 def _quotas(proc: Path) -> Iterator[float]:
-    """The cores' worth of time that each group allows this process; none where none is limited."""
+    """Processor time, in cores, that each limited group allows this process."""
     for folder in groups_of(proc, "cpu"):
         with contextlib.suppress(OSError, ValueError):
             quota, period = (folder / "cpu.max").read_text().split()
@@ -102,7 +102,7 @@ def _quotas(proc: Path) -> Iterator[float]:
 
 
 def usable_memory(proc: Path = Path("/proc/self")) -> int | None:
-    """Return the bytes of memory of this machine, or of its control groups; None if unknown.
+    """Return the bytes of memory that machine and control groups allow; None if unknown.
 
     Documentation/admin-guide/cgroup-v2.rst of the kernel, section "Memory Interface Files"
     (`memory.max`), and for version 1 memory.rst (`memory.limit_in_bytes`). `proc` is the folder of
@@ -119,10 +119,10 @@ def usable_memory(proc: Path = Path("/proc/self")) -> int | None:
 
 
 def limit_memory(limit_bytes: int) -> None:
-    """Let no allocation take this process, or a child of it, above so many bytes, each by itself.
+    """Limit the data of this process, and of each of its children, to so many bytes.
 
-    Data count, not the address space, of which libraries reserve more than they use. What goes
-    beyond raises MemoryError. Does nothing where the system keeps no such limit.
+    The limit is on data, not on the address space, of which libraries reserve more than they use.
+    Allocations beyond it raise MemoryError. Does nothing on systems without such a limit.
     """
     if not sys.platform.startswith("linux"):
         return
@@ -141,7 +141,7 @@ R = TypeVar("R")
 
 
 def single_threaded_blas(function: Callable[P, R]) -> Callable[P, R]:
-    """Return `function` run with a single BLAS thread, the caller's setting restored after."""
+    """Return `function` wrapped to use a single BLAS thread and restore the caller's setting."""
 
     @wraps(function)
     def limited(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -153,9 +153,9 @@ def single_threaded_blas(function: Callable[P, R]) -> Callable[P, R]:
 
 @lru_cache(maxsize=1)
 def _libraries(modules: int) -> "ThreadpoolController":
-    """The linear algebra libraries of a process that has imported so many modules.
+    """Linear algebra libraries of a process that has imported so many modules.
 
-    Finding them takes two milliseconds, and only an import brings another.
+    Finding them takes two milliseconds, and only an import can add one.
     """
     from threadpoolctl import ThreadpoolController
 

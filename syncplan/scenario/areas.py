@@ -1,9 +1,9 @@
-"""Where circles may lie: inside one polygon, outside others; exact clearances by Shapely.
+"""Area of the circles: inside one polygon, outside others; exact clearances by Shapely.
 
-A circle lies inside an area if its centre does and no edge is nearer than its radius; the same
-with "outside" for a keep-out. One signed number says both: distance to the boundary less radius,
-and minus that distance less radius where the centre is on the wrong side. A path, unlike the disc
-within it, also keeps clear of a keep-out that it goes round.
+A circle lies inside an area if its centre does and no edge is nearer than its radius; for a
+keep-out, read "outside". One signed number expresses both: the distance to the boundary less the
+radius, where the distance is negative if the centre is on the wrong side. A path, unlike the disc
+within it, is also clear of a keep-out that it goes round.
 """
 
 from collections.abc import Sequence
@@ -15,13 +15,13 @@ import numpy as np
 from syncplan.arrays import Array, Flags
 
 _ARC_SEGMENTS = 64
-"""Segments that stand for a quarter of a circle."""
+"""Segments that approximate a quarter of a circle."""
 
 _ARC_ERROR = 2e-4
-"""Share of a radius by which such arcs may miss the true one: a chord spans up to 1.5 segments."""
+"""Largest error of such an arc as a share of its radius: a chord spans up to 1.5 segments."""
 
 _CONVEX = 1e-12
-"""Share of its area by which a convex polygon may fall short of its hull."""
+"""Share of its area by which a polygon may fall short of its hull and still count as convex."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,8 +30,8 @@ class Area:
 
     Attributes
     ----------
-    inside : the circles lie within it; None for no limit
-    outside : the circles lie clear of each
+    inside : polygon that the circles lie within; None for no limit
+    outside : polygons that the circles keep clear of
     """
 
     inside: Array | None = None
@@ -43,7 +43,7 @@ class Area:
         inside: Sequence[tuple[float, float]] | None,
         outside: Sequence[Sequence[tuple[float, float]]] | None,
     ) -> "Area":
-        """Return the area of corners in m, as a scenario states them."""
+        """Return the area with these corners in m, as a scenario states them."""
         return cls(
             None if inside is None else np.array(inside, dtype=float),
             tuple(np.array(corners, dtype=float) for corners in outside or []),
@@ -60,13 +60,13 @@ class Area:
         return inner + [(f"keep_out_m[{k}]", one, False) for k, one in enumerate(self.outside)]
 
     def edges(self) -> Array:
-        """Return (e, 2, 2) m: start and end of every edge of every polygon."""
+        """Return the (e, 2, 2) start and end in m of every edge of every polygon."""
         polygons = [corners for _, corners, _ in self.polygons()]
         edges = [np.stack([one, np.roll(one, -1, axis=0)], axis=1) for one in polygons]
         return np.concatenate([np.zeros((0, 2, 2)), *edges])
 
     def clearances(self, centers: Array, radii: Array) -> Array:
-        """Return (n,) m: how far each disc lies from what it must not cross; negative if it does.
+        """Return the (n,) clearance of each disc in m, negative where it violates a polygon.
 
         Infinite where there is no polygon.
         """
@@ -80,7 +80,7 @@ class Area:
         return np.asarray(clear)
 
     def path_clearances(self, centers: Array, radii: Array) -> Array:
-        """Return (p, n) m: how far each circle's path keeps from each polygon of `polygons`.
+        """Return the (p, n) clearance in m of each circle's path from each polygon of `polygons`.
 
         Negative where it leaves the area or passes through a keep-out. A circle that goes round a
         keep-out is clear of it by its radius less the distance to the farthest corner.
@@ -99,7 +99,7 @@ class Area:
         return np.array(rows).reshape(len(rows), len(radii))
 
     def goes_round(self, keep_out: int, centers: Array, radii: Array) -> Flags:
-        """Return (n,) whether a circle goes round a keep-out, or would rather than pass outside."""
+        """Return (n,) whether each circle clears a keep-out better by going round than outside."""
         import shapely
 
         corners = self.outside[keep_out]
@@ -107,10 +107,10 @@ class Area:
         return np.asarray(radii - _farthest(corners, centers) > nearest - radii)
 
     def has_room(self, radii: tuple[float, float], lower: Array, upper: Array) -> bool:
-        """Return whether a path can lie clear: one of these radii in m, its centre in the box.
+        """Return whether a path with a radius in `radii` and its centre in the box can lie clear.
 
-        Not exact where radii differ: the smallest has to pass outside of keep-outs, the largest
-        round them.
+        `radii` are the least and the largest in m. Not exact where they differ: the least is
+        tested for passing outside keep-outs, the largest for going round them.
         """
         import shapely
 
@@ -127,9 +127,9 @@ class Area:
         return bool(shapely.intersects(room, box))
 
     def nearest_clear(self, centers: Array, radii: Array, *, paths: bool = False) -> Array | None:
-        """Return (n, 2) m: the centres nearest the given ones whose circles lie clear.
+        """Return the (n, 2) centres in m nearest the given ones whose circles lie clear.
 
-        With `paths`, circles may go round keep-outs. None where some circle fits nowhere.
+        With `paths`, circles may go round keep-outs. None if some circle fits nowhere.
         """
         import shapely
 
@@ -150,9 +150,9 @@ class Area:
         return moved
 
     def _room(self, radius: float, near: Array, *, round_them: float) -> Any:
-        """All centres whose circle lies clear; without an outer limit, those around `near`.
+        """Region of the centres whose circles lie clear; around `near` if there is no outer limit.
 
-        Those of circles of radius `round_them` m that go round a keep-out are among them.
+        Includes the centres of circles of radius `round_them` m that go round a keep-out.
         """
         import shapely
 
@@ -172,7 +172,7 @@ class Area:
 
 
 def _depths(polygon: Any, points: Any) -> Array:
-    """(n,) m: how deep each point lies within the polygon; negative outside it."""
+    """(n,) depth of each point within the polygon in m; negative outside it."""
     import shapely
 
     away = shapely.distance(points, polygon.exterior)
@@ -180,7 +180,7 @@ def _depths(polygon: Any, points: Any) -> Array:
 
 
 def _farthest(corners: Array, centers: Array) -> Array:
-    """(n,) m: the distance of each centre from the corner farthest from it."""
+    """(n,) distance of each centre from its farthest corner in m."""
     return np.asarray(np.hypot(*(centers[:, None] - corners[None]).T).max(axis=0))
 
 
@@ -199,7 +199,7 @@ def convex_parts(corners: Array) -> list[Array]:
 
 
 def polygon_fault(corners: Sequence[tuple[float, float]]) -> str:
-    """Return the fault of corners that enclose nothing, or ""."""
+    """Return why corners do not form a simple polygon, or "" if they do."""
     import shapely
 
     if len(corners) < 3:

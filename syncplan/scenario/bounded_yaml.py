@@ -1,7 +1,7 @@
-"""YAML 1.2 read in time about proportional to its length, by ruamel.yaml with limits.
+"""YAML 1.2, read by ruamel.yaml within limits, in time about proportional to its length.
 
-What may grow faster than the text is counted while it is read: the depth of nesting, aliases, and
-the keys that merges (<<) bring in, which double with each level that merges the one before twice.
+The reader counts whatever may grow faster than the text: the depth of nesting, aliases, and the
+keys that merges (<<) bring in, which double with each level that merges the previous one twice.
 """
 
 import io
@@ -15,14 +15,14 @@ from ruamel.yaml.nodes import MappingNode, SequenceNode
 from ruamel.yaml.scanner import Scanner
 
 DEEPEST = 100
-"""Collections within each other; scenarios and plans need about ten."""
+"""Largest depth of nested collections; scenarios and plans need about ten."""
 MOST_ALIASES = 3000
 FEWEST_MERGED_KEYS = 10_000
-"""Keys that merges may bring in however short the text is; else one for each character."""
+"""Keys that merges may bring in, however short the text; a longer one may have one a character."""
 
 
 class TooMuchYAMLError(MarkedYAMLError):
-    """The text goes beyond a limit of this module; `problem` names it."""
+    """Raised for a text beyond a limit of this module; `problem` names the limit."""
 
 
 def load_yaml(text: str) -> Any:
@@ -35,11 +35,11 @@ def load_yaml(text: str) -> Any:
 
 
 class _BoundedYAML(YAML):
-    """The safe reader, stopped at the limits.
+    """Safe reader that stops at the limits.
 
     Parameters
     ----------
-    most_merged_keys : keys that merges may bring in
+    most_merged_keys : most keys that merges may bring in
     """
 
     def __init__(self, most_merged_keys: int) -> None:
@@ -60,7 +60,7 @@ def _too_much(problem: str, mark: Any) -> TooMuchYAMLError:
 
 
 class _Scanner(Scanner):
-    """Refuses deep nesting at its opening bracket: reading ahead is quadratic in the depth."""
+    """Scanner that refuses deep nesting at the bracket: reading ahead is quadratic in the depth."""
 
     def fetch_flow_collection_start(self, TokenClass: Any, to_push: str) -> None:
         if len(self.flow_context) >= DEEPEST:
@@ -69,7 +69,7 @@ class _Scanner(Scanner):
 
 
 class _Composer(Composer):
-    """Counts aliases."""
+    """Composer that counts aliases."""
 
     def __init__(self, loader: Any = None) -> None:
         super().__init__(loader=loader)
@@ -83,7 +83,7 @@ class _Composer(Composer):
 
 
 class _Constructor(SafeConstructor):
-    """Counts the keys that merges bring in, before they are copied."""
+    """Constructor that counts the keys of merges before it copies them."""
 
     def __init__(self, preserve_quotes: bool | None = None, loader: Any = None) -> None:
         super().__init__(preserve_quotes=preserve_quotes, loader=loader)
@@ -98,7 +98,7 @@ class _Constructor(SafeConstructor):
         return super().flatten_mapping(node)
 
     def _merge(self, merged: Any, node: Any) -> None:
-        """Flatten what is merged, so that the keys it brings are those it has, and count them."""
+        """Flatten a merged mapping, so that it brings in only its own keys, and count them."""
         if merged is not node:
             self.flatten_mapping(merged)
         self._merged += len(merged.value)

@@ -1,8 +1,8 @@
-"""What disturbs the vehicles and their readings, and which of it the filter estimates.
+"""Disturbances of vehicles and their readings, and the errors that the filter estimates.
 
-Random walks do not depend on how often readings are taken: over a time t the place that is
-integrated from speed readings strays by the random walk times sqrt(t). A standard deviation of each
-reading does: with half the sample time there are twice as many readings to average.
+A random walk does not depend on the sample time: over a time t, the position integrated from speed
+readings drifts by the random walk times sqrt(t). With a standard deviation of each reading, the
+drift does depend on it: half the sample time gives twice as many readings to average.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -17,7 +17,7 @@ from syncplan.scenario.quantities import Many, Section, fault
 Sigma = Annotated[float, Field(ge=0, le=1e3)]
 
 ReadingsKind = Literal["commanded", "measured"]
-"""What motion readings are in flight."""
+"""Kind of the motion readings in flight."""
 
 ESTIMABLE: Mapping[str, str] = MappingProxyType(
     {
@@ -30,11 +30,11 @@ ESTIMABLE: Mapping[str, str] = MappingProxyType(
         "clock_offset": "motion.clock_offset_sigma_s",
     }
 )
-"""Errors that the filter can have as bias states, each with the key that says how large it is.
+"""Errors that the filter can estimate as bias states, each with the key of its sigma.
 
-Each is a line of `syncplan.orbits.error_states.ERROR_STATES`, too. A new one that acts as another
-does needs these two lines and the key in its section. One that shifts distances also needs a part
-in `syncplan.refinement.smooth_bound`, which leaves it out.
+Each also has a line in `syncplan.orbits.error_states.ERROR_STATES`. A new error that acts like an
+existing one needs these two lines and the key in its section. One that shifts distances also needs
+a part in `syncplan.refinement.smooth_bound`, which otherwise leaves it out.
 """
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ _Choice = Literal["auto", "all", "none"]
 
 
 def _choice_or_names(value: Any) -> Any:
-    """The value of `filter.estimate`, a choice or a list of names; raises the fault for others."""
+    """Check the value of `filter.estimate`: a choice or a list of names; raise its fault."""
     if isinstance(value, list):
         for k, name in enumerate(value):
             if name not in list(ESTIMABLE):
@@ -74,7 +74,7 @@ WALKS = {
 
 
 class Motion(Section):
-    """Errors of the motion readings: noise of each sample, or per root second; constant ones."""
+    """Errors of the motion readings: noise per sample or per root second, and constant errors."""
 
     speed_sigma_mps: Sigma | None = Field(
         default=0.1,
@@ -88,13 +88,13 @@ class Motion(Section):
     )
     position_random_walk_m_sqrt_s: Sigma | None = Field(
         default=None,
-        description="How far the place integrated from speed readings strays in a second, in "
+        description="Random walk of the place integrated from speed readings, in "
         "m per root second, instead of speed_sigma_mps: the same at any sample time",
         examples=[0.03],
     )
     angle_random_walk_rad_sqrt_s: Sigma | None = Field(
         default=None,
-        description="How far the heading integrated from turn rates strays in a second, in "
+        description="Random walk of the heading integrated from turn rates, in "
         "rad per root second, instead of turn_rate_sigma_rad_s: the same at any sample time",
         examples=[0.003],
     )
@@ -113,9 +113,8 @@ class Motion(Section):
 
     clock_offset_sigma_s: Sigma | None = Field(
         default=None,
-        description="Standard deviation of a vehicle's clock: what it stamps as sighted at a time "
-        "was sighted so much later, constant in a run, each vehicle its own; no such error if not "
-        "given",
+        description="Standard deviation of a vehicle's clock offset: a sighting was made this much "
+        "later than its stamp, constant in a run, each vehicle its own; no such error if not given",
         examples=[0.05],
     )
 
@@ -127,9 +126,9 @@ class Motion(Section):
     )
     readings: ReadingsKind | None = Field(
         default=None,
-        description="In flight, what motion readings are: commanded, the response to commands, "
-        "and what is done strays from it by the noise; or measured, with the noise on the "
-        "reading. commanded if not given",
+        description="In flight, kind of motion readings: commanded, the response to commands, from "
+        "which the motion differs by the noise; or measured, the motion plus the noise. commanded "
+        "if not given",
         examples=["measured"],
     )
 
@@ -165,12 +164,12 @@ class Motion(Section):
 
 
 def _of_reading(sigma: float | None, walk: float | None, sample_time: float) -> float:
-    """`sigma`, or the one whose readings, integrated, stray by `walk` in a second."""
+    """`sigma`, or that of readings whose integral drifts by `walk` in a second."""
     return (walk or 0.0) / float(sample_time) ** 0.5 if sigma is None else sigma
 
 
 class InitialSigma(Section):
-    """How well each vehicle knows its pose at time 0."""
+    """Standard deviations of each vehicle's pose at time 0."""
 
     position_m: Annotated[float, Field(ge=1e-6, le=1e6)] = Field(
         default=5.0, description="Standard deviation of each coordinate", examples=[5.0]
@@ -181,7 +180,7 @@ class InitialSigma(Section):
 
 
 class Wind(Section):
-    """Wind or current: common to all and constant in a run, and each vehicle's own gusts."""
+    """Wind or current: one common to all, constant in a run, and each vehicle's own gusts."""
 
     sigma_mps: Sigma = Field(
         default=0.0,
@@ -202,7 +201,7 @@ class Wind(Section):
 
 
 class Filter(Section):
-    """Which filter runs, and what it has as states beside the poses."""
+    """The filter, and the errors that it has as states beside the poses."""
 
     kind: FilterChoice | None = Field(
         default=None,
@@ -228,7 +227,7 @@ class Filter(Section):
 
 
 def check_estimated(wanted: Sequence[EstimableName] | str, sigmas: Collection[str]) -> None:
-    """Raise the fault if the filter is to estimate an error that the scenario gives no sigma."""
+    """Raise the fault if the filter is to estimate an error without a sigma in the scenario."""
     for k, name in enumerate(wanted if not isinstance(wanted, str) else ()):
         if name not in sigmas:
             raise fault(

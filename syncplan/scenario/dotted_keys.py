@@ -1,6 +1,6 @@
-"""Every key of a scenario that holds a number, by its dotted name: unit, limits and words.
+"""Keys of a scenario that hold a number, by dotted name: unit, meaning and limits.
 
-All of it is read from the scenario's own models, so a key that is added there is here too.
+They are read from the scenario's own models, so a key added there appears here too.
 """
 
 import difflib
@@ -24,7 +24,7 @@ _UNITS = {
     "m": "m",
     "s": "s",
 }
-"""Endings of keys, the longer first, and the units that they state."""
+"""Endings of keys, longer ones first, and the units they denote."""
 
 ALTERNATIVES = (
     ("orbit.angular_rate_rad_s", "orbit.speed_mps"),
@@ -32,13 +32,13 @@ ALTERNATIVES = (
     ("motion.position_random_walk_m_sqrt_s", "motion.speed_sigma_mps"),
     ("motion.angle_random_walk_rad_sqrt_s", "motion.turn_rate_sigma_rad_s"),
 )
-"""Pairs of which a scenario gives one."""
+"""Pairs of keys of which a scenario gives one."""
 
 IN_FLIGHT_ALONE = ("motion.lag_s",)
-"""Keys of which plans and validations, whose vehicles follow their circles, know nothing."""
+"""Keys that matter in flight only: in plans and validations, vehicles follow their circles."""
 
 IN_TRUTH = "truth."
-"""Before keys of the simulated world."""
+"""Prefix of keys of the simulated world."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,10 +47,10 @@ class NumericKey:
 
     Attributes
     ----------
-    key : where it stands, such as sensor.range_sigma_m
-    unit : in symbols; empty where it has none
-    meaning : in words
-    allowed : its limits in words
+    key : dotted name, such as sensor.range_sigma_m
+    unit : symbol; empty if the number has no unit
+    meaning : description in words
+    allowed : limits in words
     whole : whether the number is an integer
     """
 
@@ -72,8 +72,8 @@ class NumericKey:
 def numeric_keys() -> Mapping[str, NumericKey]:
     """Return all keys that hold a number, in the scenario's order.
 
-    Left out are those of `refine`, which say how a plan is improved, not what it is, and those
-    IN_FLIGHT_ALONE.
+    Leaves out the keys of `refine`, which describe the improvement of a plan and not the plan, and
+    those in IN_FLIGHT_ALONE.
     """
     from syncplan.scenario.specification import Scenario
 
@@ -87,17 +87,17 @@ def numeric_keys() -> Mapping[str, NumericKey]:
 
 
 def nearest_keys(name: str) -> list[str]:
-    """Return the numeric keys that a wrong name may have meant; empty if it is like none."""
+    """Return the numeric keys that resemble a wrong name; empty if none does."""
     known = numeric_keys()
     same = [one for one in known if one.rpartition(".")[2] == name.rpartition(".")[2]]
     return same or difflib.get_close_matches(name, known, n=1, cutoff=0.5)
 
 
 def with_number(document: Mapping[str, Any], key: str, value: float) -> dict[str, Any]:
-    """Return the values of a scenario with a number set, nothing checked.
+    """Return the values of a scenario with a number set, without checks.
 
-    A section that is missing is added; of a list of sections the number is set in each. What the
-    scenario gives instead of the key is left out: a random walk or the sigma of each reading.
+    A missing section is added; in a list of sections, the number is set in each. The alternative of
+    the key is removed, such as a random walk where the sigma of each reading is set.
     """
     number = int(value) if numeric_keys()[key].whole and float(value).is_integer() else value
     own = key.removeprefix(IN_TRUTH)
@@ -107,7 +107,7 @@ def with_number(document: Mapping[str, Any], key: str, value: float) -> dict[str
 
 
 def _with(present: Any, path: list[str], number: float, others: set[str]) -> Any:
-    """A section, or each of a list of them, with the number at a path and without `others`."""
+    """A section, or each section of a list, with the number at a path and without `others`."""
     if isinstance(present, list):
         return [_with(one, path, number, others) for one in present]
     section, (name, *further) = present or {}, path
@@ -132,7 +132,7 @@ def _within(
 def _alternatives(
     schema: Mapping[str, Any], definitions: Mapping[str, Any]
 ) -> Iterator[Mapping[str, Any]]:
-    """Alternatives of a value, references followed."""
+    """Alternatives in the schema of a value, with references resolved."""
     if "$ref" in schema:
         yield definitions[schema["$ref"].rpartition("/")[2]]
     for inner in (*schema.get("anyOf", ()), *schema.get("oneOf", ())):
@@ -172,9 +172,9 @@ def _allowed(number: Mapping[str, Any]) -> str:
 
 # --- keys of a sweep ------------------------------------------------------------------------------
 #
-# A key is spelt as in the scenario, `sensor.range_m`. Those of the table have further spellings,
-# which follow from it: the service's `range_m` is its last part, the library's `range` that without
-# its unit, and the command line's `--range` that with dashes.
+# A key is spelt as in the scenario, `sensor.range_m`. Keys of the table have further spellings
+# derived from it: the service uses the last part, `range_m`, the library drops its unit, `range`,
+# and the command line adds dashes, `--range`.
 
 
 if TYPE_CHECKING:
@@ -187,9 +187,9 @@ class SweptKey:
 
     Attributes
     ----------
-    key : where it stands in the scenario; its name ends with its unit
-    unit : in symbols; empty where it has none
-    one, many : a value and a list of values in words
+    key : dotted name in the scenario, which ends with the unit
+    unit : symbol; empty if the number has no unit
+    one, many : words for a value and for a list of values
     """
 
     key: str
@@ -199,16 +199,16 @@ class SweptKey:
 
     @property
     def name(self) -> str:
-        """Its name in the library."""
+        """Name in the library."""
         return self.key
 
     @property
     def heading(self) -> str:
-        """Heading of its column."""
+        """Heading of the column in tables."""
         return self.key
 
     def varied(self, scenario: "Scenario", value: float) -> "Scenario":
-        """Return the scenario with this key changed, checked anew; raises InputError."""
+        """Return the scenario with this key changed, checked again; raises InputError."""
         from syncplan.scenario.loading import scenario_from
         from syncplan.scenario.models import MAX_VEHICLES
 
@@ -220,7 +220,7 @@ class SweptKey:
         if scenario.window_s is not None and isclose(
             scenario.window_s, scenario.period, rel_tol=1e-5, abs_tol=1e-8
         ):
-            # a window of one period stays one
+            # a window of one period remains one period
             document.pop("window_s")
         varied = with_number(document, self.key, value)
         return scenario_from(varied, max_vehicles=max(scenario.size, MAX_VEHICLES))
@@ -228,7 +228,7 @@ class SweptKey:
 
 @dataclass(frozen=True, slots=True)
 class SweptOption(SweptKey):
-    """A key with an option on the command line and a list of its own in requests.
+    """A key with its own option on the command line and its own list in requests.
 
     Attributes
     ----------
@@ -239,22 +239,22 @@ class SweptOption(SweptKey):
 
     @property
     def request(self) -> str:
-        """Its name in requests to the service: the last part of the key."""
+        """Name in requests to the service: the last part of the key."""
         return self.key.rpartition(".")[2]
 
     @property
     def name(self) -> str:
-        """Its name in the library: without the unit."""
+        """Name in the library, without the unit."""
         return self.request.removesuffix("_" + self.unit.replace("/", "_"))
 
     @property
     def option(self) -> str:
-        """Its option on the command line."""
+        """Option on the command line."""
         return "--" + self.name.replace("_", "-")
 
     @property
     def heading(self) -> str:
-        """Heading of its column."""
+        """Heading of the column in tables."""
         return self.name.replace("_", " ")
 
 
@@ -272,14 +272,14 @@ _KEYS = (
 )
 
 SWEPT_KEYS: Mapping[str, SweptOption] = MappingProxyType({one.name: one for one in _KEYS})
-"""Those with options and requests of their own, by the library's name."""
+"""Keys with their own options and requests, by their name in the library."""
 
 
 _MOST_NEAR = 3
 
 
 def swept_key(name: str) -> SweptKey:
-    """Return a key by any of its spellings; raises InputError for what can't be swept."""
+    """Return a key by any of its spellings; raises InputError if it can't be swept."""
     for one in _KEYS:
         if name in (one.name, one.request, one.key):
             return one

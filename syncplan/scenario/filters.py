@@ -1,8 +1,8 @@
-"""The table of filters; scenario, command line, service and reports take their names from here.
+"""The table of filters, from which scenario, command line, service and reports take the names.
 
-A new filter is a line of FILTERS. One that corrects in another way has a flag here, as
-`second_order`, that syncplan.estimation.correction_kernels and the pilot look at: then flights have
-it, too. One that runs in another way has a kernel, a LaneFilter in a module of syncplan.estimation.
+A new filter is a line of FILTERS. One with a different correction has a flag here, such as
+`second_order`, that syncplan.estimation.correction_kernels and the pilot read; flights then have it
+too. One that runs differently has a kernel, a LaneFilter in a module of syncplan.estimation.
 Flights do not run that kernel: syncplan.flight.closed_loop steps the extended filter.
 """
 
@@ -18,14 +18,14 @@ class FilterModel:
 
     Attributes
     ----------
-    phrase : what it is, after its name
-    sentence : what it does
-    takes_substeps : whether it integrates by the sub-steps that are asked for
-    second_order : whether sightings have second-order noise, see `second_order`
-    finds_start : whether its covariance holds only when a period has passed, as it looks for its
-        start until then
-    needs_truth : whether it takes the true states of a trial: it does not run on recordings
-    kernel : where its LaneFilter is, a module of syncplan.estimation and a name in it
+    phrase : short description that follows the name
+    sentence : description that stands alone
+    takes_substeps : whether it integrates by the requested sub-steps
+    second_order : whether sightings have second-order noise, see `second_order_variance`
+    finds_start : whether it searches for its start during the first period, so that its covariance
+        holds only afterwards
+    needs_truth : whether it needs the true states of a trial and so can't run on recordings
+    kernel : its LaneFilter: a module of syncplan.estimation and a name in it
     """
 
     phrase: str
@@ -38,7 +38,7 @@ class FilterModel:
 
     @property
     def motion(self) -> str:
-        """How it integrates its readings, a name in FORMER_NAMES."""
+        """Integration of its readings, as a name in FORMER_NAMES."""
         return "euler" if self.takes_substeps else "arc"
 
     def substeps(self, wanted: int) -> int:
@@ -77,16 +77,16 @@ FILTERS: Mapping[str, FilterModel] = MappingProxyType(
         ),
     }
 )
-"""By name, the simplest first."""
+"""Filters by name, the simplest first."""
 
 FOR_RECORDINGS = tuple(name for name, one in FILTERS.items() if not one.needs_truth)
-"""Names of those that run on recordings."""
+"""Names of the filters that run on recordings."""
 
 AUTO = "auto"
-"""In place of a name: the filter that the start-up index of a plan calls for."""
+"""Choice of the filter that the start-up index of a plan calls for."""
 
 FORMER_NAMES: Mapping[str, str] = MappingProxyType({"arc": "ekf", "euler": "paper"})
-"""Filters by how they integrate readings, as they were named at first."""
+"""Filters by their former names, which denote the integration of readings."""
 
 if TYPE_CHECKING:
     FilterName: TypeAlias = str
@@ -95,7 +95,7 @@ if TYPE_CHECKING:
     MotionName: TypeAlias = str
     RecordingFilterName: TypeAlias = str
 else:
-    # for models, which check names by them and list them in their JSON schemas
+    # models check names against these and list them in their JSON schemas
     FilterName = Literal[tuple(FILTERS)]
     FilterChoice = Literal[(AUTO, *FILTERS)]
     FlightFilterChoice = Literal[(AUTO, *FOR_RECORDINGS)]

@@ -1,4 +1,4 @@
-"""Shapes of formations, one table: where the centres of `count` circles lie, in metres.
+"""The table of formation shapes, and the centres of `count` circles in m.
 
 Hexagonal rows, counted from zero, the odd ones shifted by half a spacing:
 
@@ -21,16 +21,16 @@ from syncplan.arrays import Array, Index, as_pairs
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """A shape of formation by its name.
+    """A named shape of formations.
 
     Attributes
     ----------
-    name : as a scenario states it
-    sentence : what the shape is, and which circles are neighbours: spacing or gap apart
-    regular : (count, spacing in m, width) to (count, 2) m, width being that of a row
-    adjacent : (count, width) to the (e, 2) neighbours a < b
-    fitted : sums of neighbouring radii and the gap (n,) m, the last that of the last and the
-        first, to (n, 2) m with those distances; None where there is no closed form
+    name : name in scenarios
+    sentence : the shape, and its neighbours, which lie a spacing or a gap apart
+    regular : function from (count, spacing in m, width of a row) to (count, 2) centres in m
+    adjacent : function from (count, width of a row) to the (e, 2) neighbours a < b
+    fitted : function from the (n,) distances of neighbouring centres in m, the last between the
+        last and the first, to (n, 2) centres in m; None where there is no closed form
     """
 
     name: str
@@ -53,7 +53,7 @@ class Shape:
     def gap_centers(self, radii: Array, gap: float, columns: int | None = None) -> Array | None:
         """Return the (n, 2) centres in m whose neighbouring circles lie `gap` m apart.
 
-        In closed form for equal radii (n,) m, and for some shapes for any; None for the others.
+        Closed form for equal (n,) radii in m, in some shapes for any radii; None otherwise.
         """
         if len(radii) == 1 or np.ptp(radii) == 0.0:
             return self.centers(len(radii), 2.0 * float(radii[0]) + gap, columns)
@@ -115,7 +115,7 @@ def _hexagonal_neighbours(count: int, width: int) -> Index:
 
 
 def _steps_of_rows(count: int, width: int) -> list[tuple[Index, Index]]:
-    """Each circle with the next of its row, and each with the one above it."""
+    """Pairs of each circle with the next in its row, and with the one above it."""
     every = np.arange(count)
     right = np.flatnonzero(every % width < width - 1)
     return [(right, right + 1), (every, every + width)]
@@ -159,11 +159,11 @@ def _ring_neighbours(count: int, width: int) -> Index:
 
 
 def _inscribed(sides: Array) -> Array:
-    """Corners (n, 2) m, counter-clockwise from +x, of the polygon with these sides in a circle.
+    """(n, 2) corners in m, counter-clockwise from +x, of the cyclic polygon with these sides.
 
-    With k the longest side over the diameter, a side s takes half its arc asin(k s / longest).
-    They add up to pi if the centre lies inside. If they do not even at k = 1, it lies beyond the
-    longest side, whose arc is then what the others take together.
+    With k the longest side over the diameter, half the arc of a side s is asin(k s / longest).
+    These half arcs add up to pi if the centre lies inside. If their sum is below pi even at k = 1,
+    the centre lies beyond the longest side, whose arc is then the sum of the others.
     """
     from scipy.optimize import brentq
 

@@ -1,4 +1,4 @@
-"""Reading scenarios: YAML 1.2 or JSON, from a file or standard input, every fault in one line."""
+"""Scenarios from YAML 1.2 or JSON, in a file or on standard input; each fault is one line."""
 
 import contextlib
 import io
@@ -21,8 +21,8 @@ from syncplan.scenario.specification import Scenario
 
 LARGEST_FILE_BYTES = 64 * 2**20
 FEWEST_VALUES = 10_000
-"""Values that a YAML document may hold however short it is; without aliases, none holds more
-values than it has characters."""
+"""Values that a YAML document may hold, however short it is. A longer one may hold one for each
+character, which no document without aliases exceeds."""
 
 Syntax = Literal["json", "yaml"]
 
@@ -44,9 +44,9 @@ def load_scenario(path: str | Path, *, max_vehicles: int = MAX_VEHICLES) -> Scen
 
 
 def scenario_of(given: Scenario | str | Path | Mapping[str, Any]) -> Scenario:
-    """Return a scenario as it is, or that of a file's path or of a mapping of its keys.
+    """Return a scenario unchanged, or that of a file's path or of a mapping of keys.
 
-    Raises InputError for anything else, and for what load_scenario refuses.
+    Raises InputError for anything else, and as load_scenario does.
     """
     if isinstance(given, Scenario):
         return given
@@ -169,13 +169,13 @@ def _parse_yaml(text: str, source: str) -> Any:
     except (InputError, MemoryError):
         raise
     except Exception as error:
-        # the parser's own faults escape too: an AssertionError for a repeated key in !!omap
+        # the parser also raises other errors: an AssertionError for a repeated key in !!omap
         what = " ".join(str(error).split())[:200] or "can't be read"
         raise InputError(f"not valid YAML: {what}", source=source) from None
 
 
 def _count(value: Any, known: dict[int, float]) -> float:
-    """How many values a value contains, each alias counted; inf if it contains itself."""
+    """Number of values in a value, itself and each alias counted; inf if it contains itself."""
     if not isinstance(value, list | dict | set | tuple):
         return 1.0
     count = known.get(id(value))
@@ -208,10 +208,10 @@ _WIDEST = 4096
 def with_landmarks(
     text: str, source: str, landmarks: Mapping[str, Point], *, as_json: bool = False
 ) -> str:
-    """Return a scenario file's text with the landmarks given, m by name, in place of its own.
+    """Return a scenario file's text with the given landmarks, in m by name, in place of its own.
 
-    Of YAML, comments, order and style of the other keys are kept. Of a plan file, the scenario is
-    written. Raises InputError where what comes out is no scenario.
+    YAML keeps comments, order and the style of the other keys. A plan file yields its scenario.
+    Raises InputError if the result is not a scenario.
     """
     document = parse_document(text, source)
     whole: dict[str, Any] = document["scenario"] if is_plan(document) else document
@@ -223,7 +223,7 @@ def with_landmarks(
     else:
         edited = _as_yaml({**whole, "landmarks_m": named})
     try:
-        # a team beyond the usual limit was let in when the file was loaded
+        # loading the file has accepted any team beyond the usual limit
         scenario_from(parse_document(edited, ""), max_vehicles=len(edited))
     except InputError as error:
         raise InputError(
@@ -259,7 +259,7 @@ def _dumped(yaml: Any, document: Any) -> str:
 
 
 def _mapping(landmarks: dict[str, list[float]]) -> Any:
-    """A name a line, each with its position in brackets."""
+    """Landmarks, one a line, each with its position in brackets."""
     from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
     mapping = CommentedMap()

@@ -34,7 +34,7 @@ from syncplan.scenario.quantities import (
 
 
 DEFAULT_BOX_M = 5.0
-"""How far a centre may move each way where neither a box nor an area is given."""
+"""Distance a centre may move each way where neither a box nor an area is given."""
 
 Variable = Literal["phases", "centers", "radii"]
 Bounds = Annotated[tuple[Length, Length], Strict(False)]
@@ -43,7 +43,7 @@ Speeds = Annotated[tuple[Speed, Speed], Strict(False)]
 
 
 def _described_objectives() -> str:
-    """Objectives in words, and the default."""
+    """Description of the objectives and of the default."""
     each = "; ".join(f"{one.name}, {one.sentence}" for one in OBJECTIVES.values())
     small, large = default_objective(PREDICTED_UP_TO), default_objective(PREDICTED_UP_TO + 1)
     return (
@@ -54,7 +54,7 @@ def _described_objectives() -> str:
 
 
 class Limits(Section):
-    """What the vehicles can fly or drive."""
+    """Limits of the vehicles' speed and turn rate."""
 
     speed_mps: Speeds | None = Field(
         default=None, description="Least and largest speed along the circle", examples=[[3.0, 6.0]]
@@ -70,17 +70,17 @@ class Limits(Section):
 
 
 class RefineOptions(Section):
-    """How a plan is refined: variables, limits, objective, effort."""
+    """Options of a refinement: variables, limits, objective, effort."""
 
     vary: Many[Variable] = Field(
         default=["phases", "centers"],
-        description="What may change: phases, centers, radii",
+        description="Variables: phases, centers, radii",
         examples=[["phases", "centers"]],
         json_schema_extra={"minItems": 1, "uniqueItems": True},
     )
     center_box_m: Annotated[float, Field(gt=0, le=1e7)] | None = Field(
         default=None,
-        description="How far each centre may move along x and along y; "
+        description="Largest move of each centre along x and along y; "
         f"{DEFAULT_BOX_M:g} if neither this nor area_m is given",
         examples=[5.0],
     )
@@ -94,7 +94,7 @@ class RefineOptions(Section):
     )
     margin_m: Annotated[float, Field(ge=0, le=1e7)] | None = Field(
         default=None,
-        description="By how much meetings stay within range; a fiftieth of the range if not given",
+        description="Margin by which meetings stay within range; a fiftieth of it if not given",
         examples=[1.0],
     )
     time_limit_s: Annotated[float, Field(gt=0, le=1e6)] = Field(
@@ -138,7 +138,7 @@ Altitude = Annotated[float, Field(ge=-1000, le=100_000)]
 
 
 class GeoOrigin(Section):
-    """The point on Earth (WGS 84) at which the plane has [0, 0]."""
+    """Point on Earth (WGS 84) where the plane has [0, 0]."""
 
     lat_deg: Latitude = Field(description="Latitude, positive north", examples=[47.3977])
     lon_deg: Longitude = Field(description="Longitude, positive east", examples=[8.5456])
@@ -176,7 +176,7 @@ def check_interval(key: str, interval: float, sample_time: float) -> None:
 
 
 def _given(*keys: str, absent: Iterable[str] = ()) -> dict[str, Any]:
-    """JSON Schema of a mapping in which `keys` have values and `absent` ones none, or null."""
+    """JSON Schema of a mapping where `keys` have values and `absent` ones are absent or null."""
     null: dict[str, Any] = {"type": "null"}
     present: dict[str, Any] = {key: {"not": null} for key in keys}
     return {"required": list(keys), "properties": {**present, **dict.fromkeys(absent, null)}}
@@ -265,7 +265,7 @@ class Orbit(Section):
 
 
 class Formation(Section):
-    """Where the centres are (listed, a shape, or yet to be found), and the pairs to synchronise."""
+    """Centres of circles (listed, a shape, or yet to be found), and the pairs to synchronise."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -386,7 +386,7 @@ def _check_team_size(formation: Formation, info: ValidationInfo) -> None:
 
 
 class BearingWalk(Section):
-    """A sensor's own bearing error that changes slowly: a first-order Gauss-Markov process."""
+    """A sensor's own slowly varying bearing error: a first-order Gauss-Markov process."""
 
     sigma_rad: Annotated[float, Field(ge=0, le=math.pi)] = Field(
         default=0.0,
@@ -399,7 +399,7 @@ class BearingWalk(Section):
 
 
 class Sensor(Section):
-    """What a vehicle sees of others and of landmarks, within range and field of view."""
+    """A vehicle's sensor, which sights other vehicles and landmarks in range and field of view."""
 
     range_m: Length = Field(description="Largest distance seen", examples=[50.0])
     fov_deg: Annotated[float, Field(gt=0, le=360)] = Field(
@@ -421,8 +421,8 @@ class Sensor(Section):
     )
     interval_s: Interval | None = Field(
         default=None,
-        description="Time between sightings of one target, a multiple of sample_time_s, which it "
-        "is if not given",
+        description="Time between sightings of one target, a multiple of sample_time_s; "
+        "sample_time_s if not given",
         examples=[0.5],
     )
     detection_probability: Annotated[float, Field(gt=0, le=1)] | None = Field(
@@ -450,7 +450,7 @@ class Sensor(Section):
 
     @property
     def bearing_walk_sigma(self) -> float:
-        """Standard deviation in rad of the bearing error that changes slowly; 0 if none."""
+        """Standard deviation in rad of the slowly varying bearing error; 0 if there is none."""
         return self.bearing_walk.sigma_rad if self.bearing_walk else 0.0
 
     @model_validator(mode="after")

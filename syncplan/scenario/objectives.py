@@ -1,8 +1,8 @@
-"""Figures of merit of a plan, and which of them a refinement can improve.
+"""Figures of merit of a plan, and the objectives among them, which a refinement can improve.
 
-The one table of each. Options, schemas, documents, tables and charts are derived from them; how an
-objective is computed stands in syncplan.refinement.nlp. The names D-, E- and T-optimality are those
-of experiment design: Pukelsheim, Optimal Design of Experiments (1993), chapter 6.
+Each has one table, from which options, schemas, documents, tables and charts are derived;
+syncplan.refinement.nlp computes the objectives. The names D-, E- and T-optimality are those of
+experiment design: Pukelsheim, Optimal Design of Experiments (1993), chapter 6.
 """
 
 from collections.abc import Mapping
@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal
 
 PREDICTED_UP_TO = 24
-"""Largest team whose predicted error is the objective unless another is named."""
+"""Largest team whose default objective is the predicted error."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -20,11 +20,11 @@ class FigureOfMerit:
 
     Attributes
     ----------
-    name : in Python
-    unit : of its values; empty for numbers without one
-    label : row of a table
-    caption : below its bars in a chart, one line or several; only for figures in m
-    description : in the JSON schema; empty where the name says it all
+    name : name in Python
+    unit : unit of its values; empty for numbers without one
+    label : label of its row in a table
+    caption : text below its bars in a chart, one line or several; only for figures in m
+    description : description in the JSON schema; empty where the name suffices
     finite : whether it has a finite value for every plan; documents write null for others
     """
 
@@ -52,14 +52,14 @@ class Objective(FigureOfMerit):
 
     Attributes
     ----------
-    title : what it is, for people who choose
-    sentence : what it is, for people who read
+    title : short name in a list of choices
+    sentence : description in running text
     falls : whether smaller values are better
     predicted : whether it rests on the posterior bound, which takes long for large teams
     neglects_window_bound : whether its optimum may leave one vehicle badly determined, so that the
         worst window bound has to be a constraint from the start
-    needs_observability : whether it has no finite value, or only 0, for plans that are not
-        observable, and so cannot rank them
+    needs_observability : whether it is infinite or 0 for plans that are not observable, and so
+        cannot rank them
     """
 
     title: str
@@ -132,7 +132,7 @@ else:
 
 
 def default_objective(count: int) -> Objective:
-    """Return the objective of a team of `count` vehicles where none is named."""
+    """Return the default objective of a team of `count` vehicles."""
     return OBJECTIVES["predicted_rms" if count <= PREDICTED_UP_TO else "logdet"]
 
 
@@ -169,7 +169,7 @@ _GEOMETRY = (
         unit="m",
         label="contact margin",
         caption="contact margin",
-        description="By how much the link or landmark nearest to being lost stays within range",
+        description="Margin of range of the link or landmark nearest to being lost",
     ),
 )
 _ERRORS = tuple(one for one in OBJECTIVES.values() if one.unit)
@@ -182,7 +182,7 @@ FIGURES: tuple[FigureOfMerit, ...] = (
     *_ERRORS,
     *_GEOMETRY,
 )
-"""In the order of the JSON document."""
+"""Figures in the order of the JSON document."""
 
 ROWS: tuple[FigureOfMerit, ...] = (
     *_VERDICTS,
@@ -191,22 +191,22 @@ ROWS: tuple[FigureOfMerit, ...] = (
     *_INFORMATION,
     *_GEOMETRY,
 )
-"""In the order of tables and charts: errors in metres first."""
+"""Figures in the order of tables and charts: errors in metres first."""
 
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """Figures of merit of one plan; each objective's is an attribute of its name, too.
+    """Figures of merit of one plan; each objective is also an attribute by its name.
 
     Attributes
     ----------
-    rank, certified : of the windowed matrix, and whether the certificate holds
-    window_bound : m, worst vehicle's; infinite where unobservable
-    least_distance : m, the closest two vehicles come; infinite for one vehicle
-    contact_margin : m, by which the link or landmark that is nearest to being lost stays within
-        range for the samples it needs; infinite where none is to be kept
-    objectives : every objective's value by its name, positions in the refined plan's mean radius:
-        logdet is -inf where unobservable, predicted errors are NaN where not computed
+    rank, certified : rank of the windowed matrix, and whether the certificate holds
+    window_bound : bound of the worst vehicle in m; infinite if unobservable
+    least_distance : closest approach of two vehicles in m; infinite for one vehicle
+    contact_margin : margin in m by which the link or landmark nearest to being lost stays within
+        range for the samples it needs; infinite where none must be kept
+    objectives : value of each objective by name, positions in the mean radius of the plan that was
+        refined; logdet is -inf if unobservable, predicted errors are NaN if not computed
     """
 
     rank: int
@@ -222,6 +222,6 @@ class Figures:
         raise AttributeError(f"{type(self).__name__} has no figure {name!r}")
 
     def cost(self, objective: str) -> float:
-        """Return the value of the objective of that name; negated where larger is better."""
+        """Return the value of the named objective, negated if larger is better."""
         value = self.objectives[objective]
         return value if OBJECTIVES[objective].falls else -value

@@ -1,4 +1,4 @@
-"""Documents that are neither scenarios nor plans, known by their keys and called by their names."""
+"""Documents that are neither scenarios nor plans: their names, and the keys that identify them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,13 +10,13 @@ from syncplan.errors import InputError
 
 @dataclass(frozen=True, slots=True)
 class OtherDocument:
-    """A kind of document that is read where a scenario or a plan is not wanted.
+    """A kind of document that is refused where a scenario or a plan is expected.
 
     Attributes
     ----------
-    called : what it is, with its article
-    keys : that mark it
-    instead : what to give where a scenario or a plan is wanted
+    called : its name, with the article
+    keys : keys that identify it
+    instead : remedy: the document to give in its place
     """
 
     called: str
@@ -73,13 +73,13 @@ OTHER_DOCUMENTS: Mapping[str, OtherDocument] = MappingProxyType(
 
 
 def other_document(keys: Mapping[str, Any]) -> str | None:
-    """Return the kind of a document by its keys, the one with most of them; None for others."""
+    """Return the kind of a document by its keys, the most specific that fits; None if none does."""
     fitting = [name for name, one in OTHER_DOCUMENTS.items() if one.keys <= keys.keys()]
     return max(fitting, key=lambda name: len(OTHER_DOCUMENTS[name].keys), default=None)
 
 
 def refuse_other_documents(document: Mapping[str, Any], source: str) -> None:
-    """Raise InputError for a document that is neither a scenario nor a plan, and known."""
+    """Raise InputError for a known document that is neither a scenario nor a plan."""
     name = None if "orbit" in document else other_document(document)
     if name is not None:
         one = OTHER_DOCUMENTS[name]

@@ -1,7 +1,7 @@
-"""Types of the quantities a scenario holds, its sections, and the faults found in them.
+"""Types of a scenario's quantities and sections, and the faults found in them.
 
-Values are finite and within stated limits, units stand in the names of keys. Every fault becomes
-one line of the error of syncplan: its key, its value and what is allowed.
+Values are finite and within stated limits; the names of keys carry the units. Every fault becomes
+one line of an InputError: its key, its value and what is allowed.
 """
 
 import difflib
@@ -40,13 +40,13 @@ from syncplan.errors import Fault, InputError
 T = TypeVar("T")
 
 PORTION = 1000
-"""Values in a chunk; the check ends with the first chunk that has faults."""
+"""Number of values in a chunk; the check ends with the first chunk that has faults."""
 
 
 def in_portions(value: Any, check: ValidatorFunctionWrapHandler) -> Any:
-    """Return a checked list or mapping; a wrap validator.
+    """Return a list or mapping, checked in chunks; a wrap validator.
 
-    A body of a megabyte can hold half a million faults, each of them an object of a kilobyte.
+    A body of a megabyte can hold half a million faults, each an object of a kilobyte.
     """
     if not isinstance(value, list | dict) or len(value) <= PORTION:
         return check(value)
@@ -64,7 +64,7 @@ def in_portions(value: Any, check: ValidatorFunctionWrapHandler) -> Any:
 
 
 def _portion(values: list[Any], start: int, check: ValidatorFunctionWrapHandler) -> list[Any]:
-    """Check part of a list; faults carry their positions in the whole."""
+    """Check part of a list; faults carry their positions in the whole list."""
     try:
         checked: list[Any] = check(values)
     except ValidationError as error:
@@ -103,10 +103,9 @@ _VALUE_LENGTH = 60
 
 
 def validation_fault(error: ValidationError, model: type[BaseModel], source: str) -> NoReturn:
-    """Raise the InputError for a model's faults, unknown keys before all others.
+    """Raise the InputError for a model's faults, unknown keys first.
 
-    Its message is that of the first and their number; `faults` holds all, up to LARGEST_LIST of
-    them.
+    Its message states the first fault and their number; `faults` holds up to LARGEST_LIST of them.
     """
     faults = error.errors(include_url=False)
     faults.sort(key=lambda item: item["type"] != "extra_forbidden")
@@ -161,7 +160,7 @@ def _remedy(fault: dict[str, Any], model: type[BaseModel]) -> tuple[str, str]:
 
 
 def _model_at(model: type[BaseModel], location: tuple[int | str, ...]) -> type[BaseModel]:
-    """The model a location lies in: the deepest one its field names lead to."""
+    """The innermost model that contains a location, by its field names."""
     for part in location:
         field = model.model_fields.get(str(part))
         inner = _model_in(field.annotation) if field is not None else None
@@ -181,7 +180,7 @@ def _model_in(annotation: Any) -> type[BaseModel] | None:
 
 
 def described(value: Any) -> str:
-    """Return a value as short JSON, or in words where it has none."""
+    """Return a value as short JSON, or in words if it has no JSON."""
     if value is None:
         return "nothing"
     try:
@@ -197,16 +196,16 @@ def described(value: Any) -> str:
 
 
 _ANY_SIZE = {"max_vehicles": math.inf}
-"""A team that was loaded under a larger limit is copied under it."""
+"""Validation context of a copy: the team may have been loaded under a larger limit."""
 
 
 class Section(BaseModel):
-    """Base of everything a user writes: frozen, strict, no unknown keys, finite numbers."""
+    """Base of all sections of user input: frozen, strict, no unknown keys, finite numbers."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Return a copy with some keys replaced, checked as those of a file are.
+        """Return a copy with some keys replaced, checked like a file.
 
         Raises InputError naming the key, its value and what is allowed.
         """
@@ -221,7 +220,7 @@ class Section(BaseModel):
 
     @classmethod
     def from_mapping(cls, keys: Mapping[str, Any]) -> Self:
-        """Return the section of a mapping of keys, checked as a file is.
+        """Return the section of a mapping of keys, checked like a file.
 
         Raises InputError naming the key, its value and what is allowed.
         """
@@ -231,12 +230,12 @@ class Section(BaseModel):
             validation_fault(error, cls, "")
 
     def following(self, **keys: Any) -> Self:
-        """Return a copy with keys replaced by what follows from valid ones: nothing is checked."""
+        """Return a copy with keys replaced by values derived from valid ones, unchecked."""
         return super().model_copy(update=keys)
 
 
 FURTHEST_M = 1e7
-"""Largest coordinate and length: beyond it the Earth is no plane."""
+"""Largest coordinate and length: beyond it, no plane can represent the Earth."""
 
 SMALLEST_M = 1e-6
 """Smallest length."""
@@ -266,7 +265,7 @@ def _named(value: Any) -> str:
 
 
 class _WithNamesDescribed:
-    """Of a mapping by names: its schema says of every key that it must be a name."""
+    """JSON Schema of a mapping by names, in which every key must be a name."""
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler

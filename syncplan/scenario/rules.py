@@ -14,11 +14,11 @@ from syncplan.scenario.quantities import FURTHEST_M, Many, Pair, Point, Polygon,
 
 
 MAX_OBSTACLE_CORNERS = 1000
-"""Most corners of all obstacles together: each is looked at for every pair that it may hide."""
+"""Most corners of all obstacles together: each is checked for every pair that it may hide."""
 
 
 def _not_one_alone(value: Any) -> Any:
-    """Raise the fault if what should be a list of polygons is one of them."""
+    """Raise the fault for a single polygon in place of a list of polygons."""
     corner = value[0] if isinstance(value, list | tuple) and value else None
     if isinstance(corner, list | tuple) and corner and isinstance(corner[0], int | float):
         raise fault("", "is one polygon; give a list of polygons, as [[[x, y], [x, y], [x, y]]]")
@@ -29,7 +29,7 @@ Polygons = Annotated[Many[Polygon], BeforeValidator(_not_one_alone)]
 
 
 def check_polygons(polygons: Mapping[str, Sequence[Point]]) -> None:
-    """Raise the fault if the corners under a key make no polygon."""
+    """Raise the fault if the corners of a key do not form a simple polygon."""
     for key, corners in polygons.items():
         problem = polygon_fault(corners)
         if problem:
@@ -37,7 +37,7 @@ def check_polygons(polygons: Mapping[str, Sequence[Point]]) -> None:
 
 
 def check_obstacles(obstacles: Sequence[Sequence[Point]]) -> None:
-    """Raise the fault if obstacles have more corners than contact windows can be found among."""
+    """Raise the fault if all obstacles together have more than MAX_OBSTACLE_CORNERS corners."""
     corners = sum(map(len, obstacles))
     if corners > MAX_OBSTACLE_CORNERS:
         raise fault(
@@ -55,27 +55,27 @@ MAX_SAMPLES = 200_000
 """Most samples in a period, a window or a run."""
 
 MAX_VEHICLE_SAMPLES = 20_000_000
-"""Most samples times vehicles in any of these."""
+"""Most samples times vehicles in a period, a window or a run."""
 
 MAX_PERIODS = 20_000
 """Most periods in a window or a run."""
 
 SAME_PLACE_M = 1e-6
-"""Landmarks, or centres of equal circles, nearer than this are the same."""
+"""Distance up to which landmarks, or centres of equal circles, count as the same."""
 
 _NAMES_SHOWN = 12
 _SLACK = 1e-9
 
 
 def check_lengths(lists: Mapping[str, object], count: int) -> None:
-    """Raise the fault if any value that is a list has not one value for each vehicle."""
+    """Raise the fault if a value is a list without one value for each vehicle."""
     for key, value in lists.items():
         if isinstance(value, list) and len(value) != count:
             raise fault(key, f"has {len(value)} values for {count} vehicles; give one each")
 
 
 def check_names(vehicles: Sequence[str], landmarks: Sequence[str]) -> None:
-    """Raise the fault if a name stands twice among vehicles and landmarks."""
+    """Raise the fault if a name occurs twice among vehicles and landmarks."""
     seen: set[str] = set()
     named = [("formation.names", name) for name in vehicles]
     named += [("landmarks_m", name) for name in landmarks]
@@ -108,7 +108,7 @@ def check_samples(
 
 
 def excess(duration: float, sample_time: float, period: float, count: int) -> str:
-    """Return why `duration` s is too long for `count` vehicles, empty where it is not."""
+    """Return why `duration` s is too long for `count` vehicles; empty if it is not."""
     most = min(MAX_SAMPLES, MAX_VEHICLE_SAMPLES // count)
     if duration / sample_time > most:
         return (
@@ -121,7 +121,7 @@ def excess(duration: float, sample_time: float, period: float, count: int) -> st
 
 
 def check_extent(key: str, places: Iterable[Point]) -> None:
-    """Raise the fault if a place lies further out than coordinates may."""
+    """Raise the fault if a place has a coordinate beyond FURTHEST_M."""
     furthest = max((abs(value) for place in places for value in place), default=0.0)
     if furthest > FURTHEST_M:
         raise fault(key, f"puts a coordinate at {furthest:g} m; allowed are up to {FURTHEST_M:g} m")
@@ -146,7 +146,7 @@ def check_limits(
     radii: Sequence[float],
     names: Sequence[str],
 ) -> None:
-    """Raise the fault if the circles ask for more than the vehicles can do, whatever is refined."""
+    """Raise the fault if the circles exceed the vehicles' limits, however they are refined."""
     if limits.turn_rate_rad_s is not None and rate > limits.turn_rate_rad_s * (1.0 + _SLACK):
         raise fault(
             "limits.turn_rate_rad_s",
@@ -175,7 +175,7 @@ def check_limits(
 
 
 def check_link_names(links: Sequence[Pair], names: Sequence[str]) -> None:
-    """Raise the fault if a listed link names no two vehicles, or stands twice."""
+    """Raise the fault if a listed link does not name two vehicles, or is listed twice."""
     known = set(names)
     seen: set[frozenset[str]] = set()
     for k, (a, b) in enumerate(links):
@@ -200,7 +200,7 @@ def check_links(
     radii: Sequence[float],
     ranges: Sequence[float],
 ) -> None:
-    """Raise the fault if the circles of a listed link can't be met."""
+    """Raise the fault if the circles of a listed link never come within range."""
     index = {name: k for k, name in enumerate(names)}
     for k, (a, b) in enumerate(links):
         i, j = index[a], index[b]

@@ -1,4 +1,4 @@
-"""The scenario: a formation as a user states it, checked. One model for files and service."""
+"""The scenario: a user's formation, checked; one model for files and service."""
 
 import math
 from collections.abc import Sequence
@@ -56,20 +56,20 @@ class Scenario(Result, Section):
     )
     heading_interval_s: models.Interval | None = Field(
         default=None,
-        description="Time between readings of a compass, a multiple of sample_time_s, which it is "
-        "if not given",
+        description="Time between readings of a compass, a multiple of sample_time_s; "
+        "sample_time_s if not given",
         examples=[0.5],
     )
     motion: Motion = Field(default_factory=Motion)
     wind: Wind | None = Field(default=None, description="Wind or current; none if not given")
     filter: Filter | None = Field(
-        default=None, description="What the filter estimates beside the poses"
+        default=None, description="Errors that the filter estimates beside the poses"
     )
     initial_sigma: InitialSigma = Field(default_factory=InitialSigma)
     truth: Truth | None = Field(
         default=None,
-        description="What the simulated world has in place of the scenario's own noise, errors, "
-        "sensors and limits, which plan, prediction and filter keep; nothing if not given",
+        description="Noise, errors, sensors and limits of the simulated world where they differ "
+        "from the scenario's own, which plan, prediction and filter keep; nothing if not given",
         examples=[{"wind": {"gust_sigma_mps": 0.6}}],
     )
     duration_s: Duration = Field(
@@ -108,9 +108,11 @@ class Scenario(Result, Section):
         "may stand in both",
         examples=[[[[100.0, 30.0], [110.0, 30.0], [105.0, 40.0]]]],
     )
-    limits: models.Limits | None = Field(default=None, description="What the vehicles can do")
+    limits: models.Limits | None = Field(
+        default=None, description="Speeds and turn rates that vehicles can reach"
+    )
     refine: models.RefineOptions | None = Field(
-        default=None, description="How a plan is refined; defaults where not given"
+        default=None, description="Options of a refinement; defaults where not given"
     )
     start_time: StartTime | None = Field(
         default=None, description="Moment of time 0, RFC 3339", examples=["2026-05-01T09:00:00Z"]
@@ -166,7 +168,7 @@ class Scenario(Result, Section):
             true_world(self, self.truth, self.size)
         return self
 
-    # --- what follows from the keys -----------------------------------------------------------
+    # --- derived from the keys ----------------------------------------------------------------
 
     def __repr__(self) -> str:
         """Return one line: name, vehicles, landmarks."""
@@ -213,7 +215,7 @@ class Scenario(Result, Section):
 
     @property
     def sensors(self) -> list[models.Sensor]:
-        """The sensor of each vehicle."""
+        """Sensor of each vehicle."""
         return per_vehicle(self.sensor, self.size)
 
     @property
@@ -232,17 +234,17 @@ class Scenario(Result, Section):
         return self.window_s if self.window_s is not None else self.period
 
     def samples_in(self, interval: float | None) -> int:
-        """Return how many samples an interval in s has; one if not given."""
+        """Return the number of samples in an interval in s; 1 if not given."""
         return 1 if interval is None else round(interval / self.sample_time)
 
     @property
     def separation(self) -> float:
-        """Least distance in m that is asked of two vehicles; 0 where none is."""
+        """Required least distance of two vehicles in m; 0 if there is none."""
         return self.min_separation_m or 0.0
 
     @property
     def linked(self) -> list[tuple[int, int]]:
-        """The listed links as positions of vehicles a < b; empty where none are listed."""
+        """Listed links as indices of vehicles a < b; empty if none are listed."""
         index = {name: k for k, name in enumerate(self.vehicle_names)}
         return [
             (min(index[a], index[b]), max(index[a], index[b]))
@@ -251,13 +253,13 @@ class Scenario(Result, Section):
 
     @property
     def error_sigmas(self) -> dict[EstimableName, float]:
-        """Errors beside noise, by name: the largest sigma of each."""
+        """Largest sigma of each error beside noise, by name; errors without one are left out."""
         sigmas = {name: error_sigma(self, key.split(".")) for name, key in ESTIMABLE.items()}
         return {name: sigma for name, sigma in sigmas.items() if sigma > 0.0}
 
     @property
     def estimated(self) -> list[EstimableName]:
-        """Those of the errors that are states of the filter."""
+        """Errors that are states of the filter."""
         wanted = self.filter.estimate if self.filter else "auto"
         if isinstance(wanted, list):
             return [name for name in self.error_sigmas if name in wanted]
@@ -265,7 +267,7 @@ class Scenario(Result, Section):
 
     @property
     def in_truth(self) -> "Scenario":
-        """The scenario of the simulated world, which has the truth's keys in place of its own."""
+        """Scenario of the simulated world, with the truth's keys in place of its own."""
         return self if self.truth is None else true_world(self, self.truth, self.size)
 
     @property
@@ -283,12 +285,12 @@ class Scenario(Result, Section):
     def resolved(self) -> "Scenario":
         """Return the scenario with defaults written out and its shape turned into centres.
 
-        Centres that are not given stay so; syncplan.placement.centers finds them.
+        Centres that are not given stay unset; syncplan.placement.centers finds them.
         """
         formation = self.formation
         if formation.centers_m is None and formation.placed:
             keys = {"centers_m": self.centers, "names": formation.names, "links": formation.links}
-            # a team beyond the usual limit was let in by whoever loaded it
+            # loading the scenario has accepted any team beyond the usual limit
             formation = models.Formation.model_validate(keys, context={"max_vehicles": self.size})
         return self.following(formation=formation, window_s=self.window)
 

@@ -1,7 +1,7 @@
-"""The truth: what the simulated world has in place of a scenario's own noise, errors and sensors.
+"""The truth: noise, errors and sensors of the simulated world that replace the scenario's own.
 
 The plan, its prediction and the filter keep the scenario's own. A section of the truth is that of
-the scenario with every key optional, so a key that is added there may stand here as well.
+the scenario with every key optional, so a key added there is available here as well.
 """
 
 import math
@@ -18,7 +18,7 @@ from syncplan.scenario.models import Interval, Limits, Sensor
 from syncplan.scenario.quantities import OneOrMany, Section, fault, validation_fault
 
 IN_BOTH = frozenset({"sample_time_s"})
-"""Keys of these sections that are the filter's and the world's alike."""
+"""Keys of these sections that filter and world share."""
 
 CompassSigma = Annotated[float, Field(ge=1e-6, le=math.pi)]
 
@@ -33,7 +33,7 @@ def _optional(annotation: Any) -> Any:
 
 
 def optional_keys(section: type[Section]) -> dict[str, Any]:
-    """Return type and field of each key of a section, as where any may be left out."""
+    """Return type and field of each key of a section, every key made optional."""
     keys: dict[str, Any] = {}
     for name, field in section.model_fields.items():
         kept = _optional(field.annotation)
@@ -45,7 +45,7 @@ def optional_keys(section: type[Section]) -> dict[str, Any]:
 
 
 def _partial(section: type[Section]) -> type[Section]:
-    """A section of which any keys may be left out: they are the scenario's."""
+    """A section whose keys are all optional: those left out are the scenario's."""
     keys = {name: one for name, one in optional_keys(section).items() if name not in IN_BOTH}
     words = f"{(section.__doc__ or '').strip()} As in the simulated world."
     return create_model(f"True{section.__name__}", __base__=Section, __doc__=words, **keys)
@@ -63,7 +63,7 @@ else:
 
 
 class Truth(Section):
-    """What the simulated world has in place of the scenario's own, which plan and filter keep."""
+    """Keys of the simulated world that replace the scenario's own, which plan and filter keep."""
 
     sensor: OneOrMany[TrueSensor] | None = Field(
         default=None,
@@ -81,26 +81,26 @@ class Truth(Section):
     motion: TrueMotion | None = Field(default=None, description="Keys of the true motion")
     wind: TrueWind | None = Field(default=None, description="Keys of the true wind")
     limits: TrueLimits | None = Field(
-        default=None, description="In flight, what the vehicles can truly do"
+        default=None, description="In flight, true limits of the vehicles"
     )
     initial_sigma: TrueInitialSigma | None = Field(
-        default=None, description="How well poses are truly known at time 0"
+        default=None, description="True sigmas of the poses at time 0"
     )
     false_bearings: Annotated[float, Field(ge=0, lt=1)] | None = Field(
         default=None,
-        description="Share of the bearings that are of nothing, anywhere in view",
+        description="Share of the bearings that are false: of no target, anywhere in view",
         examples=[0.01],
     )
 
 
 @dataclass(frozen=True, slots=True)
 class ChangedKey:
-    """A key of which the truth differs from the scenario.
+    """A key whose true value differs from the scenario's.
 
     Attributes
     ----------
-    key : its dotted name
-    assumed, true : the scenario's value, None where it gives none, and the world's
+    key : dotted name
+    assumed, true : value in the scenario, None if not given, and in the world
     """
 
     key: str
@@ -112,7 +112,7 @@ World = TypeVar("World", bound=Section)
 
 
 IN_TRUTH_ALONE = frozenset({"false_bearings"})
-"""Keys of a truth that no scenario has beside it."""
+"""Keys that exist in a truth only."""
 
 _FILTERS_OWN = ("truth", "filter", "refine")
 
@@ -120,8 +120,8 @@ _FILTERS_OWN = ("truth", "filter", "refine")
 def keys_over(document: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
     """Return a document with the keys of another in place of its own, section by section.
 
-    Of sections of which one is a list, one for each vehicle, each is changed. What the document
-    gives instead of a key that is changed, a random walk or the sigma of each reading, is left out.
+    Where a section is a list, one for each vehicle, every entry is changed. The alternative of a
+    changed key is removed, such as a random walk where the sigma of each reading is changed.
     """
     instead = {**WALKS, **{sigma: walk for walk, sigma in WALKS.items()}}
     found = {
@@ -148,7 +148,7 @@ def keys_over(document: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[s
 def true_world(scenario: World, truth: Truth, size: int) -> World:
     """Return the scenario of the simulated world, of `size` vehicles, without links and filter.
 
-    Raises the fault naming the key of the truth that can't be, or that no filter could read.
+    Raises the fault for a key of the truth that is invalid, or whose readings the filter lacks.
     """
     document = scenario.model_dump(exclude_none=True)
     changes = {key: value for key, value in _keys(truth).items() if key not in IN_TRUTH_ALONE}
@@ -174,7 +174,7 @@ def true_world(scenario: World, truth: Truth, size: int) -> World:
 
 
 def with_truth(scenario: World, changes: Mapping[str, Any]) -> World:
-    """Return a scenario whose truth has these keys too, in place of its own; checked as a file."""
+    """Return a scenario with these keys set in its truth, checked like a file."""
     own: Truth | None = getattr(scenario, "truth", None)
     given = keys_over({} if own is None else _keys(own), changes)
     return scenario.model_copy(update={"truth": given})
@@ -198,7 +198,7 @@ def _keys(truth: Truth) -> dict[str, Any]:
 
 
 def _paths(value: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
-    """Where the values of a document are; those of a list of sections are at one place."""
+    """Paths of the values in a document; sections in a list share their paths."""
     if isinstance(value, Mapping):
         for key, inner in value.items():
             yield from _paths(inner, (*path, key))
@@ -210,7 +210,7 @@ def _paths(value: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
 
 
 def _value_at(document: Any, path: tuple[str, ...]) -> Any:
-    """The value at a place, None if none; of sections in a list one for each, or the one of all."""
+    """Value at a path, or None; for a list of sections, a list of values unless all are equal."""
     if isinstance(document, list) and path:
         each = [_value_at(one, path) for one in document]
         return each[0] if all(one == each[0] for one in each) else each
@@ -220,5 +220,5 @@ def _value_at(document: Any, path: tuple[str, ...]) -> Any:
 
 
 def _each(value: Any, size: int) -> list[Any]:
-    """A value for each vehicle."""
+    """One value for each vehicle."""
     return value if isinstance(value, list) else [value] * size

@@ -1,10 +1,10 @@
 """Senses and phases that bring linked vehicles together once a period.
 
-phase_rules         the phase difference each link asks for
-difference_tables   what pairs are worth at every difference, and searches for the best
+phase_rules         phase difference that each link requires
+difference_tables   worth of pairs at every phase difference, and searches for the best
 contact_tables      contact time of links over the phase difference, and phase tolerances
-sighted_phases      phases of most contact: limited fields of view, or obstacles
+sighted_phases      phases of most contact with limited fields of view or obstacles
 phase_constraints   phases of largest smallest margin, by difference constraints
-margin_search       the same from many starts, and the semidefinite bound on that margin
+margin_search       search from many starts, and the semidefinite bound on that margin
 phases              senses and phases for a team
 """

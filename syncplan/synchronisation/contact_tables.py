@@ -1,13 +1,13 @@
-"""Contact tables: how long a link is in contact over a turn, at every phase difference.
+"""Contact tables: contact time of a link in a turn, at every phase difference.
 
-How two vehicles move relative to each other, and where they look, depends on the difference of
-their time-phases alone. So each link has one curve: contact time against the residual of its rule,
-found from exact contact windows. It does not depend on where the pair lies or which way it points,
-so pairs of equal geometry share it; those between which an obstacle may stand have their own.
+The relative motion of two vehicles and their views depend only on the difference of their
+time-phases. So each link has one curve: contact time against the residual of its rule, found from
+exact contact windows. The curve does not depend on the pair's place or orientation, so pairs of
+equal geometry share it. A pair whose sight an obstacle may block has its own.
 
-A phase tolerance is how far a phase may shift before contact or separation is lost. Shifting one
-phase of a pair or the other is the same up to a shift of time, and only one of the two shifts here:
-where both do, they share the tolerance.
+A phase tolerance is the shift of a phase at which contact or separation is lost. Shifting either
+phase of a pair has the same effect, up to a shift of time. Only one of them shifts here; where both
+do, they share the tolerance.
 """
 
 from collections.abc import Callable
@@ -25,15 +25,15 @@ from syncplan.orbits.team import Sensors, Team
 from syncplan.synchronisation.phase_rules import Rules, closest_distance, phase_residuals, rules_of
 
 SAMPLES = 1440
-"""Residuals in a table."""
+"""Number of residuals in a table."""
 
 _STEP, _STEP_MANY = 4, 12
-"""Every how many of these windows are found; all are near the longest contact, and everywhere if
-none of the others brings any. The second is for more than a hundred links."""
+"""Stride of the residuals at which windows are found; the second is for more than a hundred links.
+Near the longest contact all are found, and everywhere if those of the stride have no contact."""
 
 _MANY = 100
 _AROUND = 16
-"""Residuals found to either side of the best."""
+"""Number of residuals to either side of the best at which all windows are found."""
 
 _DIGITS = 12
 _CACHED = 2048
@@ -48,7 +48,7 @@ class ContactTables:
     Attributes
     ----------
     share : (e, k) contact time over `attainable`, at residuals 2 pi j / k; 0 where there is none
-    attainable : (e,) of a period: the longest contact over all residuals
+    attainable : (e,) longest contact over all residuals, as a share of a period
     """
 
     share: Array
@@ -70,12 +70,12 @@ def seeing_team(
     obstacles: tuple[Array, ...] = (),
     landmarks: Array = NO_LANDMARKS,
 ) -> Team:
-    """Return the team of vehicles that see each other, all else about which is left out."""
+    """Return a noise-free team for the computation of contacts."""
     return Team(orbits, landmarks, sensors, _NO_NOISE, obstacles=obstacles)
 
 
 def tabulated_contact(rules: Rules, team: Team) -> ContactTables:
-    """Return the tables of the links of `rules`; of the team's orbits phases do not matter."""
+    """Return the contact tables of the links of `rules`; the team's own phases do not matter."""
     share, attainable = np.zeros((len(rules), SAMPLES)), np.zeros(len(rules))
     step = _STEP if len(rules) <= _MANY else _STEP_MANY
     senses, own_place = team.orbits.senses, obstructible(team, rules.a, rules.b)
@@ -94,7 +94,7 @@ def tabulated_contact(rules: Rules, team: Team) -> ContactTables:
             senses[b],
             *(float(values[k]) for values in _seeing(team.sensors) for k in (a, b)),
         )
-        # the values themselves are rounded, so that a pair's table depends on nothing else
+        # rounded before they are used, so that all pairs that share a table compute the same one
         share[link], attainable[link] = _table(tuple(float(f"{x:.{_DIGITS}g}") for x in pair), step)
     return ContactTables(share, attainable)
 
@@ -105,7 +105,7 @@ def _seeing(sensors: Sensors) -> tuple[Array, Array, Array]:
 
 @lru_cache(maxsize=_CACHED)
 def _table(pair: tuple[float, ...], step: int) -> tuple[Array, float]:
-    """The same of a pair that is nowhere in particular."""
+    """Share and attainable contact of a pair, given by its geometry and sensors alone."""
     distance, *rest = pair
     radii, senses, ranges, views, boresights = np.array(rest).reshape(5, 2)
     # the centre of b lies along +x: at phases (0, pi), or (0, pi) mirrored, the rule holds
@@ -117,7 +117,7 @@ def _table(pair: tuple[float, ...], step: int) -> tuple[Array, float]:
 
 
 def _tabulated(contact: Callable[[Array], Array], step: int) -> tuple[Array, float]:
-    """The share (k,) over the residual, and the attainable part of a period, of one pair."""
+    """Share (k,) over the residual, and attainable share of a period, of one pair."""
     fine = np.linspace(0.0, _TURN, SAMPLES, endpoint=False)
     coarse = fine[::step]
     found = contact(coarse)
@@ -134,12 +134,15 @@ def _tabulated(contact: Callable[[Array], Array], step: int) -> tuple[Array, flo
 
 
 def _contact_of(team: Team) -> Callable[[Array], Array]:
-    """Contact as parts of a period (k,), for residuals (k,) rad, of two at phases by their rule."""
+    """Function from residuals (k,) rad to contact (k,) of a team of two, as shares of a period.
+
+    The team's phases must meet its rule.
+    """
     senses = team.orbits.senses
     both = np.array([[0, 1]])
 
     def contact(residual: Array) -> Array:
-        # theta_b falls by what theta_a - theta_b is to grow
+        # theta_a - theta_b grows as theta_b falls
         shift = -senses[1] * residual[None]
         return _time_in_either(windows_when_shifted(team, both, shift), len(residual)) / _TURN
 
@@ -149,7 +152,7 @@ def _contact_of(team: Team) -> Callable[[Array], Array]:
 def windows_when_shifted(team: Team, pairs: Index, shift: Array) -> Windows:
     """Return the windows of pairs (e, 2) whose second vehicle's phase shifts by (e, k) rad.
 
-    First come all (e k) in which the first vehicle sees, then as many in which the second does.
+    The first e k are those in which the first vehicle sees the second, the next e k the reverse.
     """
     number = shift.shape[1]
     first, second = np.repeat(pairs[:, 0], number), np.repeat(pairs[:, 1], number)
@@ -163,13 +166,13 @@ def windows_when_shifted(team: Team, pairs: Index, shift: Array) -> Windows:
 
 
 def seen_when_shifted(team: Team, pairs: Index, shift: Array) -> Flags:
-    """Return (e, k) whether either of a pair sees the other, when the second is shifted so."""
+    """Return (e, k) whether either of a pair sees the other at shifts of the second's phase."""
     met = np.diff(windows_when_shifted(team, pairs, shift).first) > 0
     return np.asarray((met[: shift.size] | met[shift.size :]).reshape(shift.shape))
 
 
 def _time_in_either(windows: Windows, count: int) -> Array:
-    """(count,) rad, at rate 1, in which either vehicle of a pair sees the other."""
+    """Time (count,) in rad, at rate 1, in which either vehicle of a pair sees the other."""
     row = np.repeat(np.arange(2 * count), np.diff(windows.first)) % count
     late = windows.ends > _TURN
     row = np.concatenate([row, row[late]])
@@ -184,7 +187,7 @@ def _time_in_either(windows: Windows, count: int) -> Array:
 
 
 def contact_of_pairs(team: Team, pairs: Index) -> Array:
-    """Return (e,) parts of a period in which either vehicle of the pairs (e, 2) sees the other."""
+    """Return the shares (e,) of a period in which either vehicle of pairs (e, 2) sees the other."""
     if len(pairs) == 0:
         return np.zeros(0)
     turning = team.on(replace(team.orbits, rate=1.0))
@@ -200,16 +203,16 @@ _BISECTIONS = 36
 
 _STEPS = 400
 _RESOLUTION = 1e-6
-"""rad: separation_tolerances ends when its steps are smaller."""
+"""Step in rad below which separation_tolerances ends."""
 
 
 def rule_residuals(orbits: Orbits, pairs: Index) -> Array:
-    """Return (e,) rad in [-pi, pi): how far the phases of the pairs (e, 2) are from their rules."""
+    """Return the residuals (e,) in [-pi, pi) rad of the phases of pairs (e, 2) from their rules."""
     return phase_residuals(rules_of(orbits, np.zeros(orbits.count), pairs), orbits.phases)
 
 
 def contact_tolerances(team: Team, pairs: Index) -> Array:
-    """Return (e,) rad: the smallest shift of either phase, either way, that loses all contact.
+    """Return the smallest shift (e,) in rad of either phase, either way, that loses all contact.
 
     Pi where no shift does. The first loss is bracketed in steps of pi / 64, then bisected.
     """
@@ -233,7 +236,7 @@ def contact_tolerances(team: Team, pairs: Index) -> Array:
 
 
 def _contact_when_shifted(team: Team, pairs: Index) -> Callable[[Array], Flags]:
-    """Whether pairs still meet when the second vehicle's phase shifts by (e, k) rad: (e, k)."""
+    """Function from shifts (e, k) rad of the second vehicle's phase to whether pairs still meet."""
     orbits, sensors = team.orbits, team.sensors
     if not np.all(sensors.fields_of_view >= 2.0 * np.pi):
         return lambda shift: seen_when_shifted(team, pairs, shift)
@@ -251,12 +254,12 @@ def _contact_when_shifted(team: Team, pairs: Index) -> Callable[[Array], Flags]:
 
 
 def separation_tolerances(orbits: Orbits, pairs: Index, distance: float) -> Array:
-    """Return (e,) rad: how far either phase may shift, either way, and stay `distance` m apart.
+    """Return the shift (e,) rad of either phase, either way, that keeps pairs `distance` m apart.
 
     Pi where any shift keeps them apart; 0 where they are nearer already. With a distance of 0 it
-    is the shift at which they collide. A phase that shifts by s moves its vehicle by R s at most,
-    so the least distance beyond `distance`, over R, is a step that can't miss a conflict; the
-    answer errs on the safe side.
+    is the shift at which they collide. A shift of a phase by s moves its vehicle by at most R s, so
+    a step of the least distance beyond `distance`, over R, can't miss a conflict. The result errs
+    on the safe side.
     """
     if len(pairs) == 0:
         return np.zeros(0)

@@ -1,23 +1,23 @@
-"""Difference tables: what pairs of vehicles are worth at every difference of their time-phases.
+"""Difference tables: worth of pairs of vehicles at every difference of their time-phases.
 
-A pair is worth its share of contact or its margin. "Every pair worth at least t, and clear of every
-other" is an interval of differences around the current one. Such a system of difference constraints
-low <= theta_a - theta_b <= high is feasible exactly if the graph of its bounds has no negative
-cycle, and then solved by shortest paths (Bellman-Ford; Cormen et al., Introduction to Algorithms,
-section 24.4). So bisection finds the largest t, globally for the turns round the cycles that the
-start has.
+The worth of a pair is its share of contact or its margin. "Every pair worth at least t, and its
+vehicles apart" leaves each pair an interval of differences around the current one. Such a system of
+difference constraints low <= theta_a - theta_b <= high is feasible if and only if the graph of its
+bounds has no negative cycle; shortest paths then solve it (Bellman-Ford; Cormen et al.,
+Introduction to Algorithms, section 24.4). So bisection finds the largest t, globally for the turns
+of the start round the cycles.
 
 Those turns come from one of two searches:
 
 Cell search finds the best phases of a few vehicles, globally, by branch and bound. The first
 vehicle's time-phase is held; the others' fill a cube, which is cut into cells. In a cell each
-difference stays within a window of its table, and the largest worth in that window bounds what the
-pair can be worth there. Cells whose bound does not pass the best centre found are dropped, the rest
-are halved along every axis (Land and Doig, Econometrica 28, 1960).
+difference stays within a window of its table, and the largest worth in that window bounds that of
+the pair. Cells whose bound does not exceed the best centre found are dropped; the rest are halved
+along every axis (Land and Doig, Econometrica 28, 1960).
 
 Coordinate descent finds starts for many vehicles, one vehicle's phase after the other. All starts
-move at once on a grid of phases. What is made small is the sum of exp(-sharpness x worth) over the
-pairs of a vehicle, ever sharper, so that in the end the smallest worth decides.
+move at once on a grid of phases. It minimises the sum of exp(-sharpness x worth) over the pairs of
+a vehicle, with growing sharpness, so that in the end the smallest worth decides.
 """
 
 from collections.abc import Callable, Sequence
@@ -73,9 +73,9 @@ _BISECTIONS = 14
 def highest_level(
     solved: Callable[[float], Array | None], low: float, high: float, halvings: int
 ) -> tuple[Array, float] | None:
-    """Return the solution of the highest level from `low` to `high` that has one, and the level.
+    """Return the solution at the highest feasible level from `low` to `high`, and that level.
 
-    The level is found by bisection. None if not even the lowest has a solution.
+    The level is found by bisection. None if even `low` has no solution.
     """
     theta = solved(low)
     if theta is None:
@@ -98,7 +98,7 @@ def along_forest(
 ) -> Array:
     """Return time-phases (count,) with given theta_a - theta_b (e,) along a forest of links.
 
-    The forest is that of syncplan.orbits.graphs.traversal; a is the `first` (e,) of each link.
+    `forest` is that of syncplan.orbits.graphs.traversal; `first` (e,) is the a of each link.
     """
     theta = np.zeros(count)
     for parent, child, k in forest:
@@ -109,13 +109,13 @@ def along_forest(
 
 @dataclass(frozen=True, slots=True)
 class DifferenceTables:
-    """Pairs of vehicles over the difference theta_a - theta_b of their time-phases.
+    """Worth and clearance of pairs over the difference theta_a - theta_b of their time-phases.
 
     Attributes
     ----------
     a, b : (e,) vehicles
     value : (e, k) worth, at differences 2 pi j / k; infinite for pairs that are only kept apart
-    clearance : (e, k) m, by which the pair keeps its separation; infinite where it need keep none
+    clearance : (e, k) m, distance beyond the separation required; infinite where none is
     """
 
     a: Index
@@ -128,17 +128,17 @@ class DifferenceTables:
 
     @property
     def links(self) -> Flags:
-        """(e,) which pairs are to be served, not only kept apart."""
+        """Whether each pair (e,) is to be served, not only kept apart."""
         return np.asarray(np.isfinite(self.value[:, 0]))
 
     @property
     def edges(self) -> list[tuple[int, int]]:
-        """The (a, b) pairs."""
+        """Pairs (a, b)."""
         return list(zip(self.a.tolist(), self.b.tolist(), strict=True))
 
     @property
     def worth(self) -> Array:
-        """(e, k) the value where the pair is clear; minus infinity elsewhere."""
+        """Value (e, k) where the pair is clear; minus infinity elsewhere."""
         return np.where(self.clearance >= 0.0, self.value, -np.inf)
 
     def only(self, rows: Index) -> "DifferenceTables":
@@ -148,7 +148,7 @@ class DifferenceTables:
         return DifferenceTables(a, b, self.value[rows], self.clearance[rows])
 
     def without_clearance(self) -> "DifferenceTables":
-        """Return the same tables with nothing to be kept apart."""
+        """Return the same tables without separations to keep."""
         return replace(self, clearance=np.full_like(self.clearance, np.inf))
 
     def at(self, theta: Array) -> Array:
@@ -170,10 +170,10 @@ class DifferenceTables:
     def highest(
         self, start: Array, free: Flags | None = None, levels: Array | None = None
     ) -> tuple[Array, float] | None:
-        """Return (theta, t): the largest t that every free pair's worth reaches.
+        """Return (theta, t) with the largest t that the worth of every free pair reaches.
 
         The others keep their `levels` (e,); without `free`, all links are free. None if not even
-        the start's worth is reached with its turns.
+        the start's worth can be reached with its turns.
         """
         free = self.links if free is None else free
         fixed = np.full(len(self), -np.inf) if levels is None else levels
@@ -189,7 +189,7 @@ class DifferenceTables:
         return highest_level(central, low, high, _BISECTIONS)
 
     def _intervals(self, levels: Array, start: Array) -> tuple[Array, Array] | None:
-        """Low and high (e,) rad of the differences allowed around the start's."""
+        """Lower and upper limits (e,) rad of the differences allowed around the start's."""
         samples = self.value.shape[1]
         levels = np.where(self.links, levels, 0.0)
         lack = np.maximum(levels[:, None] - self.value, -self.clearance)
@@ -211,7 +211,7 @@ class DifferenceTables:
 
 
 def _extent(lack: Array) -> Array:
-    """(e,) rad from the first sample, which lacks nothing, to where the lack begins; pi at most."""
+    """Extent (e,) in rad from the first sample, which is allowed, to the first lack; at most pi."""
     rows, samples = lack.shape
     outside = np.argmax(lack > 0.0, axis=1)
     row = np.arange(rows)
@@ -226,23 +226,23 @@ def _extent(lack: Array) -> Array:
 
 
 MOST_VEHICLES = 4
-"""More are left to local search: the cells grow as a power of their number."""
+"""Most vehicles for cell search; the number of cells grows exponentially with theirs."""
 
 _FIRST_CELLS = 16
 _MOST_CELLS = 40_000
 _GAIN = 1e-3
-"""Relative gain for which a cell is still looked into."""
+"""Least relative gain for which a cell is searched further."""
 
 
 def smallest_worth(worth: Array) -> Array:
-    """Return the smallest worth of any pair, (...) of (e, ...)."""
+    """Return the smallest worth (...) over the pairs, from (e, ...)."""
     return np.asarray(worth.min(axis=0, initial=np.inf))
 
 
 def most_served(floor: float, ramp: float) -> Callable[[Array], Array]:
-    """Return the merit that counts the links of a worth of `floor` or more.
+    """Return the merit function that counts the links with a worth of at least `floor`.
 
-    Links up to `ramp` below it count in part. Minus infinity where a pair is not clear.
+    Links up to `ramp` below it count in part. It is minus infinity where a pair is not clear.
     """
 
     def merit(worth: Array) -> Array:
@@ -259,10 +259,10 @@ def best_phases(
     """Return time-phases (count,) of the largest merit found, and that merit.
 
     `merit` takes the worth (e, ...) of all pairs and must not fall where one of them rises; by
-    default it is the smallest worth. The search is global to a thousandth of the merit, as far as
-    the tables resolve, unless more than 40,000 cells remain; then those of the highest bounds are
-    followed. Minus infinity where no phases tried keep all pairs clear. The number of samples is a
-    power of two.
+    default it is the smallest worth. The search is global to a thousandth of the merit, within the
+    resolution of the tables, unless more than 40,000 cells remain; then it follows those of the
+    highest bounds. The merit is minus infinity where no phases tried keep all pairs clear. The
+    number of samples must be a power of two.
     """
     worth = tables.worth
     samples = worth.shape[1]
@@ -302,14 +302,14 @@ def _with_first(cells: Index) -> Index:
 
 
 def _halved(cells: Index, half: int, count: int) -> Index:
-    """The centres of the parts of each cell."""
+    """Centres of the parts of each cell."""
     signs = np.stack(np.meshgrid(*[[-half, half]] * (count - 1), indexing="ij"), axis=-1)
     parts = _with_first(signs.reshape(-1, count - 1))
     return np.asarray((cells[:, None] + parts).reshape(-1, count))
 
 
 def _largest_within(worth: Array, widest: int) -> dict[int, Array]:
-    """The largest worth (e, k) within w samples either way, for w = 1, 2, 4, ... `widest`."""
+    """Largest worth (e, k) within w samples either way, for w = 1, 2, 4, ... `widest`."""
     from scipy.ndimage import maximum_filter1d
 
     widths = [2**k for k in range(widest.bit_length())]
@@ -327,9 +327,9 @@ _SEED = 0
 
 
 def descended(tables: DifferenceTables, offset: Array, count: int, starts: int) -> Array:
-    """Return time-phases (starts, count) rad: local optima of the smallest worth, nearly.
+    """Return time-phases (starts, count) rad close to local optima of the smallest worth.
 
-    `offset` (e,) rad is the difference that each pair's rule asks for. Starts are spanning trees
+    `offset` (e,) rad is the difference that each pair's rule requires. Starts are spanning trees
     whose links have their best difference to one side of the rule or the other, and random phases.
     """
     generator = np.random.default_rng(_SEED)
@@ -350,7 +350,7 @@ def descended(tables: DifferenceTables, offset: Array, count: int, starts: int) 
 
 
 def _by_phase(tables: DifferenceTables, cost: Array, place: Index, vehicle: int) -> Array:
-    """(s, grid) the cost of one vehicle's pairs over its phase, the others at `place` (s, n)."""
+    """Cost (s, grid) of one vehicle's pairs over its phase, the others at `place` (s, n)."""
     grid = cost.shape[1]
     column = np.arange(grid)
     total = np.zeros((len(place), grid))

@@ -1,9 +1,9 @@
-"""Margin search: phases whose smallest margin, range less least distance, is largest.
+"""Margin search: phases of the largest smallest margin, which is range less least distance.
 
     start    spanning tree, semidefinite relaxation, spectral and random starts; for up to four
              vehicles that keep a separation, the global optimum to a thousandth
     polish   for given turns round the cycles, "every margin at least t" is a system of difference
-             constraints lo <= theta_a - theta_b - offset <= hi, which shortest paths decide, so
+             constraints lo <= theta_a - theta_b - offset <= hi, which shortest paths solve, so
              bisection finds the largest t, globally for those turns
 
 Separation enters as further difference constraints on pairs that could meet.
@@ -11,8 +11,8 @@ Separation enters as further difference constraints on pairs that could meet.
 The relaxation bounds the smallest margin. With Z = z z^* and z_k = e^{i theta_k}, the cosine of
 each link's residual is linear in Z: cos = Re(Z_ab e^{-i offset}). Dropping rank(Z) = 1 leaves a
 convex problem, because the margin of a link is bounded above by a concave function of that cosine.
-Its value bounds what any phases can reach; its Z is rounded to phases by random projections. Both
-are those of Goemans and Williamson (Journal of the ACM 42, 1995), for angles: Singer, Angular
+Its value bounds the smallest margin of all phases; random projections round its Z to phases. Both
+follow Goemans and Williamson (Journal of the ACM 42, 1995), for angles: Singer, Angular
 synchronization by eigenvectors and semidefinite programming (Applied and Computational Harmonic
 Analysis 30, 2011).
 """
@@ -58,7 +58,7 @@ class PhaseRelaxation:
 
 
 def relax(rules: Rules, count: int) -> PhaseRelaxation | None:
-    """Return the relaxation of max min margin over `count` time-phases, None if it failed."""
+    """Return the relaxation of max min margin over `count` time-phases; None if it failed."""
     cp = load_cvxpy()
     # Real when all offsets are 0 or pi: Z and its conjugate then have the same value.
     real = bool(np.all(np.abs(np.sin(rules.offset)) < _EXACT_OFFSET))
@@ -105,9 +105,9 @@ def _margin_limits(rules: Rules, cosine: Any, margin: Any) -> list[Any]:
 def _majorant(rule: Rules) -> tuple[Array, Array]:
     """Slopes and heights of lines above one link's margin as a function of the cosine.
 
-    The margin never falls as the cosine rises, so a sample taken at its right neighbour's value
-    bounds the piece between; the upper hull of these bounds is concave, and any of its lines lie
-    above all of it.
+    The margin never falls as the cosine rises, so the right neighbour's value bounds the piece
+    between two samples. The upper hull of these bounds is concave, and each of its lines lies above
+    all of it.
     """
     cosine = np.cos(np.linspace(np.pi, 0.0, _SAMPLES))
     overlap = rule.distance[0] < rule.radius_a[0] + rule.radius_b[0]
@@ -149,33 +149,33 @@ def rounded(relaxation: PhaseRelaxation, generator: np.random.Generator, draws: 
 
 
 RELAXATION_LIMIT = 40
-"""Largest team whose phases are bounded by the semidefinite relaxation."""
+"""Largest team for which the semidefinite relaxation is solved."""
 
 _BOUND_MET_M = 1e-6
 _TABLE_ERROR = 2e-5
-"""Of a radius: what linear interpolation of a least distance over the residual may miss."""
+"""Error of linear interpolation of a least distance over the residual, as a share of a radius."""
 
 _DRAWS = 12
 _STARTS_SMALL, _STARTS_LARGE = 16, 4
 _SMALL_TEAM = 40
 _SEED = 0
 _NEAR_ENOUGH = 1e-6
-"""Relative change of the smooth cost at which a descent ends: only its turns round the cycles
-count, and for these the polish finds the best phases."""
+"""Relative change of the smooth cost at which a descent ends. Only its turns round the cycles
+matter: the polish finds the best phases for them."""
 
 _RAMP_M = 1.0
-"""Short of the range by less than this, a link counts in part among those served."""
+"""Shortfall of the margin, in m, below which a link counts in part as served."""
 
 
 @dataclass(frozen=True, slots=True)
 class LargestMargin:
-    """Time-phases (n,) of the largest smallest margin found.
+    """Time-phases of the largest smallest margin found.
 
     Attributes
     ----------
     theta : (n,) rad
-    margin, bound : m, of the links kept, and what no phases can exceed; None where not computed
-    method, note : how the phases were found, and what the bound is or why there is none
+    margin, bound : m, of the links kept, and its bound for all phases; None where not computed
+    method, note : how the phases were found, and the kind of bound or why there is none
     unserved : (k,) links that no phases found can keep
     """
 
@@ -196,7 +196,7 @@ def along_tree(rules: Rules, count: int, residual: Array | float = 0.0) -> Array
 def search_margins(
     rules: Rules, guards: Rules, first: Array, separation: float, *, margin_bound: bool
 ) -> LargestMargin:
-    """Return the phases of the largest smallest margin, without links that can't be kept.
+    """Return the phases of the largest smallest margin, leaving out links that can't be kept.
 
     `guards` are pairs to be kept `separation` m apart, as linked pairs are; `first` (n,) is a
     start. Without `margin_bound` the relaxation is skipped.
@@ -221,7 +221,10 @@ def search_margins(
 
 
 def _serve(constraints: PhaseConstraints, theta: Array, thorough: bool) -> tuple[Index, Array]:
-    """As many links as can be served at once, and phases: by cell search, or else greedily."""
+    """Largest set of links found that phases can serve at once, and these phases.
+
+    Found by cell search if `thorough`; otherwise, or if that fails, greedily.
+    """
     if thorough:
         tables = constraints.over_differences()
         found, number = best_phases(tables, len(theta), most_served(0.0, _RAMP_M))
@@ -234,7 +237,7 @@ def _serve(constraints: PhaseConstraints, theta: Array, thorough: bool) -> tuple
 def _search(
     rules: Rules, constraints: PhaseConstraints, first: Array, margin_bound: bool, thorough: bool
 ) -> LargestMargin:
-    """The best of several polished starts, or of the cell search's where it is `thorough`."""
+    """Best polished phases of several starts, or of cell search if `thorough`."""
     generator, count = np.random.default_rng(_SEED), len(first)
     starts, bound, method, note = _relaxed(rules, count, generator, margin_bound)
     starts = [first, *starts]
@@ -259,7 +262,7 @@ def _search(
 def _relaxed(
     rules: Rules, count: int, generator: np.random.Generator, margin_bound: bool
 ) -> tuple[list[Array], float | None, str, str]:
-    """Starts from the relaxation, its bound, how phases are found, and a note on the bound."""
+    """Starts from the relaxation, its bound, the method of the search, and a note on the bound."""
     method = "spanning trees and polish"
     if len(rules) == 0:
         return [], None, method, "no links"
@@ -290,7 +293,7 @@ def _smooth_starts(rules: Rules, count: int, generator: np.random.Generator) -> 
     number = _STARTS_SMALL if count <= _SMALL_TEAM else _STARTS_LARGE
     starts = [_spectral(rules, count)]
     starts += [generator.uniform(-np.pi, np.pi, count) for _ in range(number)]
-    # all starts descend at once, as one problem: most of the time is in the calls
+    # all starts descend at once, as one problem: the calls take most of the time
     apart = count * np.arange(len(starts))[:, None]
     a, b = (apart + rules.a).ravel(), (apart + rules.b).ravel()
 
@@ -311,7 +314,7 @@ def _smooth_starts(rules: Rules, count: int, generator: np.random.Generator) -> 
 def _separated_starts(
     rules: Rules, constraints: PhaseConstraints, count: int, generator: np.random.Generator
 ) -> list[Array]:
-    """Spanning trees whose links stand off the rule by what separation asks, either way."""
+    """Spanning trees whose links miss the rule, either way, by as much as separation requires."""
     links = constraints.links
     apart = constraints.least_distance[:links] >= constraints.separation[:links, None]
     off = np.where(apart.any(axis=1), constraints.residual[np.argmax(apart, axis=1)], 0.0)

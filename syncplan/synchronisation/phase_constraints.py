@@ -16,7 +16,7 @@ from syncplan.synchronisation import difference_tables
 from syncplan.synchronisation.phase_rules import Rules, closest_distance, residuals
 
 _SAMPLES, _SAMPLES_SEPARATED = 513, 2049
-"""Residuals in a table, without and with a separation: it may leave narrow intervals."""
+"""Number of residuals in a table, without and with a separation, whose intervals may be narrow."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,14 +27,14 @@ class PhaseConstraints:
     ----------
     rules : of the links, then of the guarded pairs
     links : number of links; the rest are guarded pairs, which only keep their separation
-    separation : (e,) m, that each pair keeps at least
+    separation : (e,) m, least distance that each pair keeps
     residual : (k,) rad from 0 to pi
     least_distance : (e, k) m
-    cost : (links, k) m, to be kept small: the least distance where the circles are apart. Where
-        they cross, nearest is not best: there the cost grows with the residual, from half the
+    cost : (links, k) m, to be minimised: the least distance where the circles are apart. Where
+        they cross, nearest is not best. There the cost grows with the residual, from half the
         reach to all of it, so that phases stay near the rule, and steeply near the end of
-        contact, so that they stay clear of it. With a separation, which prevents collisions, that
-        is left to vehicles that share a circle and are to spread out on it
+        contact, so that they stay clear of it. With a separation, which prevents collisions, this
+        applies only to vehicles that share a circle, so that they spread out on it
     """
 
     rules: Rules
@@ -48,7 +48,7 @@ class PhaseConstraints:
     def of(cls, rules: Rules, guards: Rules, separation: float) -> "PhaseConstraints":
         """Return the constraints of `rules` (to serve) and `guards` (to keep apart).
 
-        Pairs that no phases keep apart need not be: with them nothing is feasible.
+        Pairs that no phases keep apart are exempt: with them nothing would be feasible.
         """
         samples = _SAMPLES if separation == 0.0 else _SAMPLES_SEPARATED
         residual = np.linspace(0.0, np.pi, samples)
@@ -93,7 +93,7 @@ class PhaseConstraints:
         """Return (low, high, possible), each (e,): the allowed residuals nearest the current ones.
 
         A residual is allowed if its least distance keeps the separation and, for a link, its cost
-        is `margin` below the reach. Rows without an allowed residual are not possible.
+        is at least `margin` below the reach. Rows without an allowed residual are not possible.
         """
         lack = self.separation[:, None] - self.least_distance
         reach = self.rules.reach[: self.links, None]
@@ -131,7 +131,7 @@ class PhaseConstraints:
 
 _LIMIT_SHARE = 0.5
 _ONE_CIRCLE = 1e-3
-"""Of a radius: circles nearer than this in centre and radius are one."""
+"""Share of a radius below which circles that differ in centre and radius count as one."""
 
 
 def _cost(rules: Rules, residual: Array, table: Array, separation: float) -> Array:
@@ -154,10 +154,11 @@ _BISECTIONS = 40
 def largest_margin(
     constraints: PhaseConstraints, start: Array, above: float = -np.inf
 ) -> tuple[Array, float]:
-    """Return (theta, margin in m): the largest smallest reach less cost with the turns of `start`.
+    """Return (theta, margin in m) of the largest smallest margin with the turns of `start`.
 
-    Below zero not every link is in contact. The margin is -inf if those turns allow no separation
-    or no margin as large as `above`; otherwise it is 0 for a team without links.
+    The margin is reach less cost; below zero not every link is in contact. It is -inf if those
+    turns allow no separation or no margin as large as `above`; otherwise it is 0 for a team without
+    links.
     """
     if above > -np.inf and _feasible(constraints, above, start) is None:
         return start, -np.inf
@@ -178,7 +179,7 @@ def serve_greedily(constraints: PhaseConstraints, start: Array) -> tuple[Index, 
     """Return a largest-first greedy choice of links (k,) that can be served at once, and phases.
 
     Links in contact over the widest range of residuals come first. Each is kept if some phases
-    bring it within range together with all kept so far and all guarded pairs.
+    serve it and all kept so far, and keep all guarded pairs apart.
     """
     reach = constraints.rules.reach[: constraints.links]
     room = np.sum(constraints.least_distance[: constraints.links] <= reach[:, None], axis=1)

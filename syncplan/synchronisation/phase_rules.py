@@ -1,4 +1,4 @@
-"""Synchronisation rules: the phase difference each link asks for, and what a residual costs.
+"""Synchronisation rules: phase difference that each link requires, and the cost of a residual.
 
 In the time-phase theta_i = d_i phi_i both rules of the paper fix a difference:
 
@@ -6,8 +6,8 @@ In the time-phase theta_i = d_i phi_i both rules of the paper fix a difference:
     opposite sense (Theorem 4.2)  phi_a + phi_b = 2 beta + pi
                                                   theta_a - theta_b = d_a (2 beta + pi)
 
-The residual is what is left of that difference. A link's least distance depends on the size of
-its residual alone.
+The residual is the deviation from that difference. A link's least distance depends only on the
+size of its residual.
 """
 
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ class Rules:
     Attributes
     ----------
     a, b : (e,) vehicles, a < b
-    offset : (e,) rad, the theta_a - theta_b that the rule asks for
+    offset : (e,) rad, the theta_a - theta_b that the rule requires
     bearing : (e,) rad, beta, from the centre of a to that of b
     same : (e,) whether the two turn the same way
     distance, radius_a, radius_b : (e,) m, of the centres and the circles
@@ -57,12 +57,12 @@ class Rules:
 
     @property
     def edges(self) -> list[tuple[int, int]]:
-        """The (a, b) pairs."""
+        """Pairs (a, b)."""
         return list(zip(self.a.tolist(), self.b.tolist(), strict=True))
 
 
 def rules_of(circles: Orbits, reach: Array, pairs: Index) -> Rules:
-    """Return the rules of the (e, 2) `pairs`, whatever the phases; `reach` is (n,) m of range."""
+    """Return the rules of `pairs` (e, 2) at sensor ranges `reach` (n,) m, whatever the phases."""
     centers, radii, senses = circles.centers, circles.radii, circles.senses
     a, b = pairs.min(axis=1), pairs.max(axis=1)
     between = centers[b] - centers[a]
@@ -87,7 +87,7 @@ def residuals(rules: Rules, theta: Array) -> Array:
 
 
 def phase_residuals(rules: Rules, phases: Array) -> Array:
-    """Return (e,) residuals in [-pi, pi) rad as the theorems write them, of phases (n,).
+    """Return (e,) residuals in [-pi, pi) rad of phases (n,), as the theorems write them.
 
     phi_b - phi_a - pi for the same sense, phi_a + phi_b - 2 beta - pi for opposite senses.
     """

@@ -1,14 +1,14 @@
 """Synchronisation: senses and phases that bring the vehicles of every link together once a turn.
 
-With `direction: alternate`, senses make as many links as possible join opposite ones. That is the
-largest cut of the graph of links; a bipartite graph is cut entirely.
+With `direction: alternate`, senses are chosen so that as many links as possible join opposite ones.
+That is the largest cut of the graph of links; a bipartite graph is cut entirely.
 
 Whatever the senses, each rule fixes a difference of time-phases theta_i = d_i phi_i, so a spanning
 tree satisfies the rules on its links in closed form (the paper's Algorithm 2, for any graph; after
 Diaz-Banez et al., IEEE T-RO 2017). If the other links agree, that is the answer. If not (odd cycles
 of one sense, even cycles that do not close), the phases maximise the smallest margin, range less
-least distance; where a field of view is limited or an obstacle may stand between, they maximise
-what is seen.
+least distance. Where a field of view is limited or an obstacle may block sight, they maximise
+contact.
 """
 
 from collections import Counter
@@ -31,7 +31,7 @@ from syncplan.synchronisation.sighted_phases import phases_in_sight, why_unseen
 Edge = tuple[int, int]
 
 EXACT_LIMIT = 60
-"""Up to this many contracted links the largest cut is found exactly, within the time limit."""
+"""Most contracted links for which the largest cut is found exactly, within the time limit."""
 
 _TIME_LIMIT_S = 5.0
 _RESTARTS = 20
@@ -146,12 +146,12 @@ class Synchronisation:
     method : "closed form", "relaxation and polish", "spanning trees and polish", "cell search and
         polish", or "largest contact" where a field of view is limited or obstacles are near
     margin : m, the smallest range less least distance over the links kept; None without links
-    bound : m, that no phases can exceed for the links kept; None where it was not computed
-    bound_note : why there is no bound, or what it is
+    bound : m, upper bound on the margin of the links kept; None where it was not computed
+    bound_note : kind of bound, or why there is none
     dropped : links that no phases found can keep
     odd_cycle : vehicles of an odd cycle of links, in order; empty if there is none
-    attainable : of each link (a, b), a < b, the longest contact that any phases give it, as a part
-        of a period; None unless a field of view is limited or obstacles are near
+    attainable : longest contact of each link (a, b), a < b, at any phases, as a share of a period;
+        None unless a field of view is limited or obstacles are near
     """
 
     phases: Array
@@ -180,11 +180,11 @@ def synchronise(
     """Return phases for the links `pairs` (e, 2) from the first vehicle's phase.
 
     The first vehicle of every connected component starts at `first_phase`. `reach` is (n,) m.
-    Without `margin_bound`, and where no closed form exists, the relaxation is skipped: the other
+    Without `margin_bound` the relaxation, used where no closed form exists, is skipped: the other
     starts mostly lead to the same phases, in half the time. Where one of the `sensors` has a
-    limited field of view, or an obstacle, polygons (k, 2) m, may stand between the vehicles of a
-    link, phases maximise contact: of each link the time within range and view, in either
-    direction, as a share of the most that any phases give it.
+    limited field of view, or one of the `obstacles`, polygons (k, 2) m, may block a link, phases
+    maximise contact: each link's time within range and view, in either direction, as a share of the
+    longest that any phases give it.
     """
     count = len(radii)
     pairs = np.asarray(pairs, dtype=np.int64).reshape(-1, 2)
@@ -218,7 +218,7 @@ def synchronise(
 
 @dataclass(frozen=True, slots=True)
 class _PhaseProblem:
-    """Circles, the rules of links and of pairs to be kept `separation` m apart, an odd cycle."""
+    """Circles, rules of links and of pairs to be kept `separation` m apart, and an odd cycle."""
 
     circles: Orbits
     rules: Rules
@@ -227,12 +227,12 @@ class _PhaseProblem:
     cycle: tuple[int, ...]
 
     def cycle_of(self, links: Flags) -> tuple[int, ...]:
-        """Return the vehicles of an odd cycle of those links (e,)."""
+        """Return the vehicles of an odd cycle of the chosen links (e,)."""
         some = self.rules.only(np.flatnonzero(links))
         return tuple(odd_cycle(self.circles.count, some.edges))
 
     def kept(self, unserved: Index) -> Rules:
-        """Return the rules of the links but for those."""
+        """Return the rules of all links except the `unserved`."""
         return self.rules.only(np.setdiff1d(np.arange(len(self.rules)), unserved))
 
 

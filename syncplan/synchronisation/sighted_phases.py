@@ -1,19 +1,19 @@
-"""Sighted phases: with limited fields of view, or among obstacles, phases that see each other.
+"""Sighted phases: phases of most contact with limited fields of view or among obstacles.
 
-With a limited view the nearest meeting may be one at which nobody looks, and among obstacles one
-behind a wall. So phases maximise the contact time of each link, in either direction and within
-range and view, as a share of the most that any phases give it, smallest share first.
+With limited views the closest approach may lie outside both, and among obstacles behind a wall. So
+phases maximise each link's contact time, in either direction and within range and view, as a share
+of the longest that any phases give it. The smallest share comes first.
 
-The graph of links, and of pairs to be kept apart, falls into blocks that bind each other by single
+The graph of links, and of pairs to be kept apart, splits into blocks that share only single
 vehicles:
 
-    bridge           the link's own best difference, free of all others; so on trees
+    bridge           the link's own best difference, whatever the others; all links of a tree
     3 or 4 vehicles  cell search: global
     more             coordinate descent from many starts, at once
 
-Bisection then finds the largest smallest share for those turns round the cycles, and raises that of
-the links which are not held back. The phases taken are the central ones among those that give every
-link 97 % of what was found, so that no vehicle flies at the edge of a window.
+Bisection then finds the largest smallest share for those turns round the cycles, and raises the
+shares of links that are not held back. The result is the central phases among those that give every
+link 97 % of the share found, so that no vehicle flies at the edge of a window.
 """
 
 from collections.abc import Callable
@@ -38,13 +38,13 @@ from syncplan.synchronisation.difference_tables import (
 from syncplan.synchronisation.phase_rules import Rules, closest_distance, rules_of
 
 FLOOR = 1e-3
-"""Share of what is attainable from which a link counts as served."""
+"""Share of its attainable contact from which a link counts as served."""
 
 KEPT = 0.97
-"""Of the share found, that the central phases keep."""
+"""Part of the share found that the central phases keep."""
 
 LATE_SHARE = 0.01
-"""Of a period: that late, either way, a link whose rule is met must keep its share as well."""
+"""Share of a period, either way, over which a link that meets its rule must keep its contact."""
 
 _EXACT_RAD = 1e-9
 
@@ -56,7 +56,7 @@ _TURN = 2.0 * np.pi
 
 @dataclass(frozen=True, slots=True)
 class ContactPhases:
-    """Time-phases (n,), whether every rule is met exactly, and the links (k,) that none serve."""
+    """Time-phases (n,), whether every rule is met exactly, and the links (k,) not served."""
 
     theta: Array
     by_rule: bool
@@ -66,10 +66,11 @@ class ContactPhases:
 def phases_of_most_contact(
     tables: DifferenceTables, offset: Array, count: int, starts: int
 ) -> ContactPhases:
-    """Return phases of `count` vehicles whose smallest share of contact is largest.
+    """Return phases of `count` vehicles with the largest smallest share of contact.
 
-    `offset` (e,) rad is the difference that each pair's rule asks for. Rules are met where that
-    costs next to nothing. `starts` are those of the descent in blocks of more than four vehicles.
+    `offset` (e,) rad is the difference that each pair's rule requires. Rules are met where that
+    costs almost nothing. `starts` is the number of starts of the descent in blocks of more than
+    four vehicles.
     """
     unserved: list[int] = []
     placed: list[tuple[Index, Array]] = []
@@ -86,7 +87,7 @@ def phases_of_most_contact(
             by_rule &= found.by_rule or not part.links.any()
             continue
         unserved += lost.tolist()
-        # what is not served need only be kept apart, and the block falls apart without it
+        # unserved links need only be kept apart, and the block splits without them
         value = tables.value.copy()
         value[lost] = np.inf
         tables = replace(tables, value=value)
@@ -97,7 +98,7 @@ def phases_of_most_contact(
 
 
 def _joined(placed: list[tuple[Index, Array]], count: int) -> Array:
-    """Time-phases of all vehicles: blocks that share a vehicle agree on its phase."""
+    """Time-phases of all vehicles, with blocks turned to agree on the vehicles they share."""
     theta, known = np.zeros(count), np.zeros(count, dtype=bool)
     of_vehicle: dict[int, list[int]] = {}
     for number, (vehicles, _) in enumerate(placed):
@@ -142,13 +143,13 @@ def _of_block(part: DifferenceTables, offset: Array, starts: int) -> ContactPhas
         theta, served = _of_many(part, offset, count, starts)
     clear = bool(np.all(part.at(theta) > -np.inf))
     if not clear and not served[part.links].any() and np.isfinite(part.clearance).any():
-        # no phases keep all apart: then links are served as if none had to be
+        # no phases keep all pairs apart: serve the links as if none had to be
         return _of_block(part.without_clearance(), offset, starts)
     return ContactPhases(theta, False, np.flatnonzero(part.links & ~served))
 
 
 def _by_rule(part: DifferenceTables, offset: Array, count: int) -> Array | None:
-    """Phases that meet every rule, if the links see well there and a little to either side."""
+    """Phases that meet every rule; None unless links keep contact there and to either side."""
     links = np.flatnonzero(part.links)
     if len(links) == 0:
         return None
@@ -166,7 +167,7 @@ def _by_rule(part: DifferenceTables, offset: Array, count: int) -> Array | None:
 
 
 def _widest(part: DifferenceTables) -> tuple[Array, float]:
-    """Middle of the widest range of differences near a single pair's best, and that best."""
+    """Middle of the widest range of a single pair's nearly best differences, and its best worth."""
     worth = part.worth[0]
     best = float(worth.max())
     good = worth >= (KEPT * best if np.isfinite(best) else best)
@@ -183,7 +184,7 @@ def _widest(part: DifferenceTables) -> tuple[Array, float]:
 
 
 def _of_many(part: DifferenceTables, offset: Array, count: int, starts: int) -> tuple[Array, Flags]:
-    """Phases of a large block, and which pairs they serve (e,)."""
+    """Phases of a large block, and whether they serve each pair (e,)."""
     candidates = descended(part, offset, count, starts)
     reached = part.at(candidates)
     smallest = reached.min(axis=1)
@@ -226,14 +227,14 @@ def _central(part: DifferenceTables, theta: Array, levels: Array) -> Array:
 
 
 _SAMPLES, _SAMPLES_APART = 1024, 4096
-"""Differences in a table, without and with distances to keep."""
+"""Number of differences in a table, without and with distances to keep."""
 
 _TABLE_ERROR = 2e-5
-"""Of a radius: what linear interpolation of a least distance may miss."""
+"""Error of linear interpolation of a least distance, as a share of a radius."""
 
 TOO_NEAR = 0.1
-"""Of the mean radius: without a stated separation, linked vehicles whose circles cross stay this
-far apart."""
+"""Share of the mean radius that linked vehicles on crossing circles keep apart where no separation
+is stated."""
 
 _STARTS, _STARTS_QUICK = 32, 12
 _LOOKS = 8
@@ -243,10 +244,10 @@ _MOST_NAMED = 3
 def phases_in_sight(
     rules: Rules, guards: Rules, team: Team, separation: float, *, quick: bool = False
 ) -> tuple[ContactPhases, Array]:
-    """Return phases of largest smallest contact, and each link's attainable part of a period (e,).
+    """Return phases of largest smallest contact, and each link's attainable share (e,) of a period.
 
     The links are those of `rules`; `guards` are pairs to be kept `separation` m apart, as linked
-    pairs are; of the team's orbits phases do not matter. `quick` tries fewer starts.
+    pairs are. The team's own phases do not matter. `quick` tries fewer starts.
     """
     both, links = rules.joined(guards), len(rules)
     contact = tabulated_contact(rules, team)
@@ -272,7 +273,7 @@ def phases_in_sight(
 
 
 def attainable_contact(team: Team, pairs: Index) -> dict[tuple[int, int], float]:
-    """Return for each pair of (e, 2) the longest contact of any phases, as a part of a period."""
+    """Return the longest contact of each pair (e, 2) at any phases, as a share of a period."""
     orbits = team.orbits
     rules = rules_of(orbits, team.sensors.ranges, pairs)
     most = tabulated_contact(rules, team).attainable
@@ -280,16 +281,16 @@ def attainable_contact(team: Team, pairs: Index) -> dict[tuple[int, int], float]
 
 
 def hidden_at_all_phases(team: Team, pairs: Index) -> Flags:
-    """Return (e,) whether obstacles hide the vehicles of each pair (e, 2), which are within range.
+    """Return (e,) whether obstacles hide pairs (e, 2) at all phases; they must come within range.
 
-    Senses, phases and fields of view do not matter: over all phase differences, each vehicle is
-    looked for at every place on its circle from every place on the other, whatever the senses.
+    Senses, phases and fields of view do not matter: over all phase differences, sight is tried from
+    every place on one circle to every place on the other.
     """
     hidden = obstructible(team, pairs[:, 0], pairs[:, 1])
     if hidden.any():
         views = np.full(team.count, 2.0 * np.pi)
         seeing = replace(team, sensors=replace(team.sensors, fields_of_view=views))
-        # most are seen at one of these; the others need their tables
+        # most pairs see each other at one of these; the others need their tables
         looks = np.arange(_LOOKS) * (2.0 * np.pi / _LOOKS)
         shifts = np.broadcast_to(looks, (int(hidden.sum()), _LOOKS))
         hidden[hidden] = ~seen_when_shifted(seeing, pairs[hidden], shifts).any(axis=1)
@@ -299,7 +300,7 @@ def hidden_at_all_phases(team: Team, pairs: Index) -> Flags:
 
 
 def why_unseen(team: Team, pair: Index, attainable: float) -> str:
-    """Return why no phases serve a link (2,) that could see for `attainable` of a period alone."""
+    """Return why no phases serve a link (2,) that alone could see for `attainable` of a period."""
 
     def longest(seeing: Team) -> float:
         (found,) = attainable_contact(seeing, pair[None]).values()
@@ -317,7 +318,7 @@ def why_unseen(team: Team, pair: Index, attainable: float) -> str:
 
 
 def obstacles_blocking(team: Team, contact: Callable[[Team], float]) -> str:
-    """Return in words the obstacles that take contact from a team, "" if it has none without."""
+    """Return in words the obstacles that reduce a team's contact; "" if it has none anyway."""
     free = contact(replace(team, obstacles=())) if team.obstacles else 0.0
     if free <= 0.0:
         return ""
@@ -330,7 +331,7 @@ def obstacles_blocking(team: Team, contact: Callable[[Team], float]) -> str:
 
 
 def _distances_to_keep(rules: Rules, links: int, separation: float) -> Array:
-    """(e,) m that each pair is to keep; 0 where none is."""
+    """Distances (e,) in m that pairs are to keep; 0 where none is required."""
     if separation > 0.0:
         return separation + _TABLE_ERROR * np.maximum(rules.radius_a, rules.radius_b)
     crossing = rules.distance < rules.radius_a + rules.radius_b

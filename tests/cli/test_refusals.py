@@ -53,10 +53,10 @@ REFUSED = {
     f"refine {GRID} --starts 0": "--starts: 0: must be greater than or equal to 1",
     # fly
     f"{FLY} --lose v9@20": "lose: 'v9': is neither a vehicle",
-    f"{FLY} --lose v3@-2": "lose: v3@-2: -2 s is no time of the flight, which is from 0 to 40",
-    f"{FLY} --lose v3@40": "lose: v3@40: 40 s is no time of the flight",
+    f"{FLY} --lose v3@-2": "lose: v3@-2: -2 s is outside the flight, which is from 0 to 40",
+    f"{FLY} --lose v3@40": "lose: v3@40: 40 s is outside the flight",
     f"{FLY} --lose v3": "lose: 'v3' has no time",
-    f"{FLY} --hold v2@39": "hold: 'v2@39' is no hold",
+    f"{FLY} --hold v2@39": "hold: 'v2@39' is not a hold",
     f"{FLY} --hold v2@10:5 --hold v2@12:5": "hold: v2 is held twice at 12 s",
     f"{FLY} --hold v1@30:300": "--hold: v1@30:300: ends at 330 s, after the flight of 40 s",
     f"{FLY} --lose L1@39.95": "L1@39.95: the last sample of the flight begins at 39.9 s",

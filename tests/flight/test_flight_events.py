@@ -52,27 +52,27 @@ def test_a_vehicle_may_be_held_again_and_lost_after() -> None:
         ("v3", "lose: 'v3' has no time; give it as v3@60, in s"),
         ("v33@60", "lose: 'v33': is neither a vehicle (v1, v2, v3, v4, v5, v6, ... v20) nor a"),
         ("@60", "lose: '': is neither a vehicle"),
-        ("v3@-1", "lose: v3@-1: -1 s is no time of the flight, which is from 0 to 400 s; give one"),
-        ("v3@400", "lose: v3@400: 400 s is no time of the flight"),
+        ("v3@-1", "lose: v3@-1: -1 s is outside the flight, which is from 0 to 400 s; give one"),
+        ("v3@400", "lose: v3@400: 400 s is outside the flight"),
         ("v3@399.6", "lose: v3@399.6: the last sample of the flight begins at 399.5 s; give a"),
-        ("v3@1e9", "lose: v3@1e9: 1e+09 s is no time of the flight"),
-        ("v3@nan", "lose: 'v3@nan': 'nan' is no number of seconds; give it as v3@60"),
-        ("v3@inf", "lose: 'v3@inf': 'inf' is no number of seconds"),
-        ("v3@", "lose: 'v3@': '' is no number of seconds"),
-        ("v3@soon", "lose: 'v3@soon': 'soon' is no number of seconds; give it as v3@60"),
+        ("v3@1e9", "lose: v3@1e9: 1e+09 s is outside the flight"),
+        ("v3@nan", "lose: 'v3@nan': 'nan' is not a number of seconds; give it as v3@60"),
+        ("v3@inf", "lose: 'v3@inf': 'inf' is not a number of seconds"),
+        ("v3@", "lose: 'v3@': '' is not a number of seconds"),
+        ("v3@soon", "lose: 'v3@soon': 'soon' is not a number of seconds; give it as v3@60"),
         ("sensor:L1@5", "lose: 'sensor:L1': is neither a vehicle"),
         ("v3@10 v3@20", "lose: v3: stands twice; name it once"),
         ("v3@10 sensor:v3@20", "lose: sensor:v3: is lost with v3; name one of them"),
         ("sensor:v3@5 distance:v3@9", "lose: distance:v3: is lost with sensor:v3; name one"),
         (" ".join(f"v{k}@{k}" for k in range(1, 21)), "lose: v1, v2, v3"),
-        ("v2@100", "hold: 'v2@100' is no hold; give it as v2@100:20, from 100 s for 20 s"),
-        ("v2:20", "hold: 'v2:20' is no hold"),
+        ("v2@100", "hold: 'v2@100' is not a hold; give it as v2@100:20, from 100 s for 20 s"),
+        ("v2:20", "hold: 'v2:20' is not a hold"),
         ("v22@100:20", "hold: v22@100:20: no vehicle is named v22; vehicles are v1 to v20"),
         ("lighthouse@1:20", "hold: lighthouse@1:20: no vehicle is named lighthouse"),
-        ("v2@-3:20", "hold: v2@-3:20: -3 s is no time of the flight, which is from 0 to 400 s"),
-        ("v2@400:20", "hold: v2@400:20: 400 s is no time of the flight"),
-        ("v2@100:0", "hold: v2@100:0: 0 s is no length; give more than 0 s"),
-        ("v2@100:-5", "hold: v2@100:-5: -5 s is no length"),
+        ("v2@-3:20", "hold: v2@-3:20: -3 s is outside the flight, which is from 0 to 400 s"),
+        ("v2@400:20", "hold: v2@400:20: 400 s is outside the flight"),
+        ("v2@100:0", "hold: v2@100:0: 0 s is not a length; give more than 0 s"),
+        ("v2@100:-5", "hold: v2@100:-5: -5 s is not a length"),
         (
             "v2@390:20",
             "hold: v2@390:20: ends at 410 s, after the flight of 400 s; give at most v2@390:10",
@@ -82,8 +82,11 @@ def test_a_vehicle_may_be_held_again_and_lost_after() -> None:
             "v2@30.1:0.3",
             "hold: v2@30.1:0.3: no sample begins in this time; samples are 0.5 s long, give a",
         ),
-        ("v2@100:nan", "hold: 'v2@100:nan': 'nan' is no number of seconds; give it as v2@100:20"),
-        ("v2@x:5", "hold: 'v2@x:5': 'x' is no number of seconds; give it as v2@100:20"),
+        (
+            "v2@100:nan",
+            "hold: 'v2@100:nan': 'nan' is not a number of seconds; give it as v2@",
+        ),
+        ("v2@x:5", "hold: 'v2@x:5': 'x' is not a number of seconds; give it as v2@100:20"),
     ],
 )
 def test_what_is_no_loss_and_no_hold_is_refused_in_one_line(texts: str, message: str) -> None:
@@ -142,7 +145,7 @@ def test_nobody_is_held_twice_at_a_time_or_when_lost() -> None:
     ("options", "message"),
     [
         ({"guidance": "luck"}, "guidance: 'luck' is unknown; choose track or mpc or none"),
-        ({"filter": "ideal"}, "filter: ideal takes the truth; nobody can fly by it"),
+        ({"filter": "ideal"}, "filter: ideal needs the truth, which no flight has; choose another"),
         ({"filter": "kalman"}, "filter: 'kalman' is unknown"),
         ({"dropout": 1.0}, "dropout: 1 given; allowed is at least 0 and less than 1"),
         ({"outliers": -0.1}, "outliers: -0.1 given; allowed is at least 0 and less than 1"),
@@ -150,8 +153,8 @@ def test_nobody_is_held_twice_at_a_time_or_when_lost() -> None:
         ({"outliers": 0.5, "mistaken": 0.5}, "outliers: together with mistaken this is 1 or more"),
         ({"late": -1}, "late: -1 given; allowed is 0 to 1000"),
         ({"late": 1001}, "late: 1001 given; allowed is 0 to 1000"),
-        ({"wind": (1.0, float("inf"))}, "wind: (1.0, inf) is no velocity; give x,y in m/s"),
-        ({"wind": (1.0, 2.0, 3.0)}, "wind: (1.0, 2.0, 3.0) is no velocity; give x,y in m/s"),
+        ({"wind": (1.0, float("inf"))}, "wind: (1.0, inf) is not a velocity; give x,y in m/s"),
+        ({"wind": (1.0, 2.0, 3.0)}, "wind: (1.0, 2.0, 3.0) is not a velocity; give x,y in m/s"),
         ({"lose": "v3@60"}, "lose: 'v3@60': must be a list of texts, such as ['v3@60']"),
         ({"hold": "v3@60:5"}, "hold: 'v3@60:5': must be a list of texts, such as ['v2@100:20']"),
         ({"trials": 0}, "trials: 0 given"),
@@ -165,7 +168,9 @@ def test_options_out_of_range_are_refused(options: dict[str, Any], message: str)
 
 def test_a_scenario_that_asks_for_the_ideal_filter_is_not_flown_by_it() -> None:
     scenario = changed("paper-grid-same", filter={"kind": "ideal"})
-    with pytest.raises(InputError, match=r"^filter: ideal takes the truth; nobody can fly by it"):
+    with pytest.raises(
+        InputError, match=r"^filter: ideal needs the truth, which no flight has; choose another"
+    ):
         flight_run(scenario)
 
 

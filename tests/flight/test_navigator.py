@@ -140,13 +140,13 @@ def test_a_state_of_another_plan_or_of_other_options_is_refused_and_changes_noth
         Navigator(plan, filter="ekf", late=1),
         Navigator(syncplan.plan(other, pilot=False), filter="ekf"),
     ):
-        with pytest.raises(InputError, match="is of another plan, or of other options"):
+        with pytest.raises(InputError, match="was saved with another plan or other options"):
             navigator.restore(one.save())
     with np.load(io.BytesIO(before)) as stored:
         parts = {name: stored[name] for name in stored.files if name != "heard"}
     cut = io.BytesIO()
     np.savez(cut, **{**parts, "steps": np.array(7)})
-    with pytest.raises(InputError, match="is no state of a navigator"):
+    with pytest.raises(InputError, match="is not a saved state of a navigator"):
         navigator.restore(cut.getvalue())
     assert navigator.save() == before
 
@@ -194,7 +194,7 @@ def test_sightings_are_named_as_the_scenario_names_them(plan: Plan) -> None:
 
 
 def test_what_is_no_state_and_no_start_of_the_team_is_refused(plan: Plan) -> None:
-    with pytest.raises(InputError, match="is no state of a navigator"):
+    with pytest.raises(InputError, match="is not a saved state of a navigator"):
         Navigator(plan).restore(b"nothing")
     with pytest.raises(InputError, match="must be 6 poses"):
         Navigator(plan, start=np.zeros((2, 3)))

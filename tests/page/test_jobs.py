@@ -246,7 +246,7 @@ def test_an_event_that_can_not_happen_is_reported_next_to_its_field(
     fly(page, 2, lose="v9@30")
     expect(page.locator("#fly-lose-fault")).to_contain_text("is neither a vehicle")
     fly(page, 2, lose="", hold="v2@-1:3")
-    expect(page.locator("#fly-hold-fault")).to_contain_text("-1 s is no time of the flight")
+    expect(page.locator("#fly-hold-fault")).to_contain_text("-1 s is outside the flight")
     expect(page.locator("#fly-lose-fault")).to_be_empty()
     fly(page, 2, hold="", wind="east")
     expect(page.locator("#fly-wind-fault")).not_to_be_empty()

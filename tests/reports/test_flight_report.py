@@ -111,7 +111,7 @@ def test_states_that_are_no_poses_have_the_bound_along_the_path() -> None:
 def test_what_flights_do_not_look_at_is_noted(calm: Flight) -> None:
     square = [[-90.0, -90.0], [190.0, -90.0], [190.0, 130.0], [-90.0, 130.0]]
     corner = [[-80.0, -80.0], [-75.0, -80.0], [-75.0, -75.0]]
-    assert "flights do not look at" not in notes(calm)
-    assert "flights do not look at area_m:" in notes(flown({}, area_m=square))
+    assert "flights do not check" not in notes(calm)
+    assert "flights do not check area_m:" in notes(flown({}, area_m=square))
     both = flown({}, area_m=square, keep_out_m=[corner])
-    assert "flights do not look at area_m and keep_out_m:" in notes(both)
+    assert "flights do not check area_m and keep_out_m:" in notes(both)
