@@ -11,7 +11,7 @@ _REMEDY = "use a shorter range_m, a longer sample_time_s, a shorter run or fewer
 MOST_BOUND_WORK = 5e10
 """Most work of a plan's bound: a core does 0.3e9 to 4e9 a second, and a request has 20 s."""
 MOST_TRIAL_WORK = 2e11
-"""Most work of a trial: a job first times 17 of them, in one part of an hour."""
+"""Most work of a trial: a job first times 17 of them, in one part, which may take an hour."""
 
 FLIGHT_TIMES = 8.0
 """Work of a flight relative to a trial of the filter along the same circles."""

@@ -3,7 +3,7 @@
     connected -> head -> body -> answering -> idle -> head ...
                  10 s    30 s                 5 s          (the settings say otherwise)
 
-A connection states when it is due, and the server calls `expire` at that time.
+A connection states when it is due. The server looks a few times a second and then calls `expire`.
 """
 
 import json
@@ -131,7 +131,7 @@ class _RefusedError(Exception):
 
 
 class _Flow(FlowControl):
-    """Flow control that reads on only when no request waits: it holds at most one read of them."""
+    """Flow control that reads on only when no request waits, so that one read at most is held."""
 
     def __init__(self, transport: Any, waiting: Sized) -> None:
         super().__init__(transport)

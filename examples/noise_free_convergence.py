@@ -28,7 +28,7 @@ class Convergence:
     median_worst : m, median over trials of the worst coordinate's final error
     stuck_share : share of trials whose worst coordinate ends more than STUCK_M off
     stuck_share_gated : the same with an innovation gate of 99.9 %, which makes it worse
-    anees : average NEES; 1 is honest
+    anees : average NEES; 1 is consistent
     robust_largest : m, the worst coordinate's final error in the worst trial of the robust filter
     robust_stuck_share, robust_anees : as above, of the robust filter
     """

@@ -97,7 +97,7 @@ class Ticket:
     def cancel(self, *, spare: bool = False) -> None:
         """Give the task up: it leaves the queue, or its process is killed.
 
-        With `spare`, a process that has run for less than LEAST_RUN_S may run until then.
+        With `spare`, a process that began less than LEAST_RUN_S ago may run for that long.
         """
         self.give_up(self, spare)
 

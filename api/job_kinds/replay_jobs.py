@@ -32,7 +32,7 @@ Pose = Annotated[tuple[Coordinate, Coordinate, Coordinate], Strict(False)]
 
 @takes_options(ReplayOptions, landmarks=Many[int | Name] | None, start_poses=Many[Pose] | None)
 class ReplayRequest(JobRequest):
-    """Settings of a replay: the filter's assumptions and the sightings that count."""
+    """Settings of a replay: the filter's assumptions and the sightings it is given."""
 
     def work(self, subject: JobSubject, limits: RequestLimits) -> int:
         """Return the largest number of sightings that may be filtered.

@@ -1,4 +1,4 @@
-"""Heartbeats, recovery of the work of dead processes, and of jobs that nobody works on.
+"""Heartbeats, and recovery of the work of dead processes and of jobs that nobody works on.
 
 Every process raises its count in the database every few seconds and watches the counts of the
 others: a count that has not changed for a while belongs to a dead process. A watcher may have been

@@ -41,9 +41,9 @@ class Worker:
         *,
         patient: bool = False,
     ) -> None:
-        """Begin at once, or if `patient`, later if the database can't be written to.
+        """Begin at once; if the database can't be written to, begin later if `patient`.
 
-        Otherwise raises the error of writing.
+        If it is not, raises the error of writing.
         """
         self.executor_id = f"{socket.gethostname()[:32]}-{os.getpid()}-{secrets.token_hex(4)}"
         size = settings.process_count

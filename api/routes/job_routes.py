@@ -280,6 +280,6 @@ def _refuse_more_seconds(connection: Connection, call: Call) -> None:
     if spent_s >= most_s:
         raise TooManyRequests(
             f"your jobs of the last 24 hours have computed for {spent_s:.1f} s, the most allowed "
-            f"is {most_s:g} s; wait until older ones are more than 24 hours ago",
+            f"is {most_s:g} s; wait until older ones are more than 24 hours old",
             retry_after_s=_RETRY_AFTER_SECONDS_S,
         )

@@ -225,7 +225,7 @@ async def read_export(
     caller: CurrentCaller,
     query: Annotated[ExportQuery, Query()],
 ) -> Response:
-    """The files of a format, one a vehicle if each holds one, and the sidecar with phases.
+    """The files of a format, one for each vehicle if a file holds one, and the sidecar with phases.
 
     The sidecar says how each vehicle joins its circle at the right phase, and what to watch for.
     """

@@ -242,7 +242,8 @@ class Client:
     ) -> RemoteJob:
         """Start the validation of a plan; options as in syncplan.validate. See wait.
 
-        With `stress`, the job's report also has worse worlds; `wait` returns the world as stated.
+        With `stress`, the job's report also has worse worlds; `wait` returns the validation in the
+        world as stated.
         """
         further = {"stress": True} if stress else {}
         return self._begin(plan, "validations", options_with(options, changes), **further)

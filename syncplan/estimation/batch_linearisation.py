@@ -66,7 +66,7 @@ from syncplan.estimation.motion_kernels import (
 def linear_pass(problem: Problem, path: Trajectory, lanes: Lanes) -> None:
     """Filter along the trajectories and fill in the problem's `found`.
 
-    Its scratch then holds state and covariance at the end, after the last sighting.
+    The problem's scratch then holds state and covariance at the end, after the last sighting.
     """
     setup, window, found, scratch = problem.setup, problem.window, problem.found, problem.scratch
     x, P, mean, work, frame = scratch.x, scratch.P, scratch.mean, scratch.work, scratch.frame

@@ -84,8 +84,8 @@ def solve(
 
     `speeds` and `turn_rates` (K, n, lanes) in m/s and rad/s, and `sightings` (s, lanes), NaN where
     missed, are the readings of these samples. `start` is (3n + e, lanes), the mean of the prior if
-    None. The search ends once a step promises to gain less than `close_enough`, or after the last
-    of MOST_STEPS.
+    None. The search ends, with the true R, once a step promises to gain less than `close_enough`,
+    no step lowers the cost, or MOST_STEPS[-1] steps were taken.
     """
     K, width = len(speeds), prior.mean.shape[1]
     path = _still(prior.mean if start is None else start, setup, K)

@@ -110,8 +110,8 @@ def steady_bound(team: Team, windows: Windows) -> Array:
 def _repeating(team: Team) -> tuple[Team, int]:
     """Return the team with a sample time at which sightings repeat, and the samples until they do.
 
-    These are the fewest periods for which the sample time changes by no more than _ADAPTED, or the
-    number up to _MOST_PERIODS for which it changes least.
+    They repeat after the fewest periods for which the sample time changes by no more than _ADAPTED,
+    or after the number up to _MOST_PERIODS for which it changes least.
     """
     period, sample_time = team.orbits.period, team.sensors.sample_time
     together = lcm(*samples_between(team.sensors)[kinds_measured(team.sensors).T].tolist())

@@ -15,8 +15,8 @@ Both recursions are linear: they hold while errors stay small beside the distanc
 sighted. Where a filter's errors reach a large part of these, its tangents are taken elsewhere and
 its gate rejects sightings; the true error can then be larger or smaller, and only trials show it.
 
-A share p of false bearings, anywhere within the half view b, adds the mean square of the false
-bearing, b^2 / 3, and that of the true one, as much: 2 p b^2 / 3; all round, where angles are
+A share p of false bearings, anywhere within the half view b, contributes the mean square of the
+false bearing, b^2 / 3, and that of the true one, as much: 2 p b^2 / 3; all round, where angles are
 wrapped, p pi^2 / 3.
 
 Sources

@@ -10,9 +10,9 @@ missed: its lane's state, covariance and statistics stay as they are.
 
 P is in the frame of `motion_kernels`, and so is a row h: with the ways W of a state since, its
 entry is h W for the observer and -h W for the target. A common drift moves both alike and drops
-out. P is large, and each correction would read all of it. So the halves u of some corrections are
-kept and subtracted from any part of P that is read, until one sweep corrects P by all of them. Only
-the lower triangle of P is maintained.
+out. P is large, and each correction would read all of it. So the halves u of up to AT_ONCE
+corrections of a step are kept and subtracted from any part of P that is read, until one sweep
+corrects P by all of them. Only the lower triangle of P is maintained.
 
 A vehicle whose clock offset is delta stamps t on a sighting taken at t + delta. By then each
 vehicle has moved on from its pose at t, along its arc and with the air. With the observer's slopes

@@ -6,7 +6,7 @@ The recursion of syncplan.estimation.covariances, sample by sample, rows in bloc
     H <- L^-1 H with S = L L^T
     P <- P - H^T H
 
-This is several times as fast as there, at the cost of loading numba. BLAS takes the products.
+This is several times as fast as there, at the cost of loading numba. BLAS computes the products.
 Longer blocks would not pay, since S grows with them.
 """
 

@@ -272,8 +272,8 @@ def build_setup(
 def judged_from(samples: int, sample_time: float, period: float, options: FilterOptions) -> int:
     """Return the first sample at which a filter's covariance is meant to hold.
 
-    A filter that searches for its start takes a period to find it, in samples of `sample_time` s. A
-    run of no more `samples` than that ends before; for this it is sample 0.
+    A filter that searches for its start takes a period to find it, in samples of `sample_time` s.
+    For a run of no more `samples` than that, it is sample 0.
     """
     if not options.filter_model.finds_start:
         return 0

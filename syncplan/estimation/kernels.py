@@ -30,7 +30,7 @@ WIDE_UP_TO = 60
 """Largest team filtered in wide lanes; above it they gain nothing and take 16 times the memory."""
 
 Lanes = NDArray[np.int8] | tuple[int]
-"""Lanes of a kernel, of which only the number, its length, counts.
+"""Lanes of a kernel: only the length counts, which is the number of lanes.
 
 One lane is passed as the tuple (0,): the compiler knows the length of a tuple, the loop over lanes
 vanishes and the loop over columns vectorises instead. More lanes are passed as an array, and the

@@ -270,7 +270,7 @@ class Lasting:
 
     Attributes
     ----------
-    ratio : of the sums' mean squares; 1 for white innovations
+    ratio : mean square of the sums, relative to that of white innovations
     blocks : number of sums
     """
 

@@ -122,7 +122,7 @@ class Run:
     def samples(self) -> Iterator[tuple[slice, Array, Array]]:
         """Yield each sample's slice of rows, these in full, and its noise (n, 3, 3), from 0 on.
 
-        Rows are laid out for `at_once` samples at a time, to save memory.
+        Rows are laid out for `at_once` samples at a time, as many as take little memory.
         """
         for start in range(0, self.steps + 1, self.at_once):
             edges = self.first[start : start + self.at_once + 1].tolist()

@@ -20,8 +20,9 @@ The fit is accepted if, compared with the given settings, it makes the rest's wi
 likelier, beyond chance, and predicts them no worse, or better if innovations are not white.
 Otherwise the rest runs with the given settings. The fit must also win against the given settings
 with the fitted delay: a right delay improves predicted bearings of turning robots so much that it
-would hide wrong sigmas. A bearing walk is then fitted from the better settings and judged likewise:
-it models lasting errors, which white sigmas can only grow to cover.
+would hide wrong sigmas. A bearing walk is then fitted from the better settings and judged likewise,
+also against the first fit if that has won: it models lasting errors, which white sigmas can only
+grow to cover.
 
 If the start is given, the rest starts from the estimate of the filter with the same settings at the
 end of the first third, with the sigmas of its least known robot.
@@ -326,7 +327,7 @@ class _Fit:
             self.progress(min(self.runs, MOST_RUNS))
 
     def cost(self, settings: ReplaySettings) -> float:
-        """Return the mean negative log-likelihood of innovations; infinite if it diverges."""
+        """Mean negative log-likelihood of innovations; infinite if the filter diverges."""
         try:
             run, made = self.run(settings)
         except (InputError, NoSolutionError):

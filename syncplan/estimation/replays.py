@@ -58,7 +58,7 @@ def replay(
 ) -> Replay:
     """Return the filter's estimates from a recording's odometry and sightings, and their errors.
 
-    The fields of ReplaySettings, `noise` included, are arguments by their names. `landmarks` are
+    The fields of ReplaySettings, except `portion`, are arguments by their names. `landmarks` are
     the names of those whose sightings count (numbers, where the recording numbers them), all if
     None; `meetings` states whether sightings between robots count, `distances` whether recorded
     distances do. `bearing_sigma` and `range_sigma` are in rad and m, `sample_time` in s; the sigmas

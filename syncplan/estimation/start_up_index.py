@@ -71,11 +71,11 @@ def second_order_terms(team: Team, sightings: Sightings, scale: float) -> Array:
 
 
 def lines_of_sight(team: Team, sightings: Sightings, scale: float) -> Array:
-    """Return (2, s, 6): errors of the relative position along and across, over the distance.
+    """Return (2, s, 6): errors along and across each line of sight, over its length.
 
-    They are linear functions of errors at time 0, the observer's three and the target's three,
-    positions in `scale` m; a landmark's three are zero. All are zero where the two are nearer than
-    NEAREST mean radii: the bound hardly counts such a sighting.
+    These errors of the relative position are linear functions of errors at time 0, the observer's
+    three and the target's three, positions in `scale` m; a landmark's three are zero. All are zero
+    where the two are nearer than NEAREST mean radii: the bound hardly counts such a sighting.
     """
     q, (own, other) = _relative(team, sightings)
     squared = np.sum(q * q, axis=1, keepdims=True)

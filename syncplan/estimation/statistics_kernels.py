@@ -20,7 +20,7 @@ from syncplan.estimation.filter_setup import (
 from syncplan.estimation.kernels import Lanes, inner, linked, part
 
 SMALLEST_PIVOT = 1e-13
-"""Share of a variance below which a pivot of its factorisation is rounding."""
+"""Share of a variance below which its pivot in the factorisation is rounding."""
 
 
 class Comparison(NamedTuple):

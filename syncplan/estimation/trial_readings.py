@@ -262,7 +262,7 @@ class TrialReadings:
         return found
 
     def _out_of_view(self, turned: Array) -> Flags:
-        """Whether targets are outside the field of view of headings turned so far, (s, lanes)."""
+        """Whether targets are out of view of headings `turned` from the nominal, (s, lanes)."""
         setup, sensors = self.setup, self.team.sensors
         away, heading = _away(self.truth, setup)
         ahead = np.arctan2(away[1], away[0]) - heading - sensors.boresights[setup.observers]

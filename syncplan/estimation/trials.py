@@ -65,7 +65,7 @@ class MonteCarloResult:
     nees : (trials,) e' P^-1 e over all 3n states, mean over every tenth step and the last;
         NaN where the covariance was not positive definite at any of them
     nees_samples : (trials,) number of them that counted
-    nis_sums, accepted, gated : (trials,) sum of innovation^2 / variance over accepted bearings,
+    nis_sums, accepted, gated : (trials,) sum of innovation^2 / variance over accepted sightings,
         number of these, and number that the gate rejected
     branches : sums of the series over trials, empty unless asked for
     state_squares, late_state_squares : (trials, e) squared error of each further state, mean over

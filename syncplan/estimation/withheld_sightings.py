@@ -3,7 +3,7 @@
 Sightings are withheld in turn, by blocks of BLOCK_S of an observer and a target, so their
 predictions do not depend on their own errors, however long these last. A withheld sighting has a
 variance so large that the filter learns nothing from it; its innovation and the expected variance
-result as for any other:
+follow as for any other:
 
     nu ~ N(0, H P H' + sigma^2), or anything at all with probability WILD
 
@@ -167,7 +167,7 @@ def judged(before: Predictions | None, after: Predictions | None, *, white: bool
 
 
 def _growth(before: Predictions, after: Predictions) -> tuple[Array, Array]:
-    """Growth of squared mean errors of blocks, relative to the mean of their kind, and times.
+    """Growth of blocks' squared mean errors, relative to the mean square of their kind, and times.
 
     Errors of poses persist over a block; noise, and the effect of a wrong delay while a robot turns
     to and fro, average out. Wild errors are clipped.

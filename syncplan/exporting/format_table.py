@@ -139,7 +139,7 @@ FORMATS: Mapping[str, ExportFormat] = MappingProxyType(
         "kml": ExportFormat("KML", "map_files.write_kml", 50.0, True),
     }
 )
-"""All formats by name, in the order of their lists."""
+"""All formats by name, in the order in which users see them."""
 
 
 def default_altitudes() -> str:
@@ -162,7 +162,7 @@ def default_altitudes() -> str:
 HIGHEST_M = 100_000.0
 LONGEST_S = 1e7
 MOST_TURNS = 20_000
-"""Most turns flown: as many as the periods of a scenario's run."""
+"""Most turns flown: as many as the periods that a scenario's run may have."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,10 +5,11 @@ Items follow MAVLink (common.xml). ArduPilot treats loiter turns as follows:
 - It stores turns and radius in one byte each (AP_Mission.cpp): the radius in whole metres up to
   255, in tens of metres up to 2,550, truncated, not rounded; turns up to 255, also truncated above
   one turn.
-- Copter turns at its parameter CIRCLE_RATE, whatever speed is commanded, within its speed and half
-  its acceleration in waypoint flight (AC_Circle::calc_velocities). The radius's sign gives the
-  direction from 4.4 on (ArduPilot pull request 22834); before, and in some versions since, the
-  parameter's sign does (pull request 34178). With both signs the same, all versions agree.
+- Copter turns at its parameter CIRCLE_RATE, whatever speed is commanded, as far as its speed and
+  half its acceleration in waypoint flight allow (AC_Circle::calc_velocities). The radius's sign
+  gives the direction from 4.4 on (ArduPilot pull request 22834); before, and in some versions
+  since, the parameter's sign does (pull request 34178). With both signs the same, all versions
+  agree.
 - Plane holds the airspeed commanded, if it lies between AIRSPEED_MIN and AIRSPEED_MAX.
 
 A waypoint counts as reached half a leg from it, where the next leg is as near: the path cuts the

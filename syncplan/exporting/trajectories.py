@@ -162,7 +162,7 @@ TOLERANCE_M = 1e-4
 """Largest distance between a piece and its arc: a tenth of the requirement."""
 
 MOST_PIECES = 31
-"""Pieces that a Crazyflie's memory of 4,096 bytes holds (crtp_commander_high_level.h)."""
+"""Most pieces in a Crazyflie's trajectory memory of 4,096 bytes (crtp_commander_high_level.h)."""
 
 MOST_PIECES_WRITTEN = 200_000
 """Most pieces written for all vehicles together."""

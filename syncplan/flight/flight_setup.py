@@ -167,7 +167,7 @@ class Mishaps(NamedTuple):
     held_from, held_until : (n, h) steps between which a vehicle stands still in the air
     dropout : share of sightings that are lost on their way
     outliers : share of bearings that are false, anywhere in view
-    mistaken : share of sightings of another vehicle in sight than the filter assumes
+    mistaken : share of sightings whose true target is a vehicle in sight other than the assumed one
     late : samples after which sightings arrive
     """
 
@@ -207,7 +207,7 @@ class Contact(NamedTuple):
     look_every : steps between updates of the shifts of circles
     sigmas : standard deviations within which a place is assumed to be
     lead : s, look-ahead at which the uncertainty of places counts
-    gust_lead : s, in which a constant gust would drift as far as a decaying one does in `lead`
+    gust_lead : s, in which a constant gust would carry as far as a decaying one does in `lead`
     """
 
     anchors: Anchors
@@ -239,7 +239,7 @@ class Flown(NamedTuple):
     path : (steps + 1, n, 3, lanes) m, m, rad, as truly flown up to the present step
     drift : (1 or steps + 1, 1 or n, 2, lanes) m/s, velocity of the air, held over a sample
     scales, turn_biases, clock_offsets : (n, lanes) true lasting errors
-    shifts : (1 or steps + 1, n, lanes) for each kind of sighting, the error added to it
+    shifts : (1 or steps + 1, n, lanes) for each kind of sighting, the error added, in its unit
     speed_noise, turn_noise : (steps, n, lanes) standard normal
     keys : (lanes, 2) unsigned, of the noise of sightings
     commands, responses : (n, 2, lanes) m/s, rad/s, at present

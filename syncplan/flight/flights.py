@@ -2,7 +2,7 @@
 
 Trials are flown in chunks of CHUNK_TRIALS, as in a validation. A chunk that is cut short has the
 figures of the whole chunk to rounding, or with batch solutions to the accuracy to which these
-converge: they begin from one in several of the sightings made in any trial side by side.
+converge: they begin from one in several of the sightings made in any of the trials side by side.
 
 Figures over time are sums over all trials, which follow the binary tree of
 `syncplan.estimation.trials` and so join exactly.

@@ -104,7 +104,7 @@ LEG_STEPS = 64
 """Samples in a leg."""
 
 MOST_ROWS = 1_000_000
-"""Most sightings in a leg."""
+"""Most sightings to make room for at once."""
 
 
 @dataclass(frozen=True, slots=True)

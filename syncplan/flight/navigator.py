@@ -67,8 +67,8 @@ class Navigator:
     ) -> None:
         """Begin at time 0 at the poses `start` (n, 3), the plan's if None.
 
-        The other arguments are those of syncplan.fly. The filter draws the random numbers of its
-        first trial. `late` is the number of samples by which sightings may be late. Raises
+        The other arguments are those of syncplan.fly, whose first trial has the random numbers that
+        this filter draws. `late` is the number of samples by which sightings may be late. Raises
         InputError naming the argument at fault.
         """
         options = FlightOptions(

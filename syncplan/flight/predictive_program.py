@@ -88,7 +88,8 @@ class Program(NamedTuple):
 def _asked_distance(i: int, j: int, m: int, poses: Array, weights: Weights) -> float:
     """Return the distance in m asked of vehicles i and j after m steps.
 
-    Within half a step of it they are then no nearer than the separation, if they fly straight.
+    Up to half a step before or after, they are then no nearer than the separation, if they fly
+    straight.
     """
     x = (poses[i, m, 0] - poses[i, m - 1, 0]) - (poses[j, m, 0] - poses[j, m - 1, 0])
     y = (poses[i, m, 1] - poses[i, m - 1, 1]) - (poses[j, m, 1] - poses[j, m - 1, 1])

@@ -338,7 +338,7 @@ def _misread(
     away: Array,
     lane: int,
 ) -> tuple[float, float, float, int]:
-    """Way to the true target, direction in view of a false bearing, or 7, and the true target.
+    """Way to the true target, direction in view of a false bearing (7: none), and that target.
 
     The vehicle mistaken for the target is the next one, by number, that is also in sight.
     """

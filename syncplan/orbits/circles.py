@@ -87,7 +87,10 @@ def dot(a: Array, b: Array) -> Array:
 
 
 def cross(a: Array, b: Array) -> Array:
-    """Return the cross products (...) of vectors (..., 2), |a| |b| times the sine from a to b."""
+    """Return the cross products (...) of vectors (..., 2).
+
+    They are |a| |b| times the sine of the angle from a to b, counter-clockwise.
+    """
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
@@ -122,7 +125,7 @@ def heading(orbits: Orbits, time: ArrayLike) -> Array:
 
 
 NO_LANDMARKS: Array = np.zeros((0, 2))
-"""Landmarks of a team without any."""
+"""Landmarks of a team that has none, or is considered without them."""
 
 
 @dataclass(frozen=True, slots=True)

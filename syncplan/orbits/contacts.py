@@ -41,7 +41,7 @@ BOUNDARY_SLACK = 1e-12
 """Relative slack of range and field of view, so that a contact exactly at its limit counts."""
 
 _BESIDE = 0.618
-"""Share of an interval from its end to the point, besides its middle, to check for obstacles."""
+"""Share of an interval, from its end, at which obstacles are checked besides at its middle."""
 
 DENSE_LIMIT = 500
 """Most bodies for which all pairs are tried; above that, a k-d tree proposes them."""

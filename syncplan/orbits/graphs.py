@@ -81,7 +81,7 @@ def spanning_forest(count: int, edges: Sequence[Edge], weights: Sequence[float])
 
 
 def traversal(count: int, edges: Sequence[Edge]) -> list[tuple[int, int, int]]:
-    """Return (parent, child, position in `edges`) breadth first from the first vertices."""
+    """Return (parent, child, position in `edges`) breadth first, from each component's first."""
     import networkx as nx
 
     graph = _graph(count, ((a, b, {"position": k}) for k, (a, b) in enumerate(edges)))

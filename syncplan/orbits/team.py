@@ -75,7 +75,7 @@ class Sensors:
 
     @property
     def compass_sigmas_each_sample(self) -> Array:
-        """(n,) rad, of readings at every sample that carry the same information."""
+        """(n,) rad, of readings at every sample that carry as much information as those made."""
         return np.asarray(self.compass_sigmas * np.sqrt(self.compass_every))
 
     def scaled(self, unit: float) -> "Sensors":

@@ -166,7 +166,10 @@ def _room_in_sigmas(judged: JudgedTeam, link: LinkVerdict, errors: Array) -> flo
 
 
 def _coordinate_errors(judged: JudgedTeam) -> Array | None:
-    """Predicted sigma (n,) m of a coordinate; None if unknown, unobservable or once flown."""
+    """Predicted sigma (n,) m of a coordinate.
+
+    None if there is no prediction, the team is not observable or the plan was flown.
+    """
     rms = judged.prediction.rms
     if rms is None or judged.flight is not None or not judged.observability.observable:
         return None

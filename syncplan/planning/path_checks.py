@@ -85,7 +85,7 @@ def outside_area(judged: JudgedTeam) -> Iterator[Remark]:
 
 
 def in_keep_out(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield a finding for each circle that passes through a keep-out; one round it is allowed."""
+    """Yield a finding for each circle that passes through a keep-out; it may go round one."""
     for key, name, clear in _crossings(judged, within=False):
         yield Remark(
             "stop",
@@ -140,7 +140,7 @@ def _crossed(clearances: Array, radii: Array) -> Array:
 # seconds, takes no longer than the period 2 pi R / v. In stronger wind it falls behind for ever:
 # that stops the plan. Needing airspeeds below the least one, or turns of the heading near W = v
 # faster than vehicles turn, is soon made up for: over a whole turn, neither the least airspeed nor
-# a turn rate limit above the common rate is what a vehicle lacks.
+# a turn rate limit above the common rate holds a vehicle back.
 
 
 EXCEEDED = 0.05

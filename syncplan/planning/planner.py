@@ -103,7 +103,7 @@ MOST_STATES = 1500
 """Number of pose coordinates and errors up to which every plan states the undetermined errors."""
 
 MOST_STATES_LEFT = 400
-"""The same number after a loss, as losses are many: 60 vehicles with errors of every kind."""
+"""The same limit after a loss, as losses are many: 60 vehicles with errors of every kind."""
 
 
 @single_threaded_blas

@@ -63,7 +63,8 @@ def obstructions(plan: Mapped, pairs: Index, arrows: Array | None = None) -> Obs
 def name_trace(plan: Mapped, view: MapView, names: list[str], about: Obstructions) -> Spec:
     """Return the names of vehicles in their circles or beside them; one text for each centre.
 
-    Names that would be too small to read are left empty; the vehicles' hover texts have them.
+    In teams above MOST_OUTSIDE, names too small to read in their circles are left empty; the
+    vehicles' hover texts have them.
     """
     shared: dict[tuple[float, float], list[int]] = {}
     for k, center in enumerate(np.round(plan.orbits.centers, view.places).tolist()):

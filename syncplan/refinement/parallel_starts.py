@@ -331,7 +331,7 @@ class EarlierSearch:
     Attributes
     ----------
     finished : finished starts by number, as they were kept
-    spent_s : part of its time limit that is spent
+    spent_s : s, part of its time limit that is spent
     keep : called with the number and the bytes of each start that ends by itself
     """
 

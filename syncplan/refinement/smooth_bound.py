@@ -268,7 +268,7 @@ def _places(layout: StateLayout) -> ca.DM:
 
 
 def _noise_places(layout: StateLayout) -> tuple[ca.Sparsity, list[int]]:
-    """Sparsity (m, m) of motion noise, and the index of each non-zero, six per vehicle."""
+    """Sparsity (m, m) of motion noise, and which entry each non-zero is, of six per vehicle."""
     place = {(0, 0): 0, (0, 1): 1, (1, 1): 2, (0, 2): 3, (1, 2): 4, (2, 2): 5}
     rows, columns, entries = [], [], []
     for k in range(layout.count):

@@ -13,7 +13,7 @@ ten sums over its samples:
                           row of b seeing a:   ( c, -t.g_a,       -c, t.g_b - 1 )
     sums: c c^T (3), c h_a (2), c h_b (2), h_a h_a, h_b h_b, h_a h_b
 
-A range is measured where the bearing is, and has the same row both ways: with u = q / |q|,
+A distance is measured where the bearing is, and has the same row both ways: with u = q / |q|,
 
     c = -u                row of a seeing b:   ( c, u x g_a,      -c, -u x g_b    )
 
@@ -292,7 +292,7 @@ def compass_information(paths: Paths) -> ca.DM:
 def _distance_sums(
     paths: Paths, pairs: Index, qx: ca.MX, qy: ca.MX, known: ca.MX
 ) -> tuple[ca.MX, ...]:
-    """Ten sums of ranges, sample by sample, with weights `known` over |q|^2."""
+    """Ten sums of distances, sample by sample, with weights `known` over |q|^2."""
     a, b = pairs[:, 0].tolist(), pairs[:, 1].tolist()
     turn_a = qx * paths.gone_y[:, a] - qy * paths.gone_x[:, a]
     turn_b = qx * paths.gone_y[:, b] - qy * paths.gone_x[:, b]

@@ -60,7 +60,10 @@ def _too_much(problem: str, mark: Any) -> TooMuchYAMLError:
 
 
 class _Scanner(Scanner):
-    """Scanner that refuses deep nesting at the bracket: reading ahead is quadratic in the depth."""
+    """Scanner that refuses deep nesting at its opening bracket.
+
+    Reading ahead is quadratic in the depth.
+    """
 
     def fetch_flow_collection_start(self, TokenClass: Any, to_push: str) -> None:
         if len(self.flow_context) >= DEEPEST:
@@ -98,7 +101,7 @@ class _Constructor(SafeConstructor):
         return super().flatten_mapping(node)
 
     def _merge(self, merged: Any, node: Any) -> None:
-        """Flatten a merged mapping, so that it brings in only its own keys, and count them."""
+        """Flatten a merged mapping, so that it holds all keys that it brings in, and count them."""
         if merged is not node:
             self.flatten_mapping(merged)
         self._merged += len(merged.value)

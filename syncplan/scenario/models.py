@@ -94,7 +94,7 @@ class RefineOptions(Section):
     )
     margin_m: Annotated[float, Field(ge=0, le=1e7)] | None = Field(
         default=None,
-        description="Margin by which meetings stay within range; a fiftieth of it if not given",
+        description="How far within range meetings stay; a fiftieth of the range if not given",
         examples=[1.0],
     )
     time_limit_s: Annotated[float, Field(gt=0, le=1e6)] = Field(

@@ -169,7 +169,7 @@ _GEOMETRY = (
         unit="m",
         label="contact margin",
         caption="contact margin",
-        description="Margin of range of the link or landmark nearest to being lost",
+        description="Margin by which the link or landmark nearest to being lost stays within range",
     ),
 )
 _ERRORS = tuple(one for one in OBJECTIVES.values() if one.unit)

@@ -254,12 +254,12 @@ def _contact_when_shifted(team: Team, pairs: Index) -> Callable[[Array], Flags]:
 
 
 def separation_tolerances(orbits: Orbits, pairs: Index, distance: float) -> Array:
-    """Return the shift (e,) rad of either phase, either way, that keeps pairs `distance` m apart.
+    """Return the shift (e,) rad of either phase, either way, up to which pairs stay apart.
 
-    Pi where any shift keeps them apart; 0 where they are nearer already. With a distance of 0 it
-    is the shift at which they collide. A shift of a phase by s moves its vehicle by at most R s, so
-    a step of the least distance beyond `distance`, over R, can't miss a conflict. The result errs
-    on the safe side.
+    Apart means by `distance` m. Pi where any shift keeps them apart; 0 where they are nearer
+    already. With a distance of 0 it is the shift at which they collide. A shift of a phase by s
+    moves its vehicle by at most R s, so a step of the least distance beyond `distance`, over R,
+    can't miss a conflict. The result errs on the safe side.
     """
     if len(pairs) == 0:
         return np.zeros(0)

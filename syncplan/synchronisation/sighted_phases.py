@@ -44,7 +44,8 @@ KEPT = 0.97
 """Part of the share found that the central phases keep."""
 
 LATE_SHARE = 0.01
-"""Share of a period, either way, over which a link that meets its rule must keep its contact."""
+"""Share of a period, either way, over which a link that meets its rule must keep the part KEPT of
+its attainable contact."""
 
 _EXACT_RAD = 1e-9
 
@@ -149,7 +150,7 @@ def _of_block(part: DifferenceTables, offset: Array, starts: int) -> ContactPhas
 
 
 def _by_rule(part: DifferenceTables, offset: Array, count: int) -> Array | None:
-    """Phases that meet every rule; None unless links keep contact there and to either side."""
+    """Phases that meet every rule; None unless links keep most contact there and to either side."""
     links = np.flatnonzero(part.links)
     if len(links) == 0:
         return None

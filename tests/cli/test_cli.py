@@ -259,7 +259,6 @@ def _completed(words: str) -> list[str]:
     return done.stdout.split()
 
 
-@pytest.mark.long
 def test_a_shell_completes_what_can_be_chosen_by_name() -> None:
     assert _completed("syncplan pla") == ["plan", "place"]
     assert _completed("syncplan export --format ") == [*FORMATS, ALL]
