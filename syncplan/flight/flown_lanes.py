@@ -91,10 +91,8 @@ def winds_of(x: Array, states: filter_setup.States) -> Array:
 
     Zero where they are not states.
     """
-    found, rows = (
-        np.zeros((len(states.first) - 1, 2)),
-        np.flatnonzero(states.acts == filter_setup.DRIFT),
-    )
+    found = np.zeros((len(states.first) - 1, 2))
+    rows = np.flatnonzero(states.acts == filter_setup.DRIFT)
     vehicles = np.searchsorted(states.first, rows, side="right") - 1
     np.add.at(found, (vehicles, states.axes[rows, 0]), x[states.columns[rows]])
     return found

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from syncplan.estimation.filter_setup import states_of
 from syncplan.flight.flown_figures import (
     Meetings,
     kept_meetings,
@@ -13,8 +14,11 @@ from syncplan.flight.flown_figures import (
     nearest,
     off_plan,
 )
+from syncplan.flight.flown_lanes import winds_of
 from syncplan.orbits.circles import Orbits, position
 from syncplan.orbits.contacts import Windows
+from syncplan.orbits.error_states import layout_of
+from tests.tools.filter_scenes import ALL, a_team
 
 PERIOD, TIME = 10.0, 0.1
 NEVER = np.full(4, np.iinfo(np.int64).max)
@@ -142,6 +146,14 @@ def test_phase_is_the_time_by_which_a_vehicle_is_ahead_whatever_its_sense(late: 
     np.testing.assert_allclose(ahead, -late)
     chord = 2.0 * orbits.radii * abs(np.sin(0.1 * late))
     np.testing.assert_allclose(off[..., 0], np.tile(chord, (steps + 1, 1)))
+
+
+def test_the_air_at_a_vehicle_is_the_wind_and_its_own_gust() -> None:
+    layout = layout_of(a_team(ALL))
+    x = np.arange(1.0, layout.size + 1.0)
+    found = winds_of(x, states_of(layout, 0.1))
+    np.testing.assert_array_equal(found, x[layout.columns["wind"]] + x[layout.columns["gusts"]])
+    assert not winds_of(x, states_of(layout_of(a_team(())), 0.1)).any()
 
 
 def test_a_vehicle_beside_its_circle_is_off_the_plan_and_in_phase() -> None:

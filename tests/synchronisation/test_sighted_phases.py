@@ -11,6 +11,7 @@ from syncplan.planning.planner import plan
 from syncplan.reports.plan_report import PlanDocument, plan_document
 from syncplan.scenario.specification import Scenario
 from syncplan.synchronisation.contact_tables import contact_of_pairs, tabulated_contact
+from syncplan.synchronisation.difference_tables import most_served
 from syncplan.synchronisation.phase_rules import residuals, rules_of
 from syncplan.synchronisation.phases import synchronise
 from tests.searches.search_phases import graph_share, margin_shortfall, tree_share
@@ -131,6 +132,11 @@ def test_the_contact_of_a_residual_is_what_sampled_windows_hold(seed: int) -> No
 @known(443913051)  # equal circles in step, at the edge of range
 def test_a_tree_has_nine_tenths_of_the_contact_of_every_link(seed: int) -> None:
     assert tree_share(np.random.default_rng(seed)) >= 0.9
+
+
+def test_links_just_below_the_floor_count_in_part_and_a_conflict_counts_against_all() -> None:
+    worth = np.array([[0.3, 0.15, -0.5, 0.3], [0.2, np.inf, 0.05, -np.inf]])
+    np.testing.assert_allclose(most_served(0.2, 0.1)(worth), [2.0, 0.5, 0.0, -np.inf], atol=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(8))
