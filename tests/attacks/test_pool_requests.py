@@ -62,7 +62,7 @@ def test_an_owner_has_a_limited_number_of_requests_and_leaves_room_for_others(
         ):
             wait_until(lambda: answered(flood) >= FLOOD)
             refused = eve.post("/v1/plans", json=document())
-            assert "5 requests in work" in problem(refused, 429).detail
+            assert "5 requests in progress" in problem(refused, 429).detail
             assert int(refused.headers["retry-after"]) >= 1
             assert ann.post("/v1/plans", json=document()).status_code == 201
             assert eve.get("/v1/plans").status_code == 200
