@@ -44,7 +44,7 @@ def margin_shortfall(generator: np.random.Generator) -> float | None:
 def tree_share(generator: np.random.Generator) -> float:
     """Return the smallest share of attainable contact over the links of a tree."""
     team = draw_seeing(generator, tree=True)
-    shares, _ = shares_of(team, team.synchronised().phases)
+    shares, _ = shares_of(team, team.synchronised().phases, lasting=True)
     return float(np.min(shares, initial=1.0))
 
 

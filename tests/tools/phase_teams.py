@@ -176,9 +176,8 @@ def largest_shares(team: PhaseTeam) -> tuple[float, int]:
     Links that no phases serve are left out.
     """
     curves = contact_curves(team, 720)
-    most = _most_contact(curves)
-    seen = most > 0.0
-    shares = curves[seen] / most[seen][:, None]
+    seen = curves.max(axis=1) > 0.0
+    shares = curves[seen] / curves[seen].max(axis=1)[:, None]
     theta = _grid(team.count)
     step = _TURN / 720
     worst = np.full(theta.shape[1], np.inf)
@@ -190,21 +189,14 @@ def largest_shares(team: PhaseTeam) -> tuple[float, int]:
     return float(worst.max()), int(met.max())
 
 
-def _most_contact(curves: Array) -> Array:
-    """(e,) longest contact that two neighbouring phases give.
-
-    Equal circles flown in step keep their distance. At the edge of range they are in contact for
-    long, and a thousandth of a radian away for much less: a peak that no plan can be flown on.
-    """
-    return np.asarray(np.minimum(curves, np.roll(curves, 1, axis=1)).max(axis=1))
-
-
-def shares_of(team: PhaseTeam, phases: Array) -> tuple[Array, Flags]:
+def shares_of(team: PhaseTeam, phases: Array, *, lasting: bool = False) -> tuple[Array, Flags]:
     """Return each link's share (e,) of the most that 720 phases give it, and whether any serve it.
 
-    The share of a link that none serve is 1.
+    The share of a link that none serve is 1. With `lasting`, the most is that of two neighbouring
+    phases: equal circles in step at the edge of range have a peak a thousandth of a radian wide.
     """
-    most = _most_contact(contact_curves(team, 720))
+    curves = contact_curves(team, 720)
+    most = (np.minimum(curves, np.roll(curves, 1, axis=1)) if lasting else curves).max(axis=1)
     contact = contact_of_pairs(team.flown(phases), team.pairs)
     seen = most > 0.0
     return np.where(seen, contact / np.where(seen, most, 1.0), 1.0), seen
