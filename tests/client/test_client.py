@@ -163,9 +163,12 @@ def test_a_sweep_is_the_librarys(client: Client) -> None:
 # --- jobs ---------------------------------------------------------------------------------------
 
 
-def test_losses_are_the_librarys(client: Client, stored: RemotePlan, made: syncplan.Plan) -> None:
-    expected = syncplan.what_if(made, bound="never", threads=1)
-    assert client.what_if(stored, bound="never").as_json() == what_if_document(expected).as_json()
+@pytest.mark.parametrize("asked", [pytest.param({}, marks=pytest.mark.long), {"bound": "never"}])
+def test_losses_are_the_librarys(
+    client: Client, stored: RemotePlan, made: syncplan.Plan, asked: dict[str, Any]
+) -> None:
+    expected = syncplan.what_if(made, threads=1, **asked)
+    assert client.what_if(stored, **asked).as_json() == what_if_document(expected).as_json()
     (one,) = client.what_if(stored, ["v1", "sensor:v2"], bound="never").losses
     assert one.lost == ["v1", "sensor:v2"]
     with pytest.raises(InputError, match="is neither a vehicle"):

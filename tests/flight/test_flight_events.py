@@ -84,7 +84,7 @@ def test_a_vehicle_may_be_held_again_and_lost_after() -> None:
         ),
         (
             "v2@100:nan",
-            "hold: 'v2@100:nan': 'nan' is not a number of seconds; give it as v2@",
+            "hold: 'v2@100:nan': 'nan' is not a number of seconds; give it as v2@100:20",
         ),
         ("v2@x:5", "hold: 'v2@x:5': 'x' is not a number of seconds; give it as v2@100:20"),
     ],

@@ -107,7 +107,8 @@ def test_a_plan_whose_filter_takes_the_truth_is_refused_unless_another_is_asked_
     scenario = example("paper-grid-same").model_dump(mode="json", exclude_none=True)
     body = json.dumps({**scenario, "filter": {"kind": "ideal"}}).encode()
     text = made_plan(body, "json", LIMITS, False).text
-    with pytest.raises(InputError, match="filter: ideal needs the truth, which no flight has"):
+    problem = "filter: ideal needs the truth, which no flight has; choose another"
+    with pytest.raises(InputError, match=problem):
         checked_request("flight", b"", "json", LIMITS, text)
     checked_request("flight", b'{"filter": "ekf"}', "json", LIMITS, text)
 

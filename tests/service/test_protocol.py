@@ -158,6 +158,11 @@ def test_requests_are_read_wherever_they_are_cut(port: int, name: str) -> None:
         assert found == statuses + late, pieces
 
 
+def test_nonsense_sent_with_a_request_is_not_answered_beside_it(port: int) -> None:
+    sent, statuses = EXCHANGES["nonsense"]
+    assert _statuses(_said(port, sent)) == statuses
+
+
 def test_trailers_are_no_headers_of_the_request(port: int) -> None:
     trailer = b"X-Late: yes\r\nAuthorization: Bearer late\r\n"
     head = b"POST /headers HTTP/1.1\r\nTransfer-Encoding: chunked\r\n" + HOST
