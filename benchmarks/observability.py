@@ -34,7 +34,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks import Figure, print_figures
 from syncplan.arrays import Array
-from syncplan.observability.rank import RANK_TOLERANCE, assess, link_information
+from syncplan.observability.rank import assess, link_information
+from syncplan.observability.spectrum import RANK_TOLERANCE
 from syncplan.orbits.circles import Orbits, heading, position, wrap
 from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.noise import Noise

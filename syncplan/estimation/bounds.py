@@ -40,7 +40,7 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.estimation.referred_system import PosteriorBound, ReferredSystem
-from syncplan.observability.rank import Observability
+from syncplan.observability.spectrum import Observability
 from syncplan.orbits.contacts import Windows
 from syncplan.orbits.error_states import layout_of
 from syncplan.orbits.sighting_kinds import kinds_measured, samples_between
@@ -61,7 +61,7 @@ def window_bound(result: Observability) -> Array:
     for a vehicle whose position is not determined. Lasting errors count as known.
     """
     variance = result.variances.reshape(-1, 3)[:, :2].sum(axis=1)
-    lost = np.sum(result.null_space**2, axis=0).reshape(-1, 3)[:, :2].sum(axis=1)
+    lost = result.moved.reshape(-1, 3)[:, :2].sum(axis=1)
     return np.where(lost > 1e-9, np.nan, result.scale * np.sqrt(variance))
 
 

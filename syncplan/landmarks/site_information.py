@@ -19,7 +19,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.observability.rank import RANK_TOLERANCE, link_information, lone_rows, stacked_rows
+from syncplan.observability.rank import link_information, lone_rows, stacked_rows
+from syncplan.observability.spectrum import RANK_TOLERANCE
 from syncplan.orbits.contacts import find_windows, reachable_pairs
 from syncplan.orbits.sightings import sightings_over
 from syncplan.planning.planner import Plan

@@ -1,22 +1,15 @@
 """Joint observability of poses and bias states in one window, undetermined directions named."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
-from syncplan.observability.rank import (
-    RANK_TOLERANCE,
-    VECTORS_LIMIT,
-    Assessment,
-    Observability,
-    decomposed,
-    equal_runs,
-    matrix_rank,
-    rank_gap,
-)
+from syncplan.observability.multifrontal import Block, dissected
+from syncplan.observability.rank import Assessment, equal_runs
 from syncplan.observability.referred_rows import SightingRows, state_rows
+from syncplan.observability.spectrum import DENSE_STATES, Observability, observability_of
 from syncplan.orbits.circles import perpendicular, position
 from syncplan.orbits.error_states import ERROR_STATES, StateLayout, layout_of
 from syncplan.orbits.sightings import Sightings
@@ -52,34 +45,20 @@ Null vectors are accurate to about 1e-15 / RANK_TOLERANCE.
 
 
 @dataclass(frozen=True, slots=True)
-class ExtendedObservability:
-    """Rank and null space of the windowed matrix of poses and constant errors.
+class ExtendedObservability(Observability):
+    """Observability of poses and constant errors.
 
     Attributes
     ----------
     layout : columns of the matrix: three per vehicle, then the errors
-    rank : rank of the matrix
-    singular_values : (state_dim,) descending, scaled columns
-    gap : ratio of the last singular value that counts to the first that does not; infinite
-        where all count or the rest is exactly zero
-    null_space : (state_dim - rank, state_dim) orthonormal, scaled columns
     """
 
     layout: StateLayout
-    rank: int
-    singular_values: Array
-    gap: float
-    null_space: Array
-
-    @property
-    def state_dim(self) -> int:
-        """Number of pose coordinates and errors."""
-        return self.layout.size
 
     @property
     def determined(self) -> Flags:
         """(state_dim,) whether each state is determined, whatever the others are."""
-        return np.asarray(np.linalg.norm(self.null_space, axis=0) <= MOVES)
+        return np.asarray(np.sqrt(self.moved) <= MOVES)
 
     @property
     def poses_determined(self) -> bool:
@@ -93,7 +72,7 @@ def assess_extended(
     """Return the rank with constant errors as states; None if there are none.
 
     `names` selects the errors: by default those that the filter estimates, tuple(ERROR_STATES) for
-    all that have a sigma. Memory grows with the square of the number of states, time with its cube.
+    all that have a sigma.
     """
     team = assessed.team
     wanted = team.errors.estimated if names is None else names
@@ -101,48 +80,19 @@ def assess_extended(
     if not layout.names:
         return None
     rows = state_rows(team, assessed.sightings, layout)
-    matrix = _triangle(_blocks(rows, assessed.sightings), layout.size)
-    values, null_space = _spectrum(matrix, layout.size)
-    rank = matrix_rank(values, RANK_TOLERANCE)
-    return ExtendedObservability(layout, rank, values, rank_gap(values, rank), null_space)
+    blocks = _blocks(rows, assessed.sightings)
+    parts = _parts(team, layout, assessed.sightings) if layout.size > DENSE_STATES else None
+    found = observability_of(blocks, layout.size, assessed.observability.scale, parts)
+    own = {field.name: getattr(found, field.name) for field in fields(found)}
+    return ExtendedObservability(**own, layout=layout)
 
 
-def _spectrum(matrix: Array, size: int) -> tuple[Array, Array]:
-    """Singular values (size,) and null space of an upper trapezoid (r, size), r <= size.
-
-    Computing all singular vectors of a large matrix takes too long. Its null space is found by QR
-    and accepted if the matrix maps it to zero within RANK_TOLERANCE.
-    """
-    if size > VECTORS_LIMIT:
-        values = np.zeros(size)
-        values[: len(matrix)] = np.linalg.svd(matrix, compute_uv=False)
-        rank = matrix_rank(values, RANK_TOLERANCE)
-        if rank == size:
-            return values, np.zeros((0, size))
-        found = _null_space(matrix, rank)
-        if np.linalg.norm(matrix @ found.T, axis=0).max() <= RANK_TOLERANCE * values[0]:
-            return values, found
-    values, null_space, _ = decomposed(matrix, size)
-    return values, null_space
-
-
-def _null_space(matrix: Array, rank: int) -> Array:
-    """Approximate null space (size - rank, size), orthonormal, by QR with pivoting."""
-    from scipy.linalg import qr, solve_triangular
-
-    size = matrix.shape[1]
-    triangle, order = qr(matrix, mode="r", pivoting=True, check_finite=False)
-    null = np.zeros((size, size - rank))
-    null[order[rank:]] = np.eye(size - rank)
-    null[order[:rank]] = solve_triangular(triangle[:rank, :rank], -triangle[:rank, rank:])
-    return np.asarray(np.linalg.qr(null)[0].T)
-
-
-def _blocks(rows: SightingRows, sightings: Sightings) -> Iterator[tuple[Index, Array]]:
-    """Yield the columns (c,) and the reduced rows (r, c) of each pair."""
+def _blocks(rows: SightingRows, sightings: Sightings) -> list[Block]:
+    """Columns (c,) and reduced rows (r, c) of each pair."""
     low = np.minimum(sightings.observers, sightings.targets)
     high = np.maximum(sightings.observers, sightings.targets)
     order = np.lexsort((high, low))
+    blocks = []
     for begin, end in equal_runs(low[order], high[order]):
         own = order[begin:end]
         columns, place = np.unique(rows.columns[own], return_inverse=True)
@@ -151,23 +101,28 @@ def _blocks(rows: SightingRows, sightings: Sightings) -> Iterator[tuple[Index, A
         np.add.at(block, (number, place.reshape(len(own), -1)), rows.entries[own])
         if len(block) > len(columns):
             block = np.asarray(np.linalg.qr(block, mode="r"))
-        yield columns, block
+        blocks.append((columns, block))
+    return blocks
 
 
-def _triangle(blocks: Iterator[tuple[Index, Array]], size: int) -> Array:
-    """Rows (r, size) of all blocks, r <= size, reduced by QR whenever the buffer is full."""
-    matrix, filled = np.zeros((2 * size + 16, size)), 0
-    for columns, block in blocks:
-        if filled + len(block) > len(matrix):
-            reduced = np.asarray(np.linalg.qr(matrix[:filled], mode="r"))
-            matrix[:] = 0.0
-            filled = len(reduced)
-            matrix[:filled] = reduced
-        matrix[filled : filled + len(block), columns] = block
-        filled += len(block)
-    if not filled:
-        return matrix[:0]
-    return np.asarray(np.linalg.qr(matrix[:filled], mode="r"))
+def _parts(team: Team, layout: StateLayout, sightings: Sightings) -> list[Index]:
+    """Columns of each part of the dissected team; common errors are eliminated last."""
+    own: list[list[int]] = [[3 * k, 3 * k + 1, 3 * k + 2] for k in range(team.count)]
+    common: set[int] = set()
+    for name in layout.names:
+        columns = layout.columns[name]
+        if ERROR_STATES[name].common:
+            common.update(columns[columns >= 0].tolist())
+            continue
+        for vehicle, places in enumerate(columns.tolist()):
+            own[vehicle] += [column for column in places if column >= 0]
+    seen = sightings.targets < team.count
+    pairs = np.unique(np.column_stack([sightings.observers, sightings.targets])[seen], axis=0)
+    parts = [
+        np.concatenate([np.array(own[k]) for k in part.tolist()])
+        for part in dissected(team.orbits.centers, pairs)
+    ]
+    return [*parts, np.array(sorted(common), dtype=np.int64)]
 
 
 # --- names ----------------------------------------------------------------------------------------

@@ -20,6 +20,7 @@ import numpy as np
 from syncplan.arrays import Array, Flags, Index
 from syncplan.observability import rank
 from syncplan.observability.referred_rows import sighting_rows
+from syncplan.observability.spectrum import RANK_TOLERANCE
 from syncplan.orbits.sightings import Loss, remainder_of
 
 CLEAR = 1e-4
@@ -138,7 +139,7 @@ class _Measured:
         # eigenvalues alone: vectors would take twice as long
         taken = np.linalg.eigvalsh(squares)[-1] if len(seen) else 0.0
         least = np.sqrt(max(1.0 - taken, 0.0)) * values[-1]
-        if 1.0 - taken > CLEAR and least > SAFETY * spread * rank.RANK_TOLERANCE * values[0]:
+        if 1.0 - taken > CLEAR and least > SAFETY * spread * RANK_TOLERANCE * values[0]:
             return False
         if taken > 0.0:
             motion = self.inverse @ (np.linalg.eigh(squares)[1][:, -1] @ seen)
@@ -177,4 +178,4 @@ def _is_unseen(remaining: _Rows, motion: Array, loss: Loss, spread: float) -> bo
         return True
     seen = np.linalg.norm(remaining.times(motion[:, None])) / np.linalg.norm(motion)
     longest = np.sqrt(np.max(np.einsum("rc,rc->r", remaining.blocks, remaining.blocks)))
-    return bool(SAFETY * spread * seen < rank.RANK_TOLERANCE * longest)
+    return bool(SAFETY * spread * seen < RANK_TOLERANCE * longest)

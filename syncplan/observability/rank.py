@@ -12,64 +12,28 @@ Bearings and distances of a pair are rows of one link. A vehicle's measurements 
 those of a compass, belong to no link: their rows enter the matrix separately.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
 
-from syncplan.arrays import Array, Index
+from syncplan.arrays import Array, Index, as_pairs
+from syncplan.observability.multifrontal import Block, dissected
 from syncplan.observability.referred_rows import sighting_rows
+from syncplan.observability.spectrum import (
+    DENSE_STATES,
+    Observability,
+    dense_matrix,
+    matrix_rank,
+    observability_of,
+)
 from syncplan.orbits.contacts import Windows, find_windows
 from syncplan.orbits.graphs import components, spanning_forest
 from syncplan.orbits.sighting_kinds import of_targets
 from syncplan.orbits.sightings import Remainder, Sightings, sightings_over
 from syncplan.orbits.team import Team
-
-# --- singular values ------------------------------------------------------------------------------
-
-
-RANK_TOLERANCE = 1e-8
-"""Share of the whole matrix's largest singular value above which a singular value counts."""
-
-VECTORS_LIMIT = 900
-"""State dimension above which singular vectors are computed only if rank is deficient."""
-
-
-def decomposed(matrix: Array, size: int) -> tuple[Array, Array, Array]:
-    """Return singular values (size,), null space, diagonal of the information's pseudo-inverse.
-
-    `matrix` is (r, size), with r at most `size`. Large matrices of full rank need no singular
-    vectors, which halves the time.
-    """
-    if size > VECTORS_LIMIT and len(matrix) == size:
-        values = np.asarray(np.linalg.svd(matrix, compute_uv=False), dtype=float)
-        if matrix_rank(values, RANK_TOLERANCE) == size:
-            return values, np.zeros((0, size)), np.sum(np.linalg.inv(matrix) ** 2, axis=1)
-    _, found, vectors = np.linalg.svd(matrix, full_matrices=True)
-    right = np.asarray(vectors, dtype=float)
-    values = np.concatenate([found, np.zeros(size - len(found))]).astype(float)
-    rank = matrix_rank(values, RANK_TOLERANCE)
-    variances = np.sum((right[:rank] / values[:rank, None]) ** 2, axis=0)
-    return values, right[rank:], variances
-
-
-def matrix_rank(values: Array, tolerance: float) -> int:
-    """Return the number of `values`, descending, above `tolerance` times the largest."""
-    if len(values) == 0 or values[0] == 0.0:
-        return 0
-    return int(np.sum(values > tolerance * values[0]))
-
-
-def rank_gap(values: Array, rank: int) -> float:
-    """Return the ratio of the last singular value that counts to the first that does not.
-
-    Infinite where all count or the rest is exactly zero.
-    """
-    below = values[rank] if rank < len(values) else 0.0
-    return float(values[rank - 1] / below) if rank and below > 0.0 else float("inf")
-
 
 # --- links and the team ---------------------------------------------------------------------------
 
@@ -125,48 +89,6 @@ class LinkInformation:
     def rank(self) -> int:
         """Number of singular values above LINK_TOLERANCE times the largest."""
         return matrix_rank(self.singular_values, LINK_TOLERANCE)
-
-
-@dataclass(frozen=True, slots=True)
-class Observability:
-    """Rank and conditioning of the windowed matrix of the whole team.
-
-    Attributes
-    ----------
-    rank, state_dim : rank and column count of the matrix, which has three columns per vehicle
-    singular_values : (state_dim,) descending, scaled columns
-    gap : ratio of the last singular value that counts to the first that does not; infinite
-        where all count or the rest is exactly zero
-    null_space : (state_dim - rank, state_dim) orthonormal unobservable directions, scaled columns
-    variances : (state_dim,) diagonal of the information's pseudo-inverse, scaled columns: after one
-        window, the variance at time 0 of each coordinate that is determined
-    scale : m, unit of positions: the mean radius unless stated otherwise
-    """
-
-    rank: int
-    state_dim: int
-    singular_values: Array
-    gap: float
-    null_space: Array
-    variances: Array
-    scale: float
-
-    @property
-    def observable(self) -> bool:
-        """Whether every position and heading is determined."""
-        return self.rank == self.state_dim
-
-    @property
-    def condition_number(self) -> float:
-        """Ratio of the largest to the smallest singular value; infinite if unobservable."""
-        if not self.observable:
-            return float("inf")
-        return float(self.singular_values[0] / self.singular_values[-1])
-
-    @property
-    def min_eigenvalue(self) -> float:
-        """Smallest eigenvalue of the windowed information, scaled columns; 0 if unobservable."""
-        return float(self.singular_values[-1] ** 2) if self.observable else 0.0
 
 
 def equal_runs(*keys: Index) -> list[tuple[int, int]]:
@@ -226,83 +148,80 @@ def link_information(
     return [link_of(pair) for pair in pair_rows(team, sightings, scale)]
 
 
-def lone_rows(team: Team, sightings: Sightings, scale: float | None = None) -> Array:
-    """Return the rows (r, 3 n) of vehicles' measurements of themselves, at most three each.
+def lone_rows(team: Team, sightings: Sightings, scale: float | None = None) -> list[Block]:
+    """Return the rows (r, 3) of vehicles' measurements of themselves, at most three each.
 
     Positions are in mean radii, or in `scale` m.
     """
     alone = ~of_targets(sightings.kinds)
-    if not alone.any():
-        return np.zeros((0, 3 * team.count))
     own = sightings.only(alone)
     rows = sighting_rows(team, own, scale)[:, :3]
+    order = np.argsort(own.observers, kind="stable")
     blocks = []
-    for vehicle in np.unique(own.observers).tolist():
-        reduced = np.asarray(np.linalg.qr(rows[own.observers == vehicle], mode="r"))
-        reduced = reduced[np.any(reduced != 0.0, axis=1)]
-        block = np.zeros((len(reduced), 3 * team.count))
-        block[:, 3 * vehicle : 3 * vehicle + 3] = reduced
-        blocks.append(block)
-    return np.concatenate(blocks)
+    for begin, end in equal_runs(own.observers[order]):
+        reduced = np.asarray(np.linalg.qr(rows[order[begin:end]], mode="r"))
+        vehicle = own.observers[order[begin]]
+        blocks.append((3 * vehicle + np.arange(3), reduced[np.any(reduced != 0.0, axis=1)]))
+    return blocks
 
 
 def assess(
     team: Team,
     links: list[LinkInformation],
-    alone: Array | None = None,
+    alone: Sequence[Block] = (),
     scale: float | None = None,
 ) -> Observability:
     """Return rank, gap and unobservable directions of the windowed matrix.
 
     `alone` holds the rows of `lone_rows`, if any. `scale` in m is the one that `links` and `alone`
-    were computed with.
+    were computed with; with it, all singular values are computed.
     """
     mean_radius = float(team.orbits.radii.mean())
-    return judged_rank(team.count, links, mean_radius if scale is None else scale, alone)
+    places = team.orbits.centers if scale is None else None
+    return judged_rank(team.count, links, mean_radius if scale is None else scale, alone, places)
 
 
 def judged_rank(
-    count: int, links: list[LinkInformation], scale: float, alone: Array | None = None
+    count: int,
+    links: list[LinkInformation],
+    scale: float,
+    alone: Sequence[Block] = (),
+    places: Array | None = None,
 ) -> Observability:
     """Return rank, gap and unobservable directions of the matrix of `count` vehicles.
 
-    Their paths may be of any shape. `links` and `alone` have positions in `scale` m.
+    Their paths may be of any shape. `links` and `alone` have positions in `scale` m. By their
+    `places` (count, 2) large teams are dissected; without them, their matrix is dense.
     """
-    size = 3 * count
-    matrix = stacked_rows(links, count, alone)
-    if len(matrix) > size:
-        matrix = np.asarray(np.linalg.qr(matrix, mode="r"))
-    values, null_space, variances = decomposed(matrix, size)
-    rank = matrix_rank(values, RANK_TOLERANCE)
-    return Observability(
-        rank=rank,
-        state_dim=size,
-        singular_values=values,
-        gap=rank_gap(values, rank),
-        null_space=null_space,
-        variances=variances,
-        scale=scale,
-    )
+    size, parts = 3 * count, None
+    if places is not None and size > DENSE_STATES:
+        pairs = as_pairs([(link.a, link.b) for link in links if link.b < count])
+        poses = np.arange(size).reshape(-1, 3)
+        parts = [poses[part].ravel() for part in dissected(places, pairs)]
+    return observability_of(reduced_blocks(links, count, alone), size, scale, parts)
 
 
-def stacked_rows(links: list[LinkInformation], count: int, alone: Array | None = None) -> Array:
-    """Return the reduced rows (r, 3 n) of all links in the team's columns, about three per link.
+def reduced_blocks(
+    links: list[LinkInformation], count: int, alone: Sequence[Block] = ()
+) -> list[Block]:
+    """Return the reduced rows of all links in the team's columns, about three per link.
 
-    The rows of `alone`, vehicles' measurements of themselves, follow.
+    Those of `alone`, vehicles' measurements of themselves, follow.
     """
     largest = max((float(link.singular_values[0]) for link in links), default=0.0)
     blocks = []
     for link in links:
         kept = link.singular_values > NEGLIGIBLE * largest
-        rows = np.zeros((int(kept.sum()), 3 * count))
-        reduced = link.singular_values[kept, None] * link.directions[kept]
-        rows[:, 3 * link.a : 3 * link.a + 3] = reduced[:, :3]
-        if link.b < count:
-            rows[:, 3 * link.b : 3 * link.b + 3] = reduced[:, 3:]
-        blocks.append(rows)
-    if alone is not None and len(alone):
-        blocks.append(alone)
-    return np.concatenate(blocks) if blocks else np.zeros((0, 3 * count))
+        rows = link.singular_values[kept, None] * link.directions[kept]
+        ends = np.array([link.a, link.b][: 2 if link.b < count else 1])
+        columns = (3 * ends[:, None] + np.arange(3)).ravel()
+        blocks.append((columns, rows[:, : len(columns)]))
+    return [*blocks, *alone]
+
+
+def stacked_rows(links: list[LinkInformation], count: int, alone: Sequence[Block] = ()) -> Array:
+    """Return these rows as a dense matrix (r, 3 n)."""
+    return dense_matrix(reduced_blocks(links, count, alone), 3 * count)
 
 
 # --- the certificate ------------------------------------------------------------------------------

@@ -7,6 +7,7 @@ import numpy as np
 
 from syncplan.arrays import Array, Flags, Index
 from syncplan.observability import rank
+from syncplan.observability.spectrum import Observability
 from syncplan.orbits.circles import perpendicular
 from syncplan.orbits.graphs import disjoint_sets
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
@@ -286,7 +287,7 @@ class SeenWindow:
 
     begin: float
     end: float
-    observability: rank.Observability
+    observability: Observability
     certificate: rank.Certificate
 
     @property
@@ -314,7 +315,7 @@ def judged_windows(
         yield SeenWindow(float(begins[k]), float(ends[k]), verdict, certificate)
 
 
-def undetermined(verdict: rank.Observability) -> list[int]:
+def undetermined(verdict: Observability) -> list[int]:
     """Return the vehicles that have an undetermined coordinate."""
     parts = np.abs(verdict.null_space).reshape(len(verdict.null_space), -1, 3)
     return np.flatnonzero((parts > INVOLVED).any(axis=(0, 2))).tolist()

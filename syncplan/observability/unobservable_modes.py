@@ -6,11 +6,12 @@ a stretch along lines of sight that never turn. Any other direction is described
 that move most.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from syncplan.arrays import Array
+from syncplan.arrays import Array, Index
 from syncplan.observability.rank import Assessment, LinkInformation
 from syncplan.orbits.circles import Orbits, perpendicular, position, unit
 from syncplan.orbits.contacts import circle_gaps
@@ -72,6 +73,8 @@ DESYNC_RAD = 0.2
 MATCH_TOLERANCE = 1e-3
 """Share of a named motion that may lie outside the null space."""
 
+MOST_MOTIONS = 100_000
+"""Number of vehicles' motions, over all modes, after which no further mode is named."""
 
 _SAME_DIRECTION_RAD = 1e-4
 _MOVES = 1e-3
@@ -80,28 +83,37 @@ _MOVES = 1e-3
 def name_modes(
     assessed: Assessment, names: list[str], landmark_names: list[str]
 ) -> list[UnobservableMode]:
-    """Return a named mode for each dimension of the null space."""
+    """Return a named mode for each dimension of the null space, the simplest first.
+
+    In large teams, no more are named once they move MOST_MOTIONS vehicles in all.
+    """
     team, result = assessed.team, assessed.observability
-    missing = len(result.null_space)
+    null_space, missing = result.null_space, len(result.null_space)
     if missing == 0:
         return []
     places = position(team.orbits, 0.0)
     naming = _Naming(team, places, names, landmark_names, assessed.information, result.scale)
     chosen: list[_Candidate] = []
     basis = np.zeros((0, result.state_dim))
+    motions = 0
     for candidate in _candidates(naming):
-        if len(chosen) == missing:
+        if len(chosen) == missing or motions > MOST_MOTIONS:
             break
         vector = candidate.vector / np.linalg.norm(candidate.vector)
-        inside = result.null_space.T @ (result.null_space @ vector)
-        if np.linalg.norm(vector - inside) > MATCH_TOLERANCE:
+        moving = np.flatnonzero(vector)
+        parts = null_space[:, moving] @ vector[moving]
+        if 1.0 - parts @ parts > MATCH_TOLERANCE**2:
             continue
+        inside = null_space.T @ parts
         new = inside - basis.T @ (basis @ inside)
         if np.linalg.norm(new) > 10.0 * MATCH_TOLERANCE:
             chosen.append(candidate)
+            motions += len(moving) // 3 + 1
             basis = np.vstack([basis, new / np.linalg.norm(new)])
-    for vector in _left_over(result.null_space, basis):
-        chosen.append(_joint_mode(naming, vector))
+    if len(chosen) < missing and motions <= MOST_MOTIONS:
+        most = 1 + (MOST_MOTIONS - motions) // team.count
+        for vector in _left_over(null_space, basis)[:most]:
+            chosen.append(_joint_mode(naming, vector))
     return [_mode(naming, candidate) for candidate in chosen]
 
 
@@ -137,8 +149,8 @@ def _null_of(link: LinkInformation) -> Array:
     return vectors[link.rank :]
 
 
-def _candidates(naming: _Naming) -> list[_Candidate]:
-    """Motions that have a name, simplest first."""
+def _candidates(naming: _Naming) -> Iterator[_Candidate]:
+    """Yield the motions that have a name, simplest first."""
     count = naming.count
     seen = [(link.a, link.b) for link in naming.links if link.b < count]
     rigid = [(link.a, link.b) for link in naming.links if link.b < count and link.rank >= 3]
@@ -146,14 +158,16 @@ def _candidates(naming: _Naming) -> list[_Candidate]:
     for link in naming.links:
         if link.b >= count:
             held[link.a].add(link.b - count)
-    whole = components(count, seen)
-    parts = [part for part in components(count, rigid) if part not in whole]
-    parts += [[k] for k in range(count) if [k] not in whole + parts]
-    return (
-        [motion for part in whole for motion in _rigid_modes(naming, part, held)]
-        + _stretches(naming, held)
-        + [motion for part in parts for motion in _rigid_modes(naming, part, held)]
-    )
+    whole, parts = components(count, seen), components(count, rigid)
+    known = {tuple(part) for part in whole}
+    parts = [part for part in parts if tuple(part) not in known]
+    known.update(map(tuple, parts))
+    parts += [[k] for k in range(count) if (k,) not in known]
+    for part in whole:
+        yield from _rigid_modes(naming, part, held)
+    yield from _stretches(naming, held)
+    for part in parts:
+        yield from _rigid_modes(naming, part, held)
 
 
 def _rigid_modes(naming: _Naming, part: list[int], held: dict[int, set[int]]) -> list[_Candidate]:
@@ -241,14 +255,14 @@ def _grounding(
     choices = []
     for number, place in enumerate(naming.team.landmarks):
         if number != passed_over:
-            gap, k = min((_gap_to_point(naming, k, place), k) for k in part)
+            gap, k = _nearest_to(naming, np.array(part), place)
             who, what = naming.names[k], naming.landmark_names[number]
             beyond = _beyond(naming, gap, k, naming.count + number)
             choices.append(f"{who} passes {what} at {beyond}")
-    others = [k for k in range(naming.count) if k not in set(part)]
-    links = sorted((_gap(naming, a, b), a, b) for a in part for b in others)[:1]
     text = wanted + (f" ({'; '.join(choices[:2])})" if choices else "")
-    for gap, a, b in links:
+    others = np.setdiff1d(np.arange(naming.count), part)
+    if len(others):
+        gap, a, b = _nearest_pair(naming, np.array(part), others)
         text += (
             f", or a rank-3 link to a located vehicle "
             f"({naming.names[a]} and {naming.names[b]} can pass at {_beyond(naming, gap, a, b)})"
@@ -256,14 +270,23 @@ def _grounding(
     return text
 
 
-def _gap(naming: _Naming, a: int, b: int) -> float:
+def _nearest_pair(naming: _Naming, part: Index, others: Index) -> tuple[float, int, int]:
+    """Least gap in m between circles of a part and of others, and the two vehicles."""
+    orbits, nearest = naming.team.orbits, []
+    for a in part.tolist():
+        pairs = np.column_stack([np.full(len(others), a), others])
+        gaps = np.maximum(circle_gaps(orbits.centers, orbits.radii, pairs), 0.0)
+        k = int(np.argmin(gaps))
+        nearest.append((float(gaps[k]), a, int(others[k])))
+    return min(nearest)
+
+
+def _nearest_to(naming: _Naming, part: Index, place: Array) -> tuple[float, int]:
+    """Least gap in m between circles of a part and a place, and the vehicle."""
     orbits = naming.team.orbits
-    return float(max(circle_gaps(orbits.centers, orbits.radii, np.array([[a, b]]))[0], 0.0))
-
-
-def _gap_to_point(naming: _Naming, vehicle: int, place: Array) -> float:
-    distance = float(np.hypot(*(naming.team.orbits.centers[vehicle] - place)))
-    return float(abs(distance - naming.team.orbits.radii[vehicle]))
+    gaps = np.abs(np.hypot(*(orbits.centers[part] - place).T) - orbits.radii[part])
+    k = int(np.argmin(gaps))
+    return float(gaps[k]), int(part[k])
 
 
 def _beyond(naming: _Naming, gap: float, vehicle: int, body: int) -> str:

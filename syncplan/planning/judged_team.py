@@ -14,7 +14,8 @@ from syncplan.estimation.considered_errors import expected_errors, neglected_err
 from syncplan.estimation.referred_system import PosteriorBound
 from syncplan.observability.error_modes import ErrorVerdict
 from syncplan.observability.link_verdicts import LinkVerdict
-from syncplan.observability.rank import Certificate, Observability
+from syncplan.observability.rank import Certificate
+from syncplan.observability.spectrum import Observability
 from syncplan.observability.unobservable_modes import UnobservableMode
 from syncplan.orbits.contacts import Approach, Windows
 from syncplan.orbits.error_states import layout_of

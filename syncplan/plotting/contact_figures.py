@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from syncplan.arrays import Array
+from syncplan.arrays import Array, Index
 from syncplan.observability.link_verdicts import LinkVerdict
-from syncplan.observability.rank import DISTINCT_LANDMARKS, RANK_TOLERANCE
+from syncplan.observability.rank import DISTINCT_LANDMARKS
+from syncplan.observability.spectrum import RANK_TOLERANCE
 from syncplan.orbits.graphs import disjoint_sets
 from syncplan.planning.planner import Plan
 from syncplan.plotting import canvas
@@ -288,10 +289,12 @@ def spectrum_spec(plan: Plan) -> canvas.Spec:
     verdict = plan.observability
     values, rank = verdict.singular_values, verdict.rank
     largest = float(values[0]) or 1.0
+    # of large teams, values between the extremes are unknown
+    order = 1 + np.flatnonzero(np.isfinite(values))
+    values, rank = values[order - 1], int(np.sum(order <= rank))
     drawn = np.maximum(values, _FLOOR * largest)
-    order = np.arange(1, len(values) + 1)
     limit = RANK_TOLERANCE * largest
-    width = [0.5, len(values) + 0.5]
+    width = [0.5, verdict.state_dim + 0.5]
     traces = [
         _points(order[:rank], drawn[:rank], values[:rank], "counts for the rank", "circle", BLUE),
         canvas.line_trace(
@@ -319,7 +322,7 @@ def spectrum_spec(plan: Plan) -> canvas.Spec:
             exponentformat="e",
             range=canvas.numbers(np.log10([low, 3.0 * largest]), 4),
         ),
-        annotations=[_gap(rank, drawn, verdict.gap, limit)],
+        annotations=[_gap(order, rank, drawn, verdict.gap, limit)],
     )
     return {"data": traces, "layout": shown}
 
@@ -333,7 +336,7 @@ def _points(
     return canvas.mark_trace(f"values-{symbol}", name, x, y, marker, said, text=text)
 
 
-def _gap(rank: int, drawn: np.ndarray, gap: float, limit: float) -> canvas.Spec:
+def _gap(order: Index, rank: int, drawn: np.ndarray, gap: float, limit: float) -> canvas.Spec:
     """Annotation in the gap between the last value that counts and the first that does not.
 
     It stands in the larger part of the gap, away from the line of the tolerance. At full rank, it
@@ -342,13 +345,13 @@ def _gap(rank: int, drawn: np.ndarray, gap: float, limit: float) -> canvas.Spec:
     high = float(drawn[max(rank, 1) - 1])
     if rank < len(drawn):
         size = f"a factor of {gap:.1e}" if np.isfinite(gap) else "all: the rest is zero"
-        text, low, at = f"gap: {size}", float(drawn[rank]), rank + 0.5
+        text, low, at = f"gap: {size}", float(drawn[rank]), float(order[rank]) - 0.5
         edges = np.log10([low, min(max(limit, low), high), high])
         parts = [edges[:2], edges[1:]]
         middle = float(np.mean(max(parts, key=lambda part: float(part[1] - part[0]))))
     else:
         last = float(drawn[-1])
-        text, at = f"smallest is {last / limit:.1e}<br>times the tolerance", rank
+        text, at = f"smallest is {last / limit:.1e}<br>times the tolerance", int(order[-1])
         middle = float(np.log10(np.sqrt(limit * high)))
     return {
         "text": text,

@@ -95,7 +95,10 @@ class ObservabilityVerdict(Document):
         description="Smallest eigenvalue of the windowed information, positions in mean radii; "
         "0 where unobservable"
     )
-    singular_values: list[float]
+    singular_values: list[float] = Field(
+        description="Descending; above 150 vehicles only the largest, the last that counts and "
+        "those that do not"
+    )
     unobservable: list[Unobservable]
     extended: OrAbsent[ExtendedRank] = Field(
         default=None,
@@ -151,7 +154,7 @@ def observability_of(plan: Plan, names: list[str]) -> ObservabilityVerdict:
         ),
         condition_number=finite_or_none(verdict.condition_number),
         min_eigenvalue=verdict.min_eigenvalue,
-        singular_values=[float(value) for value in verdict.singular_values],
+        singular_values=verdict.singular_values[np.isfinite(verdict.singular_values)].tolist(),
         unobservable=unobservable_motions(plan.unobservable, names),
         extended=extended_rank_record(plan.error_verdict, names),
         states=state_verdicts(plan.error_verdict, names),

@@ -13,6 +13,7 @@ from syncplan.observability.rank import (
     lone_rows,
     pair_rows,
 )
+from syncplan.observability.spectrum import dense_matrix
 from syncplan.orbits.sighting_kinds import of_targets
 from syncplan.orbits.sightings import Loss, remainder_of, single_losses
 from syncplan.planning.planner import Plan, plan
@@ -85,7 +86,7 @@ def test_compasses_are_rows_of_their_vehicle_alone(seed: int) -> None:
     team = draw_equipped_team(np.random.default_rng(seed))
     assessed = assess_team(team, team.orbits.period)
     assert all(pair.a < pair.b for pair in pair_rows(team, assessed.sightings))
-    alone = lone_rows(team, assessed.sightings)
+    alone = dense_matrix(lone_rows(team, assessed.sightings), 3 * team.count)
     own = ~of_targets(assessed.sightings.kinds)
     samples = np.bincount(assessed.sightings.observers[own], minlength=team.count)
     information = np.zeros(3 * team.count)

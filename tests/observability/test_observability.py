@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 
 from syncplan.observability.rank import (
     DISTINCT_LANDMARKS,
-    RANK_TOLERANCE,
     assess,
     assess_team,
     link_information,
     lone_rows,
 )
 from syncplan.observability.referred_rows import dense_rows, state_rows
+from syncplan.observability.spectrum import RANK_TOLERANCE
 from syncplan.observability.unobservable_modes import name_modes
 from syncplan.orbits.error_states import layout_of
 from syncplan.orbits.team import Sensors, Team

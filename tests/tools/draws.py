@@ -37,14 +37,14 @@ def draw_tree(
     return centers
 
 
-def draw_team(generator: np.random.Generator) -> Team:
-    """Return a team of 1 to 5 vehicles along a random tree, with 1 to 4 landmarks.
+def draw_team(generator: np.random.Generator, most: int = 5) -> Team:
+    """Return a team of 1 to `most` vehicles along a random tree, with 1 to 4 landmarks.
 
     Near-degenerate on purpose, each with a probability of about a half: radii equal up to
     1e-10..1e-1, phases on the exact rule up to a residual of 1e-10..1, landmarks as near to each
     other as 1e-4 radii, fields of view narrow, one-way ranges, and the one-way degenerate ratio.
     """
-    count = int(generator.integers(1, 6))
+    count = int(generator.integers(1, most + 1))
     size = 10.0 ** generator.uniform(-1.0, 2.0)
     radii = size * (
         generator.uniform(0.4, 1.6, count)
@@ -78,14 +78,14 @@ def draw_team(generator: np.random.Generator) -> Team:
     )
 
 
-def draw_equipped_team(generator: np.random.Generator) -> Team:
+def draw_equipped_team(generator: np.random.Generator, most: int = 5) -> Team:
     """Return a team of `draw_team` with further sensors, lasting errors and obstacles.
 
     A quarter has none. The others have each with a probability of about a half: distances and
     compasses on some vehicles, with sigmas over three orders of magnitude, sightings at intervals,
     misses, errors of each kind as states, and triangles that block sight.
     """
-    team = draw_team(generator)
+    team = draw_team(generator, most)
     if generator.random() < 0.25:
         return team
     count, size = team.count, float(team.orbits.radii.mean())

@@ -1,0 +1,123 @@
+"""The sparse rank of large teams, beside the dense one, which decides for small teams."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from syncplan.observability.multifrontal import dissected, factored
+from syncplan.observability.rank import assess_team
+from syncplan.observability.spectrum import DENSE_STATES
+from syncplan.orbits.team import Team
+from syncplan.planning.planner import plan
+from tests.searches.search_large_ranks import EVERY_KIND, assessed_by, differences, drawn
+
+
+def _formation(shape: str, count: int, direction: str) -> Team:
+    """A team of a shape, its links those that its circles allow."""
+    if shape == "graph":
+        generator = np.random.default_rng(3)
+        places = 70.0 * generator.uniform(0.0, np.sqrt(count), (count, 2))
+        formation: dict[str, Any] = {"centers_m": places.round(3).tolist()}
+    else:
+        formation = {"shape": shape, "count": count, "spacing_m": 70.0}
+        if shape == "grid":
+            formation["columns"] = int(np.sqrt(count))
+    scenario = {
+        "orbit": {"radius_m": 20.0, "angular_rate_rad_s": 0.2, "direction": direction},
+        "formation": formation,
+        "landmarks_m": [[-40.0, 0.0], [-40.0, 70.0]],
+        "sensor": {"range_m": 50.0, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1},
+        "duration_s": 40.0,
+    }
+    return plan(scenario, bound="never").team
+
+
+@pytest.mark.parametrize("direction", ["ccw", "alternate"])
+@pytest.mark.parametrize("shape", ["grid", "hex", "line", "graph"])
+def test_formations_of_a_hundred_have_the_dense_rank_and_motions(
+    shape: str, direction: str
+) -> None:
+    assert differences(_formation(shape, 100, direction)) == []
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("direction", ["ccw", "alternate"])
+@pytest.mark.parametrize("shape", ["grid", "hex", "line", "graph"])
+def test_formations_of_four_hundred_have_the_dense_rank_and_motions(
+    shape: str, direction: str
+) -> None:
+    assert differences(_formation(shape, 400, direction)) == []
+
+
+@pytest.mark.parametrize("number", range(40))
+def test_drawn_teams_have_the_dense_rank_and_motions(number: int) -> None:
+    assert differences(drawn(number)) == []
+
+
+def test_an_alternating_grid_of_many_loses_a_stretch_of_each_row_and_column() -> None:
+    team = _formation("grid", 400, "alternate")
+    found = assess_team(team, team.orbits.period).observability
+    assert found.state_dim > DENSE_STATES
+    # of 20 columns and 20 rows each can shift against the one before, but the two rows that see a
+    # landmark stay where they are
+    assert found.state_dim - found.rank == 19 + 18
+    assert found.gap > 1e6
+
+
+def test_a_dissection_holds_each_vehicle_once_and_cuts_leave_no_link_between_halves() -> None:
+    generator = np.random.default_rng(5)
+    for _ in range(50):
+        count = int(generator.integers(1, 300))
+        places = generator.uniform(0.0, 1.0, (count, 2))
+        reach = generator.uniform(0.5, 3.0) / np.sqrt(count)
+        apart = np.hypot(*(places[:, None] - places[None]).T)
+        links = np.argwhere(np.triu(apart < reach, 1))
+        parts = dissected(places, links)
+        assert sorted(np.concatenate(parts).tolist()) == list(range(count))
+    places = np.stack(np.meshgrid(np.arange(30.0), np.arange(30.0)), axis=-1).reshape(-1, 2)
+    apart = np.abs(places[:, None] - places[None]).sum(axis=2)
+    links = np.argwhere(np.triu(apart == 1.0))
+    blocks = [(pair, np.ones((1, 2))) for pair in links]
+    fronts = factored(blocks, dissected(places, links), 900).fronts
+    # the last cut is a column of 30; no half meets more than its four sides
+    assert len(fronts[-1].own) + len(fronts[-1].aside) == 30
+    assert max(len(front.own) + len(front.later) for front in fronts) < 4 * 30
+
+
+def test_small_teams_have_all_singular_values_and_large_ones_the_extremes() -> None:
+    team = _formation("grid", 100, "ccw")
+    dense = assessed_by(team, EVERY_KIND).observability
+    sparse = assessed_by(team, 0).observability
+    assert np.isfinite(dense.singular_values).all()
+    known = np.flatnonzero(np.isfinite(sparse.singular_values))
+    assert known.tolist() == [0, 299]
+    assert sparse.condition_number == pytest.approx(dense.condition_number, rel=1e-11)
+
+
+def test_vehicles_without_any_sighting_are_moved_by_their_own_null_vectors() -> None:
+    team = _formation("grid", 100, "ccw")
+    blind = replace(team, sensors=replace(team.sensors, ranges=np.full(100, 1e-3)))
+    found = assessed_by(blind, 0).observability
+    assert found.rank == 0
+    assert len(found.null_space) == 300
+    np.testing.assert_allclose(found.moved, 1.0)
+
+
+def test_a_factor_solves_with_its_columns_without_a_pivot_at_zero() -> None:
+    generator = np.random.default_rng(7)
+    rows = generator.standard_normal((9, 6))
+    rows[:, 4] = rows[:, 1] + rows[:, 2]
+    factor = factored([(np.arange(6), rows)], [np.arange(3), np.arange(3, 6)], 6)
+    assert factor.aside.tolist() == [4]
+    kept = rows[:, [0, 1, 2, 3, 5]]
+    side = generator.standard_normal((6, 2))
+    inside = side[[0, 1, 2, 3, 5]]
+    squared = factor.solve(factor.solve_transposed(side))
+    np.testing.assert_allclose(squared[[0, 1, 2, 3, 5]], np.linalg.solve(kept.T @ kept, inside))
+    np.testing.assert_array_equal(squared[4], 0.0)
+    inverse = np.linalg.inv(kept.T @ kept)
+    np.testing.assert_allclose(factor.variances()[[0, 1, 2, 3, 5]], np.diagonal(inverse))
+    ((columns, vectors),) = factor.null_vectors()
+    np.testing.assert_allclose(rows[:, columns] @ vectors, 0.0, atol=1e-12)
