@@ -1,12 +1,12 @@
 """Estimation: error bounds, filters, Monte Carlo trials, and recordings of real robots.
 
 referred_run       a run's noise and sighting rows, referred to time 0
+object_code        compiled functions kept on disk
 covariances        covariance along a run, referred to time 0, and just before sightings
 start_up_index     nonlinearity of the sightings at the start
 referred_system    a team's run, referred to time 0, and its posterior bound
 considered_errors  expected errors of a filter whose model differs from the world
 bounds             Cramer-Rao bounds
-covariance_kernel  covariance along a run, compiled
 filter_options     choice of filter, its gate, number and length of trials
 consistency        ANEES, NIS, coverage
 filter_setup       states, motion model, initial variances, gate, sightings and readings of a run

@@ -150,14 +150,8 @@ class LossBounds:
 
     def after(self, left: Remainder) -> PosteriorBound:
         """Return the bound after a loss; raises NoSolutionError as posterior_bound does."""
-        from syncplan.estimation.covariance_kernel import compiled_variances_along
-
         system = self.system.left_by(left, layout_of(left.team))
-        if not system.run.poses_alone:
-            return system.from_start(system.bound)
-        return system.from_start(
-            lambda covariance: system.of_poses(compiled_variances_along(system.run, covariance))
-        )
+        return system.from_start(system.bound)
 
 
 # --- the periodic limit ---------------------------------------------------------------------------

@@ -32,7 +32,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.estimation.covariances import factored, solved
 from syncplan.estimation.referred_run import GaussMarkov, Run
 from syncplan.estimation.referred_system import PosteriorBound, ReferredSystem
 from syncplan.orbits.contacts import Windows
@@ -192,7 +191,8 @@ def _considered_along(
     """Yield the true covariance after each sample of a filter whose run is `own`.
 
     `covariances` are the filter's and the true one at time 0. The yielded array changes in place
-    with the next sample. Raises LinAlgError as carried_along does.
+    with the next sample. Raises LinAlgError where the covariance of an innovation is not positive
+    definite.
     """
     trusted, true = (one.copy() for one in covariances)
     both = zip(own.samples(), truth.run.samples(), strict=True)
@@ -201,12 +201,29 @@ def _considered_along(
             own.predict(trusted, noise)
             truth.predict(true, true_noise)
         if len(rows):
-            factor, gain = factored(rows, trusted)
-            half = solved(factor, gain)
+            factor, gain = _factored(rows, trusted)
+            half = _solved(factor, gain)
             trusted -= half.T @ half
-            gains = truth.gains(solved(factor, half, transposed=True))
+            gains = truth.gains(_solved(factor, half, transposed=True))
             _take_in(true, truth.rows(true_rows, rows), gains, truth.variances[sighted])
         yield true
+
+
+def _factored(rows: Array, covariance: Array) -> tuple[Array, Array]:
+    """The Cholesky factor (m, m) of the innovation of m rows, and H P (m, size)."""
+    gain = rows @ covariance
+    innovation = gain @ rows.T
+    innovation.reshape(-1)[:: len(rows) + 1] += 1.0
+    return np.asarray(np.linalg.cholesky(innovation), dtype=float), gain
+
+
+def _solved(factor: Array, sides: Array, *, transposed: bool = False) -> Array:
+    """L^-1 `sides`, or L^-T `sides`, for the lower factor L (m, m) of an innovation."""
+    from scipy.linalg.blas import dtrsm
+
+    # BLAS is column-major, so it takes the transposes as they lie in memory
+    found = dtrsm(1.0, factor.T, sides.T, side=1, trans_a=transposed)
+    return np.asarray(found, dtype=float).T
 
 
 def _take_in(covariance: Array, rows: Array, gains: Array, variances: Array) -> None:

@@ -17,14 +17,8 @@ import numpy as np
 from syncplan.arrays import Array, Index
 from syncplan.observability.referred_rows import SightingRows, dense_rows
 
-GROUP_ROWS = 64
-"""Number of rows in a group, where rows are processed by groups."""
-
 SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 """Index of each element of a symmetric block in (xx, xy, x psi, yy, y psi, psi psi)."""
-
-UPPER = np.triu_indices(3)
-"""Rows and columns of these six elements in the block."""
 
 _SAMPLES_AT_ONCE, _ELEMENTS_AT_ONCE = 128, 2.5e5
 """Largest number of samples whose rows are laid out together, and of their elements."""
@@ -132,32 +126,3 @@ class Run:
             blocks = noise.take(SYMMETRIC, axis=2)
             for own, block in zip(pairwise(edges), blocks, strict=True):
                 yield slice(*own), rows[own[0] - begin : own[1] - begin], block
-
-
-def grouped(run: Run, which: Index, six: Array, noise: Array, sample: Index) -> tuple[Array, Array]:
-    """Return rows in groups, and the noise up to each times it: both (g, 3 n, m), rows as columns.
-
-    `which` (r,) selects the rows. `six` (r, 6) holds their elements, or those of functions of the
-    same states. `sample` is the index of each in `noise` (6, n, k), which is cumulative. Zeros fill
-    up the last group.
-    """
-    number = -(-len(sample) // GROUP_ROWS)
-    rows, noisy = np.zeros((2, number, 3 * run.count, GROUP_ROWS))
-    group, within = np.divmod(np.arange(len(sample)), GROUP_ROWS)
-    place = group * (3 * run.count * GROUP_ROWS) + within
-    axes = GROUP_ROWS * np.arange(3)[:, None]
-    # targets first: a landmark's columns are a vehicle's, which may be the observer itself
-    for first in (3, 0):
-        who, own = run.rows.columns[which, first] // 3, six[:, first : first + 3].T
-        at = place + 3 * GROUP_ROWS * who + axes
-        grown = noise.reshape(6, -1).take(who * noise.shape[-1] + sample, axis=1)
-        rows.reshape(-1)[at] = own
-        noisy.reshape(-1)[at] = _times(grown, own)
-    return rows, noisy
-
-
-def _times(blocks: Array, vectors: Array) -> Array:
-    """Products (3, s) of symmetric blocks (6, s) and vectors (3, s)."""
-    xx, xy, xp, yy, yp, pp = blocks
-    x, y, p = vectors
-    return np.stack([xx * x + xy * y + xp * p, xy * x + yy * y + yp * p, xp * x + yp * y + pp * p])

@@ -16,13 +16,7 @@ import numpy as np
 
 from syncplan.arrays import Array, Index
 from syncplan.errors import NoSolutionError
-from syncplan.estimation.covariances import (
-    carried_along,
-    foreseen_along,
-    foreseen_by_groups,
-    suits_groups,
-    variances_by_groups,
-)
+from syncplan.estimation.covariances import RunVariances, variances_along
 from syncplan.estimation.referred_run import GaussMarkov, Run
 from syncplan.estimation.start_up_index import (
     StartUpIndex,
@@ -196,39 +190,34 @@ class ReferredSystem:
         return found
 
     def bound(self, covariance: Array) -> PosteriorBound:
-        """Return the bound along the run."""
-        if suits_groups(self.run, covariance):
-            return self.of_poses(variances_by_groups(self.run, covariance))
-        return self.carried(one.covariance for one in carried_along(self.run, covariance))
-
-    def with_index(self, covariance: Array) -> PosteriorBound:
-        """Return the bound along the run with its start-up index."""
-        last = first_samples(self.team)
-        seen = self.sightings.until(last)
-        functions = second_order_terms(self.team, seen, self.scale)
-        if suits_groups(self.run, covariance):
-            variances, foreseen = foreseen_by_groups(self.run, covariance, functions)
-            bound = self.of_poses(variances)
-        else:
-            along, across = (self._with_errors(seen, six) for six in functions)
-            covariances, foreseen = foreseen_along(self.run, covariance, (along, across), last)
-            bound = self.carried(covariances)
-        return replace(bound, start_up=index_of_run(self.team, seen, foreseen))
-
-    def of_poses(self, variances: Array) -> PosteriorBound:
-        """Return the bound from variances (4, n, steps + 1) of poses referred to time 0."""
-        position_, x_turn, y_turn, turn = variances
-        east, north = self.moved
-        spread = position_ + 2.0 * (east * y_turn - north * x_turn) + (east**2 + north**2) * turn
-        return PosteriorBound(self.scale**2 * spread.T, turn.T)
-
-    def carried(self, covariances: Iterable[Array]) -> PosteriorBound:
-        """Return the bound from the covariances (size, size) of all samples.
+        """Return the bound along the run.
 
         A vehicle's error is that of its pose at time 0, carried by the closed-form transition, plus
         its displacement by each constant error since. Gusts act through the pose; a bearing walk
         has no effect. So its variance is a quadratic form in the covariance of these few states.
         """
+        return self._bound_of(variances_along(self.run, covariance, self._columns, self._moves))
+
+    def with_index(self, covariance: Array) -> PosteriorBound:
+        """Return the bound along the run with its start-up index."""
+        seen = self.sightings.until(first_samples(self.team))
+        along, across = (
+            self._with_errors(seen, six) for six in second_order_terms(self.team, seen, self.scale)
+        )
+        given = self.run, covariance, self._columns, self._moves
+        found = variances_along(*given, (along, across))
+        index = index_of_run(self.team, seen, found.foreseen)
+        return replace(self._bound_of(found), start_up=index)
+
+    def _bound_of(self, found: RunVariances) -> PosteriorBound:
+        return PosteriorBound(
+            self.scale**2 * (found.moves[..., 0] + found.moves[..., 1]),
+            found.moves[..., 2],
+            errors=found.states * self.layout.sigmas**2 if self.layout.names else None,
+        )
+
+    def carried(self, covariances: Iterable[Array]) -> PosteriorBound:
+        """Return the same of given covariances (size, size) of all samples."""
         steps, count = self.run.steps, self.run.count
         columns = self._columns
         place, heading = np.empty((2, steps + 1, count))

@@ -215,11 +215,14 @@ class Factor:
         return owner
 
 
-def factored(blocks: Sequence[Block], parts: Sequence[Index], size: int) -> Factor:
+def factored(
+    blocks: Sequence[Block], parts: Sequence[Index], size: int, aside: Sequence[int] = ()
+) -> Factor:
     """Return the factor of the rows of all blocks.
 
     `parts` holds the columns (c,) of each part in order of elimination, each column once. All
-    columns of a block lie in one part and the cuts above it.
+    columns of a block lie in one part and the cuts above it. Columns in `aside` are set aside
+    whatever their pivot.
     """
     order = np.concatenate(parts)
     number = np.empty(size, dtype=np.int64)
@@ -228,17 +231,17 @@ def factored(blocks: Sequence[Block], parts: Sequence[Index], size: int) -> Fact
     owner = np.repeat(np.arange(len(parts)), np.diff(ends))
     waiting: list[list[Block]] = [[] for _ in parts]
     begins = ends[:-1].tolist()
-    longest = 0.0
+    longest, denied = 0.0, np.isin(order, aside)
     for columns, rows in blocks:
         own = number[columns]
         sort = np.argsort(own)
         if len(rows):
             waiting[owner[own[sort[0]]]].append((own[sort], rows[:, sort]))
             longest = max(longest, float(np.max(np.sum(rows * rows, axis=0))))
-    fronts = []
+    fronts, least = [], PIVOT * np.sqrt(longest)
     for k in range(len(parts)):
         own = np.arange(ends[k], ends[k + 1])
-        front, rest = _front(own, waiting[k], begins[k], PIVOT * np.sqrt(longest))
+        front, rest = _front(own, waiting[k], begins[k], least, denied[own])
         waiting[k] = []
         fronts.append(front)
         # its columns meet in R even where no rows are left
@@ -249,8 +252,13 @@ def factored(blocks: Sequence[Block], parts: Sequence[Index], size: int) -> Fact
     return Factor(fronts, order)
 
 
-def _front(own: Index, blocks: list[Block], begin: int, least: float) -> tuple[Front, Block]:
-    """The front of a part from its rows, and the rows that are left."""
+def _front(
+    own: Index, blocks: list[Block], begin: int, least: float, denied: Flags
+) -> tuple[Front, Block]:
+    """The front of a part from its rows, and the rows that are left.
+
+    Pivots up to `least` do not count, nor those of columns that are `denied` one.
+    """
     met = np.unique(np.concatenate([own, *(columns for columns, _ in blocks)]))
     later = met[len(own) :]
     matrix = np.zeros((sum(len(rows) for _, rows in blocks), len(met)))
@@ -263,7 +271,7 @@ def _front(own: Index, blocks: list[Block], begin: int, least: float) -> tuple[F
     kept, aside = np.arange(len(own)), np.zeros(0, dtype=np.int64)
     while True:
         pivots = np.abs(np.diagonal(matrix[:, : len(kept)]))
-        weak = np.flatnonzero(pivots <= least)
+        weak = np.flatnonzero((pivots <= least) | denied[kept[: len(pivots)]])
         first = int(weak[0]) if len(weak) else len(pivots)
         if first == len(kept):
             break

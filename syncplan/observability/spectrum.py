@@ -156,7 +156,7 @@ def _sparse_observability(
     values = np.full(size, np.nan)
     values[0] = np.sqrt(_greatest(lambda vector: rows.T @ (rows @ vector), size, 1)[0][0])
     null = _NullRows(factor)
-    weakest, near, inverse = _smallest(factor, null, RANK_TOLERANCE * float(values[0]))
+    weakest, near = _smallest(factor, null, RANK_TOLERANCE * float(values[0]))
     rank = size - null.count - len(near)
     if rank > 1:
         values[rank - 1] = weakest
@@ -165,11 +165,14 @@ def _sparse_observability(
         values[rank:] = 0.0
         seen = np.linalg.svd(rows @ kept.T, compute_uv=False) if len(kept) else values[rank:]
         values[rank : rank + len(seen)] = seen
-    # values that do not count are left out of the pseudo-inverse
-    variances = factor.variances() - np.sum((inverse[:, None] * near) ** 2, axis=0)
-    found = np.stack([moved, np.maximum(variances, 0.0), *kept])
+    found = np.stack([moved, *kept])
     found[:, factor.order] = found.copy()
-    return Observability(rank, values, found[2:], found[0], found[1], scale)
+    if len(near):
+        # pivots that are nearly lost would swamp the variances of other columns
+        factor = factored(blocks, parts, size, factor.order[_pivots(near)].tolist())
+    variances = np.empty(size)
+    variances[factor.order] = factor.variances()
+    return Observability(rank, values, found[1:], found[0], variances, scale)
 
 
 def _sparse_rows(blocks: Sequence[Block], size: int) -> Any:
@@ -233,16 +236,15 @@ def _each(rows: Any) -> Any:
     return (rows[[k]] for k in range(rows.shape[0]))
 
 
-def _smallest(factor: Factor, null: _NullRows, least: float) -> tuple[float, Array, Array]:
-    """Smallest singular value above `least`, right singular vectors of those up to it, 1 / values.
+def _smallest(factor: Factor, null: _NullRows, least: float) -> tuple[float, Array]:
+    """Smallest singular value above `least`, and right singular vectors of those up to it.
 
     The null space of the columns without a pivot is left out.
     """
     size = len(factor.order)
     found, weak = np.zeros((0, size)), np.zeros((0, size))
-    inverse = np.zeros(0)
     if null.count == size:
-        return 0.0, found, inverse
+        return 0.0, found
 
     def apart(vector: Array) -> Array:
         return vector - found.T @ (found @ vector)
@@ -256,12 +258,18 @@ def _smallest(factor: Factor, null: _NullRows, least: float) -> tuple[float, Arr
         values, vectors = _greatest(squared, size, count)
         below = values * least**2 >= 1.0
         if not below.any():
-            return float(1.0 / np.sqrt(values[0])), weak, inverse
+            return float(1.0 / np.sqrt(values[0])), weak
         found = np.linalg.qr(np.concatenate([found, vectors[below]]).T)[0].T
-        inverse = np.append(inverse, np.sqrt(values[below]))
         weak = np.array([null.removed(factor.solve(one[:, None])[:, 0]) for one in found])
         weak = np.linalg.qr(weak.T)[0].T
         count *= 2
+
+
+def _pivots(vectors: Array) -> Index:
+    """Columns (k,) in which the vectors (k, size) are most independent."""
+    from scipy.linalg import qr
+
+    return np.asarray(qr(vectors, mode="r", pivoting=True)[1][: len(vectors)])
 
 
 def _greatest(operator: Callable[[Array], Array], size: int, count: int) -> tuple[Array, Array]:

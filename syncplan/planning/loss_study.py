@@ -127,9 +127,6 @@ def what_if(
     side_by_side = threads_for(threads)
     plan = planned(subject, bound=bound)
     chosen = [lost_together(lose, plan.scenario)] if lose else possible_losses(plan.team, losses)
-    if not why_no_bound(plan.team, plan.scenario.duration_s, bound):
-        # loaded first: only a loaded BLAS can be limited to one thread
-        from syncplan.estimation import covariance_kernel  # noqa: F401
     return _studied(plan, chosen, bound, side_by_side, progress)
 
 

@@ -7,13 +7,9 @@ import numpy as np
 import pytest
 
 from syncplan.arrays import Array
-from syncplan.estimation import (
-    covariances,
-    referred_run,
-    referred_system,
-)
+from syncplan.estimation import covariances
 from syncplan.estimation.bounds import LossBounds, posterior_bound, steady_bound
-from syncplan.estimation.covariances import carried_along
+from syncplan.estimation.covariances import variances_along
 from syncplan.estimation.referred_system import ReferredSystem
 from syncplan.orbits.circles import position
 from syncplan.orbits.error_states import ERROR_STATES, layout_of
@@ -53,22 +49,16 @@ def test_the_posterior_bound_equals_the_recursion_of_the_filters_model(
     _assert_bound_of_the_model(_estimating(grid.team, names), grid, 400)
 
 
-@pytest.mark.parametrize("sizes", [(64, 24), (7, 1), (1, 5), (16, 3), None])
 @pytest.mark.parametrize("name", ["mixed-radii-camera", "landmark-bridge", "nothing seen at first"])
-def test_it_does_so_by_groups_of_any_size_and_by_samples(
-    name: str, sizes: tuple[int, int] | None, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("at_once", [4, 8, 64])
+def test_it_does_so_where_vehicles_differ_or_are_not_observable(
+    name: str, at_once: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Where vehicles differ, and where they are not observable."""
     late = {"first_phase_rad": -1.5, "direction": "ccw"}
     alone = {"formation": {"centers_m": [[0.0, 0.0]]}, "landmarks_m": [[0.0, 45.0]]}
     given = example(name) if "-" in name else small(orbit=circling(**late), **alone)
     made = plan(given, bound="never")
-    if sizes is None:
-        monkeypatch.setattr(covariances, "GROUPED_VEHICLES", 0)
-    else:
-        for module in (covariances, referred_run):
-            monkeypatch.setattr(module, "GROUP_ROWS", sizes[0])
-        monkeypatch.setattr(covariances, "GROUPS_AT_ONCE", sizes[1])
+    monkeypatch.setattr(covariances, "ROWS_AT_ONCE", at_once)
     _assert_bound_of_the_model(made.team, made, 300)
 
 
@@ -91,8 +81,7 @@ def test_the_covariance_at_the_start_of_a_run_is_left_as_it_is(grid: Plan) -> No
     team = _estimating(grid.team, ())
     system = ReferredSystem.along(team, grid.windows, 20, layout_of(team))
     start = system.start.copy()
-    covariances.variances_by_groups(system.run, start)
-    assert len(list(carried_along(system.run, start))) == 21
+    system.bound(start)
     np.testing.assert_array_equal(start, system.start)
 
 
@@ -101,8 +90,7 @@ def test_many_samples_are_as_good_as_few_at_once(
 ) -> None:
     team = _estimating(grid.team, tuple(ERROR_STATES))
     whole = posterior_bound(team, grid.windows, 15.0, start_up=True)
-    monkeypatch.setattr(referred_system, "_SAMPLES_AT_ONCE", 7)
-    monkeypatch.setattr(referred_run, "_ELEMENTS_AT_ONCE", 900.0)
+    monkeypatch.setattr(covariances, "_ELEMENTS_AT_ONCE", 900.0)
     parts = posterior_bound(team, grid.windows, 15.0, start_up=True)
     np.testing.assert_allclose(parts.position_variance, whole.position_variance, rtol=1e-12)
     assert parts.start_up == whole.start_up
@@ -115,14 +103,12 @@ def test_scales_and_biases_as_states_raise_the_bound_of_the_grid_as_found_before
     assert np.sqrt(np.mean(found**2)) == pytest.approx(1.88, abs=0.005)
 
 
-@pytest.mark.parametrize("grouped", [0, 20])
 @pytest.mark.parametrize(
     ("keys", "names"), [({}, ()), (EVERYTHING, ()), (EVERYTHING, tuple(ERROR_STATES))]
 )
 def test_the_start_up_index_is_that_of_the_filters_model(
-    keys: dict[str, Any], names: tuple[str, ...], grouped: int, monkeypatch: pytest.MonkeyPatch
+    keys: dict[str, Any], names: tuple[str, ...]
 ) -> None:
-    monkeypatch.setattr(covariances, "GROUPED_VEHICLES", grouped)
     made = plan_of_changed(
         "mixed-radii-camera",
         heading_sigma_rad=0.2,
@@ -262,8 +248,8 @@ def test_a_run_goes_on_from_its_end_with_time_0_moved_there(coarse: Plan) -> Non
     layout = layout_of(team)
     twice = posterior_bound(team, coarse.windows, 2.0 * period)
     system = ReferredSystem.along(team, coarse.windows, samples, layout)
-    *_, last = carried_along(system.run, system.start)
+    last = variances_along(system.run, system.start, system._columns, system._moves).covariance
     moved = system.moved_on()
-    second = system.bound(moved @ last.covariance @ moved.T)
+    second = system.bound(moved @ last @ moved.T)
     _assert_close(second.position_variance, twice.position_variance[samples:])
     _assert_close(second.heading_variance, twice.heading_variance[samples:])
