@@ -6,6 +6,7 @@ covariances        covariance along a run, referred to time 0, and just before s
 start_up_index     nonlinearity of the sightings at the start
 referred_system    a team's run, referred to time 0, and its posterior bound
 considered_errors  expected errors of a filter whose model differs from the world
+lumped_bound       the posterior bound of large teams
 bounds             Cramer-Rao bounds
 filter_options     choice of filter, its gate, number and length of trials
 consistency        ANEES, NIS, coverage

@@ -122,7 +122,7 @@ def expected_errors(
 
     def carried(covariance: Array) -> PosteriorBound:
         along = _considered_along(own.run, truth, (covariance, start))
-        return whole.carried(one[:size, :size] for one in along)
+        return whole.carried(whole.known(one[:size, :size]) for one in along)
 
     return own.from_start(carried)
 

@@ -54,12 +54,15 @@ class PosteriorBound:
     start_up : nonlinearity of its sightings; None if not requested
     errors : (steps + 1, f) variance of each further state of layout_of(team), in the square of its
         unit; None if the state consists of poses alone
+    accuracy : estimated relative error of the RMS position bound, the largest of any vehicle; 0
+        where the recursion is exact
     """
 
     position_variance: Array
     heading_variance: Array
     start_up: StartUpIndex | None = None
     errors: Array | None = None
+    accuracy: float = 0.0
 
     def until(self, samples: float) -> "PosteriorBound":
         """Return the bound along the first `samples`, rounded down, or all if there are fewer."""
@@ -216,25 +219,34 @@ class ReferredSystem:
             errors=found.states * self.layout.sigmas**2 if self.layout.names else None,
         )
 
-    def carried(self, covariances: Iterable[Array]) -> PosteriorBound:
-        """Return the same of given covariances (size, size) of all samples."""
-        steps, count = self.run.steps, self.run.count
+    def known(self, covariance: Array) -> tuple[Array, Array]:
+        """Return a covariance's block (n, c, c) of each vehicle, and the variances of errors (f,).
+
+        A block has the vehicle's pose and the constant errors that move it. Of a symmetric matrix,
+        the lower triangle suffices.
+        """
         columns = self._columns
+        high = np.maximum(columns[:, :, None], columns[:, None, :])
+        low = np.minimum(columns[:, :, None], columns[:, None, :])
+        return covariance[high, low], np.diagonal(covariance)[3 * self.layout.count :].copy()
+
+    def carried(self, known: Iterable[tuple[Array, Array]]) -> PosteriorBound:
+        """Return the bound from blocks and variances as those of `known`, of all samples."""
+        steps, count = self.run.steps, self.run.count
         place, heading = np.empty((2, steps + 1, count))
         errors = np.empty((steps + 1, self.layout.size - 3 * count))
-        blocks = np.empty((_SAMPLES_AT_ONCE, count, columns.shape[1], columns.shape[1]))
-        lines, across = columns[:, :, None], columns[:, None, :]
-        for k, covariance in enumerate(covariances):
-            blocks[k % _SAMPLES_AT_ONCE] = covariance[lines, across]
-            errors[k] = np.diagonal(covariance)[3 * count :]
-            if (k + 1) % _SAMPLES_AT_ONCE and k < steps:
+        waiting: list[Array] = []
+        for k, (block, variances) in enumerate(known):
+            waiting.append(block)
+            errors[k] = variances
+            if len(waiting) < _SAMPLES_AT_ONCE and k < steps:
                 continue
-            known = slice(k - k % _SAMPLES_AT_ONCE, k + 1)
-            moves = self._moves(np.arange(known.start, known.stop))
-            spread = np.einsum("knvw,knaw->knva", blocks[: len(moves)], moves)
-            variances = np.einsum("knav,knva->kna", moves, spread)
-            place[known] = variances[..., 0] + variances[..., 1]
-            heading[known] = variances[..., 2]
+            own = slice(k + 1 - len(waiting), k + 1)
+            moves = self._moves(np.arange(own.start, own.stop))
+            spread = np.einsum("knvw,knaw->knva", np.stack(waiting), moves)
+            moved = np.einsum("knav,knva->kna", moves, spread)
+            place[own], heading[own] = moved[..., 0] + moved[..., 1], moved[..., 2]
+            waiting.clear()
         return PosteriorBound(
             self.scale**2 * place,
             heading,

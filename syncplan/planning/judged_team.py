@@ -124,10 +124,10 @@ class Prediction:
     rms : (n,) over the second half of the run; None if not computed
     steady : (n,) over a period once periodic, infinite if it never is; None if not asked for
     window : (n,) bound from one window without motion noise; NaN where not determined
-    note : why a figure is missing
+    note : why a figure is missing, or what the figures suppose
     states : filter states other than poses; empty if there are none or no bound is computed
     neglect : errors expected instead, as the filter leaves errors out; None if it leaves out none
-        or no bound is computed
+        or no exact bound is computed
     """
 
     rms: Array | None

@@ -275,15 +275,22 @@ def why_no_bound(team: Team, duration: float, bound: BoundChoice) -> str:
 def _bound_along(
     assessed: Assessment, duration: float, bound: BoundChoice
 ) -> tuple[PosteriorBound | None, str]:
-    """Posterior bound with its start-up index, or None and the reason."""
+    """Posterior bound with its start-up index and what it supposes, or None and the reason."""
     team = assessed.team
     if why := why_no_bound(team, duration, bound):
         return None, why
     observable = assessed.observability.observable
+    large = not bound_is_affordable(team, duration)
     try:
-        return posterior_bound(team, assessed.windows, duration, start_up=observable), ""
+        found = posterior_bound(team, assessed.windows, duration, start_up=observable, lumped=large)
     except NoSolutionError as error:
         return None, str(error)
+    if not found.accuracy:
+        return found, ""
+    return found, (
+        f"the errors of {team.count} vehicles are predicted from sightings lumped over a sixteenth "
+        f"of a period, to an estimated {100.0 * found.accuracy:.2g} %"
+    )
 
 
 def _predict(
@@ -308,7 +315,9 @@ def _predict(
         window=window,
         note=note,
         states=judged_team.predicted_states(team, along, scenario.vehicle_names),
-        neglect=judged_team.neglect_of(team, assessed.windows, scenario.duration_s),
+        neglect=judged_team.neglect_of(team, assessed.windows, scenario.duration_s)
+        if not along.accuracy
+        else None,
     )
 
 

@@ -145,10 +145,18 @@ def single_threaded_blas(function: Callable[P, R]) -> Callable[P, R]:
 
     @wraps(function)
     def limited(*args: P.args, **kwargs: P.kwargs) -> R:
-        with _libraries(len(sys.modules)).limit(limits=1, user_api="blas"):
+        with blas_threads(1):
             return function(*args, **kwargs)
 
     return limited
+
+
+def blas_threads(count: int) -> contextlib.AbstractContextManager[Any]:
+    """Return a context in which BLAS uses so many threads."""
+    context: contextlib.AbstractContextManager[Any] = _libraries(len(sys.modules)).limit(
+        limits=count, user_api="blas"
+    )
+    return context
 
 
 @lru_cache(maxsize=1)

@@ -1,0 +1,130 @@
+"""Posterior bound of large teams, with each pair's sightings lumped over part of a period.
+
+Over a sixteenth of a period the rows of a pair, referred to time 0, span few directions: their
+singular value decomposition leaves three or four of some forty. A contact is cut into equal lumps,
+and what a lump determines is processed at its mean sample:
+
+    P <- P + N                                          each sample
+    S  = H P H^T + 1 = L L^T,  half = L^-1 H P          its rows, some hundred at a time
+    P <- P - half^T half
+
+What this leaves out is mostly of second order in the length of the lumps. Lumps of twice the length
+show its size. Of P, BLAS keeps and updates the lower triangle.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from syncplan.arrays import Array
+from syncplan.estimation.referred_run import SYMMETRIC, Run
+from syncplan.estimation.referred_system import PosteriorBound, ReferredSystem
+from syncplan.observability.referred_rows import SightingRows
+from syncplan.runtime.machine import blas_threads, usable_cores
+
+LUMPS_PER_PERIOD = 16
+
+ROWS_AT_ONCE = 256
+"""Number of rows that share a triangular solve and a pass over the covariance."""
+
+THREADED_STATES = 1000
+"""Size of the state above which BLAS gains by further threads."""
+
+NEGLIGIBLE = 1e-5
+"""Variance that a direction of a lump has at the start, in whitened units, to be left out."""
+
+
+def lumped_bound(system: ReferredSystem, start: Array) -> PosteriorBound:
+    """Return the bound along a run by lumps, with its estimated accuracy.
+
+    The state may hold constant errors, but none that changes. Raises LinAlgError where the
+    covariance of an innovation is not positive definite.
+    """
+    samples = system.team.orbits.period / system.team.sensors.sample_time
+    length = max(int(samples / LUMPS_PER_PERIOD), 1)
+    with blas_threads(usable_cores() if system.run.size > THREADED_STATES else 1):
+        fine, coarse = (_bound(system, start, most) for most in (length, 2 * length))
+    change = coarse.rms_second_half() / fine.rms_second_half() - 1.0
+    # an error of first order equals the change, one of second order is a third of it
+    return replace(fine, accuracy=2.0 * float(np.max(np.abs(change))))
+
+
+def _bound(system: ReferredSystem, start: Array, length: int) -> PosteriorBound:
+    run = lumped(system.run, length, float(np.diagonal(start).max()))
+    return system.carried(system.known(one) for one in _along(run, start))
+
+
+def lumped(run: Run, length: int, variance: float) -> Run:
+    """Return a run with the rows of each pair in lumps of up to `length` samples.
+
+    `variance` is the largest of the initial ones.
+    """
+    step = np.repeat(np.arange(run.steps + 1), np.diff(run.first))
+    ends = np.sort(np.stack([run.rows.observers, run.rows.targets]), axis=0)
+    pairs = ends[0] * run.count + ends[1]
+    order = np.lexsort((step, pairs))
+    step, pairs = step[order], pairs[order]
+    # a contact ends where the pair is not seen for the length of a lump
+    starts = (np.diff(pairs, prepend=-1) != 0) | (np.diff(step, prepend=-1) > length)
+    contact = np.cumsum(starts) - 1
+    since = step - step[starts][contact]
+    lasted = 1 + np.maximum.reduceat(since, np.flatnonzero(starts))[contact]
+    part = since * -(-lasted // length) // lasted
+    begins = np.flatnonzero(starts | (np.diff(part, prepend=-1) != 0))
+    sizes = np.diff(np.append(begins, len(step)))
+    middle = np.rint(np.add.reduceat(step, begins) / sizes).astype(np.int64)
+    # both directions of a pair have the same columns, in another order
+    sort = np.argsort(run.rows.columns, axis=1, kind="stable")
+    columns = np.take_along_axis(run.rows.columns, sort, axis=1)[order]
+    entries = np.take_along_axis(run.rows.entries, sort, axis=1)[order]
+    found, lump = [], []
+    for size in np.unique(sizes).tolist():
+        own = np.flatnonzero(sizes == size)
+        block = entries[begins[own, None] + np.arange(size)]
+        if size > block.shape[2]:
+            block = np.asarray(np.linalg.qr(block, mode="r"))
+        _, values, vectors = np.linalg.svd(block, full_matrices=False)
+        kept = values**2 * variance > NEGLIGIBLE
+        found.append((values[..., None] * vectors)[kept])
+        lump.append(np.repeat(own, kept.sum(axis=1)))
+    of = np.concatenate(lump)
+    sort = np.lexsort((of, middle[of]))
+    of = of[sort]
+    rows = SightingRows(np.concatenate(found)[sort], columns[begins[of]])
+    first = np.searchsorted(middle[of], np.arange(run.steps + 2))
+    return replace(run, rows=rows, first=first)
+
+
+def _along(run: Run, start: Array) -> Iterator[Array]:
+    """Yield the lower triangle of the covariance after each sample, changed in place."""
+    covariance = np.asfortranarray(start)
+    vehicles = 3 * np.arange(run.count)
+    high, low = np.tril_indices(3)
+    places = vehicles + high[:, None], vehicles + low[:, None]
+    for k in range(run.steps + 1):
+        covariance[places] += run.noise[SYMMETRIC[high, low], :, k]
+        for begin in range(run.first[k], run.first[k + 1], ROWS_AT_ONCE):
+            own = slice(begin, min(begin + ROWS_AT_ONCE, run.first[k + 1]))
+            covariance = _taken_in(covariance, run.rows.of(own))
+        yield covariance
+
+
+def _taken_in(covariance: Array, rows: SightingRows) -> Array:
+    """The covariance's lower triangle after some rows, in place."""
+    from scipy.linalg.blas import dsyrk, dtrsm
+    from scipy.sparse import csr_array
+
+    own, place = np.unique(rows.columns, return_inverse=True)
+    size, many = len(covariance), len(rows.entries)
+    first = np.arange(many + 1) * rows.columns.shape[1]
+    table: Any = (rows.entries.ravel(), place.ravel(), first)
+    sparse = csr_array(table, shape=(many, len(own)))
+    below = np.arange(size) >= own[:, None]
+    gain = sparse @ np.where(below, covariance[:, own].T, covariance[own])
+    innovation = sparse @ gain[:, own].T
+    innovation.reshape(-1)[:: many + 1] += 1.0
+    factor = np.linalg.cholesky(innovation)
+    half = dtrsm(1.0, factor.T, gain.T, side=1)
+    return np.asarray(dsyrk(-1.0, half, beta=1.0, c=covariance, lower=1, overwrite_c=1))
