@@ -7,7 +7,7 @@ import typer
 from typer.cli import get_docs_for_click
 from typer.main import get_command
 
-from syncplan.cli.command_line import app
+from syncplan.cli.command_line import application
 
 __all__ = ["commands_page"]
 
@@ -31,7 +31,7 @@ place of a file is standard input.
 
 def commands_page() -> str:
     """Return the page of all commands, in the order of the command line."""
-    command = get_command(app)
+    command = get_command(application())
     written = get_docs_for_click(obj=command, ctx=typer.Context(command), name="syncplan")
     body = html.unescape(written).partition("\n")[2]
     # examples are typed as they stand

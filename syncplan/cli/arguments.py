@@ -11,7 +11,6 @@ import typer
 
 from syncplan.cli.console import Format, check_output, say
 from syncplan.errors import InputError
-from syncplan.estimation.replay_settings import Poses
 from syncplan.options import Option, options_of
 
 if TYPE_CHECKING:
@@ -245,7 +244,7 @@ _WRITTEN: Mapping[Any, _Written] = {
     ),
     tuple[float, float] | None: _Written(str | None, _pair),
     tuple[int | str, ...] | None: _Written(str | None, _names, "; such as 7,15, or all, or none"),
-    Poses | None: _Written(str | None, poses_of, metavar="FILE|X,Y,RAD;..."),
+    Sequence[Sequence[float]] | None: _Written(str | None, poses_of, metavar="FILE|X,Y,RAD;..."),
     Mapping[str, Any] | None: _Written(
         list[str] | None,
         _truth,

@@ -1,7 +1,9 @@
 """The command line: its commands, and the exit status of each error."""
 
+import gc
 import os
 import sys
+from importlib import import_module
 from typing import TYPE_CHECKING, Annotated, Literal, NoReturn
 
 import typer
@@ -11,51 +13,26 @@ from syncplan import __version__
 from syncplan.cli.arguments import Output
 from syncplan.cli.console import Format, deliver, open_closed_streams, reader_may_leave, say
 from syncplan.cli.document_table import DOCUMENTS
-from syncplan.cli.export_commands import exporters
-from syncplan.cli.plan_commands import losses, plans
-from syncplan.cli.plot_commands import plots
-from syncplan.cli.run_commands import replays, runs
-from syncplan.cli.service_commands import services
 from syncplan.errors import InputError, SyncplanError
-from syncplan.estimation.filter_options import ValidationOptions
-from syncplan.estimation.replay_settings import ReplayOptions
-from syncplan.flight.flight_options import FlightOptions
-from syncplan.options import options_of
 
 INTERNAL_FAULT = 1
 INTERRUPTED = 130
 
-OPTIONS = {
-    **{
-        one.name: one.flag
-        for kind in (ReplayOptions, ValidationOptions, FlightOptions)
-        for one in options_of(kind)
-        if one.name not in ("filter", "truth")
-    },
-    **{
-        name: f"--{name.replace('_', '-')}"
-        for name in (
-            *("losses", "threads", "vary", "center_box_m", "radius_m", "objective", "margin_m"),
-            *("time_limit_s", "starts", "choose", "figure", "compare", "width", "height"),
-            *("font_scale", "pixel_ratio", "theme", "output", "format", "altitude_m", "turns"),
-            *("sample_time_s", "sagitta_m", "autopilot", "vehicle"),
-        )
-    },
-    "margin": "--margin-m",
+GARBAGE = 50_000
+"""Objects made beyond those freed before garbage is looked for."""
+
+GROUPS = {
+    "plan_commands.plans": ("plan", "refine", "place", "landmarks"),
+    "run_commands.runs": ("validate", "sweep", "fly"),
+    "plan_commands.losses": ("what-if",),
+    "run_commands.replays": ("replay",),
+    "plot_commands.plots": ("plot",),
+    "export_commands.exporters": ("export",),
+    "service_commands.services": ("serve", "worker"),
 }
-"""Options by the name of the library's argument that they set."""
+"""Commands by module and name of their group, in the order of the help."""
 
 JSON_SCHEMA = "https://json-schema.org/draft/2020-12/schema"
-
-app = typer.Typer(
-    name="syncplan",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    rich_markup_mode="rich",
-    help="Synchronised circular orbits that let a team of robots localise itself.",
-    epilog="Example: syncplan plan examples/scenarios/paper-grid-same.yaml -o plan.json",
-)
-
 
 schemas = typer.Typer()
 
@@ -78,17 +55,6 @@ def _schema(
     return 0
 
 
-app.add_typer(plans)
-app.add_typer(runs)
-app.add_typer(losses)
-app.add_typer(replays)
-app.add_typer(plots)
-app.add_typer(exporters)
-app.add_typer(services)
-app.add_typer(schemas)
-
-
-@app.callback(invoke_without_command=True)
 def _version(
     version: Annotated[bool, typer.Option("--version", help="Print the version")] = False,
 ) -> None:
@@ -97,15 +63,63 @@ def _version(
         raise typer.Exit
 
 
+def application(command: str = "") -> typer.Typer:
+    """Return the command line; with the group of `command` alone, as the others load slowly."""
+    app = typer.Typer(
+        name="syncplan",
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+        rich_markup_mode="rich",
+        help="Synchronised circular orbits that let a team of robots localise itself.",
+        epilog="Example: syncplan plan examples/scenarios/paper-grid-same.yaml -o plan.json",
+    )
+    known = [group for group, names in GROUPS.items() if command in names]
+    for group in known or GROUPS:
+        module, _, name = group.partition(".")
+        app.add_typer(getattr(import_module(f"{__package__}.{module}"), name))
+    if not known:
+        app.add_typer(schemas)
+    app.callback(invoke_without_command=True)(_version)
+    return app
+
+
+def _options() -> dict[str, str]:
+    """Options by the name of the library's argument that they set."""
+    from syncplan.estimation.filter_options import ValidationOptions
+    from syncplan.estimation.replay_settings import ReplayOptions
+    from syncplan.flight.flight_options import FlightOptions
+    from syncplan.options import options_of
+
+    names = (
+        *("losses", "threads", "vary", "center_box_m", "radius_m", "objective", "margin_m"),
+        *("time_limit_s", "starts", "choose", "figure", "compare", "width", "height"),
+        *("font_scale", "pixel_ratio", "theme", "output", "format", "altitude_m", "turns"),
+        *("sample_time_s", "sagitta_m", "autopilot", "vehicle"),
+    )
+    return {
+        **{
+            one.name: one.flag
+            for kind in (ReplayOptions, ValidationOptions, FlightOptions)
+            for one in options_of(kind)
+            if one.name not in ("filter", "truth")
+        },
+        **{name: f"--{name.replace('_', '-')}" for name in names},
+        "margin": "--margin-m",
+    }
+
+
 def main(arguments: list[str] | None = None) -> NoReturn:
     """Run the command line and exit: 0 done, 1 internal fault, 2 bad input, 3, 4 as documented."""
     status: object = 0
+    given = sys.argv[1:] if arguments is None else arguments
+    # imports make many objects and no garbage
+    gc.set_threshold(GARBAGE)
     try:
         open_closed_streams()
         with reader_may_leave():
-            status = app(arguments, standalone_mode=False)
+            status = application(*given[:1])(arguments, standalone_mode=False)
     except InputError as error:
-        for line in error.lines(OPTIONS):
+        for line in error.lines(_options()):
             say(line)
         status = error.exit_code
     except SyncplanError as error:
@@ -113,7 +127,7 @@ def main(arguments: list[str] | None = None) -> NoReturn:
         status = error.exit_code
     except TyperException as error:
         if error.format_message():
-            say(_usage_fault(error, sys.argv[1:] if arguments is None else arguments))
+            say(_usage_fault(error, given))
         status = error.exit_code
     except (KeyboardInterrupt, typer.Abort):
         status = INTERRUPTED

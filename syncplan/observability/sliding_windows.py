@@ -9,7 +9,7 @@ from syncplan.arrays import Array, Flags, Index
 from syncplan.observability import rank
 from syncplan.observability.spectrum import Observability
 from syncplan.orbits.circles import perpendicular
-from syncplan.orbits.graphs import disjoint_sets
+from syncplan.orbits.graphs import DisjointSets
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
 from syncplan.orbits.sightings import sample_sightings, steps_within
 
@@ -198,7 +198,7 @@ def _first_certified(
     pairs: list[tuple[int, int]], ready: Index, count: int, distinct: Flags
 ) -> int | None:
     """First step at which the certificate holds, if each pair counts from its own step on."""
-    merged = disjoint_sets(count)
+    merged = DisjointSets(count)
     anchors: dict[int, set[int]] = {k: set() for k in range(count)}
     held = [False] * count
     unheld = count

@@ -18,78 +18,102 @@ def two_colouring(count: int, edges: Iterable[Edge]) -> list[int] | None:
 
     The first vertex of every component has colour 0.
     """
-    import networkx as nx
-
-    graph = _graph(count, edges)
-    if not nx.is_bipartite(graph):
-        return None
-    colour = [0] * count
-    for component in nx.connected_components(graph):
-        root = min(component)
-        for vertex, depth in nx.single_source_shortest_path_length(graph, root).items():
-            colour[vertex] = depth % 2
-    return colour
+    edges = list(edges)
+    colour = [depth % 2 for depth in _rooted(count, edges)[1]]
+    return None if any(colour[a] == colour[b] for a, b in edges) else colour
 
 
 def odd_cycle(count: int, edges: Iterable[Edge]) -> list[int]:
     """Return the vertices of an odd cycle in order, or an empty list if the graph is bipartite."""
-    import networkx as nx
-
-    graph = _graph(count, edges)
-    for component in nx.connected_components(graph):
-        root = min(component)
-        tree = nx.bfs_tree(graph, root)
-        depth = nx.single_source_shortest_path_length(graph, root)
-        for a, b in graph.subgraph(component).edges:
-            if (depth[a] - depth[b]) % 2 == 0:
-                to_a = nx.shortest_path(tree, root, a)
-                to_b = nx.shortest_path(tree, root, b)
-                shared = sum(1 for x, y in zip(to_a, to_b, strict=False) if x == y)
-                return [*to_a[shared - 1 :], *reversed(to_b[shared:])]
-    return []
+    edges = list(edges)
+    parent, depth, root = _rooted(count, edges)
+    odd = [(root[a], min(a, b), k) for k, (a, b) in enumerate(edges) if depth[a] == depth[b]]
+    if not odd:
+        return []
+    a, b = sorted(edges[min(odd)[-1]])
+    up, down = [a], [b]
+    while a != b:
+        a, b = parent[a], parent[b]
+        up.append(a)
+        down.append(b)
+    return [*reversed(up), *down[:-1]]
 
 
 def components(count: int, edges: Iterable[Edge]) -> list[list[int]]:
     """Return the connected components as sorted lists, ordered by their first vertex."""
-    import networkx as nx
-
-    return sorted(sorted(part) for part in nx.connected_components(_graph(count, edges)))
+    parts: dict[int, list[int]] = {}
+    for vertex, root in enumerate(_rooted(count, list(edges))[2]):
+        parts.setdefault(root, []).append(vertex)
+    return list(parts.values())
 
 
 def blocks(count: int, edges: Sequence[Edge]) -> list[list[int]]:
     """Return the positions in `edges` of each biconnected block; a bridge is one by itself.
 
-    Choices within a block do not restrict another: blocks share single vertices.
+    Choices within a block do not restrict another: blocks share single vertices. Each vertex stands
+    for the edge to its parent in a forest. An edge outside it closes a cycle, whose edges are
+    merged.
     """
-    import networkx as nx
-
+    parent, depth, _ = _rooted(count, edges)
     position = {(min(a, b), max(a, b)): k for k, (a, b) in enumerate(edges)}
-    parts = nx.biconnected_component_edges(_graph(count, edges))
-    return sorted(sorted(position[min(a, b), max(a, b)] for a, b in part) for part in parts)
+    merged = DisjointSets(count)
+    top = list(range(count))
+    for a, b in position:
+        cycle = []
+        while a != b:
+            a, b = (a, b) if depth[a] > depth[b] else (b, a)
+            cycle.append(merged[a])
+            a = parent[top[merged[a]]]
+        highest = min((top[k] for k in cycle), key=depth.__getitem__)
+        for k in cycle:
+            merged.union(cycle[0], k)
+        top[merged[cycle[0]]] = highest
+    parts: dict[int, list[int]] = {}
+    for pair, k in position.items():
+        parts.setdefault(merged[max(pair, key=depth.__getitem__)], []).append(k)
+    return sorted(sorted(part) for part in parts.values())
 
 
 def spanning_forest(count: int, edges: Sequence[Edge], weights: Sequence[float]) -> list[int]:
-    """Return the positions in `edges` of a spanning forest of least total weight."""
-    import networkx as nx
+    """Return the positions in `edges` of a spanning forest of least total weight.
 
-    graph = nx.Graph()
-    graph.add_nodes_from(range(count))
+    Among equal weights, edges of the first vertices come first.
+    """
+    lightest: dict[Edge, int] = {}
     for k, (a, b) in enumerate(edges):
-        if not graph.has_edge(a, b) or weights[k] < graph[a][b]["weight"]:
-            graph.add_edge(a, b, weight=weights[k], position=k)
-    return sorted(data["position"] for _, _, data in nx.minimum_spanning_edges(graph, data=True))
+        pair = min(a, b), max(a, b)
+        if weights[k] < weights[lightest.setdefault(pair, k)]:
+            lightest[pair] = k
+    merged = DisjointSets(count)
+    order = sorted(lightest.items(), key=lambda item: (weights[item[1]], item[0][0]))
+    return sorted(k for (a, b), k in order if merged.union(a, b))
 
 
 def traversal(count: int, edges: Sequence[Edge]) -> list[tuple[int, int, int]]:
     """Return (parent, child, position in `edges`) breadth first, from each component's first."""
-    import networkx as nx
+    near: list[dict[int, int]] = [{} for _ in range(count)]
+    for k, (a, b) in enumerate(edges):
+        near[a][b] = near[b][a] = k
+    seen = [False] * count
+    found = []
+    for root in range(count):
+        queue = [] if seen[root] else [root]
+        seen[root] = True
+        for parent in queue:
+            for child, k in near[parent].items():
+                if not seen[child]:
+                    seen[child] = True
+                    queue.append(child)
+                    found.append((parent, child, k))
+    return found
 
-    graph = _graph(count, ((a, b, {"position": k}) for k, (a, b) in enumerate(edges)))
-    return [
-        (parent, child, graph[parent][child]["position"])
-        for root in sorted(min(part) for part in nx.connected_components(graph))
-        for parent, child in nx.bfs_edges(graph, root)
-    ]
+
+def _rooted(count: int, edges: Sequence[Edge]) -> tuple[list[int], list[int], list[int]]:
+    """Parent, depth and root of each vertex in `traversal`; a root is its own parent."""
+    parent, depth, first = list(range(count)), [0] * count, list(range(count))
+    for above, child, _ in traversal(count, edges):
+        parent[child], depth[child], first[child] = above, depth[above] + 1, first[above]
+    return parent, depth, first
 
 
 def bottleneck(lengths: Array) -> float:
@@ -98,21 +122,37 @@ def bottleneck(lengths: Array) -> float:
     It is the least range that connects all vertices; 0 for a single vertex. Infinite lengths are no
     edges.
     """
-    import networkx as nx
-
     a, b = np.triu_indices(len(lengths), 1)
     usable = np.isfinite(lengths[a, b])
-    known = zip(a[usable].tolist(), b[usable].tolist(), lengths[a, b][usable].tolist(), strict=True)
-    graph = _graph(len(lengths), ((a, b, {"weight": length}) for a, b, length in known))
-    tree = nx.minimum_spanning_edges(graph, data=True)
-    return max((float(data["weight"]) for *_, data in tree), default=0.0)
+    known = lengths[a, b][usable].tolist()
+    edges = list(zip(a[usable].tolist(), b[usable].tolist(), strict=True))
+    return max((known[k] for k in spanning_forest(len(lengths), edges, known)), default=0.0)
 
 
-def disjoint_sets(count: int) -> Any:
-    """Return a union-find structure over `count` vertices: `sets[a]`, `sets.union(a, b)`."""
-    import networkx as nx
+class DisjointSets:
+    """Union-find over vertices 0 to count - 1."""
 
-    return nx.utils.UnionFind(range(count))
+    def __init__(self, count: int) -> None:
+        self._parent = list(range(count))
+        self._size = [1] * count
+
+    def __getitem__(self, vertex: int) -> int:
+        """Return the vertex that stands for the set."""
+        parent = self._parent
+        while parent[vertex] != vertex:
+            parent[vertex] = vertex = parent[parent[vertex]]
+        return vertex
+
+    def union(self, a: int, b: int) -> bool:
+        """Merge two sets; returns whether they were apart."""
+        a, b = self[a], self[b]
+        if a == b:
+            return False
+        if self._size[a] < self._size[b]:
+            a, b = b, a
+        self._parent[b] = a
+        self._size[a] += self._size[b]
+        return True
 
 
 def contraction(count: int, same: Iterable[Edge]) -> list[int]:
@@ -136,7 +176,8 @@ def drawings(count: int, edges: Iterable[Edge], amount: int, seed: int) -> Itera
     if count <= 2:
         yield from [np.arange(count)[:, None] * np.array([[1.0, 0.0]])] * amount
         return
-    graph = _graph(count, edges)
+    graph = nx.empty_graph(count)
+    graph.add_edges_from(edges)
     makers: list[Callable[[], Any]] = [lambda: nx.spectral_layout(graph)]
     if count <= _LARGEST_ENERGY_DRAWING:
         makers.insert(0, lambda: nx.kamada_kawai_layout(graph))
@@ -153,13 +194,3 @@ def drawings(count: int, edges: Iterable[Edge], amount: int, seed: int) -> Itera
         places = np.array([drawn[k] for k in range(count)], dtype=float)
         places /= max(float(np.ptp(places, axis=0).max()), 1e-12)
         yield places + 0.01 / np.sqrt(count) * generator.standard_normal((count, 2))
-
-
-def _graph(count: int, edges: Iterable[Edge | tuple[int, int, dict[str, Any]]]) -> Any:
-    """Undirected graph of edges, each of which may have attributes."""
-    import networkx as nx
-
-    graph = nx.Graph()
-    graph.add_nodes_from(range(count))
-    graph.add_edges_from(edges)
-    return graph

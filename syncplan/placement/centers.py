@@ -266,7 +266,7 @@ def _posed(
     demands: Demands,
     centers: Array,
     settled: Index,
-    generator: np.random.Generator,
+    generator: "np.random.Generator",
 ) -> Array:
     """Pose of a component with least shortfalls, given landmarks, area and settled circles."""
     aside = drawn + _aside(part, drawn, demands, centers, settled)
@@ -302,7 +302,7 @@ def _aside(part: Demands, drawn: Array, demands: Demands, centers: Array, settle
     return np.array([right + demands.apart - left, 0.0])
 
 
-def _poses(part: Demands, drawn: Array, generator: np.random.Generator) -> Iterator[Array]:
+def _poses(part: Demands, drawn: Array, generator: "np.random.Generator") -> Iterator[Array]:
     """Yield turned and shifted drawings without end, beside two landmarks or within the area."""
     marks, area = part.landmarks, part.area
     corners = area.edges()[:, 0] if area.inside is None else area.inside
@@ -328,7 +328,7 @@ def _poses(part: Demands, drawn: Array, generator: np.random.Generator) -> Itera
         yield posed + middle - 0.5 * (posed[i] + posed[j])
 
 
-def _two(count: int, generator: np.random.Generator) -> tuple[int, int]:
+def _two(count: int, generator: "np.random.Generator") -> tuple[int, int]:
     """Draw two different numbers below `count`, or the same one twice if `count` is 1."""
     a = int(generator.integers(count))
     return a, (a + 1 + int(generator.integers(max(count - 1, 1)))) % count

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal, Self
+from typing import TYPE_CHECKING, Literal, Self
 
 import numpy as np
 from pydantic import Field
@@ -21,11 +21,13 @@ from syncplan.orbits.contacts import Approach, Windows
 from syncplan.orbits.error_states import layout_of
 from syncplan.orbits.sightings import Loss
 from syncplan.orbits.team import Team, WithTeam, true_team_of
-from syncplan.placement.centers import Placement
 from syncplan.planning.plan_records import FlownPlan, RefinementRecord
 from syncplan.planning.start_up import StartUp
 from syncplan.scenario.specification import Scenario
 from syncplan.synchronisation.phases import Synchronisation
+
+if TYPE_CHECKING:
+    from syncplan.placement.centers import Placement
 
 # --- least distances ------------------------------------------------------------------------------
 #
@@ -314,7 +316,7 @@ class JudgedTeam(WithTeam):
     error_verdict: ErrorVerdict | None = None
     single_points: tuple[Loss, ...] | None = ()
     refinement: RefinementRecord | None = None
-    placement: Placement | None = None
+    placement: "Placement | None" = None
     centres_placed: bool = False
     start_up: StartUp | None = None
     flight: FlownPlan | None = None

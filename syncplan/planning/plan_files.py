@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, Unpack
+from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -13,7 +13,6 @@ from syncplan.arrays import Array
 from syncplan.errors import Fault, InputError
 from syncplan.orbits.circles import Orbits, heading, position, wrap
 from syncplan.planning.planner import BoundChoice, JudgementOptions, Plan, judge, plan
-from syncplan.planning.written_records import WrittenRecord, with_record, written_record
 from syncplan.scenario.loading import (
     is_plan,
     parse_document,
@@ -25,6 +24,9 @@ from syncplan.scenario.quantities import Angle, Length, Many, Name, Point, valid
 from syncplan.scenario.rules import check_shared_circles
 from syncplan.scenario.specification import Scenario
 from syncplan.scenario.truths import with_truth
+
+if TYPE_CHECKING:
+    from syncplan.planning.written_records import WrittenRecord
 
 # --- keys that follow from others -----------------------------------------------------------------
 
@@ -154,7 +156,7 @@ class Loaded:
 
     scenario: Scenario
     orbits: Orbits | None
-    record: WrittenRecord | None = None
+    record: "WrittenRecord | None" = None
 
 
 def load(path: str | Path, *, max_vehicles: int = MAX_VEHICLES) -> Loaded:
@@ -172,6 +174,8 @@ def loaded_from(
     """Return the content of a scenario or plan document; `source` names it in messages."""
     if not is_plan(document):
         return Loaded(scenario_from(document, source=source, max_vehicles=max_vehicles), None)
+    from syncplan.planning.written_records import written_record
+
     try:
         given = PlanFile.model_validate(dict(document), context={"max_vehicles": max_vehicles})
     except ValidationError as error:
@@ -193,6 +197,8 @@ def plan_of(
     """
     if loaded.orbits is None:
         return plan(loaded.scenario, margin_bound=margin_bound, **options)
+    from syncplan.planning.written_records import with_record
+
     return with_record(judge(loaded.scenario, loaded.orbits, **options), loaded.record)
 
 

@@ -26,7 +26,6 @@ from syncplan.orbits.circles import Orbits
 from syncplan.orbits.error_states import ERROR_STATES, layout_of
 from syncplan.orbits.sightings import Loss, single_losses
 from syncplan.orbits.team import Team, radii_of, team_of
-from syncplan.placement.centers import place
 from syncplan.planning import judged_team
 from syncplan.planning.start_up import StartUp, start_up_of
 from syncplan.planning.verdict_checks import verdict_of
@@ -37,7 +36,6 @@ from syncplan.scenario.rules import SAME_PLACE_M
 from syncplan.scenario.specification import Scenario, per_vehicle
 from syncplan.synchronisation.contact_tables import contact_of_pairs
 from syncplan.synchronisation.phases import Synchronisation, alternating_senses, synchronise
-from syncplan.synchronisation.sighted_phases import hidden_at_all_phases, obstacles_blocking
 
 # --- the plan -------------------------------------------------------------------------------------
 
@@ -223,6 +221,8 @@ def _unmet(
 
 
 def _why_never_in_contact(team: Team, a: int, b: int) -> str:
+    from syncplan.synchronisation.sighted_phases import obstacles_blocking
+
     pair = team.only(np.array([a, b]))
     near = contacts.pairs_nearer_than(pair.orbits, np.inf)[0].distance
     reach = float(pair.sensors.ranges.max())
@@ -358,7 +358,11 @@ def plan(
     if bound not in ("auto", "always", "never"):
         raise InputError(f"{bound!r}: must be auto, always or never", key="bound")
     scenario = scenario_of(scenario)
-    placed = None if scenario.formation.placed else place(scenario)
+    placed = None
+    if not scenario.formation.placed:
+        from syncplan.placement.centers import place
+
+        placed = place(scenario)
     resolved = (scenario if placed is None else placed.scenario).resolved()
     circles = _circles(resolved)
     team = team_of(resolved, circles)
@@ -406,6 +410,8 @@ def _senses(scenario: Scenario, team: Team, pairs: Index) -> tuple[Array, bool |
     """
     direction = scenario.orbit.direction
     if direction == "alternate":
+        from syncplan.synchronisation.sighted_phases import hidden_at_all_phases
+
         edges = [(int(a), int(b)) for a, b in pairs[~hidden_at_all_phases(team, pairs)]]
         return alternating_senses(scenario.size, edges, _sharing_a_circle(team.orbits))
     turn = {"ccw": 1.0, "cw": -1.0}

@@ -15,8 +15,6 @@ from syncplan.arrays import Array
 from syncplan.documents import DocumentPart, finite_or_none
 from syncplan.errors import NoSolutionError
 from syncplan.estimation.bounds import posterior_bound
-from syncplan.estimation.pilot import PILOT_SEED, PILOT_TRIALS, pilot_squares, pilot_work
-from syncplan.estimation.pilot_readings import thinned
 from syncplan.estimation.referred_system import PosteriorBound
 from syncplan.estimation.start_up_index import StartUpIndex, first_samples
 from syncplan.orbits.contacts import Windows
@@ -162,6 +160,8 @@ def start_up_of(
         return found
     if not pilot:
         return replace(found, untried="trials were left out, as in quick previews")
+    from syncplan.estimation.pilot import pilot_work
+
     length = min(duration, PILOT_TURNS * team.orbits.period)
     if pilot_work(team, windows, length, FILTERS[found.filter]) > PILOT_WORK_LIMIT:
         return replace(found, untried=f"a pilot of {team.count} vehicles takes over a second")
@@ -190,6 +190,9 @@ def _filter_for(index: StartUpIndex) -> str:
 def _piloted(
     team: Team, windows: Windows, length: float, bound: PosteriorBound, model: FilterModel
 ) -> StartTrials | None:
+    from syncplan.estimation.pilot import PILOT_SEED, PILOT_TRIALS, pilot_squares
+    from syncplan.estimation.pilot_readings import thinned
+
     thin = thinned(team)
     if length < 2.0 * thin.sensors.sample_time:
         return None

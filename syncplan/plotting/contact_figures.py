@@ -15,7 +15,7 @@ from syncplan.arrays import Array, Index
 from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.observability.rank import DISTINCT_LANDMARKS
 from syncplan.observability.spectrum import RANK_TOLERANCE
-from syncplan.orbits.graphs import disjoint_sets
+from syncplan.orbits.graphs import DisjointSets
 from syncplan.planning.planner import Plan
 from syncplan.plotting import canvas
 from syncplan.plotting.figure_style import BLUE, INK, MUTED, PURPLE, VERMILLION, FigureStyle
@@ -168,7 +168,7 @@ def union_growth(plan: Plan) -> tuple[Array, Array, Array]:
     that have seen two distinct landmarks. A sighting counts once it begins, whatever its rank.
     """
     count = plan.orbits.count
-    merged = disjoint_sets(count)
+    merged = DisjointSets(count)
     seen: dict[int, set[int]] = {k: set() for k in range(count)}
     size = dict.fromkeys(range(count), 1)
     steps: list[tuple[float, int, int]] = [(0.0, count, 0)]

@@ -20,7 +20,7 @@ move at once on a grid of phases. It minimises the sum of exp(-sharpness x worth
 a vehicle, with growing sharpness, so that in the end the smallest worth decides.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,6 +28,7 @@ import numpy as np
 from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import wrap
 from syncplan.orbits.graphs import traversal
+from syncplan.synchronisation.phase_rules import along_forest
 
 _ROUNDING_RAD = 1e-12
 
@@ -91,20 +92,6 @@ def highest_level(
         else:
             low, theta = middle, trial
     return theta, low
-
-
-def along_forest(
-    count: int, forest: Sequence[tuple[int, int, int]], first: Index, differences: Array
-) -> Array:
-    """Return time-phases (count,) with given theta_a - theta_b (e,) along a forest of links.
-
-    `forest` is that of syncplan.orbits.graphs.traversal; `first` (e,) is the a of each link.
-    """
-    theta = np.zeros(count)
-    for parent, child, k in forest:
-        step = differences[k]
-        theta[child] = theta[parent] + (-step if first[k] == parent else step)
-    return theta
 
 
 @dataclass(frozen=True, slots=True)
@@ -366,7 +353,7 @@ def _starts(
     offset: Array,
     count: int,
     starts: int,
-    generator: np.random.Generator,
+    generator: "np.random.Generator",
 ) -> Array:
     samples = tables.value.shape[1]
     difference = np.arange(samples) * (_TURN / samples)

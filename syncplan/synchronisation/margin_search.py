@@ -25,11 +25,9 @@ from numpy.typing import NDArray
 
 from syncplan.arrays import Array, Index
 from syncplan.orbits.circles import wrap
-from syncplan.orbits.graphs import traversal
 from syncplan.runtime.machine import has_solution, load_cvxpy
 from syncplan.synchronisation.difference_tables import (
     MOST_VEHICLES,
-    along_forest,
     best_phases,
     most_served,
 )
@@ -38,7 +36,7 @@ from syncplan.synchronisation.phase_constraints import (
     largest_margin,
     serve_greedily,
 )
-from syncplan.synchronisation.phase_rules import Rules, closest_distance
+from syncplan.synchronisation.phase_rules import Rules, along_tree, closest_distance
 
 _SAMPLES = 2049
 _LINES = 96
@@ -129,7 +127,9 @@ def _majorant(rule: Rules) -> tuple[Array, Array]:
     return slopes[chosen], (y[:-1] - slopes * x[:-1])[chosen]
 
 
-def rounded(relaxation: PhaseRelaxation, generator: np.random.Generator, draws: int) -> list[Array]:
+def rounded(
+    relaxation: PhaseRelaxation, generator: "np.random.Generator", draws: int
+) -> list[Array]:
     """Return candidate time-phases (n,): the leading eigenvector's, then random projections'."""
     values, vectors = np.linalg.eigh(relaxation.gram)
     factor = vectors * np.sqrt(np.maximum(values, 0.0))
@@ -185,12 +185,6 @@ class LargestMargin:
     method: str
     note: str
     unserved: Index
-
-
-def along_tree(rules: Rules, count: int, residual: Array | float = 0.0) -> Array:
-    """Return time-phases (n,) with given residuals (e,) along a breadth-first spanning forest."""
-    forest = traversal(count, rules.edges)
-    return wrap(along_forest(count, forest, rules.a, rules.offset + residual))
 
 
 def search_margins(
@@ -260,7 +254,7 @@ def _search(
 
 
 def _relaxed(
-    rules: Rules, count: int, generator: np.random.Generator, margin_bound: bool
+    rules: Rules, count: int, generator: "np.random.Generator", margin_bound: bool
 ) -> tuple[list[Array], float | None, str, str]:
     """Starts from the relaxation, its bound, the method of the search, and a note on the bound."""
     method = "spanning trees and polish"
@@ -284,7 +278,7 @@ def _relaxed(
     return starts, relaxation.bound, "relaxation and polish", note
 
 
-def _smooth_starts(rules: Rules, count: int, generator: np.random.Generator) -> list[Array]:
+def _smooth_starts(rules: Rules, count: int, generator: "np.random.Generator") -> list[Array]:
     """Local minima of a steep smooth cost of the residuals, from spectral and random starts."""
     if len(rules) == 0:
         return []
@@ -312,7 +306,7 @@ def _smooth_starts(rules: Rules, count: int, generator: np.random.Generator) -> 
 
 
 def _separated_starts(
-    rules: Rules, constraints: PhaseConstraints, count: int, generator: np.random.Generator
+    rules: Rules, constraints: PhaseConstraints, count: int, generator: "np.random.Generator"
 ) -> list[Array]:
     """Spanning trees whose links miss the rule, either way, by as much as separation requires."""
     links = constraints.links

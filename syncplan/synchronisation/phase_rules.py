@@ -10,6 +10,7 @@ The residual is the deviation from that difference. A link's least distance depe
 size of its residual.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,7 @@ import numpy as np
 from syncplan.arrays import Array, Flags, Index
 from syncplan.orbits.circles import Orbits, RelativeMotion, perpendicular, unit, wrap
 from syncplan.orbits.contacts import least_distances
+from syncplan.orbits.graphs import traversal
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +96,26 @@ def phase_residuals(rules: Rules, phases: Array) -> Array:
     first, second = phases[rules.a], phases[rules.b]
     asked = np.where(rules.same, second - first, first + second - 2.0 * rules.bearing)
     return wrap(asked - np.pi)
+
+
+def along_tree(rules: Rules, count: int, residual: Array | float = 0.0) -> Array:
+    """Return time-phases (n,) with given residuals (e,) along a breadth-first spanning forest."""
+    forest = traversal(count, rules.edges)
+    return wrap(along_forest(count, forest, rules.a, rules.offset + residual))
+
+
+def along_forest(
+    count: int, forest: Sequence[tuple[int, int, int]], first: Index, differences: Array
+) -> Array:
+    """Return time-phases (count,) with given theta_a - theta_b (e,) along a forest of links.
+
+    `forest` is that of syncplan.orbits.graphs.traversal; `first` (e,) is the a of each link.
+    """
+    theta = np.zeros(count)
+    for parent, child, k in forest:
+        step = differences[k]
+        theta[child] = theta[parent] + (-step if first[k] == parent else step)
+    return theta
 
 
 def closest_distance(rules: Rules, residual: Array) -> Array:

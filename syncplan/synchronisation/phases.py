@@ -24,9 +24,13 @@ from syncplan.orbits.graphs import components, contraction, odd_cycle, two_colou
 from syncplan.orbits.sight_lines import obstructible
 from syncplan.orbits.team import Sensors, Team
 from syncplan.synchronisation.contact_tables import contact_of_pairs, seeing_team
-from syncplan.synchronisation.margin_search import along_tree, search_margins
-from syncplan.synchronisation.phase_rules import Rules, closest_distance, residuals, rules_of
-from syncplan.synchronisation.sighted_phases import phases_in_sight, why_unseen
+from syncplan.synchronisation.phase_rules import (
+    Rules,
+    along_tree,
+    closest_distance,
+    residuals,
+    rules_of,
+)
 
 Edge = tuple[int, int]
 
@@ -203,6 +207,8 @@ def synchronise(
     theta = senses * phases
     if _meets(rules, guards, theta, min_separation):
         return _in_closed_form(case, phases)
+    from syncplan.synchronisation.margin_search import search_margins
+
     found = search_margins(rules, guards, theta, min_separation, margin_bound=margin_bound)
     kept = case.kept(found.unserved)
     return Synchronisation(
@@ -251,6 +257,8 @@ def _in_closed_form(case: _PhaseProblem, phases: Array) -> Synchronisation:
 def _by_contact(
     case: _PhaseProblem, team: Team, first_phase: float, *, quick: bool
 ) -> Synchronisation:
+    from syncplan.synchronisation.sighted_phases import phases_in_sight, why_unseen
+
     rules, guards, senses = case.rules, case.guards, case.circles.senses
     found, most = phases_in_sight(rules, guards, team, case.separation, quick=quick)
     kept = case.kept(found.unserved)

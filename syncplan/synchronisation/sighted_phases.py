@@ -30,12 +30,11 @@ from syncplan.synchronisation.contact_tables import seen_when_shifted, tabulated
 from syncplan.synchronisation.difference_tables import (
     MOST_VEHICLES,
     DifferenceTables,
-    along_forest,
     best_phases,
     descended,
     most_served,
 )
-from syncplan.synchronisation.phase_rules import Rules, closest_distance, rules_of
+from syncplan.synchronisation.phase_rules import Rules, along_forest, closest_distance, rules_of
 
 FLOOR = 1e-3
 """Share of its attainable contact from which a link counts as served."""

@@ -20,7 +20,7 @@ from docs.site.reference import PAGES as REFERENCE
 from docs.site.scenario_keys import described_keys, unit_of
 from docs.site.service_pages import settings_table
 from docs.site.speed_page import BENCHMARKS, measured, speed_page
-from syncplan.cli.command_line import app
+from syncplan.cli.command_line import application
 from syncplan.errors import InputError
 from syncplan.scenario.specification import Scenario
 from tests.tools.api_servers import openapi_document
@@ -271,7 +271,7 @@ def test_scenario_keys_carry_their_units() -> None:
 
 def test_the_reference_names_every_command_operation_and_public_name() -> None:
     made = {name: content() for name, content in REFERENCE.items()}
-    commands = get_command(app)
+    commands = get_command(application())
     for name in commands.commands:  # type: ignore[attr-defined]
         assert f"`syncplan {name}`" in made["reference/command-line.md"]
     document = openapi_document()

@@ -59,7 +59,7 @@ def test_defaults_are_those_of_the_library_the_command_line_and_the_service() ->
         "model": None,
     }
     assert ValidationRequest().run_options() == ValidationOptions()
-    command: Any = get_command(command_line.app)
+    command: Any = get_command(command_line.application())
     shown = {option.name: option.default for option in command.commands["validate"].params}
     assert {name: shown[name] for name in asdict(FilterOptions())} == asdict(FilterOptions())
 

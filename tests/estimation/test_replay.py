@@ -634,7 +634,7 @@ def test_a_recording_is_never_written_over(noisy: Path, refused: Any) -> None:
 
 
 def test_the_options_defaults_are_the_librarys() -> None:
-    command: Any = get_command(command_line.app)
+    command: Any = get_command(command_line.application())
     options = {option.name: option.default for option in command.commands["replay"].params}
     shown = {field.name for field in fields(ReplaySettings)} & set(options)
     assert {"meetings", "bearing_sigma", "delay", "start", "window"} <= shown

@@ -341,7 +341,7 @@ def test_a_client_replays(noisy: Path, server: Server, tmp_path: Path) -> None:
 
 
 def test_what_may_be_asked_is_what_the_command_line_offers() -> None:
-    command: Any = get_command(command_line.app)
+    command: Any = get_command(command_line.application())
     options = {option.name: option.default for option in command.commands["replay"].params}
     keys = ReplayOptions.request_keys()
     for name, key in keys.items():

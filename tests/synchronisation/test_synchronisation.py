@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import circle_gaps, closest_approach, pairs_nearer_than
-from syncplan.orbits.graphs import odd_cycle, two_colouring
 from syncplan.planning.planner import plan
 from syncplan.scenario.formations import SHAPES
 from syncplan.synchronisation.phase_rules import closest_distance, residuals, rules_of
@@ -249,22 +248,6 @@ def test_the_number_of_alternating_links_is_the_largest(seed: int) -> None:
     assert proven
     assert cut == best
     assert senses[0] == 1.0
-
-
-@given(st.integers(0, 2**32 - 1))
-def test_a_graph_has_two_colours_or_an_odd_cycle(seed: int) -> None:
-    generator = np.random.default_rng(seed)
-    count = int(generator.integers(1, 10))
-    edges = [pair for pair in itertools.combinations(range(count), 2) if generator.random() < 0.3]
-    colour, cycle = two_colouring(count, edges), odd_cycle(count, edges)
-    if colour is not None:
-        assert not cycle
-        assert all(colour[a] != colour[b] for a, b in edges)
-    else:
-        assert len(cycle) % 2 == 1
-        ring = zip(cycle, [*cycle[1:], cycle[0]], strict=True)
-        assert all((min(a, b), max(a, b)) in edges for a, b in ring)
-        assert len(set(cycle)) == len(cycle)
 
 
 def test_a_mixed_team_takes_each_link_by_its_two_senses() -> None:
