@@ -1,17 +1,21 @@
 """Sliding windows: the shortest that certifies a team, and observability in recorded ones."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from syncplan.arrays import Array, Flags, Index
 from syncplan.observability import rank
+from syncplan.observability.referred_rows import sighting_rows
 from syncplan.observability.spectrum import Observability
 from syncplan.orbits.circles import perpendicular
+from syncplan.orbits.contacts import Windows
 from syncplan.orbits.graphs import DisjointSets
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
-from syncplan.orbits.sightings import sample_sightings, steps_within
+from syncplan.orbits.sightings import Sightings, sample_sightings, steps_within
 
 # --- the shortest window --------------------------------------------------------------------------
 
@@ -21,8 +25,10 @@ SEARCHED_PERIODS = 2
 CLEARLY = 30.0
 """Factor above the tolerance of a link's rank beyond which rounding cannot matter."""
 
-_NEVER = np.iinfo(np.int64).max // 4
 _BATCH = 20_000
+_BEYOND = np.iinfo(np.int64).max // 2
+_PART = 200_000
+"""Sightings that are sorted, or whose rows are computed, at once."""
 
 
 def connectivity_period(assessed: rank.Assessment) -> float | None:
@@ -31,49 +37,220 @@ def connectivity_period(assessed: rank.Assessment) -> float | None:
     Links are measured against the largest singular value of the team's matrix over the window
     assessed.
 
-    For every start just after a sample, the search finds the earliest sample by which each pair's
-    sightings since the start have the rank that the certificate requires. The certificate holds
-    once these pairs tie every component to two distinct landmarks. The worst start decides. As long
-    as no pair's earliest sample jumps from one start to the next, the window only shrinks, so the
-    graph is examined only where one jumps.
+    For a start just after a sample, the window ends where each of some pairs has sightings of the
+    rank that the certificate requires, and these pairs tie every component to two distinct
+    landmarks. The worst start decides.
+
+    As many sightings as the rank mostly have it, so it is taken for granted at first. Within the
+    longest window so far, the pairs that tie the team by their latest sightings serve all starts
+    up to the first of these; the next start is examined then. Only the sightings used are checked.
+    Where they lack the rank, all windows of the pair are searched, and all starts examined anew.
     """
-    team = assessed.team
-    orbits, sample_time = team.orbits, team.sensors.sample_time
-    samples = steps_within(orbits.period, sample_time) + 1
-    ready = _ready_steps(assessed, samples)
-    if not ready:
+    sample_time = assessed.team.sensors.sample_time
+    samples = steps_within(assessed.team.orbits.period, sample_time) + 1
+    if not len(assessed.windows.observers):
         return None
-    table = np.array(list(ready.values()))
-    jumps = np.flatnonzero(np.r_[True, (np.diff(table, axis=1) >= 2).any(axis=0)])
-    distinct = _distinct_landmarks(
-        team.landmarks, rank.DISTINCT_LANDMARKS * float(orbits.radii.mean())
-    )
-    worst = 0
-    for start in jumps:
-        end = _first_certified(list(ready), table[:, start], orbits.count, distinct)
-        if end is None or end - start + 1 > SEARCHED_PERIODS * samples:
-            return None
-        worst = max(worst, end - int(start) + 1)
-    return round(worst * sample_time, 9)
+    for periods in range(1, SEARCHED_PERIODS + 1):
+        seen = _PairSightings.of(assessed, (1 + periods) * samples)
+        longest = seen.longest_window(samples)
+        if longest is not None and longest <= SEARCHED_PERIODS * samples:
+            return round(longest * sample_time, 9)
+    return None
 
 
-def _ready_steps(assessed: rank.Assessment, samples: int) -> dict[tuple[int, int], Index]:
-    """Step by which each pair (a, b) certifies when watched from each start, (samples,)."""
-    team, period = assessed.team, assessed.team.orbits.period
-    last = (1 + SEARCHED_PERIODS) * samples
-    sightings = sample_sightings(assessed.windows, period, team.sensors, 0, last)
-    pairs = list(rank.pair_rows(team, sightings))
-    starts = [np.searchsorted(pair.steps, np.arange(samples)) for pair in pairs]
-    used = [np.unique(of[of < len(pair.steps)]) for pair, of in zip(pairs, starts, strict=True)]
-    needed = [2 if pair.b >= team.count else 3 for pair in pairs]
-    lengths = _shortest_certified([pair.rows for pair in pairs], used, needed, assessed.largest)
-    ready = {}
-    for pair, of, row, length in zip(pairs, starts, used, lengths, strict=True):
-        end = pair.steps[np.minimum(row + length - 1, len(pair.steps) - 1)]
-        table = np.full(len(pair.steps) + 1, _NEVER, dtype=np.int64)
-        table[row] = np.where(length > 0, end, _NEVER)
-        ready[pair.a, pair.b] = table[of]
-    return ready
+@dataclass(frozen=True, slots=True)
+class _PairSightings:
+    """Sightings of all pairs, each numbered `code span + step`, with code = a (n + m) + b.
+
+    Attributes
+    ----------
+    span : number of steps, and one that is never reached
+    codes : (p,) of the pairs, ascending
+    numbers : (s,) ascending; the last is beyond all sightings
+    ends : (s,) number of the sighting with which a window that begins at each has the rank
+        required; that of the last step of the span if none has. Ascending
+    ways : (s,) twice the kind, and one more if b sights a
+    searched : (p,) whether `ends` are known to be right
+    """
+
+    assessed: rank.Assessment
+    span: int
+    codes: Index
+    numbers: Index
+    ends: Index
+    ways: NDArray[np.uint8]
+    searched: Flags
+
+    @classmethod
+    def of(cls, assessed: rank.Assessment, last: int) -> "_PairSightings":
+        """Return the sightings up to step `last`, of which the fewest have the rank required."""
+        team, windows, span = assessed.team, assessed.windows, last + 2
+        bodies, sensors = team.count + len(team.landmarks), team.sensors
+        for kind in SIGHTING_KINDS.values():
+            if not kind.of_target and np.any(kind.sigmas(sensors) < np.inf):
+                without: dict[str, Any] = {kind.sigma_name: np.array(np.inf)}
+                sensors = replace(sensors, **without)
+        code = _codes(windows.observers, windows.targets, bodies)
+        codes = np.sort(code)[np.flatnonzero(np.diff(np.sort(code), prepend=-1))]
+        number = np.diff(windows.first)
+        parts = []
+        for some in np.array_split(codes, 1 + len(codes) * last // (2 * _PART)):
+            kept = (code >= some[0]) & (code <= some[-1])
+            within = Windows(
+                windows.observers[kept],
+                windows.targets[kept],
+                np.concatenate([[0], np.cumsum(number[kept])]),
+                windows.starts[np.repeat(kept, number)],
+                windows.ends[np.repeat(kept, number)],
+            )
+            made = sample_sightings(within, team.orbits.period, sensors, 0, last)
+            base = span * _codes(made.observers, made.targets, bodies)
+            order = np.argsort(base + made.steps, kind="stable")
+            base, numbers = base[order], (base + made.steps)[order]
+            never = base + (span - 1)
+            after = np.concatenate([numbers[1:], never[-1:], never[-1:]])
+            landmark = made.targets[order] >= team.count
+            ends = np.minimum(np.where(landmark, after[:-1], after[1:]), never)
+            ways = (2 * made.kinds + (made.observers > made.targets)).astype(np.uint8)
+            parts.append((numbers, ends, ways[order]))
+        # the last number lies beyond all
+        parts.append((np.array([_BEYOND]), np.array([_BEYOND]), np.array([0], dtype=np.uint8)))
+        numbers, ends, ways = (np.concatenate(of) for of in zip(*parts, strict=True))
+        return cls(assessed, span, codes, numbers, ends, ways, np.zeros(len(codes), dtype=bool))
+
+    def longest_window(self, samples: int) -> int | None:
+        """Return the most steps after any of the first `samples` starts; None if none suffice."""
+        while True:
+            longest, used = self._examined(samples)
+            if longest is None:
+                return None
+            lacking = self._lacking(used)
+            if not len(lacking):
+                return longest
+            for some in np.array_split(lacking, 1 + len(lacking) * self.span // _PART):
+                self._search(some)
+
+    def _examined(self, samples: int) -> tuple[int | None, Index]:
+        """Most steps after any start, as far as `ends` are right, and the sightings used (k,)."""
+        tying, base = _Tying.of(self.assessed, self.codes), self.span * self.codes
+        longest, start, used = 0, 0, []
+        while start < samples:
+            end = min(start + longest, self.span - 1) - 1
+            row = np.searchsorted(self.ends, base + end, side="right") - 1
+            latest = np.where(row < 0, -1, self.numbers[row] - base)
+            order = np.argsort(-latest, kind="stable")[: int(np.sum(latest >= start))]
+            pairs = tying.first_of(order.tolist())
+            if pairs is not None:
+                used.append(row[pairs])
+                start = int(latest[pairs[-1]]) + 1
+                continue
+            row = np.searchsorted(self.numbers, base + start)
+            ready = self.ends[row] - base
+            order = np.argsort(ready, kind="stable")[: int(np.sum(ready < self.span - 1))]
+            pairs = tying.first_of(order.tolist())
+            if pairs is None:
+                return None, row[:0]
+            longest = int(ready[pairs[-1]]) - start + 1
+        return longest, np.concatenate(used)
+
+    def _lacking(self, used: Index) -> Index:
+        """Pairs (k,) without the rank required in a window that begins at one of the sightings."""
+        begins = np.zeros(len(self.numbers), dtype=bool)
+        begins[used] = True
+        row = np.flatnonzero(begins)
+        pair = np.searchsorted(self.codes, self.numbers[row] // self.span)
+        row, pair = row[~self.searched[pair]], pair[~self.searched[pair]]
+        lacks = np.zeros(len(self.codes), dtype=bool)
+        for some in np.array_split(np.arange(len(row)), 1 + 3 * len(row) // _PART):
+            needed = self._needed(pair[some])
+            first = np.cumsum(needed) - needed
+            which = np.repeat(row[some] - first, needed) + np.arange(int(needed.sum()))
+            starts = _Starts(self._rows(which), pair[some], first, needed, needed)
+            full = _certified(starts, needed, self.assessed.largest)
+            lacks[pair[some][~full]] = True
+        return np.flatnonzero(lacks)
+
+    def _search(self, pairs: Index) -> None:
+        """Find the `ends` of pairs (k,) by singular values."""
+        base = self.span * self.codes[pairs]
+        begin, end = np.searchsorted(self.numbers, [base, base + self.span])
+        rows = [self._rows(np.arange(*of)) for of in zip(begin, end, strict=True)]
+        starts = [np.arange(len(of)) for of in rows]
+        needed, largest = self._needed(pairs).tolist(), self.assessed.largest
+        lengths = _shortest_certified(rows, starts, needed, largest)
+        for first, own, row, length in zip(begin, base, starts, lengths, strict=True):
+            last = np.maximum(first + row + length - 1, 0)
+            found = np.where(length > 0, self.numbers[last], own + self.span - 1)
+            # a window has the rank if one within it has
+            self.ends[first + row] = np.minimum.accumulate(found[::-1])[::-1]
+        self.searched[pairs] = True
+
+    def _needed(self, pairs: Index) -> Index:
+        """Rank (k,) that the certificate requires of pairs (k,)."""
+        team = self.assessed.team
+        target = self.codes[pairs] % (team.count + len(team.landmarks))
+        return np.where(target < team.count, 3, 2)
+
+    def _rows(self, which: Index) -> Array:
+        """Rows (k, 6) of the sightings numbered, the columns of a before those of b."""
+        team = self.assessed.team
+        code, steps = np.divmod(self.numbers[which], self.span)
+        a, b = np.divmod(code, team.count + len(team.landmarks))
+        kinds, back = np.divmod(self.ways[which].astype(np.int64), 2)
+        made = Sightings(steps, np.where(back, b, a), np.where(back, a, b), kinds)
+        rows = sighting_rows(team, made)
+        return np.where(back[:, None], rows[:, [3, 4, 5, 0, 1, 2]], rows)
+
+
+def _codes(observers: Index, targets: Index, bodies: int) -> Index:
+    return np.asarray(np.minimum(observers, targets) * bodies + np.maximum(observers, targets))
+
+
+@dataclass(frozen=True, slots=True)
+class _Tying:
+    """Pairs (a, b) that may tie a team of `count` vehicles to distinct landmarks."""
+
+    count: int
+    a: list[int]
+    b: list[int]
+    distinct: Flags  # (m, m)
+
+    @classmethod
+    def of(cls, assessed: rank.Assessment, codes: Index) -> "_Tying":
+        """Return the pairs of these codes."""
+        team = assessed.team
+        a, b = np.divmod(codes, team.count + len(team.landmarks))
+        apart = rank.DISTINCT_LANDMARKS * float(team.orbits.radii.mean())
+        distinct = _distinct_landmarks(team.landmarks, apart)
+        return cls(team.count, a.tolist(), b.tolist(), distinct)
+
+    def first_of(self, order: list[int]) -> list[int] | None:
+        """Return those of the pairs, taken in this order, that tie all; None if they don't."""
+        merged = DisjointSets(self.count)
+        seen: list[set[int]] = [set() for _ in range(self.count)]
+        held = [False] * self.count
+        unheld, used = self.count, []
+        for pair in order:
+            part, b = merged[self.a[pair]], self.b[pair]
+            other = part if b >= self.count else merged[b]
+            anchors = {b - self.count} if b >= self.count else seen[other]
+            if (held[part] and held[other]) or (b < self.count and part == other):
+                continue
+            unheld -= (not held[part]) + (part != other and not held[other])
+            holds = held[part] or held[other] or self._hold(seen[part], anchors)
+            anchors = seen[part] | anchors
+            merged.union(part, other)
+            root = merged[part]
+            seen[root], held[root] = anchors, holds
+            unheld += not holds
+            used.append(pair)
+            if not unheld:
+                return used
+        return None
+
+    def _hold(self, some: set[int], others: set[int]) -> bool:
+        """Whether one of each are distinct landmarks."""
+        return any(self.distinct[one, other] for one in some for other in others)
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,14 +324,12 @@ def _searched(starts: _Starts, largest: float) -> Index:
 
 def _certified(starts: _Starts, lengths: Index, largest: float) -> Flags:
     """Whether windows of these lengths have the rank; those of one length are batched."""
-    result = np.ones(len(lengths), dtype=bool)
     squares = np.cumsum(np.concatenate([[0.0], np.einsum("sc,sc->s", starts.rows, starts.rows)]))
-    for length in np.unique(lengths):
-        same = np.flatnonzero(lengths == length)
-        for whole in np.array_split(same, 1 + len(same) * int(length) // _BATCH):
-            part = whole[~_clearly_certified(starts.only(whole), squares, int(length), largest)]
-            if not len(part):
-                continue
+    result = _clearly_certified(starts, squares, lengths, largest)
+    doubtful = np.flatnonzero(~result)
+    for length in np.flatnonzero(np.bincount(lengths[doubtful])).tolist():
+        same = doubtful[lengths[doubtful] == length]
+        for part in np.array_split(same, 1 + len(same) * length // _BATCH):
             blocks = starts.rows[starts.row[part, None] + np.arange(length)]
             values = np.linalg.svd(blocks, compute_uv=False)
             counted = values[np.arange(len(part)), starts.needed[part] - 1]
@@ -162,15 +337,15 @@ def _certified(starts: _Starts, lengths: Index, largest: float) -> Flags:
     return result
 
 
-def _clearly_certified(starts: _Starts, squares: Array, length: int, largest: float) -> Flags:
-    """Whether windows of `length` rows have the rank beyond doubt, without singular values.
+def _clearly_certified(starts: _Starts, squares: Array, lengths: Index, largest: float) -> Flags:
+    """Whether windows of these lengths have the rank beyond doubt, without singular values.
 
     Three of the rows, or two, have no larger singular values than all. Their Gram matrix G has
     det G = s1^2 s2^2 s3^2 and s1^2 + s2^2 <= tr G, so s3^2 >= det G / (tr G / 2)^2; for two rows
     s2^2 >= det G / tr G. A value above the tolerance by the factor CLEARLY is no rounding error.
     `squares` holds the cumulative sums of squares of the rows.
     """
-    first, middle, last = (starts.rows[starts.row + k] for k in (0, length // 2, length - 1))
+    first, middle, last = (starts.rows[starts.row + k] for k in (0, lengths // 2, lengths - 1))
     aa, cc, ac = (
         np.einsum("sc,sc->s", *of) for of in ((first, first), (last, last), (first, last))
     )
@@ -183,7 +358,7 @@ def _clearly_certified(starts: _Starts, squares: Array, length: int, largest: fl
     with np.errstate(divide="ignore", invalid="ignore"):
         least = np.where(starts.needed == 2, two / trace, three / (0.5 * (trace + bb)) ** 2)
     # sum of squares of all rows: the square of no singular value is larger
-    of_all = squares[starts.row + length] - squares[starts.row]
+    of_all = squares[starts.row + lengths] - squares[starts.row]
     largest_square = np.maximum(of_all, largest**2)
     return np.asarray(least > (CLEARLY * rank.LINK_TOLERANCE) ** 2 * largest_square)
 
@@ -192,43 +367,6 @@ def _distinct_landmarks(landmarks: Array, distance: float) -> Flags:
     """(m, m) whether two landmarks count as distinct."""
     apart = landmarks[:, None] - landmarks[None]
     return np.asarray(np.hypot(apart[..., 0], apart[..., 1]) > distance)
-
-
-def _first_certified(
-    pairs: list[tuple[int, int]], ready: Index, count: int, distinct: Flags
-) -> int | None:
-    """First step at which the certificate holds, if each pair counts from its own step on."""
-    merged = DisjointSets(count)
-    anchors: dict[int, set[int]] = {k: set() for k in range(count)}
-    held = [False] * count
-    unheld = count
-    for k in np.argsort(ready, kind="stable"):
-        if ready[k] >= _NEVER:
-            return None
-        a, b = pairs[k]
-        if b >= count:
-            root = merged[a]
-            anchors[root].add(b - count)
-            if not held[root] and _hold(anchors[root], distinct):
-                held[root] = True
-                unheld -= 1
-        elif merged[a] != merged[b]:
-            parts = merged[a], merged[b]
-            merged.union(a, b)
-            root = merged[a]
-            unheld -= sum(not held[part] for part in parts)
-            anchors[root] = anchors[parts[0]] | anchors[parts[1]]
-            held[root] = any(held[part] for part in parts) or _hold(anchors[root], distinct)
-            unheld += not held[root]
-        if unheld == 0:
-            return int(ready[k])
-    return None
-
-
-def _hold(anchors: set[int], distinct: Flags) -> bool:
-    """Whether two of the landmarks are distinct."""
-    numbers = list(anchors)
-    return len(numbers) > 1 and bool(distinct[np.ix_(numbers, numbers)].any())
 
 
 # --- windows along any paths ----------------------------------------------------------------------

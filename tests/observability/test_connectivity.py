@@ -82,7 +82,7 @@ def test_rank_beyond_doubt_is_rank_by_singular_values(needed: int) -> None:
     squares = np.cumsum(np.concatenate([[0.0], np.sum(rows**2, axis=1)]))
     values = np.linalg.svd(blocks, compute_uv=False)
     for largest in (1e-3, 1.0, 1e3):
-        clear = _clearly_certified(starts, squares, length, largest)
+        clear = _clearly_certified(starts, squares, np.full(windows, length), largest)
         counted = values[:, needed - 1] > LINK_TOLERANCE * np.maximum(values[:, 0], largest)
         assert not np.any(clear & ~counted)
         assert clear.sum() > 0.4 * counted.sum()
