@@ -2,7 +2,8 @@
 
 The timeline has a bar for each contact window; a panel below shows what the union of the sightings
 joins. A row is a directed sighting (v1 -> v2). For teams with more than MANY_SIGHTINGS of these, a
-row is a vehicle, and simultaneous sightings stand in lanes of its row.
+row is a vehicle, and simultaneous sightings stand in lanes of its row. At most MOST_ROWS vehicles
+have a row: those with the least contact.
 """
 
 from collections.abc import Iterable
@@ -36,6 +37,9 @@ class Row:
 
 MANY_SIGHTINGS = 60
 """Largest number of directed sightings for which each has a row of its own."""
+
+MOST_ROWS = 200
+"""Most vehicles that have a row."""
 
 ROW_PX = 19
 VEHICLE_ROW_PX = 14
@@ -80,7 +84,7 @@ def timeline_spec(plan: Plan, style: FigureStyle) -> canvas.Spec:
     title = f"{canvas.escaped(plan.scenario.name or 'Plan')}: who sees whom, when"
     drawn = canvas.layout(
         title,
-        note=_note(plan),
+        note=_note(plan, labels),
         inner=inner,
         above=12,
         barmode="overlay",
@@ -104,15 +108,22 @@ def timeline_spec(plan: Plan, style: FigureStyle) -> canvas.Spec:
 def lanes_of(plan: Plan, names: list[str]) -> tuple[list[Lane], list[str]]:
     """Return all windows with their places in rows, and the rows' labels; `names` are escaped.
 
-    Windows of one row that overlap in time stand in separate lanes.
+    Windows of one row that overlap in time stand in separate lanes. Of more than MOST_ROWS
+    vehicles, those with the least contact have rows.
     """
     sightings, period = rows_of(plan), plan.orbits.period
     if len(sightings) <= MANY_SIGHTINGS:
         row_of = {id(one): k for k, one in enumerate(sightings)}
         labels = [f"{names[one.observer]} → {names[one.target]}" for one in sightings]
     else:
-        observers = sorted({one.observer for one in sightings})
-        row_of = {id(one): observers.index(one.observer) for one in sightings}
+        contact: dict[int, float] = {}
+        for one in sightings:
+            length = float(np.diff(one.windows).sum())
+            contact[one.observer] = contact.get(one.observer, 0.0) + length
+        observers = sorted(sorted(contact, key=lambda k: (contact[k], k))[:MOST_ROWS])
+        row_at = {observer: row for row, observer in enumerate(observers)}
+        sightings = [one for one in sightings if one.observer in row_at]
+        row_of = {id(one): row_at[one.observer] for one in sightings}
         labels = [names[k] for k in observers]
     of_row: dict[int, list[tuple[float, float, Row]]] = {}
     for one in sightings:
@@ -212,14 +223,17 @@ def _distinct(plan: Plan, landmarks: set[int]) -> bool:
     return bool((np.hypot(apart[..., 0], apart[..., 1]) > limit).any())
 
 
-def _note(plan: Plan) -> str:
-    length = plan.connectivity_period
+def _note(plan: Plan, rows: list[str]) -> str:
+    length, windows = plan.connectivity_period, plan.windows
+    seeing = len(np.unique(windows.observers[np.diff(windows.first) > 0]))
+    note = f"period {plan.orbits.period:.4g} s; "
     if length is None:
-        return f"period {plan.orbits.period:.4g} s; no window of two periods certifies the team"
-    return (
-        f"period {plan.orbits.period:.4g} s; any {length:.4g} s of sightings certify the team "
-        "(connectivity period)"
-    )
+        note += "no window of two periods certifies the team"
+    else:
+        note += f"any {length:.4g} s of sightings certify the team (connectivity period)"
+    if len(rows) == MOST_ROWS and seeing > MOST_ROWS:
+        note += f"; rows are the {MOST_ROWS} of {seeing} vehicles with the least contact"
+    return note
 
 
 def _bars(lanes: list[Lane], names: list[str]) -> list[canvas.Spec]:

@@ -131,8 +131,9 @@ def _pair_trace(
     text = [""] * len(x)
     text[1::4] = texts
     lengths = view.scale * np.hypot(*(end - start).T)
+    shortest = 0.0 if view.many else _SHORT_PX
     sizes = [0.0] * len(x)
-    sizes[1::4] = [_SHORT_MARK_PX if length < _SHORT_PX else 0.0 for length in lengths]
+    sizes[1::4] = [_SHORT_MARK_PX if length < shortest else 0.0 for length in lengths]
     line = {"color": shown.color, "dash": shown.dash, "width": view.link_px(shown.width)}
     marks: canvas.Spec = {}
     if any(sizes):
@@ -244,8 +245,8 @@ def _turning_arc(place: Array, radius: float, turn: float) -> Array:
 # --- one period ---------------------------------------------------------------------------------
 
 
-FRAMES = 60
-"""Number of frames that show one period."""
+FRAMES = (12, 60)
+"""Fewest and most frames that show one period."""
 
 FRAME_MS = 100
 
@@ -253,11 +254,12 @@ _HEAD_AT = 0.68
 """Position of the arrowhead on a sight line: past the middle, to keep both ways apart."""
 
 
-def animation_spec(plan: Plan, style: FigureStyle, frames: int = FRAMES) -> canvas.Spec:
-    """Return the figure of one period in `frames` steps, with buttons and a slider.
+def animation_spec(plan: Plan, style: FigureStyle) -> canvas.Spec:
+    """Return the figure of one period in steps, with buttons and a slider.
 
-    A line joins a vehicle and each target in contact at that moment, in the style that the
-    formation gives a link of that worth; its arrowhead points at the target.
+    Large teams have fewer steps, and no arrowheads. A line joins a vehicle and each target in
+    contact at that moment, in the style that the formation gives a link of that worth; its
+    arrowhead points at the target.
     """
     view = maps.view_of(style, plan)
     names = body_names(plan)
@@ -267,9 +269,14 @@ def animation_spec(plan: Plan, style: FigureStyle, frames: int = FRAMES) -> canv
         *maps.circle_traces(plan, view, arrows=False),
         *landmark_trace(plan, view, names, about),
         name_trace(plan, view, names, about),
-        maps.pointer_entry("directions", "direction of sight", maps.HEAD_PX),
+        *(
+            []
+            if view.many
+            else [maps.pointer_entry("directions", "direction of sight", maps.HEAD_PX)]
+        ),
         maps.pointer_entry("vehicles", "vehicle", maps.VEHICLE_PX),
     ]
+    frames = int(np.clip(FRAMES[1] * maps.MANY_VEHICLES // plan.orbits.count, *FRAMES))
     times = np.arange(frames) * plan.orbits.period / frames
     kinds = _by_worth(plan)
     kind_of = np.full((len(names), len(names)), -1)
@@ -282,7 +289,8 @@ def animation_spec(plan: Plan, style: FigureStyle, frames: int = FRAMES) -> canv
     index = [len(still) + k for k in range(len(first))]
     steps = [{"name": str(k), "data": traces, "traces": index} for k, traces in enumerate(moving)]
     title = f"{canvas.escaped(plan.scenario.name or 'Formation')}: one period"
-    note = f"{plan.orbits.period:.4g} s in {frames} steps; arrowheads point at what is seen"
+    heads = "" if view.many else "; arrowheads point at what is seen"
+    note = f"{plan.orbits.period:.4g} s in {frames} steps{heads}"
     drawn = canvas.layout(title, note=note, inner=view.height_px, **view.axes(), **_controls(times))
     return {"data": [*still, *first], "layout": drawn, "frames": steps}
 
@@ -304,11 +312,12 @@ def _moving_traces(
     orbits, places = plan.orbits, view.places - 1
     bodies = np.concatenate([position(orbits, time), plan.landmarks.reshape(-1, 2)])
     observers, targets = live(plan.windows, orbits.period, time)
+    headed = slice(0 if view.many else None)
     # one line for two that see each other
     pairs = np.unique(np.sort(np.column_stack([observers, targets]), axis=1), axis=0)
     worth = kind_of[pairs[:, 0], pairs[:, 1]]
-    away = bodies[targets] - bodies[observers]
-    heads = bodies[observers] + _HEAD_AT * away
+    away = (bodies[targets] - bodies[observers])[headed]
+    heads = bodies[observers[headed]] + _HEAD_AT * away
     return [
         *(_segments(bodies[pairs[worth == kind]], places) for kind in range(kinds)),
         {

@@ -63,9 +63,12 @@ def obstructions(plan: Mapped, pairs: Index, arrows: Array | None = None) -> Obs
 def name_trace(plan: Mapped, view: MapView, names: list[str], about: Obstructions) -> Spec:
     """Return the names of vehicles in their circles or beside them; one text for each centre.
 
-    In teams above MOST_OUTSIDE, names too small to read in their circles are left empty; the
-    vehicles' hover texts have them.
+    In teams above MOST_OUTSIDE, names too small to read in their circles are left empty, and in
+    those above MANY_VEHICLES all names are left out; the vehicles' hover texts have them.
     """
+    trace = {"type": "scatter", "uid": "names", "mode": "text"}
+    if view.many:
+        return {**trace, "x": [], "y": [], "text": [], "showlegend": False}
     shared: dict[tuple[float, float], list[int]] = {}
     for k, center in enumerate(np.round(plan.orbits.centers, view.places).tolist()):
         shared.setdefault((center[0], center[1]), []).append(k)
@@ -83,9 +86,7 @@ def name_trace(plan: Mapped, view: MapView, names: list[str], about: Obstruction
     half = 0.5 * np.column_stack([_EM * size * lengths, _LINE * size]) / view.scale
     where = _free(np.array(list(shared)), _steps(radii, half, outside), half, about)
     return {
-        "type": "scatter",
-        "uid": "names",
-        "mode": "text",
+        **trace,
         "x": numbers(where[:, 0], view.places),
         "y": numbers(where[:, 1], view.places),
         "text": ["" if hide else text for text, hide in zip(texts, hidden, strict=True)],

@@ -60,6 +60,10 @@ _STOUT_PX = 36.0
 
 _NO_POINTS = np.empty((0, 2))
 
+MANY_VEHICLES = 500
+"""Largest team whose map shows names, senses and marks of short links; hover texts have the rest
+of a larger one's."""
+
 _LINKS_EACH = 3.0
 """Largest number of links per vehicle at which links have their full width."""
 
@@ -76,6 +80,7 @@ class MapView:
     least_radius : m, radius of the smallest circle
     crowding : links per vehicle
     font_scale : scale of names
+    many : whether there are too many vehicles for details of each
     """
 
     low: Array
@@ -85,19 +90,22 @@ class MapView:
     least_radius: float
     crowding: float
     font_scale: float
+    many: bool
 
     @property
     def places(self) -> int:
-        """Number of decimals that shows a hundred-thousandth of the extent."""
-        return canvas.decimals(float(np.max(self.high - self.low)))
+        """Number of decimals that shows a hundred-thousandth of the extent, one less for many."""
+        return canvas.decimals(float(np.max(self.high - self.low))) - self.many
 
     def mark_px(self, largest: float) -> float:
         """Return the size in px of a mark that suits the circles, at most `largest`."""
-        return round(float(np.clip(0.45 * self._radius_px, 4.0, largest)), 1)
+        least = 2.0 if self.many else 4.0
+        return round(float(np.clip(0.45 * self._radius_px, least, largest)), 1)
 
     def line_px(self, widest: float) -> float:
         """Return the width in px of a line that leaves small circles visible."""
-        return round(widest * float(np.clip(self._radius_px / _STOUT_PX, 0.45, 1.0)), 2)
+        least = 0.2 if self.many else 0.45
+        return round(widest * float(np.clip(self._radius_px / _STOUT_PX, least, 1.0)), 2)
 
     def link_px(self, widest: float) -> float:
         """Return the width in px of a link's line, thinner where there are many."""
@@ -145,7 +153,8 @@ def view_about(
     height = float(np.clip(width * tall / wide, *_HEIGHTS_PX))
     scale = min(width / wide, height / tall)
     least = min(float(one.orbits.radii.min()) for one in mapped)
-    return MapView(low, high, scale, round(height), least, crowding, style.font_scale)
+    many = max(one.orbits.count for one in mapped) > MANY_VEHICLES
+    return MapView(low, high, scale, round(height), least, crowding, style.font_scale, many)
 
 
 def _links(plan: Plan) -> int:
@@ -168,8 +177,9 @@ def _view_box(mapped: Mapped) -> tuple[Array, Array]:
 # --- layers -------------------------------------------------------------------------------------
 
 
-CIRCLE_POINTS = 72
-"""Points of a circle; chords lie up to a thousandth of the radius inside it."""
+CIRCLE_POINTS = (12, 72)
+"""Fewest and most points of a circle; with the most, chords lie up to a thousandth of the radius
+inside it."""
 
 VEHICLE_PX = 15.0
 HEAD_PX = 10.0
@@ -181,14 +191,15 @@ _SENSE_STYLES = (
 
 
 def circle_points(plan: Mapped) -> Array:
-    """Return (n, CIRCLE_POINTS + 1, 2) m: each circle from phase 0, closed."""
-    turn = unit(np.linspace(0.0, 2.0 * np.pi, CIRCLE_POINTS + 1))
+    """Return (n, p + 1, 2) m: each circle from phase 0, closed, in fewer points p if n is large."""
     orbits = plan.orbits
+    points = int(np.clip(CIRCLE_POINTS[1] * MANY_VEHICLES // orbits.count, *CIRCLE_POINTS))
+    turn = unit(np.linspace(0.0, 2.0 * np.pi, points + 1))
     return np.asarray(orbits.centers[:, None] + orbits.radii[:, None, None] * turn)
 
 
 def circle_traces(plan: Mapped, view: MapView, *, arrows: bool) -> list[canvas.Spec]:
-    """Return the circles, one trace per sense; `arrows` adds heads that show the sense."""
+    """Return the circles, one trace per sense; `arrows` adds heads to show it, unless too many."""
     points = circle_points(plan)
     traces: list[canvas.Spec] = []
     for sense, key, name, color, dash in _SENSE_STYLES:
@@ -198,7 +209,7 @@ def circle_traces(plan: Mapped, view: MapView, *, arrows: bool) -> list[canvas.S
         x, y = canvas.gapped(points[chosen], view.places)
         line = {"color": color, "dash": dash, "width": view.line_px(1.8), "simplify": False}
         traces.append(canvas.line_trace(f"circles-{key}", name, x, y, line, legendgroup=key))
-        if arrows:
+        if arrows and not view.many:
             heads = sense_heads(plan, view, color, chosen)
             traces.append({**heads, "uid": f"heads-{key}", "legendgroup": key})
     return traces

@@ -183,6 +183,24 @@ def test_lanes_hold_every_window_once_and_none_over_another(large: Plan, alterna
                 assert {labels[row]} == {f"v{lane.sighting.observer + 1}" for lane in here}
 
 
+def test_a_timeline_keeps_the_vehicles_with_the_least_contact_and_says_so(
+    large: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    contact: dict[int, float] = {}
+    for one in rows_of(large):
+        seen = float(np.diff(one.windows).sum())
+        contact[one.observer] = contact.get(one.observer, 0.0) + seen
+    assert "least contact" not in note_of(specs_of(large, ["timeline"])["timeline"])
+    monkeypatch.setattr("syncplan.plotting.contact_figures.MOST_ROWS", 5)
+    lanes, labels = lanes_of(large, body_names(large))
+    kept = {lane.sighting.observer for lane in lanes}
+    assert [f"v{k + 1}" for k in sorted(kept)] == labels
+    assert len(kept) == 5
+    assert max(contact[k] for k in kept) <= min(contact[k] for k in contact if k not in kept)
+    note = note_of(specs_of(large, ["timeline"])["timeline"])
+    assert note.endswith(f"rows are the 5 of {len(contact)} vehicles with the least contact")
+
+
 def _panels(spec: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:
     found: dict[str, list[dict[str, Any]]] = {}
     for trace in spec["data"]:

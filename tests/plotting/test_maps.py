@@ -215,3 +215,26 @@ def test_circles_are_round(size: tuple[int, int | None]) -> None:
     for one in circles:
         wide, tall = np.ptp(one.reshape(-1, 2), axis=0)
         assert wide == pytest.approx(tall, rel=0.01)
+
+
+def test_maps_of_many_vehicles_leave_details_to_the_hover_texts(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    made, kinds = plan(example("paper-grid-same"), bound="never"), ["formation", "animation"]
+    few = specs_of(made, kinds)
+    monkeypatch.setattr("syncplan.plotting.maps.MANY_VEHICLES", 2)
+    many = specs_of(made, kinds)
+    for name in kinds:
+        assert any(trace_of(few[name], "names")["text"])
+        assert trace_of(many[name], "names")["text"] == []
+        # a third as many points on each circle, and a gap after it
+        assert len(trace_of(few[name], "circles-ccw")["x"]) == 6 * (72 + 2)
+        assert len(trace_of(many[name], "circles-ccw")["x"]) == 6 * (24 + 2)
+    assert trace_of(many["formation"], "vehicles") == {
+        **trace_of(few["formation"], "vehicles"),
+        **{axis: trace_of(many["formation"], "vehicles")[axis] for axis in ("x", "y")},
+    }
+    drawn = {trace["uid"] for trace in many["formation"]["data"]}
+    assert {trace["uid"] for trace in few["formation"]["data"]} - drawn == {"heads-ccw"}
+    assert len(many["animation"]["frames"]) == 20
+    assert "arrowheads" not in note_of(many["animation"])
