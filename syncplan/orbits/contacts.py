@@ -118,23 +118,21 @@ def reachable_pairs(
     if len(centers) <= DENSE_LIMIT:
         a, b = (index.ravel() for index in np.indices((n, len(centers))))
     else:
-        furthest = float(np.max(reach + radii[:n]) + radii.max())
-        a, b = _neighbours(orbits, centers, furthest * (1.0 + BOUNDARY_SLACK))
+        furthest = (reach + radii[:n] + radii.max()) * (1.0 + BOUNDARY_SLACK)
+        a, b = _neighbours(centers, furthest)
     distance = np.hypot(*(centers[b] - centers[a]).T)
     gap = np.maximum(distance - radii[a] - radii[b], np.abs(radii[a] - radii[b]) - distance)
     near = (a != b) & (gap <= reach[a] * (1.0 + BOUNDARY_SLACK))
     return a[near], b[near]
 
 
-def _neighbours(orbits: Orbits, centers: Array, radius: float) -> tuple[Index, Index]:
+def _neighbours(centers: Array, furthest: Array) -> tuple[Index, Index]:
+    """Pairs of each of the first n centres, itself included, with those within `furthest` (n,)."""
     from scipy.spatial import cKDTree
 
-    tree = cKDTree(centers)
-    pairs = tree.query_pairs(radius, output_type="ndarray").astype(np.int64)
-    both = np.concatenate([pairs, pairs[:, ::-1]])
-    both = both[both[:, 0] < orbits.count]
-    order = np.lexsort((both[:, 1], both[:, 0]))
-    return both[order, 0], both[order, 1]
+    n = len(furthest)
+    near = cKDTree(centers).query_ball_point(centers[:n], furthest, return_sorted=True)
+    return np.repeat(np.arange(n), [len(one) for one in near]), np.concatenate(near).astype(int)
 
 
 @dataclass(frozen=True, slots=True)
@@ -314,6 +312,27 @@ def outer_gaps(centers: Array, radii: Array, pairs: Index) -> Array:
     return np.asarray(np.hypot(*(centers[a] - centers[b]).T) - radii[a] - radii[b])
 
 
+def close_pairs(centers: Array, radii: Array, gap: float) -> Index:
+    """Return pairs (p, 2), a < b, among them all whose outer gap is at most `gap` m, in order.
+
+    Of up to DENSE_LIMIT circles, these are all pairs.
+    """
+    if len(centers) <= DENSE_LIMIT:
+        return np.column_stack(np.triu_indices(len(centers), 1))
+    furthest = np.maximum(gap + radii + radii.max(), 0.0) * (1.0 + BOUNDARY_SLACK)
+    a, b = _neighbours(centers, furthest)
+    return np.column_stack([a[a < b], b[a < b]])
+
+
+def smallest_outer_gap(centers: Array, radii: Array) -> float:
+    """Return the least D - R_a - R_b in m of any two circles; infinite for one circle."""
+    if len(centers) < 2:
+        return np.inf
+    nearest = np.column_stack(_neighbour_pairs(centers))
+    bound = float(outer_gaps(centers, radii, nearest).min())
+    return float(outer_gaps(centers, radii, close_pairs(centers, radii, bound)).min(initial=bound))
+
+
 def circle_gaps(centers: Array, radii: Array, pairs: Index) -> Array:
     """Return the least distance (p,) in m between the circles of each pair; negative if they cross.
 
@@ -380,7 +399,7 @@ def closest_approach(orbits: Orbits) -> Approach | None:
     """
     if orbits.count < 2:
         return None
-    a, b = _neighbour_pairs(orbits)
+    a, b = _neighbour_pairs(orbits.centers)
     a, b = np.minimum(a, b), np.maximum(a, b)
     bound, tau = least_distances(relative_motion(orbits, a, b))
     nearest = int(np.argmin(bound))
@@ -405,14 +424,14 @@ def pairs_nearer_than(orbits: Orbits, distance: float) -> list[Approach]:
     ]
 
 
-def _neighbour_pairs(orbits: Orbits) -> tuple[Index, Index]:
+def _neighbour_pairs(centers: Array) -> tuple[Index, Index]:
     """Pairs of each vehicle with the one whose centre is nearest."""
-    if orbits.count <= DENSE_LIMIT:
-        distance = np.hypot(*(orbits.centers[:, None] - orbits.centers[None]).T)
+    own = np.arange(len(centers))
+    if len(centers) <= DENSE_LIMIT:
+        distance = np.hypot(*(centers[:, None] - centers[None]).T)
         np.fill_diagonal(distance, np.inf)
-        return np.arange(orbits.count), np.argmin(distance, axis=1)
+        return own, np.argmin(distance, axis=1)
     from scipy.spatial import cKDTree
 
-    _, nearest = cKDTree(orbits.centers).query(orbits.centers, k=2)
-    own = np.arange(orbits.count)
+    _, nearest = cKDTree(centers).query(centers, k=2)
     return own, np.where(nearest[:, 0] == own, nearest[:, 1], nearest[:, 0])

@@ -20,7 +20,7 @@ import numpy as np
 from syncplan.arrays import Array, Index, as_pairs, short_repr
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.orbits.circles import turned
-from syncplan.orbits.contacts import outer_gaps
+from syncplan.orbits.contacts import outer_gaps, smallest_outer_gap
 from syncplan.orbits.graphs import drawings
 from syncplan.placement.drawing import Demands, Drawing, demands_of, draw, hidden_pairs
 from syncplan.placement.improvement import improved
@@ -175,14 +175,13 @@ def _certified(scenario: Scenario, drawing: Drawing, seed: int) -> Placement:
         )
     listed = scenario.formation.links is not None
     links = as_pairs(scenario.linked) if listed else demands.links
-    every = np.column_stack(np.triu_indices(demands.count, 1))
     return Placement(
         scenario=_placed(scenario, centers),
         centers=centers,
         margin=demands.names.margin,
         links=links,
         gaps=outer_gaps(centers, demands.radii, links),
-        smallest_gap=float(outer_gaps(centers, demands.radii, every).min(initial=np.inf)),
+        smallest_gap=smallest_outer_gap(centers, demands.radii),
         clearance=float(demands.area.clearances(centers, demands.radii).min()),
         sightings=drawing.sightings,
         hidden=hidden_pairs(drawing, links),

@@ -8,7 +8,7 @@ import numpy as np
 from syncplan.arrays import Array, Index, as_pairs
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.orbits.circles import Orbits
-from syncplan.orbits.contacts import find_windows, outer_gaps
+from syncplan.orbits.contacts import close_pairs, find_windows, outer_gaps
 from syncplan.orbits.graphs import components
 from syncplan.orbits.team import Sensors, Team, obstacles_of, radii_of
 from syncplan.scenario.areas import Area
@@ -244,9 +244,8 @@ class Drawing:
 
 def draw(demands: Demands, centers: Array) -> Drawing:
     """Return the drawing with these (n, 2) centres in m."""
-    a, b = np.triu_indices(demands.count, 1)
-    every = np.column_stack([a, b])
-    missing = demands.least - outer_gaps(centers, demands.radii, every)
+    pairs = close_pairs(centers, demands.radii, demands.least)
+    missing = demands.least - outer_gaps(centers, demands.radii, pairs)
     near = missing > 0.0
     sightings = _sightings(demands, centers)
     vehicle, landmark = sightings.T
@@ -256,7 +255,7 @@ def draw(demands: Demands, centers: Array) -> Drawing:
     clear = demands.area.clearances(centers, demands.radii) if demands.area.limited else None
     missed = Shortfalls(
         links=np.maximum(gaps - demands.most, 0.0),
-        pairs=every[near],
+        pairs=pairs[near],
         gaps=missing[near],
         landmarks=np.maximum(off - demands.sight[vehicle], 0.0),
         area=np.zeros(demands.count) if clear is None else np.maximum(-clear, 0.0),

@@ -19,7 +19,7 @@ import numpy as np
 
 from syncplan.arrays import Array, Flags, Index, as_pairs
 from syncplan.orbits.circles import Orbits
-from syncplan.orbits.contacts import circle_gaps
+from syncplan.orbits.contacts import circle_gaps, close_pairs
 from syncplan.orbits.graphs import components, contraction, odd_cycle, two_colouring
 from syncplan.orbits.sight_lines import obstructible
 from syncplan.orbits.team import Sensors, Team
@@ -295,7 +295,7 @@ def _guards(circles: Orbits, reach: Array, pairs: Index, min_separation: float) 
     """Rules of the unlinked pairs whose circles come nearer than the separation."""
     if min_separation <= 0.0:
         return rules_of(circles, reach, as_pairs([]))
-    every = np.column_stack(np.triu_indices(circles.count, 1))
+    every = close_pairs(circles.centers, circles.radii, min_separation)
     near = every[circle_gaps(circles.centers, circles.radii, every) < min_separation]
     listed = {(min(i, j), max(i, j)) for i, j in pairs.tolist()}
     guarded = as_pairs([(i, j) for i, j in near.tolist() if (i, j) not in listed])

@@ -6,7 +6,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from syncplan.orbits.circles import Orbits
-from syncplan.orbits.contacts import find_windows, merge_windows, reachable_pairs
+from syncplan.orbits.contacts import (
+    close_pairs,
+    find_windows,
+    merge_windows,
+    outer_gaps,
+    reachable_pairs,
+    smallest_outer_gap,
+)
 from syncplan.orbits.sightings import sample_sightings
 from syncplan.orbits.team import Sensors, Team
 from syncplan.planning.planner import plan
@@ -101,6 +108,28 @@ def test_the_spatial_index_finds_the_same_pairs_as_all_pairs() -> None:
     gap[np.arange(count), np.arange(count)] = np.inf
     expected = np.argwhere(gap <= reach[:, None])
     np.testing.assert_array_equal(np.column_stack([a, b]), expected)
+
+
+def test_the_nearest_circles_are_the_same_with_the_spatial_index(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    generator = np.random.default_rng(6)
+    radii = np.append(generator.uniform(1.0, 30.0, 299), 200.0)
+    for side in (600.0, 9000.0):
+        centers = generator.uniform(0.0, side, (300, 2))
+        every = close_pairs(centers, radii, 0.0)
+        gaps = outer_gaps(centers, radii, every)
+        smallest = smallest_outer_gap(centers, radii)
+        assert smallest == gaps.min()
+        with monkeypatch.context() as patched:
+            patched.setattr("syncplan.orbits.contacts.DENSE_LIMIT", 2)
+            for gap in (-50.0, 5.0, 20.0):
+                near = close_pairs(centers, radii, gap)
+                kept = near[outer_gaps(centers, radii, near) <= gap]
+                np.testing.assert_array_equal(kept, every[gaps <= gap])
+                assert len(near) < len(every)
+            assert smallest_outer_gap(centers, radii) == smallest
+    assert smallest_outer_gap(centers[:1], radii[:1]) == np.inf
 
 
 def test_merged_windows_cover_what_their_parts_cover() -> None:

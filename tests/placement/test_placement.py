@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import tracemalloc
 from typing import Any
 
 import numpy as np
@@ -371,6 +372,17 @@ def test_the_scenario_keeps_all_but_what_led_to_the_centres() -> None:
     assert scenario.formation.placed
     shape = place(gapped("hex", 20.0, 7)).scenario.formation
     assert (shape.shape, shape.count, shape.gap_m, shape.columns) == (None, None, None, None)
+
+
+def test_ten_thousand_circles_a_gap_apart_are_placed_in_little_memory() -> None:
+    shape = {"shape": "grid", "count": 10_000, "gap_m": 30.0}
+    tracemalloc.start()
+    placed = place(small(formation=shape, duration_s=100.0))
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert placed.smallest_gap == pytest.approx(30.0)
+    # all pairs would take 800 MB
+    assert peak < 200e6
 
 
 def test_names_of_vehicles_are_kept_in_order() -> None:
