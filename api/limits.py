@@ -4,10 +4,13 @@ from dataclasses import dataclass
 
 from syncplan.errors import InputError
 from syncplan.flight.flight_options import GuidanceModel
-from syncplan.planning.expected_work import ExpectedWork, work_of
+from syncplan.planning.expected_work import ExpectedWork, pairs_of, work_of
 from syncplan.scenario.specification import Scenario
 
 _REMEDY = "use a shorter range_m, a longer sample_time_s, a shorter run or fewer vehicles"
+MOST_PAIRS = 50_000
+"""Most pairs of an observer and a target in range: each takes a plan 2 to 4 kB and about 0.2 ms."""
+
 MOST_BOUND_WORK = 5e10
 """Most work of a plan's bound: a core does 0.3e9 to 4e9 a second, and a request has 20 s."""
 MOST_TRIAL_WORK = 2e11
@@ -60,6 +63,14 @@ def check_size(scenario: Scenario, limits: RequestLimits) -> None:
     check_at_most("formation", scenario.size, limits.vehicles, " vehicles")
     for key, length in (("duration_s", scenario.duration_s), ("window_s", scenario.window)):
         check_at_most(key, length / scenario.sample_time, limits.samples, " samples")
+    # a narrow view is sampled for each pair: they are counted before
+    pairs = pairs_of(scenario)
+    if pairs > MOST_PAIRS:
+        raise InputError(
+            f"{pairs} pairs of an observer and a target may come within range; this service takes "
+            f"up to {MOST_PAIRS}; use a shorter range_m, fewer landmarks or fewer vehicles",
+            key="sensor",
+        )
     work = work_of(scenario)
     # without the bound, planning looks at no samples
     if work is not None and work.bounded:

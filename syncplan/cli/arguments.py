@@ -38,7 +38,7 @@ Shown = Annotated[
 ]
 Threads = Annotated[int | None, optional(help="Threads; all cores if not given")]
 MaxVehicles = Annotated[
-    int | None, optional(min=1, help="Accept teams up to this size (default 2000)")
+    int | None, optional(min=1, help="Accept teams up to this size (default 10000)")
 ]
 
 

@@ -268,20 +268,25 @@ def _print_links(document: PlanDocument, console: Console) -> None:
     short: dict[str, list[str]] = {}
     rows: list[tuple[Link, str]] = [(link, link.rule) for link in document.links]
     rows += [(link, f"{link.rule}, unlisted") for link in document.incidental_links]
-    for link, rule in rows[:MOST_ROWS]:
+    for k, (link, rule) in enumerate(rows):
         name = escape(f"{link.a}-{link.b}")
-        _add_meeting(table, name, rule, link, f"{link.phase_tolerance_rad:.3f}")
+        if k < MOST_ROWS:
+            _add_meeting(table, name, rule, link, f"{link.phase_tolerance_rad:.3f}")
         short.setdefault(link.reason, []).append(name)
-    for seen in document.landmark_links[:MOST_ROWS]:
+    for k, seen in enumerate(document.landmark_links):
         name = escape(f"{seen.vehicle}-{seen.landmark}")
-        _add_meeting(table, name, "landmark", seen, "-")
+        if k < MOST_ROWS:
+            _add_meeting(table, name, "landmark", seen, "-")
         short.setdefault(seen.reason, []).append(name)
-    table.count_hidden(len(rows) - MOST_ROWS)
+    hidden = [max(len(one) - MOST_ROWS, 0) for one in (rows, document.landmark_links)]
+    table.count_hidden(sum(hidden))
     if table.row_count:
         console.print(table)
     for reason, names in short.items():
         if reason:
-            console.print(f"[yellow]not certified[/]: {', '.join(names)}: {reason}")
+            # all that the table can show
+            shown = listed(names, 2 * MOST_ROWS)
+            console.print(f"[yellow]not certified[/]: {shown}: {reason}")
 
 
 def _refinement_table(result: RefinementResult) -> FittedTable:

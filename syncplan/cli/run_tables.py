@@ -42,6 +42,7 @@ def show_validation(report: ValidationDocument, console: Console) -> None:
     )
     for vehicle in report.vehicles[:MOST_ROWS]:
         table.add_row(escape(vehicle.name), *_figures(vehicle))
+    table.count_hidden(len(report.vehicles) - MOST_ROWS)
     table.add_section()
     table.add_row("overall", *_figures(report.overall))
     console.print(table)
@@ -78,6 +79,7 @@ def show_sweep(report: SweepReport, console: Console) -> None:
         cells = (one.vehicles[k] if k < len(one.vehicles) else None for one in reports)
         texts = ("-" if f is None else f"{f.rms_y_m:.2f}/{f.rms_x_m:.2f}" for f in cells)
         each.add_row(escape(vehicle.name), *texts)
+    each.count_hidden(len(longest) - MOST_ROWS)
     console.print(each)
     means = FittedTable(
         "means over the vehicles, m",
@@ -279,6 +281,7 @@ def _errors(report: ReplayDocument) -> FittedTable:
             f"{robot.rms_heading_rad:.3f}",
             f"{robot.coverage_3sigma:.4f}",
         )
+    table.count_hidden(len(report.robots) - MOST_ROWS)
     return table
 
 
@@ -292,6 +295,7 @@ def _estimates(report: ReplayDocument) -> FittedTable:
         pose = (robot.final_x_m, robot.final_y_m, robot.final_heading_rad)
         sigmas = (robot.final_sigma_m, robot.final_sigma_heading_rad, robot.rms_sigma_m)
         table.add_row(escape(robot.name), *(f"{value:.3f}" for value in (*pose, *sigmas)))
+    table.count_hidden(len(report.robots) - MOST_ROWS)
     return table
 
 

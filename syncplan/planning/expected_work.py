@@ -48,6 +48,17 @@ class ExpectedWork:
     pairs: int
 
 
+def pairs_of(scenario: Scenario) -> int:
+    """Return the number of pairs of an observer and a target that may come within its range.
+
+    0 if the centres are yet to be found.
+    """
+    if not scenario.formation.placed:
+        return 0
+    team = _team(scenario.resolved())
+    return len(reachable_pairs(team.orbits, team.sensors.ranges, team.landmarks)[0])
+
+
 def work_of(scenario: Scenario, duration: float | None = None) -> ExpectedWork | None:
     """Return the work of a run of `duration` s, the scenario's if not given.
 
@@ -57,13 +68,10 @@ def work_of(scenario: Scenario, duration: float | None = None) -> ExpectedWork |
         return None
     resolved = scenario.resolved()
     length = resolved.duration_s if duration is None else duration
-    zeros = np.zeros(resolved.size)
-    centers = np.array(resolved.centers, dtype=float)
-    senses = _senses(resolved)
-    circles = Orbits(centers, radii_of(resolved), senses, zeros, resolved.orbit.rate)
-    team = team_of(resolved, circles)
+    team = _team(resolved)
+    circles = team.orbits
     a, b = reachable_pairs(circles, team.sensors.ranges, team.landmarks)
-    places = np.concatenate([centers, team.landmarks.reshape(-1, 2)])
+    places = np.concatenate([circles.centers, team.landmarks.reshape(-1, 2)])
     radii = np.concatenate([circles.radii, np.zeros(len(team.landmarks))])
     distance = np.hypot(*(places[b] - places[a]).T)
     reach, sum_of_radii = team.sensors.ranges[a], circles.radii[a] + radii[b]
@@ -83,6 +91,14 @@ def work_of(scenario: Scenario, duration: float | None = None) -> ExpectedWork |
     size = float(layout_of(team, tuple(ERROR_STATES)).size)
     bounded = bound_is_affordable(team, length)
     return ExpectedWork(sightings, sightings * size**2, bounded, len(a))
+
+
+def _team(scenario: Scenario) -> Team:
+    """Team of a resolved scenario; its phases are placeholders."""
+    zeros = np.zeros(scenario.size)
+    centers = np.array(scenario.centers, dtype=float)
+    circles = Orbits(centers, radii_of(scenario), _senses(scenario), zeros, scenario.orbit.rate)
+    return team_of(scenario, circles)
 
 
 def _senses(scenario: Scenario) -> Array:

@@ -224,7 +224,7 @@ def with_landmarks(
         edited = _as_yaml({**whole, "landmarks_m": named})
     try:
         # loading the file has accepted any team beyond the usual limit
-        scenario_from(parse_document(edited, ""), max_vehicles=len(edited))
+        scenario_from(parse_document(edited, ""), max_vehicles=sys.maxsize)
     except InputError as error:
         raise InputError(
             f"can't be written with its landmarks: {error.problem}", key=error.key, source=source

@@ -152,7 +152,7 @@ class GeoOrigin(Section):
 # --- circles, formation, sensor -------------------------------------------------------------------
 
 
-MAX_VEHICLES = 2000
+MAX_VEHICLES = 10_000
 """Largest team accepted unless the caller says otherwise."""
 
 SPEED_AGREEMENT = 1e-6
@@ -381,7 +381,7 @@ def _check_team_size(formation: Formation, info: ValidationInfo) -> None:
         raise fault(
             "count" if formation.centers_m is None else "centers_m",
             f"{formation.size} vehicles are more than the limit of {limit}; "
-            "raise it with --max-vehicles (library: max_vehicles=)",
+            "raise it with --max-vehicles (library: max_vehicles=, service: SYNCPLAN_MAX_VEHICLES)",
         )
 
 

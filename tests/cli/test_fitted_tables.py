@@ -115,3 +115,20 @@ def test_rows_beyond_the_limit_are_counted_below(run: Any, written: Any) -> None
     scenario = written(formation=formation, duration_s=10)
     out = run("plan", scenario, "--bound", "never", "--format", "table")[1]
     assert "... and 2 more rows (see the JSON)" in out
+
+
+def test_meetings_beyond_the_limit_are_counted_with_those_of_landmarks(
+    run: Any, written: Any
+) -> None:
+    scenario = written(
+        formation={"shape": "line", "count": 100, "spacing_m": 70},
+        orbit={"radius_m": 20.0, "angular_rate_rad_s": 0.2, "direction": "alternate"},
+        landmarks_m=[[-30.0, 0.5 * k] for k in range(45)],
+        duration_s=10,
+    )
+    out = run("plan", scenario, "--bound", "never", "--format", "table")[1]
+    assert "... and 60 more rows (see the JSON)" in out
+    # 99 meetings of vehicles and 45 with landmarks, 40 of each in the table
+    assert f"... and {99 + 45 - 80} more rows (see the JSON)" in out
+    short = next(line for line in out.splitlines() if line.startswith("not certified"))
+    assert "v80-v81 and 19 more: " in " ".join(out[out.index(short) :].split())

@@ -6,7 +6,8 @@ from typing import Any
 
 import pytest
 
-from syncplan.scenario.loading import load_scenario
+from syncplan.scenario.bounded_yaml import load_yaml
+from syncplan.scenario.loading import load_scenario, with_landmarks
 
 SCENARIO = """# a survey of the harbour
 name: "survey"   # quoted, as it was
@@ -18,6 +19,7 @@ formation: {centers_m: [[0, 0], [70, 0]]}
 landmarks_m: [[20, 45]]
 duration_s: 20
 """
+SHAPE = "{shape: grid, count: 5000, spacing_m: 70}"
 SITES = "near: [30, 35]\nfar: [300, 35]\nwest: [-40.5, 0]\n"
 
 
@@ -101,3 +103,9 @@ def test_the_candidates_are_not_written_over(refused: Any, survey: Path) -> None
     options = ("--candidates", sites, "--choose", "1", "--scenario-out", sites)
     assert "is the file that is read" in refused("landmarks", str(survey), *options)
     assert Path(sites).read_text() == SITES
+
+
+def test_a_team_given_by_a_shape_is_written_however_short_its_text() -> None:
+    text = SCENARIO.replace("{centers_m: [[0, 0], [70, 0]]}", SHAPE)
+    edited = with_landmarks(text, "survey.yaml", {"L1": (20.0, 45.0)})
+    assert load_yaml(edited)["formation"]["count"] == 5000

@@ -168,11 +168,11 @@ def test_other_documents_are_called_by_their_names(name: str) -> None:
 
 
 def test_a_shape_beyond_the_usual_limit_is_planned_where_it_was_let_in() -> None:
-    shape = {"shape": "grid", "count": 2001, "columns": 50, "spacing_m": 70.0}
-    with pytest.raises(InputError, match=r"formation\.count: 2001 vehicles are more than"):
+    shape = {"shape": "grid", "count": 10_001, "columns": 50, "spacing_m": 70.0}
+    with pytest.raises(InputError, match=r"formation\.count: 10001 vehicles are more than"):
         small(formation=shape)
-    loaded = scenario_from(document(formation=shape, duration_s=10.0), max_vehicles=2001)
+    loaded = scenario_from(document(formation=shape, duration_s=10.0), max_vehicles=10_001)
     resolved = loaded.resolved()
     assert resolved.centers == loaded.centers
     assert resolved.formation.shape is None
-    assert len(resolved.vehicle_names) == 2001
+    assert len(resolved.vehicle_names) == 10_001

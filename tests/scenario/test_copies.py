@@ -48,8 +48,8 @@ def test_a_deep_copy_shares_nothing_that_can_change() -> None:
 
 def test_a_team_above_the_limit_can_be_copied() -> None:
     centers = [[70.0 * k, 0.0] for k in range(MAX_VEHICLES + 1)]
-    keys = document(formation={"centers_m": centers})
-    large = Scenario.model_validate(keys, context={"max_vehicles": 5000})
+    keys = document(formation={"centers_m": centers}, duration_s=100.0)
+    large = Scenario.model_validate(keys, context={"max_vehicles": MAX_VEHICLES + 1})
     formation = large.formation.model_copy(update={"centers_m": [*centers[1:], [-70.0, 0.0]]})
     assert large.model_copy(update={"formation": formation}).size == MAX_VEHICLES + 1
     with pytest.raises(InputError, match="more than the limit"):

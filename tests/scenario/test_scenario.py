@@ -258,9 +258,9 @@ def test_a_number_must_be_a_sensible_number(key: str, value: object) -> None:
         ),
         ({"orbit": {"radius_m": [20, 20, 20], "speed_mps": 4}}, "orbit.radius_m", "3 values"),
         (
-            {"formation": {"shape": "line", "count": 10_000, "spacing_m": 70}},
+            {"formation": {"shape": "line", "count": 10_001, "spacing_m": 70}},
             "formation.count",
-            "2000",
+            "10001 vehicles are more than the limit of 10000; raise it with --max-vehicles",
         ),
         (
             {"orbit": {"radius_m": [], "speed_mps": []}},
@@ -283,8 +283,9 @@ def test_rules_across_keys_are_reported_with_their_key(
 
 
 def test_the_limit_on_vehicles_can_be_raised() -> None:
-    many = document(formation={"shape": "line", "count": 2001, "spacing_m": 70, "links": []})
-    assert scenario_from(many, max_vehicles=3000).size == 2001
+    many = document(formation={"shape": "line", "count": 10_001, "spacing_m": 70, "links": []})
+    many["duration_s"] = 100.0
+    assert scenario_from(many, max_vehicles=10_001).size == 10_001
 
 
 def test_a_speed_gives_the_rate() -> None:

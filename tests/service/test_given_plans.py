@@ -185,9 +185,11 @@ def test_the_client_keeps_a_plan_with_its_phases(server: Server) -> None:
 
 
 def test_a_stored_plan_is_read_whatever_its_size() -> None:
-    shape = {"shape": "grid", "count": 2001, "columns": 50, "spacing_m": 70.0}
-    large = scenario_from(document(formation=shape, duration_s=10.0), max_vehicles=2001).resolved()
+    shape = {"shape": "grid", "count": 10_001, "columns": 50, "spacing_m": 70.0}
+    large = scenario_from(
+        document(formation=shape, duration_s=10.0), max_vehicles=10_001
+    ).resolved()
     centers = np.array(large.centers)
     ones = np.ones(large.size)
     orbits = Orbits(centers, 20.0 * ones, ones, 0.0 * ones, large.orbit.rate)
-    assert loaded_plan(json.dumps(stated(large, orbits))).scenario.size == 2001
+    assert loaded_plan(json.dumps(stated(large, orbits))).scenario.size == 10_001

@@ -75,6 +75,35 @@ def test_work_is_estimated_before_it_is_begun(ask: Callable[[RequestLimits], obj
         ask(limits)
 
 
+def test_a_team_is_refused_by_the_limit_on_its_size_before_it_is_built() -> None:
+    shape = {"shape": "grid", "count": 10_000_000, "spacing_m": 70.0}
+    body = json.dumps({**SCENARIO, "formation": shape}).encode()
+    limits = replace(LIMITS, vehicles=1000)
+    asks: list[Callable[[], object]] = [
+        lambda: made_plan(body, "json", limits, False),
+        lambda: previewed(body, "json", limits, False, [], "light"),
+    ]
+    for ask in asks:
+        with pytest.raises(InputError) as refused:
+            ask()
+        assert str(refused.value) == (
+            "formation.count: 10000000 vehicles are more than the limit of 1000; raise it with "
+            "--max-vehicles (library: max_vehicles=, service: SYNCPLAN_MAX_VEHICLES)"
+        )
+
+
+def test_pairs_in_range_are_counted_before_their_views_are_sampled(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    shape = {"shape": "grid", "count": 1000, "spacing_m": 70.0}
+    sensor = {"range_m": 700.0, "fov_deg": 150.0, "sample_time_s": 0.5}
+    crowd = {**SCENARIO, "formation": shape, "sensor": sensor}
+    limits = replace(LIMITS, vehicles=1000)
+    monkeypatch.setattr("api.limits.work_of", None)
+    with pytest.raises(InputError, match=r"^sensor: \d{6} pairs .* up to 50000; .*range_m"):
+        made_plan(json.dumps(crowd).encode(), "json", limits, False)
+
+
 def test_a_run_may_hold_as_many_sightings_as_the_service_takes() -> None:
     limits = replace(LIMITS, samples=20_000, run_s=1e5)
     plan = made_plan(json.dumps(SCENARIO).encode(), "json", limits, False).text
