@@ -159,6 +159,9 @@ _DRAWS = 12
 _STARTS_SMALL, _STARTS_LARGE = 16, 4
 _SMALL_TEAM = 40
 _SEED = 0
+_DENSE_SPECTRUM = 500
+"""Most vehicles whose leading eigenvector is found among all."""
+
 _NEAR_ENOUGH = 1e-6
 """Relative change of the smooth cost at which a descent ends. Only its turns round the cycles
 matter: the polish finds the best phases for them."""
@@ -318,8 +321,18 @@ def _separated_starts(
 
 
 def _spectral(rules: Rules, count: int) -> Array:
-    """Phases of the leading eigenvector of the matrix of required differences (Singer 2011)."""
-    matrix = np.zeros((count, count), dtype=complex)
-    matrix[rules.a, rules.b] = np.exp(1j * rules.offset)
-    matrix[rules.b, rules.a] = np.exp(-1j * rules.offset)
-    return np.asarray(np.angle(np.linalg.eigh(matrix)[1][:, -1]))
+    """Phases of the leading eigenvector of the matrix of required differences (Singer 2011).
+
+    For large teams, they are near it: they are a start.
+    """
+    if count <= _DENSE_SPECTRUM:
+        matrix = np.zeros((count, count), dtype=complex)
+        matrix[rules.a, rules.b] = np.exp(1j * rules.offset)
+        matrix[rules.b, rules.a] = np.exp(-1j * rules.offset)
+        return np.asarray(np.angle(np.linalg.eigh(matrix)[1][:, -1]))
+    from scipy.sparse import coo_array
+    from scipy.sparse.linalg import eigsh
+
+    upper = coo_array((np.exp(1j * rules.offset), (rules.a, rules.b)), shape=(count, count)).tocsr()
+    leading = eigsh(upper + upper.conj().T, k=1, which="LA", v0=np.ones(count), tol=1e-3)[1]
+    return np.asarray(np.angle(leading[:, 0]))

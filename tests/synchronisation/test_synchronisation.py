@@ -444,3 +444,15 @@ def test_separation_holds_whoever_is_linked(
         assert made.approach is not None
         assert made.approach.distance >= least
         assert links is None or len(made.links) == 2
+
+
+def test_large_teams_start_from_a_sparse_spectrum(monkeypatch: pytest.MonkeyPatch) -> None:
+    team = small(formation={"shape": "hex", "count": 40, "columns": 8, "spacing_m": 70.0})
+    dense = plan(team, bound="never", margin_bound=False).synchronisation
+    monkeypatch.setattr("syncplan.synchronisation.margin_search._DENSE_SPECTRUM", 10)
+    monkeypatch.setattr(np.linalg, "eigh", None)
+    sparse = plan(team, bound="never", margin_bound=False, pilot=False).synchronisation
+    assert dense is not None
+    assert sparse is not None
+    assert sparse.method == dense.method
+    assert sparse.margin == pytest.approx(dense.margin, abs=1e-6)
