@@ -6,7 +6,7 @@ from math import exp, hypot, log, pi, sqrt
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.orbits.contacts import landmark_gaps
+from syncplan.orbits.contacts import reachable_pairs
 from syncplan.phrases import listed, percent
 from syncplan.planning.judged_team import (
     MOST_NAMED,
@@ -43,18 +43,20 @@ def landmarks_too_close(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield findings on vehicles that come nearer to a landmark than allowed, nearest first."""
     scenario, orbits = judged.scenario, judged.orbits
     asked = landmark_limit(scenario)
-    clear = landmark_gaps(orbits.centers, orbits.radii, judged.landmarks)
-    near = np.argwhere(clear < asked.least(orbits.radii) * (1.0 - TOLERANCE))
-    near = near[np.argsort(clear[tuple(near.T)], kind="stable")]
+    least = asked.least(orbits.radii)
+    a, b = reachable_pairs(orbits, np.full(orbits.count, least), judged.landmarks)
+    a, b = a[b >= orbits.count], b[b >= orbits.count] - orbits.count
+    clear = np.abs(np.hypot(*(orbits.centers[a] - judged.landmarks[b]).T) - orbits.radii[a])
+    order = np.argsort(clear, kind="stable")
+    order = order[clear[order] < least * (1.0 - TOLERANCE)]
     limit = asked.worded(orbits.radii)
     names, landmarks = scenario.vehicle_names, scenario.landmark_names
     each = [
         (
-            f"{names[vehicle]} passes {landmarks[landmark]} at {clear[vehicle, landmark]:.4g} m, "
-            f"below {limit}",
+            f"{names[vehicle]} passes {landmarks[landmark]} at {away:.4g} m, below {limit}",
             (names[vehicle], landmarks[landmark]),
         )
-        for vehicle, landmark in near.tolist()
+        for vehicle, landmark, away in zip(a[order], b[order], clear[order], strict=True)
     ]
     cure = (
         f"{_not_cleared(judged)}move the circle or the landmark; where the landmark is no "

@@ -231,12 +231,17 @@ def check_shared_circles(
 
 
 def _near_pairs(places: Sequence[Point]) -> Iterator[tuple[int, int]]:
-    """Pairs of places no further apart than SAME_PLACE_M, by a sweep along x."""
+    """Pairs of places no further apart than SAME_PLACE_M, which lie in neighbouring cells."""
     order = sorted(range(len(places)), key=lambda k: places[k])
+    cells: dict[tuple[int, int], list[int]] = {}
+    cell_of = [(math.floor(x / SAME_PLACE_M), math.floor(y / SAME_PLACE_M)) for x, y in places]
     for position, a in enumerate(order):
-        for b in order[position + 1 :]:
-            if places[b][0] - places[a][0] > SAME_PLACE_M:
-                break
+        cells.setdefault(cell_of[a], []).append(position)
+    for position, a in enumerate(order):
+        x, y = cell_of[a]
+        around = [(x + east, y + north) for east in (-1, 0, 1) for north in (-1, 0, 1)]
+        near = [p for cell in around for p in cells.get(cell, ()) if p > position]
+        for b in (order[p] for p in sorted(near)):
             if math.dist(places[a], places[b]) <= SAME_PLACE_M:
                 yield (a, b) if a < b else (b, a)
 

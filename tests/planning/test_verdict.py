@@ -154,6 +154,17 @@ def test_a_landmark_is_an_obstacle(
         assert nearer == pytest.approx(least, abs=1e-3)
 
 
+def test_landmarks_near_large_teams_are_found_by_the_spatial_index(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    landmarks = [[20.5, 0.0], [0.0, 90.0], [-19.0, 0.0], [52.0, 0.0], [0.0, 0.0]]
+    judged = planned(landmarks_m=landmarks, landmark_clearance_m=3.0)
+    reported = findings_of(judged, "landmark-too-close")
+    assert [one.subjects for one in reported] == [("v1", "L1"), ("v1", "L3"), ("v2", "L4")]
+    monkeypatch.setattr("syncplan.orbits.contacts.DENSE_LIMIT", 1)
+    assert findings_of(replace(judged), "landmark-too-close") == reported
+
+
 SQUARE = [[15.0, -5.0], [25.0, -5.0], [25.0, 5.0], [15.0, 5.0]]
 INNER = [[-5.0, -5.0], [5.0, -5.0], [5.0, 5.0], [-5.0, 5.0]]
 ALL_ROUND = [[-90.0, -90.0], [200.0, -90.0], [200.0, 90.0], [-90.0, 90.0]]

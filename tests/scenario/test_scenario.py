@@ -1,6 +1,7 @@
 """Scenarios: what is accepted means what it says, what is not is refused in one clear line."""
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -396,3 +397,22 @@ def test_the_schema_shows_which_keys_go_together(
         scenario_from(values)
     else:
         _refused(values)
+
+
+def test_landmarks_on_a_line_are_compared_with_their_neighbours_alone(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    compared: list[Any] = []
+    distance = math.dist
+
+    def counted(a: Any, b: Any) -> float:
+        compared.append(a)
+        return distance(a, b)
+
+    monkeypatch.setattr("syncplan.scenario.rules.math.dist", counted)
+    line = [[0.0, 0.001 * k] for k in range(3000)]
+    assert len(small(landmarks_m=line).landmarks) == 3000
+    assert len(compared) < 3000
+    # across the border of two cells, and in order along x
+    error = _refused(document(landmarks_m=[*line, [-4e-7, 1.0], [5.0, 5.0], [5.0, 5.0]]))
+    assert "L1001 and L3001 are at the same place" in str(error)
