@@ -17,6 +17,7 @@ pilot_model        arcs of these trials, and rows of their sightings
 pilot              errors of a filter in these trials
 reference_filter   the filter in plain NumPy, one trial at a time, written to be read
 kernels            compilation of functions, and the lanes they run over
+air_kernels        processes and motion in moving air, compiled
 motion_kernels     prediction, and the frame of the covariance
 correction_kernels  correction by sightings
 statistics_kernels  comparison of lanes with the truth

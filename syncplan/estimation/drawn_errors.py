@@ -103,8 +103,10 @@ class DrawnErrors:
             held = (place[:1] if ERROR_STATES[name].common else place) >= 0
             times = 1 if constant else steps + 1
             true = self.values.get(name, np.zeros((1, *held.shape, 1)))
-            whole = np.broadcast_to(true, (times, *held.shape, lanes))
-            parts[constant].append(whole[:, held])
+            shape = times, *held.shape, lanes
+            whole = true if true.shape == shape else np.broadcast_to(true, shape)
+            own = whole.reshape(times, -1, lanes) if held.all() else whole[:, held]
+            parts[constant].append(own)
         return _stacked(parts[True], 1, lanes)[0], _stacked(parts[False], steps + 1, lanes)
 
 
@@ -124,20 +126,19 @@ def _shape(state: ErrorState, count: int, steps: int) -> tuple[int, int, int]:
 
 def _stacked(parts: list[Array], times: int, lanes: int) -> Array:
     """Concatenate parts (times, states, lanes) along the states; there may be none."""
+    if len(parts) == 1 and len(parts[0]) == times:
+        return np.ascontiguousarray(parts[0])
     return np.concatenate([np.zeros((times, 0, lanes)), *parts], axis=1)
 
 
 def _gauss_markov(draws: Array, decay: Array) -> Array:
     """Return a stationary process of unit variance along the first axis; a step keeps `decay`."""
+    from syncplan.estimation.air_kernels import correlate
+
     found = np.multiply(draws, np.sqrt(1.0 - decay * decay), order="C")
     found[0] = draws[0]
-    rows = found.reshape(len(found), -1)
-    decay = np.broadcast_to(decay, found.shape[1:]).ravel()
-    left, last = np.empty(rows.shape[1]), rows[0]
-    for row in rows[1:]:
-        np.multiply(last, decay, out=left)
-        np.add(row, left, out=row)
-        last = row
+    decays = np.broadcast_to(decay, found.shape[1:]).ravel()
+    correlate(found.reshape(len(found), -1), decays)
     return found
 
 
@@ -176,56 +177,33 @@ def motion_in_air(orbits: Orbits, time: float, steps: int, drift: Array) -> AirM
     moved = np.diff(position(orbits, time * np.arange(-2, steps + 3)), axis=0)
     shape = steps, orbits.count, drift.shape[-1]
     flown = AirMotion(np.empty((steps + 1, *shape[1:])), np.empty(shape), np.empty(shape))
+    work = np.empty((5, min(AT_ONCE, steps) + 4, *shape[1:]))
     for begin in range(0, steps, AT_ONCE):
-        _fly(flown, moved, time, drift, begin, min(begin + AT_ONCE, steps))
+        _fly(flown, moved, time, drift, begin, min(begin + AT_ONCE, steps), work)
     return flown
 
 
-def _fly(flown: AirMotion, moved: Array, time: float, drift: Array, begin: int, end: int) -> None:
+def _fly(
+    flown: AirMotion, moved: Array, time: float, drift: Array, begin: int, end: int, work: Array
+) -> None:
     """Fill in the samples from begin + 1 to end, from `moved` (steps + 4, n, 2) m over ground.
 
-    moved[k + 1] is the displacement in sample k; two samples before and after are needed.
+    moved[k + 1] is the displacement in sample k; two samples before and after are needed. `work` is
+    scratch. Turns and speeds are by series where all of these samples' turns are small.
     """
-    still = len(drift) == 1
+    from syncplan.estimation.air_kernels import steer, turn_by_series
+
     samples = np.arange(begin, end + 4)
-    blown = time * (drift if still else drift[np.clip(samples - 2, 0, len(drift) - 1)])
-    x = moved[begin : end + 4, :, 0, None] - blown[:, :, 0]
-    y = moved[begin : end + 4, :, 1, None] - blown[:, :, 1]
-    turns = _turns(x, y)
-    steady = flown.turn_rates[begin:end]
-    np.add(turns[1:-2], turns[2:-1], out=steady)
-    steady *= 5.0
-    steady -= turns[:-3]
-    steady -= turns[3:]
-    steady *= 0.125
+    air = drift if len(drift) == 1 else drift[np.clip(samples - 2, 0, len(drift) - 1)]
+    x, y, across, along, turns = work[:, : len(samples)]
+    if not turn_by_series(moved[begin : end + 4], air, time, SMALL, x, y, across, along, turns):
+        np.arctan2(across[:-1], along[:-1], out=turns[:-1])
     if begin == 0:
         flown.headings[0] = np.arctan2(y[1], x[1])
         flown.headings[0] += 0.125 * (4.0 * turns[1] - turns[2] + turns[0])
-    ahead = flown.headings[begin + 1 : end + 1]
-    np.cumsum(steady, axis=0, out=ahead)
-    ahead += flown.headings[begin]
-    x, y = x[2:-2], y[2:-2]
-    np.sqrt(x * x + y * y, out=flown.speeds[begin:end])
-    flown.speeds[begin:end] /= time * _shortening(steady)
+    start, ahead = flown.headings[begin], flown.headings[begin + 1 : end + 1]
+    speeds, steady = flown.speeds[begin:end], flown.turn_rates[begin:end]
+    if not steer(turns, x, y, time, SMALL, start, across[0], ahead, speeds, steady):
+        np.sqrt(x[2:-2] * x[2:-2] + y[2:-2] * y[2:-2], out=speeds)
+        speeds /= time * np.sinc(steady / (2.0 * np.pi))
     steady /= time
-
-
-def _turns(x: Array, y: Array) -> Array:
-    """(k - 1, ...) rad turned between displacements (k, ...); by the series where all are small."""
-    across = x[:-1] * y[1:]
-    across -= y[:-1] * x[1:]
-    along = x[:-1] * x[1:]
-    along += y[:-1] * y[1:]
-    if not (along.min() > 0.0 and np.all(np.abs(across) < SMALL * along)):
-        return np.asarray(np.arctan2(across, along))
-    across /= along
-    square = across * across
-    return across * (1.0 - square * (1 / 3 - square * (1 / 5 - square * (1 / 7 - square / 9))))
-
-
-def _shortening(turns: Array) -> Array:
-    """Chord over arc, sin(a) / a of half the turns a."""
-    square = 0.25 * turns * turns
-    if square.max() > SMALL**2:
-        return np.asarray(np.sinc(turns / (2.0 * np.pi)))
-    return np.asarray(1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0)))

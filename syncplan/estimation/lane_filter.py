@@ -39,6 +39,7 @@ from typing import Any, Protocol, Self
 import numpy as np
 
 from syncplan.arrays import Array
+from syncplan.estimation.air_kernels import compile_motion
 from syncplan.estimation.correction_kernels import OFF, WHOLE, Correction, correct, correction_of
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.filter_setup import (
@@ -368,11 +369,12 @@ def compile_steps(n: int) -> None:
 
 
 def compile_prediction(n: int) -> None:
-    """Compile the prediction of filters of n vehicles, and the comparison with the truth."""
+    """Compile the prediction of n vehicles, their motion, and the comparison with the truth."""
     run, (frame, work, compared), lanes, x, P, step, _ = specimen(n)
     # readings have the type of a state
     compile_for(predict, x, P, x, x, run.setup, step, frame, work.slopes, lanes)
     compile_for(record, P, run.setup, step, compared, run.statistics, lanes)
+    compile_motion()
 
 
 def specimen(n: int) -> tuple[Any, ...]:

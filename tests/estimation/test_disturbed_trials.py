@@ -165,6 +165,24 @@ def test_the_velocity_through_the_air_is_that_over_ground_less_the_wind(
     np.testing.assert_allclose(flown.speeds[..., 0], middle, rtol=1e-6)
 
 
+@pytest.mark.parametrize("most", [0.2, 6.0])
+def test_motion_through_the_air_is_that_of_its_formulas(most: float) -> None:
+    orbits, time, steps = a_team(()).orbits, 0.1, 150
+    drift = np.random.default_rng(5).uniform(-most, most, (steps + 1, orbits.count, 2, 3))
+    flown = motion_in_air(orbits, time, steps, drift)
+    at = np.clip(np.arange(-2, steps + 2), 0, steps)
+    ground = np.diff(position(orbits, time * np.arange(-2, steps + 3)), axis=0)
+    x, y = np.moveaxis(ground[..., None] - time * drift[at], 2, 0)
+    b = np.unwrap(np.arctan2(y, x), axis=0)
+    psi = (5.0 * (b[1:-2] + b[2:-1]) - (b[:-3] + b[3:])) / 8.0
+    np.testing.assert_allclose(np.diff(flown.headings, axis=0), np.diff(psi, axis=0), atol=1e-12)
+    np.testing.assert_allclose(wrap(flown.headings - psi), 0.0, atol=1e-9)
+    turns = np.diff(psi, axis=0)
+    np.testing.assert_allclose(flown.turn_rates, turns / time, atol=1e-11)
+    speeds = np.hypot(x, y)[2:-2] / (time * np.sinc(0.5 * turns / np.pi))
+    np.testing.assert_allclose(flown.speeds, speeds, rtol=1e-12)
+
+
 def test_errors_are_drawn_with_their_sigmas_and_gusts_with_their_correlation() -> None:
     team = a_team(ALL)
     truth, sigmas = scene_of(team, 400, 60).truth, layout_of(team).sigmas
