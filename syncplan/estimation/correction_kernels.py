@@ -610,16 +610,46 @@ def correct_state(
 
 @inner
 def correct_covariance(P: Array, u: Array, g: Array, pending: int, lanes: Lanes) -> None:
-    """Update P -= sum of g u' over the one or two pending sightings, on the lower triangle."""
-    for i in range(len(P)):
-        for j in range(i + 1):
-            if pending == AT_ONCE:
-                for lane in range(len(lanes)):
-                    both = g[0, i, lane] * u[0, j, lane] + g[1, i, lane] * u[1, j, lane]
-                    P[i, j, lane] -= both
-            else:
-                for lane in range(len(lanes)):
-                    P[i, j, lane] -= g[0, i, lane] * u[0, j, lane]
+    """Update P -= sum of g u' over the one or two pending sightings, on the lower triangle.
+
+    Two rows at a time share what they read of u.
+    """
+    for i in range(0, len(P), 2):
+        if i + 1 < len(P):
+            for j in range(i + 1):
+                _lessen_both(P[i, j], P[i + 1, j], u, g, i, j, pending, lanes)
+        else:
+            for j in range(i):
+                _lessen(P[i, j], u, g, i, j, pending, lanes)
+        last = min(i + 1, len(P) - 1)
+        _lessen(P[last, last], u, g, last, last, pending, lanes)
+
+
+@inner
+def _lessen_both(
+    p: Array, q: Array, u: Array, g: Array, i: int, j: int, pending: int, lanes: Lanes
+) -> None:
+    """Correct p and q (lanes,), entries j of the rows i and i + 1."""
+    if pending == AT_ONCE:
+        for lane in range(len(lanes)):
+            first, second = u[0, j, lane], u[1, j, lane]
+            p[lane] -= g[0, i, lane] * first + g[1, i, lane] * second
+            q[lane] -= g[0, i + 1, lane] * first + g[1, i + 1, lane] * second
+    else:
+        for lane in range(len(lanes)):
+            p[lane] -= g[0, i, lane] * u[0, j, lane]
+            q[lane] -= g[0, i + 1, lane] * u[0, j, lane]
+
+
+@inner
+def _lessen(p: Array, u: Array, g: Array, i: int, j: int, pending: int, lanes: Lanes) -> None:
+    """Correct p (lanes,), entry j of row i."""
+    if pending == AT_ONCE:
+        for lane in range(len(lanes)):
+            p[lane] -= g[0, i, lane] * u[0, j, lane] + g[1, i, lane] * u[1, j, lane]
+    else:
+        for lane in range(len(lanes)):
+            p[lane] -= g[0, i, lane] * u[0, j, lane]
 
 
 @linked
