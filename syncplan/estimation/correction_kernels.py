@@ -87,8 +87,8 @@ class Correction(NamedTuple):
     seen : (4, lanes) slopes by the observer's pose and by its clock offset
     innovation, curvature : (lanes,)
     halves, gains : (AT_ONCE, 3n + e, lanes) u and u / S of a step's corrections
-    axis_columns, axis_entries : (2, most), (2, most, lanes) of a row for each axis of position
-    counts : (2,) number of entries of these rows
+    axis_columns, axis_entries : (3, most), (3, most, lanes) of a row for each axis of a pose
+    counts : (3,) number of entries of these rows
     sums : (7, lanes)
     places, rates : (2, 3, lanes) poses of observer and target, and their rates, at the true time of
         a sighting
@@ -122,9 +122,9 @@ def correction_of(states: States, size: int, width: int) -> Correction:
         np.empty(width),
         np.empty((AT_ONCE, size, width)),
         np.empty((AT_ONCE, size, width)),
-        np.zeros((2, most), dtype=np.int64),
-        np.zeros((2, most, width)),
-        np.zeros(2, dtype=np.int64),
+        np.zeros((3, most), dtype=np.int64),
+        np.zeros((3, most, width)),
+        np.zeros(3, dtype=np.int64),
         np.empty((7, width)),
         np.zeros((2, 3, width)),
         np.zeros((2, 3, width)),
@@ -391,7 +391,7 @@ def refer_place(
     work: Correction,
     lanes: Lanes,
 ) -> None:
-    """Append the entries, in P's frame, of an axis of a vehicle's position to that axis's row."""
+    """Append the entries, in P's frame, of an axis of a vehicle's pose to that axis's row."""
     columns, entries, counts = work.axis_columns, work.axis_entries, work.counts
     count = counts[axis]
     columns[axis, count] = 3 * i + axis
@@ -425,6 +425,25 @@ def spread(P: Array, a: int, b: int, work: Correction, row: int, lanes: Lanes) -
             for lane in range(len(lanes)):
                 product = share * h[a, p, lane] * h[b, q, lane]
                 sums[row, lane] += product * P[i, j, lane]
+
+
+@inner
+def fill_variances(
+    P: Array, states: States, frame: Frame, work: Correction, variances: Array, lanes: Lanes
+) -> None:
+    """Fill in the variances (3n + e, lanes) of the present state, whatever P's frame."""
+    poses = 3 * (len(states.first) - 1)
+    for k in range(poses):
+        axis = k % 3
+        work.counts[axis] = 0
+        refer_place(k // 3, axis, 1.0, True, states, frame, work, lanes)
+        spread(P, axis, axis, work, 0, lanes)
+        for lane in range(len(lanes)):
+            variances[k, lane] = work.sums[0, lane]
+    for k in range(poses, len(P)):
+        left = frame.left[k - poses]
+        for lane in range(len(lanes)):
+            variances[k, lane] = left * left * P[k, k, lane]
 
 
 @part

@@ -84,8 +84,8 @@ from syncplan.estimation.statistics_kernels import (
     comparison_of,
     fill_errors,
     fill_truth,
+    is_sampled,
     record,
-    takes_covariance,
 )
 from syncplan.orbits.error_states import StateLayout
 from syncplan.orbits.noise import Noise
@@ -124,12 +124,12 @@ def _filter(
         elif begin > 0:
             continue
         at = setup.compared[step]
-        if step == end or (at >= 0 and takes_covariance(setup, at, statistics)):
+        if step == end or (at >= 0 and is_sampled(setup, at)):
             bring_to_now(P, setup.states, frame, lanes)
         if at >= 0:
             fill_truth(compared.true, run.truth, at, lanes)
             fill_errors(x, compared.true, len(setup.lost_variances), compared.errors, lanes)
-            record(P, setup, at, compared, statistics, lanes)
+            record(P, setup, at, frame, work, compared, statistics, lanes)
 
 
 # --- the ideal filter ---------------------------------------------------------------------------
@@ -256,10 +256,10 @@ def _filter_ideally(
             correct(x, P, step, run, true, OFF, frame, work, lanes)
         elif begin > 0:
             continue
-        if step == end or takes_covariance(setup, step, statistics):
+        if step == end or is_sampled(setup, step):
             bring_to_now(P, setup.states, frame, lanes)
         copy(x, compared.errors, lanes)
-        record(P, setup, step, compared, statistics, lanes)
+        record(P, setup, step, frame, work, compared, statistics, lanes)
     _add(x, true, 1.0, lanes)
 
 
@@ -373,7 +373,7 @@ def compile_prediction(n: int) -> None:
     run, (frame, work, compared), lanes, x, P, step, _ = specimen(n)
     # readings have the type of a state
     compile_for(predict, x, P, x, x, run.setup, step, frame, work.slopes, lanes)
-    compile_for(record, P, run.setup, step, compared, run.statistics, lanes)
+    compile_for(record, P, run.setup, step, frame, work, compared, run.statistics, lanes)
     compile_motion()
 
 

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from syncplan.arrays import Array
+from syncplan.estimation.correction_kernels import Correction, fill_variances
 from syncplan.estimation.filter_setup import (
     ERROR,
     SQUARE,
@@ -18,6 +19,7 @@ from syncplan.estimation.filter_setup import (
     Truth,
 )
 from syncplan.estimation.kernels import Lanes, inner, linked, part
+from syncplan.estimation.motion_kernels import Frame
 
 SMALLEST_PIVOT = 1e-13
 """Share of a variance below which its pivot in the factorisation is rounding."""
@@ -28,7 +30,7 @@ class Comparison(NamedTuple):
 
     Fields
     ------
-    true, errors : (3n + e, lanes) true states, and errors of the estimate
+    true, errors, variances : (3n + e, lanes) true states, and errors and variances of the estimate
     block : (3n, 3n, lanes) covariance of poses, to be factorised
     column, factor : (3n, lanes) of the factorisation
     total, valid : (lanes,) NEES, and whether it counts
@@ -36,6 +38,7 @@ class Comparison(NamedTuple):
 
     true: Array
     errors: Array
+    variances: Array
     block: Array
     column: Array
     factor: Array
@@ -46,6 +49,7 @@ class Comparison(NamedTuple):
 def comparison_of(n: int, size: int, width: int) -> Comparison:
     """Return scratch arrays for n vehicles, `size` state entries and `width` lanes."""
     return Comparison(
+        np.empty((size, width)),
         np.empty((size, width)),
         np.empty((size, width)),
         np.empty((3 * n, 3 * n, width)),
@@ -97,24 +101,20 @@ def is_sampled(setup: FilterSetup, sample: int) -> bool:
     return bool(taken and sample > setup.judged_from)
 
 
-@part
-def takes_covariance(setup: FilterSetup, sample: int, statistics: FilterStatistics) -> bool:
-    """Return whether the statistics of a sample need the present covariance."""
-    return is_sampled(setup, sample) or len(statistics.series) > 0
-
-
 @linked
 def record(
     P: Array,
     setup: FilterSetup,
     sample: int,
+    frame: Frame,
+    correction: Correction,
     work: Comparison,
     statistics: FilterStatistics,
     lanes: Lanes,
 ) -> None:
     """Add the errors at a sample to the statistics; sample 0 counts in the series alone.
 
-    P (3n + e, 3n + e, lanes) must be the present one if `takes_covariance`.
+    P (3n + e, 3n + e, lanes) must be the present one if `is_sampled`.
     """
     errors = work.errors
     share = 1.0 if sample else 0.0
@@ -126,13 +126,14 @@ def record(
             statistics.squares[k, lane] += share * e * e
             statistics.late_squares[k, lane] += late * e * e
     if len(statistics.series):
+        fill_variances(P, setup.states, frame, correction, work.variances, lanes)
         for k in range(len(errors)):
             sums = statistics.series[sample, k]
             for lane in range(len(lanes)):
                 e = errors[k, lane]
                 sums[ERROR] += e
                 sums[SQUARE] += e * e
-                sums[VARIANCE] += P[k, k, lane]
+                sums[VARIANCE] += work.variances[k, lane]
     if is_sampled(setup, sample):
         for k in range(len(errors)):
             for lane in range(len(lanes)):
@@ -148,7 +149,7 @@ def _add_nees(P: Array, work: Comparison, sums: FilterStatistics, lanes: Lanes) 
     Lanes whose covariance is not positive definite (to rounding) are left out of sum and count. The
     errors of the poses are overwritten.
     """
-    _, error, A, u, factor, total, valid = work
+    _, error, _, A, u, factor, total, valid = work
     size = len(A)
     for lane in range(len(lanes)):
         total[lane], valid[lane] = 0.0, 1.0

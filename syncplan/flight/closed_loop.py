@@ -24,8 +24,8 @@ from syncplan.estimation.statistics_kernels import (
     Comparison,
     fill_errors,
     fill_truth,
+    is_sampled,
     record,
-    takes_covariance,
 )
 from syncplan.flight.flight_options import OPEN_LOOP, TRACKING
 from syncplan.flight.flight_setup import FlightSetup, Flown
@@ -135,18 +135,18 @@ def fly_lanes(
     frame, work, compared = scratch
     if begin == 0:
         _compare(x, flight, truth, begin, compared, lanes)
-        record(P, setup, begin, compared, statistics, lanes)
+        record(P, setup, begin, frame, work, compared, statistics, lanes)
     for step in range(begin + 1, end + 1):
         ahead = min(step + flight.mishaps.late, flight.steps)
         fly_to(ahead, step - 1, x, flight, flown, run, work.slopes, lanes)
         step_filter(x, P, step, run, frame, work, lanes)
         _hear(setup, readings.sightings, step, flown.heard, lanes)
         looks = step % flight.contact.look_every == 0
-        if step == end or looks or takes_covariance(setup, step, statistics):
+        if step == end or looks or is_sampled(setup, step) or len(statistics.series):
             bring_to_now(P, setup.states, frame, lanes)
             _part_gone(P, flight, step)
         if looks:
             heard, moved, sought = flown.heard, flown.moved, flown.sought
             move_circles(flight.contact, setup.states, P, step, heard, moved, sought, work, lanes)
         _compare(x, flight, truth, step, compared, lanes)
-        record(P, setup, step, compared, statistics, lanes)
+        record(P, setup, step, frame, work, compared, statistics, lanes)

@@ -10,7 +10,14 @@ from syncplan.estimation import trial_readings
 from syncplan.estimation.consistency import anees
 from syncplan.estimation.drawn_errors import motion_in_air
 from syncplan.estimation.filter_options import FilterOptions
-from syncplan.estimation.filter_setup import DISTANCE_KIND
+from syncplan.estimation.filter_setup import (
+    DISTANCE_KIND,
+    VARIANCE,
+    FilterRun,
+    empty_statistics,
+    start_of,
+)
+from syncplan.estimation.lane_filter import EXTENDED
 from syncplan.estimation.montecarlo import run_trials
 from syncplan.estimation.reference_filter import displacement, moved_state, sighted
 from syncplan.estimation.trial_readings import possible_sightings
@@ -181,6 +188,29 @@ def test_motion_through_the_air_is_that_of_its_formulas(most: float) -> None:
     np.testing.assert_allclose(flown.turn_rates, turns / time, atol=1e-11)
     speeds = np.hypot(x, y)[2:-2] / (time * np.sinc(0.5 * turns / np.pi))
     np.testing.assert_allclose(flown.speeds, speeds, rtol=1e-12)
+
+
+def test_a_series_has_the_variances_of_a_filter_that_stops_there() -> None:
+    setup, readings, truth = scene_of(a_team(ALL), 60, 2)
+    size = len(setup.initial_variances)
+    whole = FilterRun(setup, readings, truth, empty_statistics(2, size, 60))
+    EXTENDED.run(whole)
+    for step in (1, 7, 43):
+        state = start_of(setup, readings)
+        EXTENDED.advance(whole._replace(statistics=empty_statistics(2, size)), state, 0, step)
+        present = np.einsum("kkl->k", state[1])
+        series_then = whole.statistics.series[step, :, VARIANCE]
+        np.testing.assert_allclose(series_then, present, rtol=1e-9)
+
+
+def test_a_series_leaves_the_figures_of_trials_as_they_are() -> None:
+    team = a_team(ALL)
+    seen = possible_sightings(team, find_windows(team), 60)
+    plain, kept = (
+        run_trials(team, seen, 60, FilterOptions(trials=5, seed=2, with_series=on), threads=1)
+        for on in (False, True)
+    )
+    assert bytes_of(replace(kept, branches=())) == bytes_of(replace(plain, branches=()))
 
 
 def test_errors_are_drawn_with_their_sigmas_and_gusts_with_their_correlation() -> None:
