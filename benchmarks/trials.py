@@ -1,11 +1,13 @@
 """How long trials of the Monte Carlo take with further states, and beside an earlier checkout.
 
 Processor time of trials of the paper's grid over 200 s on one thread, the least of several rounds
-in which all kinds take turns: poses alone, wind as states, all constant errors, these and gusts.
-With `--base PATH`, another checkout runs its trials of poses alone in the same turns, and both
+in which all kinds take turns: poses alone, wind as states, all constant errors, gusts, all of
+these. `--filter robust` runs another filter, and `--series` keeps errors over time. With `--base
+PATH`, another checkout runs its trials of poses alone in the same turns, and both
 sides' results have to be the same to the byte.
 
     python benchmarks/trials.py
+    python benchmarks/trials.py --filter robust --series
     python benchmarks/trials.py --base ../before
 """
 
@@ -45,11 +47,12 @@ STATES: dict[str, tuple[str, ...]] = {
     POSES: (),
     "wind": ("wind",),
     "all constant errors": CONSTANT,
+    "gusts": ("gusts",),
     "all constant errors and gusts": (*CONSTANT, "gusts"),
 }
 """Further states of each kind of trial, as ERROR_STATES names them."""
 
-MOST_TIMES = {"wind": 1.4, "all constant errors": 3.0}
+MOST_TIMES = {"wind": 1.3, "all constant errors": 2.2, "all constant errors and gusts": 3.0}
 """How many times as long as poses alone they may take."""
 
 LEAST_OF_BASE = 0.97
@@ -92,13 +95,15 @@ def _scene() -> tuple[Team, Sightings]:
     return team, sample_sightings(find_windows(team), team.orbits.period, team.sensors, 1, STEPS)
 
 
-def timed(kind: str) -> tuple[float, str]:
-    """Return s and a digest of the trials of a kind."""
+def timed(request: str) -> tuple[float, str]:
+    """Return s and a digest of the trials of a request: a filter, 0 or 1 for a series, a kind."""
     team, seen = _scene()
+    name, series, kind = request.split(maxsplit=2)
+    options = FilterOptions(trials=TRIALS, seed=SEED, filter=name, with_series=series == "1")
     if STATES[kind]:
         team = _with_errors(team, STATES[kind])
     began = time.process_time()
-    found = run_trials(team, seen, STEPS, FilterOptions(trials=TRIALS, seed=SEED), threads=1)
+    found = run_trials(team, seen, STEPS, options, threads=1)
     seconds = time.process_time() - began
     digest = hashlib.sha256(found.final_errors.tobytes() + found.nees.tobytes())
     return seconds, digest.hexdigest()
@@ -107,8 +112,10 @@ def timed(kind: str) -> tuple[float, str]:
 # --- both sides ---------------------------------------------------------------------------------
 
 
-def main(base: Path | None = None, rounds: int = ROUNDS) -> dict[str, float]:
-    """Return s a trial by kind, the least of all rounds.
+def main(
+    base: Path | None = None, rounds: int = ROUNDS, *, name: str = "ekf", series: bool = False
+) -> dict[str, float]:
+    """Return s a trial by kind with the filter of a name, the least of all rounds.
 
     Raises RuntimeError where trials of poses alone differ from the base's in a byte.
     """
@@ -120,7 +127,7 @@ def main(base: Path | None = None, rounds: int = ROUNDS) -> dict[str, float]:
     for number in range(rounds + 1):
         digests = {}
         for label, (side, kind) in turns.items():
-            seconds, digests[label] = side.run(kind)
+            seconds, digests[label] = side.run(f"{name} {int(series)} {kind}")
             if number:  # the first compiles
                 least[label] = min(least[label], seconds / TRIALS)
         if digests.get(BASE, digests[POSES]) != digests[POSES]:
@@ -151,4 +158,7 @@ if __name__ == "__main__":
     else:
         parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
         parser.add_argument("--base", type=Path, metavar="PATH", help="another checkout")
-        print_figures(figures(main(parser.parse_args().base)))
+        parser.add_argument("--filter", default="ekf", help="the filter of the trials")
+        parser.add_argument("--series", action="store_true", help="keep errors over time")
+        given = parser.parse_args()
+        print_figures(figures(main(given.base, name=given.filter, series=given.series)))

@@ -428,22 +428,18 @@ def spread(P: Array, a: int, b: int, work: Correction, row: int, lanes: Lanes) -
 
 
 @inner
-def fill_variances(
-    P: Array, states: States, frame: Frame, work: Correction, variances: Array, lanes: Lanes
+def fill_variance(
+    k: int, P: Array, states: States, frame: Frame, work: Correction, lanes: Lanes
 ) -> None:
-    """Fill in the variances (3n + e, lanes) of the present state, whatever P's frame."""
-    poses = 3 * (len(states.first) - 1)
-    for k in range(poses):
-        axis = k % 3
-        work.counts[axis] = 0
+    """Fill sums[0] (lanes,) with the variance of the present state k, whatever P's frame."""
+    axis, poses = k % 3, 3 * (len(states.first) - 1)
+    work.counts[axis] = 0
+    if k < poses:
         refer_place(k // 3, axis, 1.0, True, states, frame, work, lanes)
-        spread(P, axis, axis, work, 0, lanes)
-        for lane in range(len(lanes)):
-            variances[k, lane] = work.sums[0, lane]
-    for k in range(poses, len(P)):
-        left = frame.left[k - poses]
-        for lane in range(len(lanes)):
-            variances[k, lane] = left * left * P[k, k, lane]
+    else:
+        work.axis_columns[axis, 0], work.counts[axis] = k, 1
+        work.axis_entries[axis, 0] = frame.left[k - poses]
+    spread(P, axis, axis, work, 0, lanes)
 
 
 @part
@@ -633,15 +629,13 @@ def correct_covariance(P: Array, u: Array, g: Array, pending: int, lanes: Lanes)
 
     Two rows at a time share what they read of u.
     """
-    for i in range(0, len(P), 2):
-        if i + 1 < len(P):
+    for i in range(len(P)):
+        if i % 2 == 0 and i + 1 < len(P):
             for j in range(i + 1):
                 _lessen_both(P[i, j], P[i + 1, j], u, g, i, j, pending, lanes)
         else:
-            for j in range(i):
+            for j in range(i if i % 2 else 0, i + 1):
                 _lessen(P[i, j], u, g, i, j, pending, lanes)
-        last = min(i + 1, len(P) - 1)
-        _lessen(P[last, last], u, g, last, last, pending, lanes)
 
 
 @inner

@@ -145,9 +145,6 @@ def _gauss_markov(draws: Array, decay: Array) -> Array:
 # --- motion in moving air -------------------------------------------------------------------------
 
 
-SMALL = 0.05
-"""Largest angle in rad for which series are exact to rounding."""
-
 AT_ONCE = 64
 """Samples processed at once, so that their data stay in the processor's cache."""
 
@@ -174,36 +171,25 @@ def motion_in_air(orbits: Orbits, time: float, steps: int, drift: Array) -> AirM
     `drift` is the air's velocity in m/s, (1 or steps + 1, n or 1, 2, lanes), held from each sample
     to the next.
     """
+    from syncplan.estimation.air_kernels import steer, turn_by_series
+
+    # moved[k + 1] is the displacement in sample k; two samples before and after are needed
     moved = np.diff(position(orbits, time * np.arange(-2, steps + 3)), axis=0)
     shape = steps, orbits.count, drift.shape[-1]
     flown = AirMotion(np.empty((steps + 1, *shape[1:])), np.empty(shape), np.empty(shape))
-    work = np.empty((5, min(AT_ONCE, steps) + 4, *shape[1:]))
+    room = np.empty((5, min(AT_ONCE, steps) + 4, *shape[1:]))
     for begin in range(0, steps, AT_ONCE):
-        _fly(flown, moved, time, drift, begin, min(begin + AT_ONCE, steps), work)
+        own = slice(begin, min(begin + AT_ONCE, steps))
+        work = room[:, : own.stop - begin + 4]
+        x, y, across, along, turns = work
+        if not turn_by_series(moved, drift, time, begin, work):
+            np.arctan2(across[:-1], along[:-1], out=turns[:-1])
+        if begin == 0:
+            flown.headings[0] = np.arctan2(y[1], x[1])
+            flown.headings[0] += 0.125 * (4.0 * turns[1] - turns[2] + turns[0])
+        speeds, steady, ahead = flown.speeds[own], flown.turn_rates[own], flown.headings[1:][own]
+        if not steer(work, time, flown.headings[begin], ahead, speeds, steady):
+            np.sqrt(x[2:-2] * x[2:-2] + y[2:-2] * y[2:-2], out=speeds)
+            speeds /= time * np.sinc(steady / (2.0 * np.pi))
+        steady /= time
     return flown
-
-
-def _fly(
-    flown: AirMotion, moved: Array, time: float, drift: Array, begin: int, end: int, work: Array
-) -> None:
-    """Fill in the samples from begin + 1 to end, from `moved` (steps + 4, n, 2) m over ground.
-
-    moved[k + 1] is the displacement in sample k; two samples before and after are needed. `work` is
-    scratch. Turns and speeds are by series where all of these samples' turns are small.
-    """
-    from syncplan.estimation.air_kernels import steer, turn_by_series
-
-    samples = np.arange(begin, end + 4)
-    air = drift if len(drift) == 1 else drift[np.clip(samples - 2, 0, len(drift) - 1)]
-    x, y, across, along, turns = work[:, : len(samples)]
-    if not turn_by_series(moved[begin : end + 4], air, time, SMALL, x, y, across, along, turns):
-        np.arctan2(across[:-1], along[:-1], out=turns[:-1])
-    if begin == 0:
-        flown.headings[0] = np.arctan2(y[1], x[1])
-        flown.headings[0] += 0.125 * (4.0 * turns[1] - turns[2] + turns[0])
-    start, ahead = flown.headings[begin], flown.headings[begin + 1 : end + 1]
-    speeds, steady = flown.speeds[begin:end], flown.turn_rates[begin:end]
-    if not steer(turns, x, y, time, SMALL, start, across[0], ahead, speeds, steady):
-        np.sqrt(x[2:-2] * x[2:-2] + y[2:-2] * y[2:-2], out=speeds)
-        speeds /= time * np.sinc(steady / (2.0 * np.pi))
-    steady /= time

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.estimation.correction_kernels import Correction, fill_variances
+from syncplan.estimation.correction_kernels import Correction, fill_variance
 from syncplan.estimation.filter_setup import (
     ERROR,
     SQUARE,
@@ -30,7 +30,7 @@ class Comparison(NamedTuple):
 
     Fields
     ------
-    true, errors, variances : (3n + e, lanes) true states, and errors and variances of the estimate
+    true, errors : (3n + e, lanes) true states, and errors of the estimate
     block : (3n, 3n, lanes) covariance of poses, to be factorised
     column, factor : (3n, lanes) of the factorisation
     total, valid : (lanes,) NEES, and whether it counts
@@ -38,7 +38,6 @@ class Comparison(NamedTuple):
 
     true: Array
     errors: Array
-    variances: Array
     block: Array
     column: Array
     factor: Array
@@ -49,7 +48,6 @@ class Comparison(NamedTuple):
 def comparison_of(n: int, size: int, width: int) -> Comparison:
     """Return scratch arrays for n vehicles, `size` state entries and `width` lanes."""
     return Comparison(
-        np.empty((size, width)),
         np.empty((size, width)),
         np.empty((size, width)),
         np.empty((3 * n, 3 * n, width)),
@@ -126,14 +124,14 @@ def record(
             statistics.squares[k, lane] += share * e * e
             statistics.late_squares[k, lane] += late * e * e
     if len(statistics.series):
-        fill_variances(P, setup.states, frame, correction, work.variances, lanes)
         for k in range(len(errors)):
             sums = statistics.series[sample, k]
+            fill_variance(k, P, setup.states, frame, correction, lanes)
             for lane in range(len(lanes)):
                 e = errors[k, lane]
                 sums[ERROR] += e
                 sums[SQUARE] += e * e
-                sums[VARIANCE] += work.variances[k, lane]
+                sums[VARIANCE] += correction.sums[0, lane]
     if is_sampled(setup, sample):
         for k in range(len(errors)):
             for lane in range(len(lanes)):
@@ -149,7 +147,7 @@ def _add_nees(P: Array, work: Comparison, sums: FilterStatistics, lanes: Lanes) 
     Lanes whose covariance is not positive definite (to rounding) are left out of sum and count. The
     errors of the poses are overwritten.
     """
-    _, error, _, A, u, factor, total, valid = work
+    _, error, A, u, factor, total, valid = work
     size = len(A)
     for lane in range(len(lanes)):
         total[lane], valid[lane] = 0.0, 1.0
