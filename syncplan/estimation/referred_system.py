@@ -17,6 +17,7 @@ import numpy as np
 from syncplan.arrays import Array, Index
 from syncplan.errors import NoSolutionError
 from syncplan.estimation.covariances import RunVariances, variances_along
+from syncplan.estimation.object_code import ObjectCode
 from syncplan.estimation.referred_run import GaussMarkov, Run
 from syncplan.estimation.start_up_index import (
     StartUpIndex,
@@ -204,12 +205,11 @@ class ReferredSystem:
     def with_index(self, covariance: Array) -> PosteriorBound:
         """Return the bound along the run with its start-up index."""
         seen = self.sightings.until(first_samples(self.team))
-        along, across = (
-            self._with_errors(seen, six) for six in second_order_terms(self.team, seen, self.scale)
-        )
+        terms, sizes = second_order_terms(self.team, seen, self.scale)
+        along, across = (self._with_errors(seen, six) for six in terms)
         given = self.run, covariance, self._columns, self._moves
         found = variances_along(*given, (along, across))
-        index = index_of_run(self.team, seen, found.foreseen)
+        index = index_of_run(self.team, seen, sizes, found.foreseen)
         return replace(self._bound_of(found), start_up=index)
 
     def _bound_of(self, found: RunVariances) -> PosteriorBound:
@@ -315,19 +315,30 @@ def _referred_noise(team: Team, arm: Array, moved: Array, scale: float) -> Array
         [noise.speed_sigma, noise.turn_rate_sigma]
     )
     gain[:, :2] /= scale
-    # heading at the start of each step, a quarter turn from the arm
-    sense = orbits.senses[:, None]
-    ahead = -sense * np.roll(arm[1], 1, axis=-1)
-    left = sense * np.roll(arm[0], 1, axis=-1)
-    total = np.zeros((6, *ahead.shape))
-    for along, across, turn in np.moveaxis(gain, (2, 1), (0, 1))[..., None]:
-        # referred to time 0, a turn moves the position backwards about the vehicle
-        x = ahead * along - left * across + moved[1] * turn
-        y = left * along + ahead * across - moved[0] * turn
-        for place, product in enumerate((x * x, x * y, x * turn, y * y, y * turn, turn * turn)):
-            total[place] += product
-    total[..., 0] = 0.0
-    return total
+    found = np.zeros((6, *arm.shape[1:]))
+    _refer(np.ascontiguousarray(arm), np.ascontiguousarray(moved), gain, orbits.senses, found)
+    return found
+
+
+@ObjectCode
+def _refer(arm: Array, moved: Array, gain: Array, senses: Array, found: Array) -> int:
+    """Add the noise of each step after the first, by speed and by turn rate."""
+    for v in range(len(senses)):
+        for source in range(2):
+            along, across, turn = gain[v, 0, source], gain[v, 1, source], gain[v, 2, source]
+            for k in range(1, arm.shape[2]):
+                # heading at the start of the step, a quarter turn from the arm
+                ahead, left = -senses[v] * arm[1, v, k - 1], senses[v] * arm[0, v, k - 1]
+                # referred to time 0, a turn moves the position backwards about the vehicle
+                x = ahead * along - left * across + moved[1, v, k] * turn
+                y = left * along + ahead * across - moved[0, v, k] * turn
+                found[0, v, k] += x * x
+                found[1, v, k] += x * y
+                found[2, v, k] += x * turn
+                found[3, v, k] += y * y
+                found[4, v, k] += y * turn
+                found[5, v, k] += turn * turn
+    return 1
 
 
 def _changing(team: Team, layout: StateLayout, scale: float) -> GaussMarkov | None:

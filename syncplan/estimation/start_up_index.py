@@ -25,8 +25,7 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.estimation.covariances import Foreseen
-from syncplan.observability.referred_rows import NEAREST
-from syncplan.orbits.circles import body_paths
+from syncplan.observability.referred_rows import NEAREST, relative_places
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS, sigmas_by_kind
 from syncplan.orbits.sightings import Sightings, steps_within
 from syncplan.orbits.team import Team
@@ -56,50 +55,53 @@ def first_samples(team: Team) -> int:
     return steps_within(PERIODS * team.orbits.period, team.sensors.sample_time)
 
 
-def second_order_terms(team: Team, sightings: Sightings, scale: float) -> Array:
-    """Return (2, s, 6) the two functions whose product makes each sighting's second-order term.
+def second_order_terms(team: Team, sightings: Sightings, scale: float) -> tuple[Array, Array]:
+    """Return the functions and the size of each sighting's second-order term.
 
-    They are functions of errors at time 0, positions in `scale` m, as in lines_of_sight.
+    The term is the product of two functions (2, s, 6) of errors at time 0, as in lines_of_sight,
+    times its size (s,), which is 0 where there is none.
     """
-    lines = lines_of_sight(team, sightings, scale)
-    functions = np.zeros_like(lines)
+    lines, distances = lines_of_sight(team, sightings, scale)
+    functions, sizes = np.zeros_like(lines), np.zeros(len(distances))
     for place, kind in enumerate(SIGHTING_KINDS.values()):
         term, chosen = kind.second_order, sightings.kinds == place
         if term is not None and chosen.any():
             functions[:, chosen] = lines[list(term.ways)][:, chosen]
-    return functions
+            sizes[chosen] = term.size(distances[chosen])
+    return functions, sizes
 
 
-def lines_of_sight(team: Team, sightings: Sightings, scale: float) -> Array:
-    """Return (2, s, 6): errors along and across each line of sight, over its length.
+def lines_of_sight(team: Team, sightings: Sightings, scale: float) -> tuple[Array, Array]:
+    """Return (2, s, 6): errors along and across each line of sight, over its length (s,) in m.
 
     These errors of the relative position are linear functions of errors at time 0, the observer's
     three and the target's three, positions in `scale` m; a landmark's three are zero. All are zero
     where the two are nearer than NEAREST mean radii: the bound hardly counts such a sighting.
     """
-    q, (own, other) = _relative(team, sightings)
-    squared = np.sum(q * q, axis=1, keepdims=True)
+    q, (own, other) = relative_places(team, sightings)
+    squared = q[0] * q[0] + q[1] * q[1]
     nearest = NEAREST * float(team.orbits.radii.mean())
-    along = np.divide(q, squared, out=np.zeros_like(q), where=squared >= nearest**2)
-    across = np.column_stack([-along[:, 1], along[:, 0]])
-    found = np.zeros((2, len(q), 6))
-    for place, way in enumerate((along, across)):
-        found[place, :, :2] = -scale * way
-        found[place, :, 2] = way[:, 0] * own[:, 1] - way[:, 1] * own[:, 0]
-        found[place, :, 3:5] = scale * way
-        found[place, :, 5] = way[:, 1] * other[:, 0] - way[:, 0] * other[:, 1]
+    x, y = np.divide(q, squared, out=np.zeros_like(q), where=squared >= nearest**2)
+    found = np.zeros((2, len(squared), 6))
+    for place, (east, north) in enumerate(((x, y), (-y, x))):
+        found[place, :, 0], found[place, :, 1] = -scale * east, -scale * north
+        found[place, :, 2] = east * own[1] - north * own[0]
+        found[place, :, 3], found[place, :, 4] = scale * east, scale * north
+        found[place, :, 5] = north * other[0] - east * other[1]
     found[:, sightings.targets >= team.count, 3:] = 0.0
-    return found
+    return found, np.sqrt(squared)
 
 
-def index_of_run(team: Team, sightings: Sightings, foreseen: Foreseen) -> StartUpIndex:
+def index_of_run(
+    team: Team, sightings: Sightings, sizes: Array, foreseen: Foreseen
+) -> StartUpIndex:
     """Return the index from the covariances of second-order terms before each sighting."""
     if not len(sightings.steps):
         return StartUpIndex(0.0, 0, 0, 0.0)
     (along, both), (_, across) = foreseen.pairs
     remainder = np.maximum(along, 0.0) * np.maximum(across, 0.0) + both * both
     sigma = sigmas_by_kind(team.sensors, sightings.kinds, sightings.observers)
-    values = np.sqrt(remainder / foreseen.innovation) / sigma * _sizes(team, sightings)
+    values = np.sqrt(remainder / foreseen.innovation) / sigma * sizes
     first = int(np.argmax(values))
     return StartUpIndex(
         value=float(values[first]),
@@ -107,25 +109,3 @@ def index_of_run(team: Team, sightings: Sightings, foreseen: Foreseen) -> StartU
         target=int(sightings.targets[first]),
         time=float(sightings.steps[first] * team.sensors.sample_time),
     )
-
-
-def _sizes(team: Team, sightings: Sightings) -> Array:
-    """Factor (s,) of each sighting's second-order term; 0 where it has none."""
-    distances = np.hypot(*_relative(team, sightings)[0].T)
-    found = np.zeros(len(sightings.steps))
-    for place, kind in enumerate(SIGHTING_KINDS.values()):
-        term, chosen = kind.second_order, sightings.kinds == place
-        if term is not None:
-            found[chosen] = term.size(distances[chosen])
-    return found
-
-
-def _relative(team: Team, sightings: Sightings) -> tuple[Array, tuple[Array, Array]]:
-    """Target relative to observer (s, 2) in m, and the displacement of each since time 0."""
-    center, cosine, sine = body_paths(team.orbits, team.landmarks)
-    tau = (sightings.steps * (team.orbits.rate * team.sensors.sample_time))[:, None]
-    turned, swung = np.cos(tau) - 1.0, np.sin(tau)
-    ends = (sightings.observers, sightings.targets)
-    starts = [center[end] + cosine[end] for end in ends]
-    own, other = (cosine[end] * turned + sine[end] * swung for end in ends)
-    return starts[1] + other - starts[0] - own, (own, other)

@@ -196,7 +196,8 @@ def _pose_rows(team: Team, sightings: Sightings, slopes: _Slopes, scale: float |
     return rows
 
 
-def _slopes(team: Team, sightings: Sightings) -> _Slopes:
+def relative_places(team: Team, sightings: Sightings) -> tuple[Array, tuple[Array, Array]]:
+    """Return (2, s) m: each target relative to its observer, and what both have moved since 0."""
     orbits = team.orbits
     observers, targets = sightings.observers, sightings.targets
     # cosines and sines once for each sample: sightings share them
@@ -207,7 +208,15 @@ def _slopes(team: Team, sightings: Sightings) -> _Slopes:
     ways = [np.ascontiguousarray(part.T) for part in body_paths(orbits, team.landmarks)]
     here, here_cos, here_sin = (part.take(observers, axis=1) for part in ways)
     there, there_cos, there_sin = (part.take(targets, axis=1) for part in ways)
-    q = (there - here) + (there_cos - here_cos) * cos + (there_sin - here_sin) * sin
+    relative = (there - here) + (there_cos - here_cos) * cos + (there_sin - here_sin) * sin
+    turned = cos - 1.0
+    moved = here_cos * turned + here_sin * sin, there_cos * turned + there_sin * sin
+    return relative, moved
+
+
+def _slopes(team: Team, sightings: Sightings) -> _Slopes:
+    orbits, observers = team.orbits, sightings.observers
+    q, moved = relative_places(team, sightings)
     nearest = NEAREST * float(orbits.radii.mean())
     weight = np.minimum(1.0, np.sqrt(q[0] * q[0] + q[1] * q[1]) / nearest)
     weight /= sigmas_by_kind(team.sensors, sightings.kinds, observers)
@@ -216,10 +225,7 @@ def _slopes(team: Team, sightings: Sightings) -> _Slopes:
         by_place=slopes_by_kind(sightings.kinds, q, weight),
         by_heading=turns_by_kind(sightings.kinds) * weight,
         weights=weight,
-        moved=(
-            here_cos * (cos - 1.0) + here_sin * sin,
-            there_cos * (cos - 1.0) + there_sin * sin,
-        ),
+        moved=moved,
     )
 
 
