@@ -10,6 +10,7 @@ from benchmarks import (
     exports,
     filters,
     flights,
+    growth,
     guidance,
     losses,
     montecarlo,
@@ -35,6 +36,7 @@ BEGIN_ERRORS, END_ERRORS = "<!-- errors: python -m benchmarks --write -->", "<!-
 
 PARTS = (
     startup,
+    growth,
     plans,
     states,
     contacts,
