@@ -61,7 +61,8 @@ class DrawnErrors:
             if state.times is not None:
                 kept = np.exp(-team.sensors.sample_time / state.times(team))
                 drawn = _gauss_markov(drawn, kept[:, None, None])
-            values[name] = np.multiply(drawn, sigma[:, None, None], order="C")
+            own = None if state.times is None else drawn
+            values[name] = np.multiply(drawn, sigma[:, None, None], out=own, order="C")
             if state.act == "speed":
                 np.maximum(values[name], LEAST_SCALE, out=values[name])
             begin = end
