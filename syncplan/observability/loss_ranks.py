@@ -93,22 +93,20 @@ def decisive_losses(assessed: rank.Assessment, losses: Sequence[Loss]) -> list[L
 def _directed_rows(assessed: rank.Assessment) -> _Rows:
     sightings = assessed.sightings
     order = np.lexsort((sightings.kinds, sightings.targets, sightings.observers))
-    observers, targets = sightings.observers[order], sightings.targets[order]
-    kinds = sightings.kinds[order]
-    rows = sighting_rows(assessed.team, sightings)[order]
-    runs = rank.equal_runs(observers, targets, kinds)
-    reduced = [
-        rows[begin:end] if end - begin <= 6 else np.linalg.qr(rows[begin:end], mode="r")
-        for begin, end in runs
-    ]
-    first = np.array([begin for begin, _ in runs], dtype=np.int64)
-    number = [len(block) for block in reduced]
-    return _Rows(
-        np.concatenate(reduced),
-        np.repeat(observers[first], number),
-        np.repeat(targets[first], number),
-        np.repeat(kinds[first], number),
-    )
+    keys = [of[order] for of in (sightings.observers, sightings.targets, sightings.kinds)]
+    # the last row fills up those of a pair, so that many are reduced at once
+    rows = np.concatenate([sighting_rows(assessed.team, sightings)[order], np.zeros((1, 6))])
+    begin, end = np.array(rank.equal_runs(*keys)).T
+    size = 16 * -(-(end - begin) // 16)
+    blocks = np.zeros((len(begin), 6, 6))
+    for one in np.flatnonzero(np.bincount(size)).tolist():
+        same = size == one
+        row = begin[same, None] + np.arange(one)
+        filled = rows[np.where(row < end[same, None], row, len(rows) - 1)]
+        blocks[same] = np.linalg.qr(filled, mode="r")
+    reduced = blocks.reshape(-1, 6)
+    used = reduced.any(axis=1)
+    return _Rows(reduced[used], *(np.repeat(of[begin], 6)[used] for of in keys))
 
 
 @dataclass(frozen=True, slots=True)

@@ -132,14 +132,18 @@ class _PairSightings:
 
     def _examined(self, samples: int) -> tuple[int | None, Index]:
         """Most steps after any start, as far as `ends` are right, and the sightings used (k,)."""
-        tying, base = _Tying.of(self.assessed, self.codes), self.span * self.codes
+        team, base = self.assessed.team, self.span * self.codes
+        a, b = np.divmod(self.codes, team.count + len(team.landmarks))
+        apart = rank.DISTINCT_LANDMARKS * float(team.orbits.radii.mean())
+        between = list(zip(a.tolist(), b.tolist(), strict=True))
+        of = between, team.count, _distinct_landmarks(team.landmarks, apart)
         longest, start, used = 0, 0, []
         while start < samples:
             end = min(start + longest, self.span - 1) - 1
             row = np.searchsorted(self.ends, base + end, side="right") - 1
             latest = np.where(row < 0, -1, self.numbers[row] - base)
             order = np.argsort(-latest, kind="stable")[: int(np.sum(latest >= start))]
-            pairs = tying.first_of(order.tolist())
+            pairs = _tying(order, *of)
             if pairs is not None:
                 used.append(row[pairs])
                 start = int(latest[pairs[-1]]) + 1
@@ -147,7 +151,7 @@ class _PairSightings:
             row = np.searchsorted(self.numbers, base + start)
             ready = self.ends[row] - base
             order = np.argsort(ready, kind="stable")[: int(np.sum(ready < self.span - 1))]
-            pairs = tying.first_of(order.tolist())
+            pairs = _tying(order, *of)
             if pairs is None:
                 return None, row[:0]
             longest = int(ready[pairs[-1]]) - start + 1
@@ -171,18 +175,19 @@ class _PairSightings:
         return np.flatnonzero(lacks)
 
     def _search(self, pairs: Index) -> None:
-        """Find the `ends` of pairs (k,) by singular values."""
+        """Find the `ends` of pairs (k,), ascending, by singular values."""
         base = self.span * self.codes[pairs]
         begin, end = np.searchsorted(self.numbers, [base, base + self.span])
-        rows = [self._rows(np.arange(*of)) for of in zip(begin, end, strict=True)]
-        starts = [np.arange(len(of)) for of in rows]
-        needed, largest = self._needed(pairs).tolist(), self.assessed.largest
-        lengths = _shortest_certified(rows, starts, needed, largest)
-        for first, own, row, length in zip(begin, base, starts, lengths, strict=True):
-            last = np.maximum(first + row + length - 1, 0)
-            found = np.where(length > 0, self.numbers[last], own + self.span - 1)
-            # a window has the rank if one within it has
-            self.ends[first + row] = np.minimum.accumulate(found[::-1])[::-1]
+        pair = np.repeat(np.arange(len(pairs)), end - begin)
+        place = np.arange(len(pair))
+        which = place + (begin - np.cumsum(end - begin) + end - begin)[pair]
+        room, needed = end[pair] - which, self._needed(pairs)[pair]
+        starts = _Starts(self._rows(which), pair, place, room, needed)
+        length = _shortest_certified(starts, self.assessed.largest)
+        last = self.numbers[which + np.maximum(length - 1, 0)]
+        found = np.where(length > 0, last, base[pair] + self.span - 1)
+        # a window has the rank if one within it has
+        self.ends[which] = np.minimum.accumulate(found[::-1])[::-1]
         self.searched[pairs] = True
 
     def _needed(self, pairs: Index) -> Index:
@@ -206,51 +211,31 @@ def _codes(observers: Index, targets: Index, bodies: int) -> Index:
     return np.asarray(np.minimum(observers, targets) * bodies + np.maximum(observers, targets))
 
 
-@dataclass(frozen=True, slots=True)
-class _Tying:
-    """Pairs (a, b) that may tie a team of `count` vehicles to distinct landmarks."""
-
-    count: int
-    a: list[int]
-    b: list[int]
-    distinct: Flags  # (m, m)
-
-    @classmethod
-    def of(cls, assessed: rank.Assessment, codes: Index) -> "_Tying":
-        """Return the pairs of these codes."""
-        team = assessed.team
-        a, b = np.divmod(codes, team.count + len(team.landmarks))
-        apart = rank.DISTINCT_LANDMARKS * float(team.orbits.radii.mean())
-        distinct = _distinct_landmarks(team.landmarks, apart)
-        return cls(team.count, a.tolist(), b.tolist(), distinct)
-
-    def first_of(self, order: list[int]) -> list[int] | None:
-        """Return those of the pairs, taken in this order, that tie all; None if they don't."""
-        merged = DisjointSets(self.count)
-        seen: list[set[int]] = [set() for _ in range(self.count)]
-        held = [False] * self.count
-        unheld, used = self.count, []
-        for pair in order:
-            part, b = merged[self.a[pair]], self.b[pair]
-            other = part if b >= self.count else merged[b]
-            anchors = {b - self.count} if b >= self.count else seen[other]
-            if (held[part] and held[other]) or (b < self.count and part == other):
-                continue
-            unheld -= (not held[part]) + (part != other and not held[other])
-            holds = held[part] or held[other] or self._hold(seen[part], anchors)
-            anchors = seen[part] | anchors
-            merged.union(part, other)
-            root = merged[part]
-            seen[root], held[root] = anchors, holds
-            unheld += not holds
-            used.append(pair)
-            if not unheld:
-                return used
-        return None
-
-    def _hold(self, some: set[int], others: set[int]) -> bool:
-        """Whether one of each are distinct landmarks."""
-        return any(self.distinct[one, other] for one in some for other in others)
+def _tying(
+    order: Index, pairs: list[tuple[int, int]], count: int, distinct: Flags
+) -> list[int] | None:
+    """Those of the pairs (a, b), taken in order, that tie all vehicles to distinct landmarks."""
+    merged = DisjointSets(count)
+    seen: list[set[int]] = [set() for _ in range(count)]
+    held = [False] * count
+    unheld, used = count, []
+    for pair in order.tolist():
+        a, b = pairs[pair]
+        part = merged[a]
+        other = merged[b] if b < count else part
+        if (held[part] and held[other]) or (b < count and part == other):
+            continue
+        anchors = seen[other] if b < count else {b - count}
+        holds = held[part] or held[other]
+        holds = holds or any(distinct[one, two] for one in seen[part] for two in anchors)
+        unheld -= (not held[part]) + (part != other and not held[other]) - (not holds)
+        anchors = seen[part] | anchors
+        merged.union(part, other)
+        seen[merged[a]], held[merged[a]] = anchors, holds
+        used.append(pair)
+        if not unheld:
+            return used
+    return None
 
 
 @dataclass(frozen=True, slots=True)
@@ -270,33 +255,24 @@ class _Starts:
         )
 
 
-def _shortest_certified(
-    rows: list[Array], starts: list[Index], needed: list[int], largest: float
-) -> list[Index]:
-    """Fewest consecutive rows from each start of each pair that have rank `needed`.
+def _shortest_certified(starts: _Starts, largest: float) -> Index:
+    """Fewest consecutive rows from each start, one at every row, that have the rank needed.
 
     0 where none suffice. All pairs are searched at once: lengths are doubled until the rank is
     reached, then bisected. A pair is given up if its first window falls short and all its rows
     together are too weak compared with `largest`: fewer rows have no larger singular value.
     """
-    if not rows:
-        return []
-    number = [len(of) for of in starts]
-    begin = np.cumsum([0] + [len(of) for of in rows])
-    pair = np.repeat(np.arange(len(rows)), number)
-    row = np.concatenate(starts) + begin[pair]
-    all_ = _Starts(np.concatenate(rows), pair, row, begin[pair + 1] - row, np.array(needed)[pair])
-    high = np.where(all_.room >= all_.needed, all_.needed, 0)
-    lead = np.cumsum([0, *number[:-1]])
-    lead = lead[high[lead] > 0]
-    for k in pair[lead[~_certified(all_.only(lead), high[lead], largest)]].tolist():
-        value = np.linalg.svd(rows[k], compute_uv=False)[needed[k] - 1]
+    high = np.where(starts.room >= starts.needed, starts.needed, 0)
+    lead = np.flatnonzero((np.diff(starts.pair, prepend=-1) > 0) & (high > 0))
+    for k in lead[~_certified(starts.only(lead), high[lead], largest)].tolist():
+        rows = starts.rows[k : k + starts.room[k]]
+        value = np.linalg.svd(rows, compute_uv=False)[starts.needed[k] - 1]
         if value <= rank.LINK_TOLERANCE * largest:
-            high[pair == k] = 0
+            high[k : k + len(rows)] = 0
     short = high > 0
-    short[short] = ~_certified(all_.only(short), high[short], largest)
-    high[short] = _searched(all_.only(short), largest)
-    return np.split(high, np.cumsum(number)[:-1])
+    short[short] = ~_certified(starts.only(short), high[short], largest)
+    high[short] = _searched(starts.only(short), largest)
+    return high
 
 
 def _searched(starts: _Starts, largest: float) -> Index:
