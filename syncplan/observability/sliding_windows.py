@@ -159,11 +159,8 @@ class _PairSightings:
 
     def _lacking(self, used: Index) -> Index:
         """Pairs (k,) without the rank required in a window that begins at one of the sightings."""
-        begins = np.zeros(len(self.numbers), dtype=bool)
-        begins[used] = True
-        row = np.flatnonzero(begins)
-        pair = np.searchsorted(self.codes, self.numbers[row] // self.span)
-        row, pair = row[~self.searched[pair]], pair[~self.searched[pair]]
+        pair = np.searchsorted(self.codes, self.numbers[used] // self.span)
+        row, pair = used[~self.searched[pair]], pair[~self.searched[pair]]
         lacks = np.zeros(len(self.codes), dtype=bool)
         for some in np.array_split(np.arange(len(row)), 1 + 3 * len(row) // _PART):
             needed = self._needed(pair[some])
@@ -277,25 +274,15 @@ def _shortest_certified(starts: _Starts, largest: float) -> Index:
 
 def _searched(starts: _Starts, largest: float) -> Index:
     """Fewest rows, more than `needed`, from each start; 0 where none suffice."""
-    low, high = starts.needed, np.minimum(2 * starts.needed, starts.room)
-    high = np.where(high > low, high, 0)
-    open_ = high > 0
-    while open_.any():
-        fails = open_.copy()
-        fails[open_] = ~_certified(starts.only(open_), high[open_], largest)
-        low = np.where(fails, high, low)
-        open_ = fails & (high < starts.room)
-        high = np.where(fails, 0, high)
-        high[open_] = np.minimum(2 * low[open_], starts.room[open_])
+    low, high = starts.needed.copy(), np.zeros(len(starts.needed), dtype=np.int64)
     while True:
-        wide = (high > 0) & (high - low > 1)
-        if not wide.any():
+        open_ = np.where(high > 0, high - low > 1, low < starts.room)
+        if not open_.any():
             return high
-        middle = (low + high) // 2
-        full = np.zeros(len(high), dtype=bool)
-        full[wide] = _certified(starts.only(wide), middle[wide], largest)
-        high = np.where(full, middle, high)
-        low = np.where(wide & ~full, middle, low)
+        tried = np.where(high > 0, (low + high) // 2, np.minimum(2 * low, starts.room))[open_]
+        full = _certified(starts.only(open_), tried, largest)
+        low[open_] = np.where(full, low[open_], tried)
+        high[open_] = np.where(full, tried, high[open_])
 
 
 def _certified(starts: _Starts, lengths: Index, largest: float) -> Flags:

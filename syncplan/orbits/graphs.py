@@ -134,7 +134,6 @@ class DisjointSets:
 
     def __init__(self, count: int) -> None:
         self._parent = list(range(count))
-        self._size = [1] * count
 
     def __getitem__(self, vertex: int) -> int:
         """Return the vertex that stands for the set."""
@@ -146,13 +145,8 @@ class DisjointSets:
     def union(self, a: int, b: int) -> bool:
         """Merge two sets; returns whether they were apart."""
         a, b = self[a], self[b]
-        if a == b:
-            return False
-        if self._size[a] < self._size[b]:
-            a, b = b, a
         self._parent[b] = a
-        self._size[a] += self._size[b]
-        return True
+        return a != b
 
 
 def contraction(count: int, same: Iterable[Edge]) -> list[int]:
