@@ -113,9 +113,10 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     """Run the command line and exit: 0 done, 1 internal fault, 2 bad input, 3, 4 as documented."""
     status: object = 0
     given = sys.argv[1:] if arguments is None else arguments
-    # imports make many objects and no garbage, which is not looked for at the end either
-    gc.set_threshold(GARBAGE)
-    atexit.register(gc.freeze)
+    if given[:1] != ["serve"]:
+        # imports make many objects and no garbage, which is not looked for at the end either
+        gc.set_threshold(GARBAGE)
+        atexit.register(gc.freeze)
     try:
         open_closed_streams()
         with reader_may_leave():

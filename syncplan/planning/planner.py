@@ -97,7 +97,7 @@ BOUND_WORK_LIMIT = 4e10
 LARGEST_SEARCHED = 200
 """Number of vehicles up to which every plan states its single points of failure."""
 
-MOST_STATES = 1500
+MOST_STATES = 100_000
 """Number of pose coordinates and errors up to which every plan states the undetermined errors."""
 
 MOST_STATES_LEFT = 400
