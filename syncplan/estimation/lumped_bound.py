@@ -114,17 +114,23 @@ def _along(run: Run, start: Array) -> Iterator[Array]:
 def _taken_in(covariance: Array, rows: SightingRows) -> Array:
     """The covariance's lower triangle after some rows, in place."""
     from scipy.linalg.blas import dsyrk, dtrsm
+    from scipy.linalg.lapack import dpotrf
     from scipy.sparse import csr_array
 
     own, place = np.unique(rows.columns, return_inverse=True)
-    size, many = len(covariance), len(rows.entries)
+    many = len(rows.entries)
     first = np.arange(many + 1) * rows.columns.shape[1]
     table: Any = (rows.entries.ravel(), place.ravel(), first)
     sparse = csr_array(table, shape=(many, len(own)))
-    below = np.arange(size) >= own[:, None]
-    gain = sparse @ np.where(below, covariance[:, own].T, covariance[own])
+    columns = covariance.T[own]
+    for column, number in zip(columns, own.tolist(), strict=True):
+        column[:number] = covariance[number, :number]
+    gain = sparse @ columns
     innovation = sparse @ gain[:, own].T
     innovation.reshape(-1)[:: many + 1] += 1.0
-    factor = np.linalg.cholesky(innovation)
-    half = dtrsm(1.0, factor.T, gain.T, side=1)
+    # threads of NumPy's BLAS would contend with those of SciPy's
+    factor, failed = dpotrf(innovation, lower=1)
+    if failed:
+        raise np.linalg.LinAlgError("an innovation covariance is not positive definite")
+    half = dtrsm(1.0, factor, gain.T, side=1, lower=1, trans_a=1)
     return np.asarray(dsyrk(-1.0, half, beta=1.0, c=covariance, lower=1, overwrite_c=1))
