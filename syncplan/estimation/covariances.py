@@ -168,16 +168,22 @@ def _reduce(covariance: Array, halves: Array, many: int) -> int:
     """Subtract the squares of `many` halves; the rest up to a multiple of four are zero."""
     size = len(covariance)
     for b in range(0, many, 4):
-        for i in range(size):
-            one, two = halves[b, i], halves[b + 1, i]
-            three, four = halves[b + 2, i], halves[b + 3, i]
+        # three lines at a time, the poses' own number, share what is loaded
+        for i in range(0, size - size % 3, 3):
+            p, q, r, s = halves[b, i], halves[b + 1, i], halves[b + 2, i], halves[b + 3, i]
+            i1, i2 = i + 1, i + 2
+            p1, q1, r1, s1 = halves[b, i1], halves[b + 1, i1], halves[b + 2, i1], halves[b + 3, i1]
+            p2, q2, r2, s2 = halves[b, i2], halves[b + 1, i2], halves[b + 2, i2], halves[b + 3, i2]
             for j in range(size):
-                covariance[i, j] -= (
-                    one * halves[b, j]
-                    + two * halves[b + 1, j]
-                    + three * halves[b + 2, j]
-                    + four * halves[b + 3, j]
-                )
+                one, two = halves[b, j], halves[b + 1, j]
+                three, four = halves[b + 2, j], halves[b + 3, j]
+                covariance[i, j] -= p * one + q * two + r * three + s * four
+                covariance[i1, j] -= p1 * one + q1 * two + r1 * three + s1 * four
+                covariance[i2, j] -= p2 * one + q2 * two + r2 * three + s2 * four
+        for i in range(size - size % 3, size):
+            for j in range(size):
+                for k in range(b, b + 4):
+                    covariance[i, j] -= halves[k, i] * halves[k, j]
     return 1
 
 
