@@ -1,4 +1,4 @@
-"""Compile the kernels of filters and flights into NUMBA_CACHE_DIR, for small and large teams.
+"""Compile the kernels of plans, filters and flights into NUMBA_CACHE_DIR, for small and large teams.
 
     python docker/warm_up.py [small] [large]
 
@@ -29,7 +29,7 @@ def compile_flights(vehicles: int) -> None:
         "sensor": {"range_m": 50, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1},
         "duration_s": 100,
     }
-    plan = syncplan.plan(team, bound="never", pilot=False)
+    plan = syncplan.plan(team, bound="always", pilot=False)
     for guidance in ("track", "mpc"):
         syncplan.fly(plan, trials=1, duration=1.0, guidance=guidance, filter="ekf")
 
