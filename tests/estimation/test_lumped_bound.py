@@ -64,6 +64,9 @@ def test_the_error_of_lumps_is_below_its_estimate(name: str) -> None:
     off = np.max(np.abs(found.rms_second_half() / exact.rms_second_half() - 1.0))
     assert exact.accuracy == 0.0
     assert 0.0 < off < found.accuracy < 0.05
+    if "grid" in name:
+        # placed at the first sample of each lump, rows would be off by more
+        assert off < 0.003
     assert found.position_variance.shape == exact.position_variance.shape
 
 
