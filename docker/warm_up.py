@@ -1,4 +1,4 @@
-"""Compile the kernels of plans, filters and flights into NUMBA_CACHE_DIR, for small and large teams.
+"""Compile kernels of plans, filters and flights into NUMBA_CACHE_DIR, for small and large teams.
 
     python docker/warm_up.py [small] [large]
 

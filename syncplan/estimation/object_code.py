@@ -131,4 +131,9 @@ def _folder() -> Path:
         return Path(asked) / FOLDER
     if os.access(package, os.W_OK):
         return package / "__pycache__" / FOLDER
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "syncplan" / FOLDER
+    if kept := os.environ.get("XDG_CACHE_HOME"):
+        return Path(kept) / "syncplan" / FOLDER
+    with suppress(RuntimeError):
+        return Path.home() / ".cache" / "syncplan" / FOLDER
+    # a user without a home: nothing can be kept
+    return Path(os.devnull) / FOLDER
