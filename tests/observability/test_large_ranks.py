@@ -31,7 +31,7 @@ def _formation(shape: str, count: int, direction: str) -> Team:
         "sensor": {"range_m": 50.0, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1},
         "duration_s": 40.0,
     }
-    return plan(scenario, bound="never").team
+    return plan(scenario, bound="never", margin_bound=False, single_points=False).team
 
 
 @pytest.mark.parametrize("direction", ["ccw", "alternate"])
