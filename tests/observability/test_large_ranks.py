@@ -9,8 +9,10 @@ import pytest
 from syncplan.observability.multifrontal import dissected, factored
 from syncplan.observability.rank import assess_team
 from syncplan.observability.spectrum import DENSE_STATES
-from syncplan.orbits.team import Team
+from syncplan.orbits.circles import Orbits
+from syncplan.orbits.team import Team, team_of
 from syncplan.planning.planner import plan
+from syncplan.scenario.loading import scenario_from
 from tests.searches.search_large_ranks import EVERY_KIND, assessed_by, differences, drawn
 
 
@@ -31,7 +33,14 @@ def _formation(shape: str, count: int, direction: str) -> Team:
         "sensor": {"range_m": 50.0, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1},
         "duration_s": 40.0,
     }
-    return plan(scenario, bound="never", margin_bound=False, single_points=False).team
+    if shape in ("grid", "line"):
+        return plan(scenario, bound="never", single_points=False).team
+    # phases of other graphs take a search: any will do
+    resolved, generator = scenario_from(scenario).resolved(), np.random.default_rng(4)
+    senses = generator.choice([-1.0, 1.0], count) if direction == "alternate" else np.ones(count)
+    phases = generator.uniform(0.0, 2.0 * np.pi, count)
+    centers = np.array(resolved.centers, dtype=float)
+    return team_of(resolved, Orbits(centers, np.full(count, 20.0), senses, phases, 0.2))
 
 
 @pytest.mark.parametrize("direction", ["ccw", "alternate"])
