@@ -32,6 +32,9 @@ DENSE_STATES = 450
 MOST_NULL_VECTORS = 600
 """Number of null vectors of large teams that are kept: those of the first vehicles."""
 
+LOST = 1e-8
+"""Share of the smallest singular value that counts below which another is lost in rounding."""
+
 _ACCURACY = 1e-13
 """Relative accuracy of squared singular values that are iterated for."""
 
@@ -152,27 +155,41 @@ def _sparse_observability(
     blocks: Sequence[Block], size: int, scale: float, parts: Sequence[Index]
 ) -> Observability:
     factor = factored(blocks, parts, size)
-    rows = _sparse_rows(blocks, size)[:, factor.order]
+    rows = _sparse_rows(blocks, size)
     values = np.full(size, np.nan)
     values[0] = np.sqrt(_greatest(lambda vector: rows.T @ (rows @ vector), size, 1)[0][0])
     null = _NullRows(factor)
-    weakest, near = _smallest(factor, null, RANK_TOLERANCE * float(values[0]))
+    weakest, near, levels = _smallest(factor, null, RANK_TOLERANCE * float(values[0]))
+    lost = near[levels < LOST * weakest]
+    if len(lost) and null.count + len(lost) <= MOST_NULL_VECTORS:
+        # beside pivots that are nearly lost, the weakest value would drown in rounding
+        factor = _set_aside(blocks, parts, size, factor.order[null.pivots(lost)])
+        null = _NullRows(factor)
+        weakest, near, _ = _smallest(factor, null, RANK_TOLERANCE * float(values[0]))
     rank = size - null.count - len(near)
     if rank > 1:
         values[rank - 1] = weakest
     kept, moved = null.with_others(near)
     if len(kept) == size - rank:
         values[rank:] = 0.0
-        seen = np.linalg.svd(rows @ kept.T, compute_uv=False) if len(kept) else values[rank:]
+        mapped = rows[:, factor.order] @ kept.T
+        seen = np.linalg.svd(mapped, compute_uv=False) if len(kept) else values[rank:]
         values[rank : rank + len(seen)] = seen
     found = np.stack([moved, *kept])
     found[:, factor.order] = found.copy()
     if len(near):
-        # pivots that are nearly lost would swamp the variances of other columns
-        factor = factored(blocks, parts, size, factor.order[_pivots(near)].tolist())
+        factor = _set_aside(blocks, parts, size, factor.order[null.pivots(near)])
     variances = np.empty(size)
     variances[factor.order] = factor.variances()
     return Observability(rank, values, found[1:], found[0], variances, scale)
+
+
+def _set_aside(
+    blocks: Sequence[Block], parts: Sequence[Index], size: int, columns: Index
+) -> Factor:
+    """The factor with some columns last and without a pivot."""
+    others = [part[~np.isin(part, columns)] for part in parts]
+    return factored(blocks, [*others, columns], size, columns.tolist())
 
 
 def _sparse_rows(blocks: Sequence[Block], size: int) -> Any:
@@ -231,20 +248,27 @@ class _NullRows:
         all_ = np.asarray(self.rows.power(2).sum(axis=0)).ravel()
         return basis, all_ + np.sum(others**2, axis=0)
 
+    def pivots(self, others: Array) -> Index:
+        """Return the columns (k,) in which these vectors and `others` are most independent."""
+        from scipy.linalg import qr
+
+        basis, _ = self.with_others(others)
+        return np.asarray(qr(basis, mode="r", pivoting=True)[1][: len(basis)])
+
 
 def _each(rows: Any) -> Any:
     return (rows[[k]] for k in range(rows.shape[0]))
 
 
-def _smallest(factor: Factor, null: _NullRows, least: float) -> tuple[float, Array]:
-    """Smallest singular value above `least`, and right singular vectors of those up to it.
+def _smallest(factor: Factor, null: _NullRows, least: float) -> tuple[float, Array, Array]:
+    """Smallest singular value above `least`, right singular vectors of those up to it, and these.
 
     The null space of the columns without a pivot is left out.
     """
     size = len(factor.order)
-    found, weak = np.zeros((0, size)), np.zeros((0, size))
+    found, weak, levels = np.zeros((0, size)), np.zeros((0, size)), np.zeros(0)
     if null.count == size:
-        return 0.0, found
+        return 0.0, weak, levels
 
     def apart(vector: Array) -> Array:
         return vector - found.T @ (found @ vector)
@@ -258,18 +282,12 @@ def _smallest(factor: Factor, null: _NullRows, least: float) -> tuple[float, Arr
         values, vectors = _greatest(squared, size, count)
         below = values * least**2 >= 1.0
         if not below.any():
-            return float(1.0 / np.sqrt(values[0])), weak
+            return float(1.0 / np.sqrt(values[0])), weak, levels
         found = np.linalg.qr(np.concatenate([found, vectors[below]]).T)[0].T
+        levels = np.append(levels, 1.0 / np.sqrt(values[below]))
         weak = np.array([null.removed(factor.solve(one[:, None])[:, 0]) for one in found])
         weak = np.linalg.qr(weak.T)[0].T
         count *= 2
-
-
-def _pivots(vectors: Array) -> Index:
-    """Columns (k,) in which the vectors (k, size) are most independent."""
-    from scipy.linalg import qr
-
-    return np.asarray(qr(vectors, mode="r", pivoting=True)[1][: len(vectors)])
 
 
 def _greatest(operator: Callable[[Array], Array], size: int, count: int) -> tuple[Array, Array]:
