@@ -50,7 +50,13 @@ def search_cut_short(judged: JudgedTeam) -> Iterator[Remark]:
 
 def bound_missing(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield the finding that errors are not predicted, with the reason."""
-    if judged.prediction.note:
+    if judged.prediction.rms is None and judged.prediction.note:
+        yield Remark("note", judged.prediction.note)
+
+
+def bound_estimated(judged: JudgedTeam) -> Iterator[Remark]:
+    """Yield the finding that errors are predicted approximately, with the accuracy."""
+    if judged.prediction.rms is not None and judged.prediction.note:
         yield Remark("note", judged.prediction.note)
 
 
@@ -91,6 +97,7 @@ CHECKS: dict[str, Callable[[JudgedTeam], Iterable[Remark]]] = {
     CENTRES_PLACED: centres_placed,
     "not-certified": observability_checks.not_certified,
     "bound-missing": bound_missing,
+    "bound-estimated": bound_estimated,
 }
 """Check that yields the findings of each code, in the order of the verdict."""
 

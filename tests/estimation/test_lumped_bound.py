@@ -102,4 +102,4 @@ def test_a_large_team_is_predicted_by_lumps_on_request(monkeypatch: pytest.Monke
     assert exact.rms is not None
     assert made.prediction.rms == pytest.approx(exact.rms, rel=0.02)
     (finding,) = (one for one in made.verdict.findings if one.message == made.prediction.note)
-    assert finding.level == "note"
+    assert (finding.code, finding.level) == ("bound-estimated", "note")
