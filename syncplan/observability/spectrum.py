@@ -32,6 +32,9 @@ DENSE_STATES = 450
 MOST_NULL_VECTORS = 600
 """Number of null vectors of large teams that are kept: those of the first vehicles."""
 
+LONG = 1e4
+"""Largest element of a null vector beside the 1 of its own column before others are chosen."""
+
 LOST = 1e-8
 """Share of the smallest singular value that counts below which another is lost in rounding."""
 
@@ -159,6 +162,11 @@ def _sparse_observability(
     values = np.full(size, np.nan)
     values[0] = np.sqrt(_greatest(lambda vector: rows.T @ (rows @ vector), size, 1)[0][0])
     null = _NullRows(factor)
+    if null.longest > LONG and null.count <= MOST_NULL_VECTORS:
+        # vectors that are nearly parallel: other columns set them apart
+        nothing = np.zeros((0, size))
+        factor = _set_aside(blocks, parts, size, factor.order[null.pivots(nothing)])
+        null = _NullRows(factor)
     weakest, near, levels = _smallest(factor, null, RANK_TOLERANCE * float(values[0]))
     lost = near[levels < LOST * weakest]
     if len(lost) and null.count + len(lost) <= MOST_NULL_VECTORS:
@@ -219,6 +227,7 @@ class _NullRows:
             found.append(csr_array(whole, shape=(len(one.indptr) - 1, size)))
         self.rows = vstack(found, format="csr")
         self.count = int(self.rows.shape[0])
+        self.longest = float(np.max(np.abs(self.rows.data), initial=0.0))
         if self.count:
             from scipy.sparse.linalg import splu
 
