@@ -102,7 +102,7 @@ class Front:
     later : (s + b,) those set aside, then the later columns that its rows meet
     triangle : (k, k) upper
     beside : (k, s + b) columns of `later`
-    begin : first column of the parts below
+    below : number of the first front whose rows went on to this one; its own where none did
     """
 
     own: Index
@@ -110,7 +110,7 @@ class Front:
     later: Index
     triangle: Array
     beside: Array
-    begin: int
+    below: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,14 +149,15 @@ class Factor:
 
     def null_vectors(self) -> Iterator[tuple[slice, Array]]:
         """Yield columns and vectors (c, s) for the columns that each front has set aside."""
+        ends = np.cumsum([0, *(len(front.own) + len(front.aside) for front in self.fronts)])
         for number, front in enumerate(self.fronts):
             if len(front.aside):
-                ends = slice(front.begin, int(max(*front.own, *front.aside)) + 1)
-                found = np.zeros((ends.stop - ends.start, len(front.aside)))
-                found[front.aside - ends.start] = np.eye(len(front.aside))
-                below = self.fronts[self._first_below(number) : number + 1]
-                self._back(found, np.zeros_like(found), ends.start, below)
-                yield ends, found
+                columns = slice(int(ends[front.below]), int(ends[number + 1]))
+                found = np.zeros((columns.stop - columns.start, len(front.aside)))
+                found[front.aside - columns.start] = np.eye(len(front.aside))
+                below = self.fronts[front.below : number + 1]
+                self._back(found, np.zeros_like(found), columns.start, below)
+                yield columns, found
 
     def variances(self) -> Array:
         """Return (N,) diagonal of (R^T R)^-1, with the columns set aside taken as known."""
@@ -202,12 +203,6 @@ class Factor:
                 own = front.own - offset
                 found[own] = _triangular(front.triangle, sides[own] - rest)
 
-    def _first_below(self, number: int) -> int:
-        begin = self.fronts[number].begin
-        while number and self.fronts[number - 1].begin >= begin:
-            number -= 1
-        return number
-
     def _owners(self) -> Index:
         owner = np.zeros(len(self.order), dtype=np.int64)
         for number, front in enumerate(self.fronts):
@@ -230,7 +225,7 @@ def factored(
     ends = np.cumsum([0, *map(len, parts)])
     owner = np.repeat(np.arange(len(parts)), np.diff(ends))
     waiting: list[list[Block]] = [[] for _ in parts]
-    begins = ends[:-1].tolist()
+    below = list(range(len(parts)))
     longest, denied = 0.0, np.isin(order, aside)
     for columns, rows in blocks:
         own = number[columns]
@@ -241,19 +236,19 @@ def factored(
     fronts, least = [], PIVOT * np.sqrt(longest)
     for k in range(len(parts)):
         own = np.arange(ends[k], ends[k + 1])
-        front, rest = _front(own, waiting[k], begins[k], least, denied[own])
+        front, rest = _front(own, waiting[k], below[k], least, denied[own])
         waiting[k] = []
         fronts.append(front)
         # its columns meet in R even where no rows are left
         if len(rest[0]):
             above = int(owner[rest[0][0]])
             waiting[above].append(rest)
-            begins[above] = min(begins[above], begins[k])
+            below[above] = min(below[above], below[k])
     return Factor(fronts, order)
 
 
 def _front(
-    own: Index, blocks: list[Block], begin: int, least: float, denied: Flags
+    own: Index, blocks: list[Block], below: int, least: float, denied: Flags
 ) -> tuple[Front, Block]:
     """The front of a part from its rows, and the rows that are left.
 
@@ -295,7 +290,7 @@ def _front(
         later=np.concatenate([own[aside], later]),
         triangle=np.ascontiguousarray(matrix[:k, :k]),
         beside=np.ascontiguousarray(matrix[:k, k:]),
-        begin=begin,
+        below=below,
     )
     return front, (later, rest)
 
