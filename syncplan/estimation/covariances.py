@@ -7,10 +7,11 @@ The recursion goes row by row (Tichavsky, Muravchik, Nehorai 1998, Proposition 1
 
 A few rows share a pass over P: P is kept as it was before the first of them, and g is corrected by
 the rows since, g - sum of half_j (half_j . h) with half = g / sqrt(s). A whitened row has few
-non-zeros, so P h takes as many times the size of the state.
+non-zeros, so P h takes as many times the size of the state. P is kept as its lower triangle; three
+columns at a time, those of a vehicle's pose, have their whole block on the diagonal.
 
-The recursion also gives a filter's covariance of two functions a, b of the states of a sighting,
-just before its row: a . P b.
+The recursion also gives a filter's covariances of two functions a, b of the states of a sighting,
+just before its row: a . P a, a . P b and b . P b.
 """
 
 from collections.abc import Callable
@@ -26,6 +27,9 @@ from syncplan.observability.referred_rows import SightingRows
 ROWS_AT_ONCE = 8
 """Number of rows that share a pass over the covariance, a multiple of four."""
 
+_POSES = 6
+"""Number of entries of a row for the poses of observer and target, three each."""
+
 _ELEMENTS_AT_ONCE = 1e6
 """Number of elements of `moves` that are held at a time."""
 
@@ -36,7 +40,7 @@ class Foreseen:
 
     Attributes
     ----------
-    pairs : (2, 2, s) covariances of the two functions
+    pairs : (3, s) variance of the first function, covariance of both, variance of the second
     innovation : (s,) variance of the row's own innovation, in whitened units
     """
 
@@ -72,8 +76,8 @@ def variances_along(
     """Return the variances along a run from `covariance` (size, size) at time 0.
 
     Vehicle i moves at sample k by `moves(k)[i]` (3, c) times the states of columns `tracked[i]`
-    (c,). `functions` belong to the first s rows. Raises LinAlgError where the variance of an
-    innovation is not positive in floating point.
+    (c,). `functions` belong to the first s rows and have the same columns. Raises LinAlgError where
+    the variance of an innovation is not positive in floating point.
     """
     steps, width = run.steps + 1, run.rows.entries.shape[1]
     changing = run.changing
@@ -86,7 +90,7 @@ def variances_along(
         moves=np.empty((steps, run.count, 3)),
         states=np.empty((steps, run.size - 3 * run.count)),
         covariance=covariance.copy(),
-        foreseen=Foreseen(np.empty((2, 2, count)), np.empty(count)),
+        foreseen=Foreseen(np.empty((3, count)), np.empty(count)),
     )
     given = (
         np.ascontiguousarray(run.noise.transpose(2, 1, 0)),
@@ -101,7 +105,7 @@ def variances_along(
         int(changing.driven) if changing else 0,
         np.ascontiguousarray(tracked),
         np.stack([one.entries for one in functions]),
-        np.stack([one.columns for one in functions]),
+        np.ascontiguousarray(functions[0].columns),
         np.zeros((ROWS_AT_ONCE, run.size)),
         found.covariance,
         found.foreseen.pairs,
@@ -113,6 +117,8 @@ def variances_along(
         effects = np.ascontiguousarray(moves(np.arange(own.start, own.stop)))
         if not _along(*given, effects, begin, found.moves[own], found.states[own]):
             raise np.linalg.LinAlgError("the variance of an innovation is not positive")
+    upper = np.triu_indices(run.size, 1)
+    found.covariance[upper] = found.covariance.T[upper]
     return found
 
 
@@ -126,8 +132,11 @@ def _change(
     push: Array,
     driven: int,
 ) -> int:
-    """Propagate the errors that change over one sample."""
+    """Propagate the errors that change over one sample; both triangles are then right."""
     size = len(covariance)
+    for i in range(size):
+        for j in range(i):
+            covariance[j, i] = covariance[i, j]
     for p in range(len(places)):
         for j in range(size):
             covariance[places[p], j] += push[p] * covariance[drifting[p], j]
@@ -165,7 +174,10 @@ def _grow(covariance: Array, noise: Array) -> int:
 
 @ObjectCode
 def _reduce(covariance: Array, halves: Array, many: int) -> int:
-    """Subtract the squares of `many` halves; the rest up to a multiple of four are zero."""
+    """Subtract the squares of `many` halves; the rest up to a multiple of four are zero.
+
+    Above the diagonal only the blocks of three columns are right afterwards.
+    """
     size = len(covariance)
     for b in range(0, many, 4):
         # three lines at a time, the poses' own number, share what is loaded
@@ -174,14 +186,14 @@ def _reduce(covariance: Array, halves: Array, many: int) -> int:
             i1, i2 = i + 1, i + 2
             p1, q1, r1, s1 = halves[b, i1], halves[b + 1, i1], halves[b + 2, i1], halves[b + 3, i1]
             p2, q2, r2, s2 = halves[b, i2], halves[b + 1, i2], halves[b + 2, i2], halves[b + 3, i2]
-            for j in range(size):
+            for j in range(i + 3):
                 one, two = halves[b, j], halves[b + 1, j]
                 three, four = halves[b + 2, j], halves[b + 3, j]
                 covariance[i, j] -= p * one + q * two + r * three + s * four
                 covariance[i1, j] -= p1 * one + q1 * two + r1 * three + s1 * four
                 covariance[i2, j] -= p2 * one + q2 * two + r2 * three + s2 * four
         for i in range(size - size % 3, size):
-            for j in range(size):
+            for j in range(i + 1):
                 for k in range(b, b + 4):
                     covariance[i, j] -= halves[k, i] * halves[k, j]
     return 1
@@ -199,21 +211,25 @@ def _foresee(
 ) -> int:
     """Covariances of a row's two functions, after so many earlier halves."""
     width = functions.shape[2]
-    for a in range(2):
-        for b in range(a, 2):
-            total = 0.0
-            for p in range(width):
-                for q in range(width):
-                    shared = covariance[columns[a, row, p], columns[b, row, q]]
-                    total += functions[a, row, p] * functions[b, row, q] * shared
-            for k in range(earlier):
-                one, other = 0.0, 0.0
-                for p in range(width):
-                    one += functions[a, row, p] * halves[k, columns[a, row, p]]
-                    other += functions[b, row, p] * halves[k, columns[b, row, p]]
-                total -= one * other
-            pairs[a, b, row] = total
-            pairs[b, a, row] = total
+    along, both, across = 0.0, 0.0, 0.0
+    for p in range(width):
+        a, b, i = functions[0, row, p], functions[1, row, p], columns[row, p]
+        for q in range(width):
+            j = columns[row, q]
+            shared = covariance[max(i, j), min(i, j)]
+            along += a * functions[0, row, q] * shared
+            both += a * functions[1, row, q] * shared
+            across += b * functions[1, row, q] * shared
+    for k in range(earlier):
+        one, other = 0.0, 0.0
+        for p in range(width):
+            half = halves[k, columns[row, p]]
+            one += functions[0, row, p] * half
+            other += functions[1, row, p] * half
+        along -= one * one
+        both -= one * other
+        across -= other * other
+    pairs[0, row], pairs[1, row], pairs[2, row] = along, both, across
     return 1
 
 
@@ -254,11 +270,29 @@ def _along(
                 row = begin + r
                 for j in range(size):
                     halves[r, j] = 0.0
-                for q in range(width):
+                for q in range(0, _POSES, 3):
+                    x, y, turn = entries[row, q], entries[row, q + 1], entries[row, q + 2]
+                    if x != 0.0 or y != 0.0 or turn != 0.0:
+                        c, c1, c2 = columns[row, q], columns[row, q + 1], columns[row, q + 2]
+                        for j in range(c + 3):
+                            halves[r, j] += (
+                                x * covariance[c, j]
+                                + y * covariance[c1, j]
+                                + turn * covariance[c2, j]
+                            )
+                        for j in range(c + 3, size):
+                            halves[r, j] += (
+                                x * covariance[j, c]
+                                + y * covariance[j, c1]
+                                + turn * covariance[j, c2]
+                            )
+                for q in range(_POSES, width):
                     entry, column = entries[row, q], columns[row, q]
                     if entry != 0.0:
-                        for j in range(size):
+                        for j in range(column):
                             halves[r, j] += entry * covariance[column, j]
+                        for j in range(column, size):
+                            halves[r, j] += entry * covariance[j, column]
                 for b in range(r):
                     shared = 0.0
                     for q in range(width):
@@ -284,11 +318,11 @@ def _along(
             for axis in range(3):
                 total = 0.0
                 for p in range(own):
-                    for q in range(own):
-                        shared = covariance[tracked[v, p], tracked[v, q]]
-                        total += (
-                            moves[k - start, v, axis, p] * moves[k - start, v, axis, q] * shared
-                        )
+                    move, i = moves[k - start, v, axis, p], tracked[v, p]
+                    total += move * move * covariance[i, i]
+                    for q in range(p):
+                        shared = covariance[max(i, tracked[v, q]), min(i, tracked[v, q])]
+                        total += 2.0 * move * moves[k - start, v, axis, q] * shared
                 found[k - start, v, axis] = total
         for c in range(states.shape[1]):
             states[k - start, c] = covariance[3 * vehicles + c, 3 * vehicles + c]

@@ -98,7 +98,7 @@ def index_of_run(
     """Return the index from the covariances of second-order terms before each sighting."""
     if not len(sightings.steps):
         return StartUpIndex(0.0, 0, 0, 0.0)
-    (along, both), (_, across) = foreseen.pairs
+    along, both, across = foreseen.pairs
     remainder = np.maximum(along, 0.0) * np.maximum(across, 0.0) + both * both
     sigma = sigmas_by_kind(team.sensors, sightings.kinds, sightings.observers)
     values = np.sqrt(remainder / foreseen.innovation) / sigma * sizes

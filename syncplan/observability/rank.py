@@ -154,6 +154,8 @@ def lone_rows(team: Team, sightings: Sightings, scale: float | None = None) -> l
     Positions are in mean radii, or in `scale` m.
     """
     alone = ~of_targets(sightings.kinds)
+    if not alone.any():
+        return []
     own = sightings.only(alone)
     rows = sighting_rows(team, own, scale)[:, :3]
     order = np.argsort(own.observers, kind="stable")

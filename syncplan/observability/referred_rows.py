@@ -121,8 +121,8 @@ def error_moves(
 def pose_columns(sightings: Sightings, count: int) -> Index:
     """Return (s, 6) columns of the poses of observer and target; the observer's for a landmark."""
     targets = np.where(sightings.targets < count, sightings.targets, sightings.observers)
-    bodies = np.column_stack([sightings.observers, targets])
-    return (3 * bodies[:, :, None] + np.arange(3)).reshape(-1, 6)
+    poses = np.arange(3 * count).reshape(-1, 3)
+    return poses.take(np.column_stack([sightings.observers, targets]), axis=0).reshape(-1, 6)
 
 
 def dense_rows(rows: SightingRows, size: int) -> Array:
@@ -190,7 +190,8 @@ def _pose_rows(team: Team, sightings: Sightings, slopes: _Slopes, scale: float |
     rows[:, 0] = slope[0] * -unit
     rows[:, 1] = slope[1] * -unit
     rows[:, 2] = -(slope[1] * own[0] - slope[0] * own[1]) + slopes.by_heading
-    rows[:, 3:5] = -rows[:, :2]
+    rows[:, 3] = slope[0] * unit
+    rows[:, 4] = slope[1] * unit
     rows[:, 5] = slope[1] * other[0] - slope[0] * other[1]
     rows[sightings.targets >= team.count, 3:] = 0.0
     return rows

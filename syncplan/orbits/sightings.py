@@ -110,7 +110,10 @@ def sample_sightings(
         )
     order = np.lexsort((targets, observers, steps))
     itself = observers[order] == targets[order]
-    which, kinds = np.nonzero(measured[observers[order]] & (itself[:, None] == alone))
+    # kinds that each vehicle measures of others, then of itself: a table is gathered fast
+    table = np.stack([measured & ~alone, measured & alone], axis=1).reshape(-1, len(alone))
+    made = np.flatnonzero(table.take(2 * observers[order] + itself, axis=0))
+    which, kinds = np.divmod(made, len(alone))
     order = order[which]
     every = sighting_kinds.samples_between(sensors)
     if np.any(every > 1):

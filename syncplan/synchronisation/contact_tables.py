@@ -199,7 +199,7 @@ def contact_of_pairs(team: Team, pairs: Index) -> Array:
 
 
 _SHIFTS = 64
-_BISECTIONS = 36
+_PARTS, _DIVISIONS = np.linspace(0.0, 1.0, 9), 12
 
 _STEPS = 400
 _RESOLUTION = 1e-6
@@ -214,7 +214,8 @@ def rule_residuals(orbits: Orbits, pairs: Index) -> Array:
 def contact_tolerances(team: Team, pairs: Index) -> Array:
     """Return the smallest shift (e,) in rad of either phase, either way, that loses all contact.
 
-    Pi where no shift does. The first loss is bracketed in steps of pi / 64, then bisected.
+    Pi where no shift does. The first loss is bracketed in steps of pi / 64; the step is then
+    divided by eight again and again.
     """
     tolerance = np.full(len(pairs), np.pi)
     if len(pairs) == 0:
@@ -227,10 +228,12 @@ def contact_tolerances(team: Team, pairs: Index) -> Array:
     first = np.argmin(kept[pair, side], axis=1)
     low, high = shifts[np.maximum(first - 1, 0)], shifts[first]
     in_contact = _contact_when_shifted(team, pairs[pair])
-    for _ in range(_BISECTIONS if len(pair) else 0):
-        middle = 0.5 * (low + high)
-        held = in_contact((sides[side] * middle)[:, None])[:, 0]
-        low, high = np.where(held, middle, low), np.where(held, high, middle)
+    place = np.arange(len(pair))
+    for _ in range(_DIVISIONS if len(pair) else 0):
+        tried = low[:, None] + (high - low)[:, None] * _PARTS
+        lost = ~in_contact(sides[side][:, None] * tried[:, 1:-1])
+        first = np.where(lost.any(axis=1), np.argmax(lost, axis=1), len(_PARTS) - 2)
+        low, high = tried[place, first], tried[place, first + 1]
     np.minimum.at(tolerance, pair, low)
     return tolerance
 

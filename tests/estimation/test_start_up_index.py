@@ -24,7 +24,7 @@ def test_a_compass_leaves_nothing_out() -> None:
     seen = Sightings(*np.array([[3], [1], [1], [place_of(COMPASS)]]))
     functions, sizes = second_order_terms(team, seen, 20.0)
     np.testing.assert_array_equal(functions, 0.0)
-    foreseen = Foreseen(np.ones((2, 2, 1)), np.ones(1))
+    foreseen = Foreseen(np.ones((3, 1)), np.ones(1))
     assert index_of_run(team, seen, sizes, foreseen).value == 0.0
 
 
