@@ -19,7 +19,7 @@ from syncplan.errors import InputError, SyncplanError
 INTERNAL_FAULT = 1
 INTERRUPTED = 130
 
-GARBAGE = 50_000
+GARBAGE = 200_000
 """Objects made beyond those freed before garbage is looked for."""
 
 GROUPS = {
