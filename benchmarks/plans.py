@@ -108,7 +108,9 @@ WORKS: dict[int, dict[str, Callable[[], Any]]] = {}
 def timed(request: str) -> tuple[float, str]:
     """Return s and a digest of what a request names, "COUNT PART"."""
     count, part = request.split()
-    work = WORKS.setdefault(int(count), _works(int(count)))[part]
+    if int(count) not in WORKS:
+        WORKS[int(count)] = _works(int(count))
+    work = WORKS[int(count)][part]
     gc.collect()
     began = time.process_time()
     made = work()
