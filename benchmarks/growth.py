@@ -11,11 +11,8 @@ in turn, up to 1,000 vehicles without a prediction.
 
 import argparse
 import json
-import os
-import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +21,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks import Figure, print_figures
+from benchmarks.sides import metered
 from benchmarks.startup import grid
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -50,19 +48,8 @@ def planned(root: Path, count: int, columns: int, bound: str) -> tuple[float, fl
         options = ["--bound", bound, "--max-vehicles", str(count), "-o", str(made)]
         python = root / ".venv" / "bin" / "python"
         command = [str(python if python.exists() else sys.executable), "-m", "syncplan", "plan"]
-        began = time.perf_counter()
-        process = subprocess.Popen(
-            [*command, str(given), *options],
-            cwd=root,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
-        _, status, usage = os.wait4(process.pid, 0)
-        seconds = time.perf_counter() - began
-        process.returncode = os.waitstatus_to_exitcode(status)
-        if process.returncode != 0:
-            raise RuntimeError(f"plan of {count} vehicles: exit status {process.returncode}")
-        return seconds, usage.ru_maxrss / 1e3, json.loads(made.read_text(encoding="utf-8"))
+        seconds, peak = metered([*command, str(given), *options], root)
+        return seconds, peak, json.loads(made.read_text(encoding="utf-8"))
 
 
 def main(base: Path | None = None) -> dict[str, float]:

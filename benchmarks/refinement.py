@@ -12,7 +12,6 @@ Growth: whole processes of `python -m syncplan refine` on grids of 6 to 50 vehic
 """
 
 import json
-import subprocess
 import sys
 import tempfile
 import time
@@ -27,6 +26,7 @@ from scipy.optimize import BFGS, Bounds, NonlinearConstraint, OptimizeResult, mi
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks import Figure, print_figures
+from benchmarks.sides import metered
 from benchmarks.vectorised_team import VectorisedTeam
 from syncplan.arrays import Array
 from syncplan.planning.planner import plan
@@ -268,18 +268,6 @@ def compare(count: int) -> tuple[Posed, dict[str, Outcome]]:
 
 # --- growth --------------------------------------------------------------------------------------
 
-METER = """
-import json, resource, subprocess, sys, time
-begin = time.perf_counter()
-done = subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-seconds = time.perf_counter() - begin
-unit = 1 << 20 if sys.platform == "darwin" else 1024
-peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / unit
-print(json.dumps([done.returncode, seconds, peak]))
-sys.stderr.write(done.stderr)
-"""
-"""Run by an interpreter of its own: the peak of a child starts with that of who forks it."""
-
 RUNS: dict[str, tuple[int, tuple[str, ...], float | None]] = {
     **{
         f"logdet, one start, {count} vehicles": (
@@ -329,16 +317,7 @@ def measured(count: int, options: tuple[str, ...]) -> Process:
         scenario, result = Path(folder) / "scenario.yaml", Path(folder) / "plan.json"
         scenario.write_text(json.dumps(document(count)), encoding="utf-8")
         command = [sys.executable, "-m", "syncplan", "refine", str(scenario), *options]
-        done = subprocess.run(
-            [sys.executable, "-c", METER, *command, "-o", str(result)],
-            cwd=ROOT,
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        status, seconds, peak = json.loads(done.stdout)
-        if status != 0:
-            raise RuntimeError(f"syncplan refine, {count} vehicles: {status}, {done.stderr}")
+        seconds, peak = metered([*command, "-o", str(result)], ROOT)
         record = json.loads(result.read_text(encoding="utf-8"))["refinement"]
     return Process(seconds, peak, record)
 
