@@ -1,30 +1,23 @@
 """Starts of a refinement, solved and measured in this process or in child processes.
 
-A child (see syncplan.runtime.child_processes) ignores Ctrl-C: the parent sends it the order to
-stop, and it returns the best result it has.
+After Ctrl-C, a start returns the best result it has (see syncplan.runtime.task_crew).
 """
 
-import contextlib
 import json
-import os
-import queue
-import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from multiprocessing.connection import Connection
 from typing import Any
 
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.errors import ProcessEndedError
 from syncplan.refinement import ipopt
 from syncplan.refinement.exact_search import improved_nearby
 from syncplan.refinement.measures import NO_STANDING, Measurement, Standing, measure
 from syncplan.refinement.problem import RefineProblem, circles_of, orbits_of
-from syncplan.runtime.child_processes import ChildProcess, connect_to_parent
+from syncplan.runtime.task_crew import Work, interruption, run_orders
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,65 +113,44 @@ def run_starts(
     """
     deadline = time.monotonic() + time_limit
     done = {one.start: one for one in earlier}
-    waiting = [start for start in range(starts) if start not in done]
+
+    def begin(start: int, busy: bool) -> tuple[int, float] | None:
+        # the first one always begins, however late
+        left = deadline - time.monotonic()
+        return None if (done or busy) and left <= 0.0 else (start, left)
 
     def take(made: Attempt) -> None:
         done[made.start] = made
         if found is not None:
             found(made)
 
-    run = _run_in_children if min(workers, len(waiting)) > 1 else _run_here
-    interrupted = bool(waiting) and run(
-        _StartsToRun(task, waiting, done, deadline, report, take), workers
+    waiting = [start for start in range(starts) if start not in done]
+    interrupted = run_orders(
+        start_worker,
+        task,
+        waiting,
+        workers,
+        begin=begin,
+        take=take,
+        report=None if report is None else lambda progress: report(*progress),
     )
     return [done[start] for start in sorted(done)], interrupted
 
 
-@dataclass(frozen=True, slots=True)
-class _StartsToRun:
-    """Waiting and finished starts, with callbacks for progress and results."""
+def start_worker(task: RefineTask) -> Work:
+    """Return the function that runs a start: of its number and the seconds left."""
+    solver = ipopt.StagedSolver(task.problem)
 
-    task: RefineTask
-    waiting: list[int]
-    done: Mapping[int, Attempt]
-    deadline: float
-    report: Report | None
-    take: Found
+    def work(
+        order: tuple[int, float], stop: threading.Event, report: Callable[[Any], None]
+    ) -> Attempt:
+        start, left = order
+        steering = ipopt.Steering(
+            time.monotonic() + left, stop.is_set, lambda progress: report((start, progress))
+        )
+        return attempt(task, solver, start, steering)
 
-    def over(self) -> bool:
-        """Return whether to begin no further start; the first one always begins, however late."""
-        return bool(self.done) and time.monotonic() >= self.deadline
-
-
-def _run_here(search: _StartsToRun, _workers: int) -> bool:
-    solver = ipopt.StagedSolver(search.task.problem)
-    report = search.report
-    with _interruption() as interrupted:
-        for start in search.waiting:
-            if interrupted.is_set() or search.over():
-                break
-
-            def pass_on(progress: ipopt.SolverProgress, number: int = start) -> None:
-                if report is not None:
-                    report(number, progress)
-
-            steering = ipopt.Steering(search.deadline, interrupted.is_set, pass_on)
-            search.take(attempt(search.task, solver, start, steering))
-        return interrupted.is_set()
-
-
-@contextlib.contextmanager
-def _interruption() -> Iterator[threading.Event]:
-    """Context of an event that Ctrl-C sets, if this is the main thread."""
-    event = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
-        yield event
-        return
-    before = signal.signal(signal.SIGINT, lambda *_: event.set())
-    try:
-        yield event
-    finally:
-        signal.signal(signal.SIGINT, before)
+    return work
 
 
 def searched_nearby(
@@ -198,7 +170,7 @@ def searched_nearby(
     if circles is None or rank_of(problem, best) >= own:
         circles = circles_of(problem.orbits)
     generator = np.random.default_rng(task.seed)
-    with _interruption() as interrupted:
+    with interruption() as interrupted:
 
         def over() -> bool:
             return interrupted.is_set() or time.monotonic() >= deadline
@@ -210,112 +182,6 @@ def searched_nearby(
             return attempts, interrupted.is_set()
         improved = replace(best, circles=found[0], after=found[1], violations=())
         return [*attempts[:number], improved, *attempts[number + 1 :]], interrupted.is_set()
-
-
-# --- child processes ----------------------------------------------------------------------------
-
-
-class _Child:
-    """Child process that runs starts, one after the other."""
-
-    def __init__(self, number: int, task: RefineTask, messages: "queue.Queue[Any]") -> None:
-        self.number, self.messages = number, messages
-        self.process = ChildProcess("syncplan.refinement.parallel_starts", "serve_tasks")
-        self.send(task)
-        threading.Thread(target=self._listen, daemon=True).start()
-
-    def send(self, message: Any) -> None:
-        """Send the task, (start, seconds left), or "stop"."""
-        with contextlib.suppress(OSError):
-            self.process.connection.send(message)
-
-    def _listen(self) -> None:
-        with contextlib.suppress(EOFError, OSError, TypeError):
-            while True:
-                self.messages.put((self.number, *self.process.connection.recv()))
-        self.messages.put((self.number, "gone", None))
-
-
-def _run_in_children(search: _StartsToRun, workers: int) -> bool:
-    messages: queue.Queue[Any] = queue.Queue()
-    waiting = search.waiting[:]
-    children: list[_Child] = []
-    busy: set[int] = set()
-
-    def give(child: _Child) -> None:
-        if waiting and not (search.over() or (busy and time.monotonic() >= search.deadline)):
-            child.send((waiting.pop(0), search.deadline - time.monotonic()))
-            busy.add(child.number)
-
-    with _interruption() as interrupted:
-        try:
-            for number in range(min(workers, len(waiting))):
-                children.append(_Child(number, search.task, messages))
-                give(children[-1])
-            stopping = False
-            while busy:
-                if interrupted.is_set() and not stopping:
-                    stopping = True
-                    waiting.clear()
-                    for child in children:
-                        child.send("stop")
-                try:
-                    number, kind, value = messages.get(timeout=0.05)
-                except queue.Empty:
-                    continue
-                if kind == "progress" and search.report is not None:
-                    search.report(*value)
-                elif kind == "done":
-                    search.take(value)
-                    busy.discard(number)
-                    give(children[number])
-                elif kind == "gone" and number in busy:
-                    raise ProcessEndedError(
-                        f"a process of the refinement ended: {children[number].process.complaint()}"
-                    )
-        finally:
-            for child in children:
-                child.process.end()
-        return interrupted.is_set()
-
-
-def serve_tasks(descriptor: int) -> None:
-    """Run the starts that the parent orders, until it ends; main function of a child process."""
-    connection = connect_to_parent(descriptor)
-    task: RefineTask = connection.recv()
-    solver = ipopt.StagedSolver(task.problem)
-    orders: queue.Queue[tuple[int, float]] = queue.Queue()
-    stop = threading.Event()
-    threading.Thread(target=_take_orders, args=(connection, orders, stop), daemon=True).start()
-    while True:
-        start, left = orders.get()
-
-        def pass_on(progress: ipopt.SolverProgress, number: int = start) -> None:
-            _answer(connection, ("progress", (number, progress)))
-
-        steering = ipopt.Steering(time.monotonic() + left, stop.is_set, pass_on)
-        _answer(connection, ("done", attempt(task, solver, start, steering)))
-
-
-def _take_orders(
-    connection: Connection, orders: "queue.Queue[tuple[int, float]]", stop: threading.Event
-) -> None:
-    """Queue the parent's orders; exit at the end of the stream, as no one waits for a result."""
-    with contextlib.suppress(EOFError, OSError):
-        while True:
-            order = connection.recv()
-            if order == "stop":
-                stop.set()
-            else:
-                orders.put(order)
-    os._exit(0)
-
-
-def _answer(connection: Connection, message: Any) -> None:
-    try:
-        connection.send(message)
-    except BrokenPipeError:
-        os._exit(0)
 
 
 # --- finished starts as bytes ---------------------------------------------------------------------

@@ -2,5 +2,6 @@
 
 machine           cores and memory that this process may use
 child_processes   processes that end with their parent and inherit no secrets
+task_crew         orders carried out in child processes, with progress and Ctrl-C
 files             files written whole or not at all
 """

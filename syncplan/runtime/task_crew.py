@@ -1,0 +1,196 @@
+"""A task's orders, carried out in this process or in child processes.
+
+    worker(task) -> work         once in each process
+    work(order, stop, report) -> result
+
+Children ignore Ctrl-C: this process tells them to stop, and they return the best that they have.
+"""
+
+import contextlib
+import os
+import queue
+import signal
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from importlib import import_module
+from multiprocessing.connection import Connection
+from typing import Any
+
+from syncplan.errors import ProcessEndedError
+from syncplan.runtime.child_processes import ChildProcess, connect_to_parent
+
+Work = Callable[[Any, threading.Event, Callable[[Any], None]], Any]
+"""Function of an order, of the event that asks it to stop, and of a callback for its progress."""
+
+
+def run_orders(
+    worker: Callable[[Any], Work],
+    task: Any,
+    orders: Sequence[Any],
+    workers: int,
+    *,
+    begin: Callable[[Any, bool], Any],
+    take: Callable[[Any], None],
+    report: Callable[[Any], None] | None = None,
+) -> bool:
+    """Carry out orders in so many processes; return whether Ctrl-C cut them short.
+
+    `worker` is a function of a module, and all else that children are sent can be pickled. Before
+    an order, `begin` receives it, and whether others are being carried out; it returns what `work`
+    is given, or None to leave out this order and all further ones. `take` receives each result.
+    Raises ProcessEndedError where a child ends by itself.
+    """
+    run = _in_children if min(workers, len(orders)) > 1 else _here
+    with interruption() as interrupted:
+        if orders:
+            run(worker, task, list(orders), workers, begin, take, report, interrupted)
+        return interrupted.is_set()
+
+
+@contextlib.contextmanager
+def interruption() -> Iterator[threading.Event]:
+    """Context of an event that Ctrl-C sets, if this is the main thread."""
+    event = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield event
+        return
+    before = signal.signal(signal.SIGINT, lambda *_: event.set())
+    try:
+        yield event
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _here(
+    worker: Callable[[Any], Work],
+    task: Any,
+    orders: list[Any],
+    workers: int,
+    begin: Callable[[Any, bool], Any],
+    take: Callable[[Any], None],
+    report: Callable[[Any], None] | None,
+    interrupted: threading.Event,
+) -> None:
+    work = worker(task)
+    for order in orders:
+        message = None if interrupted.is_set() else begin(order, False)
+        if message is None:
+            return
+        take(work(message, interrupted, report or _ignored))
+
+
+def _in_children(
+    worker: Callable[[Any], Work],
+    task: Any,
+    orders: list[Any],
+    workers: int,
+    begin: Callable[[Any, bool], Any],
+    take: Callable[[Any], None],
+    report: Callable[[Any], None] | None,
+    interrupted: threading.Event,
+) -> None:
+    messages: queue.Queue[Any] = queue.Queue()
+    children: list[_Child] = []
+    busy: set[int] = set()
+
+    def give(child: _Child) -> None:
+        message = begin(orders[0], bool(busy)) if orders else None
+        if message is None:
+            orders.clear()
+            return
+        orders.pop(0)
+        child.send(message)
+        busy.add(child.number)
+
+    try:
+        for number in range(min(workers, len(orders))):
+            children.append(_Child(number, worker, task, messages))
+            give(children[-1])
+        stopping = False
+        while busy:
+            if interrupted.is_set() and not stopping:
+                stopping = True
+                orders.clear()
+                for child in children:
+                    child.send("stop")
+            try:
+                number, kind, value = messages.get(timeout=0.05)
+            except queue.Empty:
+                continue
+            if kind == "progress" and report is not None:
+                report(value)
+            elif kind == "done":
+                take(value)
+                busy.discard(number)
+                give(children[number])
+            elif kind == "gone" and number in busy:
+                raise ProcessEndedError(
+                    f"a process of the search ended: {children[number].process.complaint()}"
+                )
+    finally:
+        for child in children:
+            child.process.end()
+
+
+class _Child:
+    """Child process that carries out orders, one after the other."""
+
+    def __init__(
+        self, number: int, worker: Callable[[Any], Work], task: Any, messages: "queue.Queue[Any]"
+    ) -> None:
+        self.number, self.messages = number, messages
+        self.process = ChildProcess(__name__, "serve_orders")
+        self.send((worker.__module__, worker.__qualname__))
+        self.send(task)
+        threading.Thread(target=self._listen, daemon=True).start()
+
+    def send(self, message: Any) -> None:
+        """Send a message, or "stop"."""
+        with contextlib.suppress(OSError):
+            self.process.connection.send(message)
+
+    def _listen(self) -> None:
+        with contextlib.suppress(EOFError, OSError, TypeError):
+            while True:
+                self.messages.put((self.number, *self.process.connection.recv()))
+        self.messages.put((self.number, "gone", None))
+
+
+# --- in a child -----------------------------------------------------------------------------------
+
+
+def serve_orders(descriptor: int) -> None:
+    """Carry out the parent's orders until it ends; main function of a child process."""
+    connection = connect_to_parent(descriptor)
+    module, name = connection.recv()
+    work = getattr(import_module(module), name)(connection.recv())
+    orders: queue.Queue[Any] = queue.Queue()
+    stop = threading.Event()
+    threading.Thread(target=_take_orders, args=(connection, orders, stop), daemon=True).start()
+    while True:
+        order = orders.get()
+        made = work(order, stop, lambda progress: _answer(connection, ("progress", progress)))
+        _answer(connection, ("done", made))
+
+
+def _take_orders(connection: Connection, orders: "queue.Queue[Any]", stop: threading.Event) -> None:
+    """Queue the parent's orders; exit at the end of the stream, as no one waits for a result."""
+    with contextlib.suppress(EOFError, OSError):
+        while True:
+            order = connection.recv()
+            if isinstance(order, str) and order == "stop":
+                stop.set()
+            else:
+                orders.put(order)
+    os._exit(0)
+
+
+def _answer(connection: Connection, message: Any) -> None:
+    try:
+        connection.send(message)
+    except BrokenPipeError:
+        os._exit(0)
+
+
+def _ignored(_progress: Any) -> None:
+    """Take progress that no one asked for."""
