@@ -69,7 +69,7 @@ fresh-cases:
 	$(BIN)/python -m pytest -m hypothesis --hypothesis-profile=fresh-cases
 
 # the longest first
-SEARCHES := survival contract upgrade sight-lines equipment clearances refinements robust counterexamples large-ranks phases thrown flights holds windy start-up predictions batch tuning recording losses lost consistency neglect truth
+SEARCHES := survival contract upgrade sight-lines equipment clearances refinements robust counterexamples large-ranks phases thrown flights holds windy start-up predictions batch tuning recording losses lost consistency neglect truth designs
 
 search-survival:        ARGUMENTS = 1 $(SEED)
 search-upgrade:         ARGUMENTS = 1 $(SEED)
@@ -98,7 +98,8 @@ search-losses:          ARGUMENTS = 40 $(SEED)
 search-lost:            ARGUMENTS = 8 $(SEED) --trials 30 --slack 0.1
 search-truth:           ARGUMENTS = 2 $(SEED) --trials 60
 search-counterexamples: ARGUMENTS = 4000 $(SEED)
-search-large-ranks:     ARGUMENTS = 200 $(SEED)
+search-large-ranks:     ARGUMENTS = 100 $(SEED)
+search-designs:         ARGUMENTS = 3 $(SEED)
 
 .PHONY: $(SEARCHES:%=search-%)
 $(SEARCHES:%=search-%): search-%:

@@ -7,6 +7,7 @@ from pathlib import Path
 from benchmarks import (
     Figure,
     contacts,
+    designs,
     exports,
     filters,
     flights,
@@ -50,6 +51,7 @@ PARTS = (
     guidance,
     navigator,
     refinement,
+    designs,
     service,
     drawings,
     page,

@@ -49,6 +49,7 @@ Packages, each using only those before it; each lists its modules
     refinement        the best plan near a plan
     landmarks         choice of landmark sites
     flight            vehicles that steer by their own estimates
+    designs           the cheapest formation for a brief
     reports           JSON documents
     plotting          figures
     exporting         formats of other programs
@@ -66,7 +67,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 __all__ = [
+    "Brief",
     "Client",
+    "Design",
     "Flight",
     "InputError",
     "Navigator",
@@ -79,6 +82,7 @@ __all__ = [
     "Validation",
     "WhatIf",
     "choose_landmarks",
+    "design",
     "export",
     "figures",
     "fly",
@@ -99,6 +103,9 @@ __version__ = "0.1.0"
 _HOME = {
     "load_plan": "planning.plan_files",
     "choose_landmarks": "landmarks.site_choice",
+    "design": "designs.designer",
+    "Brief": "scenario.brief",
+    "Design": "designs.designer",
     "Client": "client.service_client",
     "Flight": "flight.flying",
     "InputError": "errors",
@@ -127,6 +134,7 @@ _MODULES = {"figures": "plotting.figures"}
 
 if TYPE_CHECKING:
     from syncplan.client.service_client import Client
+    from syncplan.designs.designer import Design, design
     from syncplan.errors import InputError, NoGoError, NoSolutionError, SyncplanError
     from syncplan.estimation.replay_results import Replay
     from syncplan.estimation.replays import replay
@@ -143,6 +151,7 @@ if TYPE_CHECKING:
     from syncplan.plotting import figures
     from syncplan.recordings.recording_formats import load_log
     from syncplan.refinement.refiner import refine
+    from syncplan.scenario.brief import Brief
     from syncplan.scenario.loading import load_scenario
     from syncplan.scenario.specification import Scenario
 

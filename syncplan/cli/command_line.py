@@ -24,6 +24,7 @@ GARBAGE = 200_000
 
 GROUPS = {
     "plan_commands.plans": ("plan", "refine", "place", "landmarks"),
+    "design_commands.designs": ("design",),
     "run_commands.runs": ("validate", "sweep", "fly"),
     "plan_commands.losses": ("what-if",),
     "run_commands.replays": ("replay",),

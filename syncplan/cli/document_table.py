@@ -67,6 +67,12 @@ DOCUMENTS: Mapping[str, DocumentKind] = MappingProxyType(
         "sites": DocumentKind(
             "syncplan.reports.sites_report", "SitesDocument", shown_by="plan_tables.show_sites"
         ),
+        "brief": DocumentKind("syncplan.scenario.brief", "Brief", "validation"),
+        "design": DocumentKind(
+            "syncplan.reports.design_report",
+            "DesignDocument",
+            shown_by="design_commands.show_design",
+        ),
         "what-if": DocumentKind(
             "syncplan.reports.loss_report",
             "WhatIfDocument",

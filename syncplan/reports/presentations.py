@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from html import escape
 from typing import Any
 
+from syncplan.designs.designer import Design
 from syncplan.documents import Document
 from syncplan.errors import InputError
 from syncplan.estimation.replay_results import Replay
@@ -14,6 +15,7 @@ from syncplan.planning.loss_study import WhatIf
 from syncplan.planning.planner import Plan
 from syncplan.planning.validation import Validation
 from syncplan.planning.variations import Sweep
+from syncplan.reports.design_report import design_document
 from syncplan.reports.flight_report import FlightDocument, PhaseError, flight_document
 from syncplan.reports.loss_report import WhatIfDocument, what_if_document
 from syncplan.reports.plan_report import PlanDocument, plan_document
@@ -204,6 +206,9 @@ PRESENTATIONS: Mapping[type, Presentation] = {
         sites_document, lambda document: [_flat(one.model_dump()) for one in document.candidates]
     ),
     WhatIf: Presentation(what_if_document, _loss_rows),
+    Design: Presentation(
+        design_document, lambda document: [one.model_dump() for one in document.front]
+    ),
     Sweep: Presentation(
         lambda swept: sweep_document(
             swept.name, swept, [validation_document(row.validation) for row in swept]

@@ -13,5 +13,6 @@ specification        the scenario as a whole
 dotted_keys          every key that holds a number, and those that a sweep may vary
 other_documents      documents that are neither scenarios nor plans
 bounded_yaml         YAML in time proportional to its length
+brief                what a design is for: field, vehicles, purpose, and the error allowed
 loading              scenarios from YAML and JSON, and files with further landmarks
 """

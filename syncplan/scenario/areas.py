@@ -149,6 +149,75 @@ class Area:
             )[0]
         return moved
 
+    # --- what a design asks of an area ------------------------------------------------------------
+
+    @property
+    def corners(self) -> Array:
+        """(2, 2) m: least and largest coordinates of the outer polygon."""
+        assert self.inside is not None
+        return np.stack([self.inside.min(axis=0), self.inside.max(axis=0)])
+
+    def largest_radius(self) -> float:
+        """Return the radius in m of the largest circle within the outer polygon, to 1 mm."""
+        import shapely
+
+        return float(shapely.length(shapely.maximum_inscribed_circle(self._outer, 1e-3)))
+
+    def size(self, *, grown: float = 0.0) -> float:
+        """Return the size in m^2 without keep-outs, or of the outer polygon grown by some m."""
+        return float((self._outer.buffer(grown) if grown else self._open).area)
+
+    def grid(self, count: int) -> Array:
+        """Return the (p, 2) m of a grid, about `count` in the bounding box, that lie open."""
+        import shapely
+
+        if not count:
+            return np.zeros((0, 2))
+        west, south, east, north = self._outer.bounds
+        step = np.sqrt((east - west) * (north - south) / count)
+        x, y = (
+            np.arange(low + 0.5 * step, high, step) for low, high in ((west, east), (south, north))
+        )
+        points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+        return np.asarray(points[shapely.contains_xy(self._open, points)])
+
+    def covered_share(self, centers: Array, radii: Array, half: float) -> float:
+        """Return the share, keep-outs left out, within `half` m of some circle's path."""
+        import shapely
+
+        points = shapely.points(centers)
+        outer = shapely.buffer(points, radii + half, quad_segs=_ARC_SEGMENTS)
+        inner = shapely.buffer(points, np.maximum(radii - half, 0.0), quad_segs=_ARC_SEGMENTS)
+        covered = shapely.union_all(shapely.difference(outer, inner))
+        return float(shapely.intersection(self._open, covered).area / self._open.area)
+
+    def on_edge(self, shares: Array) -> Array:
+        """Return the (k, 2) m at these shares of the way round the outer polygon."""
+        import shapely
+
+        found = shapely.line_interpolate_point(self._outer.exterior, shares % 1.0, normalized=True)
+        return np.asarray(shapely.get_coordinates(found))
+
+    def nearest(self, places: Array) -> Array:
+        """Return the (k, 2) m within the outer polygon that are nearest the given ones."""
+        import shapely
+
+        lines = shapely.shortest_line(self._outer, shapely.points(places))
+        return np.asarray(shapely.get_coordinates(lines)[::2])
+
+    @property
+    def _outer(self) -> Any:
+        import shapely
+
+        return shapely.Polygon(self.inside)
+
+    @property
+    def _open(self) -> Any:
+        import shapely
+
+        closed = shapely.union_all([shapely.Polygon(one) for one in self.outside])
+        return shapely.difference(self._outer, closed)
+
     def _room(self, radius: float, near: Array, *, round_them: float) -> Any:
         """Region of the centres whose circles lie clear; around `near` if there is no outer limit.
 

@@ -45,6 +45,14 @@ OTHER_DOCUMENTS: Mapping[str, OtherDocument] = MappingProxyType(
             frozenset({"candidates", "chosen"}),
             "give its 'plan' section, or the scenario that landmarks --scenario-out writes",
         ),
+        "brief": OtherDocument(
+            "a brief", frozenset({"purpose", "need", "team"}), "give it to syncplan design"
+        ),
+        "design": OtherDocument(
+            "a design",
+            frozenset({"brief", "front", "purchases"}),
+            "give its 'plan' section, or the plan that design --plan-out writes",
+        ),
         "what-if": OtherDocument(
             "a report of losses", frozenset({"baseline", "losses"}), _PLAN_IT_CAME_FROM
         ),

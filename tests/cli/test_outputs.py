@@ -17,6 +17,7 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     "refine": ("refine", "none.yaml"),
     "place": ("place", "none.yaml"),
     "landmarks": ("landmarks", "none.yaml", "--candidates", "no.yaml", "--choose", "1"),
+    "design": ("design", "none.yaml"),
     "validate": ("validate", "none.yaml"),
     "sweep": ("sweep", "none.yaml", "--range", "40,50"),
     "fly": ("fly", "none.yaml"),
@@ -29,7 +30,11 @@ COMMANDS: dict[str, tuple[str, ...]] = {
 
 
 ENDINGS = {"plot": "html", "export": "zip"}
-OUTPUTS = [*((name, "-o") for name in COMMANDS), ("landmarks", "--scenario-out")]
+OUTPUTS = [
+    *((name, "-o") for name in COMMANDS),
+    ("landmarks", "--scenario-out"),
+    ("design", "--plan-out"),
+]
 
 
 def _target(folder: Path, command: str) -> Path:

@@ -2,7 +2,7 @@
 
 console   lines that begin with "$ " are typed (those that follow with "> " go with them); what
           stands below is compared with what is shown, see tests/tools/likeness.py
-yaml      a scenario, a part of one, or candidate sites; with a title, written to that file
+yaml      a scenario, a part of one, a brief, or candidate sites; with a title, written to that file
 json      parsed; with a title, written to that file
 python    run, page by page in one namespace; a block of text after it is what it prints
 """
@@ -23,6 +23,7 @@ from typing import Any
 from markdown_it import MarkdownIt
 
 from syncplan.landmarks.site_choice import named_candidates
+from syncplan.scenario.brief import brief_of
 from syncplan.scenario.loading import parse_values, scenario_from
 from syncplan.scenario.specification import Scenario
 from tests.tools.likeness import Likeness
@@ -208,5 +209,7 @@ def _check_yaml(block: Block) -> None:
     values = parse_values(block.text, block.place)
     if isinstance(values, dict) and set(values) <= set(Scenario.model_fields):
         scenario_from({**_BASE, **values}, source=block.place)
+    elif isinstance(values, dict) and "purpose" in values:
+        brief_of(values)
     else:
         named_candidates(values, source=block.place)

@@ -1,0 +1,107 @@
+"""Designs beside a simple way on the same budget: the best of random formations, then a refinement.
+
+Ten teams of the example briefs, each searched by CMA-ES and by drawing as many formations at
+random; both results are refined in the same way and predicted exactly. Then whole designs of the
+three briefs: the time until a first formation without a fault is found, and until the end.
+
+    python benchmarks/designs.py
+"""
+
+import statistics
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks import Figure, print_figures
+from syncplan.designs.candidates import Cell, Space
+from syncplan.designs.cell_search import Found, search
+from syncplan.designs.designer import FrontCell, design, refined
+from syncplan.designs.purposes import PurposeMeasure
+from syncplan.runtime.machine import single_threaded_blas
+from syncplan.scenario.brief import Brief, brief_of
+
+ROOT = Path(__file__).resolve().parents[1]
+BRIEFS = sorted((ROOT / "examples" / "briefs").glob("*.yaml"))
+
+CELLS = {
+    "multirotors-over-a-field": (Cell(3, 2), Cell(4, 2), Cell(4, 3), Cell(5, 3)),
+    "aircraft-in-a-corridor": (Cell(4, 2), Cell(4, 3), Cell(5, 2)),
+    "rovers-between-shelves": (Cell(5, 2), Cell(5, 3), Cell(5, 4)),
+}
+EVALUATIONS = 3000
+FIRST_TARGET_S, TARGET_S, SHARE_TARGET = 10.0, 180.0, 80.0
+
+
+def at_random(space: Space, evaluations: int) -> Found:
+    """Return the best of so many random candidates."""
+    generator = np.random.default_rng(0)
+    points = generator.uniform(0.0, 1.0, (evaluations, space.size))
+    values = [space.value(point) for point in points]
+    best = int(np.argmin(values))
+    return Found(points[best], values[best], evaluations)
+
+
+def error(brief: Brief, space: Space, found: Found) -> float:
+    """Return the worst predicted error in m of a refined formation, inf if it has faults."""
+    if not found.fits:
+        return float("inf")
+    rms = refined(brief, space.plan(found.point), space.measure).prediction.rms
+    return float("inf") if rms is None else float(rms.max())
+
+
+@single_threaded_blas
+def gains() -> list[tuple[str, float, float]]:
+    """Return the name of each team, its error by CMA-ES and that of random formations."""
+    rows = []
+    for path in BRIEFS:
+        brief = brief_of(path)
+        for cell in CELLS[path.stem]:
+            space = Space(brief, cell, PurposeMeasure.of(brief))
+            ours = error(brief, space, search(space, EVALUATIONS, (0,)))
+            theirs = error(brief, space, at_random(space, EVALUATIONS))
+            name = f"{path.stem}, {cell.vehicles} and {cell.landmarks}"
+            rows.append((name, ours, theirs))
+    return rows
+
+
+def times(path: Path) -> tuple[float, float, int]:
+    """Return s until a formation without a fault and until the end of a design, and its cells."""
+    began, first = time.perf_counter(), [float("inf")]
+
+    def progress(_done: int, _number: int, front: Sequence[FrontCell]) -> None:
+        if any(one.found.fits for one in front):
+            first[0] = min(first[0], time.perf_counter() - began)
+
+    found = design(path, progress=progress)
+    return first[0], time.perf_counter() - began, len(found.front)
+
+
+def main() -> tuple[list[tuple[str, float, float]], dict[str, tuple[float, float, int]]]:
+    """Return the errors of each team, and the times of each design."""
+    return gains(), {path.stem: times(path) for path in BRIEFS}
+
+
+def figures(
+    result: tuple[list[tuple[str, float, float]], dict[str, tuple[float, float, int]]],
+) -> list[Figure]:
+    """Return the rows of the table."""
+    errors, designs = result
+    rows = []
+    for name, ours, theirs in errors:
+        rows.append(Figure(f"worst error, {name}", ours, "m"))
+        rows.append(Figure("  of random formations, refined", theirs, "m"))
+    shares = [100.0 * ours / theirs for _, ours, theirs in errors]
+    rows.append(Figure("  of these, median", statistics.median(shares), "%", SHARE_TARGET))
+    for name, (first, whole, cells) in designs.items():
+        rows.append(Figure(f"design, {name}: first formation", first, "s", FIRST_TARGET_S))
+        rows.append(Figure(f"  whole, {cells} teams", whole, "s", TARGET_S))
+    return rows
+
+
+if __name__ == "__main__":
+    print_figures(figures(main()))

@@ -1,0 +1,134 @@
+"""The command that designs a team from a brief, and its table."""
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+
+from syncplan.cli import arguments, console
+from syncplan.cli.arguments import optional
+from syncplan.cli.fitted_tables import FittedTable
+from syncplan.errors import NoSolutionError
+
+if TYPE_CHECKING:
+    from syncplan.designs.designer import FrontCell
+    from syncplan.reports.design_report import DesignDocument
+
+designs = typer.Typer()
+
+
+@designs.command(
+    name="design", epilog="Example: syncplan design brief.yaml -o design.json --plan-out plan.json"
+)
+def _design(
+    brief: Annotated[
+        str,
+        typer.Argument(
+            help="Brief in YAML or JSON, - for standard input; see syncplan schema brief",
+            show_default=False,
+        ),
+    ],
+    output: arguments.Output = None,
+    plan_out: Annotated[
+        Path | None,
+        optional(help="File to write the plan of the winner to, or of the best formation found"),
+    ] = None,
+    format_: arguments.Shown = console.Format.auto,
+    processes: Annotated[
+        int | None, optional(min=1, help="Processes; all cores if not given")
+    ] = None,
+) -> int:
+    """Find the cheapest team that meets a brief: field, vehicles, sensors, purpose, error allowed.
+
+    The winner is predicted, validated and flown. If none is found, say what is missing and what
+    would help, and exit with 4.
+    """
+    from syncplan.designs.designer import design
+    from syncplan.reports.design_report import design_document
+    from syncplan.runtime.files import as_text, write_text
+    from syncplan.scenario.brief import brief_of
+
+    console.check_output(output, brief)
+    console.check_output(plan_out, brief)
+    given = brief_of(brief)
+    with _front_progress() as progress:
+        found = design(given, workers=processes, progress=progress)
+    document = design_document(found)
+    if plan_out is not None and document.plan is not None:
+        write_text(plan_out, as_text(document.plan.as_json()))
+        console.say(f"wrote {plan_out}")
+    console.deliver_document("design", document, output, format_)
+    return 0 if found.status == "met" else NoSolutionError.exit_code
+
+
+@contextmanager
+def _front_progress() -> "Iterator[Callable[[int, int, Sequence[FrontCell]], None] | None]":
+    """A progress bar of the searches, with the best error so far, at a terminal only."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        line = bar.add_task("teams", total=None)
+
+        def report(done: int, number: int, front: "Sequence[FrontCell]") -> None:
+            fitting = [one for one in front if one.found.fits]
+            text = "teams"
+            if fitting:
+                best = min(fitting, key=lambda one: one.found.value)
+                text = (
+                    f"teams; best {best.found.value:.3g} m with {best.cell.vehicles} vehicles and "
+                    f"{best.cell.landmarks} landmarks"
+                )
+            bar.update(line, description=text, completed=done, total=number)
+
+        yield report
+
+
+def show_design(document: "DesignDocument", console: Console) -> None:
+    """Print the status, the front and the purchases."""
+    colour = "green" if document.status == "met" else "red"
+    word = document.status.replace("_", " ")
+    need = document.brief.need
+    console.print(
+        f"[bold]{escape(document.name or 'design')}[/]: [{colour}]{word}[/], need "
+        f"{need.worst_rms_m:g} m for the worst vehicle"
+        + (f"; what decides: {escape(document.binding)}" if document.binding else "")
+    )
+    if document.proof is not None:
+        console.print(escape(document.proof.reason))
+    if (best := document.best) is not None:
+        kinds = {
+            "predicted": best.predicted_worst_rms_m,
+            "validated": best.validated_worst_rms_m,
+            "flown": best.flown_worst_rms_m,
+        }
+        errors = [f"{name} {value:.3g} m" for name, value in kinds.items() if value is not None]
+        covered = [] if best.covered_share is None else [f"covers {100 * best.covered_share:.3g} %"]
+        console.print(
+            f"{best.vehicles} vehicles and {best.landmarks} landmarks, cost {best.cost:.4g}: "
+            f"{', '.join([*errors, *covered])}"
+        )
+    front = FittedTable(
+        "best found for each team; worst predicted error, coarse",
+        ("vehicles", "landmarks", "cost", "worst error m"),
+    )
+    for one in document.front:
+        error = "none fits" if one.worst_rms_m is None else f"{one.worst_rms_m:.3g}"
+        front.add_row(str(one.vehicles), str(one.landmarks), f"{one.cost:.4g}", error)
+    if document.front:
+        console.print(front)
+    offers = FittedTable("what would help", ("change", "cost", "worst error m", "meets the need"))
+    for offer in document.purchases:
+        cost = "" if offer.cost is None else f"{offer.cost:.4g}"
+        met = "[green]yes[/]" if offer.met else "no"
+        offers.add_row(escape(offer.change), cost, f"{offer.worst_rms_m:.3g}", met)
+    if document.purchases:
+        console.print(offers)

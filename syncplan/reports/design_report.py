@@ -1,0 +1,140 @@
+"""Designs as documents."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from syncplan import __version__
+from syncplan.designs.designer import Design, FrontCell, Judgement
+from syncplan.documents import DocumentPart, OrAbsent, VersionedDocument, finite_or_none
+from syncplan.reports.flight_report import FlightDocument, flight_document
+from syncplan.reports.plan_report import PlanDocument, plan_document
+from syncplan.reports.validation_report import ValidationDocument, validation_document
+from syncplan.scenario.brief import Brief
+
+
+class FrontPoint(DocumentPart):
+    """What was found for so many vehicles and landmarks."""
+
+    vehicles: int
+    landmarks: int
+    worst_rms_m: float | None = Field(
+        description="Predicted error of the worst vehicle, on a coarse sample grid and without the "
+        "refinement of a winner; null where no formation without a fault was found"
+    )
+    cost: float = Field(description="Of vehicles and landmarks, by `prefer`")
+
+
+class ImpossibilityProof(DocumentPart):
+    """Why no formation meets the brief."""
+
+    kind: Literal["limits", "rank", "area"]
+    reason: str
+
+
+class DesignedTeam(DocumentPart):
+    """The winner, or the best formation found, by the exact code."""
+
+    vehicles: int
+    landmarks: int
+    cost: float
+    predicted_worst_rms_m: float | None = Field(
+        description="Predicted error of the worst vehicle over the second half of ten periods"
+    )
+    validated_worst_rms_m: float | None = Field(
+        description="The same in a validation; null where none was run"
+    )
+    flown_worst_rms_m: float | None = Field(
+        description="The same in flights in closed loop; null where none was flown"
+    )
+    covered_share: OrAbsent[float] = Field(
+        default=None, description="Share of the area covered; absent for other purposes"
+    )
+
+
+class OfferedPurchase(DocumentPart):
+    """What a change of the brief brings to the best formation found, searched anew."""
+
+    change: str
+    worst_rms_m: float = Field(description="Predicted error of the worst vehicle, refined")
+    met: bool = Field(description="Whether that meets the need with its margin")
+    cost: float | None = Field(description="By `prefer`; null where it states none")
+
+
+class DesignDocument(VersionedDocument):
+    """The cheapest formation found for a brief, or what stands in its way."""
+
+    name: str
+    status: Literal["met", "not_found", "impossible"] = Field(
+        description="impossible only with a proof; a search that finds nothing proves nothing"
+    )
+    binding: str = Field(
+        description="The requirement that decides: limits, rank, area, landmarks, separation, "
+        "error, losses, filter, flight, time, or the code of a finding; empty if the brief is met"
+    )
+    proof: ImpossibilityProof | None
+    best: DesignedTeam | None = Field(description="Null where no formation without fault was found")
+    front: list[FrontPoint]
+    purchases: list[OfferedPurchase] = Field(
+        description="Changes of the brief, each searched anew, the best first; none where it is met"
+    )
+    evaluations: int = Field(description="Number of formations looked at")
+    seed: int
+    cut_short: bool = Field(description="Whether the search was ended early")
+    brief: Brief
+    plan: PlanDocument | None = Field(description="The formation of `best`, an ordinary plan")
+    validation: ValidationDocument | None
+    flight: FlightDocument | None
+
+
+def design_document(found: Design) -> DesignDocument:
+    """Return the document of a design."""
+    best, proof = found.best, found.proof
+    checked = None if best is None else best.validation
+    flown = None if best is None else best.flight
+    return DesignDocument(
+        version=__version__,
+        name=found.brief.name,
+        status=found.status,
+        binding=found.binding,
+        proof=None if proof is None else ImpossibilityProof(kind=proof.kind, reason=proof.reason),
+        best=None if best is None else _team(found, best),
+        front=[_point(one) for one in found.front],
+        purchases=[
+            OfferedPurchase(change=one.words, worst_rms_m=one.worst, met=one.met, cost=one.cost)
+            for one in found.purchases
+        ],
+        evaluations=found.evaluations,
+        seed=found.brief.seed,
+        cut_short=found.cut_short,
+        brief=found.brief,
+        plan=None if best is None else plan_document(best.plan),
+        validation=None if checked is None else validation_document(checked),
+        flight=None if flown is None else flight_document(flown),
+    )
+
+
+def _point(one: FrontCell) -> FrontPoint:
+    return FrontPoint(
+        vehicles=one.cell.vehicles,
+        landmarks=one.cell.landmarks,
+        worst_rms_m=one.found.value if one.found.fits else None,
+        cost=one.cost,
+    )
+
+
+def _team(found: Design, best: Judgement) -> DesignedTeam:
+    checked, flown = best.validation, best.flight
+    return DesignedTeam(
+        vehicles=best.cell.vehicles,
+        landmarks=best.cell.landmarks,
+        cost=found.cost(best.cell),
+        predicted_worst_rms_m=finite_or_none(best.worst),
+        validated_worst_rms_m=None
+        if checked is None
+        else finite_or_none(float(checked.accuracy.late_position.max())),
+        flown_worst_rms_m=None
+        if flown is None
+        else finite_or_none(float(flown.accuracy.late_position.max())),
+        covered_share=best.covered,
+    )

@@ -1,0 +1,310 @@
+"""The brief: a field, vehicles, sensors and the error that is allowed, checked like a scenario."""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, ValidationError, model_validator
+
+from syncplan.scenario import models, rules
+from syncplan.scenario.disturbances import Filter, InitialSigma, Motion, Wind
+from syncplan.scenario.loading import parse_document, read_text
+from syncplan.scenario.quantities import (
+    Length,
+    ListedOrNamed,
+    Many,
+    Point,
+    Polygon,
+    Section,
+    Title,
+    fault,
+    validation_fault,
+)
+from syncplan.scenario.truths import CompassSigma
+
+GRAVITY = 9.80665
+"""Standard gravity in m/s^2."""
+
+MOST_VEHICLES = 50
+"""Largest team that a search designs."""
+
+Effort = Literal["quick", "normal", "thorough"]
+Cost = Annotated[float, Field(ge=0, le=1e9)]
+
+
+class Vehicle(Section):
+    """A vehicle: its speed, and how tightly it can turn."""
+
+    speed_mps: models.Speed | models.Speeds = Field(
+        description="Speed along the circle, or the least and the largest", examples=[5.0]
+    )
+    min_radius_m: Length | None = Field(
+        default=None, description="Smallest circle it can fly", examples=[10.0]
+    )
+    bank_deg: Annotated[float, Field(gt=0, lt=90)] | None = Field(
+        default=None, description="Largest bank angle of a coordinated turn", examples=[30.0]
+    )
+    turn_rate_rad_s: Annotated[float, Field(gt=0, le=1e4)] | None = Field(
+        default=None, description="Largest turn rate", examples=[0.5]
+    )
+
+    @model_validator(mode="after")
+    def _limited(self) -> Self:
+        if self.speeds[0] > self.speeds[1]:
+            raise fault("speed_mps", "the least is larger than the largest", list(self.speeds))
+        if self.min_radius_m is None and self.bank_deg is None and self.turn_rate_rad_s is None:
+            raise fault("min_radius_m", "is missing: give it, bank_deg or turn_rate_rad_s")
+        return self
+
+    @property
+    def speeds(self) -> tuple[float, float]:
+        """Least and largest speed in m/s."""
+        given = self.speed_mps
+        return given if isinstance(given, tuple) else (given, given)
+
+    def least_radius(self, speed: float) -> float:
+        """Return the radius in m of the smallest circle at a speed in m/s.
+
+        In a coordinated turn at bank angle b, the radius is v^2 / (g tan b).
+        """
+        radius = self.min_radius_m or 0.0
+        if self.bank_deg is not None:
+            radius = max(radius, speed**2 / (GRAVITY * math.tan(math.radians(self.bank_deg))))
+        if self.turn_rate_rad_s is not None:
+            radius = max(radius, speed / self.turn_rate_rad_s)
+        return radius
+
+
+class TeamSize(Section):
+    """How many vehicles there may be."""
+
+    max: Annotated[int, Field(ge=1, le=MOST_VEHICLES)] = Field(
+        description="Largest number of vehicles", examples=[6]
+    )
+    min: Annotated[int, Field(ge=1, le=MOST_VEHICLES)] = Field(
+        default=1, description="Least number of vehicles", examples=[2]
+    )
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.min > self.max:
+            raise fault("min", f"is larger than max, {self.max}", self.min)
+        return self
+
+
+class Sites(Section):
+    """How many landmarks there may be, and where: anywhere in the area unless it is said."""
+
+    max: Annotated[int, Field(ge=0, le=50)] | None = Field(
+        default=None,
+        description="Largest number of landmarks; with given or candidates_m, all of them if not "
+        "given",
+        examples=[3],
+    )
+    candidates_m: ListedOrNamed | None = Field(
+        default=None, description="Sites to choose from", examples=[[[0.0, 0.0], [100.0, 0.0]]]
+    )
+    on_edge: bool = Field(default=False, description="Whether they stand on the area's edge")
+    given: ListedOrNamed | None = Field(
+        default=None, description="Landmarks that are there already", examples=[[[0.0, 0.0]]]
+    )
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> Self:
+        kinds = {"candidates_m": self.candidates_m, "on_edge": self.on_edge, "given": self.given}
+        named = [key for key, value in kinds.items() if value]
+        if len(named) > 1:
+            raise fault(named[1], f"can't be combined with {named[0]}; give one of the two")
+        sites = self.candidates_m or self.given
+        if self.max is None and sites is None:
+            raise fault("max", "is missing: give it, candidates_m or given")
+        if self.max is not None and sites is not None and self.max > len(sites):
+            raise fault("max", f"is more than the {len(sites)} sites listed", self.max)
+        if self.given is not None and self.max not in (None, len(self.given)):
+            raise fault("max", f"must be {len(self.given)}, the landmarks given", self.max)
+        return self
+
+    @property
+    def most(self) -> int:
+        """Largest number of landmarks."""
+        sites = self.candidates_m or self.given or []
+        return len(sites) if self.max is None else self.max
+
+    @property
+    def least(self) -> int:
+        """Least number of landmarks: given ones are all used."""
+        return len(self.given) if self.given else 0
+
+
+class Cover(Section):
+    """Strips along the circles that together cover a share of the area, keep-outs left out."""
+
+    share: Annotated[float, Field(gt=0, le=1)] = Field(
+        description="Share of the area", examples=[0.9]
+    )
+    swath_m: Length = Field(
+        description="Width of the strip that a vehicle covers along its path, half on either side",
+        examples=[60.0],
+    )
+
+
+class Keep(Section):
+    """Vehicles that stay apart: their circles' centres are that far from each other."""
+
+    count: Annotated[int, Field(ge=1, le=MOST_VEHICLES)] = Field(
+        description="Number of vehicles", examples=[4]
+    )
+    spread_m: Length = Field(description="Least distance of their centres", examples=[80.0])
+
+
+class Purpose(Section):
+    """What the team is there for: one of cover, visit_m and keep."""
+
+    cover: Cover | None = Field(default=None, description="Cover a share of the area")
+    visit_m: Many[Point] | None = Field(
+        default=None,
+        description="Points [x, y] that some circle passes within within_m",
+        examples=[[[40.0, 40.0], [120.0, 60.0]]],
+    )
+    within_m: Length = Field(
+        default=5.0, description="Distance within which a point counts as visited", examples=[5.0]
+    )
+    keep: Keep | None = Field(default=None, description="Keep so many vehicles apart")
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        kinds = {"cover": self.cover, "visit_m": self.visit_m, "keep": self.keep}
+        named = [key for key, value in kinds.items() if value]
+        if not named:
+            raise fault(
+                "cover",
+                "is missing: give cover, visit_m or keep; without a purpose, all "
+                "vehicles would gather at the landmarks",
+            )
+        if len(named) > 1:
+            raise fault(named[1], f"can't be combined with {named[0]}; give one of the two")
+        return self
+
+
+class Need(Section):
+    """The error that the team may have."""
+
+    worst_rms_m: Length = Field(
+        description="Largest RMS position error of any vehicle over the second half of a run",
+        examples=[0.5],
+    )
+    margin: Annotated[float, Field(ge=0, lt=1)] = Field(
+        default=0.05, description="Share by which the predicted error stays below it"
+    )
+    losses: Literal[0, 1] = Field(
+        default=0, description="1 if the need must hold after the loss of any one part too"
+    )
+
+
+class Prefer(Section):
+    """Costs, in any unit: the cheapest team that meets the need is chosen."""
+
+    vehicle: Cost = Field(default=1.0, description="Cost of a vehicle", examples=[1.0])
+    landmark: Cost = Field(default=0.3, description="Cost of a landmark", examples=[0.3])
+    range_per_m: Cost = Field(
+        default=0.01, description="Cost of a metre of every sensor's range", examples=[0.01]
+    )
+
+
+class Brief(Section):
+    """What a team must do, what it may consist of, and the error that is allowed."""
+
+    name: Title = Field(default="", description="Title", examples=["field survey"])
+    area_m: Polygon = Field(
+        description="Corners [x, y], in order, of the polygon that all circles lie within",
+        examples=[[[0.0, 0.0], [300.0, 0.0], [300.0, 200.0], [0.0, 200.0]]],
+    )
+    keep_out_m: rules.Polygons | None = Field(
+        default=None, description="Polygons that no path may pass through"
+    )
+    obstacles_m: rules.Polygons | None = Field(
+        default=None, description="Polygons that block sight"
+    )
+    vehicle: Vehicle
+    sensor: models.Sensor
+    heading_sigma_rad: CompassSigma | None = Field(
+        default=None, description="Standard deviation of a compass reading; no compass if not given"
+    )
+    motion: Motion = Field(default_factory=Motion)
+    wind: Wind | None = Field(default=None, description="Wind or current; none if not given")
+    filter: Filter | None = Field(default=None, description="Errors that the filter estimates")
+    initial_sigma: InitialSigma = Field(default_factory=InitialSigma)
+    team: TeamSize
+    landmarks: Sites
+    purpose: Purpose
+    need: Need
+    prefer: Prefer = Field(default_factory=Prefer)
+    min_separation_m: Annotated[float, Field(ge=0, le=1e7)] | None = Field(
+        default=None, description="Least distance two vehicles may come to"
+    )
+    landmark_clearance_m: Annotated[float, Field(ge=0, le=1e7)] | None = Field(
+        default=None, description="Least distance a vehicle may come to a landmark"
+    )
+    effort: Effort = Field(default="normal", description="Length of the search")
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(
+        default=0, description="Seed of the search"
+    )
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        polygons = {"area_m": self.area_m}
+        for key, many in (("keep_out_m", self.keep_out_m), ("obstacles_m", self.obstacles_m)):
+            polygons.update({f"{key}[{k}]": one for k, one in enumerate(many or [])})
+        rules.check_obstacles(self.obstacles_m or [])
+        rules.check_polygons(polygons)
+        keep = self.purpose.keep
+        if keep is not None and keep.count > self.team.max:
+            raise fault("purpose.keep.count", f"is more than team.max, {self.team.max}", keep.count)
+        return self
+
+    def __repr__(self) -> str:
+        """Return one line: name, need and limits."""
+        name = f" {self.name!r}" if self.name else ""
+        return (
+            f"<{type(self).__name__}{name}: worst RMS {self.need.worst_rms_m:g} m, up to "
+            f"{self.team.max} vehicles and {self.landmarks.most} landmarks>"
+        )
+
+    def shared_keys(self) -> dict[str, Any]:
+        """Return the keys that every scenario of the brief has in common."""
+        names = (
+            "area_m",
+            "keep_out_m",
+            "obstacles_m",
+            "sensor",
+            "heading_sigma_rad",
+            "motion",
+            "wind",
+            "filter",
+            "initial_sigma",
+            "min_separation_m",
+            "landmark_clearance_m",
+        )
+        values = self.model_dump(include=set(names), exclude_none=True)
+        return values
+
+
+def brief_of(given: Brief | str | Path | Mapping[str, Any]) -> Brief:
+    """Return a brief unchanged, or that of a file's path or of a mapping of keys.
+
+    Raises InputError naming the file, the key, its value and what is allowed.
+    """
+    if isinstance(given, Brief):
+        return given
+    if isinstance(given, str | Path):
+        name, text = read_text(given)
+        return _checked(parse_document(text, name), name)
+    return _checked(given, "")
+
+
+def _checked(keys: Mapping[str, Any], source: str) -> Brief:
+    try:
+        return Brief.model_validate(dict(keys))
+    except ValidationError as error:
+        validation_fault(error, Brief, source)

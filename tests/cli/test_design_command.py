@@ -1,0 +1,84 @@
+"""syncplan design: a brief at the command line."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from syncplan.cli.document_table import DOCUMENTS
+from syncplan.designs import designer
+from syncplan.designs.purchases import offers_for
+from syncplan.planning.plan_files import load_plan
+from tests.tools.briefs import FIELD
+
+
+@pytest.fixture
+def brief_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr(designer, "EVALUATIONS", {"quick": 240})
+    monkeypatch.setattr(designer, "TRIALS", 10)
+    path = tmp_path / "brief.json"
+    path.write_text(json.dumps(FIELD))
+    return path
+
+
+def _changed(brief_file: Path, **keys: Any) -> str:
+    brief_file.write_text(json.dumps({**FIELD, **keys}))
+    return str(brief_file)
+
+
+def test_a_brief_that_is_met_gives_a_plan(run: Any, brief_file: Path, tmp_path: Path) -> None:
+    design, plan = tmp_path / "design.json", tmp_path / "plan.json"
+    given = ("design", str(brief_file), "-o", str(design), "--plan-out", str(plan))
+    status, out, err = run(*given, "--processes", "1")
+    assert (status, out) == (0, "")
+    assert err == f"syncplan: wrote {plan}\nsyncplan: wrote {design}\n"
+    document = DOCUMENTS["design"].model.model_validate_json(design.read_text())
+    found = json.loads(design.read_text())
+    assert found["status"] == "met"
+    assert found["plan"] == json.loads(plan.read_text())
+    assert load_plan(plan).team.count == found["best"]["vehicles"]
+    assert found["best"]["covered_share"] >= 0.6
+    assert document.model_dump()["seed"] == 0
+
+
+def test_a_brief_that_is_not_met_exits_with_4_and_still_writes_the_best_plan(
+    run: Any, brief_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        "syncplan.designs.designer.offers_for", lambda *given: offers_for(*given)[:1]
+    )
+    plan = tmp_path / "plan.json"
+    path = _changed(brief_file, need={"worst_rms_m": 0.02}, team={"min": 2, "max": 2})
+    status, out, _ = run("design", path, "--plan-out", str(plan), "--format", "table")
+    assert status == 4
+    assert "not found, need 0.02 m for the worst vehicle; what decides: error" in out
+    assert "what would help" in out
+    assert load_plan(plan).team.count == 2
+
+
+def test_an_impossible_brief_exits_with_4_and_its_proof(run: Any, brief_file: Path) -> None:
+    path = _changed(brief_file, landmarks={"max": 0})
+    status, out, _ = run("design", path, "--format", "table")
+    assert status == 4
+    assert "impossible" in out
+    assert "without landmarks the whole team can shift unseen" in out
+    status, out, _ = run("design", path)
+    assert status == 4
+    assert json.loads(out)["proof"]["kind"] == "rank"
+
+
+def test_a_bad_brief_is_refused_in_one_line(refused: Any, brief_file: Path) -> None:
+    path = _changed(brief_file, purpose={})
+    assert refused("design", path).startswith(
+        f"syncplan: {path}: purpose.cover: is missing: give cover, visit_m or keep"
+    )
+
+
+def test_briefs_and_designs_are_no_scenarios(refused: Any, brief_file: Path) -> None:
+    assert "is a brief where a scenario or a plan is wanted" in refused("plan", str(brief_file))
+
+
+@pytest.mark.parametrize("kind", ["brief", "design"])
+def test_schemas_are_printed(printed: Any, kind: str) -> None:
+    assert json.loads(printed("schema", kind))["type"] == "object"

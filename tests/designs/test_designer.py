@@ -1,0 +1,140 @@
+"""Designs: winners hold their brief, whatever the number of processes; the rest says why not."""
+
+from collections.abc import Sequence
+
+import pytest
+
+from syncplan.designs import designer
+from syncplan.designs.candidates import Cell
+from syncplan.designs.designer import Design, FrontCell, KeptSearches, design
+from syncplan.designs.purchases import offers_for
+from syncplan.errors import InputError
+from syncplan.reports.design_report import design_document
+from syncplan.runtime.files import as_text
+from tests.tools.briefs import brief, broken
+
+
+@pytest.fixture(autouse=True)
+def _short(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(designer, "EVALUATIONS", {"quick": 240})
+    monkeypatch.setattr(designer, "TRIALS", 10)
+
+
+def _text(found: Design) -> str:
+    return as_text(design_document(found).as_json())
+
+
+def test_a_winner_holds_its_brief_on_any_number_of_processes() -> None:
+    given, seen = brief(), []
+
+    def progress(done: int, number: int, front: Sequence[FrontCell]) -> None:
+        seen.append((done, number, len(front)))
+
+    found = design(given, workers=1, progress=progress)
+    # each search adds a cell to the front, of both stages
+    assert [seen[0], *seen[3:]] == [(1, 4, 1), (4, 4, 4), (1, 2, 1), (2, 2, 2)]
+    assert found.status == "met"
+    assert found.binding == ""
+    assert found.purchases == ()
+    best = found.best
+    assert best is not None
+    assert broken(given, best.plan) == []
+    assert best.plan.verdict.go
+    assert best.worst <= 2.0 * 0.95
+    assert best.validation is not None
+    assert best.flight is not None
+    for run in (best.validation, best.flight):
+        assert run.accuracy.late_position.max() <= 2.0
+    # no cheaper cell nearly met the need and was passed over
+    cheaper = [one for one in found.front if one.cost < found.cost(best.cell)]
+    assert all(one.found.value > designer.NEARLY * 1.9 for one in cheaper)
+    assert _text(design(given, workers=2)) == _text(found)
+
+
+def test_kept_searches_are_not_repeated_and_give_the_same_design(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    given = brief(need={"worst_rms_m": 0.9})
+    kept: dict[str, bytes] = {}
+    whole = design(given, workers=1, earlier=KeptSearches(keep=kept.__setitem__))
+    assert len(kept) >= 6
+    half = dict(list(kept.items())[: len(kept) // 2])
+    made: list[str] = []
+    resumed = design(
+        given, workers=1, earlier=KeptSearches(half, lambda name, _data: made.append(name))
+    )
+    assert _text(resumed) == _text(whole)
+    assert set(made) == kept.keys() - half.keys()
+
+
+def test_a_need_that_no_team_meets_names_the_error_and_what_would_help(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(
+        "syncplan.designs.designer.offers_for", lambda *given: offers_for(*given)[:2]
+    )
+    found = design(brief(need={"worst_rms_m": 0.02}, team={"min": 2, "max": 2}), workers=2)
+    assert found.status == "not_found"
+    assert found.binding == "error"
+    assert found.best is not None
+    assert found.best.validation is None
+    worst = [one.worst for one in found.purchases]
+    assert len(worst) == 2
+    assert worst == sorted(worst)
+    assert not any(one.met for one in found.purchases)
+
+
+def test_offers_change_one_thing_each_and_state_its_cost() -> None:
+    given = brief(landmarks={"candidates_m": [[0.0, 0.0], [9.0, 0.0], [0.0, 9.0]], "max": 2})
+    offers = {one.words: one for one in offers_for(given, Cell(3, 2))}
+    assert list(offers) == [
+        "bearing_sigma_rad 0.015 instead of 0.03",
+        "range_m 135 instead of 90",
+        "position_random_walk_m_sqrt_s 0.015 instead of 0.03",
+        "angle_random_walk_rad_sqrt_s 0.0015 instead of 0.003",
+        "one more vehicle",
+        "one more landmark",
+    ]
+    sharper, further, *_, vehicle, landmark = offers.values()
+    assert (sharper.brief.sensor.bearing_sigma_rad, sharper.cost) == (0.015, None)
+    assert sharper.brief.need == given.need
+    # three vehicles, 45 m more of range each, 0.01 a metre
+    assert further.cost == pytest.approx(1.35)
+    assert (vehicle.cell, vehicle.cost, vehicle.brief.team.max) == (Cell(4, 2), 1.0, 4)
+    assert (landmark.cell, landmark.cost, landmark.brief.landmarks.most) == (Cell(3, 3), 0.3, 3)
+    words = [one.words for one in offers_for(landmark.brief, landmark.cell)]
+    assert "one more landmark" not in words
+
+
+def test_an_impossible_brief_is_not_searched() -> None:
+    found = design(brief(landmarks={"max": 1}))
+    assert (found.status, found.binding, found.evaluations) == ("impossible", "rank", 0)
+    assert found.best is None
+    document = design_document(found)
+    assert document.proof is not None
+    assert "turn about it" in document.proof.reason
+    assert document.plan is None
+
+
+def test_a_purpose_that_no_formation_serves_binds() -> None:
+    # not enough vehicles, though not provably
+    found = design(
+        brief(team={"max": 2}, purpose={"cover": {"share": 0.95, "swath_m": 40.0}}), workers=1
+    )
+    assert (found.status, found.binding) == ("not_found", "area")
+    assert found.best is None
+    assert all(not one.found.fits for one in found.front)
+
+
+@pytest.mark.parametrize("workers", [0, -1])
+def test_no_process_is_refused(workers: int) -> None:
+    with pytest.raises(InputError, match=f"workers: {workers} given"):
+        design(brief(), workers=workers)
+
+
+def test_without_cma_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    import sys
+
+    monkeypatch.setitem(sys.modules, "cma", None)
+    with pytest.raises(InputError, match=r"syncplan\[design\]"):
+        design(brief(), workers=1)
