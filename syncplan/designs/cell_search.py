@@ -71,13 +71,14 @@ def search(
 ) -> Found:
     """Return the best candidate of a space after about so many evaluations.
 
-    The search begins near `start`, or at random. Where `stop` returns True, it ends early.
+    The search begins near `start`, and its result is no worse, or it begins at random. Where `stop`
+    returns True, it ends early.
     """
     cma = _cma()
     generator = np.random.default_rng(seed)
     begin = generator.uniform(0.2, 0.8, space.size) if start is None else start
-    best = Found(begin, np.inf, 0)
-    spread, made = SPREAD if start is None else NEARBY, 0
+    best, made = Found(begin, space.value(begin), 1), 1
+    spread = SPREAD if start is None else NEARBY
     # a long search can afford more at a time, which settles less often on a poor formation
     crowd = min(max(evaluations // FEW, 1), MOST_CROWDED)
     together = crowd * (4 + int(3.0 * np.log(space.size)))

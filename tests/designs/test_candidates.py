@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from syncplan.designs.candidates import SAMPLES, UNFIT, Cell, Space, coarse
+from syncplan.designs.cell_search import search
 from syncplan.designs.purposes import PurposeMeasure
 from syncplan.scenario.brief import Brief
 from tests.tools.briefs import brief, broken
@@ -124,6 +125,15 @@ def test_landmarks_stand_where_the_brief_lets_them() -> None:
                 np.testing.assert_allclose(edge, 0.0, atol=1e-9)
     given = _space(brief(**EASY, landmarks={"given": sites}), Cell(2, 3))
     assert given.candidate(np.full(given.size, 0.5)).landmarks.tolist() == sites
+
+
+def test_a_search_is_never_worse_than_its_start() -> None:
+    space, generator = _space(brief(**EASY), Cell(3, 2)), np.random.default_rng(8)
+    start = generator.uniform(0.2, 0.8, space.size)
+    long = search(space, 600, (1,), start)
+    assert long.fits
+    # two candidates more hardly find a better one
+    assert search(space, 2, (2,), long.point).value <= long.value
 
 
 def test_senses_alternate_where_the_cell_says_so() -> None:
