@@ -21,9 +21,8 @@ from benchmarks import Figure, print_figures
 from syncplan.designs.candidates import Cell, Space
 from syncplan.designs.cell_search import Found, search
 from syncplan.designs.designer import FrontCell, design, refined
-from syncplan.designs.purposes import PurposeMeasure
 from syncplan.runtime.machine import single_threaded_blas
-from syncplan.scenario.brief import Brief, brief_of
+from syncplan.scenario.brief import brief_of
 
 ROOT = Path(__file__).resolve().parents[1]
 BRIEFS = sorted((ROOT / "examples" / "briefs").glob("*.yaml"))
@@ -46,11 +45,11 @@ def at_random(space: Space, evaluations: int) -> Found:
     return Found(points[best], values[best], evaluations)
 
 
-def error(brief: Brief, space: Space, found: Found) -> float:
+def error(space: Space, found: Found) -> float:
     """Return the worst predicted error in m of a refined formation, inf if it has faults."""
     if not found.fits:
         return float("inf")
-    rms = refined(brief, space.plan(found.point), space.measure).prediction.rms
+    rms = refined(space, space.plan(found.point)).prediction.rms
     return float("inf") if rms is None else float(rms.max())
 
 
@@ -61,9 +60,9 @@ def gains() -> list[tuple[str, float, float]]:
     for path in BRIEFS:
         brief = brief_of(path)
         for cell in CELLS[path.stem]:
-            space = Space(brief, cell, PurposeMeasure.of(brief))
-            ours = error(brief, space, search(space, EVALUATIONS, (0,)))
-            theirs = error(brief, space, at_random(space, EVALUATIONS))
+            space = Space(brief, cell)
+            ours = error(space, search(space, EVALUATIONS, (0,)))
+            theirs = error(space, at_random(space, EVALUATIONS))
             name = f"{path.stem}, {cell.vehicles} and {cell.landmarks}"
             rows.append((name, ours, theirs))
     return rows

@@ -23,7 +23,7 @@ from syncplan.orbits.contacts import closest_approach, find_windows
 from syncplan.orbits.sightings import remainder_of, single_losses
 from syncplan.orbits.team import Team, team_of
 from syncplan.planning.judged_team import landmark_limit, separation_limit
-from syncplan.planning.planner import Plan, judge
+from syncplan.planning.planner import Plan, judge, met_pairs
 from syncplan.scenario.brief import Brief
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.specification import Scenario
@@ -75,13 +75,12 @@ class Space:
     Parameters
     ----------
     brief, cell : whose candidates
-    measure : of the brief's purpose
     """
 
-    def __init__(self, brief: Brief, cell: Cell, measure: PurposeMeasure) -> None:
-        self.brief, self.cell, self.measure = brief, cell, measure
-        self._area, self._corners = measure.area, measure.area.corners
-        self._largest = measure.area.largest_radius()
+    def __init__(self, brief: Brief, cell: Cell) -> None:
+        self.brief, self.cell, self.measure = brief, cell, PurposeMeasure.of(brief)
+        self._area = self.measure.area
+        self._corners, self._largest = self._area.corners, self._area.largest_radius()
         self._ranged = brief.vehicle.speeds[0] < brief.vehicle.speeds[1]
         sites = brief.landmarks
         listed = sites.given or sites.candidates_m or []
@@ -160,10 +159,8 @@ class Space:
         one = self.candidate(point)
         keys = self.keys(one)
         team = self._team(one)
-        windows = find_windows(team)
-        met = (np.diff(windows.first) > 0) & (windows.targets < team.count)
-        pairs = np.sort(np.stack([windows.observers, windows.targets], axis=1)[met], axis=1)
-        names = [(f"v{a + 1}", f"v{b + 1}") for a, b in np.unique(pairs, axis=0).tolist()]
+        pairs = sorted(met_pairs(team, find_windows(team)))
+        names = [(f"v{a + 1}", f"v{b + 1}") for a, b in pairs]
         # phases are free, so just those pairs are links that meet
         keys["formation"]["links"] = names
         return judge(scenario_from(keys), self._orbits(one))

@@ -20,7 +20,6 @@ from syncplan.designs.candidates import Cell, Space
 from syncplan.designs.cell_search import Found, search
 from syncplan.designs.impossibility import Proof, proof_against
 from syncplan.designs.purchases import Purchase, offers_for
-from syncplan.designs.purposes import PurposeMeasure
 from syncplan.errors import InputError
 from syncplan.flight.flying import Flight, fly
 from syncplan.planning.loss_study import what_if
@@ -220,7 +219,7 @@ def search_worker(seed: int) -> Work:
         order: SearchOrder, stop: threading.Event, _report: Callable[[Any], None]
     ) -> tuple[str, Found, bool]:
         cell = order.cell
-        space = Space(order.brief, cell, PurposeMeasure.of(order.brief))
+        space = Space(order.brief, cell)
         own = (seed, cell.vehicles, cell.landmarks, int(cell.alternate), order.start is None)
         found = search(space, order.evaluations, own, order.start, stop.is_set)
         return order.name, found, stop.is_set()
@@ -321,8 +320,7 @@ class _Ladder:
         _, other, point = best
         own = replace(cell, alternate=other.alternate)
         if other != own:
-            measure = PurposeMeasure.of(self.brief)
-            point = Space(self.brief, own, measure).extended(point, other, self.brief.seed)
+            point = Space(self.brief, own).extended(point, other, self.brief.seed)
         return SearchOrder(f"onward {_named(own)}", self.brief, own, evaluations, point)
 
     # --- judgement --------------------------------------------------------------------------------
@@ -369,22 +367,22 @@ class _Ladder:
         if not front:
             return "error"
         one = min(front, key=lambda one: one.found.value)
-        faults = Space(self.brief, one.cell, PurposeMeasure.of(self.brief)).faults(one.found.point)
+        faults = Space(self.brief, one.cell).faults(one.found.point)
         return max(faults, key=lambda name: faults[name])
 
     def judged(self, one: FrontCell) -> Judgement:
         """Refine a formation and judge it by the exact code, in the order of what that costs."""
-        brief, need, measure = self.brief, self.brief.need, PurposeMeasure.of(self.brief)
-        made = Space(brief, one.cell, measure).plan(one.found.point)
+        brief, need, space = self.brief, self.brief.need, Space(self.brief, one.cell)
+        made = space.plan(one.found.point)
         if not self.cut_short:
-            made = refined(brief, made, measure)
+            made = refined(space, made)
         circles = made.orbits.centers, made.orbits.radii
-        judged = Judgement(one.cell, made, covered=measure.covered(*circles))
+        judged = Judgement(one.cell, made, covered=space.measure.covered(*circles))
         if not made.observable:
             return replace(judged, binding="rank")
         if not made.verdict.go:
             return replace(judged, binding=made.verdict.stops[0].code)
-        if not measure.served(*circles):
+        if not space.measure.served(*circles):
             return replace(judged, binding="area")
         if judged.worst > self.wanted:
             return replace(judged, binding="error")
@@ -415,7 +413,7 @@ class _Ladder:
         for number, offer in enumerate(offers_for(self.brief, one.cell)):
             point = one.found.point
             if offer.cell != one.cell:
-                space = Space(offer.brief, offer.cell, PurposeMeasure.of(offer.brief))
+                space = Space(offer.brief, offer.cell)
                 point = space.extended(point, one.cell, self.brief.seed)
             budget = EVALUATIONS[self.brief.effort] // 2
             order = SearchOrder(f"purchase {number}", offer.brief, offer.cell, budget, point)
@@ -424,19 +422,18 @@ class _Ladder:
         made = []
         for name, (offer, _) in offers.items():
             if name in found and found[name].fits:
-                measure = PurposeMeasure.of(offer.brief)
-                bought = Space(offer.brief, offer.cell, measure).plan(found[name].point)
-                rms = refined(offer.brief, bought, measure).prediction.rms
+                space = Space(offer.brief, offer.cell)
+                rms = refined(space, space.plan(found[name].point)).prediction.rms
                 if rms is not None:
                     worst = float(rms.max())
                     made.append(Purchase(offer.words, offer.cost, worst, worst <= self.wanted))
         return tuple(sorted(made, key=lambda one: one.worst))
 
 
-def refined(brief: Brief, made: Plan, measure: PurposeMeasure) -> Plan:
-    """Return a plan with better phases and centres, or phases alone, that serves the purpose.
+def refined(space: Space, made: Plan) -> Plan:
+    """Return a plan of a space with better phases and centres, or phases alone.
 
-    A plan that is not GO is returned as it is.
+    It serves the purpose still. A plan that is not GO is returned as it is.
     """
     if not made.verdict.go:
         return made
@@ -448,10 +445,10 @@ def refined(brief: Brief, made: Plan, measure: PurposeMeasure) -> Plan:
             center_box_m=box,
             starts=1,
             time_limit_s=REFINEMENT_S,
-            seed=brief.seed,
+            seed=space.brief.seed,
             workers=1,
         )
-        if measure.served(better.orbits.centers, better.orbits.radii):
+        if space.measure.served(better.orbits.centers, better.orbits.radii):
             return better
     return made
 

@@ -159,7 +159,7 @@ def judged(
     team, orbits = assessed.team, assessed.team.orbits
     names = scenario.vehicle_names
     listed = [(a, b) for a, b in pairs.tolist()]
-    met = _met_pairs(team, assessed.windows)
+    met = met_pairs(team, assessed.windows)
     kept = [pair for pair in listed if pair in met]
     unlisted = [] if remainder else sorted(met - set(listed))
     return Plan(
@@ -199,8 +199,8 @@ def listed_pairs(scenario: Scenario, team: Team) -> Index:
     return np.unique(np.column_stack([np.minimum(a, b), np.maximum(a, b)]), axis=0)
 
 
-def _met_pairs(team: Team, windows: contacts.Windows) -> set[tuple[int, int]]:
-    """Vehicle pairs (a < b) in contact at some time, either way."""
+def met_pairs(team: Team, windows: contacts.Windows) -> set[tuple[int, int]]:
+    """Return the vehicle pairs (a < b) in contact at some time, either way."""
     met = (np.diff(windows.first) > 0) & (windows.targets < team.count)
     a, b = windows.observers[met], windows.targets[met]
     return set(zip(np.minimum(a, b).tolist(), np.maximum(a, b).tolist(), strict=True))

@@ -12,6 +12,7 @@ import queue
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from importlib import import_module
 from multiprocessing.connection import Connection
 from typing import Any
@@ -43,8 +44,21 @@ def run_orders(
     run = _in_children if min(workers, len(orders)) > 1 else _here
     with interruption() as interrupted:
         if orders:
-            run(worker, task, list(orders), workers, begin, take, report, interrupted)
+            run(_Run(worker, task, list(orders), begin, take, report, interrupted), workers)
         return interrupted.is_set()
+
+
+@dataclass(frozen=True, slots=True)
+class _Run:
+    """What run_orders is given, and the event that Ctrl-C sets."""
+
+    worker: Callable[[Any], Work]
+    task: Any
+    orders: list[Any]
+    begin: Callable[[Any, bool], Any]
+    take: Callable[[Any], None]
+    report: Callable[[Any], None] | None
+    interrupted: threading.Event
 
 
 @contextlib.contextmanager
@@ -61,40 +75,23 @@ def interruption() -> Iterator[threading.Event]:
         signal.signal(signal.SIGINT, before)
 
 
-def _here(
-    worker: Callable[[Any], Work],
-    task: Any,
-    orders: list[Any],
-    workers: int,
-    begin: Callable[[Any, bool], Any],
-    take: Callable[[Any], None],
-    report: Callable[[Any], None] | None,
-    interrupted: threading.Event,
-) -> None:
-    work = worker(task)
-    for order in orders:
-        message = None if interrupted.is_set() else begin(order, False)
+def _here(run: _Run, _workers: int) -> None:
+    work = run.worker(run.task)
+    for order in run.orders:
+        message = None if run.interrupted.is_set() else run.begin(order, False)
         if message is None:
             return
-        take(work(message, interrupted, report or _ignored))
+        run.take(work(message, run.interrupted, run.report or _ignored))
 
 
-def _in_children(
-    worker: Callable[[Any], Work],
-    task: Any,
-    orders: list[Any],
-    workers: int,
-    begin: Callable[[Any, bool], Any],
-    take: Callable[[Any], None],
-    report: Callable[[Any], None] | None,
-    interrupted: threading.Event,
-) -> None:
+def _in_children(run: _Run, workers: int) -> None:
+    orders = run.orders
     messages: queue.Queue[Any] = queue.Queue()
     children: list[_Child] = []
     busy: set[int] = set()
 
     def give(child: _Child) -> None:
-        message = begin(orders[0], bool(busy)) if orders else None
+        message = run.begin(orders[0], bool(busy)) if orders else None
         if message is None:
             orders.clear()
             return
@@ -104,11 +101,11 @@ def _in_children(
 
     try:
         for number in range(min(workers, len(orders))):
-            children.append(_Child(number, worker, task, messages))
+            children.append(_Child(number, run.worker, run.task, messages))
             give(children[-1])
         stopping = False
         while busy:
-            if interrupted.is_set() and not stopping:
+            if run.interrupted.is_set() and not stopping:
                 stopping = True
                 orders.clear()
                 for child in children:
@@ -117,10 +114,10 @@ def _in_children(
                 number, kind, value = messages.get(timeout=0.05)
             except queue.Empty:
                 continue
-            if kind == "progress" and report is not None:
-                report(value)
+            if kind == "progress" and run.report is not None:
+                run.report(value)
             elif kind == "done":
-                take(value)
+                run.take(value)
                 busy.discard(number)
                 give(children[number])
             elif kind == "gone" and number in busy:

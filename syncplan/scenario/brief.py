@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
 from syncplan.scenario import models, rules
 from syncplan.scenario.disturbances import Filter, InitialSigma, Motion, Wind
@@ -19,7 +19,6 @@ from syncplan.scenario.quantities import (
     Section,
     Title,
     fault,
-    validation_fault,
 )
 from syncplan.scenario.truths import CompassSigma
 
@@ -299,12 +298,5 @@ def brief_of(given: Brief | str | Path | Mapping[str, Any]) -> Brief:
         return given
     if isinstance(given, str | Path):
         name, text = read_text(given)
-        return _checked(parse_document(text, name), name)
-    return _checked(given, "")
-
-
-def _checked(keys: Mapping[str, Any], source: str) -> Brief:
-    try:
-        return Brief.model_validate(dict(keys))
-    except ValidationError as error:
-        validation_fault(error, Brief, source)
+        return Brief.from_mapping(parse_document(text, name), source=name)
+    return Brief.from_mapping(given)

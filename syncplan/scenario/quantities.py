@@ -219,15 +219,15 @@ class Section(BaseModel):
             validation_fault(error, type(self), "")
 
     @classmethod
-    def from_mapping(cls, keys: Mapping[str, Any]) -> Self:
-        """Return the section of a mapping of keys, checked like a file.
+    def from_mapping(cls, keys: Mapping[str, Any], *, source: str = "") -> Self:
+        """Return the section of a mapping of keys, checked like a file that `source` names.
 
         Raises InputError naming the key, its value and what is allowed.
         """
         try:
             return cls.model_validate(dict(keys))
         except ValidationError as error:
-            validation_fault(error, cls, "")
+            validation_fault(error, cls, source)
 
     def following(self, **keys: Any) -> Self:
         """Return a copy with keys replaced by values derived from valid ones, unchecked."""

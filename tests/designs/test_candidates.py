@@ -7,7 +7,6 @@ import pytest
 
 from syncplan.designs.candidates import SAMPLES, UNFIT, Cell, Space, coarse
 from syncplan.designs.cell_search import search
-from syncplan.designs.purposes import PurposeMeasure
 from syncplan.scenario.brief import Brief
 from tests.tools.briefs import brief, broken
 
@@ -16,7 +15,7 @@ EASY: dict[str, Any] = {"purpose": {"keep": {"count": 1, "spread_m": 1.0}}}
 
 
 def _space(given: Brief, cell: Cell) -> Space:
-    return Space(given, cell, PurposeMeasure.of(given))
+    return Space(given, cell)
 
 
 def test_faults_are_those_of_the_plan() -> None:

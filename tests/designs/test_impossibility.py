@@ -102,7 +102,7 @@ def _observable_somewhere(given: Brief) -> bool:
         purpose={"keep": {"count": 1, "spread_m": 1.0}},
         sensor={"range_m": 500.0},
     )
-    space = Space(easy, Cell(3, easy.landmarks.most), PurposeMeasure.of(easy))
+    space = Space(easy, Cell(3, easy.landmarks.most))
     generator = np.random.default_rng(3)
     for _ in range(20):
         made = space.plan(generator.uniform(0.0, 1.0, space.size))
