@@ -152,16 +152,16 @@ def judged(
 ) -> Plan:
     """Return the plan of an assessed team from its resolved scenario, links and prediction.
 
-    `remainder`, for a team after a loss, leaves out the connectivity period, links not listed and
-    further losses. Without `single_points`, losses that end observability are not searched for, as
-    in teams that are too large.
+    `remainder`, for a team after a loss, leaves out the connectivity period and further losses.
+    Without `single_points`, losses that end observability are not searched for, as in teams that
+    are too large.
     """
     team, orbits = assessed.team, assessed.team.orbits
     names = scenario.vehicle_names
     listed = [(a, b) for a, b in pairs.tolist()]
     met = met_pairs(team, assessed.windows)
     kept = [pair for pair in listed if pair in met]
-    unlisted = [] if remainder else sorted(met - set(listed))
+    unlisted = sorted(met - set(listed))
     return Plan(
         scenario=scenario,
         team=team,

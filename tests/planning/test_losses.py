@@ -47,6 +47,14 @@ def test_a_loss_is_judged_as_the_reduced_scenario_planned_from_scratch(seed: int
         assert differences(outcome, from_scratch(whole, outcome.lost)) == []
 
 
+def test_the_verdict_on_a_loss_counts_meetings_of_pairs_that_are_not_listed() -> None:
+    # a team of 4, whose loss of v1 needs the meetings of v2 and v4, 1.1 m within range
+    whole = drawn_plan(np.random.default_rng([26112700, 35]))
+    (left,) = [one for one in what_if(whole, threads=1).losses if one.lost == ("v1",)]
+    assert [one.code for one in left.verdict.findings] == ["meetings-uncertain"]
+    assert differences(left, from_scratch(whole, left.lost)) == []
+
+
 @pytest.mark.parametrize("name", ["paper-grid-same", "five-ring", "mixed-radii-camera"])
 def test_the_rank_without_a_sensor_is_that_of_sampled_sights_and_finite_differences(
     name: str,
