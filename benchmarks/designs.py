@@ -10,7 +10,6 @@ three briefs: the time until a first formation without a fault is found, and unt
 import statistics
 import sys
 import time
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +19,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from benchmarks import Figure, print_figures
 from syncplan.designs.candidates import Cell, Space
 from syncplan.designs.cell_search import Found, search
-from syncplan.designs.designer import FrontCell, design, refined
+from syncplan.designs.designer import design
+from syncplan.designs.judgement import refined
+from syncplan.designs.ladder import DesignState
 from syncplan.runtime.machine import single_threaded_blas
 from syncplan.scenario.brief import brief_of
 
@@ -72,8 +73,8 @@ def times(path: Path) -> tuple[float, float, int]:
     """Return s until a formation without a fault and until the end of a design, and its cells."""
     began, first = time.perf_counter(), [float("inf")]
 
-    def progress(_done: int, _number: int, front: Sequence[FrontCell]) -> None:
-        if any(one.found.fits for one in front):
+    def progress(state: DesignState) -> None:
+        if any(one.found.fits for one in state.front):
             first[0] = min(first[0], time.perf_counter() - began)
 
     found = design(path, progress=progress)

@@ -1,7 +1,7 @@
 """The command that designs a team from a brief, and its table."""
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -16,7 +16,7 @@ from syncplan.cli.fitted_tables import FittedTable
 from syncplan.errors import NoSolutionError
 
 if TYPE_CHECKING:
-    from syncplan.designs.designer import FrontCell
+    from syncplan.designs.ladder import DesignProgress, DesignState
     from syncplan.reports.design_report import DesignDocument
 
 designs = typer.Typer()
@@ -67,7 +67,7 @@ def _design(
 
 
 @contextmanager
-def _front_progress() -> "Iterator[Callable[[int, int, Sequence[FrontCell]], None] | None]":
+def _front_progress() -> "Iterator[DesignProgress | None]":
     """A progress bar of the searches, with the best error so far, at a terminal only."""
     if not sys.stderr.isatty():
         yield None
@@ -76,18 +76,18 @@ def _front_progress() -> "Iterator[Callable[[int, int, Sequence[FrontCell]], Non
 
     columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        line = bar.add_task("teams", total=None)
+        line = bar.add_task("searching", total=None)
 
-        def report(done: int, number: int, front: "Sequence[FrontCell]") -> None:
-            fitting = [one for one in front if one.found.fits]
-            text = "teams"
+        def report(state: "DesignState") -> None:
+            fitting = [one for one in state.front if one.found.fits]
+            text = state.doing
             if fitting:
                 best = min(fitting, key=lambda one: one.found.value)
-                text = (
-                    f"teams; best {best.found.value:.3g} m with {best.cell.vehicles} vehicles and "
+                text += (
+                    f"; best {best.found.value:.3g} m with {best.cell.vehicles} vehicles and "
                     f"{best.cell.landmarks} landmarks"
                 )
-            bar.update(line, description=text, completed=done, total=number)
+            bar.update(line, description=text, completed=state.done, total=state.total)
 
         yield report
 

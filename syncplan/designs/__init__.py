@@ -5,5 +5,7 @@ candidates        a formation as numbers between 0 and 1: its scenario, its faul
 cell_search       the best formation of so many vehicles and landmarks
 impossibility     proofs that no formation can meet a brief
 purchases         changes of a brief that may help
-designer          the ladder over teams, and the judgement of the winner
+ladder            all searches of a design, and the front that they find
+judgement         a formation refined, predicted, validated and flown
+designer          the design itself: the cheapest team that meets its brief, or what would help
 """

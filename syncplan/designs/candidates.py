@@ -156,6 +156,10 @@ class Space:
 
     def plan(self, point: Array) -> Plan:
         """Return the plan at a point (size,), judged by the exact code."""
+        return judge(*self.formation(point))
+
+    def formation(self, point: Array) -> tuple[Scenario, Orbits]:
+        """Return the scenario and the orbits at a point (size,)."""
         one = self.candidate(point)
         keys = self.keys(one)
         team = self._team(one)
@@ -163,7 +167,7 @@ class Space:
         names = [(f"v{a + 1}", f"v{b + 1}") for a, b in pairs]
         # phases are free, so just those pairs are links that meet
         keys["formation"]["links"] = names
-        return judge(scenario_from(keys), self._orbits(one))
+        return scenario_from(keys), self._orbits(one)
 
     # --- judgement --------------------------------------------------------------------------------
 

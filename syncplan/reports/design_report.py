@@ -1,12 +1,16 @@
 """Designs as documents."""
 
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field
 
 from syncplan import __version__
-from syncplan.designs.designer import Design, FrontCell, Judgement
+from syncplan.designs.candidates import Space
+from syncplan.designs.designer import Design
+from syncplan.designs.judgement import Judgement
+from syncplan.designs.ladder import FrontCell
 from syncplan.documents import DocumentPart, OrAbsent, VersionedDocument, finite_or_none
+from syncplan.planning.plan_files import stated
 from syncplan.reports.flight_report import FlightDocument, flight_document
 from syncplan.reports.plan_report import PlanDocument, plan_document
 from syncplan.reports.validation_report import ValidationDocument, validation_document
@@ -23,6 +27,11 @@ class FrontPoint(DocumentPart):
         "refinement of a winner; null where no formation without a fault was found"
     )
     cost: float = Field(description="Of vehicles and landmarks, by `prefer`")
+    formation: OrAbsent[dict[str, Any]] = Field(
+        default=None,
+        description="`scenario` and `vehicles` of the formation found, as in a plan file; absent "
+        "where none without a fault was found, and while the design is under way",
+    )
 
 
 class ImpossibilityProof(DocumentPart):
@@ -98,8 +107,8 @@ def design_document(found: Design) -> DesignDocument:
         status=found.status,
         binding=found.binding,
         proof=None if proof is None else ImpossibilityProof(kind=proof.kind, reason=proof.reason),
-        best=None if best is None else _team(found, best),
-        front=[_point(one) for one in found.front],
+        best=None if best is None else _team(best),
+        front=[_with_formation(found.brief, one) for one in found.front],
         purchases=[
             OfferedPurchase(change=one.words, worst_rms_m=one.worst, met=one.met, cost=one.cost)
             for one in found.purchases
@@ -114,7 +123,8 @@ def design_document(found: Design) -> DesignDocument:
     )
 
 
-def _point(one: FrontCell) -> FrontPoint:
+def front_point(one: FrontCell) -> FrontPoint:
+    """Return a point of the front of a design, done or under way."""
     return FrontPoint(
         vehicles=one.cell.vehicles,
         landmarks=one.cell.landmarks,
@@ -123,12 +133,19 @@ def _point(one: FrontCell) -> FrontPoint:
     )
 
 
-def _team(found: Design, best: Judgement) -> DesignedTeam:
+def _with_formation(brief: Brief, one: FrontCell) -> FrontPoint:
+    if not one.found.fits:
+        return front_point(one)
+    formation = stated(*Space(brief, one.cell).formation(one.found.point))
+    return front_point(one).model_copy(update={"formation": formation})
+
+
+def _team(best: Judgement) -> DesignedTeam:
     checked, flown = best.validation, best.flight
     return DesignedTeam(
-        vehicles=best.cell.vehicles,
-        landmarks=best.cell.landmarks,
-        cost=found.cost(best.cell),
+        vehicles=best.found.cell.vehicles,
+        landmarks=best.found.cell.landmarks,
+        cost=best.found.cost,
         predicted_worst_rms_m=finite_or_none(best.worst),
         validated_worst_rms_m=None
         if checked is None

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from syncplan.cli.document_table import DOCUMENTS
-from syncplan.designs import designer
+from syncplan.designs import judgement, ladder
 from syncplan.designs.purchases import offers_for
 from syncplan.planning.plan_files import load_plan
 from tests.tools.briefs import FIELD
@@ -15,8 +15,8 @@ from tests.tools.briefs import FIELD
 
 @pytest.fixture
 def brief_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr(designer, "EVALUATIONS", {"quick": 240})
-    monkeypatch.setattr(designer, "TRIALS", 10)
+    monkeypatch.setattr(ladder, "EVALUATIONS", {"quick": 240})
+    monkeypatch.setattr(judgement, "TRIALS", 10)
     path = tmp_path / "brief.json"
     path.write_text(json.dumps(FIELD))
     return path

@@ -1,12 +1,11 @@
 """Designs: winners hold their brief, whatever the number of processes; the rest says why not."""
 
-from collections.abc import Sequence
-
 import pytest
 
-from syncplan.designs import designer
+from syncplan.designs import designer, judgement, ladder
 from syncplan.designs.candidates import Cell
-from syncplan.designs.designer import Design, FrontCell, KeptSearches, design
+from syncplan.designs.designer import Design, design
+from syncplan.designs.ladder import DesignState, KeptSearches
 from syncplan.designs.purchases import offers_for
 from syncplan.errors import InputError
 from syncplan.reports.design_report import design_document
@@ -16,8 +15,8 @@ from tests.tools.briefs import brief, broken
 
 @pytest.fixture(autouse=True)
 def _short(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(designer, "EVALUATIONS", {"quick": 240})
-    monkeypatch.setattr(designer, "TRIALS", 10)
+    monkeypatch.setattr(ladder, "EVALUATIONS", {"quick": 240})
+    monkeypatch.setattr(judgement, "TRIALS", 10)
 
 
 def _text(found: Design) -> str:
@@ -25,14 +24,17 @@ def _text(found: Design) -> str:
 
 
 def test_a_winner_holds_its_brief_on_any_number_of_processes() -> None:
-    given, seen = brief(), []
-
-    def progress(done: int, number: int, front: Sequence[FrontCell]) -> None:
-        seen.append((done, number, len(front)))
-
-    found = design(given, workers=1, progress=progress)
-    # each search adds a cell to the front, of both stages
-    assert [seen[0], *seen[3:]] == [(1, 4, 1), (4, 4, 4), (1, 2, 1), (2, 2, 2)]
+    given, seen = brief(), list[DesignState]()
+    found = design(given, workers=1, progress=seen.append)
+    # two cells, each searched in both senses and then on from the best
+    states = [(one.doing, one.done, one.total, len(one.front)) for one in seen]
+    alone, onward = "searching each team", "searching on from the neighbours"
+    assert states[:8] == [
+        *((alone, done, 6, cells) for done, cells in enumerate((0, 1, 1, 2, 2))),
+        *((onward, done, 6, 2) for done in (4, 5, 6)),
+    ]
+    told = [one.doing.partition(" ")[0] for one in seen[8:]]
+    assert told[-3:] == ["refining", "validating", "flying"]
     assert found.status == "met"
     assert found.binding == ""
     assert found.purchases == ()
@@ -46,7 +48,7 @@ def test_a_winner_holds_its_brief_on_any_number_of_processes() -> None:
     for run in (best.validation, best.flight):
         assert run.accuracy.late_position.max() <= 2.0
     # no cheaper cell nearly met the need and was passed over
-    cheaper = [one for one in found.front if one.cost < found.cost(best.cell)]
+    cheaper = [one for one in found.front if one.cost < best.found.cost]
     assert all(one.found.value > designer.NEARLY * 1.9 for one in cheaper)
     assert _text(design(given, workers=2)) == _text(found)
 
@@ -55,13 +57,13 @@ def test_kept_searches_are_not_repeated_and_give_the_same_design(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     given = brief(need={"worst_rms_m": 0.9})
-    kept: dict[str, bytes] = {}
+    kept: dict[int, bytes] = {}
     whole = design(given, workers=1, earlier=KeptSearches(keep=kept.__setitem__))
     assert len(kept) >= 6
     half = dict(list(kept.items())[: len(kept) // 2])
-    made: list[str] = []
+    made: list[int] = []
     resumed = design(
-        given, workers=1, earlier=KeptSearches(half, lambda name, _data: made.append(name))
+        given, workers=1, earlier=KeptSearches(half, lambda number, _data: made.append(number))
     )
     assert _text(resumed) == _text(whole)
     assert set(made) == kept.keys() - half.keys()

@@ -1,0 +1,132 @@
+"""The judgement of a formation by the exact code: refined, predicted, validated and flown."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from syncplan.designs.candidates import Space
+from syncplan.designs.ladder import FrontCell
+from syncplan.flight.flying import Flight, fly
+from syncplan.planning.loss_study import what_if
+from syncplan.planning.planner import Plan
+from syncplan.planning.validation import Validation, validate
+from syncplan.refinement.refiner import refine
+from syncplan.scenario.brief import Brief, Need
+
+BOX_M = 5.0
+"""How far a refinement may move each centre."""
+
+REFINEMENT_S = 600.0
+"""Time limit of a refinement, which takes some seconds."""
+
+TRIALS = 40
+"""Trials of the validation and of the flight of a winner."""
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """A formation judged by the exact code.
+
+    Attributes
+    ----------
+    found : the formation as it was found
+    plan : refined, and with its flight where it was flown
+    validation, flight : None where an earlier judgement failed
+    binding : the requirement that it misses; empty if it meets the brief
+    covered : share of the area that is covered; None for other purposes
+    """
+
+    found: FrontCell
+    plan: Plan
+    validation: Validation | None = None
+    flight: Flight | None = None
+    binding: str = ""
+    covered: float | None = None
+
+    @property
+    def worst(self) -> float:
+        """Largest predicted RMS error of a vehicle in m; infinite where none is predicted."""
+        rms = self.plan.prediction.rms
+        return float("inf") if rms is None else float(rms.max())
+
+
+def judged(
+    brief: Brief, one: FrontCell, stopped: Callable[[], bool], tell: Callable[[str], None]
+) -> Judgement:
+    """Return the judgement of a formation, in the order of what each part of it costs.
+
+    Once `stopped` is true, it is neither refined nor tried any further. `tell` receives what is
+    done, in words.
+    """
+    space, need = Space(brief, one.cell), brief.need
+    team = f"{one.cell.vehicles} vehicles and {one.cell.landmarks} landmarks"
+    made = space.plan(one.found.point)
+    if not stopped():
+        tell(f"refining {team}")
+        made = refined(space, made)
+    circles = made.orbits.centers, made.orbits.radii
+    judgement = Judgement(one, made, covered=space.measure.covered(*circles))
+    binding = _fault(judgement, space)
+    if binding:
+        return replace(judgement, binding=binding)
+    if stopped():
+        return replace(judgement, binding="time")
+    tell(f"validating {team}")
+    checked = validate(made, trials=TRIALS, seed=brief.seed)
+    judgement = replace(judgement, validation=checked)
+    if float(checked.accuracy.late_position.max()) > need.worst_rms_m:
+        return replace(judgement, binding="filter")
+    if stopped():
+        return replace(judgement, binding="time")
+    tell(f"flying {team}")
+    flown = fly(made, trials=TRIALS, seed=brief.seed)
+    judgement = replace(judgement, plan=flown.plan, flight=flown)
+    if float(flown.accuracy.late_position.max()) > need.worst_rms_m:
+        return replace(judgement, binding="flight")
+    stops = flown.plan.verdict.stops
+    return replace(judgement, binding=stops[0].code) if stops else judgement
+
+
+def _fault(judgement: Judgement, space: Space) -> str:
+    """The requirement that a plan misses before it is tried; empty if there is none."""
+    made, need = judgement.plan, space.brief.need
+    if not made.observable:
+        return "rank"
+    if not made.verdict.go:
+        return made.verdict.stops[0].code
+    if not space.measure.served(made.orbits.centers, made.orbits.radii):
+        return "area"
+    if judgement.worst > wanted(need):
+        return "error"
+    if need.losses:
+        left = [item.worst_predicted_rms for item in what_if(made).losses]
+        if any(worst is None or worst > need.worst_rms_m for worst in left):
+            return "losses"
+    return ""
+
+
+def wanted(need: Need) -> float:
+    """Return the predicted error in m that meets a need with its margin."""
+    return need.worst_rms_m * (1.0 - need.margin)
+
+
+def refined(space: Space, made: Plan) -> Plan:
+    """Return a plan of a space with better phases and centres, or phases alone.
+
+    It serves the purpose still. A plan that is not GO is returned as it is.
+    """
+    if not made.verdict.go:
+        return made
+    for vary, box in ((["phases", "centers"], BOX_M), (["phases"], None)):
+        better = refine(
+            made,
+            objective="worst_predicted_rms",
+            vary=vary,
+            center_box_m=box,
+            starts=1,
+            time_limit_s=REFINEMENT_S,
+            seed=space.brief.seed,
+            workers=1,
+        )
+        if space.measure.served(better.orbits.centers, better.orbits.radii):
+            return better
+    return made
