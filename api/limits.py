@@ -38,6 +38,7 @@ class RequestLimits:
     run_s : s, length of a run
     refine_s : s, time of a refinement
     sweep_values : rows of a sweep
+    design_evaluations : candidates that the searches of all teams of a design look at
     sightings : sightings in all samples of a run, as expected from circles and ranges
     """
 
@@ -47,6 +48,7 @@ class RequestLimits:
     run_s: float
     refine_s: float
     sweep_values: int
+    design_evaluations: int
     sightings: int
 
 

@@ -75,6 +75,7 @@ ANSWERS = {
     "readJob": "The job",
     "followJob": "The job's events, from the first one on or after the one named",
     "cancelJob": "The job, cancelled",
+    "finishJob": "The job, which ends soon",
     "readJobResult": "The report, or the plan that a refinement made",
     "readJobTrials": "NumPy arrays in an .npz archive",
     "previewScenario": "The plan, stored nowhere, and the figures asked for",
@@ -158,7 +159,7 @@ FOLLOWING: dict[tuple[str, str], dict[str, str]] = {
         ("readRecording", "replayRecording", "deleteRecording"), "recording_id"
     ),
     **{
-        (name, "202"): dict.fromkeys(("readJob", "followJob", "cancelJob"), "job_id")
+        (name, "202"): dict.fromkeys(("readJob", "followJob", "cancelJob", "finishJob"), "job_id")
         for name in _JOB_OPERATIONS
     },
 }

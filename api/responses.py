@@ -7,6 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from api.storage.holdings import RecordingRow
 from api.storage.job_records import JobRow
+from syncplan.reports.design_report import FrontPoint
 from syncplan.reports.job_contract import JobKindName, JobState
 from syncplan.reports.plan_report import PlanDocument
 
@@ -109,7 +110,9 @@ class Preview(_Answer):
 
 
 class Progress(_Answer):
-    """Progress of a job, in trials; of a refinement in starts, of a replay in sightings."""
+    """Progress of a job, in trials; starts of a refinement, sightings of a replay, searches of a
+    design.
+    """
 
     done: int
     total: int
@@ -133,7 +136,7 @@ class Job(_Answer):
     request: dict[str, Any] | None
     """The request with defaults filled in; null in lists"""
     plan_id: str | None
-    """The plan it is about; null for a sweep and a replay"""
+    """The plan it is about; null for a sweep, a replay and a design"""
     recording_id: str | None = Field(default=None, exclude_if=lambda value: value is None)
     """The recording it is about; present only for a replay"""
     created_at: str = Field(examples=[_TIME])
@@ -163,6 +166,10 @@ class JobEvent(_Answer):
     progress: Progress
     at: str = Field(examples=[_TIME])
     """RFC 3339, UTC"""
+    doing: str | None = Field(default=None, exclude_if=lambda value: value is None)
+    """What is done at present; present only in some events of a design"""
+    front: list[FrontPoint] | None = Field(default=None, exclude_if=lambda value: value is None)
+    """What was found so far for each team; present only in some events of a design"""
 
 
 def recording_answer(row: RecordingRow) -> Recording:

@@ -144,6 +144,8 @@ class Settings(BaseSettings):
     """longest search of a refinement, in seconds"""
     max_sweep_values: Count = 50
     """most values in a sweep"""
+    max_design_evaluations: Count = 250_000
+    """most candidates that a design looks at, of all teams together"""
     max_sightings: Count = 5_000_000
     """most sightings in a run, as expected from circles and ranges"""
     plan_timeout_s: Seconds = 20.0

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from api.computing import tasks
-from api.job_kinds.job_kind import FinishedStart, Progress
+from api.job_kinds.job_kind import FinishedSearch, Progress, Shown
 from syncplan.errors import InputError, NoGoError, NoSolutionError, ProcessEndedError
 from syncplan.runtime.child_processes import ChildProcess, connect_to_parent
 from syncplan.runtime.machine import limit_memory
@@ -96,7 +96,9 @@ class TooSlowError(Exception):
 
 
 class Child:
-    """One child process, one task at a time. Only `kill` may be called from another thread.
+    """One child process, one task at a time.
+
+    Only `kill` and `interrupt` may be called from another thread.
 
     Parameters
     ----------
@@ -154,6 +156,10 @@ class Child:
             gone = OutOfMemoryError if _of_memory(complaint) else ChildGoneError
             raise gone(complaint) from None
 
+    def interrupt(self) -> None:
+        """Send the signal of Ctrl-C, which only a search heeds: it returns the best it has."""
+        self._process.process.send_signal(signal.SIGINT)
+
     def kill(self) -> None:
         """Kill the process without waiting for its end; a call under way raises ChildGoneError."""
         self.killed = True
@@ -181,10 +187,10 @@ def serve(descriptor: int) -> None:
     def progress_every() -> Progress:
         last = time.monotonic()
 
-        def report(done: int | FinishedStart) -> None:
+        def report(done: int | Shown | FinishedSearch) -> None:
             nonlocal last
-            # a finished start is always reported
-            if isinstance(done, FinishedStart) or time.monotonic() - last >= _PROGRESS_EVERY_S:
+            # bare numbers are many
+            if not isinstance(done, int) or time.monotonic() - last >= _PROGRESS_EVERY_S:
                 last = time.monotonic()
                 # a message cut off by the alarm would be the last one
                 with alarm.paused():

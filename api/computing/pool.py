@@ -148,7 +148,16 @@ class Pool:
         now = time.monotonic()
         deadline = math.inf if deadline_s is None else now + deadline_s
         ticket = Ticket(
-            task, arguments, owner, timeout_s, deadline, retries, progress, now, self._give_up
+            task,
+            arguments,
+            owner,
+            timeout_s,
+            deadline,
+            retries,
+            progress,
+            now,
+            self._give_up,
+            self._interrupt,
         )
         with self._work:
             displaced = self._room_for(owner)
@@ -210,6 +219,12 @@ class Pool:
             elif ticket.began is not None:
                 ticket.killed_at = ticket.began + LEAST_RUN_S
             self._kill_if_due(ticket, now)
+
+    def _interrupt(self, ticket: Ticket) -> None:
+        with self._work:
+            # under the lock, so that it is still at this task
+            if ticket.child is not None:
+                ticket.child.interrupt()
 
     def _kill_if_due(self, ticket: Ticket, now: float) -> None:
         """Kill a due task's process; under the lock, so that it is still at this task."""

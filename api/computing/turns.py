@@ -58,7 +58,7 @@ class Ticket:
     timeout_s : longest time it may run (s); None for no limit
     deadline : monotonic time by which there must be an answer, waiting included; or infinite
     retries : number of further tries after its process was killed
-    give_up : function that `cancel` calls
+    give_up, interrupted : functions that `cancel` and `interrupt` call
     submitted, began, ended : monotonic times; `began` when a process that was ready got it
     killed_at : monotonic time at which its process is killed; infinite unless it was given up
     """
@@ -72,6 +72,7 @@ class Ticket:
     progress: Progress | None
     submitted: float
     give_up: Callable[["Ticket", bool], None]
+    interrupted: Callable[["Ticket"], None]
     future: "Future[Any]" = field(default_factory=Future)
     child: Child | None = None
     began: float | None = None
@@ -100,6 +101,10 @@ class Ticket:
         With `spare`, a process that began less than LEAST_RUN_S ago may run for that long.
         """
         self.give_up(self, spare)
+
+    def interrupt(self) -> None:
+        """Ask the task to return the best it has, as Ctrl-C does, if it runs and can."""
+        self.interrupted(self)
 
     def allowed(self, now: float) -> float | None:
         """Return how long the task may run if it begins now (s); None for no limit."""

@@ -6,5 +6,6 @@ refinement_jobs   refinements
 trial_jobs        validations and flights
 sweep_jobs        sweeps
 replay_jobs       replays
+design_jobs       designs
 job_table         all kinds by name
 """

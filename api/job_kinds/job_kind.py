@@ -22,15 +22,23 @@ from syncplan.scenario.quantities import Section
 
 
 @dataclass(frozen=True, slots=True)
-class FinishedStart:
-    """Result of a start of a refinement, as syncplan.refinement.parallel_starts keeps it."""
+class FinishedSearch:
+    """Result of one of a job's searches, as the library keeps it: of a start, or of a team."""
 
     number: int
     data: bytes
 
 
-Progress = Callable[[int | FinishedStart], None]
-"""Callback that receives the work done so far, or a finished start, which can be kept."""
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """Work done so far, and further keys of the job's next event."""
+
+    done: int
+    keys: Mapping[str, Any]
+
+
+Progress = Callable[[int | Shown | FinishedSearch], None]
+"""Callback that receives the work done so far, or a finished search, which can be kept."""
 
 TrialProgress = Callable[[int], None] | None
 """Callback that receives the number of trials done so far, if any is given."""
@@ -70,11 +78,11 @@ class EarlierWork:
 
     Attributes
     ----------
-    starts : finished starts by number
+    searches : finished searches by number
     spent_s : computing time
     """
 
-    starts: Mapping[int, bytes]
+    searches: Mapping[int, bytes]
     spent_s: float
 
 
@@ -86,9 +94,11 @@ class WholeTask:
     ----------
     compute : function of the job, earlier work on it, the number of processes to use and a progress
         callback; returns the result
+    finishes : whether Ctrl-C makes it return the best found so far
     """
 
     compute: Callable[[JobSpec, EarlierWork, int, Progress], PlanText | JobReport]
+    finishes: bool = False
 
 
 class RunOfTrials(Protocol):

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
+from api.job_kinds.design_jobs import DESIGN
 from api.job_kinds.job_kind import JobKind
 from api.job_kinds.refinement_jobs import REFINEMENT
 from api.job_kinds.replay_jobs import REPLAY
@@ -11,7 +12,7 @@ from api.job_kinds.trial_jobs import FLIGHT, VALIDATION
 from syncplan.reports.job_contract import JobKindName
 
 JOB_KINDS: Mapping[JobKindName, JobKind] = MappingProxyType(
-    {kind.name: kind for kind in (REFINEMENT, VALIDATION, FLIGHT, SWEEP, REPLAY)}
+    {kind.name: kind for kind in (REFINEMENT, VALIDATION, FLIGHT, SWEEP, REPLAY, DESIGN)}
 )
 """Every kind of job by its name."""
 

@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Self
 from api.documents import PlanText, as_plan_text, loaded_plan
 from api.job_kinds.job_kind import (
     EarlierWork,
-    FinishedStart,
+    FinishedSearch,
     JobKind,
     JobOperation,
     JobRequest,
@@ -58,14 +58,16 @@ def _refined(spec: JobSpec, earlier: EarlierWork, workers: int, progress: Progre
 
     assert spec.plan is not None
     changes = RefinementRequest.model_validate_json(spec.request).changes()
-    begun = set(earlier.starts)
+    begun = set(earlier.searches)
 
     def heard(start: int, iteration: int, objective: float) -> None:
         begun.add(start)
         progress(max(len(begun) - workers, 0))
 
     search = EarlierSearch(
-        earlier.starts, earlier.spent_s, lambda number, data: progress(FinishedStart(number, data))
+        earlier.searches,
+        earlier.spent_s,
+        lambda number, data: progress(FinishedSearch(number, data)),
     )
     given = plan_of(loaded_plan(spec.plan))
     better = refine(given, workers=workers, progress=heard, earlier=search, **changes)
@@ -86,5 +88,5 @@ REFINEMENT = JobKind(
         body="What changes of the plan's own options; nothing if empty",
         body_required=False,
     ),
-    task=WholeTask(compute=_refined),
+    task=WholeTask(compute=_refined, finishes=True),
 )

@@ -2,8 +2,8 @@
 
 A part that can't be computed fails its job, with the reason. Twice a second, one thread looks at
 all parts that this process computes, so that the database is asked once however many there are. It
-enters their progress, finished starts and computing time, and gives up the parts of jobs that have
-ended or that another version works on.
+enters their progress, finished searches and computing time, and gives up the parts of jobs that
+have ended or that another version works on.
 """
 
 import asyncio
@@ -26,7 +26,7 @@ from api.computing.child import (
 )
 from api.computing.pool import Pool
 from api.computing.turns import GivenUpError, PoolFullError, Ticket
-from api.job_kinds.job_kind import EarlierWork, FinishedStart, TrialTask
+from api.job_kinds.job_kind import EarlierWork, FinishedSearch, Shown, TrialTask
 from api.job_kinds.job_table import JOB_KINDS
 from api.jobs.job_counts import JobCounts
 from api.jobs.queue import VERSION, JobQueue
@@ -54,43 +54,49 @@ class WatchedPart:
     ----------
     ticket : ticket of its task in the pool; None before it is submitted
     number : number of the part; its progress is that of a batch unless this is below zero
-    starts : finished starts of a refinement that are not entered yet
+    searches : finished searches that are not entered yet
+    shown : further keys of the job's next event
     """
 
     job_id: str
     number: int
     ticket: Ticket | None = None
     done: int = 0
-    starts: list[FinishedStart] = field(default_factory=list)
+    searches: list[FinishedSearch] = field(default_factory=list)
+    shown: Mapping[str, Any] = field(default_factory=dict)
     _noted_done: int = 0
+    _noted_shown: Mapping[str, Any] = field(default_factory=dict)
     _noted_s: float = 0.0
     _noting: threading.Lock = field(default_factory=threading.Lock)
 
-    def take(self, done: int | FinishedStart) -> None:
+    def take(self, report: int | Shown | FinishedSearch) -> None:
         """Take a report of the child; called from another thread."""
-        if isinstance(done, FinishedStart):
-            self.starts.append(done)
+        if isinstance(report, FinishedSearch):
+            self.searches.append(report)
+        elif isinstance(report, Shown):
+            self.done, self.shown = max(self.done, report.done), report.keys
         else:
-            self.done = max(self.done, done)
+            self.done = max(self.done, report)
 
     def note(self, database: Database, *, over: bool = False) -> None:
         """Enter new reports; all of them if the part is over."""
         with self._noting:
             ran_s = 0.0 if self.ticket is None else self.ticket.ran_s
             seconds = ran_s - self._noted_s
-            done, starts = self.done, self.starts[:]
-            if not (over or done > self._noted_done or starts or seconds >= _NOTE_EVERY_S):
+            done, shown, searches = self.done, self.shown, self.searches[:]
+            news = done > self._noted_done or shown != self._noted_shown
+            if not (over or news or searches or seconds >= _NOTE_EVERY_S):
                 return
             with database.writing() as connection:
-                if done > self._noted_done:
+                if news:
                     number = self.number if self.number >= 0 else None
-                    part_records.note_progress(connection, self.job_id, done, number)
-                for start in starts:
-                    part_records.keep_start(connection, self.job_id, start.number, start.data)
+                    part_records.note_progress(connection, self.job_id, done, number, shown)
+                for one in searches:
+                    part_records.keep_search(connection, self.job_id, one.number, one.data)
                 if seconds > 0.0:
                     part_records.add_seconds(connection, self.job_id, self.number, seconds)
-            del self.starts[: len(starts)]
-            self._noted_done, self._noted_s = done, ran_s
+            del self.searches[: len(searches)]
+            self._noted_done, self._noted_shown, self._noted_s = done, shown, ran_s
 
 
 class PartWatch:
@@ -136,7 +142,10 @@ class PartWatch:
                     _logger.exception("could not look after the parts at work")
 
     def look(self) -> None:
-        """Enter new reports of all parts, and give up the parts that nobody waits for."""
+        """Enter new reports of all parts, interrupt those that are to end early, give up others.
+
+        Given up are the parts that nobody waits for.
+        """
         parts = list(self._parts)
         if not parts:
             return
@@ -146,6 +155,9 @@ class PartWatch:
         for part in parts:
             if part.job_id in wanted:
                 part.note(self._database)
+                if wanted[part.job_id] and part.ticket is not None:
+                    # again at each look: a child that is not searching just now ignores it
+                    part.ticket.interrupt()
             elif part.ticket is not None:
                 part.ticket.cancel()
 
@@ -321,8 +333,8 @@ async def _tried_once(part: Part, history: PartHistory) -> Any:
     arguments = part.arguments
     if part.resumes:
         # read for each attempt: one that died has left some
-        starts = await in_transaction(part_records.finished_starts, part.job_id)
-        arguments = (EarlierWork(starts, history.computed_s), *arguments)
+        searches = await in_transaction(part_records.finished_searches, part.job_id)
+        arguments = (EarlierWork(searches, history.computed_s), *arguments)
     with runtime.watch.over(part.job_id, part.number) as watched:
         watched.ticket = runtime.pool.submit(
             part.task,

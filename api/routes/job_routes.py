@@ -9,7 +9,7 @@ from starlette.concurrency import run_in_threadpool
 
 from api.calls import Call, CurrentCall, EmptyCall, accepts, answer_once, computed
 from api.following import EventStream, Follower
-from api.job_kinds.job_kind import JobKind
+from api.job_kinds.job_kind import JobKind, WholeTask
 from api.job_kinds.job_table import JOB_KINDS, plurals
 from api.problems import Conflict, NotFound, TooManyRequests, problem_responses
 from api.responses import Job, JobPage, job_answer
@@ -157,28 +157,54 @@ async def cancel_job(row: Owned, call: EmptyCall) -> Response:
 
     Takes no body and ignores one that is sent.
     """
+    ended = False
+
+    def cancel(connection: Connection) -> bool:
+        nonlocal ended
+        ended = job_records.end_job(connection, row.id, "cancelled")
+        return ended or job_records.state_of(connection, row.id) == "cancelled"
+
+    answer = await _changed(row, call, cancel)
+    if ended:
+        await run_in_threadpool(call.service.counts.job_over, row.id)
+    return answer
+
+
+@router.post(
+    "/jobs/{job_id}/finish",
+    response_model=Job,
+    dependencies=_JSON,
+    operation_id="finishJob",
+    summary="End a search early",
+    responses=problem_responses(401, 404, 406, 409, 413, 422, 503, 507),
+)
+async def finish_job(row: Owned, call: EmptyCall) -> Response:
+    """End a refinement or a design within seconds, with the best found so far as its result.
+
+    Takes no body and ignores one that is sent. The job succeeds when its result is there.
+    """
+    task = JOB_KINDS[row.kind].task
+    if not (isinstance(task, WholeTask) and task.finishes):
+        raise Conflict(f"a {row.kind} has no result before its end; cancel stops it without one")
+    return await _changed(row, call, lambda connection: job_records.finish_job(connection, row.id))
+
+
+async def _changed(row: JobRow, call: Call, change: Callable[[Connection], bool]) -> Response:
+    """Answer with a job after a change, which returns whether the job was fit for it."""
 
     async def nothing() -> None:
         return None
 
-    ended = False
-
     def store(connection: Connection, _nothing: None) -> Answer:
-        nonlocal ended
-        ended = job_records.end_job(connection, row.id, "cancelled")
-        if not ended:
+        if not change(connection):
             state = job_records.state_of(connection, row.id)
-            if state != "cancelled":
-                raise Conflict(f"the job has already ended: it has {state}")
+            raise Conflict(f"the job has already ended: it has {state}")
         now = job_records.find_job(connection, call.owner, row.id)
         if now is None:
             raise NotFound(f"there is no job {row.id}")
         return Answer(call.digest, 200, {}, job_answer(now).model_dump_json())
 
-    answer = await answer_once(call, nothing, store)
-    if ended:
-        await run_in_threadpool(call.service.counts.job_over, row.id)
-    return answer
+    return await answer_once(call, nothing, store)
 
 
 @router.get(

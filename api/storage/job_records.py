@@ -6,8 +6,9 @@ asks for those after it.
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from types import MappingProxyType
 from typing import Any
 
 from sqlalchemy import Connection, delete, func, insert, null, select, update
@@ -162,18 +163,29 @@ def end_job(
     return True
 
 
+def finish_job(connection: Connection, job_id: str) -> bool:
+    """Ask a job to end with the best found so far; return whether it has not ended yet."""
+    asked = update(jobs).where(jobs.c.id == job_id, jobs.c.state.in_(UNFINISHED))
+    return bool(connection.execute(asked.values(finishing=1)).rowcount)
+
+
 def forget_parts(connection: Connection, job_id: str) -> None:
-    """Delete the parts and the finished starts of a job."""
+    """Delete the parts and the finished searches of a job."""
     for table in (job_parts, job_starts):
         connection.execute(delete(table).where(table.c.job_id == job_id))
 
 
 def change(
-    connection: Connection, job_id: str, *, only: Sequence[JobState] = UNFINISHED, **values: Any
+    connection: Connection,
+    job_id: str,
+    *,
+    only: Sequence[JobState] = UNFINISHED,
+    shown: Mapping[str, Any] = MappingProxyType({}),
+    **values: Any,
 ) -> bool:
     """Change columns of a job if its state is one of `only`; return whether it was.
 
-    Each change is recorded as an event.
+    Each change is recorded as an event, with the keys in `shown`.
     """
     changed = connection.execute(
         update(jobs)
@@ -184,9 +196,9 @@ def change(
     if changed is None:
         return False
     number, state, done, total, at = changed
-    shown = {"state": state, "progress": {"done": done, "total": total}, "at": at}
+    event = {"state": state, "progress": {"done": done, "total": total}, "at": at, **shown}
     connection.execute(
-        insert(job_events).values(job_id=job_id, number=number, data=json.dumps(shown))
+        insert(job_events).values(job_id=job_id, number=number, data=json.dumps(event))
     )
     return True
 
@@ -210,8 +222,9 @@ def start_job(connection: Connection, job_id: str, version: str) -> BegunJob | N
         jobs.c.id == job_id, jobs.c.state == "queued", jobs.c.version.in_((ANY_VERSION, version))
     )
     if connection.execute(query.with_for_update()).first() is not None:
-        started = {"state": "running", "version": version, "started_at": NOW}
-        change(connection, job_id, only=("queued",), **started)
+        change(
+            connection, job_id, only=("queued",), state="running", version=version, started_at=NOW
+        )
     return begun_job(connection, job_id, version)
 
 

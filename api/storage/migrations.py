@@ -11,7 +11,7 @@ from sqlalchemy.schema import CreateColumn
 from api.storage.tables import METADATA, schema_version
 from syncplan.errors import InputError
 
-NEWEST = 3
+NEWEST = 4
 """Version of `api.storage.tables`, incremented with every addition to them."""
 
 USABLE_FROM = 1

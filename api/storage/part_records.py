@@ -7,6 +7,8 @@ below zero, and rows once they are begun.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
 
 from sqlalchemy import Connection, func, insert, or_, select, update
 
@@ -90,12 +92,15 @@ def _change(
     return None if found is None else PartHistory(*found)
 
 
-def worked_on(connection: Connection, job_ids: set[str], version: str) -> set[str]:
-    """Return those of the jobs that have not ended and that this version works on."""
-    query = select(jobs.c.id).where(
+def worked_on(connection: Connection, job_ids: set[str], version: str) -> dict[str, bool]:
+    """Return those of the jobs that have not ended and that this version works on.
+
+    The value is true where a job is to end early, with the best found so far.
+    """
+    query = select(jobs.c.id, jobs.c.finishing).where(
         jobs.c.id.in_(job_ids), jobs.c.state.in_(UNFINISHED), jobs.c.version == version
     )
-    return set(connection.execute(query).scalars())
+    return {row[0]: bool(row[1]) for row in connection.execute(query)}
 
 
 def computed_seconds(connection: Connection, owner: str, since: str) -> float:
@@ -106,11 +111,11 @@ def computed_seconds(connection: Connection, owner: str, since: str) -> float:
     return float(connection.execute(query).scalar_one())
 
 
-# --- starts of refinements ----------------------------------------------------------------------
+# --- searches of refinements and designs ----------------------------------------------------------
 
 
-def keep_start(connection: Connection, job_id: str, number: int, data: bytes) -> None:
-    """Keep the result of a start of a refinement; one kept before stays as it is."""
+def keep_search(connection: Connection, job_id: str, number: int, data: bytes) -> None:
+    """Keep the result of one of a job's searches; one kept before stays as it is."""
     known = select(job_starts.c.number).where(
         job_starts.c.job_id == job_id, job_starts.c.number == number
     )
@@ -118,8 +123,8 @@ def keep_start(connection: Connection, job_id: str, number: int, data: bytes) ->
         connection.execute(insert(job_starts).values(job_id=job_id, number=number, data=data))
 
 
-def finished_starts(connection: Connection, job_id: str) -> Mapping[int, bytes]:
-    """Return the results of finished starts of a refinement, by number."""
+def finished_searches(connection: Connection, job_id: str) -> Mapping[int, bytes]:
+    """Return the results of a job's finished searches, by number."""
     query = select(job_starts.c.number, job_starts.c.data).where(job_starts.c.job_id == job_id)
     return {row[0]: row[1] for row in connection.execute(query.order_by(job_starts.c.number))}
 
@@ -205,9 +210,16 @@ def next_batch(connection: Connection, job_id: str, number: int) -> Batch | None
 
 
 def note_progress(
-    connection: Connection, job_id: str, done: int, number: int | None = None
+    connection: Connection,
+    job_id: str,
+    done: int,
+    number: int | None = None,
+    shown: Mapping[str, Any] = MappingProxyType({}),
 ) -> bool:
-    """Enter the progress of a job, or of a batch of it; return whether the job is unfinished."""
+    """Enter the progress of a job, or of a batch of it; return whether the job is unfinished.
+
+    `shown` are further keys of the event.
+    """
     held = _hold(connection, job_id)
     if held is None:
         return False
@@ -219,8 +231,8 @@ def note_progress(
             .values(done=done)
         )
         done = _done_in_batches(connection, job_id)
-    if min(done, held.total) > held.done:
-        change(connection, job_id, done=min(done, held.total))
+    if min(done, held.total) > held.done or shown:
+        change(connection, job_id, shown=shown, done=max(min(done, held.total), held.done))
     return True
 
 

@@ -154,6 +154,8 @@ jobs = Table(
     Column("traceparent", String(55)),
     # for a replay only
     Column("recording_id", String(36)),
+    # 1 once it is to end early, with the best found so far
+    Column("finishing", Integer, nullable=False, server_default="0"),
     Index("jobs_of_owner", "owner", "id"),
     Index("jobs_by_state", "state", "ended_at"),
 )
@@ -204,7 +206,7 @@ job_parts = Table(
     Column("computed_s", Float, nullable=False, server_default="0"),
 )
 
-# finished starts of a refinement, from which a killed one continues
+# finished searches of a refinement or a design, from which a killed one continues
 job_starts = Table(
     "job_starts",
     METADATA,

@@ -12,12 +12,20 @@ if TYPE_CHECKING:
     from pydantic import BaseModel
     from rich.console import Console
 
+    from syncplan.reports.design_report import DesignDocument
     from syncplan.reports.flight_report import FlightDocument
     from syncplan.reports.loss_report import WhatIfDocument
     from syncplan.reports.replay_report import ReplayDocument
     from syncplan.reports.validation_report import SweepReport, ValidationDocument
 
-    Report = FlightDocument | ReplayDocument | SweepReport | ValidationDocument | WhatIfDocument
+    Report = (
+        DesignDocument
+        | FlightDocument
+        | ReplayDocument
+        | SweepReport
+        | ValidationDocument
+        | WhatIfDocument
+    )
 
 Model = TypeVar("Model", bound="BaseModel")
 
@@ -71,6 +79,8 @@ DOCUMENTS: Mapping[str, DocumentKind] = MappingProxyType(
         "design": DocumentKind(
             "syncplan.reports.design_report",
             "DesignDocument",
+            known_by=OTHER_DOCUMENTS["design"].keys,
+            title="Design",
             shown_by="design_commands.show_design",
         ),
         "what-if": DocumentKind(

@@ -55,8 +55,8 @@ DrawnFile = Annotated[
     str,
     typer.Argument(
         metavar="FILE",
-        help="Plan, scenario, or report of validate, fly, replay, sweep or what-if; - is standard "
-        "input",
+        help="Plan, scenario, or report of validate, fly, replay, sweep, what-if or design; - is "
+        "standard input",
     ),
 ]
 Drawn = Annotated[

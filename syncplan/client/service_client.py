@@ -30,11 +30,13 @@ from syncplan.recordings.recording_formats import archived
 from syncplan.reports.job_contract import JobKindName, JobState, has_ended
 from syncplan.reports.loss_report import WhatIfDocument
 from syncplan.reports.replay_report import ReplayDocument
+from syncplan.scenario.brief import Brief, brief_of
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.specification import Scenario
 
 if TYPE_CHECKING:
     from syncplan.flight.flying import Flight
+    from syncplan.reports.design_report import DesignDocument
 
 
 # --- items stored by the service ------------------------------------------------------------------
@@ -266,6 +268,11 @@ class Client:
         """Start a replay; options are the keys of the service's request, such as delay_s."""
         return self._job("POST", f"/v1/recordings/{_id(recording)}/replays", options)
 
+    def design(self, brief: Brief | Mapping[str, Any]) -> RemoteJob:
+        """Start a design; see syncplan.design and wait. Raises InputError."""
+        body = brief_of(brief).model_dump(mode="json", exclude_none=True)
+        return self._job("POST", "/v1/designs", body)
+
     def _begin(
         self, plan: RemotePlan | str, jobs: str, options: FilterOptions, **further: Any
     ) -> RemoteJob:
@@ -282,6 +289,13 @@ class Client:
         """Stop a job; raises RemoteError if it has ended otherwise."""
         return self._job("POST", f"/v1/jobs/{_id(job)}/cancel")
 
+    def finish(self, job: RemoteJob | str) -> RemoteJob:
+        """Ask a refinement or a design to end soon, with the best found so far. See wait.
+
+        Raises RemoteError if it has ended, or is a job of another kind.
+        """
+        return self._job("POST", f"/v1/jobs/{_id(job)}/finish")
+
     def _job(self, method: str, path: str, body: Mapping[str, Any] | None = None) -> RemoteJob:
         """Return the job in the service's answer to a request."""
         return RemoteJob.of(values_of(self._remote.send(method, path, body)))
@@ -296,9 +310,10 @@ class Client:
         """Wait for the end of a job and return its result.
 
         A RemotePlan for a refinement, a Validation for a validation, a Flight for a flight, the
-        JSON values of a sweep's report, the ReplayDocument of a replay. `progress` is called with
-        the job whenever it changes. Raises InputError or NoSolutionError if the job failed for
-        such a reason, RemoteError if it was cancelled, failed otherwise or is not done in time.
+        JSON values of a sweep's report, the ReplayDocument of a replay, the DesignDocument of a
+        design. `progress` is called with the job whenever it changes. Raises InputError or
+        NoSolutionError if the job failed for such a reason, RemoteError if it was cancelled, failed
+        otherwise or is not done in time.
         """
         began, pause, shown = time.monotonic(), _LOOK_AT_FIRST_S, None
         while True:
@@ -331,6 +346,13 @@ class Client:
         answer = self._remote.send("GET", f"/v1/jobs/{job.id}/result")
         return ReplayDocument.model_validate(values_of(answer, "position_rmse_m"))
 
+    def _designed(self, job: RemoteJob, _: RemotePlan | None) -> "DesignDocument":
+        # not at the top: it takes time, which nothing else here needs
+        from syncplan.reports.design_report import DesignDocument
+
+        answer = self._remote.send("GET", f"/v1/jobs/{job.id}/result")
+        return DesignDocument.model_validate(values_of(answer, "front"))
+
     def _validation(self, job: RemoteJob, plan: RemotePlan | None) -> Validation:
         options = FilterOptions.of_request(job.document["request"])
         return conclude(trial_run(self._subject(job, plan), options), [unpack(self._trials(job))])
@@ -358,6 +380,7 @@ _RESULTS: Mapping[JobKindName, Callable[[Client, RemoteJob, RemotePlan | None], 
     "validation": Client._validation,
     "flight": Client._flight,
     "replay": Client._replayed,
+    "design": Client._designed,
 }
 """Functions that make the result of a successful job, by kind; other kinds have JSON values."""
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 IMAGE_FORMATS = ("png", "svg", "pdf")
 """Image formats that a figure can be drawn in."""
 
-SubjectKind = Literal["plan", "run", "flight", "sweep", "losses"]
+SubjectKind = Literal["plan", "run", "flight", "sweep", "losses", "design"]
 
 SUBJECTS: Mapping[SubjectKind, str] = MappingProxyType(
     {
@@ -27,6 +27,7 @@ SUBJECTS: Mapping[SubjectKind, str] = MappingProxyType(
         "flight": "a flight",
         "sweep": "a sweep",
         "losses": "a what-if",
+        "design": "a design",
     }
 )
 """Kinds of subject that figures are drawn from, in words."""
@@ -38,7 +39,7 @@ class FigureInput:
 
     Attributes
     ----------
-    subject : the plan, or the document of a run, a sweep or a what-if
+    subject : the plan, or the document of a run, a sweep, a what-if or a design
     refined : the record of the plan's refinement, if there was one
     after : a second plan to compare with
     style : size, text scale, theme
@@ -285,6 +286,14 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
             "losses end observability.",
             "losses",
             "study_figures.losses_spec",
+            takes=_subject_alone,
+        ),
+        "front": Figure(
+            "Front",
+            "The worst error found for each number of vehicles and landmarks, the need, and the "
+            "winner.",
+            "design",
+            "study_figures.front_spec",
             takes=_subject_alone,
         ),
     }

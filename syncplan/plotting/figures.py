@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from syncplan.designs.designer import Design
 from syncplan.errors import InputError
 from syncplan.estimation.replay_results import Replay
 from syncplan.flight.flying import Flight
@@ -26,6 +27,7 @@ from syncplan.plotting.canvas import Spec, fitted
 from syncplan.plotting.figure_style import PLAIN, FigureStyle, Theme, themed
 from syncplan.plotting.figure_table import FIGURES, FigureInput, SubjectKind
 from syncplan.plotting.series_figures import errors_spec
+from syncplan.reports.design_report import DesignDocument, design_document
 from syncplan.reports.flight_report import FlightDocument, flight_document
 from syncplan.reports.loss_report import WhatIfDocument, what_if_document
 from syncplan.reports.refinement_report import RefinementResult, refinement_result
@@ -55,7 +57,17 @@ __all__ = [
 ]
 
 Run = Validation | ValidationDocument | Replay | ReplayDocument
-Subject = Plan | SweepReport | WhatIf | WhatIfDocument | Flight | FlightDocument | Run
+Subject = (
+    Plan
+    | SweepReport
+    | WhatIf
+    | WhatIfDocument
+    | Flight
+    | FlightDocument
+    | Design
+    | DesignDocument
+    | Run
+)
 
 
 def specs_of(
@@ -112,6 +124,9 @@ def _given(
     if isinstance(subject, Flight | FlightDocument):
         flown = flight_document(subject) if isinstance(subject, Flight) else subject
         return "flight", FigureInput(flown, style)
+    if isinstance(subject, Design | DesignDocument):
+        document = design_document(subject) if isinstance(subject, Design) else subject
+        return "design", FigureInput(document, style)
     return "run", FigureInput(report_of(subject), style)
 
 
@@ -203,7 +218,7 @@ def sweep_curves(
 def figures_of(
     subject: Subject, *, theme: Theme | None = None, style: FigureStyle = PLAIN
 ) -> dict[str, Figure]:
-    """Return all figures of a plan, a validation, a flight, a sweep, a what-if or a replay."""
+    """Return all figures of a plan, a validation, flight, sweep, what-if, replay or design."""
     specs = specs_of(subject, style=_styled(theme, style))
     return {name: _figure(spec) for name, spec in specs.items()}
 

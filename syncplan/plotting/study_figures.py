@@ -1,11 +1,13 @@
-"""Figures of a plan's error after losses, in worse worlds and over swept values."""
+"""Figures of errors after losses, in worse worlds, over swept values and over teams."""
 
 from collections.abc import Callable
+from math import nan
 
 from syncplan.planning.lost_parts import phrase_of
 from syncplan.plotting import canvas
 from syncplan.plotting.canvas import Spec
-from syncplan.plotting.figure_style import BLUE, GREEN, INK, ORANGE, VERMILLION
+from syncplan.plotting.figure_style import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, VERMILLION
+from syncplan.reports.design_report import DesignDocument
 from syncplan.reports.loss_report import RemainingTeam, WhatIfDocument
 from syncplan.reports.validation_report import SweepReport, SweepRow, ValidationDocument
 from syncplan.scenario.dotted_keys import swept_key
@@ -210,3 +212,64 @@ def _beside(uid: str, name: str, value: float | None, marker: Spec, row: SweepRo
         f"{canvas.escaped(row.label)}: %{{y:.3g}} m<extra></extra>",
         showlegend=uid == "x",
     )
+
+
+# --- designs --------------------------------------------------------------------------------------
+
+_LINES = tuple(
+    zip(
+        (BLUE, ORANGE, GREEN, PURPLE, SKY),
+        ("solid", "dash", "dot", "dashdot", "longdash"),
+        ("circle", "square", "diamond", "triangle-up", "cross"),
+        strict=True,
+    )
+)
+"""Colour, dash and symbol of each number of landmarks."""
+
+
+def front_spec(report: DesignDocument) -> Spec:
+    """Return the figure of the worst error found over the number of vehicles.
+
+    There is a line for each number of landmarks and one for the need; a star marks the winner, or
+    the best formation, by the exact code.
+    """
+    need, best = report.brief.need, report.best
+    title = f"{canvas.escaped(report.name or 'Design')}: {report.status.replace('_', ' ')}"
+    if not report.front:
+        return canvas.message(title, report.proof.reason if report.proof else report.binding)
+    traces = []
+    for k, landmarks in enumerate(sorted({one.landmarks for one in report.front})):
+        color, dash, symbol = _LINES[k % len(_LINES)]
+        cells = [one for one in report.front if one.landmarks == landmarks]
+        traces.append(
+            canvas.line_trace(
+                f"landmarks-{landmarks}",
+                f"{landmarks} landmarks",
+                [one.vehicles for one in cells],
+                canvas.numbers([nan if (e := one.worst_rms_m) is None else e for one in cells], 6),
+                {"color": color, "dash": dash, "width": 2},
+                mode="lines+markers",
+                marker={"symbol": symbol, "size": 9},
+                hovertemplate=f"%{{x}} vehicles, {landmarks} landmarks: %{{y:.3g}} m"
+                "<extra></extra>",
+            )
+        )
+    ends = [min(one.vehicles for one in report.front), max(one.vehicles for one in report.front)]
+    hover = "need: %{y:.3g} m<extra></extra>"
+    level = [need.worst_rms_m] * 2
+    traces.append(canvas.line_trace("need", "need", ends, level, _LEVEL, hovertemplate=hover))
+    if best is not None and best.predicted_worst_rms_m is not None:
+        name = "winner" if report.status == "met" else "best found"
+        star = {"symbol": "star", "size": 17, "color": VERMILLION, "line": {"width": 1}}
+        point = [best.vehicles], canvas.numbers([best.predicted_worst_rms_m], 6)
+        hover = f"{name}: %{{y:.3g}} m with {best.landmarks} landmarks<extra></extra>"
+        traces.append(canvas.mark_trace("winner", f"{name}, refined", *point, star, hover))
+    drawn = canvas.layout(
+        title,
+        note=f"{report.evaluations} formations looked at; lines on a coarse sample grid, before "
+        "refinement; teams without a point: none found that fits",
+        inner=340,
+        xaxis=canvas.axis("vehicles", dtick=1),
+        yaxis=canvas.axis("predicted RMS error of the worst vehicle, m", type="log"),
+    )
+    return {"data": traces, "layout": drawn}

@@ -1,23 +1,24 @@
 """Designs as documents."""
 
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field
 
 from syncplan import __version__
-from syncplan.designs.candidates import Space
-from syncplan.designs.designer import Design
-from syncplan.designs.judgement import Judgement
-from syncplan.designs.ladder import FrontCell
-from syncplan.documents import DocumentPart, OrAbsent, VersionedDocument, finite_or_none
+from syncplan.documents import Document, DocumentPart, OrAbsent, VersionedDocument, finite_or_none
 from syncplan.planning.plan_files import stated
 from syncplan.reports.flight_report import FlightDocument, flight_document
 from syncplan.reports.plan_report import PlanDocument, plan_document
 from syncplan.reports.validation_report import ValidationDocument, validation_document
 from syncplan.scenario.brief import Brief
 
+if TYPE_CHECKING:
+    from syncplan.designs.designer import Design
+    from syncplan.designs.judgement import Judgement
+    from syncplan.designs.ladder import FrontCell
 
-class FrontPoint(DocumentPart):
+
+class FrontPoint(Document):
     """What was found for so many vehicles and landmarks."""
 
     vehicles: int
@@ -41,7 +42,7 @@ class ImpossibilityProof(DocumentPart):
     reason: str
 
 
-class DesignedTeam(DocumentPart):
+class DesignedTeam(Document):
     """The winner, or the best formation found, by the exact code."""
 
     vehicles: int
@@ -96,7 +97,7 @@ class DesignDocument(VersionedDocument):
     flight: FlightDocument | None
 
 
-def design_document(found: Design) -> DesignDocument:
+def design_document(found: "Design") -> DesignDocument:
     """Return the document of a design."""
     best, proof = found.best, found.proof
     checked = None if best is None else best.validation
@@ -123,7 +124,7 @@ def design_document(found: Design) -> DesignDocument:
     )
 
 
-def front_point(one: FrontCell) -> FrontPoint:
+def front_point(one: "FrontCell") -> FrontPoint:
     """Return a point of the front of a design, done or under way."""
     return FrontPoint(
         vehicles=one.cell.vehicles,
@@ -133,14 +134,17 @@ def front_point(one: FrontCell) -> FrontPoint:
     )
 
 
-def _with_formation(brief: Brief, one: FrontCell) -> FrontPoint:
+def _with_formation(brief: Brief, one: "FrontCell") -> FrontPoint:
+    # not at the top: a search is only loaded by what searches
+    from syncplan.designs.candidates import Space
+
     if not one.found.fits:
         return front_point(one)
     formation = stated(*Space(brief, one.cell).formation(one.found.point))
     return front_point(one).model_copy(update={"formation": formation})
 
 
-def _team(best: Judgement) -> DesignedTeam:
+def _team(best: "Judgement") -> DesignedTeam:
     checked, flown = best.validation, best.flight
     return DesignedTeam(
         vehicles=best.found.cell.vehicles,

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Literal
 
-JobKindName = Literal["refinement", "validation", "flight", "sweep", "replay"]
+JobKindName = Literal["refinement", "validation", "flight", "sweep", "replay", "design"]
 JobState = Literal["queued", "running", "succeeded", "failed", "cancelled"]
 EndState = Literal["succeeded", "failed", "cancelled"]
 

@@ -24,6 +24,7 @@ from tests.tools.serving import Process
 from tests.tools.survival import (
     Order,
     Site,
+    designed,
     flight,
     quick,
     refinement,
@@ -40,8 +41,8 @@ CHILDREN = 6
 
 
 def orders_of(number: int) -> list[Order]:
-    """Return the jobs of a round; some hold a refinement or a flight, which take longer."""
-    refined = [refinement(0)] if number % 3 == 0 else []
+    """Return the jobs of a round; some hold a refinement and a design, or a flight."""
+    refined = [refinement(0), designed()] if number % 3 == 0 else []
     flown = [flight(320, 4, 60.0)] if number % 2 else []
     return [validation(1200, 1), *refined, *flown, sweep_of_ranges(200, 3), validation(600, 2)]
 

@@ -82,7 +82,7 @@ def test_a_quick_preview_takes_less_than_half_of_the_time_of_a_whole_one() -> No
             "duration_s": 200.0,
         }
     ).encode()
-    limits = RequestLimits(100, 10**9, 10**5, 1e6, 60.0, 100, 10**9)
+    limits = RequestLimits(100, 10**9, 10**5, 1e6, 60.0, 100, 10**9, 10**9)
     seconds: dict[bool, list[float]] = {True: [], False: []}
     for _ in range(5):
         for quick, found in seconds.items():

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ValidationError
 from schemathesis.config import SchemathesisConfig as Config
 
 import syncplan
+from api.job_kinds.design_jobs import DesignRequest
 from api.job_kinds.job_table import JOB_KINDS
 from api.job_kinds.refinement_jobs import RefinementRequest
 from api.job_kinds.replay_jobs import ReplayRequest
@@ -100,7 +101,7 @@ def test_every_answer_of_an_operation_has_a_true_example(name: str) -> None:
 def test_bodies_are_json_and_yaml_with_true_examples() -> None:
     bodies = {name: one["requestBody"] for name, one in BY_NAME.items() if "requestBody" in one}
     # the archives of recordings have media of their own
-    assert len(bodies) == 8
+    assert len(bodies) == 9
     del bodies["createRecording"]
     for name, body in bodies.items():
         assert body["required"] == (name not in OPTIONAL)
@@ -229,6 +230,7 @@ def _beyond_a_schema(fault: Any) -> bool:
         ("/v1/plans/{plan_id}/flights", FlightRequest),
         ("/v1/sweeps", SweepRequest),
         ("/v1/recordings/{recording_id}/replays", ReplayRequest),
+        ("/v1/designs", DesignRequest),
     ],
 )
 def test_what_the_schema_allows_breaks_no_rule_about_a_single_key(

@@ -42,8 +42,8 @@ def test_any_version_begins_a_job_and_no_other_one_works_on_it(connection: Conne
     assert job_records.start_job(connection, job_id, "2.0+1") is None
     assert job_records.begun_job(connection, job_id, "2.0+1") is None
     assert part_records.begin_part(connection, job_id, BEGINNING, "2.0+1") is None
-    assert part_records.worked_on(connection, {job_id}, VERSION) == {job_id}
-    assert part_records.worked_on(connection, {job_id}, "2.0+1") == set()
+    assert part_records.worked_on(connection, {job_id}, VERSION) == {job_id: False}
+    assert part_records.worked_on(connection, {job_id}, "2.0+1") == {}
 
 
 def test_attempts_deaths_and_seconds_of_a_part_add_up(connection: Connection) -> None:
@@ -162,12 +162,12 @@ def test_a_job_begun_anew_elsewhere_takes_nothing_from_before(connection: Connec
     job_id = begun(connection)
     part_records.divide_job(connection, job_id, BATCHES)
     part_records.keep_batch(connection, job_id, 0, b"old")
-    part_records.keep_start(connection, job_id, 0, b"old")
+    part_records.keep_search(connection, job_id, 0, b"old")
     (job,) = jobs_that_wait(connection)
     assert begin_anew(connection, job, "2.0+1", keep=False)
     # whoever looked at the same moment comes too late
     assert not begin_anew(connection, job, "3.0+1", keep=False)
-    assert part_records.finished_starts(connection, job_id) == {}
+    assert part_records.finished_searches(connection, job_id) == {}
     late = part_records.divide_job(connection, job_id, BATCHES, begun=0)
     assert not late
     moved = job_records.start_job(connection, job_id, "2.0+1")
@@ -193,10 +193,10 @@ def test_a_job_begun_anew_by_its_own_version_goes_on(connection: Connection) -> 
 
 def test_starts_are_kept_once_and_go_with_their_job(connection: Connection) -> None:
     job_id = begun(connection)
-    part_records.keep_start(connection, job_id, 3, b"first")
-    part_records.keep_start(connection, job_id, 3, b"second")
-    part_records.keep_start(connection, job_id, 1, b"other")
-    assert part_records.finished_starts(connection, job_id) == {1: b"other", 3: b"first"}
+    part_records.keep_search(connection, job_id, 3, b"first")
+    part_records.keep_search(connection, job_id, 3, b"second")
+    part_records.keep_search(connection, job_id, 1, b"other")
+    assert part_records.finished_searches(connection, job_id) == {1: b"other", 3: b"first"}
     job_records.end_job(connection, job_id, "succeeded", report=JobReport("report"))
     assert connection.execute(select(func.count()).select_from(job_starts)).scalar() == 0
 

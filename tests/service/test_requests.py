@@ -19,6 +19,7 @@ LIMITS = RequestLimits(
     run_s=1000.0,
     refine_s=5.0,
     sweep_values=3,
+    design_evaluations=2000,
     sightings=50_000,
 )
 

@@ -21,7 +21,7 @@ from tests.tools.busy_children import at_work, busy, on_duty
 from tests.tools.processes import PATIENCE_S, wait_until
 from tests.tools.scenarios import example
 from tests.tools.serving import Postgres, Process
-from tests.tools.survival import quick, refinement, sweep_of_ranges, validation
+from tests.tools.survival import designed, quick, refinement, sweep_of_ranges, validation
 
 pytestmark = pytest.mark.long
 
@@ -76,8 +76,8 @@ def test_what_ends_in_good_order_gives_its_jobs_up_at_once(
         process: Process = site.serve(*(["--no-worker"] if victim == "worker" else []))
         if victim == "worker":
             process = site.work()
-        site.hand_in(validation(2400, 1))
-        site.hand_in(refinement(0))
+        for order in (validation(2400, 1), refinement(0), designed()):
+            site.hand_in(order)
         busy(site, process, 2)
         assert process.stop() == 0
         site.see_family_gone(process)

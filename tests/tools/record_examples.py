@@ -20,6 +20,7 @@ import httpx2
 
 from syncplan.planning.plan_files import StatedOrbit
 from syncplan.reports.job_contract import has_ended
+from tests.tools.briefs import FIELD
 from tests.tools.recordings import zipped
 from tests.tools.serving import ROOT, Server, running
 
@@ -134,6 +135,7 @@ def main() -> None:
             recorder = _Recorder(server.url)
             _jobs(recorder, f"/v1/plans/{_plans(recorder)}")
             _replays(recorder, _recordings(recorder))
+            _designs(recorder)
             _others(recorder)
             recorder.write()
 
@@ -225,6 +227,19 @@ def _jobs(recorder: _Recorder, plan: str) -> None:
     recorder.ask("readJobResult", "sweep", "A sweep", "GET", f"{job}/result")
     _refused(recorder, plan)
     recorder.ask("listJobs", "page", "The first page", "GET", "/v1/jobs?limit=1")
+
+
+def _designs(recorder: _Recorder) -> None:
+    recorder.request("designTeam", "field", "A field for two or three vehicles", FIELD)
+    # the result of a team that there is holds its plan, validation and flight
+    few = {**FIELD, "landmarks": {"max": 1}}
+    job = recorder.job("designTeam", "queued", "Queued", "/v1/designs", few)
+    recorder.ask("readJobResult", "design", "A brief that no team meets", "GET", f"{job}/result")
+    wrong = {**FIELD, "need": {}}
+    recorder.ask("designTeam", "faults", "Faults of a brief", "POST", "/v1/designs", json=wrong)
+    again = {**FIELD, "effort": "thorough"}
+    long = recorder.client.post("/v1/designs", json=again).json()["id"]
+    recorder.ask("finishJob", "asked", "Asked to end", "POST", f"/v1/jobs/{long}/finish")
 
 
 def _replays(recorder: _Recorder, recording: str) -> None:

@@ -21,15 +21,19 @@ from dbos import DBOSClient
 from api.jobs.queue import APPLICATION
 from api.settings import load_settings
 from syncplan import __version__
+from syncplan.designs.designer import design
 from syncplan.flight.flying import fly
 from syncplan.planning.planner import Plan, plan
 from syncplan.planning.validation import validate
 from syncplan.planning.variations import sweep
 from syncplan.refinement.refiner import refine
+from syncplan.reports.design_report import design_document
 from syncplan.reports.flight_report import flight_document
+from syncplan.reports.job_contract import JobKindName
 from syncplan.reports.plan_report import plan_document
 from syncplan.reports.validation_report import sweep_document, validation_document
 from syncplan.runtime.files import as_text
+from tests.tools.briefs import FIELD, brief
 from tests.tools.processes import PATIENCE_S, wait_until
 from tests.tools.scenarios import FILES, document, example, small
 from tests.tools.serving import QUICK, ROOT, Process, Server, settings_of
@@ -43,7 +47,7 @@ _PAIR = {"landmarks_m": [[0.0, 40.0], [70.0, 40.0]]}
 class Order:
     """A job to hand in, and the bytes it must come to."""
 
-    kind: Literal["validation", "flight", "sweep", "refinement"]
+    kind: JobKindName
     body: Mapping[str, Any]
     expected: str
 
@@ -119,6 +123,13 @@ def refinement(seed: int) -> Order:
     body = {"vary": ["phases", "centers"], "starts": 2, "seed": seed}
     better = refine(pair(), vary=["phases", "centers"], starts=2, seed=seed)
     return Order("refinement", body, as_text(plan_document(better).as_json()))
+
+
+@lru_cache
+def designed() -> Order:
+    """Return the order to design the team of a field."""
+    expected = as_text(design_document(design(brief())).as_json())
+    return Order("design", FIELD, expected)
 
 
 class Site:
@@ -243,8 +254,8 @@ class Site:
 
     def hand_in(self, order: Order, plan_id: str | None = None) -> str:
         """Hand in a job, on a new plan if none is given, and return its identifier."""
-        path = "/v1/sweeps"
-        if order.kind != "sweep":
+        path = f"/v1/{order.kind}s"
+        if order.kind not in ("sweep", "design"):
             of: Literal["grid", "pair"] = "pair" if order.kind == "refinement" else "grid"
             path = f"/v1/plans/{plan_id or self.hand_in_plan(of)}/{order.kind}s"
         answer = self.ask("POST", path, json=dict(order.body))
