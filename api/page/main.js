@@ -3,6 +3,7 @@
 import { Charts } from "./charts.js";
 import { offerWaysOn } from "./dead_link.js";
 import { offerDownloads } from "./downloads.js";
+import { DesignPanel } from "./design.js";
 import { Editor } from "./editor.js";
 import { byId, notice, noticeIsFault } from "./elements.js";
 import { askForKeys } from "./keys.js";
@@ -23,6 +24,8 @@ import { Work } from "./work.js";
 const FIRST_EXAMPLE = "paper-grid-same";
 
 let waiting = 0;
+/** the design on show, which the address names */
+let designed = null;
 const store = new Store();
 const charts = new Charts(store);
 const map = new FormationMap(store);
@@ -33,6 +36,13 @@ showVerdicts(store);
 listenForKeys(store);
 const opening = new Opening(store, charts, address);
 const work = new Work(store, storePlan, { began, ended });
+const designs = new DesignPanel(
+  (plan, name) => attempt(() => opening.formation(plan, name)),
+  (jobId) => {
+    designed = jobId;
+    address();
+  },
+);
 const showDeadLink = offerWaysOn(store, {
   edit: () => attempt(async () => (await opening.edit()) || opening.example(FIRST_EXAMPLE)),
   example: () => attempt(() => opening.example(FIRST_EXAMPLE)),
@@ -122,6 +132,7 @@ function address({ push = false } = {}) {
   const parts = new URLSearchParams();
   if (store.planId) parts.set("plan", store.planId);
   if (followed) parts.set("job", followed.id);
+  if (designed) parts.set("design", designed);
   const text = parts.toString();
   const query = text ? `?${text}` : "";
   const at = query || location.pathname;
@@ -209,6 +220,7 @@ async function start() {
   } else if (!(await opening.edit())) await opening.example(FIRST_EXAMPLE);
   performance.mark("ready");
   if (asked.get("job")) resume(asked.get("job"));
+  if (asked.get("design")) attempt(() => designs.resume(asked.get("design")));
 }
 
 /** Open the plan that the address names; resolves with whether there is one. */

@@ -47,6 +47,11 @@ export class Opening {
     await this.#text(await file.text(), file.name, choice);
   }
 
+  /** Open a plan that a report holds, or a formation. */
+  async formation(plan, name) {
+    await this.#text(JSON.stringify(plan), name, ++this.#choices);
+  }
+
   /** Open a stored plan; `opened()` is called once it is there, before it is drawn. */
   async plan(planId, { opened = () => {} } = {}) {
     const choice = ++this.#choices;

@@ -56,10 +56,12 @@ export async function askJson(method, path, options) {
   }
 }
 
-/** Post JSON once, however often the connection has to be tried: by its Idempotency-Key. */
+/** Post a value as JSON, or a text as YAML, once, however often the connection has to be tried: by its Idempotency-Key. */
 export function postOnce(path, value) {
   const headers = { "Idempotency-Key": crypto.randomUUID ? crypto.randomUUID() : randomName() };
-  return patiently(() => askJson("POST", path, { body: JSON.stringify(value), headers }));
+  const text = typeof value === "string";
+  const body = text ? value : JSON.stringify(value);
+  return patiently(() => askJson("POST", path, { body, type: text ? "application/yaml" : undefined, headers }));
 }
 
 /** Throw what a request for a plan failed with, in words where there is no such plan. */

@@ -1,11 +1,11 @@
 // Refinements, validations and flights as jobs: submitted, followed, cancelled, and their results.
 
 import { byId, element, notice, shown } from "./elements.js";
-import { follow } from "./events.js";
 import { flown } from "./flight_outcome.js";
 import { flightForm } from "./flight_request.js";
 import { refinementForm, validationForm } from "./requests.js";
-import { ask, askJson, patiently, postOnce, Refusal } from "./service.js";
+import { RunningJob } from "./running_job.js";
+import { askJson, patiently, postOnce } from "./service.js";
 import { ENDED, JOB_KINDS } from "./tables.js";
 
 /** share of the least separation that may be lost without a word */
@@ -23,12 +23,8 @@ export class Work {
   #store;
   #storePlan;
   #follower;
-  #following = null;
-  #progress = element("progress", { max: 1, value: 0, "aria-labelledby": "job-text" });
-  #text = element("p", { id: "job-text" });
   #fault = element("p", { class: "fault", role: "alert", id: "work-fault" });
-  #cancel = element("button", { type: "button", onclick: () => this.#cancelJob() }, "Cancel");
-  #running = element("div", { class: "running", hidden: true });
+  #running = new RunningJob("job", this.#fault);
   #outcome = element("div", { class: "outcome", role: "status" });
   #forms;
 
@@ -39,8 +35,7 @@ export class Work {
     const handIn = (form, request) => this.#handIn(form, request);
     const size = () => store.plan.vehicles.length;
     this.#forms = [refinementForm(handIn), validationForm(size, handIn), flightForm(size, handIn)];
-    this.#running.append(this.#progress, this.#text, this.#cancel);
-    byId("work").append(...this.#forms.map((form) => form.element), this.#fault, this.#running, this.#outcome);
+    byId("work").append(...this.#forms.map((form) => form.element), this.#fault, this.#running.element, this.#outcome);
     for (const name of ["opened", "scenario"]) store.addEventListener(name, () => this.#clear());
     store.addEventListener("opened", () => this.#forms.forEach((form) => form.suit(store.scenario)));
     this.#enable();
@@ -69,41 +64,18 @@ export class Work {
   }
 
   async #follow(job, button) {
-    this.#following = job.id;
-    this.#running.hidden = false;
     this.#enable(false);
-    // the button that was pressed can't keep the focus
-    if (button) this.#cancel.focus();
     this.#follower.began(job);
-    this.#show(job);
-    notice(`${JOB_KINDS[job.kind].title} started.`);
     try {
-      await follow(job.id, {
-        changed: (event) => this.#show({ ...job, ...event }),
-        away: (flag) => flag && this.#sayAway(job),
-      });
-      await this.#conclude(await patiently(() => askJson("GET", `v1/jobs/${job.id}`)));
+      // the button that was pressed can't keep the focus
+      await this.#conclude(await this.#running.follow(job, { focus: Boolean(button) }));
     } catch (error) {
       this.#fault.textContent = error.message;
     } finally {
-      const focused = document.activeElement === this.#cancel || document.activeElement === document.body;
-      this.#following = null;
-      this.#running.hidden = true;
+      const focused = this.#running.close();
       this.#enable();
       if (button && focused) button.focus();
     }
-  }
-
-  #show(job) {
-    const { done, total } = job.progress;
-    this.#progress.max = total;
-    this.#progress.value = done;
-    const what = JOB_KINDS[job.kind].unit;
-    this.#text.textContent = `${JOB_KINDS[job.kind].title} ${job.state}: ${done} of ${total} ${what}`;
-  }
-
-  #sayAway(job) {
-    this.#text.textContent = `${JOB_KINDS[job.kind].title}: the service can't be reached; the job goes on once it is back. Trying again …`;
   }
 
   async #conclude(job) {
@@ -129,17 +101,6 @@ export class Work {
     return plan.observability.unobservable;
   }
 
-  async #cancelJob() {
-    if (!this.#following) return;
-    this.#text.textContent = "Cancelling …";
-    try {
-      await ask("POST", `v1/jobs/${this.#following}/cancel`);
-    } catch (error) {
-      // 409: it has ended meanwhile, which the events report as well
-      if (!(error instanceof Refusal && error.status === 409)) this.#fault.textContent = error.message;
-    }
-  }
-
   #clear() {
     this.#outcome.replaceChildren();
     this.#fault.textContent = "";
@@ -148,7 +109,7 @@ export class Work {
   }
 
   #enable(free = true) {
-    const may = free && !this.#following && this.#store.scenario !== null;
+    const may = free && !this.#running.busy && this.#store.scenario !== null;
     for (const form of this.#forms) form.button.disabled = !may;
   }
 }

@@ -13,6 +13,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Header, Response
 
+from api.job_kinds.job_kind import WholeTask
 from api.job_kinds.job_table import JOB_KINDS
 from api.problems import NotFound
 from syncplan.exporting.format_table import AUTOPILOTS, FORMATS
@@ -52,6 +53,7 @@ def tables_script() -> str:
                 "title": name.capitalize(),
                 "collection": kind.plural,
                 "unit": kind.unit,
+                "finishes": isinstance(kind.task, WholeTask) and kind.task.finishes,
                 "reports": kind.report is not None,
                 # each with the part of the report that it needs
                 "figures": {
@@ -83,7 +85,7 @@ _MEDIA = {
     "svg": "image/svg+xml",
     "yaml": "application/yaml",
 }
-_EXAMPLES = "examples"
+_EXAMPLES = ("examples", "briefs")
 _LEVEL = 6
 
 
@@ -104,7 +106,7 @@ class Asset:
 
 
 def find_asset(name: str) -> Asset | None:
-    """Return a file by its name, or None; examples are named examples/NAME.yaml."""
+    """Return a file by its name, or None; examples are examples/NAME.yaml and briefs/NAME.yaml."""
     return _asset(name) if name in _names() else None
 
 
@@ -113,7 +115,7 @@ def _names() -> frozenset[str]:
     """Names of all files; no other name is served."""
     folder = files("api").joinpath("page")
     own = [one.name for one in folder.iterdir() if one.is_file()]
-    examples = [f"{_EXAMPLES}/{one.name}" for one in folder.joinpath(_EXAMPLES).iterdir()]
+    examples = [f"{of}/{one.name}" for of in _EXAMPLES for one in folder.joinpath(of).iterdir()]
     known = [name for name in (*own, *examples) if name.rpartition(".")[2] in _MEDIA]
     return frozenset((*known, PLOTLY, TABLES))
 

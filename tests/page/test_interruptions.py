@@ -47,7 +47,7 @@ def test_a_server_that_dies_in_mid_job_and_returns_costs_nothing_but_time(
         visit.expect_complaints("net::ERR", "503")
         visit.verdict("Observable")
         validate(page, "1500")
-        expect(page.locator("progress")).not_to_have_attribute("value", "0")
+        expect(page.locator("#work progress")).not_to_have_attribute("value", "0")
         first.kill()
         expect(page.locator("#job-text")).to_contain_text("can't be reached")
         with running(Server(tmp_path / "log", port=first.port, **given)):

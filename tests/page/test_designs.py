@@ -1,0 +1,60 @@
+"""A team designed from a brief on the page: the front as it grows, and what opens from it."""
+
+import re
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.tools.briefs import FIELD, brief
+from tests.tools.browsing import Visit, accessibility_faults
+
+TEXT = re.sub(r"\n\s*", " ", brief().model_dump_json(exclude_none=True))
+
+
+def _handed_in(page: Page, text: str) -> None:
+    page.get_by_label("Brief (YAML or JSON)").fill(text)
+    page.get_by_role("button", name="Design", exact=True).click()
+
+
+def test_a_design_shows_its_front_and_opens_any_team(visit: Visit, page: Page) -> None:
+    assert FIELD["effort"] == "quick"
+    _handed_in(page, TEXT)
+    panel = page.locator("#design")
+    expect(panel.locator("#design-job-text")).to_contain_text(
+        re.compile(r"of 6 searches; searching")
+    )
+    expect(panel.locator(".badge")).to_contain_text("Met: need 2 m", timeout=60_000)
+    assert accessibility_faults(page) == []
+    panel.get_by_role("button", name=re.compile("3 vehicles and 2 landmarks")).click()
+    expect(page.locator("#handles .handle")).to_have_count(5)
+    visit.verdict("Observable: rank 9 of 9")
+    # the front stays beside what was opened from it, also over a reload
+    panel.get_by_role("button", name="Open the winner").click()
+    visit.verdict("Observable: rank 6 of 6")
+    page.reload()
+    expect(panel.locator(".badge")).to_contain_text("Met: need 2 m")
+    visit.verdict("Observable: rank 6 of 6")
+
+
+def test_a_bad_brief_is_refused_beside_its_text(visit: Visit, page: Page) -> None:
+    visit.expect_complaints("422")
+    _handed_in(page, "need: {worst_rms_m: -1}")
+    fault = page.locator("#design form .fault").last
+    expect(fault).to_contain_text("need.worst_rms_m")
+    expect(fault).to_contain_text("area_m")
+
+
+def test_a_design_that_is_to_finish_opens_the_best_it_has(visit: Visit, page: Page) -> None:
+    page.get_by_label("Example brief").select_option("multirotors-over-a-field")
+    page.get_by_role("button", name="Design", exact=True).click()
+    panel = page.locator("#design")
+    expect(panel.locator("table button, table td").first).to_be_visible(timeout=60_000)
+    panel.get_by_role("button", name="Finish now").click()
+    expect(panel.get_by_text("ended early")).to_be_visible(timeout=60_000)
+    assert accessibility_faults(page) == []
+
+
+@pytest.mark.parametrize("name", ["multirotors-over-a-field", "rovers-between-shelves"])
+def test_the_example_briefs_are_there(visit: Visit, page: Page, name: str) -> None:
+    page.get_by_label("Example brief").select_option(name)
+    expect(page.get_by_label("Brief (YAML or JSON)")).to_have_value(re.compile("purpose"))
