@@ -157,7 +157,7 @@ class Child:
             raise gone(complaint) from None
 
     def interrupt(self) -> None:
-        """Send the signal of Ctrl-C, which only a search heeds: it returns the best it has."""
+        """Send SIGINT: a search returns the best it has, and any other task ignores it."""
         self._process.process.send_signal(signal.SIGINT)
 
     def kill(self) -> None:
@@ -189,7 +189,7 @@ def serve(descriptor: int) -> None:
 
         def report(done: int | Shown | FinishedSearch) -> None:
             nonlocal last
-            # bare numbers are many
+            # numbers alone come often, and only the last one matters
             if not isinstance(done, int) or time.monotonic() - last >= _PROGRESS_EVERY_S:
                 last = time.monotonic()
                 # a message cut off by the alarm would be the last one

@@ -14,6 +14,7 @@ from api.job_kinds.job_kind import (
     WholeTask,
 )
 from api.limits import RequestLimits, check_at_most
+from syncplan.designs.candidates import check_samples
 from syncplan.designs.ladder import (
     EVALUATIONS,
     SEARCHES_OF_CELL,
@@ -32,6 +33,7 @@ class DesignRequest(JobRequest, Brief):
     def work(self, subject: JobSubject, limits: RequestLimits) -> int:
         """Return the number of searches; raises InputError if they exceed a limit."""
         check_at_most("team.max", self.team.max, limits.vehicles, " vehicles")
+        check_samples(self)
         cells = len(cells_of(self))
         evaluations = cells * EVALUATIONS[self.effort]
         check_at_most("effort", evaluations, limits.design_evaluations, " candidates of all teams")

@@ -220,3 +220,8 @@ class JobKind:
     report: type[BaseModel] | None = None
     figures: SubjectKind | None = None
     keeps_trials: bool = False
+
+    @property
+    def finishes(self) -> bool:
+        """Whether its jobs can end early, with the best found so far."""
+        return isinstance(self.task, WholeTask) and self.task.finishes

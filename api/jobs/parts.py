@@ -8,6 +8,7 @@ have ended or that another version works on.
 
 import asyncio
 import logging
+import math
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -56,6 +57,7 @@ class WatchedPart:
     number : number of the part; its progress is that of a batch unless this is below zero
     searches : finished searches that are not entered yet
     shown : further keys of the job's next event
+    finish_s : computing time in s after which it is to end with the best found so far
     """
 
     job_id: str
@@ -64,6 +66,7 @@ class WatchedPart:
     done: int = 0
     searches: list[FinishedSearch] = field(default_factory=list)
     shown: Mapping[str, Any] = field(default_factory=dict)
+    finish_s: float = math.inf
     _noted_done: int = 0
     _noted_shown: Mapping[str, Any] = field(default_factory=dict)
     _noted_s: float = 0.0
@@ -155,7 +158,9 @@ class PartWatch:
         for part in parts:
             if part.job_id in wanted:
                 part.note(self._database)
-                if wanted[part.job_id] and part.ticket is not None:
+                if part.ticket is not None and (
+                    wanted[part.job_id] or part.ticket.ran_s > part.finish_s
+                ):
                     # again at each look: a child that is not searching just now ignores it
                     part.ticket.interrupt()
             elif part.ticket is not None:
@@ -235,6 +240,9 @@ MOST_ATTEMPTS = 200
 
 _BEYOND_OWN_LIMIT = 2.0
 """Least time limit of a job computed whole, relative to the longest time it may be asked for."""
+
+_FINISH_SHARE = 0.8
+"""Share of the time limit after which a job that can end early does."""
 
 _PAUSE_S = 0.5
 _LONGEST_PAUSE_S = 30.0
@@ -336,6 +344,8 @@ async def _tried_once(part: Part, history: PartHistory) -> Any:
         searches = await in_transaction(part_records.finished_searches, part.job_id)
         arguments = (EarlierWork(searches, history.computed_s), *arguments)
     with runtime.watch.over(part.job_id, part.number) as watched:
+        if JOB_KINDS[part.job.spec.kind].finishes:
+            watched.finish_s = _FINISH_SHARE * part.limit_s
         watched.ticket = runtime.pool.submit(
             part.task,
             part.job.spec,

@@ -14,7 +14,7 @@ const BRIEFS = {
 
 /** The panel of designs.
  *
- * `open(plan, name)` puts a formation on show; `followed(jobId)` hears which design the panel shows.
+ * `open(plan, name)` shows a formation on the map; `followed(jobId)` is called with the design that the panel shows.
  */
 export class DesignPanel {
   #open;
@@ -30,7 +30,8 @@ export class DesignPanel {
     this.#open = open;
     this.#followed = followed;
     this.#form = new RequestForm("design", "Design", "State a field, vehicles, sensors, a purpose and the error you accept; see which team that takes.", {
-      fields: { brief: this.#text },
+      // a fault of the text as a whole has no path
+      fields: { "": this.#text },
       read: () => this.#text.value,
       rows: [this.#sources(), element("label", { for: "brief" }, "Brief (YAML or JSON)"), this.#text, element("p", { class: "fault", id: "brief-fault" })],
       handIn: (form, brief) => this.#handIn(brief),
@@ -41,6 +42,8 @@ export class DesignPanel {
   /** Show a design again, as after a reload. */
   async resume(jobId) {
     const job = await askJson("GET", `v1/jobs/${encodeURIComponent(jobId)}`);
+    if (job.kind !== this.#form.kind) throw new Error("The address names a job that is no design.");
+    this.#text.value = JSON.stringify(job.request, null, 1);
     await (ENDED.includes(job.state) ? this.#conclude(job) : this.#follow(job));
   }
 
@@ -62,7 +65,12 @@ export class DesignPanel {
     file.addEventListener("change", async () => {
       const [chosen] = file.files;
       file.value = "";
-      if (chosen) this.#text.value = await chosen.text();
+      if (!chosen) return;
+      try {
+        this.#text.value = await chosen.text();
+      } catch (error) {
+        this.#fault.textContent = error.message;
+      }
     });
     return element("div", { class: "row" }, example, file, element("label", { class: "button", for: "brief-file" }, "Open a brief …"));
   }

@@ -220,7 +220,7 @@ async function start() {
   } else if (!(await opening.edit())) await opening.example(FIRST_EXAMPLE);
   performance.mark("ready");
   if (asked.get("job")) resume(asked.get("job"));
-  if (asked.get("design")) attempt(() => designs.resume(asked.get("design")));
+  if (asked.get("design")) resumeDesign(asked.get("design"));
 }
 
 /** Open the plan that the address names; resolves with whether there is one. */
@@ -248,6 +248,19 @@ async function resume(jobId) {
     await work.resume(jobId);
   } catch (error) {
     followed = null;
+    address();
+    notice(error.message, { fault: true });
+  }
+}
+
+/** Go on with a design, or show what it came to. */
+async function resumeDesign(jobId) {
+  designed = jobId;
+  address();
+  try {
+    await designs.resume(jobId);
+  } catch (error) {
+    designed = null;
     address();
     notice(error.message, { fault: true });
   }

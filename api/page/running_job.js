@@ -5,16 +5,17 @@ import { follow } from "./events.js";
 import { ask, askJson, patiently, Refusal } from "./service.js";
 import { JOB_KINDS } from "./tables.js";
 
-/** The box that shows a job at work. `fault` is the element that takes what goes wrong; `id` tells boxes apart. */
+/** The box that shows a job at work. `id` is unique on the page; `fault` is the element for errors. */
 export class RunningJob {
   #fault;
   #jobId = null;
+  #ending = "";
   #progress;
   #text;
-  #cancel = element("button", { type: "button", onclick: () => this.#end("cancel", "Cancelling …") }, "Cancel");
+  #cancel = element("button", { type: "button", onclick: () => this.#end("cancel", "cancelling …") }, "Cancel");
   #finish = element(
     "button",
-    { type: "button", title: "End with the best found so far", onclick: () => this.#end("finish", "Ending with the best so far …") },
+    { type: "button", title: "End with the best found so far", onclick: () => this.#end("finish", "ending with the best so far …") },
     "Finish now",
   );
 
@@ -31,10 +32,11 @@ export class RunningJob {
     return this.#jobId !== null;
   }
 
-  /** Follow a job; resolves with the job as it ended. `changed(event)` hears of each change. */
+  /** Follow a job; resolves with the job as it ended. `changed(event)` is called at each change. */
   async follow(job, { focus = false, changed = () => {} } = {}) {
     const { title, finishes } = JOB_KINDS[job.kind];
     this.#jobId = job.id;
+    this.#ending = "";
     this.element.hidden = false;
     this.#finish.hidden = !finishes;
     if (focus) this.#cancel.focus();
@@ -62,7 +64,8 @@ export class RunningJob {
     this.#progress.max = total;
     this.#progress.value = done;
     const { title, unit } = JOB_KINDS[kind];
-    this.#text.textContent = `${title} ${state}: ${done} of ${total} ${unit}${doing ? `; ${doing}` : ""}`;
+    const more = this.#ending || doing;
+    this.#text.textContent = `${title} ${state}: ${done} of ${total} ${unit}${more ? `; ${more}` : ""}`;
   }
 
   #sayAway(title) {
@@ -71,6 +74,7 @@ export class RunningJob {
 
   async #end(how, words) {
     if (!this.busy) return;
+    this.#ending = words;
     this.#text.textContent = words;
     try {
       await ask("POST", `v1/jobs/${this.#jobId}/${how}`);

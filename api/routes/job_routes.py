@@ -9,7 +9,7 @@ from starlette.concurrency import run_in_threadpool
 
 from api.calls import Call, CurrentCall, EmptyCall, accepts, answer_once, computed
 from api.following import EventStream, Follower
-from api.job_kinds.job_kind import JobKind, WholeTask
+from api.job_kinds.job_kind import JobKind
 from api.job_kinds.job_table import JOB_KINDS, plurals
 from api.problems import Conflict, NotFound, TooManyRequests, problem_responses
 from api.responses import Job, JobPage, job_answer
@@ -183,8 +183,7 @@ async def finish_job(row: Owned, call: EmptyCall) -> Response:
 
     Takes no body and ignores one that is sent. The job succeeds when its result is there.
     """
-    task = JOB_KINDS[row.kind].task
-    if not (isinstance(task, WholeTask) and task.finishes):
+    if not JOB_KINDS[row.kind].finishes:
         raise Conflict(f"a {row.kind} has no result before its end; cancel stops it without one")
     return await _changed(row, call, lambda connection: job_records.finish_job(connection, row.id))
 

@@ -13,7 +13,6 @@ from typing import Annotated
 
 from fastapi import APIRouter, Header, Response
 
-from api.job_kinds.job_kind import WholeTask
 from api.job_kinds.job_table import JOB_KINDS
 from api.problems import NotFound
 from syncplan.exporting.format_table import AUTOPILOTS, FORMATS
@@ -53,7 +52,7 @@ def tables_script() -> str:
                 "title": name.capitalize(),
                 "collection": kind.plural,
                 "unit": kind.unit,
-                "finishes": isinstance(kind.task, WholeTask) and kind.task.finishes,
+                "finishes": kind.finishes,
                 "reports": kind.report is not None,
                 # each with the part of the report that it needs
                 "figures": {

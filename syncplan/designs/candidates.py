@@ -16,7 +16,7 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.designs.purposes import PurposeMeasure
-from syncplan.errors import NoSolutionError
+from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.bounds import LossBounds, posterior_bound
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import closest_approach, find_windows
@@ -26,6 +26,7 @@ from syncplan.planning.judged_team import landmark_limit, separation_limit
 from syncplan.planning.planner import Plan, judge, met_pairs
 from syncplan.scenario.brief import Brief
 from syncplan.scenario.loading import scenario_from
+from syncplan.scenario.rules import excess
 from syncplan.scenario.specification import Scenario
 
 PERIODS = 10
@@ -260,6 +261,20 @@ class Space:
         zeros = np.zeros(count)
         circles = Orbits(one.centers, zeros + one.radius, zeros + 1.0, zeros, scenario.orbit.rate)
         return team_of(scenario, circles), scenario
+
+
+def check_samples(brief: Brief) -> None:
+    """Raise InputError if the run of a candidate may have more samples than a scenario's may."""
+    slowest = brief.vehicle.speeds[0]
+    radius = max(
+        PurposeMeasure.of(brief).area.largest_radius(), brief.vehicle.least_radius(slowest)
+    )
+    period = 2.0 * np.pi * radius / slowest
+    problem = excess(PERIODS * period, brief.sensor.sample_time_s, period, brief.team.max)
+    if problem:
+        raise InputError(
+            f"{PERIODS} periods of the largest circle: {problem}", key="sensor.sample_time_s"
+        )
 
 
 def coarse(team: Team) -> Team:

@@ -1,18 +1,18 @@
-"""The best formation of so many vehicles and landmarks, by CMA-ES with restarts.
+"""The best formation of so many vehicles and landmarks, by CMA-ES in short rounds.
 
-A strategy that has settled is begun anew from a random point with twice as many candidates at a
-time, until all evaluations are made.
+A round begins at a random point; the next one, with smaller steps, around the best that it found;
+and so on in turns, until all evaluations are made.
 
 Source
 ------
-Hansen, "The CMA evolution strategy: a tutorial", arXiv 1604.00772, 2016; restarts: Auger, Hansen,
-"A restart CMA evolution strategy with increasing population size", IEEE CEC 2005
+Hansen, "The CMA evolution strategy: a tutorial", arXiv 1604.00772, 2016
 """
 
 import json
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import takewhile
 from typing import Any
 
 import numpy as np
@@ -27,8 +27,8 @@ SPREAD = 0.25
 NEARBY = 0.1
 """The same around a point that is already good."""
 
-FEW, MOST_CROWDED = 2500, 4
-"""Evaluations for each multiple of the usual number of candidates at a time, and the most."""
+AT_FIRST, AROUND = 1500, 3000
+"""Most evaluations from a random point, and around what these found."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,35 +74,50 @@ def search(
     The search begins near `start`, and its result is no worse, or it begins at random. Where `stop`
     returns True, it ends early.
     """
-    cma = _cma()
     generator = np.random.default_rng(seed)
+    near = start is not None
     begin = generator.uniform(0.2, 0.8, space.size) if start is None else start
     best, made = Found(begin, space.value(begin), 1), 1
-    spread = SPREAD if start is None else NEARBY
-    # a long search can afford more at a time, which settles less often on a poor formation
-    crowd = min(max(evaluations // FEW, 1), MOST_CROWDED)
-    together = crowd * (4 + int(3.0 * np.log(space.size)))
     while made < evaluations and not stop():
-        strategy = cma.CMAEvolutionStrategy(
-            begin,
-            spread,
-            {
-                "bounds": [0.0, 1.0],
-                "popsize": together,
-                "randn": lambda *shape: generator.standard_normal(shape),
-                "seed": np.nan,
-                "verbose": -9,
-            },
-        )
-        while made < evaluations and not strategy.stop() and not stop():
-            points = [np.asarray(one, dtype=float) for one in strategy.ask()]
-            values = [space.value(one) for one in points]
-            strategy.tell(points, values)
-            made += len(points)
-            first = int(np.argmin(values))
-            if values[first] < best.value:
-                best = Found(points[first], values[first], made)
-        begin, spread, together = generator.uniform(0.2, 0.8, space.size), SPREAD, 2 * together
+        most = min(AROUND if near else AT_FIRST, evaluations - made)
+        found = _round(space, begin, NEARBY if near else SPREAD, most, generator, stop)
+        made += found.evaluations
+        best = min(best, found, key=lambda one: one.value)
+        begin = generator.uniform(0.2, 0.8, space.size) if near else found.point
+        near = not near
+    return Found(best.point, best.value, made)
+
+
+def _round(
+    space: Space,
+    begin: Array,
+    spread: float,
+    evaluations: int,
+    generator: np.random.Generator,
+    stop: Callable[[], bool],
+) -> Found:
+    """The best candidate of a strategy, which ends once it has settled."""
+    strategy = _cma().CMAEvolutionStrategy(
+        begin,
+        spread,
+        {
+            "bounds": [0.0, 1.0],
+            "randn": lambda *shape: generator.standard_normal(shape),
+            "seed": np.nan,
+            "verbose": -9,
+        },
+    )
+    best, made = Found(begin, np.inf, 0), 0
+    while made < evaluations and not strategy.stop() and not stop():
+        points = [np.asarray(one, dtype=float) for one in strategy.ask()]
+        values = list(takewhile(lambda _: not stop(), map(space.value, points)))
+        if len(values) < len(points):
+            break
+        strategy.tell(points, values)
+        made += len(points)
+        first = int(np.argmin(values))
+        if values[first] < best.value:
+            best = Found(points[first], values[first], made)
     return Found(best.point, best.value, made)
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from syncplan.designs.candidates import Space
+from syncplan.designs.candidates import Space, check_samples
 from syncplan.designs.impossibility import Proof, proof_against
 from syncplan.designs.judgement import Judgement, judged, refined, wanted
 from syncplan.designs.ladder import (
@@ -95,13 +95,14 @@ def design(
     if proof is not None:
         return Design(given, "impossible", proof.kind, proof)
     heard = progress or (lambda _state: None)
+    check_samples(given)
     ladder = Ladder(given, workers or usable_cores(), heard, earlier or KeptSearches())
     with interruption() as interrupted:
-        front = ladder.climbed()
-        best, binding = _best(ladder, front, lambda: ladder.cut_short or interrupted.is_set())
+        front = ladder.search_all()
+        best, binding = _best(ladder, front, interrupted.is_set)
         offered: tuple[Purchase, ...] = ()
-        if best is not None and binding and not (ladder.cut_short or interrupted.is_set()):
-            offered = _purchases(ladder, best)
+        if best is not None and binding and not interrupted.is_set():
+            offered = _purchases(ladder, best, interrupted.is_set)
         return Design(
             given,
             "not_found" if binding else "met",
@@ -110,7 +111,7 @@ def design(
             front=tuple(front),
             purchases=offered,
             evaluations=ladder.evaluations,
-            cut_short=ladder.cut_short or interrupted.is_set(),
+            cut_short=interrupted.is_set(),
         )
 
 
@@ -126,9 +127,11 @@ def _best(
     tried = tried or [min(fitting, key=lambda one: one.found.value)]
     made: list[Judgement] = []
     for one in tried:
-        made.append(judged(ladder.brief, one, stopped, ladder.tell))
+        made.append(judged(ladder.brief, one, stopped, ladder.report))
         if not made[-1].binding:
             return made[-1], ""
+        if stopped():
+            break
     best = min(made, key=lambda one: one.worst)
     return best, best.binding
 
@@ -142,22 +145,24 @@ def _least_fault(brief: Brief, front: list[FrontCell]) -> str:
     return max(faults, key=lambda name: faults[name])
 
 
-def _purchases(ladder: Ladder, best: Judgement) -> tuple[Purchase, ...]:
+def _purchases(
+    ladder: Ladder, best: Judgement, stopped: Callable[[], bool]
+) -> tuple[Purchase, ...]:
     """What each offer brings to the best formation, searched anew and refined, best first."""
-    brief, cell = ladder.brief, best.found.cell
+    brief, cell, known = ladder.brief, best.start.cell, best.start.found.point
     offers = []
-    for number, offer in enumerate(offers_for(brief, cell), ladder.climb):
-        point = best.found.found.point
+    for number, offer in enumerate(offers_for(brief, cell), ladder.searches):
+        point = known
         if offer.cell != cell:
-            point = Space(offer.brief, offer.cell).extended(point, cell, brief.seed)
+            point = Space(offer.brief, offer.cell).extended(known, cell, brief.seed)
         order = SearchOrder(number, offer.brief, offer.cell, ladder.budget // 2, point)
         offers.append((offer, order))
     ladder.total += len(offers)
-    ladder.found([order for _, order in offers], "searching what would help")
+    ladder.carry_out([order for _, order in offers], "searching what would help")
     made = []
     for offer, order in offers:
         _, found = ladder.made.get(order.number, (None, None))
-        if found is not None and found.fits:
+        if found is not None and found.fits and not stopped():
             space = Space(offer.brief, offer.cell)
             rms = refined(space, space.plan(found.point)).prediction.rms
             if rms is not None:

@@ -28,14 +28,14 @@ class Judgement:
 
     Attributes
     ----------
-    found : the formation as it was found
+    start : the formation that the search found
     plan : refined, and with its flight where it was flown
     validation, flight : None where an earlier judgement failed
     binding : the requirement that it misses; empty if it meets the brief
     covered : share of the area that is covered; None for other purposes
     """
 
-    found: FrontCell
+    start: FrontCell
     plan: Plan
     validation: Validation | None = None
     flight: Flight | None = None
@@ -50,18 +50,18 @@ class Judgement:
 
 
 def judged(
-    brief: Brief, one: FrontCell, stopped: Callable[[], bool], tell: Callable[[str], None]
+    brief: Brief, one: FrontCell, stopped: Callable[[], bool], report: Callable[[str], None]
 ) -> Judgement:
     """Return the judgement of a formation, in the order of what each part of it costs.
 
-    Once `stopped` is true, it is neither refined nor tried any further. `tell` receives what is
-    done, in words.
+    Once `stopped` returns True, the formation is neither refined nor tried any further. `report`
+    receives what is done, in words.
     """
     space, need = Space(brief, one.cell), brief.need
     team = f"{one.cell.vehicles} vehicles and {one.cell.landmarks} landmarks"
     made = space.plan(one.found.point)
     if not stopped():
-        tell(f"refining {team}")
+        report(f"refining {team}")
         made = refined(space, made)
     circles = made.orbits.centers, made.orbits.radii
     judgement = Judgement(one, made, covered=space.measure.covered(*circles))
@@ -70,14 +70,18 @@ def judged(
         return replace(judgement, binding=binding)
     if stopped():
         return replace(judgement, binding="time")
-    tell(f"validating {team}")
+    if need.losses:
+        left = [item.worst_predicted_rms for item in what_if(made).losses]
+        if any(worst is None or worst > need.worst_rms_m for worst in left):
+            return replace(judgement, binding="losses")
+    report(f"validating {team}")
     checked = validate(made, trials=TRIALS, seed=brief.seed)
     judgement = replace(judgement, validation=checked)
     if float(checked.accuracy.late_position.max()) > need.worst_rms_m:
         return replace(judgement, binding="filter")
     if stopped():
         return replace(judgement, binding="time")
-    tell(f"flying {team}")
+    report(f"flying {team}")
     flown = fly(made, trials=TRIALS, seed=brief.seed)
     judgement = replace(judgement, plan=flown.plan, flight=flown)
     if float(flown.accuracy.late_position.max()) > need.worst_rms_m:
@@ -87,21 +91,15 @@ def judged(
 
 
 def _fault(judgement: Judgement, space: Space) -> str:
-    """The requirement that a plan misses before it is tried; empty if there is none."""
-    made, need = judgement.plan, space.brief.need
+    """The requirement that a plan misses as it was judged; empty if there is none."""
+    made = judgement.plan
     if not made.observable:
         return "rank"
     if not made.verdict.go:
         return made.verdict.stops[0].code
     if not space.measure.served(made.orbits.centers, made.orbits.radii):
         return "area"
-    if judgement.worst > wanted(need):
-        return "error"
-    if need.losses:
-        left = [item.worst_predicted_rms for item in what_if(made).losses]
-        if any(worst is None or worst > need.worst_rms_m for worst in left):
-            return "losses"
-    return ""
+    return "error" if judgement.worst > wanted(space.brief.need) else ""
 
 
 def wanted(need: Need) -> float:

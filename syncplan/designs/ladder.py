@@ -16,7 +16,7 @@ from syncplan.runtime.machine import single_threaded_blas
 from syncplan.runtime.task_crew import Work, run_orders
 from syncplan.scenario.brief import Brief, Effort
 
-EVALUATIONS: Mapping[Effort, int] = {"quick": 800, "normal": 6000, "thorough": 40_000}
+EVALUATIONS: Mapping[Effort, int] = {"quick": 800, "normal": 6000, "thorough": 60_000}
 """Number of candidates looked at in each cell."""
 
 SEARCHES_OF_CELL = 3
@@ -131,7 +131,8 @@ class Ladder:
     ----------
     brief, workers, progress, earlier : as in syncplan.design
     made : results by the number of their search
-    cut_short : whether Ctrl-C ended a search
+    searches : number of searches of the cells; those of purchases have numbers from it on
+    total : number of all searches
     """
 
     brief: Brief
@@ -139,18 +140,17 @@ class Ladder:
     progress: DesignProgress
     earlier: KeptSearches
     made: dict[int, tuple[Cell, Found]] = field(default_factory=dict)
-    cut_short: bool = False
 
     def __post_init__(self) -> None:
         self.cells = cells_of(self.brief)
         self.budget = EVALUATIONS[self.brief.effort]
-        self.total = self.climb = SEARCHES_OF_CELL * len(self.cells)
+        self.total = self.searches = SEARCHES_OF_CELL * len(self.cells)
 
-    def climbed(self) -> list[FrontCell]:
+    def search_all(self) -> list[FrontCell]:
         """Search all cells and return the front."""
         budget, cells = self.budget, self.cells
         both = [replace(cell, alternate=alternate) for cell in cells for alternate in (False, True)]
-        self.found(
+        self.carry_out(
             [SearchOrder(k, self.brief, cell, budget // 4) for k, cell in enumerate(both)],
             "searching each team",
         )
@@ -158,14 +158,17 @@ class Ladder:
         orders = [
             self._onward(len(both) + k, cell, alone, budget // 2) for k, cell in enumerate(cells)
         ]
-        self.found([one for one in orders if one is not None], "searching on from the neighbours")
+        self.carry_out(
+            [one for one in orders if one is not None], "searching on from the neighbours"
+        )
         return self.front()
 
     def front(self) -> list[FrontCell]:
         """The best result of each cell, in either sense, in the order of the cells."""
         best: dict[tuple[int, int], tuple[Cell, Found]] = {}
         for _, (cell, found) in sorted(
-            (item for item in self.made.items() if item[0] < self.climb), key=lambda item: item[0]
+            (item for item in self.made.items() if item[0] < self.searches),
+            key=lambda item: item[0],
         ):
             known = best.get((cell.vehicles, cell.landmarks))
             if known is None or found.value < known[1].value:
@@ -178,11 +181,11 @@ class Ladder:
             cell.vehicles * self.brief.prefer.vehicle + cell.landmarks * self.brief.prefer.landmark
         )
 
-    def tell(self, doing: str) -> None:
+    def report(self, doing: str) -> None:
         """Report the state of the design."""
         self.progress(DesignState(doing, len(self.made), self.total, self.front()))
 
-    def found(self, orders: list[SearchOrder], doing: str) -> None:
+    def carry_out(self, orders: list[SearchOrder], doing: str) -> None:
         """Carry out orders, but for those whose results were kept; Ctrl-C leaves some out."""
         kept = self.earlier.finished
         for one in orders:
@@ -194,18 +197,17 @@ class Ladder:
             self.made[order.number] = order.cell, found
             if not stopped:
                 self.earlier.keep(order.number, found.as_bytes())
-            self.tell(doing)
+            self.report(doing)
 
-        self.tell(doing)
-        if not self.cut_short:
-            self.cut_short = run_orders(
-                search_worker,
-                self.brief.seed,
-                [one for one in orders if one.number not in kept],
-                self.workers,
-                begin=lambda order, _busy: order,
-                take=take,
-            )
+        self.report(doing)
+        run_orders(
+            search_worker,
+            self.brief.seed,
+            [one for one in orders if one.number not in kept],
+            self.workers,
+            begin=lambda order, _busy: order,
+            take=take,
+        )
 
     @property
     def evaluations(self) -> int:

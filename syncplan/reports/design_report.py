@@ -147,9 +147,9 @@ def _with_formation(brief: Brief, one: "FrontCell") -> FrontPoint:
 def _team(best: "Judgement") -> DesignedTeam:
     checked, flown = best.validation, best.flight
     return DesignedTeam(
-        vehicles=best.found.cell.vehicles,
-        landmarks=best.found.cell.landmarks,
-        cost=best.found.cost,
+        vehicles=best.start.cell.vehicles,
+        landmarks=best.start.cell.landmarks,
+        cost=best.start.cost,
         predicted_worst_rms_m=finite_or_none(best.worst),
         validated_worst_rms_m=None
         if checked is None

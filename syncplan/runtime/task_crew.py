@@ -63,16 +63,32 @@ class _Run:
 
 @contextlib.contextmanager
 def interruption() -> Iterator[threading.Event]:
-    """Context of an event that Ctrl-C sets, if this is the main thread."""
+    """Context of an event that Ctrl-C sets, if this is the main thread.
+
+    Contexts may be nested: Ctrl-C sets the events of all, and of those that are entered later.
+    """
     event = threading.Event()
     if threading.current_thread() is not threading.main_thread():
         yield event
         return
-    before = signal.signal(signal.SIGINT, lambda *_: event.set())
+    if _entered and _entered[-1].is_set():
+        event.set()
+    _entered.append(event)
+    before = signal.signal(signal.SIGINT, _interrupt)
     try:
         yield event
     finally:
         signal.signal(signal.SIGINT, before)
+        _entered.pop()
+
+
+_entered: list[threading.Event] = []
+"""Events of the contexts that the main thread is in, the innermost last."""
+
+
+def _interrupt(*_: object) -> None:
+    for event in _entered:
+        event.set()
 
 
 def _here(run: _Run, _workers: int) -> None:

@@ -26,6 +26,7 @@ GRAVITY = 9.80665
 """Standard gravity in m/s^2."""
 
 MOST_VEHICLES = 50
+MOST_LANDMARKS = 50
 """Largest team that a search designs."""
 
 Effort = Literal["quick", "normal", "thorough"]
@@ -95,7 +96,7 @@ class TeamSize(Section):
 class Sites(Section):
     """How many landmarks there may be, and where: anywhere in the area unless it is said."""
 
-    max: Annotated[int, Field(ge=0, le=50)] | None = Field(
+    max: Annotated[int, Field(ge=0, le=MOST_LANDMARKS)] | None = Field(
         default=None,
         description="Largest number of landmarks; with given or candidates_m, all of them if not "
         "given",
@@ -118,6 +119,8 @@ class Sites(Section):
         sites = self.candidates_m or self.given
         if self.max is None and sites is None:
             raise fault("max", "is missing: give it, candidates_m or given")
+        if self.candidates_m and self.most > MOST_LANDMARKS:
+            raise fault("max", f"is missing: give it, up to {MOST_LANDMARKS}")
         if self.max is not None and sites is not None and self.max > len(sites):
             raise fault("max", f"is more than the {len(sites)} sites listed", self.max)
         if self.given is not None and self.max not in (None, len(self.given)):
@@ -256,6 +259,7 @@ class Brief(Section):
         for key, many in (("keep_out_m", self.keep_out_m), ("obstacles_m", self.obstacles_m)):
             polygons.update({f"{key}[{k}]": one for k, one in enumerate(many or [])})
         rules.check_obstacles(self.obstacles_m or [])
+        rules.check_obstacles(self.keep_out_m or [], "keep_out_m")
         rules.check_polygons(polygons)
         keep = self.purpose.keep
         if keep is not None and keep.count > self.team.max:

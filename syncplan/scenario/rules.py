@@ -36,13 +36,13 @@ def check_polygons(polygons: Mapping[str, Sequence[Point]]) -> None:
             raise fault(key, problem)
 
 
-def check_obstacles(obstacles: Sequence[Sequence[Point]]) -> None:
+def check_obstacles(obstacles: Sequence[Sequence[Point]], key: str = "obstacles_m") -> None:
     """Raise the fault if all obstacles together have more than MAX_OBSTACLE_CORNERS corners."""
     corners = sum(map(len, obstacles))
     if corners > MAX_OBSTACLE_CORNERS:
         raise fault(
-            "obstacles_m",
-            f"has {corners} corners in all, more than {MAX_OBSTACLE_CORNERS}; give each obstacle "
+            key,
+            f"has {corners} corners in all, more than {MAX_OBSTACLE_CORNERS}; give each polygon "
             "fewer corners, or leave out those that stand between no circles",
         )
 

@@ -39,6 +39,8 @@ FAULTS: list[tuple[dict[str, Any], str]] = [
     ),
     ({"purpose": {"keep": {"count": 9, "spread_m": 10.0}}}, "purpose.keep.count: is more than"),
     ({"need": {"worst_rms_m": 0.0}}, "need.worst_rms_m: must be greater than 0"),
+    ({"landmarks": {"candidates_m": [[float(k), 0.0] for k in range(51)]}}, "landmarks.max: is"),
+    ({"keep_out_m": [[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]] * 334}, "keep_out_m: has 1002 corners"),
     ({"effort": "huge"}, "effort: must be 'quick', 'normal' or 'thorough'"),
     ({"keep_outs_m": []}, "keep_outs_m: unknown key; did you mean keep_out_m?"),
 ]

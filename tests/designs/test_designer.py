@@ -1,5 +1,8 @@
 """Designs: winners hold their brief, whatever the number of processes; the rest says why not."""
 
+import os
+import signal
+
 import pytest
 
 from syncplan.designs import designer, judgement, ladder
@@ -48,7 +51,7 @@ def test_a_winner_holds_its_brief_on_any_number_of_processes() -> None:
     for run in (best.validation, best.flight):
         assert run.accuracy.late_position.max() <= 2.0
     # no cheaper cell nearly met the need and was passed over
-    cheaper = [one for one in found.front if one.cost < best.found.cost]
+    cheaper = [one for one in found.front if one.cost < best.start.cost]
     assert all(one.found.value > designer.NEARLY * 1.9 for one in cheaper)
     assert _text(design(given, workers=2)) == _text(found)
 
@@ -67,6 +70,24 @@ def test_kept_searches_are_not_repeated_and_give_the_same_design(
     )
     assert _text(resumed) == _text(whole)
     assert set(made) == kept.keys() - half.keys()
+
+
+@pytest.mark.parametrize("moment", ["searching on", "refining", "validating"])
+def test_ctrl_c_ends_a_design_with_the_best_so_far(moment: str) -> None:
+    told: list[str] = []
+
+    def progress(state: DesignState) -> None:
+        if told or state.doing.startswith(moment):
+            told.append(state.doing)
+        if len(told) == 1:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    found = design(brief(), workers=1, progress=progress)
+    assert (found.status, found.binding, found.cut_short) == ("not_found", "time", True)
+    assert found.best is not None
+    assert found.best.plan.verdict.go
+    # nothing further was begun
+    assert len(told) == 1
 
 
 def test_a_need_that_no_team_meets_names_the_error_and_what_would_help(
@@ -126,6 +147,13 @@ def test_a_purpose_that_no_formation_serves_binds() -> None:
     assert (found.status, found.binding) == ("not_found", "area")
     assert found.best is None
     assert all(not one.found.fits for one in found.front)
+
+
+def test_a_sample_time_too_short_for_the_largest_circle_is_refused_before_the_search() -> None:
+    sensor = {"range_m": 90.0, "bearing_sigma_rad": 0.03, "sample_time_s": 0.002}
+    with pytest.raises(InputError, match="10 periods of the largest circle: 75") as refused:
+        design(brief(sensor=sensor))
+    assert refused.value.key == "sensor.sample_time_s"
 
 
 @pytest.mark.parametrize("workers", [0, -1])
