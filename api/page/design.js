@@ -114,7 +114,7 @@ export class DesignPanel {
     this.#followed(job.id);
     const found = await patiently(() => askJson("GET", `v1/jobs/${job.id}/result`));
     this.#outcome.replaceChildren(...this.#verdict(found));
-    this.#front.replaceChildren(...(found.front.length ? [this.#table(found.front, found.brief.need.worst_rms_m, found.best)] : []), ...offered(found.purchases));
+    this.#front.replaceChildren(...(found.front.length ? [this.#table(found.front, found.brief.need.worst_rms_m, found.best)] : []), ...offered(found.purchases, this.#open));
     notice("Design done.");
   }
 
@@ -179,8 +179,11 @@ function tried({ validated_worst_rms_m: validated, flown_worst_rms_m: flown }) {
 }
 
 /** What changes of the brief would bring. */
-function offered(purchases) {
+function offered(purchases, open) {
   if (!purchases.length) return [];
-  const row = ({ change, worst_rms_m: worst, met }) => element("li", {}, `${change}: ${shown(worst, "m")}${met ? ", which meets the need" : ""}`);
-  return [element("p", {}, "What would help, each searched anew:"), element("ul", {}, ...purchases.map(row))];
+  const row = ({ change, worst_rms_m: worst, met, formation }) => {
+    const link = element("button", { type: "button", class: "small", onclick: () => open(formation, change) }, "Open");
+    return element("li", {}, `${change}: ${shown(worst, "m")}${met ? ", which meets the need" : ""} `, link);
+  };
+  return [element("p", {}, "What would help:"), element("ul", {}, ...purchases.map(row))];
 }

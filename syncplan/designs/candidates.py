@@ -35,6 +35,9 @@ PERIODS = 10
 SAMPLES = 48
 """Samples in a period of the coarse grid, about."""
 
+TRIES = 30
+"""Number of random places for a further vehicle or landmark."""
+
 _APART = 0.1
 """Share of the radius by which two landmarks are apart, at the least."""
 
@@ -220,9 +223,17 @@ class Space:
         return faults
 
     def extended(self, point: Array, cell: Cell, seed: int) -> Array:
-        """Return the point of a smaller cell with further vehicles and landmarks at random."""
+        """Return the point of a smaller cell with further vehicles and landmarks.
+
+        Of so many random places for them, these are the best.
+        """
         generator = np.random.default_rng((seed, self.cell.vehicles, self.cell.landmarks))
-        more = generator.uniform(0.2, 0.8, self.size)
+        tries = generator.uniform(0.0, 1.0, (TRIES, self.size))
+        return min((self._joined(point, cell, one) for one in tries), key=self.value)
+
+    def _joined(self, point: Array, cell: Cell, more: Array) -> Array:
+        """The point of a smaller cell, and beyond its coordinates those of another point."""
+        more = more.copy()
         own, count = 1 + self._ranged, self.cell.vehicles
         ends = own, own + cell.vehicles, own + 3 * cell.vehicles
         begins = 0, own, own + count, own + 3 * count

@@ -148,7 +148,10 @@ def _least_fault(brief: Brief, front: list[FrontCell]) -> str:
 def _purchases(
     ladder: Ladder, best: Judgement, stopped: Callable[[], bool]
 ) -> tuple[Purchase, ...]:
-    """What each offer brings to the best formation, searched anew and refined, best first."""
+    """What each offer that helps brings to the best formation, best first.
+
+    Each is searched on from that formation, and refined.
+    """
     brief, cell, known = ladder.brief, best.start.cell, best.start.found.point
     offers = []
     for number, offer in enumerate(offers_for(brief, cell), ladder.searches):
@@ -164,8 +167,9 @@ def _purchases(
         _, found = ladder.made.get(order.number, (None, None))
         if found is not None and found.fits and not stopped():
             space = Space(offer.brief, offer.cell)
-            rms = refined(space, space.plan(found.point)).prediction.rms
-            if rms is not None:
-                worst = float(rms.max())
-                made.append(Purchase(offer.words, offer.cost, worst, worst <= wanted(brief.need)))
+            plan = refined(space, space.plan(found.point))
+            rms = plan.prediction.rms
+            if rms is not None and (worst := float(rms.max())) < best.worst:
+                met = worst <= wanted(brief.need)
+                made.append(Purchase(offer.words, offer.cost, plan, worst, met))
     return tuple(sorted(made, key=lambda one: one.worst))

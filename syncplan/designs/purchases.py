@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from syncplan.designs.candidates import Cell
+from syncplan.planning.planner import Plan
 from syncplan.scenario.brief import MOST_VEHICLES, Brief
 from syncplan.scenario.disturbances import WALKS
 
@@ -34,12 +35,14 @@ class Purchase:
     Attributes
     ----------
     words, cost : of the offer
+    plan : its formation, refined
     worst : m, predicted error of the worst vehicle, by the exact code
     met : whether it meets the need with its margin
     """
 
     words: str
     cost: float | None
+    plan: Plan
     worst: float
     met: bool
 

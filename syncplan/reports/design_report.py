@@ -69,6 +69,9 @@ class OfferedPurchase(DocumentPart):
     worst_rms_m: float = Field(description="Predicted error of the worst vehicle, refined")
     met: bool = Field(description="Whether that meets the need with its margin")
     cost: float | None = Field(description="By `prefer`; null where it states none")
+    formation: dict[str, Any] = Field(
+        description="`scenario` and `vehicles` of the formation with that error, as in a plan file"
+    )
 
 
 class DesignDocument(VersionedDocument):
@@ -86,7 +89,8 @@ class DesignDocument(VersionedDocument):
     best: DesignedTeam | None = Field(description="Null where no formation without fault was found")
     front: list[FrontPoint]
     purchases: list[OfferedPurchase] = Field(
-        description="Changes of the brief, each searched anew, the best first; none where it is met"
+        description="Changes of the brief that help, each searched on from `best`, the best first; "
+        "none where it is met"
     )
     evaluations: int = Field(description="Number of formations looked at")
     seed: int
@@ -111,7 +115,13 @@ def design_document(found: "Design") -> DesignDocument:
         best=None if best is None else _team(best),
         front=[_with_formation(found.brief, one) for one in found.front],
         purchases=[
-            OfferedPurchase(change=one.words, worst_rms_m=one.worst, met=one.met, cost=one.cost)
+            OfferedPurchase(
+                change=one.words,
+                worst_rms_m=one.worst,
+                met=one.met,
+                cost=one.cost,
+                formation=stated(one.plan.scenario, one.plan.orbits),
+            )
             for one in found.purchases
         ],
         evaluations=found.evaluations,

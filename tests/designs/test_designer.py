@@ -11,6 +11,7 @@ from syncplan.designs.designer import Design, design
 from syncplan.designs.ladder import DesignState, KeptSearches
 from syncplan.designs.purchases import offers_for
 from syncplan.errors import InputError
+from syncplan.planning.plan_files import loaded_from, plan_of
 from syncplan.reports.design_report import design_document
 from syncplan.runtime.files import as_text
 from tests.tools.briefs import brief, broken
@@ -102,9 +103,14 @@ def test_a_need_that_no_team_meets_names_the_error_and_what_would_help(
     assert found.best is not None
     assert found.best.validation is None
     worst = [one.worst for one in found.purchases]
-    assert len(worst) == 2
     assert worst == sorted(worst)
+    assert worst[-1] < found.best.worst
     assert not any(one.met for one in found.purchases)
+    # what is bought is a plan of the changed brief, with the error stated
+    for one in design_document(found).purchases:
+        again = plan_of(loaded_from(one.formation)).prediction.rms
+        assert again is not None
+        assert again.max() == pytest.approx(one.worst_rms_m, rel=1e-9)
 
 
 def test_offers_change_one_thing_each_and_state_its_cost() -> None:
