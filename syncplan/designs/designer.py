@@ -152,13 +152,10 @@ def _purchases(
 
     Each is searched on from that formation, and refined.
     """
-    brief, cell, known = ladder.brief, best.start.cell, best.start.found.point
+    brief, start = ladder.brief, (best.start.cell, best.start.found.point)
     offers = []
-    for number, offer in enumerate(offers_for(brief, cell), ladder.searches):
-        point = known
-        if offer.cell != cell:
-            point = Space(offer.brief, offer.cell).extended(known, cell, brief.seed)
-        order = SearchOrder(number, offer.brief, offer.cell, ladder.budget // 2, point)
+    for number, offer in enumerate(offers_for(brief, best.start.cell), ladder.searches):
+        order = SearchOrder(number, offer.brief, offer.cell, ladder.budget // 2, start)
         offers.append((offer, order))
     ladder.total += len(offers)
     ladder.carry_out([order for _, order in offers], "searching what would help")

@@ -97,14 +97,14 @@ class SearchOrder:
     brief : that of the design, or one with a change
     cell : searched cell
     evaluations : number of candidates
-    start : (size,) point to begin at; None for a random one
+    start : cell and point that are known, to begin at; None for a random point
     """
 
     number: int
     brief: Brief
     cell: Cell
     evaluations: int
-    start: Array | None = None
+    start: tuple[Cell, Array] | None = None
 
 
 def search_worker(seed: int) -> Work:
@@ -116,8 +116,11 @@ def search_worker(seed: int) -> Work:
     ) -> tuple[SearchOrder, Found, bool]:
         cell = order.cell
         space = Space(order.brief, cell)
-        own = (seed, cell.vehicles, cell.landmarks, int(cell.alternate), order.start is None)
-        found = search(space, order.evaluations, own, order.start, stop.is_set)
+        known, point = order.start or (cell, None)
+        if point is not None and known != cell:
+            point = space.extended(point, known, seed)
+        own = (seed, cell.vehicles, cell.landmarks, int(cell.alternate), point is None)
+        found = search(space, order.evaluations, own, point, stop.is_set)
         return order, found, stop.is_set()
 
     return work
@@ -232,7 +235,5 @@ class Ladder:
         if best is None:
             return None
         found, other = best
-        own, point = replace(cell, alternate=other.alternate), found.point
-        if other != own:
-            point = Space(self.brief, own).extended(point, other, self.brief.seed)
-        return SearchOrder(number, self.brief, own, evaluations, point)
+        own = replace(cell, alternate=other.alternate)
+        return SearchOrder(number, self.brief, own, evaluations, (other, found.point))
