@@ -27,6 +27,7 @@ SMALL_JOBS = {
     "SYNCPLAN_MAX_RUN_S": "120",
     "SYNCPLAN_MAX_REFINE_S": "2",
     "SYNCPLAN_MAX_SWEEP_VALUES": "3",
+    "SYNCPLAN_MAX_DESIGN_EVALUATIONS": "1000",
     "SYNCPLAN_PLAN_TIMEOUT_S": "60",
     "SYNCPLAN_MAX_RECORDINGS": "5000",
     # a wrong key is to be answered as one, how many ever are sent in a minute

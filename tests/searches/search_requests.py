@@ -57,6 +57,7 @@ SETTINGS = {
     "SYNCPLAN_MAX_REFINE_S": "1",
     "SYNCPLAN_MAX_QUEUED_JOBS": "4",
     "SYNCPLAN_MAX_SWEEP_VALUES": "3",
+    "SYNCPLAN_MAX_DESIGN_EVALUATIONS": "1000",
 }
 _AUTHORISED = {"authorization": f"Bearer {KEY}"}
 _GONE = {"cut"}
