@@ -2,7 +2,6 @@
 
 from api.job_kinds.job_kind import (
     EarlierWork,
-    FinishedSearch,
     JobKind,
     JobOperation,
     JobReport,
@@ -19,7 +18,6 @@ from syncplan.designs.ladder import (
     EVALUATIONS,
     SEARCHES_OF_CELL,
     DesignState,
-    KeptSearches,
     cells_of,
 )
 from syncplan.reports.design_report import DesignDocument, design_document, front_point
@@ -50,10 +48,7 @@ def _designed(spec: JobSpec, earlier: EarlierWork, workers: int, progress: Progr
         front = [front_point(one).as_json() for one in state.front]
         progress(Shown(state.done, {"doing": state.doing, "front": front}))
 
-    kept = KeptSearches(
-        earlier.searches, lambda number, data: progress(FinishedSearch(number, data))
-    )
-    found = design(brief, workers=workers, progress=heard, earlier=kept)
+    found = design(brief, workers=workers, progress=heard, earlier=earlier.resumed(progress))
     return JobReport(as_text(design_document(found).as_json()))
 
 

@@ -16,6 +16,7 @@ from syncplan.planning.plan_files import Loaded
 from syncplan.plotting.figure_table import SubjectKind
 from syncplan.recordings.log import Overview
 from syncplan.reports.job_contract import JobKindName
+from syncplan.runtime.task_crew import EarlierSearch
 from syncplan.scenario.quantities import Section
 
 # --- tasks ----------------------------------------------------------------------------------------
@@ -84,6 +85,14 @@ class EarlierWork:
 
     searches: Mapping[int, bytes]
     spent_s: float
+
+    def resumed(self, progress: Progress) -> EarlierSearch:
+        """Return the search as the library goes on with it; `progress` gets what it finishes."""
+        return EarlierSearch(
+            self.searches,
+            self.spent_s,
+            lambda number, data: progress(FinishedSearch(number, data)),
+        )
 
 
 @dataclass(frozen=True, slots=True)

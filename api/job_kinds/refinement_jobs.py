@@ -6,7 +6,6 @@ from typing import Any, ClassVar, Self
 from api.documents import PlanText, as_plan_text, loaded_plan
 from api.job_kinds.job_kind import (
     EarlierWork,
-    FinishedSearch,
     JobKind,
     JobOperation,
     JobRequest,
@@ -54,8 +53,6 @@ def _refined(spec: JobSpec, earlier: EarlierWork, workers: int, progress: Progre
 
     Progress counts the starts that must have ended because others have begun.
     """
-    from syncplan.refinement.parallel_starts import EarlierSearch
-
     assert spec.plan is not None
     changes = RefinementRequest.model_validate_json(spec.request).changes()
     begun = set(earlier.searches)
@@ -64,11 +61,7 @@ def _refined(spec: JobSpec, earlier: EarlierWork, workers: int, progress: Progre
         begun.add(start)
         progress(max(len(begun) - workers, 0))
 
-    search = EarlierSearch(
-        earlier.searches,
-        earlier.spent_s,
-        lambda number, data: progress(FinishedSearch(number, data)),
-    )
+    search = earlier.resumed(progress)
     given = plan_of(loaded_plan(spec.plan))
     better = refine(given, workers=workers, progress=heard, earlier=search, **changes)
     return as_plan_text(better)

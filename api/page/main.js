@@ -219,8 +219,9 @@ async function start() {
     if (!(await openLinked(asked.get("plan")))) return;
   } else if (!(await opening.edit())) await opening.example(FIRST_EXAMPLE);
   performance.mark("ready");
-  if (asked.get("job")) resume(asked.get("job"));
-  if (asked.get("design")) resumeDesign(asked.get("design"));
+  if (asked.get("job")) resumeJob(asked.get("job"));
+  const design = asked.get("design");
+  if (design) resume(designs, design, (named) => (designed = named ? design : null));
 }
 
 /** Open the plan that the address names; resolves with whether there is one. */
@@ -240,27 +241,19 @@ async function openLinked(planId) {
   }
 }
 
-/** Go on with a job, or show what it came to. */
-async function resume(jobId) {
-  followed = { id: jobId, ended: false };
-  address();
-  try {
-    await work.resume(jobId);
-  } catch (error) {
-    followed = null;
-    address();
-    notice(error.message, { fault: true });
-  }
+/** Go on with a job about the plan on show, or show what it came to. */
+function resumeJob(jobId) {
+  return resume(work, jobId, (named) => (followed = named ? { id: jobId, ended: false } : null));
 }
 
-/** Go on with a design, or show what it came to. */
-async function resumeDesign(jobId) {
-  designed = jobId;
+/** Go on with a job in its panel; `name(flag)` decides whether the address names it. */
+async function resume(panel, jobId, name) {
+  name(true);
   address();
   try {
-    await designs.resume(jobId);
+    await panel.resume(jobId);
   } catch (error) {
-    designed = null;
+    name(false);
     address();
     notice(error.message, { fault: true });
   }
@@ -277,7 +270,7 @@ async function goTo() {
     return;
   }
   await openLinked(planId);
-  if (asked.get("job") && !followed) resume(asked.get("job"));
+  if (asked.get("job") && !followed) resumeJob(asked.get("job"));
 }
 
 /** Draw everything anew, in the colours of the theme. */

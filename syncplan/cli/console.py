@@ -155,8 +155,11 @@ def say_notes(notes: list[str]) -> None:
 
 
 @contextmanager
-def progress_bar(unit: str, total: int) -> Iterator[Callable[[int], None] | None]:
-    """A progress bar on standard error, at a terminal only."""
+def progress_bar(unit: str, total: int) -> Iterator[Callable[..., None] | None]:
+    """A progress bar on standard error, at a terminal only.
+
+    It is called with what is done, and with another total or text where these change.
+    """
     if not sys.stderr.isatty():
         yield None
         return
@@ -179,7 +182,9 @@ def progress_bar(unit: str, total: int) -> Iterator[Callable[[int], None] | None
     )
     with bar:
         task = bar.add_task(unit, total=total)
-        yield lambda done: bar.update(task, completed=done)
+        yield lambda done, total=total, text=unit: bar.update(
+            task, completed=done, total=total, description=text
+        )
 
 
 @contextmanager

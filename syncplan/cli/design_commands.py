@@ -1,8 +1,5 @@
 """The command that designs a team from a brief, and its table."""
 
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,7 +13,7 @@ from syncplan.cli.fitted_tables import FittedTable
 from syncplan.errors import NoSolutionError
 
 if TYPE_CHECKING:
-    from syncplan.designs.ladder import DesignProgress, DesignState
+    from syncplan.designs.ladder import DesignState
     from syncplan.reports.design_report import DesignDocument
 
 designs = typer.Typer()
@@ -56,8 +53,12 @@ def _design(
     console.check_output(output, brief)
     console.check_output(plan_out, brief)
     given = brief_of(brief)
-    with _front_progress() as progress:
-        found = design(given, workers=processes, progress=progress)
+    with console.progress_bar("searching", 0) as bar:
+        found = design(
+            given,
+            workers=processes,
+            progress=bar and (lambda state: bar(state.done, state.total, _words(state))),
+        )
     document = design_document(found)
     if plan_out is not None and document.plan is not None:
         write_text(plan_out, as_text(document.plan.as_json()))
@@ -66,30 +67,16 @@ def _design(
     return 0 if found.status == "met" else NoSolutionError.exit_code
 
 
-@contextmanager
-def _front_progress() -> "Iterator[DesignProgress | None]":
-    """A progress bar of the searches, with the best error so far, at a terminal only."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
-
-    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        line = bar.add_task("searching", total=None)
-
-        def report(state: "DesignState") -> None:
-            fitting = [one for one in state.front if one.found.fits]
-            text = state.doing
-            if fitting:
-                best = min(fitting, key=lambda one: one.found.value)
-                text += (
-                    f"; best {best.found.value:.3g} m with {best.cell.vehicles} vehicles and "
-                    f"{best.cell.landmarks} landmarks"
-                )
-            bar.update(line, description=text, completed=state.done, total=state.total)
-
-        yield report
+def _words(state: "DesignState") -> str:
+    """What a design does, and the least error so far."""
+    fitting = [one for one in state.front if one.found.fits]
+    if not fitting:
+        return state.doing
+    best = min(fitting, key=lambda one: one.found.value)
+    return (
+        f"{state.doing}; best {best.found.value:.3g} m with {best.cell.vehicles} vehicles and "
+        f"{best.cell.landmarks} landmarks"
+    )
 
 
 def show_design(document: "DesignDocument", console: Console) -> None:

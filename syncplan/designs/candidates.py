@@ -24,6 +24,7 @@ from syncplan.orbits.sightings import remainder_of, single_losses
 from syncplan.orbits.team import Team, team_of
 from syncplan.planning.judged_team import landmark_limit, separation_limit
 from syncplan.planning.planner import Plan, judge, met_pairs
+from syncplan.scenario.areas import Area
 from syncplan.scenario.brief import Brief
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.rules import excess
@@ -87,10 +88,7 @@ class Space:
         self._corners, self._largest = self._area.corners, self._area.largest_radius()
         self._ranged = brief.vehicle.speeds[0] < brief.vehicle.speeds[1]
         sites = brief.landmarks
-        listed = sites.given or sites.candidates_m or []
-        self._sites = np.array(
-            list(listed.values()) if isinstance(listed, dict) else listed, dtype=float
-        ).reshape(-1, 2)
+        self._sites = np.array(sites.listed, dtype=float).reshape(-1, 2)
         self._each = 0 if sites.given else 1 if sites.on_edge else 2
         self._bare = self._bare_team()
 
@@ -277,9 +275,8 @@ class Space:
 def check_samples(brief: Brief) -> None:
     """Raise InputError if the run of a candidate may have more samples than a scenario's may."""
     slowest = brief.vehicle.speeds[0]
-    radius = max(
-        PurposeMeasure.of(brief).area.largest_radius(), brief.vehicle.least_radius(slowest)
-    )
+    area = Area.of(brief.area_m, brief.keep_out_m)
+    radius = max(area.largest_radius(), brief.vehicle.least_radius(slowest))
     period = 2.0 * np.pi * radius / slowest
     problem = excess(PERIODS * period, brief.sensor.sample_time_s, period, brief.team.max)
     if problem:

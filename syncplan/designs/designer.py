@@ -19,7 +19,6 @@ from syncplan.designs.judgement import Judgement, judged, refined, wanted
 from syncplan.designs.ladder import (
     DesignProgress,
     FrontCell,
-    KeptSearches,
     Ladder,
     SearchOrder,
 )
@@ -27,7 +26,7 @@ from syncplan.designs.purchases import Purchase, offers_for
 from syncplan.errors import InputError
 from syncplan.results import Result
 from syncplan.runtime.machine import usable_cores
-from syncplan.runtime.task_crew import interruption
+from syncplan.runtime.task_crew import EarlierSearch, interruption
 from syncplan.scenario.brief import Brief, brief_of
 
 Status = Literal["met", "not_found", "impossible"]
@@ -76,7 +75,7 @@ def design(
     *,
     workers: int | None = None,
     progress: DesignProgress | None = None,
-    earlier: KeptSearches | None = None,
+    earlier: EarlierSearch | None = None,
 ) -> Design:
     """Return the cheapest formation found that meets a brief, or what stands in its way.
 
@@ -96,7 +95,7 @@ def design(
         return Design(given, "impossible", proof.kind, proof)
     heard = progress or (lambda _state: None)
     check_samples(given)
-    ladder = Ladder(given, workers or usable_cores(), heard, earlier or KeptSearches())
+    ladder = Ladder(given, workers or usable_cores(), heard, earlier or EarlierSearch())
     with interruption() as interrupted:
         front = ladder.search_all()
         best, binding = _best(ladder, front, interrupted.is_set)

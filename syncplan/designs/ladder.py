@@ -13,7 +13,7 @@ from syncplan.arrays import Array
 from syncplan.designs.candidates import Cell, Space
 from syncplan.designs.cell_search import Found, search
 from syncplan.runtime.machine import single_threaded_blas
-from syncplan.runtime.task_crew import Work, run_orders
+from syncplan.runtime.task_crew import EarlierSearch, Work, run_orders
 from syncplan.scenario.brief import Brief, Effort
 
 EVALUATIONS: Mapping[Effort, int] = {"quick": 800, "normal": 6000, "thorough": 60_000}
@@ -58,20 +58,6 @@ class DesignState:
 
 DesignProgress = Callable[[DesignState], None]
 """Callback that receives each new state of a design."""
-
-
-@dataclass(frozen=True, slots=True)
-class KeptSearches:
-    """Searches kept from an interrupted design, and the function that keeps further ones.
-
-    Attributes
-    ----------
-    finished : finished searches by number, as they were kept
-    keep : called with the number and the bytes of each search that ends by itself
-    """
-
-    finished: Mapping[int, bytes] = field(default_factory=dict)
-    keep: Callable[[int, bytes], None] = lambda _number, _data: None
 
 
 def cells_of(brief: Brief) -> list[Cell]:
@@ -141,7 +127,7 @@ class Ladder:
     brief: Brief
     workers: int
     progress: DesignProgress
-    earlier: KeptSearches
+    earlier: EarlierSearch
     made: dict[int, tuple[Cell, Found]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -169,10 +155,8 @@ class Ladder:
     def front(self) -> list[FrontCell]:
         """The best result of each cell, in either sense, in the order of the cells."""
         best: dict[tuple[int, int], tuple[Cell, Found]] = {}
-        for _, (cell, found) in sorted(
-            (item for item in self.made.items() if item[0] < self.searches),
-            key=lambda item: item[0],
-        ):
+        for number in sorted(number for number in self.made if number < self.searches):
+            cell, found = self.made[number]
             known = best.get((cell.vehicles, cell.landmarks))
             if known is None or found.value < known[1].value:
                 best[cell.vehicles, cell.landmarks] = cell, found

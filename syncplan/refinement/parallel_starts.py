@@ -6,7 +6,7 @@ After Ctrl-C, a start returns the best result it has (see syncplan.runtime.task_
 import json
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,7 +17,7 @@ from syncplan.refinement import ipopt
 from syncplan.refinement.exact_search import improved_nearby
 from syncplan.refinement.measures import NO_STANDING, Measurement, Standing, measure
 from syncplan.refinement.problem import RefineProblem, circles_of, orbits_of
-from syncplan.runtime.task_crew import Work, interruption, run_orders
+from syncplan.runtime.task_crew import EarlierSearch, Work, interruption, run_orders
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,22 +188,6 @@ def searched_nearby(
 #
 # The circles and IPOPT's report are kept. The exact measure is taken again: it is the same to the
 # byte, and data kept by another process need not be trusted.
-
-
-@dataclass(frozen=True, slots=True)
-class EarlierSearch:
-    """Starts kept from an interrupted refinement, and the function that keeps further ones.
-
-    Attributes
-    ----------
-    finished : finished starts by number, as they were kept
-    spent_s : s, part of its time limit that is spent
-    keep : called with the number and the bytes of each start that ends by itself
-    """
-
-    finished: Mapping[int, bytes]
-    spent_s: float
-    keep: Callable[[int, bytes], None]
 
 
 def keeper(earlier: EarlierSearch | None, first: int) -> Callable[[Attempt], None] | None:

@@ -35,7 +35,8 @@ from syncplan.synchronisation.phases import synchronise
 
 if TYPE_CHECKING:
     from syncplan.refinement.ipopt import SolverProgress
-    from syncplan.refinement.parallel_starts import Attempt, EarlierSearch
+    from syncplan.refinement.parallel_starts import Attempt
+    from syncplan.runtime.task_crew import EarlierSearch
 
 RefineProgress = Callable[[int, int, float], None]
 """Callback that receives the start, the iteration and the solver's value of the objective."""

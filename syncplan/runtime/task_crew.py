@@ -11,8 +11,8 @@ import os
 import queue
 import signal
 import threading
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from importlib import import_module
 from multiprocessing.connection import Connection
 from typing import Any
@@ -22,6 +22,22 @@ from syncplan.runtime.child_processes import ChildProcess, connect_to_parent
 
 Work = Callable[[Any, threading.Event, Callable[[Any], None]], Any]
 """Function of an order, of the event that asks it to stop, and of a callback for its progress."""
+
+
+@dataclass(frozen=True, slots=True)
+class EarlierSearch:
+    """Results kept from an interrupted search, and the function that keeps further ones.
+
+    Attributes
+    ----------
+    finished : results by the number of their order, as they were kept
+    spent_s : s, part of its time limit that is spent
+    keep : called with the number and the bytes of each result whose order was not cut short
+    """
+
+    finished: Mapping[int, bytes] = field(default_factory=dict)
+    spent_s: float = 0.0
+    keep: Callable[[int, bytes], None] = lambda _number, _data: None
 
 
 def run_orders(

@@ -19,6 +19,7 @@ from syncplan.scenario.quantities import (
     Section,
     Title,
     fault,
+    points_of,
 )
 from syncplan.scenario.truths import CompassSigma
 
@@ -130,8 +131,12 @@ class Sites(Section):
     @property
     def most(self) -> int:
         """Largest number of landmarks."""
-        sites = self.candidates_m or self.given or []
-        return len(sites) if self.max is None else self.max
+        return len(self.listed) if self.max is None else self.max
+
+    @property
+    def listed(self) -> list[Point]:
+        """Sites that the brief lists, to choose from or given."""
+        return points_of(self.candidates_m or self.given or [])
 
     @property
     def least(self) -> int:
@@ -258,8 +263,8 @@ class Brief(Section):
         polygons = {"area_m": self.area_m}
         for key, many in (("keep_out_m", self.keep_out_m), ("obstacles_m", self.obstacles_m)):
             polygons.update({f"{key}[{k}]": one for k, one in enumerate(many or [])})
-        rules.check_obstacles(self.obstacles_m or [])
-        rules.check_obstacles(self.keep_out_m or [], "keep_out_m")
+        rules.check_corners("obstacles_m", self.obstacles_m or [])
+        rules.check_corners("keep_out_m", self.keep_out_m or [])
         rules.check_polygons(polygons)
         keep = self.purpose.keep
         if keep is not None and keep.count > self.team.max:

@@ -9,7 +9,7 @@ import itertools
 import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from typing import Annotated, Any, Literal, NoReturn, Self, TypeVar
 
@@ -285,6 +285,11 @@ ListedOrNamed = Annotated[
     | Annotated[dict[Name, Point], _WithNamesDescribed(), WrapValidator(in_portions), Tag("named")],
     Discriminator(_named),
 ]
+
+
+def points_of(given: Sequence[Point] | Mapping[str, Point]) -> list[Point]:
+    """Return listed or named points as a list."""
+    return list(given.values()) if isinstance(given, Mapping) else list(given)
 
 
 def _no_speck(value: float) -> float:

@@ -36,14 +36,14 @@ def check_polygons(polygons: Mapping[str, Sequence[Point]]) -> None:
             raise fault(key, problem)
 
 
-def check_obstacles(obstacles: Sequence[Sequence[Point]], key: str = "obstacles_m") -> None:
-    """Raise the fault if all obstacles together have more than MAX_OBSTACLE_CORNERS corners."""
-    corners = sum(map(len, obstacles))
+def check_corners(key: str, polygons: Sequence[Sequence[Point]]) -> None:
+    """Raise the fault if all polygons of a key have more than MAX_OBSTACLE_CORNERS corners."""
+    corners = sum(map(len, polygons))
     if corners > MAX_OBSTACLE_CORNERS:
         raise fault(
             key,
             f"has {corners} corners in all, more than {MAX_OBSTACLE_CORNERS}; give each polygon "
-            "fewer corners, or leave out those that stand between no circles",
+            "fewer corners, or leave out those that change nothing",
         )
 
 

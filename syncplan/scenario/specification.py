@@ -1,7 +1,6 @@
 """The scenario: a user's formation, checked; one model for files and service."""
 
 import math
-from collections.abc import Sequence
 from typing import Annotated, Self, TypeVar
 
 from pydantic import Field, model_validator
@@ -28,6 +27,7 @@ from syncplan.scenario.quantities import (
     StartTime,
     Title,
     fault,
+    points_of,
 )
 from syncplan.scenario.truths import CompassSigma, Truth, true_world
 
@@ -150,7 +150,7 @@ class Scenario(Result, Section):
                 raise fault("heading_interval_s", "does nothing unless heading_sigma_rad is given")
             models.check_interval("heading_interval_s", self.heading_interval_s, self.sample_time)
         rules.check_landmarks(self.landmark_names, self.landmarks)
-        rules.check_obstacles(self.obstacles_m or [])
+        rules.check_corners("obstacles_m", self.obstacles_m or [])
         rules.check_polygons(self._polygons)
         check_estimated(self.filter.estimate if self.filter else "auto", self.error_sigmas)
         if self.limits is not None:
@@ -201,7 +201,7 @@ class Scenario(Result, Section):
         """Centre [x, y] of each circle in m; empty where none are given."""
         formation = self.formation
         if formation.centers_m is not None:
-            return _points(formation.centers_m)
+            return points_of(formation.centers_m)
         shape, count, spacing = formation.shape, formation.count, formation.spacing_m
         if shape is None or count is None or spacing is None:
             return []
@@ -211,7 +211,7 @@ class Scenario(Result, Section):
     @property
     def landmarks(self) -> list[Point]:
         """Position [x, y] of each landmark in m."""
-        return _points(self.landmarks_m)
+        return points_of(self.landmarks_m)
 
     @property
     def sensors(self) -> list[models.Sensor]:
@@ -298,7 +298,3 @@ class Scenario(Result, Section):
 def per_vehicle(value: T | list[T], count: int) -> list[T]:
     """Return one value for each of `count` vehicles, a single value repeated."""
     return value if isinstance(value, list) else [value] * count
-
-
-def _points(value: Sequence[Point] | dict[str, Point]) -> list[Point]:
-    return list(value.values()) if isinstance(value, dict) else list(value)

@@ -8,12 +8,13 @@ import pytest
 from syncplan.designs import designer, judgement, ladder
 from syncplan.designs.candidates import Cell
 from syncplan.designs.designer import Design, design
-from syncplan.designs.ladder import DesignState, KeptSearches
+from syncplan.designs.ladder import DesignState
 from syncplan.designs.purchases import offers_for
 from syncplan.errors import InputError
 from syncplan.planning.plan_files import loaded_from, plan_of
 from syncplan.reports.design_report import design_document
 from syncplan.runtime.files import as_text
+from syncplan.runtime.task_crew import EarlierSearch
 from tests.tools.briefs import brief, broken
 
 
@@ -62,12 +63,14 @@ def test_kept_searches_are_not_repeated_and_give_the_same_design(
 ) -> None:
     given = brief(need={"worst_rms_m": 0.9})
     kept: dict[int, bytes] = {}
-    whole = design(given, workers=1, earlier=KeptSearches(keep=kept.__setitem__))
+    whole = design(given, workers=1, earlier=EarlierSearch(keep=kept.__setitem__))
     assert len(kept) >= 6
     half = dict(list(kept.items())[: len(kept) // 2])
     made: list[int] = []
     resumed = design(
-        given, workers=1, earlier=KeptSearches(half, lambda number, _data: made.append(number))
+        given,
+        workers=1,
+        earlier=EarlierSearch(half, keep=lambda number, _data: made.append(number)),
     )
     assert _text(resumed) == _text(whole)
     assert set(made) == kept.keys() - half.keys()

@@ -5,10 +5,10 @@ import json
 import pytest
 
 from syncplan.planning.planner import Plan, plan
-from syncplan.refinement.parallel_starts import EarlierSearch
 from syncplan.refinement.refiner import refine
 from syncplan.reports.plan_report import plan_document
 from syncplan.runtime.files import as_text
+from syncplan.runtime.task_crew import EarlierSearch
 from tests.tools.scenarios import small
 
 STARTS = 3
