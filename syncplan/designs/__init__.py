@@ -1,6 +1,5 @@
 """Design by requirement: the cheapest formation that a search finds for a brief.
 
-purposes          how far circles serve the purpose of a brief
 candidates        a formation as numbers between 0 and 1: its scenario, its faults, its error
 cell_search       the best formation of so many vehicles and landmarks
 impossibility     proofs that no formation can meet a brief

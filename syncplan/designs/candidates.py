@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.designs.purposes import PurposeMeasure
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.bounds import LossBounds, posterior_bound
 from syncplan.orbits.circles import Orbits
@@ -27,6 +26,7 @@ from syncplan.planning.planner import Plan, judge, met_pairs
 from syncplan.scenario.areas import Area
 from syncplan.scenario.brief import Brief
 from syncplan.scenario.loading import scenario_from
+from syncplan.scenario.purposes import PurposeMeasure
 from syncplan.scenario.rules import excess
 from syncplan.scenario.specification import Scenario
 
@@ -35,6 +35,9 @@ PERIODS = 10
 
 SAMPLES = 48
 """Samples in a period of the coarse grid, about."""
+
+FIELD_POINTS = 3000
+"""Number of grid points in the box around the area, about."""
 
 TRIES = 30
 """Number of random places for a further vehicle or landmark."""
@@ -83,8 +86,9 @@ class Space:
     """
 
     def __init__(self, brief: Brief, cell: Cell) -> None:
-        self.brief, self.cell, self.measure = brief, cell, PurposeMeasure.of(brief)
-        self._area = self.measure.area
+        self.brief, self.cell = brief, cell
+        self._area = Area.of(brief.area_m, brief.keep_out_m)
+        self.measure = PurposeMeasure.of(brief.purpose, self._area, FIELD_POINTS)
         self._corners, self._largest = self._area.corners, self._area.largest_radius()
         self._ranged = brief.vehicle.speeds[0] < brief.vehicle.speeds[1]
         sites = brief.landmarks

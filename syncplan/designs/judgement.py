@@ -63,9 +63,9 @@ def judged(
     if not stopped():
         report(f"refining {team}")
         made = refined(space, made)
-    circles = made.orbits.centers, made.orbits.radii
-    judgement = Judgement(one, made, covered=space.measure.covered(*circles))
-    binding = _fault(judgement, space)
+    covered = space.measure.covered(made.orbits.centers, made.orbits.radii)
+    judgement = Judgement(one, made, covered=covered)
+    binding = _fault(judgement, need)
     if binding:
         return replace(judgement, binding=binding)
     if stopped():
@@ -90,16 +90,14 @@ def judged(
     return replace(judgement, binding=stops[0].code) if stops else judgement
 
 
-def _fault(judgement: Judgement, space: Space) -> str:
+def _fault(judgement: Judgement, need: Need) -> str:
     """The requirement that a plan misses as it was judged; empty if there is none."""
     made = judgement.plan
     if not made.observable:
         return "rank"
     if not made.verdict.go:
         return made.verdict.stops[0].code
-    if not space.measure.served(made.orbits.centers, made.orbits.radii):
-        return "area"
-    return "error" if judgement.worst > wanted(space.brief.need) else ""
+    return "error" if judgement.worst > wanted(need) else ""
 
 
 def wanted(need: Need) -> float:
@@ -108,23 +106,18 @@ def wanted(need: Need) -> float:
 
 
 def refined(space: Space, made: Plan) -> Plan:
-    """Return a plan of a space with better phases and centres, or phases alone.
+    """Return a plan of a space with better phases and centres; it serves the purpose still.
 
-    It serves the purpose still. A plan that is not GO is returned as it is.
+    A plan that is not GO is returned as it is.
     """
     if not made.verdict.go:
         return made
-    for vary, box in ((["phases", "centers"], BOX_M), (["phases"], None)):
-        better = refine(
-            made,
-            objective="worst_predicted_rms",
-            vary=vary,
-            center_box_m=box,
-            starts=1,
-            time_limit_s=REFINEMENT_S,
-            seed=space.brief.seed,
-            workers=1,
-        )
-        if space.measure.served(better.orbits.centers, better.orbits.radii):
-            return better
-    return made
+    return refine(
+        made,
+        objective="worst_predicted_rms",
+        center_box_m=BOX_M,
+        starts=1,
+        time_limit_s=REFINEMENT_S,
+        seed=space.brief.seed,
+        workers=1,
+    )

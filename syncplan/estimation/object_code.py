@@ -11,6 +11,7 @@ each array as seven or more numbers, of which its data, shape and strides are us
 import ctypes
 import hashlib
 import os
+import threading
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -37,13 +38,16 @@ class ObjectCode(Generic[P]):
     def __init__(self, function: Callable[P, int]) -> None:
         self.function = function
         self._compiled: Any = None
+        self._loading = threading.Lock()
 
     def __call__(self, *arguments: P.args, **named: P.kwargs) -> int:
         """Return the function's result."""
         if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
             return self.function(*arguments, **named)
-        if self._compiled is None:
-            self._compiled = self._loaded(arguments)
+        # once: a second one would take away the code that the first caller is running
+        with self._loading:
+            if self._compiled is None:
+                self._compiled = self._loaded(arguments)
         result, error = ctypes.c_int64(), ctypes.c_void_p()
         passed = [part for one in arguments for part in _flat(one)]
         self._compiled[0](ctypes.byref(result), ctypes.byref(error), *passed)

@@ -23,6 +23,8 @@ from syncplan.orbits.sightings import Loss
 from syncplan.orbits.team import Team, WithTeam, true_team_of
 from syncplan.planning.plan_records import FlownPlan, RefinementRecord
 from syncplan.planning.start_up import StartUp
+from syncplan.scenario.areas import Area
+from syncplan.scenario.purposes import PurposeMeasure
 from syncplan.scenario.specification import Scenario
 from syncplan.synchronisation.phases import Synchronisation
 
@@ -31,7 +33,7 @@ if TYPE_CHECKING:
 
 # --- least distances ------------------------------------------------------------------------------
 #
-# One rule for both: the verdict judges it, and refinement keeps it.
+# One rule for both: the verdict judges it, and refinement keeps it. So is the purpose.
 
 
 TOLERANCE = 1e-6
@@ -74,6 +76,17 @@ def separation_limit(scenario: Scenario) -> DistanceLimit:
 def landmark_limit(scenario: Scenario) -> DistanceLimit:
     """Return the least distance allowed between a vehicle and a landmark."""
     return DistanceLimit("landmark_clearance_m", scenario.landmark_clearance_m)
+
+
+# --- the purpose ----------------------------------------------------------------------------------
+
+
+def purpose_measure(scenario: Scenario, points: int = 0) -> PurposeMeasure | None:
+    """Return the measure of a scenario's purpose, with a grid of so many points; None without."""
+    if scenario.purpose is None:
+        return None
+    area = Area.of(scenario.area_m, scenario.keep_out_m)
+    return PurposeMeasure.of(scenario.purpose, area, points)
 
 
 # --- predicted errors -----------------------------------------------------------------------------

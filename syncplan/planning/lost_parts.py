@@ -110,9 +110,10 @@ def scenario_after(scenario: Scenario, loss: Loss) -> Scenario:
 
     Names stay. Links to a lost vehicle are left out, as are those for which no remaining sensor
     reaches far enough. A lost sensor gets the smallest range there is; one of a single kind of
-    sighting, no sigma. An error that no remaining vehicle has is no longer a state.
+    sighting, no sigma. An error that no remaining vehicle has is no longer a state. The purpose is
+    no longer asked for: a loss is judged by what the rest can localise.
     """
-    values = scenario.model_dump(mode="json", exclude_none=True)
+    values = scenario.model_dump(mode="json", exclude_none=True, exclude={"purpose"})
     kept = [k for k in range(scenario.size) if k not in loss.vehicles]
     for place, k in loss.kinds:
         values |= _without_sensor(values, _KINDS[place], k, scenario.size)

@@ -14,6 +14,7 @@ from syncplan.planning.judged_team import (
     JudgedTeam,
     Remark,
     landmark_limit,
+    purpose_measure,
     separation_limit,
 )
 from syncplan.scenario.areas import Area
@@ -96,6 +97,17 @@ def in_keep_out(judged: JudgedTeam) -> Iterator[Remark]:
             (name,),
             cure="move the circle, or change its radius",
         )
+
+
+def purpose_missed(judged: JudgedTeam) -> Iterator[Remark]:
+    """Yield the finding that the circles miss their purpose."""
+    measure = purpose_measure(judged.scenario)
+    if measure is not None:
+        room = measure.room(judged.orbits.centers, judged.orbits.radii)
+        if room < -TOLERANCE * measure.size:
+            yield Remark(
+                "stop", measure.worded(room), cure="move the circles, or change their radii"
+            )
 
 
 def _first_of(

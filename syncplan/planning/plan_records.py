@@ -43,7 +43,8 @@ class RefinementRecord:
     start_before : start-up of the input; None if it was not judged
     expected_before : m, expected RMS error of all vehicles in the input, if its filter leaves out
         errors; None if it leaves out none or no bound is computed
-    cleared : whether the result keeps distances that the input did not, whatever its figures
+    cleared : whether the result keeps distances or the purpose that the input did not, whatever
+        its figures
     """
 
     options: RefineOptions | None

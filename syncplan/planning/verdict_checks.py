@@ -29,13 +29,13 @@ def not_refined(judged: JudgedTeam) -> Iterator[Remark]:
 
 
 def cleared(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield the finding that refinement cleared distances that were too small, at any cost."""
+    """Yield the finding that refinement cleared distances or reached the purpose, at any cost."""
     record = judged.refinement
     if record is not None and record.cleared:
         yield Remark(
             "note",
-            "the plan that was given came too near to vehicles, landmarks or areas; this one "
-            "clears them or comes less near, which counted before its figures",
+            "the plan that was given came too near to vehicles, landmarks or areas, or missed its "
+            "purpose; this one does not, or does so less, which counted before its figures",
         )
 
 
@@ -71,6 +71,7 @@ CHECKS: dict[str, Callable[[JudgedTeam], Iterable[Remark]]] = {
     "landmark-too-close": path_checks.landmarks_too_close,
     "outside-area": path_checks.outside_area,
     "in-keep-out": path_checks.in_keep_out,
+    "purpose-missed": path_checks.purpose_missed,
     "over-limit": path_checks.over_limit,
     "strong-wind": path_checks.strong_wind,
     "landmark-hidden": observability_checks.landmarks_hidden,

@@ -1,4 +1,4 @@
-"""Smooth constraints of a refinement over the whole turn: contacts, separation, landmarks, areas.
+"""Smooth constraints of a refinement over the whole turn: contacts, distances, areas, purpose.
 
 Each concerns one vehicle or one pair, so its Jacobian is sparse. Two vehicles of one sense move
 relative to each other on a circle of radius m = |R_b e(phi_b) - R_a e(phi_a)| about the offset D of
@@ -19,7 +19,13 @@ import numpy as np
 
 from syncplan.arrays import Array, Index
 from syncplan.orbits.circles import relative_motion
-from syncplan.refinement.problem import RefineProblem, SampleTimes, Stage, samples_in
+from syncplan.refinement.problem import (
+    RefineProblem,
+    SampleTimes,
+    Stage,
+    circles_of,
+    samples_in,
+)
 from syncplan.refinement.smooth_sightings import (
     ALL_ROUND,
     ROUNDED_ANGLE,
@@ -27,6 +33,7 @@ from syncplan.refinement.smooth_sightings import (
     convex_pieces,
     sight_gap,
 )
+from syncplan.scenario.purposes import PurposeMeasure
 
 # --- blocks ---------------------------------------------------------------------------------------
 #
@@ -61,9 +68,9 @@ def blocks_of(
     lower: Array,
     labels: list[str],
 ) -> Blocks:
-    """Return the blocks of a function of one or two of the circles (4, n), then of parameters.
+    """Return the blocks of a function of one or more of the circles (4, n), then of parameters.
 
-    `owners` (e, 1) or (e, 2) are the vehicles of each block; parameters have a column per block.
+    `owners` (e, k) are the k vehicles of each block; parameters have a column per block.
     """
     number, each = owners.shape
     inputs = [*(circles[:, own.tolist()] for own in owners.T), *parameters]
@@ -224,6 +231,75 @@ def area_clearances(problem: RefineProblem, circles: ca.MX, sides: ca.MX) -> Blo
             parameters, last = [last[:count].T], last[count:]
         blocks += [_clear(problem, function, circles, edge, parameters, name) for edge in edges]
     return stacked_blocks(blocks, count)
+
+
+# --- purpose --------------------------------------------------------------------------------------
+#
+# The strip along a circle covers a point as far as a logistic step of the point's distance from its
+# edge says. A point is open as far as it is open for each circle: the product of these.
+
+
+_STEP_OF_GRID = 0.5
+"""Width of the step between covered and open, as a share of the distance of grid points."""
+
+_SPARE = 0.002
+"""Share of the area that is covered in addition, for the error of grid and step."""
+
+
+def purpose_served(problem: RefineProblem, circles: ca.MX) -> Blocks:
+    """Return how far circles serve their purpose; met at 1 or more, or at the bound of a cover.
+
+    Each point to visit is left to the vehicle that passes it nearest in the plan. The grid's share
+    that is covered has to change by no less than the exact share may, or must.
+    """
+    measure, orbits, scale = problem.purpose, problem.orbits, problem.scale
+    if measure is None:
+        return stacked_blocks([], orbits.count)
+    parameters: list[ca.DM | ca.MX] = []
+    purpose, given = measure.purpose, (orbits.centers, orbits.radii)
+    if purpose.cover is not None:
+        owners = np.arange(orbits.count)[None]
+        function = _covering(measure, purpose.cover.swath_m, orbits.count, scale)
+        now = np.vsplit((circles_of(orbits) / [[scale], [scale], [scale], [1.0]]).T, orbits.count)
+        lower = np.array(function(*now)) - measure.room(*given) + _SPARE
+        return blocks_of(function, circles, owners, parameters, lower[0], ["purpose"])
+    if purpose.visit_m is not None:
+        owners, points = measure.nearest(*given)[:, None], np.array(purpose.visit_m).T / scale
+        function, parameters = _visiting(purpose.within_m / scale), [ca.DM(points)]
+    else:
+        assert purpose.keep is not None
+        owners = measure.kept_pairs()
+        function = _keeping_apart(purpose.keep.spread_m / scale)
+    names = ["purpose"] * len(owners)
+    return blocks_of(function, circles, owners, parameters, np.ones(len(owners)), names)
+
+
+def _covering(measure: PurposeMeasure, swath: float, count: int, scale: float) -> ca.Function:
+    """Smooth share of the grid within half a swath of circles; inputs are the circles, scaled."""
+    circles = [ca.SX.sym(f"a{k}", 4) for k in range(count)]
+    points, width = ca.DM(measure.field / scale), _STEP_OF_GRID * measure.spacing / scale
+    log_open = ca.SX(points.size1(), 1)
+    for a in circles:
+        away = ca.sqrt((points[:, 0] - a[0]) ** 2 + (points[:, 1] - a[1]) ** 2 + _TINY)
+        off = ca.sqrt((away - a[2]) ** 2 + _TINY)
+        log_open += _log_logistic((off - 0.5 * swath / scale) / width)
+    return ca.Function("covering", circles, [1.0 - ca.sum1(ca.exp(log_open)) / points.size1()])
+
+
+def _visiting(within: float) -> ca.Function:
+    """Room of a circle's pass of a place."""
+    a, place = ca.SX.sym("a", 4), ca.SX.sym("place", 2)
+    off = (_length(a[:2] - place) - a[2]) / within
+    return ca.Function("visiting", [a, place], [2.0 - off**2])
+
+
+def _keeping_apart(spread: float) -> ca.Function:
+    """Distance of two centres, in that asked for."""
+    a, b = ca.SX.sym("a", 4), ca.SX.sym("b", 4)
+    return ca.Function("keeping_apart", [a, b], [_length(b[:2] - a[:2]) / spread])
+
+
+# --- pieces ---------------------------------------------------------------------------------------
 
 
 def _apart(
@@ -524,7 +600,7 @@ CONTACT_SAMPLES = 96
 
 
 def constraints_of(problem: RefineProblem, stage: Stage, circles: ca.MX, sides: ca.MX) -> Blocks:
-    """Return the constraints of a stage: contacts, separations, clearances of landmarks and areas.
+    """Return the constraints of a stage: contacts, separations, clearances, areas, the purpose.
 
     `circles` are (4, n), scaled; `sides` are those of `sides_of`.
     """
@@ -537,5 +613,6 @@ def constraints_of(problem: RefineProblem, stage: Stage, circles: ca.MX, sides: 
         separations(problem, circles),
         landmark_clearances(problem, circles, sides),
         area_clearances(problem, circles, sides),
+        purpose_served(problem, circles),
     ]
     return stacked_blocks([contacts, *distances], problem.orbits.count)

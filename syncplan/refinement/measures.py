@@ -31,8 +31,8 @@ class ConstraintMargin:
     Attributes
     ----------
     label : name of the constraint
-    room : m to the limit, negative beyond it
-    size : m, scale with which the room is compared
+    room : m to the limit, or a share of the area; negative beyond it
+    size : scale with which the room is compared, in the same unit
     required : whether the user gave it; any other has to be met only if the plan to be refined
         meets it
     stops : whether a plan that violates it must not be flown
@@ -162,9 +162,12 @@ def _clearances(problem: RefineProblem, orbits: Orbits) -> list[ConstraintMargin
 
 
 def _circles(problem: RefineProblem, orbits: Orbits) -> list[ConstraintMargin]:
-    """Margins of the area, the box and the radius of each vehicle."""
-    names, freedom = problem.names, problem.freedom
+    """Margins of the purpose, and of the area, the box and the radius of each vehicle."""
+    names, freedom, purpose = problem.names, problem.freedom, problem.purpose
     margins = []
+    if purpose is not None:
+        room = purpose.room(orbits.centers, orbits.radii)
+        margins.append(ConstraintMargin("purpose", room, purpose.size, True, stops=True))
     if problem.area.limited:
         clear = problem.area.path_clearances(orbits.centers, orbits.radii).min(axis=0)
         margins += [
@@ -172,12 +175,12 @@ def _circles(problem: RefineProblem, orbits: Orbits) -> list[ConstraintMargin]:
             for k, radius in enumerate(orbits.radii)
         ]
     held = np.concatenate([orbits.centers.T, orbits.radii[None]])
-    room = np.minimum(held - freedom.lower[:3], freedom.upper[:3] - held)
+    rooms = np.minimum(held - freedom.lower[:3], freedom.upper[:3] - held)
     free = freedom.free[:3]
     for k in range(orbits.count):
         for what, rows in (("box", slice(0, 2)), ("radius", slice(2, 3))):
-            if free[rows, k].any() and np.isfinite(room[rows, k][free[rows, k]]).any():
-                least = float(room[rows, k][free[rows, k]].min())
+            if free[rows, k].any() and np.isfinite(rooms[rows, k][free[rows, k]]).any():
+                least = float(rooms[rows, k][free[rows, k]].min())
                 size = float((freedom.upper - freedom.lower)[rows, k][free[rows, k]].min()) / 2.0
                 margins.append(ConstraintMargin(f"{what} of {names[k]}", least, size, True))
     return margins

@@ -17,6 +17,7 @@ from syncplan.orbits.team import Sensors, Team, WithTeam
 from syncplan.planning.judged_team import DistanceLimit
 from syncplan.scenario.areas import Area
 from syncplan.scenario.objectives import Objective
+from syncplan.scenario.purposes import PurposeMeasure
 
 WINDOW_BOUND = "window bound of the worst vehicle"
 """Label of the constraint on this bound."""
@@ -68,6 +69,7 @@ class RefineProblem(WithTeam):
     min_separation : m, as given or as the plan has it
     separation_limit, landmark_limit : least distances of vehicles from each other and landmarks
     area : polygons that limit the circles
+    purpose : measure of what the circles are flown for; None for nothing
     window_limit : m, largest window bound allowed of any vehicle; infinite for no limit
     """
 
@@ -85,6 +87,7 @@ class RefineProblem(WithTeam):
     separation_limit: DistanceLimit
     landmark_limit: DistanceLimit
     area: Area
+    purpose: PurposeMeasure | None
     window_limit: float
 
     @property

@@ -12,7 +12,7 @@ import numpy as np
 from syncplan.arrays import as_pairs
 from syncplan.errors import NoSolutionError
 from syncplan.orbits.sightings import sightings_over
-from syncplan.planning.judged_team import landmark_limit, separation_limit
+from syncplan.planning.judged_team import landmark_limit, purpose_measure, separation_limit
 from syncplan.planning.planner import Plan
 from syncplan.refinement.measures import Measurement, measure
 from syncplan.refinement.problem import Freedom, RefineProblem, circles_of
@@ -25,6 +25,9 @@ PAIR_SAMPLES, ANCHOR_SAMPLES = 3, 2
 
 DEFAULT_MARGIN = 0.02
 """Share of the range by which contact stays within it where no margin is given."""
+
+FIELD_POINTS = 1000
+"""Number of points of the area's grid that the solver sees, about."""
 
 SAFE_SHARE = 0.5
 """Share of the mean radius: the largest separation that is kept where none is given."""
@@ -66,6 +69,7 @@ def _problem_as_given(given: Plan, options: RefineOptions) -> RefineProblem:
         separation_limit=separation_limit(scenario),
         landmark_limit=landmark_limit(scenario),
         area=area,
+        purpose=purpose_measure(scenario, FIELD_POINTS),
         window_limit=math.inf,
     )
 

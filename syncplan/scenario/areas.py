@@ -167,19 +167,20 @@ class Area:
         """Return the size in m^2 without keep-outs, or of the outer polygon grown by some m."""
         return float((self._outer.buffer(grown) if grown else self._open).area)
 
-    def grid(self, count: int) -> Array:
-        """Return the (p, 2) m of a grid, about `count` in the bounding box, that lie open."""
+    def grid(self, count: int) -> tuple[Array, float]:
+        """Return the (p, 2) m of a grid, about `count` in the bounding box, that lie open.
+
+        With the distance of neighbours in m.
+        """
         import shapely
 
-        if not count:
-            return np.zeros((0, 2))
         west, south, east, north = self._outer.bounds
         step = np.sqrt((east - west) * (north - south) / count)
         x, y = (
             np.arange(low + 0.5 * step, high, step) for low, high in ((west, east), (south, north))
         )
         points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-        return np.asarray(points[shapely.contains_xy(self._open, points)])
+        return np.asarray(points[shapely.contains_xy(self._open, points)]), float(step)
 
     def covered_share(self, centers: Array, radii: Array, half: float) -> float:
         """Return the share, keep-outs left out, within `half` m of some circle's path."""

@@ -10,10 +10,10 @@ from pydantic import Field, model_validator
 from syncplan.scenario import models, rules
 from syncplan.scenario.disturbances import Filter, InitialSigma, Motion, Wind
 from syncplan.scenario.loading import parse_document, read_text
+from syncplan.scenario.purposes import Purpose
 from syncplan.scenario.quantities import (
     Length,
     ListedOrNamed,
-    Many,
     Point,
     Polygon,
     Section,
@@ -144,56 +144,6 @@ class Sites(Section):
         return len(self.given) if self.given else 0
 
 
-class Cover(Section):
-    """Strips along the circles that together cover a share of the area, keep-outs left out."""
-
-    share: Annotated[float, Field(gt=0, le=1)] = Field(
-        description="Share of the area", examples=[0.9]
-    )
-    swath_m: Length = Field(
-        description="Width of the strip that a vehicle covers along its path, half on either side",
-        examples=[60.0],
-    )
-
-
-class Keep(Section):
-    """Vehicles that stay apart: their circles' centres are that far from each other."""
-
-    count: Annotated[int, Field(ge=1, le=MOST_VEHICLES)] = Field(
-        description="Number of vehicles", examples=[4]
-    )
-    spread_m: Length = Field(description="Least distance of their centres", examples=[80.0])
-
-
-class Purpose(Section):
-    """What the team is there for: one of cover, visit_m and keep."""
-
-    cover: Cover | None = Field(default=None, description="Cover a share of the area")
-    visit_m: Many[Point] | None = Field(
-        default=None,
-        description="Points [x, y] that some circle passes within within_m",
-        examples=[[[40.0, 40.0], [120.0, 60.0]]],
-    )
-    within_m: Length = Field(
-        default=5.0, description="Distance within which a point counts as visited", examples=[5.0]
-    )
-    keep: Keep | None = Field(default=None, description="Keep so many vehicles apart")
-
-    @model_validator(mode="after")
-    def _one(self) -> Self:
-        kinds = {"cover": self.cover, "visit_m": self.visit_m, "keep": self.keep}
-        named = [key for key, value in kinds.items() if value]
-        if not named:
-            raise fault(
-                "cover",
-                "is missing: give cover, visit_m or keep; without a purpose, all "
-                "vehicles would gather at the landmarks",
-            )
-        if len(named) > 1:
-            raise fault(named[1], f"can't be combined with {named[0]}; give one of the two")
-        return self
-
-
 class Need(Section):
     """The error that the team may have."""
 
@@ -266,9 +216,7 @@ class Brief(Section):
         rules.check_corners("obstacles_m", self.obstacles_m or [])
         rules.check_corners("keep_out_m", self.keep_out_m or [])
         rules.check_polygons(polygons)
-        keep = self.purpose.keep
-        if keep is not None and keep.count > self.team.max:
-            raise fault("purpose.keep.count", f"is more than team.max, {self.team.max}", keep.count)
+        self.purpose.check_against(self.area_m, self.team.max, "team.max")
         return self
 
     def __repr__(self) -> str:
@@ -285,6 +233,7 @@ class Brief(Section):
             "area_m",
             "keep_out_m",
             "obstacles_m",
+            "purpose",
             "sensor",
             "heading_sigma_rad",
             "motion",

@@ -72,8 +72,8 @@ class NumericKey:
 def numeric_keys() -> Mapping[str, NumericKey]:
     """Return all keys that hold a number, in the scenario's order.
 
-    Leaves out the keys of `refine`, which describe the improvement of a plan and not the plan, and
-    those in IN_FLIGHT_ALONE.
+    Leaves out the keys of `refine` and `purpose`, which no figure of a sweep depends on, and those
+    in IN_FLIGHT_ALONE.
     """
     from syncplan.scenario.specification import Scenario
 
@@ -81,7 +81,7 @@ def numeric_keys() -> Mapping[str, NumericKey]:
     found = {
         one.key: one
         for one in _within(schema, schema["$defs"], "")
-        if not one.key.startswith("refine.") and one.key not in IN_FLIGHT_ALONE
+        if not one.key.startswith(("refine.", "purpose.")) and one.key not in IN_FLIGHT_ALONE
     }
     return MappingProxyType(found)
 

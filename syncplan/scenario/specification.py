@@ -18,6 +18,7 @@ from syncplan.scenario.disturbances import (
     error_sigma,
 )
 from syncplan.scenario.formations import SHAPES
+from syncplan.scenario.purposes import Purpose
 from syncplan.scenario.quantities import (
     ListedOrNamed,
     OneOrMany,
@@ -108,6 +109,11 @@ class Scenario(Result, Section):
         "may stand in both",
         examples=[[[[100.0, 30.0], [110.0, 30.0], [105.0, 40.0]]]],
     )
+    purpose: Purpose | None = Field(
+        default=None,
+        description="What the circles are flown for; a plan that misses it is NO-GO",
+        examples=[{"cover": {"share": 0.9, "swath_m": 60.0}}],
+    )
     limits: models.Limits | None = Field(
         default=None, description="Speeds and turn rates that vehicles can reach"
     )
@@ -164,6 +170,8 @@ class Scenario(Result, Section):
             )
         if formation.placed and isinstance(orbit.direction, list):
             rules.check_shared_circles(orbit.direction, self.vehicle_names, self.centers, radii)
+        if self.purpose is not None:
+            self.purpose.check_against(self.area_m, self.size, "the number of vehicles")
         if self.truth is not None:
             true_world(self, self.truth, self.size)
         return self

@@ -7,8 +7,9 @@ import pytest
 
 from syncplan.arrays import Array
 from syncplan.designs.impossibility import proof_against
-from syncplan.designs.purposes import PurposeMeasure
+from syncplan.scenario.areas import Area
 from syncplan.scenario.brief import Brief
+from syncplan.scenario.purposes import PurposeMeasure
 from tests.tools.briefs import brief, within
 
 PLANTED: list[tuple[dict[str, Any], str]] = [
@@ -74,7 +75,8 @@ def _circles(given: Brief, generator: np.random.Generator) -> tuple[Array, Array
 
 def _fits_somewhere(given: Brief, draws: int, generator: np.random.Generator) -> bool:
     """Whether some drawn circles stay within the area and serve the purpose, by sampling."""
-    measure = PurposeMeasure.of(given)
+    area = Area.of(given.area_m, given.keep_out_m)
+    measure = PurposeMeasure.of(given.purpose, area, 0)
     turn = np.linspace(0.0, 2.0 * np.pi, 180, endpoint=False)
     way = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
     for _ in range(draws):
@@ -84,7 +86,7 @@ def _fits_somewhere(given: Brief, draws: int, generator: np.random.Generator) ->
             continue
         if any(within(np.array(one), paths).any() for one in given.keep_out_m or []):
             continue
-        if measure.served(centers, radii):
+        if measure.room(centers, radii) >= 0.0:
             return True
     return False
 

@@ -3,6 +3,9 @@
 import os
 import subprocess
 import sys
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +43,28 @@ def test_functions_that_call_others_change_arrays_and_return_integers() -> None:
     values = np.arange(3.0)
     assert _four_times(values, 2) == 4
     np.testing.assert_array_equal(values, [0.0, 4.0, 2.0])
+
+
+def test_threads_that_call_it_first_at_the_same_moment_load_it_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # code that is loaded twice is taken away from under the thread that runs it: a crash
+    function, loaded, threads = ObjectCode(_twice.function), [], 8
+    load, ready = ObjectCode._loaded, threading.Barrier(threads)
+
+    def slowly(one: ObjectCode[Any], arguments: tuple[Any, ...]) -> tuple[Any, ...]:
+        loaded.append(one)
+        time.sleep(0.05)
+        return load(one, arguments)
+
+    def call(_: int) -> int:
+        ready.wait()
+        return function(np.ones(2), 2)
+
+    monkeypatch.setattr(ObjectCode, "_loaded", slowly)
+    with ThreadPoolExecutor(threads) as pool:
+        assert list(pool.map(call, range(threads))) == [2] * threads
+    assert loaded == [function]
 
 
 def test_arrays_of_another_kind_are_refused() -> None:

@@ -23,7 +23,7 @@ def test_a_design_shows_its_front_and_opens_any_team(visit: Visit, page: Page) -
     expect(panel.locator("#design-job-text")).to_contain_text(
         re.compile(r"of 6 searches; searching")
     )
-    expect(panel.locator(".badge")).to_contain_text("Met: need 2 m", timeout=60_000)
+    expect(panel.locator(".badge")).to_contain_text("Met: need 2 m", timeout=180_000)
     assert accessibility_faults(page) == []
     panel.get_by_role("button", name=re.compile("3 vehicles and 2 landmarks")).click()
     expect(page.locator("#handles .handle")).to_have_count(5)
@@ -48,9 +48,9 @@ def test_a_design_that_is_to_finish_opens_the_best_it_has(visit: Visit, page: Pa
     page.get_by_label("Example brief").select_option("multirotors-over-a-field")
     page.get_by_role("button", name="Design", exact=True).click()
     panel = page.locator("#design")
-    expect(panel.locator("table button, table td").first).to_be_visible(timeout=60_000)
+    expect(panel.locator("table button, table td").first).to_be_visible(timeout=180_000)
     panel.get_by_role("button", name="Finish now").click()
-    expect(panel.get_by_text("ended early")).to_be_visible(timeout=60_000)
+    expect(panel.get_by_text("ended early")).to_be_visible(timeout=180_000)
     assert accessibility_faults(page) == []
 
 

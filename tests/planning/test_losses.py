@@ -217,6 +217,15 @@ def test_the_scenario_of_what_is_left_can_be_planned() -> None:
     assert plan(left, bound="never").team.count == 5
 
 
+def test_a_loss_is_judged_without_the_purpose_that_takes_all_vehicles() -> None:
+    keep = {"count": 2, "spread_m": 70.0}
+    given = planned(purpose={"keep": keep}, landmarks_m=[[0.0, 45.0], [70.0, -40.0]])
+    assert given.verdict.go
+    losses = what_if(given).losses
+    assert {len(one.vehicles) for one in losses} == {1, 2}
+    assert "purpose-missed" not in {one.code for lost in losses for one in lost.verdict.findings}
+
+
 def test_a_link_that_only_the_lost_sensor_could_keep_is_left_out() -> None:
     sensors = [{"range_m": 50.0}, {"range_m": 10.0}]
     linked = small(

@@ -32,7 +32,7 @@ SCENARIOS: dict[str, dict[str, Any]] = {
     },
 }
 
-GRID = 360
+GRID = 180
 ZOOMS, ZOOMED, NARROWER = 3, 9, 5.0
 
 

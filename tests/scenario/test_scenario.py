@@ -36,6 +36,23 @@ def _refused(values: dict[str, Any]) -> InputError:
     return caught.value
 
 
+@pytest.mark.parametrize(
+    ("purpose", "key", "remedy"),
+    [
+        ({"cover": {"share": 0.5, "swath_m": 10.0}}, "area_m", "is missing: purpose.cover"),
+        ({"keep": {"count": 3, "spread_m": 10.0}}, "purpose.keep.count", "number of vehicles, 2"),
+        ({"within_m": 3.0}, "purpose.cover", "give cover, visit_m or keep"),
+    ],
+)
+def test_a_purpose_that_nothing_can_serve_is_refused(
+    purpose: dict[str, Any], key: str, remedy: str
+) -> None:
+    with pytest.raises(InputError) as caught:
+        small(purpose=purpose)
+    assert caught.value.key == key
+    assert remedy in str(caught.value)
+
+
 @pytest.mark.parametrize("path", sorted(FILES.glob("*.yaml")), ids=lambda path: path.stem)
 def test_the_example_files_load_and_are_as_the_schema_says(path: Path) -> None:
     scenario = load_scenario(path)

@@ -38,7 +38,7 @@ def test_a_client_that_asks_again_gets_each_plan_and_job_once(tmp_path: Path) ->
         over = threading.Event()
 
         def hand_in(seed: int) -> int:
-            with syncplan.Client(site.url) as client:
+            with syncplan.Client(site.url, patience_s=PATIENCE_S) as client:
                 for number in count():
                     made = client.plan(example("paper-grid-same"))
                     job = client.validate(made, trials=10, seed=seed)
@@ -49,8 +49,8 @@ def test_a_client_that_asks_again_gets_each_plan_and_job_once(tmp_path: Path) ->
             raise AssertionError
 
         with ThreadPoolExecutor() as pool:
-            clients = [pool.submit(hand_in, seed) for seed in range(3)]
-            for _ in range(3):
+            clients = [pool.submit(hand_in, seed) for seed in range(2)]
+            for _ in range(2):
                 time.sleep(moments.uniform(0.2, 1.5))
                 site.kill(server)
                 server = site.serve()
@@ -76,7 +76,7 @@ def test_what_ends_in_good_order_gives_its_jobs_up_at_once(
         process: Process = site.serve(*(["--no-worker"] if victim == "worker" else []))
         if victim == "worker":
             process = site.work()
-        for order in (validation(2400, 1), refinement(0), designed()):
+        for order in (validation(1200, 1), refinement(0), designed()):
             site.hand_in(order)
         busy(site, process, 2)
         assert process.stop() == 0
@@ -185,7 +185,7 @@ def test_the_database_away_for_ten_seconds_costs_nothing_but_time(
         plan_id = site.hand_in_plan()
         jobs = [
             site.hand_in(order, None if order.kind != "validation" else plan_id)
-            for order in (validation(2400, 1), refinement(0), validation(1200, 1))
+            for order in (validation(1200, 1), refinement(0), validation(600, 2))
         ]
         busy(site, server)
         on_duty(site, 2)

@@ -33,7 +33,7 @@ from syncplan.reports.job_contract import JobKindName
 from syncplan.reports.plan_report import plan_document
 from syncplan.reports.validation_report import sweep_document, validation_document
 from syncplan.runtime.files import as_text
-from tests.tools.briefs import FIELD, brief
+from tests.tools.briefs import FIELD
 from tests.tools.processes import PATIENCE_S, wait_until
 from tests.tools.scenarios import FILES, document, example, small
 from tests.tools.serving import QUICK, ROOT, Process, Server, settings_of
@@ -127,9 +127,9 @@ def refinement(seed: int) -> Order:
 
 @lru_cache
 def designed() -> Order:
-    """Return the order to design the team of a field."""
-    expected = as_text(design_document(design(brief())).as_json())
-    return Order("design", FIELD, expected)
+    """Return the order to design a pair over a field."""
+    body = {**FIELD, "team": {"max": 2}, "landmarks": {"max": 2}}
+    return Order("design", body, as_text(design_document(design(body)).as_json()))
 
 
 class Site:
