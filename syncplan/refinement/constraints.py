@@ -247,7 +247,7 @@ _SPARE = 0.002
 
 
 def purpose_served(problem: RefineProblem, circles: ca.MX) -> Blocks:
-    """Return how far circles serve their purpose; met at 1 or more, or at the bound of a cover.
+    """Return how far circles serve their purpose, with the bounds that meet it.
 
     Each point to visit is left to the vehicle that passes it nearest in the plan. The grid's share
     that is covered has to change by no less than the exact share may, or must.
@@ -270,8 +270,8 @@ def purpose_served(problem: RefineProblem, circles: ca.MX) -> Blocks:
         assert purpose.keep is not None
         owners = measure.kept_pairs()
         function = _keeping_apart(purpose.keep.spread_m / scale)
-    names = ["purpose"] * len(owners)
-    return blocks_of(function, circles, owners, parameters, np.ones(len(owners)), names)
+    names, lower = ["purpose"] * len(owners), np.full(len(owners), 1.0 + _SAFETY)
+    return blocks_of(function, circles, owners, parameters, lower, names)
 
 
 def _covering(measure: PurposeMeasure, swath: float, count: int, scale: float) -> ca.Function:

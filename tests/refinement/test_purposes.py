@@ -113,5 +113,6 @@ def test_the_solver_sees_the_purpose_as_the_exact_code_does(purpose: dict[str, A
             # less what is covered in addition
             assert found == pytest.approx(exact - 0.002, abs=0.008)
         else:
-            assert (found >= 0.0) == (exact >= 0.0)
+            # the solver keeps a ten-thousandth more than is asked
+            assert (found >= 0.0) == (exact >= 1e-4 * measure.size)
     assert min(rooms) < 0.0 < max(rooms)
