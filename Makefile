@@ -84,16 +84,16 @@ search-neglect:         ARGUMENTS = 12 $(SEED) --most 0.2
 search-batch:           ARGUMENTS = 3 $(SEED)
 search-flights:         ARGUMENTS = 32 $(SEED) --draws 2 --losses 32 \
                         --teams 'same,side camera' --spare 1 --alike 0.1 --threads 1
-search-holds:           ARGUMENTS = 8 $(SEED)
+search-holds:           ARGUMENTS = 6 $(SEED)
 # fixed draws: of 24 teams a day, two may lose more than 5 % of their flights, as those of 26112500 do
 search-windy:           ARGUMENTS = 24 0 --most 1
 search-recording:       ARGUMENTS = 2
 search-consistency:     ARGUMENTS = 20 $(SEED)
 search-clearances:      ARGUMENTS = 6 $(SEED)
-search-refinements:     ARGUMENTS = 8 $(SEED)
+search-refinements:     ARGUMENTS = 6 $(SEED)
 search-phases:          ARGUMENTS = 100 $(SEED)
-search-sight-lines:     ARGUMENTS = 500 $(SEED)
-search-contract:        ARGUMENTS = 200 $(SEED)
+search-sight-lines:     ARGUMENTS = 300 $(SEED)
+search-contract:        ARGUMENTS = 150 $(SEED)
 search-losses:          ARGUMENTS = 40 $(SEED)
 search-lost:            ARGUMENTS = 8 $(SEED) --trials 30 --slack 0.1
 search-truth:           ARGUMENTS = 2 $(SEED) --trials 60
