@@ -62,7 +62,7 @@ class ConstraintMargin:
 def margins_of(
     problem: RefineProblem, orbits: Orbits, contact: list[float]
 ) -> tuple[ConstraintMargin, ...]:
-    """Return the margins of orbits: contacts, distances, circles.
+    """Return the margins of orbits: contacts, distances, the purpose, circles.
 
     `contact` is the result of `contact_margins`. The order does not depend on the orbits.
     """
@@ -70,6 +70,7 @@ def margins_of(
         *_contacts(problem, contact),
         *_separations(problem, orbits),
         *_clearances(problem, orbits),
+        *_purpose(problem, orbits),
         *_circles(problem, orbits),
     )
 
@@ -161,14 +162,19 @@ def _clearances(problem: RefineProblem, orbits: Orbits) -> list[ConstraintMargin
     ]
 
 
+def _purpose(problem: RefineProblem, orbits: Orbits) -> list[ConstraintMargin]:
+    """Margin of the purpose, which is to be served to the last digit; a plan may just miss it."""
+    purpose = problem.purpose
+    if purpose is None:
+        return []
+    room = purpose.room(orbits.centers, orbits.radii) - TOLERANCE * purpose.size
+    return [ConstraintMargin("purpose", room, purpose.size, required=False, stops=True)]
+
+
 def _circles(problem: RefineProblem, orbits: Orbits) -> list[ConstraintMargin]:
-    """Margins of the purpose, and of the area, the box and the radius of each vehicle."""
-    names, freedom, purpose = problem.names, problem.freedom, problem.purpose
+    """Margins of the area, the box and the radius of each vehicle."""
+    names, freedom = problem.names, problem.freedom
     margins = []
-    if purpose is not None:
-        # served to the last digit, as what is asked is exact; a plan may just miss it
-        room = purpose.room(orbits.centers, orbits.radii) - TOLERANCE * purpose.size
-        margins.append(ConstraintMargin("purpose", room, purpose.size, False, stops=True))
     if problem.area.limited:
         clear = problem.area.path_clearances(orbits.centers, orbits.radii).min(axis=0)
         margins += [
@@ -176,12 +182,12 @@ def _circles(problem: RefineProblem, orbits: Orbits) -> list[ConstraintMargin]:
             for k, radius in enumerate(orbits.radii)
         ]
     held = np.concatenate([orbits.centers.T, orbits.radii[None]])
-    rooms = np.minimum(held - freedom.lower[:3], freedom.upper[:3] - held)
+    room = np.minimum(held - freedom.lower[:3], freedom.upper[:3] - held)
     free = freedom.free[:3]
     for k in range(orbits.count):
         for what, rows in (("box", slice(0, 2)), ("radius", slice(2, 3))):
-            if free[rows, k].any() and np.isfinite(rooms[rows, k][free[rows, k]]).any():
-                least = float(rooms[rows, k][free[rows, k]].min())
+            if free[rows, k].any() and np.isfinite(room[rows, k][free[rows, k]]).any():
+                least = float(room[rows, k][free[rows, k]].min())
                 size = float((freedom.upper - freedom.lower)[rows, k][free[rows, k]].min()) / 2.0
                 margins.append(ConstraintMargin(f"{what} of {names[k]}", least, size, True))
     return margins
