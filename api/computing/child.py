@@ -112,6 +112,7 @@ class Child:
     ) -> None:
         self._process = ChildProcess("api.computing.child", "serve")
         self._process.connection.send((background, niceness, memory_bytes))
+        self.pid = self._process.process.pid
         self.first_memory = 0
         self.memory = 0
         self.killed = False

@@ -103,13 +103,13 @@ def test_a_child_inherits_no_secret_and_no_file_but_its_pipe(
 ) -> None:
     for name in ("SYNCPLAN_DATA_DIR", "PGPASSFILE", "OTEL_EXPORTER", "AWS_SECRET_ACCESS_KEY"):
         monkeypatch.setenv(name, "not-for-children")
-    before = set(processes_of(os.getpid()))
     with (tmp_path / "kept").open("w") as kept, own_pool(background=False) as pool:
         os.set_inheritable(kept.fileno(), True)
-        pool.call("ready")
-        (child,) = set(processes_of(os.getpid())) - before
-        files = [os.readlink(one) for one in Path(f"/proc/{child}/fd").iterdir()]
-        environment = Path(f"/proc/{child}/environ").read_text()
+        child = at_work(pool).child
+        assert child is not None
+        process = Path(f"/proc/{child.pid}")
+        files = [os.readlink(one) for one in (process / "fd").iterdir()]
+        environment = (process / "environ").read_text()
     assert "not-for-children" not in environment
     assert f"\0PATH={os.environ['PATH']}\0" in f"\0{environment}\0"
     assert kept.name not in files
@@ -308,14 +308,14 @@ def test_deadlines_hold_though_the_system_has_no_room_for_a_thread(
 
 
 def test_a_task_that_a_caller_leaves_may_nearly_finish_and_keeps_its_process(pool: Pool) -> None:
-    before = processes_of(os.getpid())
+    before = pool.depth().started
     tickets = [pool.submit(*SHORT) for _ in range(20)]
     for ticket in tickets:
         ticket.cancel(spare=True)
         with pytest.raises(GivenUpError):
             end_of(ticket)
     assert pool.call(*SHORT) == MADE
-    assert processes_of(os.getpid()) == before
+    assert pool.depth().started == before
 
 
 def test_a_long_task_that_a_caller_leaves_is_killed(pool: Pool) -> None:
@@ -326,13 +326,12 @@ def test_a_long_task_that_a_caller_leaves_is_killed(pool: Pool) -> None:
 
 @pytest.mark.long
 def test_long_tasks_of_one_owner_never_block_another(pool: Pool) -> None:
-    before = processes_of(os.getpid())
     long = [at_work(pool, "busy"), *(pool.submit(*LONG, owner="busy") for _ in range(2))]
     assert end_of(pool.submit(*SHORT, owner="other")) == MADE
     assert begun(long[0])
     assert not begun(long[1])
     # the extra process ends once it is idle
-    wait_until(lambda: processes_of(os.getpid()) == before)
+    wait_until(lambda: pool.depth().processes == 1)
     for ticket in reversed(long):
         ticket.cancel()
 
