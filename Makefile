@@ -5,6 +5,8 @@
 #              documentation, all of the survival tests, the steps of the Dockerfile, somebody else's
 #              vehicles beside the model of flight
 # make crosschecks    fly the model beside RotorPy's multirotors and JSBSim's aeroplanes
+# make scripts    the linter, types and unit tests of the web page's scripts
+# make vendor  bundle the libraries of the web page anew
 # make docs    set up and build the documentation into build/site, which opens without a server
 # make container-steps    follow the steps of the Dockerfile without a container
 # make benchmarks    measure against peers, side by side
@@ -39,7 +41,7 @@ install = sed -n '/^uv==/,/[^\]$$/p' requirements.lock > $(VENV)/uv.lock && \
 	{ $(BIN)/pip install --quiet --require-hashes --requirement requirements.lock && \
 	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable $(1); }
 
-.PHONY: demo serve check check-all fresh-cases crosschecks docs postgresql chromium container-steps benchmarks lock clean
+.PHONY: demo serve check scripts vendor check-all fresh-cases crosschecks docs postgresql chromium container-steps benchmarks lock clean
 
 demo: $(VENV)/.run
 	$(BIN)/syncplan plan $(DEMO) --format table
@@ -52,9 +54,19 @@ check: chromium $(VENV)/.dev
 	@# beside these, the kernels of small teams are compiled, once for all tests
 	$(BIN)/python docker/warm_up.py small & \
 		$(BIN)/ruff format --check . && $(BIN)/ruff check . && $(BIN)/lint-imports && $(BIN)/mypy && \
-		wait $$!
+		$(MAKE) --no-print-directory scripts && wait $$!
 	@# on small matrices, a second thread of BLAS costs more than it brings
 	OPENBLAS_NUM_THREADS=1 $(TESTS) --no-loadscope-reorder -m "not long"
+
+# the scripts of the web page: linter, types, and tests of what needs no browser
+scripts: $(VENV)/.page
+	vendor/node_modules/.bin/biome lint --error-on-warnings api/page/*.js vendor/*.js vendor/*.mjs tests/page/*.mjs
+	$(BIN)/node vendor/node_modules/.bin/tsc -p vendor
+	$(BIN)/node --test --test-reporter=dot tests/page/*.mjs
+
+# bundle the libraries of the web page into api/page/vendor
+vendor: $(VENV)/.page
+	cd vendor && $(abspath $(BIN))/node build.mjs
 
 check-all: postgresql $(VENV)/.crosschecks check
 	@# test by test: the survival tests, kept together, would go on long after all others have ended
@@ -151,6 +163,11 @@ $(VENV)/.dev: $(BIN)/python pyproject.toml requirements.lock
 $(VENV)/.crosschecks: $(VENV)/.dev tests/crosschecks/requirements.txt
 	$(BIN)/pip install --quiet --no-deps --require-hashes \
 		--requirement tests/crosschecks/requirements.txt
+	touch $@
+
+# what checks and bundles the scripts of the web page
+$(VENV)/.page: $(VENV)/.dev vendor/package.json vendor/package-lock.json
+	PATH="$(abspath $(BIN)):$$PATH" npm ci --prefix vendor --silent --no-audit --no-fund
 	touch $@
 
 $(VENV)/.docs: $(BIN)/python pyproject.toml requirements.lock

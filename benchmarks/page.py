@@ -1,8 +1,9 @@
 """The web page in Chromium, server and browser on the same cores.
 
-What the first load brings over the wire and how long it takes until a plan is drawn, with nothing
-cached; and how long after a circle has moved the verdict on the new formation is on the screen,
-while a centre of twelve vehicles is dragged.
+What the first load brings over the wire, and how long it takes until the map is drawn: with nothing
+cached, with all cached, and over a line of 400 kbit/s with a delay of 400 ms. While a circle is
+dragged: how long after a move the verdict on it is on the screen, how long after the drop that on
+the whole plan, and how long frames take.
 
     python benchmarks/page.py
 """
@@ -24,62 +25,97 @@ from tests.tools.serving import Server, running
 
 LOADS = 5
 STEPS = 60
+TEAMS = {12: 0.1, 50: 0.3, 100: 0.6}
+"""Vehicles of the teams, each with the target in s from a move to its verdict."""
+SLOW_LINE = {"latency": 400, "downloadThroughput": 50_000, "uploadThroughput": 50_000}
+"""A line of 400 kbit/s; delays in ms, rates in bytes per second."""
 _STEP_MS = 33
+_DROPS = 5
 _AT_REST = '#workspace[aria-busy="false"]'
-_WIDTH_PX = 150.0
+_WIDTH_PX = 60.0
+_FRAMES = """() => {
+    window.frames = [];
+    let last = performance.now();
+    const step = (now) => { frames.push(now - last); last = now; requestAnimationFrame(step); };
+    requestAnimationFrame(step);
+}"""
 
 
-def first_load(browser: Browser, url: str) -> tuple[float, float]:
-    """Return (bytes over the wire, s until a plan is drawn) of a load with nothing cached."""
+def load(browser: Browser, url: str, line: dict[str, Any], again: bool = False) -> dict[str, float]:
+    """Return bytes over the wire, and s until the map and the plan are drawn.
+
+    Nothing is cached, or with `again` all that a load before it has brought.
+    """
     context = browser.new_context(viewport={"width": DESKTOP[0], "height": DESKTOP[1]})
     page = context.new_page()
+    if again:
+        page.goto(url)
+        page.wait_for_selector(_AT_REST)
     wire = context.new_cdp_session(page)
     received = []
     wire.on("Network.loadingFinished", lambda event: received.append(event["encodedDataLength"]))
     wire.send("Network.enable")
+    if line:
+        wire.send("Network.emulateNetworkConditions", {"offline": False, **line})
     page.goto(url)
     page.wait_for_selector(_AT_REST)
-    found = float(page.evaluate("performance.getEntriesByName('ready')[0].startTime")) / 1000.0
+    marked = "name => performance.getEntriesByName(name)[0].startTime / 1000"
+    found = {name: float(page.evaluate(marked, name)) for name in ("map", "ready")}
     context.close()
-    return float(sum(received)), found
+    return {"bytes": float(sum(received)), **found}
 
 
-def team(direction: str) -> dict[str, Any]:
-    """Return a scenario of twelve vehicles in three rows."""
+def team(count: int, direction: str) -> dict[str, Any]:
+    """Return a scenario of vehicles in rows of four, seven or ten."""
+    columns = {12: 4, 50: 7, 100: 10}[count]
+    east = 70.0 * (columns - 1) + 40.0
     return {
-        "name": "twelve",
+        "name": f"{count} {direction}",
         "orbit": {"radius_m": 20.0, "angular_rate_rad_s": 0.2, "direction": direction},
-        "formation": {"shape": "grid", "count": 12, "columns": 4, "spacing_m": 70.0},
-        "landmarks_m": [[250.0, 0.0], [250.0, 70.0], [-40.0, 140.0]],
+        "formation": {"shape": "grid", "count": count, "columns": columns, "spacing_m": 70.0},
+        "landmarks_m": [[east, 0.0], [east, 70.0], [-40.0, 140.0]],
         "sensor": {"range_m": 50.0, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1},
         "duration_s": 200.0,
     }
 
 
-def drag(page: Page, direction: str) -> list[float]:
-    """Return the seconds from each move of a circle to the verdict on it, as the page saw them."""
-    buffer = json.dumps(team(direction)).encode()
+def drag(page: Page, count: int, direction: str) -> dict[str, list[float]]:
+    """Return what a drag of a circle took, in s.
+
+    `moved` is from each move to its verdict, `dropped` from each drop to the whole verdict,
+    `frames` from frame to frame.
+    """
+    scenario = team(count, direction)
+    buffer = json.dumps(scenario).encode()
     page.get_by_label("Open a file").set_input_files(
-        {"name": "twelve.json", "mimeType": "application/json", "buffer": buffer}
+        {"name": "team.json", "mimeType": "application/json", "buffer": buffer}
     )
-    page.locator("#map-name", has_text="twelve").wait_for()
+    page.locator("#map-name", has_text=scenario["name"]).wait_for()
     page.wait_for_selector(_AT_REST)
     page.evaluate("performance.clearMeasures()")
     box = page.locator('#handles button[title="v6"]').bounding_box()
     assert box is not None
     x, y = box["x"] + box["width"] / 2.0, box["y"] + box["height"] / 2.0
-    page.mouse.move(x, y)
-    page.mouse.down()
-    for step in range(STEPS):
-        page.mouse.move(
-            x + _WIDTH_PX * (step + 1) / STEPS, y - 0.3 * _WIDTH_PX * (step + 1) / STEPS
-        )
-        page.wait_for_timeout(_STEP_MS)
-    page.mouse.up()
-    page.wait_for_selector(_AT_REST)
-    measured = "performance.getEntriesByName('moved to verdict').map(one => one.duration / 1000)"
-    found: list[float] = page.evaluate(measured)
-    return found
+    page.evaluate(_FRAMES)
+    for drop in range(_DROPS):
+        page.mouse.move(x, y)
+        page.mouse.down()
+        for step in range(STEPS // _DROPS):
+            away = _WIDTH_PX * (step + 1) / STEPS
+            page.mouse.move(x + away, y - 0.3 * away)
+            page.wait_for_timeout(_STEP_MS)
+        if drop == 0:
+            frames = page.evaluate("frames.map(one => one / 1000)")
+        page.mouse.up()
+        page.wait_for_selector(_AT_REST)
+        x, y = x + away, y - 0.3 * away
+    measured = "name => performance.getEntriesByName(name).map(one => one.duration / 1000)"
+    moved = page.evaluate(measured, "moved to verdict")
+    return {
+        "moved": moved,
+        "dropped": page.evaluate(measured, "edited to verdict"),
+        "frames": frames,
+    }
 
 
 def main() -> dict[str, Any]:
@@ -87,30 +123,44 @@ def main() -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder, chromium() as browser:
         server = Server(Path(folder) / "log", SYNCPLAN_DATA_DIR=folder)
         with running(server):
-            loads = [first_load(browser, server.url) for _ in range(LOADS)]
+            loads = {
+                "cold": [load(browser, server.url, {}) for _ in range(LOADS)],
+                "warm": [load(browser, server.url, {}, again=True) for _ in range(LOADS)],
+                "slow": [load(browser, server.url, SLOW_LINE)],
+            }
             page = browser.new_page(viewport={"width": DESKTOP[0], "height": DESKTOP[1]})
             page.goto(server.url)
             page.wait_for_selector(_AT_REST)
-            moved = {direction: drag(page, direction) for direction in ("ccw", "alternate")}
-    return {
-        "bytes": max(size for size, _ in loads),
-        "ready_s": statistics.median(ready for _, ready in loads),
-        "moved_s": moved,
-    }
+            drags = {
+                (count, direction): drag(page, count, direction)
+                for count in TEAMS
+                for direction in ("ccw", "alternate")
+            }
+    return {"loads": loads, "drags": drags}
 
 
 def figures(result: dict[str, Any]) -> list[Figure]:
     """Return what is shown of a result."""
+    loads = result["loads"]
+
+    def median(kind: str, what: str) -> float:
+        return float(statistics.median(one[what] for one in loads[kind]))
+
     shown = [
-        Figure("page: first load over the wire", result["bytes"] / 1e6, "MB", 2.0),
-        Figure("page: first load until a plan is drawn, median", result["ready_s"], "s", 2.0),
+        Figure("page: first load over the wire", median("cold", "bytes") / 1e3, "kB", 300.0),
+        Figure("page: map drawn, nothing cached", median("cold", "map"), "s"),
+        Figure("page: map drawn, all cached", median("warm", "map"), "s", 0.5),
+        Figure("page: map drawn over 400 kbit/s, 400 ms", median("slow", "map"), "s", 4.0),
+        Figure("page: plan drawn, nothing cached", median("cold", "ready"), "s"),
     ]
-    for direction, taken in result["moved_s"].items():
-        name = f"page: circle of 12 ({direction}) dragged to verdict shown"
-        median, slow = statistics.median(taken), statistics.quantiles(taken, n=20)[-1]
+    for (count, direction), taken in result["drags"].items():
+        name = f"page: {count} vehicles ({direction})"
+        moved, dropped, frames = (taken[one] for one in ("moved", "dropped", "frames"))
         shown += [
-            Figure(f"{name}, median of {len(taken)}", median, "s", 0.25),
-            Figure(f"{name}, 95 % take less than", slow, "s"),
+            Figure(f"{name}: drag to verdict, median", statistics.median(moved), "s", TEAMS[count]),
+            Figure(f"{name}: drag to verdict, 95 %", statistics.quantiles(moved, n=20)[-1], "s"),
+            Figure(f"{name}: drop to whole verdict, median", statistics.median(dropped), "s"),
+            Figure(f"{name}: frame, 95 %", statistics.quantiles(frames, n=20)[-1], "s", 0.02),
         ]
     return shown
 

@@ -2,22 +2,20 @@
 
 import { byId, element, notice, shown } from "./elements.js";
 import { Fields } from "./fields.js";
-import { freeCenter, freeSite, gapBetween, inReach } from "./free_space.js";
+import { freeCenter, freeSite, withMember } from "./free_space.js";
 import { LinkAdding } from "./link_adding.js";
 import {
   addLandmark,
   landmarksOf,
+  polygonsOf,
   vehiclesOf,
   withCenter,
   withDirection,
   withLandmark,
-  withLinks,
   withRadius,
   withSensor,
-  withVehicle,
-  withoutLandmark,
-  withoutVehicle,
 } from "./scenario.js";
+import { copyChosen, placesOf, removeChosen, withAligned } from "./selection.js";
 
 const TURNS = { ccw: "counter-clockwise", cw: "clockwise" };
 const CHOICE = { kind: "choice" };
@@ -41,7 +39,7 @@ export class Body {
   constructor(store) {
     this.#store = store;
     this.#linking = new LinkAdding(store);
-    for (const event of ["opened", "selected"]) store.addEventListener(event, () => this.#build());
+    store.on(["opened", "selected"], () => this.#build());
   }
 
   /** Show the scenario: anew where a vehicle or landmark came or went. */
@@ -63,10 +61,14 @@ export class Body {
       element("option", { value: "" }, "choose, here or on the map …"),
       ...[...vehicles, ...landmarks].map(([value, name]) => element("option", { value }, name)),
     );
-    const known = selected && selected.k < (selected.kind === "vehicle" ? vehicles : landmarks).length;
+    const polygons = polygonsOf(scenario).map(({ kind, k }) => [`${kind} ${k}`, kind === "area" ? kind : `${kind} ${k + 1}`]);
+    const values = [...vehicles, ...landmarks, ...polygons].map(([value]) => value);
+    const known = selected && values.includes(`${selected.kind} ${selected.k}`);
+    const places = placesOf(scenario, this.#store.chosen);
+    picker.append(...polygons.map(([value, name]) => element("option", { value }, name)));
     picker.value = known ? `${selected.kind} ${selected.k}` : "";
     const parts = [
-      element("legend", {}, "Selected vehicle or landmark"),
+      element("legend", {}, this.#store.chosen.length > 1 ? `${this.#store.chosen.length} selected; last of them` : "Selected vehicle or landmark"),
       element("div", { class: "field wide" }, element("label", { for: "chosen" }, "Vehicle or landmark"), picker),
       ...(known ? this.#fieldsOf(selected) : []),
       known && selected.kind === "vehicle" ? this.#linking.element : null,
@@ -75,8 +77,10 @@ export class Body {
         { class: "row" },
         element("button", { type: "button", onclick: () => this.#grow("vehicle") }, "Add vehicle"),
         element("button", { type: "button", onclick: () => this.#grow("landmark") }, "Add landmark"),
-        known && (selected.kind === "landmark" || vehicles.length > 1)
-          ? element("button", { type: "button", onclick: () => this.#remove(selected) }, "Remove")
+        places.length ? element("button", { type: "button", onclick: () => this.#do(copyChosen) }, "Copy") : null,
+        places.length ? element("button", { type: "button", onclick: () => this.#align() }, "Align to grid") : null,
+        known && (selected.kind !== "vehicle" || vehicles.length > 1)
+          ? element("button", { type: "button", onclick: () => this.#do(removeChosen) }, "Remove")
           : null,
       ),
     ];
@@ -85,7 +89,8 @@ export class Body {
   }
 
   #fieldsOf({ kind, k }) {
-    return kind === "vehicle" ? this.#ofVehicle(k) : this.#ofLandmark(k);
+    if (kind === "vehicle") return this.#ofVehicle(k);
+    return kind === "landmark" ? this.#ofLandmark(k) : [element("p", { class: "hint" }, "Drag its corners on the map, or a point of an edge for one more; a click with Alt takes a corner out.")];
   }
 
   #ofVehicle(k) {
@@ -125,7 +130,7 @@ export class Body {
 
   #put() {
     const { scenario, selected, plan } = this.#store;
-    if (!selected) return;
+    if (!selected || !(selected.kind in GROWTH)) return;
     const body = (selected.kind === "vehicle" ? vehiclesOf(scenario, plan) : landmarksOf(scenario))[selected.k];
     if (!body) return;
     if (selected.kind === "vehicle") this.#linking.show(selected.k);
@@ -154,7 +159,7 @@ export class Body {
     }
     this.#store.edit(change(scenario, at));
     const k = all(scenario).length;
-    this.#store.select({ kind, k });
+    this.#store.select({ kind, k }, { reveal: true });
     // that phases were lost is said already, and matters more
     const { scenario: grown } = this.#store;
     const link = grown.formation.links?.length > scenario.formation.links?.length ? `, with the link ${grown.formation.links.at(-1).join("-")}` : "";
@@ -162,23 +167,28 @@ export class Body {
     byId("chosen").focus();
   }
 
-  #remove({ kind, k }) {
-    this.#store.select(null);
-    this.#store.edit((kind === "vehicle" ? withoutVehicle : withoutLandmark)(this.#store.scenario, k));
+  #do(change) {
+    change(this.#store);
     byId("chosen").focus();
+  }
+
+  #align() {
+    const { scenario, chosen } = this.#store;
+    const step = gridOf(scenario);
+    this.#store.edit(withAligned(scenario, chosen, step));
+    notice(`Aligned to a grid of ${shown(step, "m")}.`);
   }
 }
 
-/** Return the scenario with one more vehicle; where links are listed, linked to the nearest one. */
-function withMember(scenario, at) {
-  const changed = withVehicle(scenario, at);
-  const { links } = changed.formation;
-  const all = vehiclesOf(changed);
-  const last = all.pop();
-  const near = all.filter((one) => inReach(one, last)).sort((a, b) => gapBetween(a, last) - gapBetween(b, last));
-  return links && near.length ? withLinks(changed, [...links, [near[0].name, last.name]]) : changed;
+/** The spacing in m of the grid that a selection is aligned to: a round length of about half the mean radius. */
+function gridOf(scenario) {
+  const radii = vehiclesOf(scenario).map((one) => one.radius);
+  const half = radii.reduce((sum, one) => sum + one, 0) / radii.length / 2;
+  const unit = 10 ** Math.floor(Math.log10(half));
+  return Math.max(...[1, 2, 5].map((one) => one * unit).filter((one) => one <= half));
 }
 
 function namesIn(scenario) {
-  return JSON.stringify([vehiclesOf(scenario), landmarksOf(scenario)].map((all) => all.map((one) => one.name)));
+  const named = [vehiclesOf(scenario), landmarksOf(scenario)].map((all) => all.map((one) => one.name));
+  return JSON.stringify([...named, polygonsOf(scenario).length]);
 }

@@ -16,23 +16,27 @@ const OF_PLANS = PLAN_FIGURES.filter((name) => name in TITLES);
 export class Charts {
   #plot = byId("panel-plot");
   #text = byId("panel-text");
+  #button = byId("show-figures");
   #figures = {};
   #tabs;
 
   constructor(store) {
     this.#tabs = tabs(byId("tabs"), TITLES, (name) => this.#draw(name));
-    store.addEventListener("plan", (event) => this.#take(event.detail.figures));
-    store.addEventListener("scenario", () => this.#forget());
-    store.addEventListener("opened", () => this.#forget());
+    this.#button.addEventListener("click", () => this.open(byId("figures").hidden));
+    store.on(["plan"], (detail) => this.#take(detail.figures));
+    store.on(["scenario"], () => this.#forget());
+    store.on(["opened"], () => this.#forget());
   }
 
   /** The contact timeline, if it is on show: the animation moves a line along it. */
   get timeline() {
-    return this.#tabs.current() === "timeline" && this.#plot.data ? this.#plot : null;
+    return this.#tabs.current() === "timeline" && this.#plot.layout ? this.#plot : null;
   }
 
-  /** Add figures of a stored plan or a job, by their addresses, if they are `wanted()` once here. */
-  async add(addresses, { show, wanted = () => true } = {}) {
+  /** Add figures of a stored plan or a job, by their addresses, if they are `wanted()` once here.
+   * @param {Record<string, string>} addresses
+   * @param {{show?: string, wanted?: () => boolean}} options */
+  async add(addresses, { show = "", wanted = () => true } = {}) {
     const names = Object.keys(addresses);
     const found = await Promise.allSettled(
       names.map((name) => patiently(() => askJson("GET", `${addresses[name]}?theme=${theme()}`))),
@@ -44,6 +48,13 @@ export class Charts {
     });
     this.#tabs.show(Object.keys(TITLES).filter((name) => name in this.#figures));
     if (show in this.#figures) this.#tabs.choose(show);
+  }
+
+  /** Open the figures or close them; only open ones are drawn, and load what draws them. */
+  open(flag = true) {
+    byId("figures").hidden = !flag;
+    this.#button.setAttribute("aria-expanded", flag);
+    if (flag && this.#tabs.current()) this.#draw(this.#tabs.current());
   }
 
   #take(figures) {
@@ -59,7 +70,7 @@ export class Charts {
 
   #draw(name) {
     const figure = this.#figures[name];
-    if (!figure) return;
+    if (!figure || byId("figures").hidden) return;
     byId("panel").setAttribute("aria-labelledby", `tab-${name}`);
     this.#text.textContent = plain(figure.layout.title?.subtitle?.text || "");
     this.#plot.setAttribute("aria-label", `${TITLES[name]}. ${this.#text.textContent}`);

@@ -16,7 +16,7 @@ export function offerWaysOn(store, { edit, example, fresh }) {
   byId("dead-edit").addEventListener("click", edit);
   byId("dead-example").addEventListener("click", example);
   byId("dead-new").addEventListener("click", fresh);
-  store.addEventListener("opened", () => open(false));
+  store.on(["opened"], () => open(false));
   return () => {
     byId("dead-edit").hidden = kept() === null;
     open(true);

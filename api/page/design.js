@@ -34,7 +34,7 @@ export class DesignPanel {
       fields: { "": this.#text },
       read: () => this.#text.value,
       rows: [this.#sources(), element("label", { for: "brief" }, "Brief (YAML or JSON)"), this.#text, element("p", { class: "fault", id: "brief-fault" })],
-      handIn: (form, brief) => this.#handIn(brief),
+      handIn: (_form, brief) => this.#handIn(brief),
     });
     byId("design").append(this.#form.element, this.#fault, this.#running.element, this.#outcome, this.#front);
   }

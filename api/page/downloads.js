@@ -1,8 +1,10 @@
 // Files to save: the scenario, the plan, and every export of it.
 
 import { byId, element, notice, save, shown } from "./elements.js";
+import { labelled, number } from "./requests.js";
+import { withValue } from "./scenario.js";
 import { ask } from "./service.js";
-import { FORMATS, MISSIONS, PILOTS } from "./tables.js";
+import { FORMATS, MISSIONS, ON_EARTH, PILOTS } from "./tables.js";
 import { firstOpen, LEVELS } from "./verdict.js";
 
 /** The panel of downloads. `storePlan()` resolves with the identifier of the plan on show. */
@@ -12,7 +14,13 @@ export function offerDownloads(store, storePlan) {
   const pilot = choice("pilot", PILOTS);
   const pilots = element("div", { class: "field wide" }, element("label", { for: "pilot" }, "For"), pilot);
   const format = choice("format", FORMATS);
-  format.addEventListener("change", () => (pilots.hidden = !MISSIONS.includes(format.value)));
+  const origin = originFields(store);
+  const suit = () => {
+    pilots.hidden = !MISSIONS.includes(format.value);
+    origin.hidden = !ON_EARTH.includes(format.value) || store.scenario?.geo_origin !== undefined;
+    buttons[2].disabled = store.scenario === null || !origin.hidden;
+  };
+  format.addEventListener("change", suit);
   const buttons = [
     element("button", { type: "button", onclick: () => saveScenario(store) }, "Scenario"),
     element("button", { type: "button", onclick: () => run(savePlan) }, "Plan"),
@@ -26,27 +34,28 @@ export function offerDownloads(store, storePlan) {
     element("div", { class: "row" }, buttons[0], buttons[1], report),
     element("div", { class: "field wide" }, element("label", { for: "format" }, "Format"), format),
     pilots,
+    origin,
     travels,
     forced,
     buttons[2],
-    element("p", { class: "hint" }, "Missions, GeoJSON and KML need the origin's place: in the scenario, under “Place and time”."),
     fault,
     notes,
   );
   const enable = () => {
-    buttons.forEach((one) => (one.disabled = store.scenario === null));
+    for (const one of buttons) one.disabled = store.scenario === null;
+    suit();
     report.disabled = store.report === null;
     fault.textContent = "";
     notes.replaceChildren();
   };
-  for (const name of ["opened", "scenario", "report"]) store.addEventListener(name, enable);
+  store.on(["opened", "scenario", "report"], enable);
   const foretell = (known) => {
     forced.hidden = !known || store.plan.verdict.go;
     travels.replaceChildren(...(known ? travelling(store.plan.verdict.findings) : []));
   };
-  store.addEventListener("plan", () => foretell(true));
+  store.on(["plan"], () => foretell(true));
   // what is at fault can't be exported, and nothing is known of it
-  store.addEventListener("faults", () => foretell(false));
+  store.on(["faults"], () => foretell(false));
   foretell(false);
   enable();
 
@@ -81,6 +90,26 @@ export function offerDownloads(store, storePlan) {
     const answer = await ask("GET", `v1/jobs/${store.report}/result`);
     save(await answer.blob(), `${nameOf(store)}.report.json`, "application/json");
   }
+}
+
+/** Asks for the place of the origin, which formats on the earth need. */
+function originFields(store) {
+  const [lat, lon] = [number("origin-lat", ""), number("origin-lon", "")];
+  const take = () => {
+    const [lat_deg, lon_deg] = [lat, lon].map((one) => one.valueAsNumber);
+    if (Number.isNaN(lat_deg) || Number.isNaN(lon_deg)) return;
+    store.edit(withValue(store.scenario, "geo_origin", { lat_deg, lon_deg, alt_m: 0 }));
+    for (const one of [lat, lon]) one.value = "";
+  };
+  for (const one of [lat, lon]) one.addEventListener("change", take);
+  return element(
+    "fieldset",
+    { class: "group" },
+    element("legend", {}, "Where the origin lies"),
+    element("p", { class: "hint" }, "This format needs the place on the earth of the point 0, 0."),
+    labelled("Latitude (°)", lat),
+    labelled("Longitude (°)", lon),
+  );
 }
 
 /** What speaks against flying a plan, as the sidecar of its export will say. */

@@ -48,7 +48,8 @@ export class Editor {
   #body;
   #links;
   #rated = true;
-  /** the place of the origin as typed: half of one is not yet the scenario's */
+  /** the place of the origin as typed: half of one is not yet the scenario's
+   * @type {any} */
   #origin = {};
   /** fields that the world adds, whether they were used: a group opens when it begins to be */
   #world = new Map();
@@ -58,14 +59,14 @@ export class Editor {
     this.#body = new Body(store);
     this.#links = new Links(store);
     this.#form.addEventListener("submit", (event) => event.preventDefault());
-    store.addEventListener("opened", () => {
+    store.on(["opened"], () => {
       this.#origin = {};
       this.#build();
     });
-    store.addEventListener("scenario", () => this.#show());
-    store.addEventListener("plan", () => this.#show());
-    store.addEventListener("plan", () => this.#clear());
-    store.addEventListener("faults", (event) => this.#showFaults(event.detail));
+    store.on(["scenario"], () => this.#show());
+    store.on(["plan"], () => this.#show());
+    store.on(["plan"], () => this.#clear());
+    store.on(["faults"], (detail) => this.#showFaults(detail));
   }
 
   #build() {

@@ -1,6 +1,10 @@
 // Elements made without markup: what users name things never becomes HTML.
 
-/** Return an element: element("p", {class: "hint", onclick: f}, "text", child, ...). */
+/** Return an element: element("p", {class: "hint", onclick: f}, "text", child, ...).
+ * @param {string} name
+ * @param {Record<string, any>} attributes
+ * @param {...(Node | string | null | undefined)} children
+ * @returns {any} */
 export function element(name, attributes = {}, ...children) {
   const made = document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) {
@@ -22,6 +26,9 @@ export function drawn(name, attributes = {}) {
   return made;
 }
 
+/** Return the element of an identifier, which index.html or a panel has made.
+ * @param {string} id
+ * @returns {any} */
 export function byId(id) {
   return document.getElementById(id);
 }

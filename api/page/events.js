@@ -45,7 +45,7 @@ async function* eventsOf(stream) {
     if (done) return;
     text += value.replaceAll("\r\n", "\n");
     const blocks = text.split("\n\n");
-    text = blocks.pop();
+    text = blocks.pop() ?? "";
     for (const block of blocks) {
       const event = fieldsOf(block);
       if (event.data !== undefined) yield event;
@@ -53,7 +53,9 @@ async function* eventsOf(stream) {
   }
 }
 
+/** @returns {Record<string, string>} */
 function fieldsOf(block) {
+  /** @type {Record<string, string>} */
   const fields = {};
   for (const line of block.split("\n")) {
     if (!line || line.startsWith(":")) continue;

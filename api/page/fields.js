@@ -8,7 +8,9 @@ const HALF_TYPED = "is no JSON yet: write polygons as [[[x, y], [x, y], [x, y]]]
 export class Fields {
   #inputs = new Map();
 
-  /** Return a label, its input and the place for its fault; `changed` hears each new value. */
+  /** Return a label, its input and the place for its fault; `changed` hears each new value.
+   * @param {{path: string, label: string, unit?: string, kind?: string, min?: number, help?: string, key?: string}} field
+   * @param {(value: any) => void} changed */
   add({ path, label, unit, kind, min, help, key = path }, changed) {
     const id = `field-${key.replaceAll(/[^a-z0-9]+/gi, "-")}`;
     const input = kind === "choice" ? element("select", {}) : element("input", typed(kind, min));

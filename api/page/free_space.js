@@ -1,6 +1,6 @@
 // Where another circle or landmark finds room: clear of all that is there, and within reach of the team.
 
-import { landmarksOf, round, vehiclesOf } from "./scenario.js";
+import { landmarksOf, round, vehiclesOf, withLinks, withVehicle } from "./scenario.js";
 
 /** Share of the mean radius that is kept where the scenario states no distance; the verdict has the same. */
 const TOO_NEAR = 0.1;
@@ -51,6 +51,16 @@ export function freeSite(scenario) {
   const meets = (at) => vehicles.filter((one) => away(at, one) <= one.radius + one.sensor.range_m && sees(scenario, one, at));
   const span = (one) => [one.radius + clearance, one.radius + one.sensor.range_m];
   return chosen(around(vehicles, span), { scenario, vehicles, free, meets, span });
+}
+
+/** Return the scenario with one more vehicle; where links are listed, linked to the nearest one. */
+export function withMember(scenario, at, like) {
+  const changed = withVehicle(scenario, at, like);
+  const { links } = changed.formation;
+  const all = vehiclesOf(changed);
+  const last = all[all.length - 1];
+  const near = all.slice(0, -1).filter((one) => inReach(one, last)).sort((a, b) => gapBetween(a, last) - gapBetween(b, last));
+  return links && near.length ? withLinks(changed, [...links, [near[0].name, last.name]]) : changed;
 }
 
 /** Whether the circles of two vehicles come near enough for one to see the other. */
@@ -171,13 +181,13 @@ function side([ax, ay], [bx, by], [x, y]) {
 }
 
 /** Whether a point lies in a polygon: a ray from it crosses an odd number of edges. */
-function within(corners, { x, y }) {
+export function within(corners, { x, y }) {
   const crossed = edges(corners).filter(([[ax, ay], [bx, by]]) => ay > y !== by > y && x < ax + ((y - ay) * (bx - ax)) / (by - ay));
   return crossed.length % 2 === 1;
 }
 
 /** The distance in m from a point to the nearest edge of a polygon. */
-function toEdges(corners, { x, y }) {
+export function toEdges(corners, { x, y }) {
   return Math.min(
     ...edges(corners).map(([[ax, ay], [bx, by]]) => {
       const [dx, dy] = [bx - ax, by - ay];

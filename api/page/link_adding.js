@@ -1,6 +1,6 @@
 // A link added to the selected vehicle.
 
-import { element, notice, shown } from "./elements.js";
+import { byId, element, notice, shown } from "./elements.js";
 import { gapBetween, inReach } from "./free_space.js";
 import { vehiclesOf, withLinks } from "./scenario.js";
 
@@ -53,7 +53,7 @@ export class LinkAdding {
     this.#store.edit(withLinks(scenario, [...scenario.formation.links, pair]));
     notice(`Link ${pair.join("-")} added. Under “Links” it can be removed again.`);
     // the row goes with the last link that it offers
-    if (last) document.getElementById("chosen").focus();
+    if (last) byId("chosen").focus();
   }
 }
 

@@ -1,7 +1,7 @@
 // The pairs to synchronise: listed ones to take out, or those that follow reach.
 
 import { element } from "./elements.js";
-import { namesOf, withLinks, withoutLink } from "./scenario.js";
+import { linksPresent, withLinks, withoutLink } from "./scenario.js";
 
 const PLACE = /^formation\.links(?:\[(\d+)\])?/;
 
@@ -10,6 +10,7 @@ export class Links {
   /** the element to put in the form */
   group = element("details", { class: "links" });
   #store;
+  /** @type {any} */
   #known = null;
   #chips = [];
   #all = element("button", { type: "button", onclick: () => this.#change(this.#listed ? undefined : this.#present) });
@@ -61,12 +62,8 @@ export class Links {
     return Array.isArray(this.#store.scenario.formation.links);
   }
 
-  /** The pairs that the plan on show has or wanted, of vehicles that are still there. */
   get #present() {
-    const { plan, scenario } = this.#store;
-    const names = namesOf(scenario);
-    const pairs = [...plan.links, ...plan.dropped_links].map(({ a, b }) => [a, b]);
-    return pairs.filter((pair) => pair.every((name) => names.includes(name)));
+    return linksPresent(this.#store.scenario, this.#store.plan);
   }
 
   #chip(name, k) {

@@ -25,7 +25,7 @@ export function offerLosses(store, storePlan) {
     fault.textContent = "";
     found.replaceChildren();
   };
-  for (const name of ["opened", "scenario"]) store.addEventListener(name, clear);
+  store.on(["opened", "scenario"], clear);
   clear();
 
   async function judge() {

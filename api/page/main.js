@@ -6,9 +6,11 @@ import { offerDownloads } from "./downloads.js";
 import { DesignPanel } from "./design.js";
 import { Editor } from "./editor.js";
 import { byId, notice, noticeIsFault } from "./elements.js";
+import { offerParts } from "./inspector.js";
 import { askForKeys } from "./keys.js";
 import { offerLosses } from "./losses.js";
 import { FormationMap } from "./map.js";
+import { offerNewTeam } from "./new_team.js";
 import { Opening } from "./opening.js";
 import { Planner } from "./planner.js";
 import { Player } from "./player.js";
@@ -33,7 +35,8 @@ new Editor(store);
 const player = new Player(store, map, charts);
 new Planner(store, busy);
 showVerdicts(store);
-listenForKeys(store);
+listenForKeys(store, map.tools);
+const parts = offerParts(store);
 const opening = new Opening(store, charts, address);
 const work = new Work(store, storePlan, { began, ended });
 const designs = new DesignPanel(
@@ -48,6 +51,7 @@ const showDeadLink = offerWaysOn(store, {
   example: () => attempt(() => opening.example(FIRST_EXAMPLE)),
   fresh: () => attempt(() => opening.fresh()),
 });
+offerNewTeam((scenario, change) => opening.team(scenario, change));
 offerDownloads(store, storePlan);
 offerLosses(store, storePlan);
 offerLink(store, storePlan, attempt);
@@ -102,6 +106,7 @@ async function ended(job, result) {
   const at = `v1/jobs/${job.id}/figures`;
   const names = figuresOf(JOB_KINDS[job.kind], result);
   await charts.add(Object.fromEntries(names.map((name) => [name, `${at}/${name}`])), { show: names[0] });
+  if (names.length) charts.open();
   player.offer(result.series?.tracks ?? [], result.series);
   return true;
 }
@@ -168,25 +173,23 @@ askForKeys(() => {
 });
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => attempt(redraw));
 
-for (const name of ["opened", "scenario", "plan"]) {
-  store.addEventListener(name, () => {
-    allow("undo", store.canUndo);
-    allow("redo", store.canRedo);
-    allow("share", true);
-    byId("map-name").textContent = store.scenario.name || "";
-    if (name !== "plan") settleOutcome();
-    if (name === "scenario") address();
-  });
-}
-store.addEventListener("scenario", (event) => {
-  if (event.detail.lost) notice(`Edited: phases are computed anew. ${wayBack(store.lost)}`);
-  // what was confirmed of the plan before is read by now
-  else if (event.detail.restored || !noticeIsFault()) notice("");
+store.on(["opened", "scenario", "plan"], () => {
+  allow("undo", store.canUndo);
+  allow("redo", store.canRedo);
+  allow("share", true);
+  byId("map-name").textContent = store.scenario.name || "";
 });
-store.addEventListener("plan", (event) => event.detail.again && opening.compare(store.plan));
+store.on(["opened", "scenario"], settleOutcome);
+store.on(["scenario"], (detail) => {
+  address();
+  if (detail.lost) notice(`Edited: phases are computed anew. ${wayBack(store.lost)}`);
+  // what was confirmed of the plan before is read by now
+  else if (detail.restored || !noticeIsFault()) notice("");
+});
+store.on(["plan"], (detail) => detail.again && opening.compare(store.plan));
 addEventListener("popstate", () => attempt(goTo));
-store.addEventListener("faults", (event) => notice(event.detail.message, { fault: true }));
-store.addEventListener("plan", () => noticeIsFault() && notice(""));
+store.on(["faults"], (detail) => notice(detail.message, { fault: true }));
+store.on(["plan"], () => noticeIsFault() && notice(""));
 
 /** Do something that may fail, and say so. */
 async function attempt(task) {
@@ -221,6 +224,7 @@ async function start() {
   performance.mark("ready");
   if (asked.get("job")) resumeJob(asked.get("job"));
   const design = asked.get("design");
+  if (design && !asked.get("job")) parts.choose("design");
   if (design) resume(designs, design, (named) => (designed = named ? design : null));
 }
 
@@ -243,6 +247,7 @@ async function openLinked(planId) {
 
 /** Go on with a job about the plan on show, or show what it came to. */
 function resumeJob(jobId) {
+  parts.choose("run");
   return resume(work, jobId, (named) => (followed = named ? { id: jobId, ended: false } : null));
 }
 

@@ -1,249 +1,207 @@
-// The formation drawn by Plotly, with handles over it that pointer and keyboard move.
+// The formation on a map that people zoom and pan.
+//
+// The map is drawn in the page from numbers: the scenario's places, the plan's phases and ranks. Its
+// view changes only when people change it, or open another scenario.
 
-import { draw, isNarrow, widen } from "./drawing.js";
-import { byId, element, shown } from "./elements.js";
-import { legendOf } from "./legend.js";
-import { landmarksOf, round, vehiclesOf, withCenter, withLandmark } from "./scenario.js";
-import { Sight } from "./sight.js";
+import { byId } from "./elements.js";
+import { bodiesOf } from "./grips.js";
+import { Handles } from "./handles.js";
+import { arcOf, circlesOf, extentOf, linksOf, motionsOf, pointsOf, poseAt, ringOf, sightOf } from "./marks.js";
+import { Looks, mark } from "./looks.js";
+import { polygonsOf, withPolygon } from "./scenario.js";
+import { Tools, tidied } from "./tools.js";
+import { DragPan, LineString, Modify, MouseWheelZoom, OlMap, PinchZoom, Point, Polygon, Projection, ScaleLine, VectorLayer, VectorSource, View } from "./vendor/openlayers.js";
 
-const STEP = 0.01;
-const LONG_STEP = 0.05;
-/** By what share of the view the legend's room and a move may change it, and steps stay as they are. */
-const SAME_VIEW = 0.3;
-const TREMOR_PX = 4;
-const SAME_M = 1e-6;
+const MARGIN_PX = 36;
+const BUTTONS_PX = 72;
+const TOOLS_PX = 130;
+const NARROW_PX = 700;
+const FURTHEST_M = 1e7;
+const TURN = 2 * Math.PI;
 
-/** The map: draws what the service sends, and turns handles that move into edits. */
+const PLANE = new Projection({ code: "plane", units: "m", extent: [-FURTHEST_M, -FURTHEST_M, FURTHEST_M, FURTHEST_M] });
+
+/** The map: draws a store's scenario and plan, and turns handles that move into edits. */
 export class FormationMap {
   #store;
-  #plot = byId("map-plot");
-  #handles = byId("handles");
-  #legend = byId("map-legend");
-  #dragged = null;
-  #held = null;
-  /** Width of the view that steps by the arrow keys are a share of. */
-  #stepped = 0;
-  #formation = null;
-  #sight = new Sight();
+  #frame = byId("map-plot");
+  #areas = new VectorSource();
+  #still = new VectorSource();
+  #moving = new VectorSource();
+  #looks = new Looks();
+  #map;
+  /** what was on show after all was fitted into the window */
+  #whole = "";
+  /** the polygons that are drawn, as text */
+  #polygons = "";
+  /** what is played: s since the start of the period, or the places of a flown trial */
   #time = 0;
+  /** @type {any[] | null} */
+  #flown = null;
 
   constructor(store) {
     this.#store = store;
-    this.#handles.before(this.#sight.drawing);
-    store.addEventListener("plan", (event) => {
-      this.#formation = event.detail.figures.formation || this.#formation;
-      this.drawPlan();
+    const layer = (source) => new VectorLayer({ source, style: (feature) => this.#looks.of(feature), updateWhileInteracting: true });
+    this.#map = new OlMap({
+      target: this.#frame,
+      controls: [new ScaleLine({ minWidth: 80 })],
+      interactions: [new DragPan(), new MouseWheelZoom(), new PinchZoom()],
+      layers: [layer(this.#areas), layer(this.#still), layer(this.#moving)],
+      view: new View({ projection: PLANE, center: [0, 0], resolution: 1, constrainRotation: false, enableRotation: false, showFullExtent: true }),
     });
-    for (const name of ["scenario", "opened", "selected"]) {
-      store.addEventListener(name, () => this.#placeHandles());
-    }
-    store.addEventListener("faults", () => this.#reveal());
-    document.addEventListener("keydown", (event) => event.key === "Escape" && this.#takeBack());
+    this.#frame.map = this.#map;
+    this.tools = new Tools(store, this.#map, (feature) => this.#looks.of(feature));
+    new Handles(store, this.#map, () => this.#turned, (grip) => this.tools.uses(grip));
+    this.#letCornersMove();
+    store.on(["opened"], () => {
+      this.fit();
+      this.#map.once("rendercomplete", () => performance.mark("map"));
+    });
+    store.on(["scenario", "opened", "plan", "selected"], () => this.draw());
+    store.on(["selected"], ({ reveal }) => reveal && this.#reveal());
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.#restyle());
+    // what was fitted to the window stays so; a view that people chose stays as it is
+    this.#map.on("change:size", () => this.#viewed === this.#whole && this.fit());
+    byId("fit").addEventListener("click", () => this.fit());
+    byId("nearer").addEventListener("click", () => this.#zoom(1));
+    byId("further").addEventListener("click", () => this.#zoom(-1));
   }
 
-  get plot() {
-    return this.#plot;
+  /** Show all of the scenario. */
+  fit() {
+    const { scenario } = this.#store;
+    if (!scenario) return;
+    this.#map.updateSize();
+    this.#map.getView().fit(extentOf(scenario), { padding: this.#room, maxZoom: 40 });
+    this.#whole = this.#viewed;
   }
 
-  /** Show what the chosen vehicle covers so many seconds after the start; null for nothing. */
+  /** Room for the tools and the view's buttons beside what is fitted, in pixels. */
+  get #room() {
+    const wide = this.#frame.clientWidth > NARROW_PX;
+    return wide ? [MARGIN_PX, BUTTONS_PX, MARGIN_PX, TOOLS_PX] : [BUTTONS_PX, MARGIN_PX, BUTTONS_PX, MARGIN_PX];
+  }
+
+  /** The part of the plane on show, as text. */
+  get #viewed() {
+    const view = this.#map.getView();
+    return `${view.getCenter()} ${view.getResolution()}`;
+  }
+
+  /** Show all, if what is selected is out of view. */
+  #reveal() {
+    const { scenario, selected } = this.#store;
+    const body = bodiesOf(scenario, null).find(({ kind, k }) => kind === selected.kind && k === selected.k);
+    const [west, south, east, north] = this.#map.getView().calculateExtent(this.#map.getSize());
+    const { x, y, radius } = body ?? { x: 0, y: 0, radius: 0 };
+    if (x - radius < west || x + radius > east || y - radius < south || y + radius > north) this.fit();
+  }
+
+  #zoom(by) {
+    const view = this.#map.getView();
+    view.animate({ resolution: (view.getResolution() ?? 1) * 2 ** (-by / 2), duration: 120 });
+  }
+
+  /** Show the plan so many seconds after its start. */
   moment(time) {
     this.#time = time;
-    this.#showSight();
+    this.#flown = null;
+    this.#drawMoving();
   }
 
-  #showSight() {
-    const axes = this.#plot._fullLayout;
-    if (!axes?.xaxis || !this.#store.scenario) return;
-    const { selected, scenario, plan } = this.#store;
-    const chosen = selected?.kind === "vehicle" && this.#time !== null ? vehiclesOf(scenario, plan)[selected.k] : null;
-    this.#sight.show(chosen, plan, this.#time, axes);
-    byId("sight-help").hidden = !chosen;
+  /** Show a moment of a flown trial: `{ places, tails }`, each with what `looks` knows. */
+  flown(marks) {
+    this.#flown = marks;
+    this.#drawMoving();
   }
 
-  /** Draw the formation of the plan on show, as it is at time 0. */
-  drawPlan() {
-    return this.draw(this.#formation);
+  /** Draw the scenario as it is, with what its plan says of it. */
+  draw() {
+    const { scenario, drawn: plan } = this.#store;
+    if (!scenario) return;
+    const circles = circlesOf(scenario, plan);
+    const links = linksOf(scenario, plan);
+    this.#drawPolygons(scenario);
+    this.#still.clear(true);
+    this.#still.addFeatures([
+      ...links.map(({ from, to, rank, toLandmark }) => mark(line([from, to]), { kind: "link", rank, toLandmark })),
+      ...circles.map((one) => mark(new LineString(ringOf(one)), { kind: "circle", body: one.name })),
+      ...links.flatMap(({ from, to, arcs, rank }) =>
+        [from, to].filter((one) => one.radius > 0).flatMap((one) => arcs.map(([a, b]) => mark(new LineString(arcOf(one, a, b)), { kind: "contact", rank }))),
+      ),
+      ...motionsOf(scenario, plan).map(({ path, turns }) => mark(new LineString(path), { kind: "motion", turns })),
+      ...pointsOf(scenario).map(({ name, x, y }) => mark(new Point([x, y]), { kind: "landmark", name })),
+      ...circles.map(({ name, x, y }) => mark(new Point([x, y]), { kind: "centre", name })),
+    ]);
+    this.#drawMoving();
+    const many = `${circles.length} vehicles, ${pointsOf(scenario).length} landmarks, ${links.length} links`;
+    this.#frame.setAttribute("aria-label", `Map of the formation: ${many}.`);
   }
 
-  /** Draw a formation or one of its moments; the view stays while something is dragged. */
-  async draw(figure) {
-    if (!figure) return;
-    const { layout } = figure;
-    if (this.#held) {
-      layout.xaxis.range = this.#held.x;
-      layout.yaxis.range = this.#held.y;
-    }
-    const first = !this.#plot.data;
-    const narrow = isNarrow(this.#plot);
-    this.#legend.hidden = !narrow;
-    if (narrow) this.#legend.querySelector("ul").replaceChildren(...legendOf(figure));
-    await draw(this.#plot, figure, { filling: true });
-    if (first) {
-      for (const name of ["plotly_afterplot", "plotly_relayouting", "plotly_relayout"]) {
-        this.#plot.on(name, () => this.#placeHandles());
-      }
-    }
-    this.#plot.setAttribute("aria-label", `Map of the formation. ${figure.layout.title?.subtitle?.text || ""}`);
-    this.#placeHandles();
+  /** Draw the polygons, unless they are drawn: corners may be in hand. */
+  #drawPolygons(scenario) {
+    const polygons = polygonsOf(scenario);
+    const known = JSON.stringify(polygons);
+    if (known === this.#polygons) return;
+    this.#polygons = known;
+    this.#areas.clear();
+    this.#areas.addFeatures(polygons.map(({ corners, ...which }) => mark(new Polygon([[...corners, corners[0]]]), which)));
   }
 
-  #bodies() {
-    const { scenario, plan } = this.#store;
-    const vehicles = vehiclesOf(scenario, plan).map((one, k) => ({ ...one, kind: "vehicle", k }));
-    const landmarks = landmarksOf(scenario).map((one, k) => ({ ...one, kind: "landmark", k }));
-    return [...vehicles, ...landmarks];
-  }
-
-  #placeHandles() {
-    const axes = this.#plot._fullLayout;
-    if (!axes?.xaxis || !this.#store.scenario) return;
-    this.#showSight();
-    const bodies = this.#bodies();
-    const made = [...this.#handles.children];
-    made.slice(bodies.length).forEach((one) => one.remove());
-    bodies.forEach((body, k) => {
-      const handle = made[k] || this.#newHandle();
-      const { selected } = this.#store;
-      handle.body = body;
-      const there = this.#isDrawn(body);
-      handle.className = `handle ${body.kind}${there ? "" : " moved"}`;
-      handle.setAttribute("aria-pressed", selected?.kind === body.kind && selected.k === body.k);
-      handle.setAttribute("aria-label", labelOf(body));
-      handle.title = body.name;
-      handle.style.left = `${pixelOf(axes.xaxis, body.x)}px`;
-      handle.style.top = `${pixelOf(axes.yaxis, body.y)}px`;
-      const ring = handle.firstChild;
-      ring.hidden = body.kind !== "vehicle" || (there && this.#dragged !== handle) || !isInView(axes, body);
-      if (!ring.hidden) {
-        const size = 2 * Math.abs(axes.xaxis.d2p(body.radius) - axes.xaxis.d2p(0));
-        ring.style.width = ring.style.height = `${size}px`;
-      }
+  /** Corners of polygons move, a point of an edge becomes a corner, and a click with Alt takes one out. */
+  #letCornersMove() {
+    const modify = new Modify({ source: this.#areas, condition: ({ originalEvent: { shiftKey } }) => !shiftKey && this.tools.tool === "select" });
+    modify.on("modifyend", ({ features }) => {
+      const changed = features.getArray().reduce((scenario, one) => {
+        const [corners] = /** @type {any} */ (one.getGeometry()).getCoordinates();
+        return withPolygon(scenario, one.get("kind"), corners.slice(0, -1).map((corner) => corner.map((value) => tidied(value, this.#map))), one.get("k"));
+      }, this.#store.scenario);
+      this.#store.edit(changed);
     });
+    this.#map.addInteraction(modify);
   }
 
-  /** Whether the map shows a body where the scenario has it: not while an edit waits or is at fault. */
-  #isDrawn(body) {
+  #drawMoving() {
+    const { scenario, drawn: plan, selected } = this.#store;
+    this.#moving.clear(true);
+    if (!scenario) return;
+    if (this.#flown) {
+      this.#moving.addFeatures(this.#flown.map(({ path, place, ...look }) => mark(path ? new LineString(path) : new Point(place), look)));
+      return;
+    }
+    const turned = this.#turned;
+    const circles = circlesOf(scenario, plan);
+    const chosen = selected?.kind === "vehicle" ? circles[selected.k] : null;
+    if (chosen && plan) this.#moving.addFeature(mark(new Polygon([sightOf(chosen, turned)]), { kind: "sight" }));
+    const inTouch = linksOf(scenario, plan).filter(({ arcs }) => arcs.some(([from, to]) => within(turned, from, to)));
+    this.#moving.addFeatures([
+      ...inTouch.map(({ from, to, rank }) => mark(line([poseAt(from, turned), poseAt(to, turned)]), { kind: "sighting", rank })),
+      ...circles.map((one) => {
+        const { x, y, heading } = poseAt(one, turned);
+        return mark(new Point([x, y]), { kind: "vehicle", body: one.name, heading });
+      }),
+    ]);
+  }
+
+  /** The angle in rad turned at the moment shown. */
+  get #turned() {
     const { plan } = this.#store;
-    if (!plan) return false;
-    const drawn = body.kind === "vehicle" ? plan.vehicles[body.k] : landmarksOf(plan.scenario)[body.k];
-    if (!drawn) return false;
-    const [x, y] = drawn.center_m || [drawn.x, drawn.y];
-    const grown = (body.radius ?? 0) - (drawn.radius_m ?? 0);
-    return Math.hypot(x - body.x, y - body.y, grown) <= SAME_M;
+    return plan && !this.#flown ? (TURN * this.#time) / plan.period_s : 0;
   }
 
-  /** Widen the view to all that the scenario has: what is at fault is drawn by no plan. */
-  #reveal() {
-    const axes = this.#plot._fullLayout;
-    if (this.#held || !axes?.xaxis || !this.#store.scenario) return;
-    const bodies = this.#bodies();
-    const spans = ["x", "y"].map((name) => {
-      const ends = bodies.flatMap((one) => [one[name] - (one.radius ?? 0), one[name] + (one.radius ?? 0)]);
-      const seen = axes[`${name}axis`].range;
-      return { seen, all: [Math.min(...seen, ...ends), Math.max(...seen, ...ends)] };
-    });
-    if (spans.every(({ seen, all }) => all[0] === seen[0] && all[1] === seen[1])) return;
-    widen(this.#plot, ...spans.map(({ all }) => all));
-  }
-
-  #newHandle() {
-    const handle = element("button", { type: "button" }, element("span", { class: "ring", hidden: true }));
-    handle.addEventListener("pointerdown", (event) => this.#grab(handle, event));
-    handle.addEventListener("pointermove", (event) => this.#drag(handle, event));
-    for (const name of ["pointerup", "pointercancel", "lostpointercapture"]) {
-      handle.addEventListener(name, () => this.#drop(handle));
-    }
-    handle.addEventListener("keydown", (event) => this.#nudge(handle, event));
-    handle.addEventListener("click", () => this.#store.select({ kind: handle.body.kind, k: handle.body.k }));
-    this.#handles.append(handle);
-    return handle;
-  }
-
-  #grab(handle, event) {
-    if (event.button !== 0) return;
-    handle.setPointerCapture(event.pointerId);
-    this.#dragged = handle;
-    const { xaxis, yaxis } = this.#plot._fullLayout;
-    const at = [event.clientX, event.clientY];
-    this.#held = { x: [...xaxis.range], y: [...yaxis.range], first: true, at };
-    const box = handle.getBoundingClientRect();
-    this.#held.grip = [event.clientX - (box.left + box.width / 2), event.clientY - (box.top + box.height / 2)];
-  }
-
-  #drag(handle, event) {
-    if (this.#dragged !== handle) return;
-    const { xaxis, yaxis } = this.#plot._fullLayout;
-    const box = this.#plot.getBoundingClientRect();
-    const [gripX, gripY] = this.#held.grip;
-    const x = xaxis.p2d(event.clientX - gripX - box.left - xaxis._offset);
-    const y = yaxis.p2d(event.clientY - gripY - box.top - yaxis._offset);
-    const [startX, startY] = this.#held.at;
-    // a click by an unsteady hand is none of a drag
-    if (this.#held.first && Math.hypot(event.clientX - startX, event.clientY - startY) < TREMOR_PX) return;
-    this.#move(handle.body, x, y, { live: true, step: this.#held.first });
-    this.#held.first = false;
-  }
-
-  #drop(handle) {
-    if (this.#dragged !== handle) return;
-    const moved = !this.#held.first;
-    this.#dragged = null;
-    this.#held = null;
-    const { kind, k } = handle.body;
-    this.#store.select({ kind, k });
-    if (moved) this.#store.edit(this.#store.scenario, { step: false });
-  }
-
-  /** End a drag as if it had not begun. */
-  #takeBack() {
-    if (!this.#dragged) return;
-    const moved = !this.#held.first;
-    this.#dragged = null;
-    this.#held = null;
-    if (moved) this.#store.undo();
-  }
-
-  #nudge(handle, event) {
-    const ways = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
-    const way = ways[event.key];
-    if (!way) return;
-    event.preventDefault();
-    const { range } = this.#plot._fullLayout.xaxis;
-    const width = Math.abs(range[1] - range[0]);
-    if (Math.abs(width - this.#stepped) > SAME_VIEW * width) this.#stepped = width;
-    const step = this.#stepped * (event.shiftKey ? LONG_STEP : STEP);
-    const tidy = 10 ** Math.floor(Math.log10(step));
-    const by = Math.round(step / tidy) * tidy;
-    const { body } = handle;
-    this.#move(body, body.x + way[0] * by, body.y + way[1] * by, { live: true, field: `${body.kind} ${body.k}` });
-  }
-
-  #move(body, x, y, how) {
-    const change = body.kind === "vehicle" ? withCenter : withLandmark;
-    const { xaxis, yaxis } = this.#plot._fullLayout;
-    this.#store.edit(change(this.#store.scenario, body.k, tidied(x, xaxis), tidied(y, yaxis)), how);
+  #restyle() {
+    this.#looks = new Looks();
+    this.#still.changed();
+    this.#moving.changed();
   }
 }
 
-/** Where a coordinate lies over the map, in px; at the edge what lies beyond it. */
-function pixelOf(axis, value) {
-  return axis._offset + Math.min(Math.max(axis.d2p(value), 0), axis._length);
+function line(places) {
+  return new LineString(places.map(({ x, y }) => [x, y]));
 }
 
-function isInView(axes, { x, y }) {
-  const within = ({ range }, value) => value >= range[0] && value <= range[1];
-  return within(axes.xaxis, x) && within(axes.yaxis, y);
-}
-
-function labelOf(body) {
-  const where = `${shown(body.x)}, ${shown(body.y)} m`;
-  return body.kind === "vehicle" ? `Circle of ${body.name}, centre at ${where}` : `Landmark ${body.name} at ${where}`;
-}
-
-/** A coordinate within the view, rounded to the size of a pixel. */
-function tidied(value, { range, _length: length }) {
-  const [low, high] = range;
-  const tidy = 10 ** Math.floor(Math.log10((high - low) / length));
-  const kept = Math.min(Math.max(Math.round(value / tidy), Math.ceil(low / tidy)), Math.floor(high / tidy));
-  return round(kept * tidy);
+/** Whether an angle, or one a turn on, lies between two. */
+function within(turned, from, to) {
+  const angle = turned % TURN;
+  return (angle >= from && angle <= to) || (angle + TURN >= from && angle + TURN <= to);
 }

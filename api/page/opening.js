@@ -2,6 +2,7 @@
 
 import { notice } from "./elements.js";
 import { Planner } from "./planner.js";
+import { editable } from "./scenario.js";
 import { ask, noSuchPlan, passing } from "./service.js";
 import { forget, kept } from "./session.js";
 import { Store } from "./store.js";
@@ -37,6 +38,13 @@ export class Opening {
     await this.#text(await answer.text(), name, choice);
   }
 
+  /** Open a new scenario; `change` completes it, once the service has made its centres. */
+  async team(scenario, change) {
+    const choice = ++this.#choices;
+    const { plan } = await Planner.preview(scenario, { figures: [], quick: true });
+    if (choice === this.#choices) await this.#text(JSON.stringify(change(editable(plan))), scenario.name, choice);
+  }
+
   /** Begin with next to nothing. */
   async fresh() {
     await this.#text(JSON.stringify(FIRST_TEAM), FIRST_TEAM.name, ++this.#choices);
@@ -55,7 +63,7 @@ export class Opening {
   /** Open a stored plan; `opened()` is called once it is there, before it is drawn. */
   async plan(planId, { opened = () => {} } = {}) {
     const choice = ++this.#choices;
-    const { plan, figures } = await Planner.stored(planId).catch(noSuchPlan);
+    const { plan, figures } = /** @type {any} */ (await Planner.stored(planId).catch(noSuchPlan));
     if (choice !== this.#choices) return;
     this.#store.open({ plan, planId });
     opened();
@@ -86,7 +94,7 @@ export class Opening {
   }
 
   /** Add the figures of a refined plan beside what it was refined from. */
-  async compare({ id, parent_id: parentId }, { show } = {}) {
+  async compare({ id, parent_id: parentId }, { show = "" } = {}) {
     if (!parentId) return;
     const at = `v1/plans/${id}/figures`;
     const more = { comparison: `${at}/comparison`, refinement: `${at}/refinement` };

@@ -6,13 +6,12 @@ import { PLAN_FIGURES } from "./tables.js";
 
 const SETTLE_MS = 350;
 const AWAY_S = 2;
-const LIVE = ["formation"];
 
-/** The page plays the period itself. */
-const PLAYED = "animation";
+/** The page draws the formation and plays its period itself. */
+const DRAWN_HERE = ["formation", "animation"];
 
 /** The figures that every plan on show comes with. */
-const ASKED = PLAN_FIGURES.filter((name) => name !== PLAYED);
+const ASKED = PLAN_FIGURES.filter((name) => !DRAWN_HERE.includes(name));
 
 /** Keeps a store's plan up with its scenario.
  *
@@ -22,6 +21,7 @@ const ASKED = PLAN_FIGURES.filter((name) => name !== PLAYED);
 export class Planner {
   #store;
   #busy;
+  /** @type {any} */
   #waiting = null;
   #running = false;
   #timer = 0;
@@ -30,7 +30,7 @@ export class Planner {
   constructor(store, busy) {
     this.#store = store;
     this.#busy = busy;
-    store.addEventListener("scenario", (event) => this.#ask(event.detail.live));
+    store.on(["scenario"], (detail) => this.#ask(detail.live));
   }
 
   /** Resolves with the plan and figures of a stored plan. */
@@ -43,7 +43,7 @@ export class Planner {
 
   /** Resolves with the plan and figures of any scenario or plan document, stored nowhere. */
   static preview(document, { figures = ASKED, quick = false } = {}) {
-    const asked = new URLSearchParams({ quick, theme: theme() });
+    const asked = new URLSearchParams({ quick: `${quick}`, theme: theme() });
     for (const name of figures) asked.append("figure", name);
     const text = typeof document === "string";
     return askJson("POST", `v1/previews?${asked}`, {
@@ -95,7 +95,7 @@ export class Planner {
         if (this.#store.planId === planId) this.#store.deleted(error);
       }
     }
-    return Planner.preview(document, live ? { figures: LIVE, quick: true } : {});
+    return Planner.preview(document, live ? { figures: [], quick: true } : {});
   }
 
   #tellBusy(flag) {

@@ -22,7 +22,7 @@ export class RequestForm {
   #suited;
   #typed = new Set();
 
-  constructor(kind, title, hint, { fields, read, rows, handIn, suited = () => ({}) }) {
+  constructor(kind, title, hint, { fields, read, rows, handIn, suited = (_scenario) => ({}) }) {
     this.kind = kind;
     this.#suited = suited;
     this.#fields = fields;

@@ -33,7 +33,7 @@ export class RunningJob {
   }
 
   /** Follow a job; resolves with the job as it ended. `changed(event)` is called at each change. */
-  async follow(job, { focus = false, changed = () => {} } = {}) {
+  async follow(job, { focus = false, changed = (_event) => {} } = {}) {
     const { title, finishes } = JOB_KINDS[job.kind];
     this.#jobId = job.id;
     this.#ending = "";

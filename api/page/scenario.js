@@ -45,6 +45,18 @@ export function orbitsOf(plan) {
   }));
 }
 
+/** Return the orbits of a scenario with the phases of a plan, but one. */
+export function withPhase(plan, scenario, { k, phase_rad }) {
+  const phases = new Map(plan.vehicles.map((one) => [one.name, one.phase_rad]));
+  return vehiclesOf(scenario, plan).map(({ name, x, y, radius, direction }, i) => ({
+    name,
+    center_m: [x, y],
+    radius_m: radius,
+    direction,
+    phase_rad: i === k ? phase_rad : (phases.get(name) ?? 0),
+  }));
+}
+
 function orbitsAndMeetings(scenario) {
   const sensor = [scenario.sensor].flat().map((one) => without(one, LOOSE_OF_SENSOR));
   return { ...without(scenario, LOOSE), sensor };
@@ -163,17 +175,17 @@ export function withDirection(scenario, plan, k, direction) {
   return withValue(scenario, "orbit.direction", directions);
 }
 
-/** Return the scenario with one more vehicle, like the last one, about a centre. */
-export function withVehicle(scenario, { x, y }) {
+/** Return the scenario with one more vehicle about a centre, like another one: the last where none is named. */
+export function withVehicle(scenario, { x, y }, like = -1) {
   const changed = structuredClone(scenario);
   const { formation, orbit } = changed;
   formation.centers_m.push([x, y]);
   if (formation.names) formation.names.push(free("v", formation.names));
   for (const part of ["radius_m", "direction", "desync_rad", "speed_mps"]) {
-    if (Array.isArray(orbit[part])) orbit[part].push(orbit[part].at(-1));
+    if (Array.isArray(orbit[part])) orbit[part].push(orbit[part].at(like));
   }
   for (const part of ["sensor", "heading_sigma_rad"]) {
-    if (Array.isArray(changed[part])) changed[part].push(structuredClone(changed[part].at(-1)));
+    if (Array.isArray(changed[part])) changed[part].push(structuredClone(changed[part].at(like)));
   }
   return changed;
 }
@@ -208,6 +220,40 @@ export function withLinks(scenario, links) {
 
 export function withoutLink(scenario, k) {
   return withLinks(scenario, scenario.formation.links.filter((_, i) => i !== k));
+}
+
+/** Return the scenario with a link between two vehicles, or without it if it is listed; what follows reach is listed. */
+export function withLinkToggled(scenario, plan, pair) {
+  const listed = scenario.formation.links ?? linksPresent(scenario, plan);
+  const others = listed.filter((link) => !pair.every((name) => link.includes(name)));
+  return withLinks(scenario, others.length < listed.length ? others : [...listed, pair]);
+}
+
+/** Return the pairs that a plan has or wanted, of vehicles that are still there. */
+export function linksPresent(scenario, plan) {
+  const names = namesOf(scenario);
+  const pairs = [...plan.links, ...plan.dropped_links].map(({ a, b }) => [a, b]);
+  return pairs.filter((pair) => pair.every((name) => names.includes(name)));
+}
+
+/** Where each kind of polygon is kept; of an area there is one. */
+const POLYGONS = { area: "area_m", "keep-out": "keep_out_m", obstacle: "obstacles_m" };
+
+/** Return the polygons of a scenario, `{ kind, k, corners }`. */
+export function polygonsOf(scenario) {
+  return Object.entries(POLYGONS).flatMap(([kind, key]) => {
+    const all = kind === "area" ? [scenario[key] ?? []] : (scenario[key] ?? []);
+    return all.map((corners, k) => ({ kind, k, corners })).filter(({ corners }) => corners.length);
+  });
+}
+
+/** Return the scenario with the corners of polygon k of a kind, one more where none is k; null takes it out. */
+export function withPolygon(scenario, kind, corners, k = Infinity) {
+  const key = POLYGONS[kind];
+  if (kind === "area") return withValue(scenario, key, corners ?? undefined);
+  const all = scenario[key] ?? [];
+  const changed = [...all.slice(0, k), ...(corners ? [corners] : []), ...all.slice(k + 1)];
+  return withValue(scenario, key, changed.length ? changed : undefined);
 }
 
 /** Return the scenario with one more landmark. */

@@ -25,8 +25,12 @@ export const key = {
   set: (value) => sessionStorage.setItem(STORED_KEY, value),
 };
 
-/** Return the answer to a request; throws Refusal, Unreachable, or AbortError. */
+/** Return the answer to a request; throws Refusal, Unreachable, or AbortError.
+ * @param {string} method
+ * @param {string} path
+ * @param {{body?: string | Blob, type?: string, accept?: string, headers?: Record<string, string>, signal?: AbortSignal}} options */
 export async function ask(method, path, { body, type, accept, headers, signal } = {}) {
+  /** @type {Record<string, string>} */
   const sent = { Accept: accept || "application/json", ...headers };
   if (key.get()) sent.Authorization = `Bearer ${key.get()}`;
   if (body !== undefined) sent["Content-Type"] = type || "application/json";

@@ -15,9 +15,9 @@ export function keepOverReloads(store) {
     const scenario = state.scenario === judged.scenario ? null : state.scenario;
     write(planId ? null : { state: judged, scenario });
   };
-  store.addEventListener("opened", () => (judged = store.state));
-  store.addEventListener("plan", (event) => {
-    if (event.detail.current) judged = store.state;
+  store.on(["opened"], () => (judged = store.state));
+  store.on(["plan"], (detail) => {
+    if (detail.current) judged = store.state;
     keep();
   });
   addEventListener("pagehide", keep);
@@ -26,7 +26,7 @@ export function keepOverReloads(store) {
 /** What was kept, `{ state, scenario }`, or null. */
 export function kept() {
   try {
-    return JSON.parse(sessionStorage.getItem(STORED_KEY));
+    return JSON.parse(sessionStorage.getItem(STORED_KEY) ?? "null");
   } catch {
     return null;
   }

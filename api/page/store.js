@@ -1,6 +1,6 @@
 // What the page knows: the scenario being edited, its plan, and who wants to hear of changes.
 
-import { editable, orbitsOf, sameOrbits, sameScenario } from "./scenario.js";
+import { editable, orbitsOf, sameOrbits, sameScenario, withPhase } from "./scenario.js";
 
 const MOST_STEPS = 100;
 const SAME_EDIT_MS = 1000;
@@ -14,19 +14,34 @@ const SAME_EDIT_MS = 1000;
  * no rule gives its phases; they stay while the orbits and who meets whom do.
  */
 export class Store extends EventTarget {
+  /** @type {any} */
   scenario = null;
+  /** @type {any} */
   plan = null;
-  selected = null;
-  /** identifier of the plan as stored; null while it is an edit not yet stored */
+  /** what is selected, vehicles, landmarks and polygons, the last one last @type {{kind: string, k: number}[]} */
+  chosen = [];
+  /** identifier of the plan as stored; null while it is an edit not yet stored
+   * @type {string | null} */
   planId = null;
-  /** orbits that were given and hold for the scenario: `{ vehicles, origin }`, or null */
+  /** orbits that were given and hold for the scenario: `{ vehicles, origin }`, or null
+   * @type {any} */
   given = null;
-  /** identifier of the job whose report is on show, or null */
+  /** identifier of the job whose report is on show, or null
+   * @type {string | null} */
   report = null;
+  /** @type {any} */
   #anchor = null;
   #past = [];
   #future = [];
+  /** @type {{field: string | null, at: number}} */
   #last = { field: null, at: 0 };
+
+  /** Call `hear` with the detail of each event of these names.
+   * @param {string[]} names
+   * @param {(detail: any) => void} hear */
+  on(names, hear) {
+    for (const name of names) this.addEventListener(name, (event) => hear(/** @type {CustomEvent} */ (event).detail));
+  }
 
   /** What there is to plan: the scenario, with the orbits that were given. */
   get document() {
@@ -37,6 +52,20 @@ export class Store extends EventTarget {
   get subject() {
     const { scenario, document, planId } = this;
     return { scenario, document, planId };
+  }
+
+  /** The vehicle or landmark that was selected last; null where none is. */
+  get selected() {
+    return this.chosen[this.chosen.length - 1] ?? null;
+  }
+
+  isSelected({ kind, k }) {
+    return this.chosen.some((one) => one.kind === kind && one.k === k);
+  }
+
+  /** The plan on show with the phases that hold now: an edit may have given others. */
+  get drawn() {
+    return this.plan && this.given ? { ...this.plan, vehicles: this.given.vehicles } : this.plan;
   }
 
   /** What brings the present scenario back: itself, and what it is an edit of. */
@@ -51,15 +80,22 @@ export class Store extends EventTarget {
 
   /** Take an edit: the plan on show is then of an older scenario until the service answers.
    *
-   * Edits of one field that follow each other at once are one step to undo.
+   * Edits of one field that follow each other at once are one step to undo. `phase`, `{ k, phase_rad }`, is that of
+   * a vehicle set by hand: all phases are given from then on.
+   *
+   * @param {any} scenario
+   * @param {{live?: boolean, step?: boolean, field?: string | null, phase?: {k: number, phase_rad: number}}} how
    */
-  edit(scenario, { live = false, step = true, field = null } = {}) {
+  edit(scenario, { live = false, step = true, field = null, phase } = {}) {
     const at = performance.now();
     const goesOn = field !== null && field === this.#last.field && at - this.#last.at < SAME_EDIT_MS;
     this.#last = { field, at };
-    if (step && !goesOn && !sameScenario(scenario, this.scenario)) this.#remember(this.state);
+    if (step && !goesOn && (phase || !sameScenario(scenario, this.scenario))) this.#remember(this.state);
     const { given } = this;
-    this.#put({ scenario, anchor: this.#anchor });
+    // another subject for the planner, though its keys are the same
+    if (phase) scenario = { ...scenario };
+    const byHand = phase && { scenario, planId: null, given: { vehicles: withPhase(this.drawn, scenario, phase), origin: "hand" } };
+    this.#put({ scenario, anchor: byHand || this.#anchor });
     this.#emit("scenario", { live, lost: given && !this.given });
   }
 
@@ -78,7 +114,7 @@ export class Store extends EventTarget {
     const { anchor } = state;
     if (!sameScenario(state.scenario, anchor.scenario)) this.#remember({ scenario: anchor.scenario, anchor });
     this.#put(state);
-    Object.assign(this, { plan, selected: null });
+    Object.assign(this, { plan, chosen: [] });
     this.#emit("opened");
   }
 
@@ -112,8 +148,20 @@ export class Store extends EventTarget {
     this.#emit("report");
   }
 
-  select(what) {
-    this.selected = what;
+  /** Select a vehicle or landmark, or nothing; with `more` beside what is selected, or no longer.
+   *
+   * With `reveal` it comes into view, wherever it is.
+   * @param {{kind: string, k: number} | null} what */
+  select(what, { more = false, reveal = false } = {}) {
+    const others = more && what ? this.chosen.filter((one) => one.kind !== what.kind || one.k !== what.k) : [];
+    const known = more && what && this.isSelected(what);
+    this.chosen = what && !known ? [...others, what] : others;
+    this.#emit("selected", { reveal });
+  }
+
+  /** Select all of these. */
+  selectAll(chosen) {
+    this.chosen = chosen;
     this.#emit("selected");
   }
 

@@ -2,14 +2,18 @@
 
 import { element } from "./elements.js";
 
-/** Fill a tab list; `chosen(name)` is called when one is chosen. Returns {show(names), choose(name), current()}. */
-export function tabs(list, titles, chosen) {
+/** Fill a tab list; `chosen(name)` is called when one is chosen, and `panelOf(name)` returns the id of what it shows.
+ *
+ * Returns {show(names), choose(name), current()}.
+ */
+export function tabs(list, titles, chosen, panelOf = (_name) => "panel") {
+  /** @type {any} */
   let current = null;
   const buttons = new Map();
   for (const [name, title] of Object.entries(titles)) {
     const button = element(
       "button",
-      { type: "button", role: "tab", id: `tab-${name}`, "aria-controls": "panel", tabindex: "-1", hidden: true },
+      { type: "button", role: "tab", id: `tab-${name}`, "aria-controls": panelOf(name), tabindex: "-1", hidden: true },
       title,
     );
     button.addEventListener("click", () => choose(name));

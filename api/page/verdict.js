@@ -1,7 +1,7 @@
 // What the plan comes to, in words.
 
 import { byId, element, shown } from "./elements.js";
-import { withValue } from "./scenario.js";
+import { withoutLink, withValue } from "./scenario.js";
 
 /** Findings that stand open where there are many; the others are folded. */
 const MOST_OPEN = 3;
@@ -24,6 +24,7 @@ const ORIGINS = {
   refined: "refined",
   file: "from a file",
   given: "as given",
+  hand: "set by hand",
 };
 
 /** The predicted errors of a quick plan. */
@@ -35,18 +36,20 @@ const LEFT_OUT = ["bound-missing", "single-point-of-failure"];
 /** Shows the verdict on a store's plan, and says when the fields hold something else. */
 export function showVerdicts(store) {
   const place = byId("verdict");
+  const findings = byId("findings");
   const badge = byId("badge");
-  repeat(badge, byId("badge-again"));
   const remark = element("p", { class: "hint" });
   let doubt = null;
+  let quick = false;
 
   const show = () => {
-    const { observability: seen, verdict: { go } } = store.plan;
-    const rank = `${seen.observable ? "Observable" : "Not observable"}: rank ${seen.rank} of ${seen.state_dim}`;
-    const verdict = `${go ? "✓ GO" : "✗ NO-GO"} · ${rank}`;
-    const text = doubt ? `${DOUBTS[doubt][0]}: ${verdict}` : verdict;
+    const { plan } = store;
+    const { go } = plan.verdict;
+    const verdict = [element("strong", {}, `${go ? "✓ GO" : "✗ NO-GO"}: ${sentenceOf(plan, quick)}`), element("span", { class: "block" }, rankOf(plan))];
+    const parts = doubt ? [element("span", { class: "block" }, `${DOUBTS[doubt][0]}:`), ...verdict] : verdict;
+    const text = parts.map((one) => one.textContent).join(" ");
     // read out when it changes, and only then
-    if (badge.textContent !== text) badge.textContent = text;
+    if (badge.textContent !== text) badge.replaceChildren(...parts.flatMap((one, k) => (k ? [" ", one] : [one])));
     badge.className = doubt ? "badge" : `badge ${go ? "good" : "bad"}`;
     remark.textContent = doubt ? DOUBTS[doubt][1] : "";
     place.classList.toggle("stale", doubt !== null);
@@ -56,27 +59,44 @@ export function showVerdicts(store) {
     doubt = why;
     if (store.plan) show();
   };
-  store.addEventListener("plan", (event) => {
-    place.replaceChildren(...verdictOf(store, event.detail.quick), remark);
+  store.on(["plan"], (detail) => {
+    quick = detail.quick;
+    findings.replaceChildren(...findingsOf(store, quick));
+    place.replaceChildren(...factsOf(store, quick), remark);
     doubtFor(halfTyped() ? "typing" : null);
   });
-  store.addEventListener("faults", (event) => doubtFor(event.detail.why));
+  store.on(["faults"], ({ why, faults }) => {
+    if (why === "fault" && faults.length) findings.replaceChildren(...firstOpen(faults.map((one) => faultOf(store, one)), "fault"));
+    doubtFor(why);
+  });
   byId("editor").addEventListener("input", () => halfTyped() && doubtFor("typing"));
 }
 
-/** Keep what the verdict says in sight where the form is far below it, as on a phone. */
-function repeat(badge, again) {
-  const copy = () => {
-    again.textContent = badge.textContent;
-    again.className = badge.className;
-  };
-  new MutationObserver(copy).observe(badge, { attributes: true, characterData: true, childList: true, subtree: true });
-  copy();
+/** What a plan comes to: how well all know where they are, or why they do not. */
+function sentenceOf(plan, quick) {
+  const { observability: seen, verdict: { go, findings } } = plan;
+  const count = plan.vehicles.length;
+  const team = count === 1 ? "1 vehicle knows where it is" : `${count} vehicles know where they are`;
+  if (go) {
+    const known = Object.values(plan.predicted_rms_m.vehicles).filter((one) => one !== null);
+    return quick || !known.length ? team : `${team} to ${shown(Number(Math.max(...known).toPrecision(2)), "m")}`;
+  }
+  if (!seen.observable) return "not every position and heading can be known";
+  const stops = findings.filter((one) => one.level === "stop");
+  return stops.length === 1 ? "one reason not to fly" : `${stops.length} reasons not to fly`;
+}
+
+function rankOf({ observability: { observable, rank, state_dim: size } }) {
+  return `${observable ? "Observable" : "Not observable"}: rank ${rank} of ${size}`;
 }
 
 /** Make the changes of the scenario that cure a finding. */
 function cure(store, change) {
-  store.edit(Object.entries(change).reduce((scenario, [key, value]) => withValue(scenario, key, value), store.scenario));
+  mend(store, Object.entries(change).reduce((scenario, [key, value]) => withValue(scenario, key, value), store.scenario));
+}
+
+function mend(store, scenario) {
+  store.edit(scenario);
   // the button goes with the finding that it cures
   const badge = byId("badge");
   badge.tabIndex = -1;
@@ -94,19 +114,24 @@ function halfTyped() {
   return fields.some((one) => one.validity.badInput || (one.value === "" && one.id.startsWith(NEEDED)));
 }
 
-function verdictOf(store, quick) {
+/** The findings: reasons not to fly first, all but a few folded. */
+function findingsOf(store, quick) {
+  const { findings } = store.plan.verdict;
+  const counted = findings.filter((one) => !(quick && LEFT_OUT.includes(one.code)));
+  const order = Object.keys(LEVELS);
+  const sorted = [...counted].sort((one, other) => order.indexOf(one.level) - order.indexOf(other.level));
+  return firstOpen(sorted.map((one) => findingOf(store, one)), "finding");
+}
+
+function factsOf(store, quick) {
   const { plan, given, lost } = store;
-  const findings = plan.verdict.findings.filter((one) => !(quick && LEFT_OUT.includes(one.code)));
-  const stops = findings.filter((one) => one.level === "stop");
   return [
-    ...firstOpen(stops.map((one) => findingOf(store, one)), "reason"),
     table(plan, quick ? FOLLOWING : plan.predicted_rms_m, phases(plan, given, lost)),
-    ...findings.filter((one) => one.level !== "stop").map((one) => findingOf(store, one)),
     element("p", { class: "hint" }, quick ? "Quick preview while you edit: predicted errors, the check of the start and single points of failure follow." : ""),
   ];
 }
 
-/** Where the phases of a plan come from, and how to have others back. */
+/** Where the phases of a plan come from, and how to have others back. @returns {[string, string]} */
 function phases({ synchronisation: { method } }, given, lost) {
   const kept = method === "refined" || method === "given";
   return [kept ? ORIGINS[given?.origin] || ORIGINS[method] : "synchronised", lost ? `Computed anew. ${wayBack(lost)}` : ""];
@@ -199,6 +224,18 @@ function findingOf(store, { code, level, message, cure: remedy }) {
     element("p", {}, element("strong", {}, LEVELS[level]), message),
     remedy ? element("p", {}, element("strong", {}, "Cure: "), remedy.text) : null,
     able ? element("button", { type: "button", onclick: () => cure(store, change) }, labelOf(change)) : null,
+  );
+}
+
+/** One fault of the scenario, with a button where it is a link that can be taken out. */
+function faultOf(store, { path, message }) {
+  const [, k] = path.match(/^formation\.links\[(\d+)\]/) ?? [];
+  const link = k && store.scenario.formation.links?.[k]?.join("–");
+  return element(
+    "div",
+    { class: "finding stop" },
+    element("p", {}, element("strong", {}, LEVELS.stop), message),
+    link ? element("button", { type: "button", onclick: () => mend(store, withoutLink(store.scenario, Number(k))) }, `Remove the link ${link}`) : null,
   );
 }
 

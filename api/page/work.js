@@ -36,8 +36,10 @@ export class Work {
     const size = () => store.plan.vehicles.length;
     this.#forms = [refinementForm(handIn), validationForm(size, handIn), flightForm(size, handIn)];
     byId("work").append(...this.#forms.map((form) => form.element), this.#fault, this.#running.element, this.#outcome);
-    for (const name of ["opened", "scenario"]) store.addEventListener(name, () => this.#clear());
-    store.addEventListener("opened", () => this.#forms.forEach((form) => form.suit(store.scenario)));
+    store.on(["opened", "scenario"], () => this.#clear());
+    store.on(["opened"], () => {
+      for (const form of this.#forms) form.suit(store.scenario);
+    });
     this.#enable();
   }
 

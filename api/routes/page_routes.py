@@ -20,6 +20,7 @@ from syncplan.flight.flight_options import GUIDANCES
 from syncplan.plotting.figure_table import FIGURES, always_there
 from syncplan.reports.job_contract import STATES, has_ended
 from syncplan.scenario.dotted_keys import ALTERNATIVES, numeric_keys
+from syncplan.scenario.formations import SHAPES
 from syncplan.scenario.objectives import OBJECTIVES
 
 
@@ -41,6 +42,8 @@ def tables_script() -> str:
         "FIGURES": {name: FIGURES[name].title for name in figures},
         "PLAN_FIGURES": always_there("plan"),
         "FORMATS": {name: one.title for name, one in FORMATS.items()},
+        "SHAPES": {name: one.sentence for name, one in SHAPES.items()},
+        "ON_EARTH": [name for name, one in FORMATS.items() if one.on_earth],
         "MISSIONS": [name for name, one in FORMATS.items() if one.mission],
         "PILOTS": pilots,
         "GUIDANCES": {name: one.sentence for name, one in GUIDANCES.items()},
@@ -84,7 +87,7 @@ _MEDIA = {
     "svg": "image/svg+xml",
     "yaml": "application/yaml",
 }
-_EXAMPLES = ("examples", "briefs")
+_FOLDERS = ("examples", "briefs", "vendor")
 _LEVEL = 6
 
 
@@ -105,7 +108,7 @@ class Asset:
 
 
 def find_asset(name: str) -> Asset | None:
-    """Return a file by its name, or None; examples are examples/NAME.yaml and briefs/NAME.yaml."""
+    """Return a file by its name, or None; those of folders are examples/NAME.yaml, ..."""
     return _asset(name) if name in _names() else None
 
 
@@ -114,8 +117,8 @@ def _names() -> frozenset[str]:
     """Names of all files; no other name is served."""
     folder = files("api").joinpath("page")
     own = [one.name for one in folder.iterdir() if one.is_file()]
-    examples = [f"{of}/{one.name}" for of in _EXAMPLES for one in folder.joinpath(of).iterdir()]
-    known = [name for name in (*own, *examples) if name.rpartition(".")[2] in _MEDIA]
+    further = [f"{of}/{one.name}" for of in _FOLDERS for one in folder.joinpath(of).iterdir()]
+    known = [name for name in (*own, *further) if name.rpartition(".")[2] in _MEDIA]
     return frozenset((*known, PLOTLY, TABLES))
 
 

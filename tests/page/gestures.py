@@ -12,21 +12,62 @@ from playwright.sync_api import Download, Locator, Page, Route, expect
 from tests.tools.serving import Server
 
 __all__ = [
+    "DRAWN",
     "copied",
     "download",
     "downloaded",
     "drag",
+    "drawn",
+    "figures",
     "handle",
+    "on_screen",
     "opened",
+    "part",
     "phases",
     "plan_id_of",
     "refine",
     "saved",
+    "sheet",
     "sidecar_of",
     "stored",
     "unzipped",
     "validate",
+    "view",
 ]
+
+
+def view(page: Page) -> list[float]:
+    """The map's view: west, south, east and north in m."""
+    script = "(map => map.getView().calculateExtent(map.getSize()))"
+    found: list[float] = page.evaluate(f"{script}(document.getElementById('map-plot').map)")
+    return found
+
+
+def on_screen(page: Page, x: float, y: float) -> tuple[float, float]:
+    """Where a place of the scenario is on the screen."""
+    script = """([x, y]) => {
+        const frame = document.getElementById('map-plot');
+        const { left, top } = frame.getBoundingClientRect();
+        const [right, down] = frame.map.getPixelFromCoordinate([x, y]);
+        return [left + right, top + down];
+    }"""
+    right, down = page.evaluate(script, [x, y])
+    return right, down
+
+
+DRAWN = """kind => document.getElementById('map-plot').map.getLayers().getArray()
+    .flatMap(layer => layer.getSource().getFeatures())
+    .filter(one => one.get('kind') === kind)
+    .map(one => ({
+        ...one.getProperties(), geometry: null, at: one.getGeometry().getCoordinates(),
+    }))"""
+"""The marks of a kind on the map, with their coordinates."""
+
+
+def drawn(page: Page, kind: str) -> list[dict[str, Any]]:
+    """The marks of a kind that are drawn on the map, with their coordinates `at` in m."""
+    found: list[dict[str, Any]] = page.evaluate(DRAWN, kind)
+    return found
 
 
 def handle(page: Page, name: str) -> Locator:
@@ -61,7 +102,7 @@ def plan_id_of(page: Page) -> str:
 
 def phases(page: Page) -> Locator:
     """Where the verdict shows where the phases come from."""
-    return page.get_by_role("row", name="Phases").get_by_role("cell")
+    return page.locator("#verdict tr", has_text="Phases").locator("td")
 
 
 def copied(page: Page) -> str:
@@ -77,6 +118,25 @@ def stored(page: Page, server: Server) -> dict[str, Any]:
     return found
 
 
+def part(page: Page, name: str) -> None:
+    """Show a part of the plan beside the map."""
+    page.get_by_role("tab", name=name, exact=True).click()
+
+
+def sheet(page: Page) -> None:
+    """Open the sheet of a narrow window."""
+    button = page.locator("#sheet")
+    if button.is_visible() and button.get_attribute("aria-expanded") == "false":
+        button.click()
+
+
+def figures(page: Page) -> None:
+    """Open the figures below the map."""
+    if page.locator("#figures").is_hidden():
+        page.get_by_role("button", name="Figures").click()
+    page.locator("#panel-plot .main-svg").first.wait_for()
+
+
 def refine(page: Page) -> None:
     """Refine from one start and without a hurry, so that the same comes of it on any machine."""
 
@@ -86,11 +146,13 @@ def refine(page: Page) -> None:
         route.continue_(post_data=json.dumps(asked))
 
     page.route("**/refinements", one_start)
+    part(page, "Run")
     page.get_by_role("button", name="Refine").click()
 
 
 def validate(page: Page, trials: str) -> None:
     """Validate the plan on show in so many trials."""
+    part(page, "Run")
     page.get_by_role("spinbutton", name="Trials").fill(trials)
     page.get_by_role("button", name="Validate").click()
 
@@ -105,8 +167,11 @@ def opened(page: Page, scenario: dict[str, Any]) -> None:
 
 def download(page: Page, button: str) -> Download:
     """What a button saves."""
+    before = page.locator("#parts [aria-selected=true]").text_content()
+    part(page, "Export")
     with page.expect_download() as waiting:
-        page.get_by_role("button", name=button).click()
+        page.locator("#downloads").get_by_role("button", name=button).click()
+    part(page, before or "?")
     return waiting.value
 
 

@@ -61,7 +61,8 @@ def test_a_vehicle_that_is_added_to_listed_links_is_linked_and_the_team_stays_a_
     visit: Visit, page: Page
 ) -> None:
     page.get_by_role("button", name="Add vehicle").click()
-    visit.verdict("✓ GO · Observable: rank 21 of 21")
+    visit.verdict("✓ GO")
+    visit.verdict("Observable: rank 21 of 21")
     expect(page.locator("#notice")).to_contain_text("with the link v5-v7")
     assert downloaded(page)["formation"]["links"][-1] == ["v5", "v7"]
     page.get_by_role("button", name="Undo").click()

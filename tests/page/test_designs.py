@@ -5,6 +5,7 @@ import re
 import pytest
 from playwright.sync_api import Page, expect
 
+from tests.page.gestures import part
 from tests.tools.briefs import FIELD, brief
 from tests.tools.browsing import Visit, accessibility_faults
 
@@ -12,6 +13,7 @@ TEXT = re.sub(r"\n\s*", " ", brief().model_dump_json(exclude_none=True))
 
 
 def _handed_in(page: Page, text: str) -> None:
+    part(page, "Design")
     page.get_by_label("Brief (YAML or JSON)").fill(text)
     page.get_by_role("button", name="Design", exact=True).click()
 
@@ -45,6 +47,7 @@ def test_a_bad_brief_is_refused_beside_its_text(visit: Visit, page: Page) -> Non
 
 
 def test_a_design_that_is_to_finish_opens_the_best_it_has(visit: Visit, page: Page) -> None:
+    part(page, "Design")
     page.get_by_label("Example brief").select_option("multirotors-over-a-field")
     page.get_by_role("button", name="Design", exact=True).click()
     panel = page.locator("#design")
@@ -56,5 +59,6 @@ def test_a_design_that_is_to_finish_opens_the_best_it_has(visit: Visit, page: Pa
 
 @pytest.mark.parametrize("name", ["multirotors-over-a-field", "rovers-between-shelves"])
 def test_the_example_briefs_are_there(visit: Visit, page: Page, name: str) -> None:
+    part(page, "Design")
     page.get_by_label("Example brief").select_option(name)
     expect(page.get_by_label("Brief (YAML or JSON)")).to_have_value(re.compile("purpose"))

@@ -8,7 +8,7 @@ import httpx2
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.page.gestures import download, opened, sidecar_of
+from tests.page.gestures import download, opened, part, sidecar_of
 from tests.tools.browsing import Visit
 from tests.tools.scenarios import document
 from tests.tools.serving import Server
@@ -67,10 +67,11 @@ def test_findings_are_the_same_word_for_word_everywhere(
     opened(page, scenario)
     visit.verdict("✓ GO" if planned["go"] else "✗ NO-GO")
     visit.settle()
-    expect(page.locator("#verdict .finding")).to_have_count(len(planned["findings"]))
+    expect(page.locator("#findings .finding")).to_have_count(len(planned["findings"]))
     for one in planned["findings"]:
-        found = page.locator(f"#verdict .finding[data-code={one['code']}]")
+        found = page.locator(f"#findings .finding[data-code={one['code']}]")
         expect(found.filter(has_text=one["message"])).to_have_count(1)
+    part(page, "Export")
     page.get_by_label("Format", exact=True).select_option("csv")
     if not planned["go"]:
         page.get_by_label("Export although the verdict is NO-GO").check()

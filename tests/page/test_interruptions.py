@@ -8,7 +8,7 @@ import httpx2
 import pytest
 from playwright.sync_api import Page, Route, expect
 
-from tests.page.gestures import copied, refine, stored, validate
+from tests.page.gestures import copied, figures, part, refine, stored, validate
 from tests.tools.api_servers import key_of, serving, speaking
 from tests.tools.browsing import Tabs, Visit, accessibility_faults, visiting
 from tests.tools.serving import QUICK, Server, running, settings_of
@@ -152,9 +152,7 @@ def test_an_edit_while_the_service_is_away_is_planned_once_it_is_back(
     page.route("**/v1/**", lambda route: route.abort())
     page.get_by_label("Desynchronise by").fill("0.2")
     expect(page.locator("#notice.bad")).to_contain_text("can't be reached")
-    visit.doubt(
-        "Waiting for the service; before your edits: ✗ NO-GO · Not observable: rank 16 of 18"
-    )
+    visit.doubt("Waiting for the service; before your edits: ✗ NO-GO")
     expect(page.locator("#verdict")).to_contain_text("of the scenario before your edits")
     page.unroute("**/v1/**")
     visit.verdict("Observable: rank 18 of 18")
@@ -187,6 +185,7 @@ def test_a_refined_plan_opens_though_its_parent_was_deleted(
     visit.expect_complaints("404")
     page.reload()
     visit.verdict("Observable: rank 18 of 18")
+    figures(page)
     expect(page.get_by_role("tab", name="Refinement")).to_be_visible()
     expect(page.get_by_role("tab", name="Before and after")).to_be_hidden()
     expect(page.locator("#notice.bad")).to_have_count(0)
@@ -202,6 +201,7 @@ def test_the_focus_stays_where_it_was_over_undo_and_cancel(visit: Visit, page: P
     expect(page.get_by_label("Radius of all")).to_have_value("20")
     expect(undo).to_have_attribute("aria-disabled", "true")
     expect(undo).to_be_focused()
+    part(page, "Run")
     page.get_by_label("Trials").fill("100000")
     validate = page.get_by_role("button", name="Validate")
     validate.focus()

@@ -7,7 +7,18 @@ import httpx2
 from playwright.sync_api import Page, expect
 
 from syncplan.scenario.loading import load_scenario
-from tests.page.gestures import copied, opened, plan_id_of, refine, stored, validate
+from tests.page.gestures import (
+    DRAWN,
+    copied,
+    drawn,
+    figures,
+    opened,
+    part,
+    plan_id_of,
+    refine,
+    stored,
+    validate,
+)
 from tests.tools.browsing import Tabs, Visit, accessibility_faults, visiting
 from tests.tools.scenarios import FILES, document
 from tests.tools.serving import Server
@@ -30,6 +41,7 @@ def test_refine_compare_validate_and_open_the_link_again(
     visit.verdict("Observable: rank 18 of 18")
     expect(page.locator(".outcome")).to_contain_text("Predicted error")
     expect(page.locator(".outcome")).to_contain_text("Rank 16 → 18")
+    figures(page)
     expect(page.get_by_role("tab", name="Before and after")).to_have_attribute(
         "aria-selected", "true"
     )
@@ -48,6 +60,7 @@ def test_refine_compare_validate_and_open_the_link_again(
         again.verdict("Observable: rank 18 of 18")
         error = f"{plan['predicted_rms_m']['overall']:.4g}".rstrip("0")
         expect(again.page.locator("#verdict")).to_contain_text(f"{error} m")
+        figures(again.page)
         expect(again.page.get_by_role("tab", name="Before and after")).to_be_visible()
         assert plan_id_of(again.page) == plan["id"]
 
@@ -62,6 +75,7 @@ def test_what_refinement_may_move_by_suits_the_team_that_was_opened(
         for field, value in zip((box, least, most), values, strict=True):
             expect(field).to_have_value(value)
 
+    part(page, "Run")
     offered("5", "15", "25")
     visit.choose("four-ground-robots")
     offered("0.13", "0.38", "0.63")
@@ -81,6 +95,7 @@ def test_refining_shows_what_it_costs_in_separation(visit: Visit, page: Page) ->
     expect(reported).to_contain_text(re.compile(r"Least separation 30 → [\d.]+ m"))
     expect(reported).to_contain_text("“Least separation” in the scenario limits this")
     visit.choose("paper-grid-same")
+    part(page, "Scenario")
     page.get_by_label("Least separation").fill("29")
     visit.settle()
     refine(page)
@@ -91,10 +106,13 @@ def test_refining_shows_what_it_costs_in_separation(visit: Visit, page: Page) ->
 
 def test_a_refined_plan_that_is_not_to_be_flown_is_no_success(visit: Visit, page: Page) -> None:
     opened(page, _past_a_mast(ALTERNATE))
-    visit.verdict("✗ NO-GO · Not observable")
+    visit.verdict("✗ NO-GO")
+    visit.verdict("Not observable")
+    part(page, "Run")
     page.get_by_label("centres, by up to").uncheck()
     refine(page)
-    visit.verdict("✗ NO-GO · Observable: rank 18 of 18")
+    visit.verdict("✗ NO-GO")
+    visit.verdict("Observable: rank 18 of 18")
     badge = page.locator(".outcome .badge")
     expect(badge).to_contain_text("Predicted error")
     expect(badge).not_to_have_class("badge good")
@@ -120,7 +138,7 @@ def test_a_validation_is_no_proof_where_the_plan_is_unobservable_or_trials_are_f
     expect(badge).not_to_have_class("badge good")
     # nor is what is not to be flown, however well its filter knows where it is
     opened(page, _past_a_mast("paper-grid-same"))
-    visit.verdict("✗ NO-GO · Observable")
+    visit.verdict("✗ NO-GO")
     validated("30")
     expect(outcome).to_contain_text("The filter is consistent")
     expect(badge).not_to_have_class("badge good")
@@ -170,6 +188,7 @@ def test_a_plan_that_was_deleted_is_stored_anew(visit: Visit, page: Page, server
 def test_what_is_edited_while_a_job_runs_stays(visit: Visit, page: Page) -> None:
     validate(page, "1500")
     expect(page.locator("#job-text")).to_contain_text("of 1500 trials")
+    part(page, "Scenario")
     page.get_by_label("Radius of all").fill("21")
     visit.settle()
     assert "job=" in page.url
@@ -190,6 +209,7 @@ def test_a_reload_goes_on_following_the_job(page: Page) -> None:
 
 def fly(page: Page, flights: int, **fields: str) -> None:
     """Fly the plan on show."""
+    part(page, "Run")
     page.get_by_label("Flights").fill(str(flights))
     for label, text in fields.items():
         page.locator(f"#fly-{label}").fill(text)
@@ -221,20 +241,18 @@ def test_a_flight_shows_what_it_came_to_and_plays_on_the_map(
     assert accessibility_faults(page) == []
     played = page.get_by_label("What is played")
     played.select_option("Flight 2")
-    names = "document.getElementById('map-plot').data.map(one => one.name)"
-    page.wait_for_function(f"() => {names}.includes('estimated place')")
-    assert not {"vehicle", "direction of sight"} & set(page.evaluate(names))
+    taken = f"({DRAWN})('estimate').length"
+    page.wait_for_function(f"() => {taken} === 6")
+    assert drawn(page, "sighting") == []
     slider = page.get_by_label("Moment in the period")
     slider.fill(str(slider.get_attribute("max")))
     expect(page.locator("#moment-text")).to_have_text("40 s")
     # v6 is gone by then, all others are there
-    there = (
-        "document.getElementById('map-plot').data.find(one => one.name === 'true place')"
-        ".x.filter(x => x !== null).length"
-    )
-    page.wait_for_function(f"() => {there} === 5")
+    page.wait_for_function(f"() => {taken} === 5")
+    assert len(drawn(page, "vehicle")) == 5
     played.select_option("The plan")
-    page.wait_for_function(f"() => !{names}.includes('estimated place')")
+    page.wait_for_function(f"() => {taken} === 0")
+    part(page, "Scenario")
     page.get_by_label("Radius of all").fill("21")
     expect(played).to_be_hidden()
 

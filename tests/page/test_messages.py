@@ -7,7 +7,7 @@ import httpx2
 import pytest
 from playwright.sync_api import Page, Route, expect
 
-from tests.page.gestures import copied, drag, plan_id_of
+from tests.page.gestures import copied, drag, part, plan_id_of, sheet
 from tests.tools.browsing import DESKTOP, PHONE, Tabs, Visit, accessibility_faults, visiting
 from tests.tools.scenarios import document
 from tests.tools.serving import Server
@@ -23,13 +23,15 @@ def test_a_confirmation_is_seen_wherever_one_has_scrolled(
     with visiting(tabs, server.url, size=size) as visit:
         page = visit.page
         visit.verdict("GO")
+        sheet(page)
+        part(page, "Export")
         page.get_by_label("Format", exact=True).select_option("csv")
         with page.expect_download():
-            page.get_by_role("button", name="Export").click()
+            page.locator("#downloads").get_by_role("button", name="Export").click()
         reported = page.locator("#notice")
         expect(reported).to_contain_text("Exported")
         for place in (0, 10_000):
-            page.evaluate("y => window.scrollTo(0, y)", place)
+            page.evaluate("y => document.querySelector('.inspector').scrollTo(0, y)", place)
             expect(reported).to_be_in_viewport(ratio=1.0)
         expect(reported).to_have_attribute("aria-live", "polite")
         assert accessibility_faults(page) == []
@@ -82,7 +84,7 @@ def test_a_link_to_no_plan_says_so_and_leads_on(
         )
         assert accessibility_faults(page) == []
         card.get_by_role("button", name="Begin with two vehicles").press("Enter")
-        visit.verdict("✓ GO · Observable: rank 6 of 6")
+        visit.verdict("✓ GO")
         expect(card).to_be_hidden()
         assert "plan=" not in page.url
 
@@ -150,9 +152,10 @@ def test_the_badge_of_a_plan_from_before_there_were_verdicts_is_the_verdicts(
         page = visit.page
         page.route(f"**/v1/plans/{plan['id']}", without_verdict)
         page.goto(f"{server.url}/?plan={plan['id']}")
-        visit.verdict("✗ NO-GO · Observable: rank 6 of 6")
+        visit.verdict("✗ NO-GO")
+        visit.verdict("Observable: rank 6 of 6")
         expect(page.locator("#badge")).to_have_class("badge bad")
-        expect(page.locator("#verdict")).to_contain_text("v1 passes L2 at 1 m")
+        expect(page.locator("#findings")).to_contain_text("v1 passes L2 at 1 m")
 
 
 def test_while_a_scenario_is_at_fault_no_findings_are_said_to_go_with_its_files(

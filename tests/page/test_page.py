@@ -1,14 +1,17 @@
 """What holds of the page: accessibility, policy, assets, what it offers."""
 
+import hashlib
 import re
 from collections.abc import Iterator
+from pathlib import Path
 
 import httpx2
 import pytest
 from playwright.sync_api import Page, expect
 
+from api.routes import page_routes
 from syncplan.exporting.formats import FORMATS
-from tests.page.gestures import handle
+from tests.page.gestures import figures, handle, part, sheet
 from tests.tools.browsing import (
     DESKTOP,
     PHONE,
@@ -31,14 +34,20 @@ def test_the_page_has_no_accessibility_faults(
 ) -> None:
     with visiting(tabs, server.url, size=size, dark=dark) as visit:
         visit.choose(ALTERNATE)
+        handle(visit.page, "v2").click()
+        sheet(visit.page)
         for summary in visit.page.locator("summary").all():
             if summary.is_visible():
                 summary.click()
-        handle(visit.page, "v2").click()
-        assert accessibility_faults(visit.page) == []
+        for name in ("Verdict", "Run", "Design", "Export", "Scenario"):
+            part(visit.page, name)
+            assert accessibility_faults(visit.page) == []
+        figures(visit.page)
         for name in ("Singular values", "Predicted error"):
             visit.page.get_by_role("tab", name=name).click()
             assert accessibility_faults(visit.page) == []
+        visit.page.get_by_role("button", name="New").click()
+        assert accessibility_faults(visit.page) == []
 
 
 def test_the_page_fits_a_phone(tabs: Tabs, server: Server) -> None:
@@ -47,33 +56,25 @@ def test_the_page_fits_a_phone(tabs: Tabs, server: Server) -> None:
         wide = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
         assert visit.page.evaluate(wide) <= 0
         handle(visit.page, "v2").tap()
+        sheet(visit.page)
         expect(visit.page.get_by_label("Centre east")).to_have_value("70")
 
 
-def test_a_phone_shows_no_more_of_the_map_than_there_is_and_keeps_the_verdict_in_sight(
-    tabs: Tabs, server: Server
-) -> None:
+def test_a_phone_keeps_the_verdict_in_sight(tabs: Tabs, server: Server) -> None:
     with visiting(tabs, server.url, size=PHONE, touch=True) as visit:
         page = visit.page
         visit.choose(ALTERNATE)
-        frame = page.locator("#map").bounding_box()
-        drawn = page.locator("#map-plot .cartesianlayer .bg, #map-plot .bglayer .bg").first
-        inner = drawn.bounding_box()
-        assert frame is not None
-        assert inner is not None
-        # room for the axis below, and nothing else
-        assert frame["height"] - inner["height"] < 50
-        expect(page.locator("#map-plot .xtitle, #map-plot .ytitle")).to_have_count(0)
-        expect(page.locator(".by-keys")).to_be_hidden()
-        again = page.locator("#badge-again")
+        badge = page.locator("#badge")
+        sheet(page)
         page.get_by_label("Sample time").scroll_into_view_if_needed()
-        expect(page.locator("#badge")).not_to_be_in_viewport()
-        expect(again).to_be_in_viewport()
-        expect(again).to_have_text(page.locator("#badge").text_content() or "?")
-        expect(again).to_have_class("badge bad")
+        expect(badge).to_be_in_viewport(ratio=1.0)
+        expect(badge).to_have_class("badge bad")
         page.get_by_label("Desynchronise by (rad)").fill("0.2")
-        expect(again).to_contain_text("rank 18 of 18")
-        expect(again).to_have_class("badge good")
+        expect(badge).to_contain_text("rank 18 of 18")
+        expect(badge).to_have_class("badge good")
+        expect(badge).to_be_in_viewport(ratio=1.0)
+        page.locator("#sheet").tap()
+        figures(page)
         for name in ("Contacts", "Singular values", "Predicted error"):
             page.get_by_role("tab", name=name).tap()
             visit.settle()
@@ -84,19 +85,14 @@ def test_a_phone_shows_no_more_of_the_map_than_there_is_and_keeps_the_verdict_in
                 .map(one => one.textContent)"""
             )
             assert over == []
-    with visiting(tabs, server.url) as visit:
-        visit.verdict("Observable")
-        expect(visit.page.locator("#badge-again")).to_be_hidden()
-        expect(visit.page.locator("#map-plot .xtitle")).to_be_visible()
-        expect(visit.page.locator(".by-keys")).to_be_visible()
 
 
 def _cut(page: Page) -> list[str]:
-    """What sticks out of its card, or is wider than there is room for."""
+    """What sticks out of its part of the page, or is wider than there is room for."""
     found: list[str] = page.evaluate(
-        """[...document.querySelectorAll('.card *, .bar *')].filter(one => {
+        """[...document.querySelectorAll('.inspector *, .bar *, .player *')].filter(one => {
             const box = one.getBoundingClientRect();
-            const around = one.closest('.card, .bar').getBoundingClientRect();
+            const around = one.closest('.inspector, .bar, .player').getBoundingClientRect();
             return box.width && !one.closest('.unseen, svg, .plot, #handles, legend')
                 && (box.right > around.right + 1 || box.left < around.left - 1);
         }).map(one => one.outerHTML.slice(0, 100))"""
@@ -120,6 +116,7 @@ def test_letters_of_double_size_find_room(
         page = visit.page
         visit.choose(ALTERNATE)
         handle(page, "v2").click()
+        sheet(page)
         body = "parseFloat(getComputedStyle(document.body).fontSize)"
         assert page.evaluate(body) == pytest.approx(30.0)
         for summary in page.locator("summary").all():
@@ -127,6 +124,8 @@ def test_letters_of_double_size_find_room(
                 summary.click()
         assert _cut(page) == []
         for name in ("Centre east", "Angular rate", "Trials"):
+            part(page, "Run" if name == "Trials" else "Scenario")
+            assert _cut(page) == []
             box = page.get_by_label(name).bounding_box()
             label = page.locator("label", has_text=name).bounding_box()
             assert box is not None
@@ -137,6 +136,7 @@ def test_letters_of_double_size_find_room(
 
 
 def test_numbers_and_their_units_stay_on_one_line(visit: Visit) -> None:
+    part(visit.page, "Run")
     amounts = visit.page.locator(".amount")
     expect(amounts).to_have_count(2)
     for amount in amounts.all():
@@ -146,28 +146,9 @@ def test_numbers_and_their_units_stay_on_one_line(visit: Visit) -> None:
     assert _cut(visit.page) == []
 
 
-def test_a_phone_shows_the_marks_below_the_map(tabs: Tabs, server: Server) -> None:
-    with visiting(tabs, server.url, size=PHONE, touch=True) as visit:
-        visit.choose(ALTERNATE)
-        reported = visit.page.get_by_role("listitem")
-        expect(reported).to_have_count(0)
-        visit.page.get_by_text("Legend").tap()
-        expect(reported.filter(has_text="link, rank 2 of 3")).to_be_visible()
-        named = visit.page.evaluate(
-            "document.getElementById('map-plot').data"
-            ".filter(t => t.showlegend !== false).map(t => t.name.replaceAll('<br>', ' '))"
-        )
-        assert reported.all_text_contents() == named
-        swatch = reported.filter(has_text="clockwise circle").last.locator("svg line")
-        expect(swatch).to_have_attribute("stroke", "#e69f00")
-    with visiting(tabs, server.url) as visit:
-        visit.verdict("Observable")
-        expect(visit.page.get_by_text("Legend")).to_be_hidden()
-        expect(visit.page.locator("#map-plot .legend .traces").first).to_be_visible()
-
-
 def test_figures_follow_the_theme(visit: Visit) -> None:
-    words = visit.page.locator("#map-plot .xtitle")
+    figures(visit.page)
+    words = visit.page.locator("#panel-plot .xtitle")
     expect(words).to_have_css("fill", "rgb(27, 27, 31)")
     visit.page.emulate_media(color_scheme="dark")
     expect(words).to_have_css("fill", "rgb(236, 236, 240)")
@@ -213,6 +194,31 @@ def test_assets_are_compressed_once_and_not_sent_again(server: Server) -> None:
             missing = http.get(f"/assets/{name}")
             assert missing.status_code == 404, name
             assert missing.headers["content-type"] == "application/problem+json"
+
+
+PAGE = Path(page_routes.__file__).parents[1] / "page"
+
+
+@pytest.mark.quick
+def test_the_preloads_are_the_modules_that_the_page_imports(server: Server) -> None:
+    index = (PAGE / "index.html").read_text()
+    preloads = re.findall(r'rel="modulepreload" href="assets/([\w./]+)"', index)
+    modules = ["main.js"]
+    for name in modules:
+        text = httpx2.get(f"{server.url}/assets/{name}").text
+        imported = re.findall(r'^(?:import|export) .*from "\./([\w./]+)";', text, re.MULTILINE)
+        modules += [one for one in imported if one not in modules]
+    assert preloads == sorted(modules[1:])
+
+
+@pytest.mark.quick
+def test_the_libraries_of_the_page_are_as_they_were_bundled() -> None:
+    vendored = PAGE / "vendor"
+    lines = (vendored / "SHA256SUMS").read_text().splitlines()
+    digests = {name: digest for digest, name in (line.split("  ") for line in lines)}
+    assert set(digests) == {one.name for one in vendored.iterdir() if one.suffix in (".js", ".txt")}
+    for name, digest in digests.items():
+        assert hashlib.sha256((vendored / name).read_bytes()).hexdigest() == digest, name
 
 
 def test_the_page_offers_every_format_of_exports_and_only_examples_there_are(

@@ -6,7 +6,17 @@ import httpx2
 import pytest
 from playwright.sync_api import Page, Route, expect
 
-from tests.page.gestures import copied, handle, opened, phases, plan_id_of, saved, stored, validate
+from tests.page.gestures import (
+    copied,
+    handle,
+    opened,
+    part,
+    phases,
+    plan_id_of,
+    saved,
+    stored,
+    validate,
+)
 from tests.tools.browsing import Visit
 from tests.tools.scenarios import document
 from tests.tools.serving import Server
@@ -30,7 +40,8 @@ def test_a_reload_goes_on_with_a_fault_and_undo_leads_out_of_it(visit: Visit, pa
     page.get_by_label("Range (m)", exact=True).fill("-5")
     visit.doubt("Before the fault")
     page.reload()
-    visit.doubt("Before the fault: ✗ NO-GO · Not observable: rank 16 of 18")
+    visit.doubt("Before the fault: ✗ NO-GO")
+    visit.doubt("Not observable: rank 16 of 18")
     expect(page.get_by_label("Range (m)", exact=True)).to_have_value("-5")
     page.get_by_role("button", name="Undo").click()
     visit.verdict("Not observable: rank 16 of 18")
@@ -88,6 +99,7 @@ def test_what_the_tab_kept_and_can_not_be_planned_any_more_is_forgotten(
 def test_a_reload_shows_the_outcome_of_a_validation_again_with_its_report(
     page: Page, server: Server
 ) -> None:
+    part(page, "Export")
     report = page.get_by_role("button", name="Report")
     expect(report).to_be_disabled()
     validate(page, "20")
@@ -96,12 +108,17 @@ def test_a_reload_shows_the_outcome_of_a_validation_again_with_its_report(
     page.reload()
     expect(page.locator(".outcome")).to_contain_text("of 20 trials")
     expect(page.get_by_role("tab", name="Error found")).to_be_visible()
+    # what came of the job is on show again
+    expect(page.locator(".outcome")).to_be_visible()
+    part(page, "Export")
     with page.expect_download() as waiting:
         report.click()
     job = httpx2.get(f"{server.url}/v1/jobs").json()["items"][0]["id"]
     assert saved(waiting.value) == httpx2.get(f"{server.url}/v1/jobs/{job}/result").content
     assert waiting.value.suggested_filename == "paper-grid-same.report.json"
+    part(page, "Scenario")
     page.get_by_label("Name").fill("edited")
+    part(page, "Export")
     expect(report).to_be_disabled()
     assert page.url.rpartition("/")[2] == ""
 

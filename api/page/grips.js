@@ -1,0 +1,64 @@
+// What can be taken hold of on the map: centres and landmarks, and of the one selected vehicle its
+// radius and its phase. Each grip knows the edit that moving it makes.
+
+import { shown } from "./elements.js";
+import { circlesOf, poseAt } from "./marks.js";
+import { landmarksOf, withCenter, withLandmark, withRadius } from "./scenario.js";
+
+/**
+ * @typedef {{kind: string, k: number, x: number, y: number, title: string, label: string}} Grip
+ * `kind` is "vehicle" (its centre), "landmark", "radius" or "phase"; `k` counts vehicles or landmarks
+ */
+
+const TURN = 2 * Math.PI;
+/** angle at which the grip of a radius lies on its circle, in rad */
+const AT = Math.PI / 4;
+const LEAST_RADIUS_M = 0.01;
+
+/** The bodies of a scenario, as grips. @returns {(Grip & {radius: number})[]} */
+export function bodiesOf(scenario, plan) {
+  const vehicles = circlesOf(scenario, plan).map((one, k) => ({ ...one, kind: "vehicle", k, title: one.name, label: `Circle of ${one.name}, centre at ${place(one)}` }));
+  const landmarks = landmarksOf(scenario).map((one, k) => ({ ...one, radius: 0, kind: "landmark", k, title: one.name, label: `Landmark ${one.name} at ${place(one)}` }));
+  return [...vehicles, ...landmarks];
+}
+
+/** All grips: those of bodies, and of the selected vehicle those of its circle, after an angle was turned.
+ * @returns {Grip[]} */
+export function gripsOf(scenario, plan, selected, turned) {
+  const circle = selected?.kind === "vehicle" ? circlesOf(scenario, plan)[selected.k] : null;
+  if (!circle) return bodiesOf(scenario, plan);
+  const { name, x, y, radius } = circle;
+  const rim = { x: x + radius * Math.cos(AT), y: y + radius * Math.sin(AT) };
+  const own = [{ kind: "radius", k: selected.k, ...rim, title: `radius of ${name}`, label: `Radius of ${name}, ${shown(radius, "m")}` }];
+  const planned = plan?.vehicles.some((one) => one.name === name);
+  if (planned) {
+    const phase = degrees(circle.phase);
+    own.push({ kind: "phase", k: selected.k, ...poseAt(circle, turned), title: `phase of ${name}`, label: `Phase of ${name}, ${phase}°` });
+  }
+  return [...bodiesOf(scenario, plan), ...own];
+}
+
+/** What moving a grip to (x, y) makes of a scenario, and of the phases of its plan where they change.
+ * @returns {{scenario: any, phase?: {k: number, phase_rad: number}}} */
+export function movedTo(scenario, plan, { kind, k }, { x, y }, turned) {
+  if (kind === "vehicle") return { scenario: withCenter(scenario, k, x, y) };
+  if (kind === "landmark") return { scenario: withLandmark(scenario, k, x, y) };
+  const circle = circlesOf(scenario, plan)[k];
+  const [east, north] = [x - circle.x, y - circle.y];
+  if (kind === "radius") return { scenario: withRadius(scenario, k, Math.max(tidy(Math.hypot(east, north)), LEAST_RADIUS_M)) };
+  const phase = Math.atan2(north, east) - circle.sense * turned;
+  return { scenario, phase: { k, phase_rad: ((phase % TURN) + TURN) % TURN } };
+}
+
+/** A length rounded to three digits. */
+function tidy(value) {
+  return Number(value.toPrecision(3));
+}
+
+function place({ x, y }) {
+  return `${shown(x)}, ${shown(y)} m`;
+}
+
+function degrees(angle) {
+  return Math.round((((angle % TURN) + TURN) % TURN) * (360 / TURN));
+}

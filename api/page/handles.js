@@ -1,0 +1,181 @@
+// Handles over the map: buttons that pointer and keyboard move, each over a grip.
+//
+// A canvas has no accessibility tree, so what can be moved is a button. One of them is the stop of the
+// Tab key; arrow keys move the selection, Page keys go to the next handle.
+
+import { byId, element } from "./elements.js";
+import { gripsOf, movedTo } from "./grips.js";
+import { landmarksOf } from "./scenario.js";
+import { withPlaces } from "./selection.js";
+import { tidied } from "./tools.js";
+
+const STEP = 0.01;
+const LONG_STEP = 0.05;
+const TREMOR_PX = 4;
+const SAME_M = 1e-6;
+const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+const BODIES = ["vehicle", "landmark"];
+
+/** Handles of a store's scenario over a map of OpenLayers; `turned()` returns the angle turned at the moment shown,
+ * `uses(grip)` whether the tool in hand takes a grip for itself. */
+export class Handles {
+  #store;
+  #map;
+  #turned;
+  #uses;
+  #group = byId("handles");
+  /** what is dragged: `{ handle, first, at, grip }`
+   * @type {any} */
+  #held = null;
+
+  constructor(store, map, turned, uses) {
+    this.#store = store;
+    this.#map = map;
+    this.#turned = turned;
+    this.#uses = uses;
+    map.on("postrender", () => this.place());
+    // over a handle, too, the wheel zooms
+    this.#group.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      map.getViewport().dispatchEvent(new WheelEvent(event.type, event));
+    });
+    document.addEventListener("keydown", (event) => event.key === "Escape" && this.#takeBack());
+  }
+
+  /** Put every handle over its grip; one out of the view waits at its edge. */
+  place() {
+    const { scenario, drawn, selected } = this.#store;
+    const size = this.#map.getSize();
+    if (!scenario || !size) return;
+    const grips = gripsOf(scenario, drawn, selected, this.#turned());
+    const made = this.#made;
+    for (const one of made.slice(grips.length)) one.remove();
+    grips.forEach((grip, k) => {
+      const handle = made[k] || this.#newHandle();
+      const pixel = this.#map.getPixelFromCoordinate([grip.x, grip.y]);
+      if (!pixel) return;
+      const [left, top] = pixel;
+      const away = left < 0 || top < 0 || left > size[0] || top > size[1];
+      handle.grip = grip;
+      handle.className = `handle ${grip.kind}${this.#isJudged(grip) ? "" : " moved"}${away ? " away" : ""}`;
+      handle.setAttribute("aria-pressed", this.#store.isSelected(grip));
+      handle.setAttribute("aria-label", grip.label);
+      handle.title = grip.title;
+      handle.style.left = `${Math.min(Math.max(left, 0), size[0])}px`;
+      handle.style.top = `${Math.min(Math.max(top, 0), size[1])}px`;
+      handle.tabIndex = this.#isStop(grip, k) ? 0 : -1;
+    });
+  }
+
+  /** @returns {any[]} */
+  get #made() {
+    return [...this.#group.children];
+  }
+
+  #isStop({ kind, k: own }, k) {
+    const { selected } = this.#store;
+    return selected ? selected.kind === kind && selected.k === own : k === 0;
+  }
+
+  /** Whether the plan on show has a body where the scenario has it: not while an edit waits or is at fault. */
+  #isJudged(body) {
+    const { plan } = this.#store;
+    if (!plan) return false;
+    if (!BODIES.includes(body.kind)) return true;
+    const drawn = body.kind === "vehicle" ? plan.vehicles[body.k] : landmarksOf(plan.scenario)[body.k];
+    if (!drawn) return false;
+    const [x, y] = drawn.center_m || [drawn.x, drawn.y];
+    return Math.hypot(x - body.x, y - body.y, body.radius - (drawn.radius_m ?? 0)) <= SAME_M;
+  }
+
+  #newHandle() {
+    const handle = element("button", { type: "button" });
+    handle.addEventListener("pointerdown", (event) => this.#grab(handle, event));
+    handle.addEventListener("pointermove", (event) => this.#drag(handle, event));
+    for (const name of ["pointerup", "pointercancel", "lostpointercapture"]) {
+      handle.addEventListener(name, () => this.#drop(handle));
+    }
+    handle.addEventListener("keydown", (event) => this.#key(handle, event));
+    // a click by the keyboard, too
+    handle.addEventListener("click", (event) => this.#choose(handle.grip, event));
+    this.#group.append(handle);
+    return handle;
+  }
+
+  /** Select a body: alone, or with Shift beside what is selected. */
+  #choose(grip, { shiftKey }) {
+    if (BODIES.includes(grip.kind) && !this.#uses(grip)) this.#store.select({ kind: grip.kind, k: grip.k }, { more: shiftKey });
+  }
+
+  #grab(handle, event) {
+    if (event.button !== 0) return;
+    handle.setPointerCapture(event.pointerId);
+    const box = handle.getBoundingClientRect();
+    const grip = [event.clientX - (box.left + box.width / 2), event.clientY - (box.top + box.height / 2)];
+    this.#held = { handle, first: true, at: [event.clientX, event.clientY], grip };
+  }
+
+  #drag(handle, event) {
+    if (this.#held?.handle !== handle) return;
+    const { at, grip, first } = this.#held;
+    // a click by an unsteady hand is none of a drag
+    if (first && Math.hypot(event.clientX - at[0], event.clientY - at[1]) < TREMOR_PX) return;
+    if (first && BODIES.includes(handle.grip.kind) && !this.#store.isSelected(handle.grip)) this.#choose(handle.grip, { shiftKey: false });
+    const box = this.#map.getTargetElement().getBoundingClientRect();
+    const pixel = [event.clientX - grip[0] - box.left, event.clientY - grip[1] - box.top];
+    const [x, y] = this.#map.getCoordinateFromPixel([Math.min(Math.max(pixel[0], 0), box.width), Math.min(Math.max(pixel[1], 0), box.height)]);
+    this.#move(handle.grip, { x: tidied(x, this.#map), y: tidied(y, this.#map) }, { live: true, step: first });
+    this.#held.first = false;
+  }
+
+  #drop(handle) {
+    if (this.#held?.handle !== handle) return;
+    const moved = !this.#held.first;
+    this.#held = null;
+    if (moved) this.#store.edit(this.#store.scenario, { step: false });
+  }
+
+  /** End a drag as if it had not begun. */
+  #takeBack() {
+    if (!this.#held) return;
+    const moved = !this.#held.first;
+    this.#held = null;
+    if (moved) this.#store.undo();
+  }
+
+  #key(handle, event) {
+    const next = { PageDown: 1, PageUp: -1 }[event.key];
+    if (next) {
+      event.preventDefault();
+      const all = this.#made;
+      const other = all[(all.indexOf(handle) + next + all.length) % all.length];
+      this.#choose(other.grip, { shiftKey: event.shiftKey });
+      other.tabIndex = 0;
+      other.focus();
+      return;
+    }
+    const way = WAYS[event.key];
+    if (!way) return;
+    event.preventDefault();
+    const width = this.#map.getSize()[0] * this.#map.getView().getResolution();
+    const step = width * (event.shiftKey ? LONG_STEP : STEP);
+    const tidy = 10 ** Math.floor(Math.log10(step));
+    const by = Math.round(step / tidy) * tidy;
+    const { grip } = handle;
+    const at = { x: tidied(grip.x + way[0] * by, this.#map), y: tidied(grip.y + way[1] * by, this.#map) };
+    this.#move(grip, at, { live: true, field: `${grip.kind} ${grip.k}` });
+  }
+
+  /** Move a grip to a place; of several selected bodies, all by as much. */
+  #move(grip, to, how) {
+    const { scenario, drawn, chosen } = this.#store;
+    const many = chosen.length > 1 && this.#store.isSelected(grip);
+    if (!many) {
+      const { scenario: changed, phase } = movedTo(scenario, drawn, grip, to, this.#turned());
+      this.#store.edit(changed, { ...how, phase });
+      return;
+    }
+    const [x, y] = [to.x - grip.x, to.y - grip.y];
+    this.#store.edit(withPlaces(scenario, chosen, (one) => ({ x: one.x + x, y: one.y + y })), how);
+  }
+}

@@ -1,0 +1,124 @@
+// What the map draws, in metres: the marks of a scenario and its plan, at a moment of the period.
+
+import { placeAt, withinReach } from "./geometry.js";
+import { landmarksOf, namesOf, polygonsOf, vehiclesOf } from "./scenario.js";
+
+/** @typedef {import("./geometry.js").Circle} Circle */
+/** @typedef {{name: string, x: number, y: number, radius: number, sensor: any} & Circle} Flown */
+
+const TURN = 2 * Math.PI;
+const SEGMENTS = 96;
+const TINY = 1e-9;
+
+/** The circles of a scenario, with the phases of its plan; a vehicle that no plan has starts at 0.
+ * @returns {Flown[]} */
+export function circlesOf(scenario, plan) {
+  const planned = new Map((plan?.vehicles ?? []).map((one) => [one.name, one]));
+  return vehiclesOf(scenario, plan).map((one) => ({
+    ...one,
+    phase: planned.get(one.name)?.phase_rad ?? 0,
+    sense: one.direction === "cw" ? -1 : 1,
+  }));
+}
+
+/** Landmarks as circles without a radius. */
+export function pointsOf(scenario) {
+  return landmarksOf(scenario).map((one) => ({ ...one, radius: 0, phase: 0, sense: 1 }));
+}
+
+/** Links that a plan lists, with what became of each: `rank` 1 to 3, or 0 for one that never meets.
+ *
+ * Whether two still come within reach is seen from the circles, so that a drag shows at once what it
+ * breaks; ranks are the plan's. */
+export function linksOf(scenario, plan) {
+  if (!plan) return [];
+  const circles = circlesOf(scenario, plan);
+  const bodies = new Map([...circles, ...pointsOf(scenario)].map((one) => [one.name, one]));
+  const listed = [
+    ...plan.links.map(({ a, b, rank }) => ({ a, b, rank })),
+    ...plan.dropped_links.map(({ a, b }) => ({ a, b, rank: 0 })),
+    ...plan.landmark_links.map(({ vehicle, landmark, rank }) => ({ a: vehicle, b: landmark, rank, toLandmark: true })),
+  ];
+  return listed
+    .map((one) => ({ ...one, from: bodies.get(one.a), to: bodies.get(one.b) }))
+    .filter(({ from, to }) => from && to)
+    .map((one) => {
+      const reach = Math.max(reachOf(one.from), reachOf(one.to));
+      const arcs = withinReach(one.from, one.to, reach);
+      return { ...one, arcs, rank: arcs.length ? one.rank : 0 };
+    });
+}
+
+/** The longest range of what a body sees with; a landmark sees nothing. */
+function reachOf(body) {
+  return body.sensor?.range_m ?? 0;
+}
+
+/** Points [x, y] of the part of a circle flown between two angles turned. */
+export function arcOf(circle, from, to) {
+  const steps = Math.max(2, Math.ceil((SEGMENTS * (to - from)) / TURN));
+  return Array.from({ length: steps + 1 }, (_, k) => {
+    const { x, y } = placeAt(circle, from + ((to - from) * k) / steps);
+    return [x, y];
+  });
+}
+
+/** Points [x, y] of a whole circle, closed. */
+export function ringOf({ x, y, radius }) {
+  return Array.from({ length: SEGMENTS + 1 }, (_, k) => {
+    const angle = (TURN * k) / SEGMENTS;
+    return [x + radius * Math.cos(angle), y + radius * Math.sin(angle)];
+  });
+}
+
+/** Where a vehicle is after an angle was turned, and its heading in rad. */
+export function poseAt(circle, turned) {
+  const angle = circle.phase + circle.sense * turned;
+  return { ...placeAt(circle, turned), heading: angle + (circle.sense * Math.PI) / 2 };
+}
+
+/** Points [x, y] of what a vehicle's sensor covers after an angle was turned, closed. */
+export function sightOf(circle, turned) {
+  const { x, y, heading } = poseAt(circle, turned);
+  const { range_m: range, fov_deg: view, boresight_deg: boresight } = circle.sensor;
+  const all = view >= 360;
+  const half = radians(Math.min(view, 360)) / 2;
+  const middle = heading + radians(boresight);
+  const rim = Array.from({ length: SEGMENTS + 1 }, (_, k) => {
+    const angle = middle - half + (2 * half * k) / SEGMENTS;
+    return [x + range * Math.cos(angle), y + range * Math.sin(angle)];
+  });
+  return all ? rim : [[x, y], ...rim, [x, y]];
+}
+
+/** Arrows [x, y] of the motions that no sighting shows: shifts of vehicles, and turns about their centres. */
+export function motionsOf(scenario, plan) {
+  const moved = (plan?.observability.unobservable ?? []).flatMap((one) => one.motion);
+  return circlesOf(scenario, plan)
+    .flatMap((circle) => moved.filter(({ vehicle }) => vehicle === circle.name).map((one) => ({ circle, ...one })))
+    .map(({ circle, shift_m: [x, y], turn_rad: turn }) => {
+      const size = Math.hypot(x, y);
+      if (size > TINY) {
+        const by = circle.radius / size;
+        return { path: [[circle.x, circle.y], [circle.x + by * x, circle.y + by * y]], turns: false };
+      }
+      const inner = { ...circle, radius: 0.6 * circle.radius, phase: Math.PI / 4, sense: Math.sign(turn) };
+      return { path: arcOf(inner, 0, 0.75 * TURN), turns: true };
+    });
+}
+
+/** [west, south, east, north] in m of all that a scenario has. */
+export function extentOf(scenario) {
+  const reaches = [
+    ...vehiclesOf(scenario, null).map(({ x, y, radius }) => [x - radius, y - radius, x + radius, y + radius]),
+    ...landmarksOf(scenario).map(({ x, y }) => [x, y, x, y]),
+    ...polygonsOf(scenario).flatMap(({ corners }) => corners.map(([x, y]) => [x, y, x, y])),
+  ];
+  const least = (k) => Math.min(...reaches.map((one) => one[k]));
+  const most = (k) => Math.max(...reaches.map((one) => one[k]));
+  return namesOf(scenario).length ? [least(0), least(1), most(2), most(3)] : [-100, -100, 100, 100];
+}
+
+function radians(degrees) {
+  return (degrees * Math.PI) / 180;
+}

@@ -1,0 +1,70 @@
+// What is done with all that is selected: it is moved, copied, put on a grid, removed.
+
+import { withMember } from "./free_space.js";
+import { addLandmark, landmarksOf, round, vehiclesOf, withCenter, withLandmark, withPolygon, withoutLandmark, withoutVehicle } from "./scenario.js";
+
+/** @typedef {{kind: string, k: number}} Chosen what is selected: a vehicle, landmark or polygon, by its number */
+
+const CHANGES = { vehicle: withCenter, landmark: withLandmark };
+const REMOVALS = { vehicle: withoutVehicle, landmark: withoutLandmark };
+
+/** The selected vehicles and landmarks with their places. */
+export function placesOf(scenario, chosen) {
+  const all = { vehicle: vehiclesOf(scenario), landmark: landmarksOf(scenario) };
+  return chosen
+    .filter(({ kind, k }) => all[kind]?.[k])
+    .map(({ kind, k }) => ({ radius: 0, ...all[kind][k], kind, k }));
+}
+
+/** Return the scenario with all that is selected put where `place({ x, y })` says. */
+export function withPlaces(scenario, chosen, place) {
+  return placesOf(scenario, chosen).reduce((changed, one) => {
+    const { x, y } = place(one);
+    return CHANGES[one.kind](changed, one.k, round(x), round(y));
+  }, scenario);
+}
+
+/** Return the scenario with the selection on a grid of so many m. */
+export function withAligned(scenario, chosen, step) {
+  return withPlaces(scenario, chosen, ({ x, y }) => ({ x: step * Math.round(x / step), y: step * Math.round(y / step) }));
+}
+
+/** Return the scenario with a copy of the selection east of it, and what is selected then.
+ * @returns {{scenario: any, chosen: Chosen[]}} */
+export function withCopies(scenario, chosen) {
+  const places = placesOf(scenario, chosen);
+  const west = Math.min(...places.map(({ x, radius }) => x - radius));
+  const east = Math.max(...places.map(({ x, radius }) => x + radius));
+  const by = round(1.2 * (east - west) || 1);
+  const made = [];
+  const changed = places.reduce((old, { kind, k, x, y }) => {
+    const at = { x: round(x + by), y };
+    made.push({ kind, k: (kind === "vehicle" ? vehiclesOf(old) : landmarksOf(old)).length });
+    return kind === "vehicle" ? withMember(old, at, k) : addLandmark(old, at);
+  }, scenario);
+  return { scenario: changed, chosen: made };
+}
+
+/** Return the scenario without what is selected; the last vehicle stays. */
+export function withoutChosen(scenario, chosen) {
+  const last = [...chosen].sort((one, other) => other.k - one.k);
+  return last.reduce((changed, { kind, k }) => {
+    if (kind === "vehicle" && vehiclesOf(changed).length === 1) return changed;
+    return kind in REMOVALS ? REMOVALS[kind](changed, k) : withPolygon(changed, kind, null, k);
+  }, scenario);
+}
+
+/** Copy what is selected in a store, and select the copies. */
+export function copyChosen(store) {
+  const { scenario, chosen } = withCopies(store.scenario, store.chosen);
+  if (!chosen.length) return;
+  store.edit(scenario);
+  store.selectAll(chosen);
+}
+
+/** Remove what is selected in a store. */
+export function removeChosen(store) {
+  const { scenario, chosen } = store;
+  store.select(null);
+  if (chosen.length) store.edit(withoutChosen(scenario, chosen));
+}

@@ -1,0 +1,143 @@
+// What a click on the map does: select, place, link, draw or measure. One tool is in hand at a time.
+
+import { byId, element, notice, shown } from "./elements.js";
+import { toEdges, within, withMember } from "./free_space.js";
+import { bodiesOf } from "./grips.js";
+import { mark } from "./looks.js";
+import { addLandmark, polygonsOf, round, withLinkToggled, withPolygon } from "./scenario.js";
+import { DragBox, Draw, LineString, Point, VectorLayer, VectorSource } from "./vendor/openlayers.js";
+
+/** The tools by name: title, key, and what to do with them. */
+const TOOLS = {
+  select: ["Select", "v", ""],
+  vehicle: ["Vehicle", "c", "Click where its circle has its centre. Escape ends."],
+  landmark: ["Landmark", "l", "Click where it stands. Escape ends."],
+  link: ["Link", "k", "Click two centres: they are linked, or no longer. Escape ends."],
+  area: ["Area", "a", "Click the corners that all circles lie within; the first one again ends."],
+  "keep-out": ["Keep-out", "o", "Click the corners; the first one again ends."],
+  obstacle: ["Obstacle", "b", "Click the corners; the first one again ends."],
+  ruler: ["Ruler", "r", "Click two places."],
+};
+const HIT_PX = 6;
+const POLYGONS = ["area", "keep-out", "obstacle"];
+
+/** The tools of a store's map. */
+export class Tools {
+  #store;
+  #map;
+  #buttons = new Map();
+  #drawn = new VectorSource();
+  /** the interaction of OpenLayers that the tool in hand has @type {any} */
+  #interaction = null;
+  #tool = "select";
+  /** the first end of a link @type {string | null} */
+  #from = null;
+
+  constructor(store, map, style) {
+    this.#store = store;
+    this.#map = map;
+    map.addLayer(new VectorLayer({ source: this.#drawn, style }));
+    for (const [name, [title, key]] of Object.entries(TOOLS)) {
+      const button = element("button", { type: "button", "aria-pressed": name === "select", title: `${title} (${key.toUpperCase()})`, onclick: () => this.take(name) }, title);
+      this.#buttons.set(name, button);
+    }
+    byId("tools").append(...this.#buttons.values());
+    map.on("singleclick", (event) => this.#click(event));
+    const box = new DragBox({ className: "box", condition: ({ originalEvent: { shiftKey } }) => shiftKey && this.#tool === "select" });
+    box.on("boxend", () => this.#chooseWithin(box.getGeometry()));
+    map.addInteraction(box);
+    store.on(["opened"], () => this.take("select"));
+  }
+
+  /** The name of the tool in hand. */
+  get tool() {
+    return this.#tool;
+  }
+
+  /** Take a tool in hand. */
+  take(name) {
+    this.#tool = name;
+    this.#from = null;
+    this.#drawn.clear(true);
+    if (this.#interaction) this.#map.removeInteraction(this.#interaction);
+    this.#interaction = null;
+    if (POLYGONS.includes(name)) this.#draw("Polygon", (corners) => this.#keep(name, corners[0].slice(0, -1)));
+    if (name === "ruler") this.#draw("LineString", (ends) => this.#measure(ends));
+    for (const [other, button] of this.#buttons) button.setAttribute("aria-pressed", other === name);
+    byId("map").dataset.tool = name;
+    byId("tool-help").textContent = TOOLS[name][2];
+  }
+
+  /** Use a key for a tool; returns whether it is that of one. */
+  key(letter) {
+    const name = Object.keys(TOOLS).find((one) => TOOLS[one][1] === letter);
+    if (name) this.take(name);
+    return Boolean(name);
+  }
+
+  /** Take a body for the tool in hand; returns whether the tool has a use for it. */
+  uses(body) {
+    if (this.#tool !== "link") return false;
+    if (body.kind !== "vehicle") return true;
+    if (this.#from === null) {
+      this.#from = body.title;
+      byId("tool-help").textContent = `From ${body.title} to: click another centre.`;
+    } else if (this.#from !== body.title) {
+      const changed = withLinkToggled(this.#store.scenario, this.#store.plan, [this.#from, body.title]);
+      this.#from = null;
+      byId("tool-help").textContent = TOOLS.link[2];
+      this.#store.edit(changed);
+    }
+    return true;
+  }
+
+  #click({ coordinate: [x, y] }) {
+    if (this.#tool === "select") {
+      const near = HIT_PX * this.#map.getView().getResolution();
+      // an area is taken by its edge: all else lies within it
+      const hit = polygonsOf(this.#store.scenario).filter(({ kind, corners }) => toEdges(corners, { x, y }) <= near || (kind !== "area" && within(corners, { x, y })));
+      const { kind, k } = hit[hit.length - 1] ?? {};
+      this.#store.select(kind ? { kind, k } : null);
+    }
+    if (this.#tool !== "vehicle" && this.#tool !== "landmark") return;
+    const { scenario } = this.#store;
+    const kind = this.#tool;
+    const at = { x: tidied(x, this.#map), y: tidied(y, this.#map) };
+    this.#store.edit((kind === "vehicle" ? withMember : addLandmark)(scenario, at));
+    const k = bodiesOf(this.#store.scenario, null).filter((one) => one.kind === kind).length - 1;
+    this.#store.select({ kind, k });
+  }
+
+  #chooseWithin(box) {
+    const inside = bodiesOf(this.#store.scenario, null).filter(({ x, y }) => box.intersectsCoordinate([x, y]));
+    this.#store.selectAll(inside.map(({ kind, k }) => ({ kind, k })));
+    notice(inside.length ? `${inside.length} selected.` : "");
+  }
+
+  #draw(type, ended) {
+    this.#interaction = new Draw({ type, maxPoints: type === "LineString" ? 2 : undefined });
+    this.#interaction.on("drawend", ({ feature }) => ended(feature.getGeometry().getCoordinates()));
+    this.#map.addInteraction(this.#interaction);
+  }
+
+  #keep(kind, corners) {
+    const tidy = corners.map((corner) => corner.map((value) => tidied(value, this.#map)));
+    this.#store.edit(withPolygon(this.#store.scenario, kind, tidy));
+    // once the drawing is over
+    setTimeout(() => this.take("select"));
+  }
+
+  #measure(ends) {
+    const [[x, y], [toX, toY]] = ends;
+    const text = `${shown(Math.hypot(toX - x, toY - y), "m")}`;
+    this.#drawn.clear(true);
+    this.#drawn.addFeatures([mark(new LineString(ends), { kind: "ruler" }), mark(new Point([(x + toX) / 2, (y + toY) / 2]), { kind: "length", name: text })]);
+    byId("tool-help").textContent = text;
+  }
+}
+
+/** A coordinate rounded to the size of a pixel. */
+export function tidied(value, map) {
+  const tidy = 10 ** Math.floor(Math.log10(map.getView().getResolution()));
+  return round(Math.round(value / tidy) * tidy);
+}

@@ -1,0 +1,259 @@
+"""What people do on the map with its tools, and a new team from nothing to a mission."""
+
+import math
+from typing import Any
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.page.gestures import (
+    download,
+    downloaded,
+    drag,
+    drawn,
+    handle,
+    on_screen,
+    opened,
+    part,
+    phases,
+    sheet,
+    unzipped,
+    view,
+)
+from tests.tools.browsing import DESKTOP, PHONE, Tabs, Visit, accessibility_faults, visiting
+from tests.tools.scenarios import document
+from tests.tools.serving import Server
+
+TABLET = (768, 1024)
+
+
+def click(page: Page, x: float, y: float, **how: Any) -> None:
+    """Click a place of the scenario on the map."""
+    page.mouse.move(*on_screen(page, x, y))
+    page.mouse.click(*on_screen(page, x, y), **how)
+
+
+def take(page: Page, tool: str) -> None:
+    """Take a tool in hand."""
+    page.get_by_role("toolbar", name="Tools").get_by_role("button", name=tool, exact=True).click()
+
+
+@pytest.mark.parametrize("size", [DESKTOP, TABLET, PHONE], ids=["desktop", "tablet", "phone"])
+def test_a_team_of_ones_own_comes_from_the_first_screen_to_a_mission_in_nine_actions(
+    tabs: Tabs, server: Server, size: tuple[int, int]
+) -> None:
+    with visiting(tabs, server.url, size=size) as visit:
+        page = visit.page
+        visit.verdict("GO")
+        page.get_by_role("button", name="New").click()
+        page.get_by_role("spinbutton", name="Vehicles").fill("4")
+        page.get_by_label("Gap between circles (m)").fill("25")
+        assert accessibility_faults(page) == []
+        page.get_by_role("button", name="Create").click()
+        visit.verdict("✓ GO: 4 vehicles know where they are to")
+        visit.verdict("rank 12 of 12")
+        sheet(page)
+        part(page, "Export")
+        page.get_by_label("Latitude (°)").fill("47.4")
+        page.get_by_label("Longitude (°)").fill("8.5")
+        page.get_by_label("Longitude (°)").press("Tab")
+        files = unzipped(download(page, "Export"))
+        assert sum(name.endswith(".plan") for name in files) == 4
+
+
+def test_a_team_of_ones_own_comes_to_a_mission_by_keyboard_alone(visit: Visit, page: Page) -> None:
+    page.get_by_role("button", name="New").focus()
+    page.keyboard.press("Enter")
+    page.get_by_role("spinbutton", name="Vehicles").focus()
+    page.keyboard.press("Control+a")
+    page.keyboard.type("4")
+    page.keyboard.press("Enter")
+    visit.verdict("✓ GO: 4 vehicles know where they are to")
+    page.get_by_role("tab", name="Scenario", exact=True).focus()
+    page.keyboard.press("End")
+    page.get_by_label("Latitude (°)").focus()
+    page.keyboard.type("47.4")
+    page.keyboard.press("Tab")
+    page.keyboard.type("8.5")
+    page.keyboard.press("Tab")
+    button = page.locator("#downloads").get_by_role("button", name="Export")
+    expect(button).to_be_enabled()
+    button.focus()
+    with page.expect_download() as waiting:
+        page.keyboard.press("Enter")
+    assert sum(name.endswith(".plan") for name in unzipped(waiting.value)) == 4
+
+
+def test_what_is_wrong_with_a_new_team_is_reported_in_its_dialogue(
+    visit: Visit, page: Page
+) -> None:
+    visit.expect_complaints("422")
+    page.get_by_role("button", name="New").click()
+    dialogue = page.get_by_role("dialog")
+    page.get_by_role("spinbutton", name="Vehicles").fill("0")
+    page.get_by_role("button", name="Create").click()
+    expect(dialogue).to_contain_text("formation.count")
+    page.get_by_role("spinbutton", name="Vehicles").fill("")
+    page.get_by_role("button", name="Create").click()
+    expect(page.locator("#new-count-fault")).to_contain_text("is missing")
+    page.keyboard.press("Escape")
+    expect(dialogue).to_have_count(0)
+    visit.verdict("Observable: rank 18 of 18")
+
+
+@pytest.mark.quick
+def test_the_radius_and_the_phase_of_the_selected_vehicle_are_dragged(
+    visit: Visit, page: Page
+) -> None:
+    handle(page, "v2").click()
+    radius = handle(page, "radius of v2")
+    expect(radius).to_have_attribute("aria-label", "Radius of v2, 20 m")
+    drag(page, "radius of v2", (14.0, -14.0))
+    visit.settle()
+    radii = downloaded(page)["orbit"]["radius_m"]
+    assert radii[0] == radii[2] == 20
+    assert radii[1] > 22
+    page.get_by_role("button", name="Undo").click()
+    expect(radius).to_have_attribute("aria-label", "Radius of v2, 20 m")
+    x, y = on_screen(page, 70.0, 20.0)
+    box = handle(page, "phase of v2").bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.mouse.down()
+    page.mouse.move(x, y, steps=4)
+    page.mouse.up()
+    expect(handle(page, "phase of v2")).to_have_attribute("aria-label", "Phase of v2, 90°")
+    expect(phases(page)).to_contain_text("set by hand")
+    visit.settle()
+    (there,) = [one for one in drawn(page, "vehicle") if one["body"] == "v2"]
+    assert there["at"] == pytest.approx([70.0, 20.0], abs=0.5)
+    page.get_by_role("button", name="Undo").click()
+    expect(phases(page)).to_have_text("synchronised")
+
+
+def test_several_are_selected_moved_copied_aligned_and_removed(visit: Visit, page: Page) -> None:
+    opened(page, document(name="pair", landmarks_m=[[35.0, 40.0], [35.0, -40.0]]))
+    visit.settle()
+    handle(page, "v1").click()
+    page.locator("#handles button.landmark").first.click(modifiers=["Shift"])
+    expect(page.get_by_text("2 selected")).to_be_visible()
+    before = downloaded(page)
+    drag(page, "v1", (30.0, 10.0))
+    visit.settle()
+    after = downloaded(page)
+    by = [b - a for a, b in zip(before["landmarks_m"][0], after["landmarks_m"][0], strict=True)]
+    assert math.hypot(*by) > 1.0
+    moved = zip(before["formation"]["centers_m"][0], by, strict=True)
+    assert after["formation"]["centers_m"][0] == pytest.approx([a + b for a, b in moved])
+    assert after["formation"]["centers_m"][1] == before["formation"]["centers_m"][1]
+    page.get_by_role("button", name="Align to grid").click()
+    aligned = downloaded(page)["formation"]["centers_m"][0]
+    assert aligned == [round(value / 10) * 10 for value in aligned]
+    page.get_by_role("button", name="Copy", exact=True).click()
+    visit.settle()
+    assert len(downloaded(page)["formation"]["centers_m"]) == 3
+    expect(handle(page, "v3")).to_have_attribute("aria-pressed", "true")
+    handle(page, "v3").press("Delete")
+    visit.settle()
+    left = downloaded(page)
+    # the copy of the landmark was selected with it
+    assert len(left["formation"]["centers_m"]) == len(left["landmarks_m"]) == 2
+    for _ in range(4):
+        page.get_by_role("button", name="Undo").click()
+    visit.settle()
+    assert downloaded(page) == before
+
+
+def test_a_box_with_shift_selects_all_within(visit: Visit, page: Page) -> None:
+    page.keyboard.down("Shift")
+    page.mouse.move(*on_screen(page, 45.0, 95.0))
+    page.mouse.down()
+    page.mouse.move(*on_screen(page, 160.0, 45.0), steps=5)
+    page.mouse.up()
+    page.keyboard.up("Shift")
+    expect(page.locator("#notice")).to_have_text("2 selected.")
+    for name, pressed in (("v4", "true"), ("v5", "true"), ("v2", "false")):
+        expect(handle(page, name)).to_have_attribute("aria-pressed", pressed)
+
+
+def test_vehicles_and_landmarks_are_placed_by_a_click(visit: Visit, page: Page) -> None:
+    before = view(page)
+    take(page, "Vehicle")
+    click(page, 70.0, 35.0)
+    expect(handle(page, "v7")).to_have_attribute("aria-pressed", "true")
+    take(page, "Landmark")
+    click(page, 105.0, 35.0)
+    expect(handle(page, "L3")).to_have_attribute("aria-pressed", "true")
+    visit.settle()
+    placed = downloaded(page)
+    assert placed["formation"]["centers_m"][6] == pytest.approx([70.0, 35.0], abs=1.0)
+    assert placed["landmarks_m"][2] == pytest.approx([105.0, 35.0], abs=1.0)
+    assert view(page) == before
+    page.keyboard.press("Escape")
+    expect(page.locator("#map")).to_have_attribute("data-tool", "select")
+
+
+def test_links_are_drawn_and_removed_by_two_clicks(visit: Visit, page: Page) -> None:
+    take(page, "Link")
+    handle(page, "v1").click()
+    expect(page.locator("#tool-help")).to_contain_text("From v1")
+    handle(page, "v2").click()
+    visit.settle()
+    assert ["v1", "v2"] not in downloaded(page)["formation"]["links"]
+    # by keyboard as well
+    handle(page, "v1").press("Enter")
+    handle(page, "v2").press("Enter")
+    visit.settle()
+    assert downloaded(page)["formation"]["links"][-1] == ["v1", "v2"]
+
+
+def test_a_link_out_of_reach_turns_red_is_reported_and_taken_out(visit: Visit, page: Page) -> None:
+    visit.expect_complaints("422")
+    drag(page, "v3", (150.0, 120.0))
+    visit.doubt("Before the fault")
+    lost = [one for one in drawn(page, "link") if one["rank"] == 0]
+    assert lost
+    finding = page.locator("#findings .finding.stop").first
+    expect(finding).to_contain_text("out of the sensors' range")
+    while (button := page.get_by_role("button", name="Remove the link").first).is_visible():
+        button.click()
+        visit.settle()
+    visit.verdict("GO")
+    assert [one for one in drawn(page, "link") if one["rank"] == 0] == []
+
+
+def test_polygons_are_drawn_changed_and_removed(visit: Visit, page: Page) -> None:
+    take(page, "Obstacle")
+    corners = [(85.0, 25.0), (125.0, 25.0), (125.0, 45.0), (85.0, 45.0)]
+    for corner in [*corners, corners[0]]:
+        click(page, *corner)
+        page.wait_for_timeout(300)
+    visit.settle()
+    found = downloaded(page)["obstacles_m"]
+    assert len(found) == 1
+    assert all(min(math.dist(one, corner) for one in found[0]) < 1.5 for corner in corners)
+    expect(page.locator("#map")).to_have_attribute("data-tool", "select")
+    page.mouse.move(*on_screen(page, 125.0, 45.0))
+    page.mouse.down()
+    page.mouse.move(*on_screen(page, 115.0, 50.0), steps=4)
+    page.mouse.up()
+    visit.settle()
+    changed = downloaded(page)["obstacles_m"][0]
+    assert min(math.dist(one, (115.0, 50.0)) for one in changed) < 1.5
+    click(page, 100.0, 35.0)
+    expect(page.locator("#chosen")).to_have_value("obstacle 0")
+    assert accessibility_faults(page) == []
+    page.get_by_role("button", name="Remove", exact=True).click()
+    visit.settle()
+    assert "obstacles_m" not in downloaded(page)
+
+
+def test_the_ruler_measures(visit: Visit, page: Page) -> None:
+    take(page, "Ruler")
+    click(page, 20.0, 35.0)
+    page.wait_for_timeout(300)
+    click(page, 120.0, 35.0)
+    expect(page.locator("#tool-help")).to_contain_text(" m")
+    length = float((page.locator("#tool-help").text_content() or "0").split()[0])
+    assert length == pytest.approx(100.0, abs=1.0)
+    assert downloaded(page)["name"] == "paper-grid-same"

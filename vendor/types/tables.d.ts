@@ -1,0 +1,15 @@
+// The module of choices that the service makes from the library's tables: api/routes/page_routes.py.
+
+export const FIGURES: Record<string, string>;
+export const PLAN_FIGURES: string[];
+export const FORMATS: Record<string, string>;
+export const SHAPES: Record<string, string>;
+export const ON_EARTH: string[];
+export const MISSIONS: string[];
+export const PILOTS: Record<string, string>;
+export const GUIDANCES: Record<string, string>;
+export const OBJECTIVES: Record<string, string>;
+export const MEANINGS: Record<string, string>;
+export const ALTERNATIVES: string[][];
+export const JOB_KINDS: Record<string, any>;
+export const ENDED: string[];
