@@ -45,6 +45,8 @@ class PlanSummary(_Answer):
     """The scenario's title"""
     vehicles: int = Field(examples=[6])
     observable: bool
+    go: bool | None = Field(examples=[True])
+    """Whether the verdict is GO; null for a plan of an early version, which has none"""
     predicted_rms_m: float | None = Field(examples=[1.29])
     """RMS over all vehicles"""
 

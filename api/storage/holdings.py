@@ -10,7 +10,20 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from sqlalchemy import Connection, Exists, Row, bindparam, delete, exists, func, insert, select
+from sqlalchemy import (
+    Connection,
+    Exists,
+    Row,
+    bindparam,
+    case,
+    delete,
+    exists,
+    false,
+    func,
+    insert,
+    select,
+    true,
+)
 from sqlalchemy.exc import IntegrityError
 
 from api.documents import PackedRecording, PlanText
@@ -34,7 +47,13 @@ class PlanRow:
     text: str
 
 
-_LISTED = tuple(column for column in plans.c if column.name not in ("owner", "etag", "text"))
+# a plan's text begins with its version and, unless it is of an early one, its verdict
+_HEAD = func.substr(plans.c.text, 1, 120)
+_GO = case((_HEAD.contains('"go": true'), true()), (_HEAD.contains('"go": false'), false()))
+_LISTED = (
+    *(column for column in plans.c if column.name not in ("owner", "etag", "text")),
+    _GO.label("go"),
+)
 _ADD = insert(plans)
 # built once: building a statement takes longer than running it
 _FIND = select(

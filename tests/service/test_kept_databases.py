@@ -38,6 +38,9 @@ def test_what_version_1_has_kept_is_served_as_it_was_and_what_waited_is_done(
         site.serve("--no-worker")
         for path, answer in said["answers"].items():
             assert site.ask("GET", path, headers=ASKED).text == answer, path
+        for row in site.ask("GET", "/v1/plans").json()["items"]:
+            plan = site.ask("GET", f"/v1/plans/{row['id']}").json()
+            assert row["go"] is plan["verdict"]["go"]
         repeated = said["repeated"]
         again = site.ask("POST", repeated["path"], json=repeated["body"], headers=IDEMPOTENCY)
         assert (again.status_code, again.text) == (202, repeated["answer"])

@@ -137,6 +137,7 @@ def test_plans_are_listed_newest_first_a_page_at_a_time(server: Server) -> None:
             "name": "plan 4",
             "vehicles": 2,
             "observable": False,
+            "go": False,
             "predicted_rms_m": whole["items"][0]["predicted_rms_m"],
         }
         lea.delete(f"/v1/plans/{made[2]}")

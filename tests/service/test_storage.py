@@ -4,6 +4,7 @@ import contextlib
 import json
 import re
 import time
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,7 @@ from api.storage.database import (
 )
 from api.storage.migrations import NEWEST
 from syncplan.errors import InputError
+from syncplan.runtime.files import as_text
 from tests.tools.kept_databases import restore_sqlite
 
 MADE = PlanText('{\n "version": "1"\n}\n', "survey", 6, True, 1.5)
@@ -122,6 +124,17 @@ def test_a_stored_plan_is_the_plan_with_three_keys_at_its_top(connection: Connec
         "version": "1",
     }
     assert body.endswith(MADE.text[1:])
+
+
+def test_lists_state_the_verdict_that_a_plan_has(connection: Connection) -> None:
+    made: dict[str, bool | None] = {}
+    for go in (True, False, None):
+        document: dict[str, Any] = {"version": "1", "verdict": {"go": go, "findings": []}}
+        if go is None:
+            document = {"version": "1", "scenario": {"name": '"go": true'}}
+        row = holdings.add_plan(connection, "ann", replace(MADE, text=as_text(document)))
+        made[row.id] = go
+    assert {one.id: one.go for one in holdings.list_plans(connection, "ann", 9, None)} == made
 
 
 def test_a_job_goes_from_queued_over_its_batches_to_one_end(connection: Connection) -> None:
