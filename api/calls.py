@@ -263,7 +263,7 @@ IdempotencyKey = Annotated[
 
 @dataclass(frozen=True, slots=True)
 class Call(Caller):
-    """A POST request.
+    """A POST or PATCH request.
 
     Attributes
     ----------
@@ -280,7 +280,7 @@ class Call(Caller):
 async def call_of(
     request: Request, owner: CurrentOwner, idempotency_key: IdempotencyKey = None
 ) -> Call:
-    """Return a POST request with its body, of any media type."""
+    """Return a POST or PATCH request with its body, of any media type."""
     body = await request.body()
     digest = hashlib.sha256()
     for part in (request.method, request.url.path, request.url.query):

@@ -5,6 +5,8 @@ import json
 from dataclasses import asdict, dataclass, replace
 from typing import Literal
 
+from pydantic import BaseModel, ConfigDict, Field
+
 from api.limits import RequestLimits, check_size
 from syncplan.errors import InputError
 from syncplan.planning.plan_files import Loaded, loaded_from
@@ -13,6 +15,7 @@ from syncplan.recordings.log import Overview, overview_of, pack_log
 from syncplan.reports.plan_report import plan_document
 from syncplan.runtime.files import as_text
 from syncplan.scenario.loading import decoded, parse_document
+from syncplan.scenario.quantities import Name, Title
 
 Syntax = Literal["json", "yaml"]
 
@@ -62,6 +65,21 @@ def as_plan_text(plan: Plan) -> PlanText:
     )
 
 
+class PlanRenaming(BaseModel):
+    """Another name for a plan."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    name: Title = Field(description="The scenario's title", examples=["survey"])
+
+
+def renamed_text(text: str, name: str) -> str:
+    """Return the text of a plan whose scenario has another name."""
+    document = json.loads(text)
+    document["scenario"]["name"] = name
+    return as_text(document)
+
+
 # --- recordings -----------------------------------------------------------------------------------
 
 
@@ -86,6 +104,14 @@ def packed_recording(body: bytes, name: str | None) -> PackedRecording:
         raise InputError(error.problem, key=error.source) from None
     named = log if name is None else replace(log, name=name)
     return PackedRecording(pack_log(named), json.dumps(asdict(overview_of(named))))
+
+
+class RecordingRenaming(BaseModel):
+    """Another name for a recording."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    name: Name = Field(description="Its name in further reports", examples=["hall"])
 
 
 def overview_of_text(text: str) -> Overview:

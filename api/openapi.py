@@ -17,6 +17,7 @@ from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
 from api.calls import ARCHIVES
+from api.documents import PlanRenaming, RecordingRenaming
 from api.job_kinds.job_table import JOB_KINDS
 from api.problems import REFERENCE, Problem, problem_responses
 from api.responses import JobEvent, StoredPlan
@@ -53,7 +54,9 @@ _PLANNED = Body(
 BODIES = {
     "createPlan": _PLANNED,
     "previewScenario": _PLANNED,
+    "renamePlan": Body((PlanRenaming,), True, "The name"),
     "createRecording": Body((), True, "A zip or tar archive of a recording's folder", ARCHIVES),
+    "renameRecording": Body((RecordingRenaming,), True, "The name"),
     **{
         one.operation.id: Body((one.request,), one.operation.body_required, one.operation.body)
         for one in JOB_KINDS.values()
@@ -66,13 +69,16 @@ ANSWERS = {
     "createRecording": "The recording, stored, in short",
     "listRecordings": "A page of recordings",
     "readRecording": "The recording in short",
+    "renameRecording": "The recording in short",
     "deleteRecording": "Deleted",
     "listPlans": "A page of plans",
     "readPlan": "The plan",
+    "renamePlan": "The plan",
     "deletePlan": "Deleted",
     **dict.fromkeys(_JOB_OPERATIONS, "The job"),
     "listJobs": "A page of jobs",
     "readJob": "The job",
+    "deleteJob": "Deleted",
     "followJob": "The job's events, from the first one on or after the one named",
     "cancelJob": "The job, cancelled",
     "finishJob": "The job, which ends soon",
@@ -137,6 +143,7 @@ SENT: dict[tuple[str, str], dict[str, str]] = {
     ("createRecording", "201"): {"Location": "Location"},
     ("readPlan", "200"): {"ETag": "ETag"},
     ("readPlan", "304"): {"ETag": "ETag"},
+    ("renamePlan", "200"): {"ETag": "ETag"},
     **{(name, "202"): {"Location": "Location"} for name in _JOB_OPERATIONS},
     ("readJobResult", "200"): {"ETag": "Result-ETag", "Content-Location": "Content-Location"},
 }
@@ -153,13 +160,15 @@ REQUEST_ID = {
 
 FOLLOWING: dict[tuple[str, str], dict[str, str]] = {
     ("createPlan", "201"): dict.fromkeys(
-        ("readPlan", "refinePlan", "validatePlan", "flyPlan", "deletePlan"), "plan_id"
+        ("readPlan", "renamePlan", "refinePlan", "validatePlan", "flyPlan", "deletePlan"), "plan_id"
     ),
     ("createRecording", "201"): dict.fromkeys(
-        ("readRecording", "replayRecording", "deleteRecording"), "recording_id"
+        ("readRecording", "renameRecording", "replayRecording", "deleteRecording"), "recording_id"
     ),
     **{
-        (name, "202"): dict.fromkeys(("readJob", "followJob", "cancelJob", "finishJob"), "job_id")
+        (name, "202"): dict.fromkeys(
+            ("readJob", "followJob", "cancelJob", "finishJob", "deleteJob"), "job_id"
+        )
         for name in _JOB_OPERATIONS
     },
 }

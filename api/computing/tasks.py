@@ -8,17 +8,20 @@ import json
 import time
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from api.documents import (
+    PlanRenaming,
     PlanText,
+    RecordingRenaming,
     Syntax,
     as_plan_text,
     loaded_body,
     loaded_plan,
     overview_of_text,
+    renamed_text,
 )
 
 # a task without a wrapper
@@ -55,6 +58,18 @@ if TYPE_CHECKING:
 # --- requests -----------------------------------------------------------------------------------
 
 
+M = TypeVar("M", bound=BaseModel)
+
+
+def _checked(model: type[M], body: bytes, syntax: Syntax) -> M:
+    """Return the request in a body, which may be empty; raises InputError."""
+    document = parse_document(decoded(body, ""), "", syntax) if body.strip() else {}
+    try:
+        return model.model_validate(document)
+    except ValidationError as error:
+        validation_fault(error, model, "")
+
+
 def made_plan(body: bytes, syntax: Syntax, limits: RequestLimits, steady: bool) -> PlanText:
     """Return the plan of a scenario that was sent, or a plan with its own orbits judged afresh.
 
@@ -76,12 +91,7 @@ def checked_request(
     The request is about a plan, a recording with this overview, or neither. The work is in the
     kind's unit. Raises InputError.
     """
-    model = JOB_KINDS[kind].request
-    document = parse_document(decoded(body, ""), "", syntax) if body.strip() else {}
-    try:
-        request = model.model_validate(document)
-    except ValidationError as error:
-        validation_fault(error, model, "")
+    request = _checked(JOB_KINDS[kind].request, body, syntax)
     subject: JobSubject = None
     if plan_text is not None:
         subject = loaded_plan(plan_text)
@@ -90,6 +100,18 @@ def checked_request(
     request = request.settled(subject, limits)
     work = request.work(subject, limits)
     return request.model_dump_json(exclude_none=True), work
+
+
+def renamed_plan(body: bytes, syntax: Syntax, text: str) -> tuple[str, str]:
+    """Return the name that is asked for and the plan's text with it; raises InputError."""
+    name = _checked(PlanRenaming, body, syntax).name
+    return name, renamed_text(text, name)
+
+
+def renamed_recording(body: bytes, syntax: Syntax, overview: str) -> str:
+    """Return the overview, as JSON, with the name that is asked for; raises InputError."""
+    name = _checked(RecordingRenaming, body, syntax).name
+    return json.dumps({**json.loads(overview), "name": name})
 
 
 # --- jobs ---------------------------------------------------------------------------------------

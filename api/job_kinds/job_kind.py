@@ -47,13 +47,17 @@ TrialProgress = Callable[[int], None] | None
 
 @dataclass(frozen=True, slots=True)
 class JobSpec:
-    """A job to compute: its kind, its request, and the plan or the recording that it is about."""
+    """A job to compute: its kind, its request, and the plan or the recording that it is about.
+
+    `overview` is that of the recording, as JSON.
+    """
 
     id: str
     kind: JobKindName
     request: str
     plan: str | None
     recording: bytes | None = field(default=None, repr=False)
+    overview: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

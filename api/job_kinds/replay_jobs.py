@@ -1,6 +1,7 @@
 """Replays: the filter run on a stored recording of real robots."""
 
 import json
+from dataclasses import replace
 from typing import Annotated
 
 from pydantic import Field, Strict
@@ -56,9 +57,10 @@ def _fitted(sightings: int, runs: int) -> int:
 def _replayed(spec: JobSpec, _earlier: EarlierWork, _workers: int, progress: Progress) -> JobReport:
     from syncplan.estimation.replays import replay_with
 
-    if spec.recording is None:
+    if spec.recording is None or spec.overview is None:
         raise InputError("the recording was deleted; send it again", key="recording_id")
-    log = unpack_log(spec.recording)
+    # it may have been renamed since it was packed
+    log = replace(unpack_log(spec.recording), name=json.loads(spec.overview)["name"])
     asked = ReplayOptions.of_request(json.loads(spec.request))
     settings, options = asked.settings, asked.filter_options
     sightings = sum(len(robot.times) for robot in log.robots)

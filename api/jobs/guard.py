@@ -34,8 +34,8 @@ from api.storage.job_records import (
     ANY_VERSION,
     WaitingJob,
     begin_anew,
-    delete_jobs,
     ended_before,
+    forget_jobs,
     jobs_that_wait,
 )
 from api.storage.tables import earlier
@@ -287,7 +287,7 @@ class Guard:
             self._queue.delete(job_id)
         with self._database.writing() as connection:
             forget_answers(connection, earlier(time, settings.keep_answers_s))
-            delete_jobs(connection, old)
+            forget_jobs(connection, old)
             forget_recordings(connection, earlier(time, settings.keep_recordings_s))
             if settings.keep_plans_s is not None:
                 forget_plans(connection, earlier(time, settings.keep_plans_s))

@@ -1,4 +1,4 @@
-"""Routes that submit, read, follow and cancel jobs, and return their results."""
+"""Routes that submit, read, follow, cancel and delete jobs, and return their results."""
 
 from collections.abc import Callable
 from typing import Annotated, Any
@@ -115,6 +115,22 @@ Owned = Annotated[JobRow, Depends(_owned)]
 def read_job(row: Owned) -> Job:
     """A job's state, its progress and the path of its result."""
     return job_answer(row)
+
+
+@router.delete(
+    "/jobs/{job_id}",
+    status_code=204,
+    dependencies=_JSON,
+    operation_id="deleteJob",
+    summary="Delete a job",
+    responses=problem_responses(401, 404, 406, 409, 422, 503, 507),
+)
+def remove_job(row: Owned, service: CurrentService) -> None:
+    """Delete a job that has ended, with its report and its events; a plan that it made stays."""
+    with service.database.writing() as connection:
+        gone = job_records.delete_job(connection, row.id)
+    if not gone:
+        raise Conflict(f"the job is {row.state}; cancel it first, or wait for its end")
 
 
 @router.get(

@@ -1,4 +1,4 @@
-"""Routes of plans: made at once, stored unchanged, listed, deleted.
+"""Routes of plans: made at once, listed, renamed, deleted; nothing but its name changes.
 
 Lists are paged, newest first; each page gives the path of the next.
 """
@@ -27,6 +27,7 @@ from api.storage.holdings import (
     delete_plan,
     has_room,
     list_plans,
+    rename_plan,
 )
 from api.storage.job_records import JobRow
 
@@ -62,6 +63,7 @@ Identifier = Annotated[
     str, Path(pattern=r"^[0-9a-f-]{36}$", description="Identifier", examples=[_ID])
 ]
 _TAGS = "Entity tags as ETag gave them, separated by commas, or *"
+_IfMatch = Annotated[str | None, Header(alias="If-Match", description=_TAGS)]
 
 
 @router.post(
@@ -131,12 +133,43 @@ async def read_plan(
     owner: CurrentOwner,
     if_none_match: Annotated[str | None, Header(alias="If-None-Match", description=_TAGS)] = None,
 ) -> Response:
-    """The plan, byte for byte as it was made; plans never change."""
+    """The plan, byte for byte as it was made; nothing but its name changes."""
     row = await find_or_refuse(service_of(request), owner, plan_id)
     headers = {"etag": f'"{row.etag}"', "cache-control": "private, no-cache"}
     if if_none_match is not None and _names(if_none_match, row.etag):
         return Response(status_code=304, headers=headers)
     return Response(body_of(row), headers=headers, media_type="application/json")
+
+
+@router.patch(
+    "/{plan_id}",
+    response_model=StoredPlan,
+    operation_id="renamePlan",
+    summary="Rename a plan",
+    responses=problem_responses(401, 404, 406, 412, 413, 415, 422, 429, 503, 507),
+)
+async def change_plan(
+    plan_id: Identifier, call: CurrentCall, if_match: _IfMatch = None
+) -> Response:
+    """Give the plan's scenario another name; the plan's tag changes with it.
+
+    Earlier jobs about it, and plans refined from it before, keep the old name.
+    """
+
+    async def compute() -> tuple[str, str]:
+        row = await _find_matching(call.service, call.owner, plan_id, if_match)
+        renamed: tuple[str, str] = await computed(
+            call, "renamed_plan", call.body, call.syntax, row.text
+        )
+        return renamed
+
+    def store(connection: Connection, renamed: tuple[str, str]) -> Answer:
+        row = rename_plan(connection, call.owner, plan_id, *renamed)
+        if row is None:
+            raise _no_plan(plan_id)
+        return Answer(call.digest, 200, {"etag": f'"{row.etag}"'}, body_of(row))
+
+    return await answer_once(call, compute, store)
 
 
 @router.delete(
@@ -150,12 +183,10 @@ async def remove_plan(
     plan_id: Identifier,
     service: CurrentService,
     owner: CurrentOwner,
-    if_match: Annotated[str | None, Header(alias="If-Match", description=_TAGS)] = None,
+    if_match: _IfMatch = None,
 ) -> None:
     """Delete a plan; jobs about it, and plans refined from it, stay."""
-    row = await find_or_refuse(service, owner, plan_id)
-    if if_match is not None and not _names(if_match, row.etag):
-        raise PreconditionFailed(f"the plan's tag is {row.etag}, not {if_match}")
+    await _find_matching(service, owner, plan_id, if_match)
     await run_in_threadpool(_delete, service, owner, plan_id)
 
 
@@ -168,8 +199,22 @@ async def find_or_refuse(service: Service, owner: str, plan_id: str) -> PlanRow:
     """Return an owner's plan; raises NotFound, also for plans of others."""
     row = await service.plans.find(owner, plan_id)
     if row is None:
-        raise NotFound(f"there is no plan {plan_id}")
+        raise _no_plan(plan_id)
     return row
+
+
+async def _find_matching(
+    service: Service, owner: str, plan_id: str, if_match: str | None
+) -> PlanRow:
+    """Return an owner's plan; raises NotFound, and PreconditionFailed for another tag than its."""
+    row = await find_or_refuse(service, owner, plan_id)
+    if if_match is not None and not _names(if_match, row.etag):
+        raise PreconditionFailed(f"the plan's tag is {row.etag}, not {if_match}")
+    return row
+
+
+def _no_plan(plan_id: str) -> NotFound:
+    return NotFound(f"there is no plan {plan_id}")
 
 
 def _names(condition: str, etag: str) -> bool:

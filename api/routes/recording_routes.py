@@ -1,4 +1,4 @@
-"""Routes of recordings of real robots: uploaded as archives, listed, deleted."""
+"""Routes of recordings of real robots: uploaded as archives, listed, renamed, deleted."""
 
 from collections.abc import AsyncIterator
 from typing import Annotated
@@ -9,6 +9,7 @@ from starlette.concurrency import run_in_threadpool
 
 from api.calls import (
     Call,
+    CurrentCall,
     CurrentCaller,
     IdempotencyKey,
     accepts,
@@ -112,6 +113,33 @@ def read_recording(
     return recording_answer(find_recording_or_refuse(service, owner, recording_id))
 
 
+@router.patch(
+    "/{recording_id}",
+    response_model=Recording,
+    operation_id="renameRecording",
+    summary="Rename a recording",
+    responses=problem_responses(401, 404, 406, 413, 415, 422, 429, 503, 507),
+)
+async def change_recording(recording_id: Identifier, call: CurrentCall) -> Response:
+    """Give a recording another name; reports of further replays state it."""
+
+    async def compute() -> str:
+        asked = (call.service, call.owner, recording_id)
+        row = await run_in_threadpool(find_recording_or_refuse, *asked)
+        renamed: str = await computed(
+            call, "renamed_recording", call.body, call.syntax, row.overview
+        )
+        return renamed
+
+    def store(connection: Connection, overview: str) -> Answer:
+        row = holdings.rename_recording(connection, call.owner, recording_id, overview)
+        if row is None:
+            raise _no_recording(recording_id)
+        return Answer(call.digest, 200, {}, recording_answer(row).model_dump_json())
+
+    return await answer_once(call, compute, store)
+
+
 @router.delete(
     "/{recording_id}",
     status_code=204,
@@ -145,8 +173,12 @@ def recording_or_refuse(
     """Return an owner's recording within a transaction; raises NotFound."""
     row = holdings.find_recording(connection, owner, recording_id)
     if row is None:
-        raise NotFound(f"there is no recording {recording_id}")
+        raise _no_recording(recording_id)
     return row
+
+
+def _no_recording(recording_id: str) -> NotFound:
+    return NotFound(f"there is no recording {recording_id}")
 
 
 def _refuse_more(call: Call) -> None:

@@ -23,6 +23,7 @@ from sqlalchemy import (
     insert,
     select,
     true,
+    update,
 )
 from sqlalchemy.exc import IntegrityError
 
@@ -75,11 +76,15 @@ def add_plan(
         id=plan_id or new_id(created_at),
         parent_id=parent_id,
         created_at=created_at,
-        etag=hashlib.sha256(made.text.encode()).hexdigest(),
+        etag=_etag(made.text),
         text=made.text,
     )
     connection.execute(_ADD, {**asdict(row), **asdict(made), "owner": owner})
     return row
+
+
+def _etag(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def find_plans(connection: Connection, wanted: Sequence[tuple[str, str]]) -> list[PlanRow | None]:
@@ -95,6 +100,17 @@ def list_plans(
 ) -> Sequence[Row[*tuple[Any, ...]]]:
     """Return summaries of up to `limit` of an owner's plans, newest first, older than `before`."""
     return newest(connection, plans, select(*_LISTED), owner, limit, before)
+
+
+def rename_plan(
+    connection: Connection, owner: str, plan_id: str, name: str, text: str
+) -> PlanRow | None:
+    """Store an owner's plan under another name and return it; None if it is gone."""
+    mine = update(plans).where(plans.c.id == plan_id, plans.c.owner == owner)
+    shown = (plans.c[one] for one in PlanRow.__dataclass_fields__)
+    values = {"name": name, "text": text, "etag": _etag(text)}
+    found = connection.execute(mine.values(values).returning(*shown)).first()
+    return None if found is None else PlanRow(*found)
 
 
 def delete_plan(connection: Connection, owner: str, plan_id: str) -> None:
@@ -157,6 +173,15 @@ def find_recording(connection: Connection, owner: str, recording_id: str) -> Rec
     """Return an owner's recording, or None."""
     query = select(*_SHOWN).where(recordings.c.id == recording_id, recordings.c.owner == owner)
     found = connection.execute(query).first()
+    return None if found is None else RecordingRow(*found)
+
+
+def rename_recording(
+    connection: Connection, owner: str, recording_id: str, overview: str
+) -> RecordingRow | None:
+    """Store another overview of an owner's recording and return it; None if it is gone."""
+    mine = update(recordings).where(recordings.c.id == recording_id, recordings.c.owner == owner)
+    found = connection.execute(mine.values(overview=overview).returning(*_SHOWN)).first()
     return None if found is None else RecordingRow(*found)
 
 

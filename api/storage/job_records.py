@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass
 from types import MappingProxyType
 from typing import Any
 
-from sqlalchemy import Connection, delete, func, insert, null, select, update
+from sqlalchemy import Connection, Table, delete, func, insert, null, select, update
 
 from api.job_kinds.job_kind import JobReport, JobSpec
 from api.storage.tables import (
@@ -71,6 +71,7 @@ class NewJob:
 _SHOWN = tuple(jobs.c[name] for name in JobRow.__dataclass_fields__)
 # a sweep's request holds a scenario
 _LISTED = tuple(null() if column.name == "request" else column for column in _SHOWN)
+_THERE = jobs.c.deleted == 0
 
 
 def add_job(connection: Connection, owner: str, new: NewJob) -> JobRow:
@@ -97,7 +98,7 @@ def add_job(connection: Connection, owner: str, new: NewJob) -> JobRow:
 
 def find_job(connection: Connection, owner: str, job_id: str) -> JobRow | None:
     """Return an owner's job, or None."""
-    query = select(*_SHOWN).where(jobs.c.id == job_id, jobs.c.owner == owner)
+    query = select(*_SHOWN).where(jobs.c.id == job_id, jobs.c.owner == owner, _THERE)
     found = connection.execute(query).first()
     return None if found is None else JobRow(*found)
 
@@ -110,7 +111,7 @@ def list_jobs(
     state: JobState | None = None,
 ) -> list[JobRow]:
     """Return up to `limit` of an owner's jobs, newest first, older than `before`."""
-    query = select(*_LISTED)
+    query = select(*_LISTED).where(_THERE)
     if state is not None:
         query = query.where(jobs.c.state == state)
     return [JobRow(*row) for row in newest(connection, jobs, query, owner, limit, before)]
@@ -171,7 +172,26 @@ def finish_job(connection: Connection, job_id: str) -> bool:
 
 def forget_parts(connection: Connection, job_id: str) -> None:
     """Delete the parts and the finished searches of a job."""
-    for table in (job_parts, job_starts):
+    _clear(connection, job_id, job_parts, job_starts)
+
+
+def delete_job(connection: Connection, job_id: str) -> bool:
+    """Delete a job if it has ended; return whether it had.
+
+    Its row stays, emptied, until it expires: the time that it took still counts, and its worker may
+    be about to add to it.
+    """
+    emptied = {"request": "null", "plan_text": None, "error": None, "events": 0, "deleted": 1}
+    ended = update(jobs).where(jobs.c.id == job_id, jobs.c.state.not_in(UNFINISHED))
+    if not connection.execute(ended.values(emptied)).rowcount:
+        return False
+    _clear(connection, job_id, job_parts, job_starts, job_results, job_events)
+    return True
+
+
+def _clear(connection: Connection, job_id: str, *tables: Table) -> None:
+    """Delete a job's rows of tables."""
+    for table in tables:
         connection.execute(delete(table).where(table.c.job_id == job_id))
 
 
@@ -230,14 +250,15 @@ def start_job(connection: Connection, job_id: str, version: str) -> BegunJob | N
 
 def begun_job(connection: Connection, job_id: str, version: str) -> BegunJob | None:
     """Return a job that runs and that this version has begun; None otherwise."""
-    specified = (jobs.c.id, jobs.c.kind, jobs.c.request, jobs.c.plan_text, recordings.c.data)
+    of_job = (jobs.c.id, jobs.c.kind, jobs.c.request, jobs.c.plan_text)
+    of_recording = (recordings.c.data, recordings.c.overview)
     query = (
-        select(*specified, jobs.c.owner, jobs.c.begun, jobs.c.plan_id)
+        select(*of_job, *of_recording, jobs.c.owner, jobs.c.begun, jobs.c.plan_id)
         .outerjoin_from(jobs, recordings, jobs.c.recording_id == recordings.c.id)
         .where(jobs.c.id == job_id, jobs.c.state == "running", jobs.c.version == version)
     )
     found = connection.execute(query).first()
-    return None if found is None else BegunJob(JobSpec(*found[:5]), *found[5:])
+    return None if found is None else BegunJob(JobSpec(*found[:6]), *found[6:])
 
 
 @dataclass(frozen=True, slots=True)
@@ -325,6 +346,6 @@ def ended_before(connection: Connection, time: str, most: int) -> list[str]:
     return list(connection.execute(query.limit(most)).scalars())
 
 
-def delete_jobs(connection: Connection, job_ids: Sequence[str]) -> None:
-    """Delete jobs, with everything that refers to them."""
+def forget_jobs(connection: Connection, job_ids: Sequence[str]) -> None:
+    """Delete the rows of jobs, with everything that refers to them."""
     connection.execute(delete(jobs).where(jobs.c.id.in_(job_ids)))

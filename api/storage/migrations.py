@@ -11,7 +11,7 @@ from sqlalchemy.schema import CreateColumn
 from api.storage.tables import METADATA, schema_version
 from syncplan.errors import InputError
 
-NEWEST = 4
+NEWEST = 5
 """Version of `api.storage.tables`, incremented with every addition to them."""
 
 USABLE_FROM = 1

@@ -156,6 +156,8 @@ jobs = Table(
     Column("recording_id", String(36)),
     # 1 once it is to end early, with the best found so far
     Column("finishing", Integer, nullable=False, server_default="0"),
+    # 1 once its owner has deleted it
+    Column("deleted", Integer, nullable=False, server_default="0"),
     Index("jobs_of_owner", "owner", "id"),
     Index("jobs_by_state", "state", "ended_at"),
 )

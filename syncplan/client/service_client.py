@@ -10,7 +10,7 @@ without doing anything twice.
 """
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from types import TracebackType
@@ -70,6 +70,33 @@ class RemotePlan(Plan):
             created_at=document["created_at"],
             document=document,
         )
+
+
+@dataclass(frozen=True, slots=True)
+class RemotePlanSummary:
+    """A plan that the service stores, in short.
+
+    Attributes
+    ----------
+    parent_id : identifier of the plan it was refined from
+    created_at : time of creation, RFC 3339 in UTC
+    go : whether the verdict is GO; None for a plan of an early version, which has none
+    predicted_rms_m : RMS over all vehicles; None if no error is predicted
+    """
+
+    id: str
+    parent_id: str | None
+    created_at: str
+    name: str | None
+    vehicles: int
+    observable: bool
+    go: bool | None
+    predicted_rms_m: float | None
+
+    @classmethod
+    def of(cls, document: Mapping[str, Any]) -> Self:
+        """Return the content of a row of the service's list."""
+        return cls(**{one.name: document[one.name] for one in fields(cls)})
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,6 +222,15 @@ class Client:
         """Return a plan that the service stores."""
         return RemotePlan.of(values_of(self._remote.send("GET", f"/v1/plans/{_id(plan_id)}")))
 
+    def plans(self) -> Iterator[RemotePlanSummary]:
+        """Yield the plans that the service stores, newest first."""
+        return map(RemotePlanSummary.of, self._listed("/v1/plans"))
+
+    def rename(self, plan: RemotePlan | str, name: str) -> RemotePlan:
+        """Give a plan that the service stores another name, and return it. Raises InputError."""
+        answer = self._remote.send("PATCH", f"/v1/plans/{_id(plan)}", {"name": name})
+        return RemotePlan.of(values_of(answer))
+
     def delete(self, plan: RemotePlan | str) -> None:
         """Delete a plan that the service stores."""
         self._remote.send("DELETE", f"/v1/plans/{_id(plan)}")
@@ -223,6 +259,15 @@ class Client:
         body = archived(Path(recording))
         answer = self._remote.send("POST", "/v1/recordings", body, parameters)
         return RemoteRecording.of(values_of(answer, "robots"))
+
+    def recordings(self) -> Iterator[RemoteRecording]:
+        """Yield the recordings that the service stores, newest first."""
+        return map(RemoteRecording.of, self._listed("/v1/recordings"))
+
+    def rename_recording(self, recording: RemoteRecording | str, name: str) -> RemoteRecording:
+        """Give a recording another name for further reports, and return it. Raises InputError."""
+        path = f"/v1/recordings/{_id(recording)}"
+        return RemoteRecording.of(values_of(self._remote.send("PATCH", path, {"name": name})))
 
     def forget(self, recording: RemoteRecording | str) -> None:
         """Delete a recording that the service stores; raises RemoteError while a job needs it."""
@@ -285,6 +330,15 @@ class Client:
         """Return the current state of a job."""
         return self._job("GET", f"/v1/jobs/{_id(job_id)}")
 
+    def jobs(self, state: JobState | None = None) -> Iterator[RemoteJob]:
+        """Yield the jobs that the service stores, newest first; only those in a state if given."""
+        query = "" if state is None else f"?state={state}"
+        return map(RemoteJob.of, self._listed(f"/v1/jobs{query}"))
+
+    def delete_job(self, job: RemoteJob | str) -> None:
+        """Delete a job with its report; raises RemoteError if it has not ended."""
+        self._remote.send("DELETE", f"/v1/jobs/{_id(job)}")
+
     def cancel(self, job: RemoteJob | str) -> RemoteJob:
         """Stop a job; raises RemoteError if it has ended otherwise."""
         return self._job("POST", f"/v1/jobs/{_id(job)}/cancel")
@@ -295,6 +349,13 @@ class Client:
         Raises RemoteError if it has ended, or is a job of another kind.
         """
         return self._job("POST", f"/v1/jobs/{_id(job)}/finish")
+
+    def _listed(self, path: str | None) -> Iterator[dict[str, Any]]:
+        """Yield the entries of a list from a page on."""
+        while path is not None:
+            page = values_of(self._remote.send("GET", path), "items")
+            yield from page["items"]
+            path = page["next"]
 
     def _job(self, method: str, path: str, body: Mapping[str, Any] | None = None) -> RemoteJob:
         """Return the job in the service's answer to a request."""

@@ -5,7 +5,8 @@ import socket
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from itertools import pairwise
+from dataclasses import fields
+from itertools import islice, pairwise
 from typing import Any
 
 import httpx2
@@ -14,7 +15,7 @@ import pytest
 
 import syncplan
 from syncplan.client.connection import RemoteError
-from syncplan.client.service_client import Client, RemoteJob, RemotePlan
+from syncplan.client.service_client import Client, RemoteJob, RemotePlan, RemotePlanSummary
 from syncplan.errors import InputError
 from syncplan.planning.variations import sweep
 from syncplan.reports.flight_report import flight_document
@@ -93,6 +94,38 @@ def test_a_stored_plan_is_read_and_deleted(client: Client) -> None:
     with pytest.raises(RemoteError, match=f"404: there is no plan {plan.id}") as caught:
         client.stored(plan.id)
     assert caught.value.status == 404
+
+
+def test_work_is_listed_renamed_and_deleted(client: Client) -> None:
+    made = [client.plan(document(name=f"kept {k}", landmarks_m=LANDMARKS)) for k in range(3)]
+    renamed = client.rename(made[0], "renamed")
+    assert (renamed.id, renamed.scenario.name) == (made[0].id, "renamed")
+    assert renamed.document == client.stored(made[0].id).document
+    listed = list(islice(client.plans(), 3))
+    assert {one.name for one in listed} == {"renamed", "kept 1", "kept 2"}
+    assert listed[0].go is made[0].verdict.go
+    assert listed[0].predicted_rms_m == made[0].document["predicted_rms_m"]["overall"]
+    with pytest.raises(InputError, match="name: "):
+        client.rename(made[0].id, "two\nlines")
+    job = client.validate(made[1], trials=50_000)
+    with pytest.raises(RemoteError, match=r"409: the job is .*; cancel it first"):
+        client.delete_job(job)
+    client.cancel(job)
+    assert job.id in {one.id for one in client.jobs("cancelled")}
+    client.delete_job(job)
+    assert job.id not in {one.id for one in client.jobs()}
+
+
+def test_lists_are_read_page_by_page(client: Client) -> None:
+    with standing() as (paged, stand):
+        row = {one.name: None for one in fields(RemotePlanSummary)}
+        pages = [
+            {"items": [row, row], "next": "/v1/plans?before=x"},
+            {"items": [row], "next": None},
+        ]
+        stand.turns[:] = [saying(200, json.dumps(page).encode()) for page in pages]
+        assert len(list(paged.plans())) == 3
+        assert [path for _, path, _ in stand.seen] == ["/v1/plans"] * 2
 
 
 @pytest.mark.long

@@ -115,6 +115,18 @@ def test_a_recording_may_be_named(ann: httpx2.Client) -> None:
     problem(ann.post("/v1/recordings", content=content, headers=headers), 422)
 
 
+def test_a_renamed_recording_has_the_name_in_reports(ann: httpx2.Client) -> None:
+    at = _kept(ann, SMALL)
+    before = ann.get(at).json()
+    answer = ann.patch(at, json={"name": "yard"})
+    assert (answer.status_code, answer.json()) == (200, {**before, "name": "yard"})
+    assert ann.get(at).json() == answer.json()
+    job = done(ann, ann.post(f"{at}/replays").headers["location"])
+    assert ann.get(job["result"]).json()["name"] == "yard"
+    for body in ({}, {"name": ""}, {"name": "n" * 65}):
+        assert [one.path for one in faults_of(ann.patch(at, json=body))] == ["name"]
+
+
 BROKEN = RECORDED["odometry.csv"].replace("60,0.8", "60,fast")
 
 
@@ -328,6 +340,9 @@ def test_a_client_replays(noisy: Path, server: Server, tmp_path: Path) -> None:
         log = replace(load_log(noisy), name="field 3")
         wanted = replay(log, landmarks=[6], with_series=True)
         assert report == replay_document(wanted)
+        renamed = client.rename_recording(kept, "yard")
+        assert (renamed.id, renamed.name) == (kept.id, "yard")
+        assert list(client.recordings()) == [renamed]
         client.forget(kept)
         with pytest.raises(RemoteError, match="there is no recording"):
             client.replay(kept)

@@ -206,7 +206,7 @@ def test_jobs_that_ended_long_ago_are_deleted_with_all_that_hangs_on_them(
     assert job_records.ended_before(connection, past, 10) == []
     assert job_records.ended_before(connection, to_come, 10) == [old]
     assert job_records.ended_before(connection, to_come, 0) == []
-    job_records.delete_jobs(connection, [old])
+    job_records.forget_jobs(connection, [old])
     assert job_records.find_job(connection, "ann", old) is None
     assert events_after(connection, old, 0) == []
     assert job_records.report_of(connection, old) is None

@@ -164,6 +164,9 @@ def _plans(recorder: _Recorder) -> str:
     # the same bytes as when it was made
     recorder.kept["readPlan"]["responses"]["200"] = {"survey": {"same": ["createPlan", "201"]}}
     recorder.ask("listPlans", "page", "The only page", "GET", "/v1/plans")
+    renaming = recorder.request("renamePlan", "bay", "Another name", {"name": "survey of the bay"})
+    recorder.ask("renamePlan", "bay", "The plan", "PATCH", path, json=renaming)
+    recorder.client.patch(path, json={"name": SCENARIO["name"]})
     return str(plan["id"])
 
 
@@ -181,6 +184,9 @@ def _recordings(recorder: _Recorder) -> str:
     recorder.kept["readRecording"]["responses"]["200"] = {
         "hall": {"same": ["createRecording", "201"]}
     }
+    renaming = recorder.request("renameRecording", "yard", "Another name", {"name": "yard"})
+    recorder.ask("renameRecording", "yard", "In short", "PATCH", one, json=renaming)
+    recorder.client.patch(one, json={"name": kept["name"]})
     return one
 
 
@@ -258,6 +264,7 @@ def _refused(recorder: _Recorder, plan: str) -> None:
     long = recorder.client.post(f"{plan}/validations", json={"trials": 100_000}).json()["id"]
     job = f"/v1/jobs/{long}"
     recorder.ask("readJobResult", "running", "Not ended yet", "GET", f"{job}/result")
+    recorder.ask("deleteJob", "running", "Not ended yet", "DELETE", job)
     recorder.ask("cancelJob", "cancelled", "Cancelled", "POST", f"{job}/cancel")
     for operation, path, body in (
         ("refinePlan", f"{plan}/refinements", {"vary": []}),
