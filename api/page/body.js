@@ -3,7 +3,6 @@
 import { byId, element, notice, shown } from "./elements.js";
 import { Fields } from "./fields.js";
 import { freeCenter, freeSite, withMember } from "./free_space.js";
-import { LinkAdding } from "./link_adding.js";
 import {
   addLandmark,
   landmarksOf,
@@ -33,12 +32,10 @@ export class Body {
   group = element("fieldset", { class: "group" });
   fields = new Fields();
   #store;
-  #linking;
   #names = "";
 
   constructor(store) {
     this.#store = store;
-    this.#linking = new LinkAdding(store);
     store.on(["opened", "selected"], () => this.#build());
   }
 
@@ -71,7 +68,6 @@ export class Body {
       element("legend", {}, this.#store.chosen.length > 1 ? `${this.#store.chosen.length} selected; last of them` : "Selected vehicle or landmark"),
       element("div", { class: "field wide" }, element("label", { for: "chosen" }, "Vehicle or landmark"), picker),
       ...(known ? this.#fieldsOf(selected) : []),
-      known && selected.kind === "vehicle" ? this.#linking.element : null,
       element(
         "div",
         { class: "row" },
@@ -133,7 +129,6 @@ export class Body {
     if (!selected || !(selected.kind in GROWTH)) return;
     const body = (selected.kind === "vehicle" ? vehiclesOf(scenario, plan) : landmarksOf(scenario))[selected.k];
     if (!body) return;
-    if (selected.kind === "vehicle") this.#linking.show(selected.k);
     const values = { ...body, ...body.sensor };
     for (const key of this.fields.keys) {
       const value = values[key.slice("chosen.".length)];

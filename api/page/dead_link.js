@@ -5,9 +5,9 @@ import { kept } from "./session.js";
 
 /** Offer what can be opened in place of a plan that is not there, until something is.
  *
- * `ways` are what the buttons do, `{ edit, example, fresh }`. Returns what shows the offer.
+ * `ways` are what the buttons do, `{ edit, example }`. Returns what shows the offer.
  */
-export function offerWaysOn(store, { edit, example, fresh }) {
+export function offerWaysOn(store, { edit, example }) {
   const card = byId("dead-link");
   const open = (flag) => {
     card.hidden = !flag;
@@ -15,7 +15,7 @@ export function offerWaysOn(store, { edit, example, fresh }) {
   };
   byId("dead-edit").addEventListener("click", edit);
   byId("dead-example").addEventListener("click", example);
-  byId("dead-new").addEventListener("click", fresh);
+  byId("dead-new").addEventListener("click", () => byId("new").click());
   store.on(["opened"], () => open(false));
   return () => {
     byId("dead-edit").hidden = kept() === null;

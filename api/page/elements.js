@@ -17,15 +17,6 @@ export function element(name, attributes = {}, ...children) {
   return made;
 }
 
-const SVG = "http://www.w3.org/2000/svg";
-
-/** Return an element of a drawing: drawn("line", { x1: 0, stroke: "red" }). */
-export function drawn(name, attributes = {}) {
-  const made = document.createElementNS(SVG, name);
-  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
-  return made;
-}
-
 /** Return the element of an identifier, which index.html or a panel has made.
  * @param {string} id
  * @returns {any} */

@@ -42,20 +42,6 @@ export function withinReach(a, b, reach) {
     .filter(([from, to]) => to > from && value((from + to) / 2) <= 0);
 }
 
-/** The least distance in m of two, and the angle turned at which they have it, to a thousandth of a turn.
- * @param {Circle} a
- * @param {Circle} b */
-export function nearest(a, b) {
-  const { constant, p, w } = squaredDistance(a, b);
-  let best = { turned: 0, squared: Infinity };
-  for (let k = 0; k < 1000; k++) {
-    const turned = (TURN * k) / 1000;
-    const squared = constant + 2 * (real(p, turned) + real(w, 2 * turned));
-    if (squared < best.squared) best = { turned, squared };
-  }
-  return { turned: best.turned, distance: Math.sqrt(Math.max(best.squared, 0)) };
-}
-
 /** @param {Circle} a
  * @param {Circle} b */
 function squaredDistance(a, b) {

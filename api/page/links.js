@@ -54,7 +54,7 @@ export class Links {
 
   #say() {
     this.#said.textContent = this.#listed
-      ? "Only these pairs are synchronised. Select a vehicle to add a link to it. A link out of reach stops the plan until it is taken out."
+      ? "Only these pairs are synchronised. The tool “Link” adds and removes them on the map. A link out of reach stops the plan until it is taken out."
       : `Every two vehicles whose circles come within reach are linked, ${count(this.#present.length)} just now.`;
   }
 

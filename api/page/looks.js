@@ -48,6 +48,7 @@ const MAKERS = {
   area: (ink) => new Style({ stroke: stroke(ink.soft, 1.5, [10, 6]) }),
   "keep-out": (ink) => new Style({ stroke: stroke(ink["kept-out"], 2, [4, 4]), fill: new Fill({ color: `${ink["kept-out"]}22` }) }),
   obstacle: (ink) => new Style({ stroke: stroke(ink.obstacle, 1.5), fill: new Fill({ color: `${ink.obstacle}66` }) }),
+  beside: (ink) => new Style({ stroke: stroke(ink.soft, 1.5, [7, 5]) }),
   circle: (ink) => new Style({ stroke: stroke(ink.circle, 1.5) }),
   contact: (ink) => new Style({ stroke: stroke(ink.circle, 4.5) }),
   link: (ink, { rank }) => new Style({ stroke: stroke(ink[COLOURS[rank]], rank === 3 ? 2.5 : 2, DASHES[rank]), zIndex: -1 }),

@@ -5,9 +5,10 @@ import { offerWaysOn } from "./dead_link.js";
 import { offerDownloads } from "./downloads.js";
 import { DesignPanel } from "./design.js";
 import { Editor } from "./editor.js";
-import { byId, notice, noticeIsFault } from "./elements.js";
+import { byId, notice, noticeIsFault, shown } from "./elements.js";
 import { offerParts } from "./inspector.js";
 import { askForKeys } from "./keys.js";
+import { offerKeptWork } from "./kept_work.js";
 import { offerLosses } from "./losses.js";
 import { FormationMap } from "./map.js";
 import { offerNewTeam } from "./new_team.js";
@@ -49,9 +50,9 @@ const designs = new DesignPanel(
 const showDeadLink = offerWaysOn(store, {
   edit: () => attempt(async () => (await opening.edit()) || opening.example(FIRST_EXAMPLE)),
   example: () => attempt(() => opening.example(FIRST_EXAMPLE)),
-  fresh: () => attempt(() => opening.fresh()),
 });
 offerNewTeam((scenario, change) => opening.team(scenario, change));
+offerKeptWork({ open: (planId) => opening.plan(planId, { opened: address }), compare });
 offerDownloads(store, storePlan);
 offerLosses(store, storePlan);
 offerLink(store, storePlan, attempt);
@@ -166,6 +167,10 @@ byId("upload").addEventListener("change", async (event) => {
 byId("dismiss").addEventListener("click", () => notice(""));
 byId("undo").addEventListener("click", () => store.undo());
 byId("redo").addEventListener("click", () => store.redo());
+addEventListener("beforeunload", (event) => {
+  // what was edited and not stored
+  if (store.canUndo && !store.planId) event.preventDefault();
+});
 askForKeys(() => {
   // an edit that waits for the key is not lost to the first example
   if (store.scenario) store.edit(store.scenario, { step: false });
@@ -276,6 +281,13 @@ async function goTo() {
   }
   await openLinked(planId);
   if (asked.get("job") && !followed) resumeJob(asked.get("job"));
+}
+
+/** Draw another plan beside the one on show, and say how they differ. */
+function compare(plan) {
+  store.compare(plan);
+  const errors = [plan, store.plan].map((one) => shown(one.predicted_rms_m.overall, "m"));
+  notice(`Dashed: ${plan.scenario.name || "the other plan"}, predicted ${errors[0]}; here ${errors[1]}.`);
 }
 
 /** Draw everything anew, in the colours of the theme. */

@@ -57,7 +57,7 @@ export class FormationMap {
       this.fit();
       this.#map.once("rendercomplete", () => performance.mark("map"));
     });
-    store.on(["scenario", "opened", "plan", "selected"], () => this.draw());
+    store.on(["scenario", "opened", "plan", "selected", "beside"], () => this.draw());
     store.on(["selected"], ({ reveal }) => reveal && this.#reveal());
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.#restyle());
     // what was fitted to the window stays so; a view that people chose stays as it is
@@ -117,13 +117,14 @@ export class FormationMap {
 
   /** Draw the scenario as it is, with what its plan says of it. */
   draw() {
-    const { scenario, drawn: plan } = this.#store;
+    const { scenario, drawn: plan, beside } = this.#store;
     if (!scenario) return;
     const circles = circlesOf(scenario, plan);
     const links = linksOf(scenario, plan);
     this.#drawPolygons(scenario);
     this.#still.clear(true);
     this.#still.addFeatures([
+      ...(beside?.vehicles ?? []).map(({ center_m: [x, y], radius_m: radius }) => mark(new LineString(ringOf({ x, y, radius })), { kind: "beside" })),
       ...links.map(({ from, to, rank, toLandmark }) => mark(line([from, to]), { kind: "link", rank, toLandmark })),
       ...circles.map((one) => mark(new LineString(ringOf(one)), { kind: "circle", body: one.name })),
       ...links.flatMap(({ from, to, arcs, rank }) =>

@@ -7,15 +7,6 @@ import { ask, noSuchPlan, passing } from "./service.js";
 import { forget, kept } from "./session.js";
 import { Store } from "./store.js";
 
-/** What an empty planner begins with: two vehicles that see each other and two landmarks. */
-const FIRST_TEAM = {
-  name: "new",
-  orbit: { radius_m: 20, angular_rate_rad_s: 0.2, direction: "ccw" },
-  formation: { centers_m: [[0, 0], [70, 0]] },
-  landmarks_m: [[35, 40], [35, -40]],
-  sensor: { range_m: 50 },
-};
-
 /** Puts into a store what is chosen; an answer that comes after another choice is dropped.
  *
  * `address()` says in the address what is on show.
@@ -43,11 +34,6 @@ export class Opening {
     const choice = ++this.#choices;
     const { plan } = await Planner.preview(scenario, { figures: [], quick: true });
     if (choice === this.#choices) await this.#text(JSON.stringify(change(editable(plan))), scenario.name, choice);
-  }
-
-  /** Begin with next to nothing. */
-  async fresh() {
-    await this.#text(JSON.stringify(FIRST_TEAM), FIRST_TEAM.name, ++this.#choices);
   }
 
   async file(file) {

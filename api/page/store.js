@@ -7,7 +7,7 @@ const SAME_EDIT_MS = 1000;
 
 /** The page's state.
  *
- * Events: "opened", "scenario" (edited), "plan" (judged), "faults", "selected", "report".
+ * Events: "opened", "scenario" (edited), "plan" (judged), "faults", "selected", "beside", "report".
  *
  * Edits are compared with an anchor, the plan that was opened or stored last: `{ scenario, planId,
  * given }`. Its scenario typed in again is that plan again. `given` is `{ vehicles, origin }` where
@@ -20,6 +20,8 @@ export class Store extends EventTarget {
   plan = null;
   /** what is selected, vehicles, landmarks and polygons, the last one last @type {{kind: string, k: number}[]} */
   chosen = [];
+  /** another plan, drawn beside this one, or null @type {any} */
+  beside = null;
   /** identifier of the plan as stored; null while it is an edit not yet stored
    * @type {string | null} */
   planId = null;
@@ -114,7 +116,7 @@ export class Store extends EventTarget {
     const { anchor } = state;
     if (!sameScenario(state.scenario, anchor.scenario)) this.#remember({ scenario: anchor.scenario, anchor });
     this.#put(state);
-    Object.assign(this, { plan, chosen: [] });
+    Object.assign(this, { plan, chosen: [], beside: null });
     this.#emit("opened");
   }
 
@@ -163,6 +165,12 @@ export class Store extends EventTarget {
   selectAll(chosen) {
     this.chosen = chosen;
     this.#emit("selected");
+  }
+
+  /** Draw another plan beside this one; null ends it. */
+  compare(plan) {
+    this.beside = plan;
+    this.#emit("beside");
   }
 
   get canUndo() {

@@ -2,7 +2,7 @@
 
 from playwright.sync_api import Page, expect
 
-from tests.page.gestures import downloaded, drag, handle
+from tests.page.gestures import downloaded, drag
 from tests.tools.browsing import Visit, accessibility_faults
 
 ALTERNATE = "paper-grid-alternate"
@@ -72,43 +72,3 @@ def test_links_follow_reach_or_are_fixed_by_keyboard(visit: Visit, page: Page) -
     assert len(downloaded(page)["formation"]["links"]) == 5
     page.get_by_role("button", name="Undo").click()
     expect(fix).to_be_visible()
-
-
-def test_a_link_is_added_to_the_selected_vehicle_by_keyboard(visit: Visit, page: Page) -> None:
-    # of the diagonals only those within reach are offered, and no link twice
-    page.get_by_label("Range (m)", exact=True).fill("60")
-    visit.settle()
-    handle(page, "v1").press("Enter")
-    to = page.get_by_label("Link to")
-    expect(to.locator("option")).to_have_text(["v5, 58.99 m"])
-    assert accessibility_faults(page) == []
-    add = page.get_by_role("button", name="Add link")
-    add.press("Enter")
-    expect(page.locator("#notice")).to_contain_text("Link v1-v5 added")
-    expect(page.locator("#chosen")).to_be_focused()
-    expect(add).to_be_hidden()
-    expect(page.locator("#link-hint")).to_have_text(
-        "v1 is linked to every vehicle within its reach."
-    )
-    visit.settle()
-    assert downloaded(page)["formation"]["links"][-1] == ["v1", "v5"]
-    page.locator("summary", has_text="Links").press("Enter")
-    assert "v1-v5" in " ".join(_links(page))
-    page.get_by_role("button", name="Remove v1-v5").click()
-    expect(add).to_be_visible()
-    visit.settle()
-    assert len(downloaded(page)["formation"]["links"]) == 7
-
-
-def test_links_that_follow_reach_are_named_and_none_can_be_added(visit: Visit, page: Page) -> None:
-    page.locator("summary", has_text="Links").press("Enter")
-    page.get_by_role("button", name="Let links follow reach").press("Enter")
-    visit.settle()
-    handle(page, "v2").click()
-    expect(page.locator("#link-hint")).to_have_text(
-        "Links follow reach: v2 is linked to v1, v3, v5."
-    )
-    expect(page.get_by_role("button", name="Add link")).to_be_hidden()
-    assert "links" not in downloaded(page)["formation"]
-    page.get_by_label("Range (m)", exact=True).fill("20")
-    expect(page.locator("#link-hint")).to_contain_text("No other circle comes within reach of v2")

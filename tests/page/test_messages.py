@@ -79,11 +79,10 @@ def test_a_link_to_no_plan_says_so_and_leads_on(
         expect(page.locator("#workspace")).to_be_hidden()
         expect(page.get_by_role("heading", name="This link leads to no plan")).to_be_focused()
         # nothing was being edited
-        expect(card.get_by_role("button")).to_have_text(
-            ["Open the example grid", "Begin with two vehicles"]
-        )
+        expect(card.get_by_role("button")).to_have_text(["Open the example grid", "New …"])
         assert accessibility_faults(page) == []
-        card.get_by_role("button", name="Begin with two vehicles").press("Enter")
+        card.get_by_role("button", name="New …").press("Enter")
+        page.get_by_role("button", name="Create").click()
         visit.verdict("✓ GO")
         expect(card).to_be_hidden()
         assert "plan=" not in page.url

@@ -1,0 +1,88 @@
+"""Plans, jobs and recordings that the service keeps, listed on the page."""
+
+from typing import Any
+
+import httpx2
+from playwright.sync_api import Page, expect
+
+from tests.page.gestures import drawn, part, plan_id_of, validate
+from tests.tools.browsing import Visit, accessibility_faults
+from tests.tools.record_examples import RECORDED
+from tests.tools.recordings import zipped
+from tests.tools.scenarios import document
+from tests.tools.serving import Server
+
+SMALL = zipped({f"hall/{name}": text.encode() for name, text in RECORDED.items()})
+
+
+def kept(page: Page, kind: str) -> Any:
+    """Open the list of a kind of work."""
+    if page.get_by_role("dialog").count() == 0:
+        page.get_by_role("button", name="Kept work").click()
+    part(page, kind)
+    return page.get_by_role("dialog")
+
+
+def test_plans_are_listed_renamed_compared_opened_and_deleted(
+    visit: Visit, page: Page, server: Server
+) -> None:
+    team = document(name="kept pair", landmarks_m=[[35.0, 40.0], [35.0, -40.0]])
+    made = httpx2.post(f"{server.url}/v1/plans", json=team).json()
+    dialogue = kept(page, "Plans")
+    row = dialogue.get_by_role("row", name="kept pair").first
+    expect(row).to_contain_text("GO")
+    assert accessibility_faults(page) == []
+    page.once("dialog", lambda asked: asked.accept("another name"))
+    row.get_by_role("button", name="Rename").click()
+    renamed = dialogue.get_by_role("row", name="another name").first
+    expect(renamed).to_be_visible()
+    found = httpx2.get(f"{server.url}/v1/plans/{made['id']}").json()
+    assert found["scenario"]["name"] == "another name"
+    renamed.get_by_role("button", name="Compare").click()
+    expect(page.locator("#notice")).to_contain_text("Dashed: another name, predicted")
+    assert len(drawn(page, "beside")) == 2
+    kept(page, "Plans").get_by_role("button", name="another name").first.click()
+    visit.verdict("rank 6 of 6")
+    assert plan_id_of(page) == made["id"]
+    assert drawn(page, "beside") == []
+    dialogue = kept(page, "Plans")
+    before = dialogue.get_by_role("row", name="another name").count()
+    page.once("dialog", lambda asked: asked.accept())
+    dialogue.get_by_role("row", name="another name").first.get_by_role(
+        "button", name="Delete"
+    ).click()
+    expect(dialogue.get_by_role("row", name="another name")).to_have_count(before - 1)
+    assert httpx2.get(f"{server.url}/v1/plans/{made['id']}").status_code == 404
+
+
+def test_jobs_are_listed_opened_and_deleted(visit: Visit, page: Page, server: Server) -> None:
+    validate(page, "10")
+    expect(page.locator(".outcome")).to_contain_text("of 10 trials")
+    job = httpx2.get(f"{server.url}/v1/jobs").json()["items"][0]["id"]
+    row = kept(page, "Jobs").get_by_role("row", name="Validation").first
+    expect(row).to_contain_text("succeeded")
+    assert f"job={job}" in (row.get_by_role("link", name="Open").get_attribute("href") or "")
+    row.get_by_role("link", name="Open").click()
+    expect(page.locator(".outcome")).to_contain_text("of 10 trials")
+    page.once("dialog", lambda asked: asked.accept())
+    row = kept(page, "Jobs").get_by_role("row", name="Validation").first
+    row.get_by_role("button", name="Delete").click()
+    expect(page.get_by_role("dialog").locator("tbody, p").first).to_be_visible()
+    page.wait_for_timeout(300)
+    assert httpx2.get(f"{server.url}/v1/jobs/{job}").status_code == 404
+
+
+def test_a_recording_is_sent_replayed_and_deleted(visit: Visit, page: Page, server: Server) -> None:
+    dialogue = kept(page, "Recordings")
+    archive: Any = {"name": "hall.zip", "mimeType": "application/zip", "buffer": SMALL}
+    page.get_by_label("Send a recording").set_input_files(archive)
+    row = dialogue.get_by_role("row").nth(1)
+    expect(row).to_be_visible()
+    assert accessibility_faults(page) == []
+    row.get_by_role("button", name="Replay").click()
+    expect(dialogue).to_contain_text(" m RMS")
+    expect(dialogue.get_by_role("link", name="Report")).to_be_visible()
+    page.once("dialog", lambda asked: asked.accept())
+    row.get_by_role("button", name="Delete").click()
+    expect(dialogue).to_contain_text("None is kept.")
+    assert httpx2.get(f"{server.url}/v1/recordings").json()["items"] == []
