@@ -72,6 +72,7 @@ def _works(count: int) -> dict[str, Callable[[], Any]]:
     from syncplan.observability.sliding_windows import connectivity_period
     from syncplan.orbits.sightings import single_losses
     from syncplan.planning.planner import plan
+    from syncplan.plotting.figure_style import PLAIN
     from syncplan.runtime.machine import single_threaded_blas
     from syncplan.scenario.loading import scenario_from
 
@@ -90,7 +91,7 @@ def _works(count: int) -> dict[str, Callable[[], Any]]:
         return repr([(one.vehicles, one.sensors, one.landmarks) for one in found])
 
     def preview(quick: bool) -> None:
-        previewed(body, "json", limits, quick, ["formation"], "light")
+        previewed(body, "json", limits, quick, ["formation"], PLAIN)
 
     return {
         "plan": lambda: as_plan_text(plan(scenario)).text,

@@ -53,7 +53,7 @@ from syncplan.scenario.quantities import validation_fault
 
 if TYPE_CHECKING:
     from syncplan.plotting.canvas import Spec
-    from syncplan.plotting.figure_style import Theme
+    from syncplan.plotting.figure_style import FigureStyle
 
 # --- requests -----------------------------------------------------------------------------------
 
@@ -205,7 +205,7 @@ def previewed(
     limits: RequestLimits,
     quick: bool,
     names: Sequence[str],
-    theme: "Theme",
+    style: "FigureStyle",
 ) -> str:
     """Return the plan of `made_plan`, with its figures, as JSON; raises the same errors.
 
@@ -213,35 +213,36 @@ def previewed(
     """
     loaded = loaded_body(body, syntax, limits)
     made = plan_of(loaded, margin_bound=False, **_QUICK) if quick else plan_of(loaded)
-    specs = _specs(made, names, theme) if names else {}
+    specs = _specs(made, names, style) if names else {}
     return _compact({"plan": plan_document(made).as_json(), "figures": specs})
 
 
-def plan_figure(text: str, name: str, theme: "Theme", parent_text: str | None) -> str:
+def plan_figure(text: str, name: str, style: "FigureStyle", parent_text: str | None) -> str:
     """Return a figure of a plan as JSON; raises InputError if the plan does not have it.
 
     With its parent's text, the plan is shown beside its parent.
     """
     if parent_text is not None:
-        return _compact(_specs(_judged(parent_text), [name], theme, after=_judged(text))[name])
+        return _compact(_specs(_judged(parent_text), [name], style, after=_judged(text))[name])
     record = json.loads(text).get("refinement")
     refined = None if record is None else RefinementResult.model_validate(record)
-    return _compact(_specs(_judged(text), [name], theme, refined=refined)[name])
+    return _compact(_specs(_judged(text), [name], style, refined=refined)[name])
 
 
-def report_figure(text: str, kind: JobKindName, name: str, theme: "Theme") -> str:
+def report_figure(text: str, kind: JobKindName, name: str, style: "FigureStyle") -> str:
     """Return a figure of a job's report as JSON; raises InputError."""
     model = JOB_KINDS[kind].report
     assert model is not None
     report: Any = model.model_validate_json(text)
-    return _compact(_specs(report, [name], theme)[name])
+    return _compact(_specs(report, [name], style)[name])
 
 
-def _specs(subject: Any, names: Sequence[str], theme: "Theme", **beside: Any) -> dict[str, "Spec"]:
-    from syncplan.plotting.figure_style import FigureStyle
+def _specs(
+    subject: Any, names: Sequence[str], style: "FigureStyle", **beside: Any
+) -> dict[str, "Spec"]:
     from syncplan.plotting.figures import specs_of
 
-    return specs_of(subject, names, style=FigureStyle(theme=theme), **beside)
+    return specs_of(subject, names, style=style, **beside)
 
 
 def judged_losses(text: str, lose: Sequence[str], losses: Literal[1, 2], bound: BoundChoice) -> str:

@@ -5,7 +5,8 @@ Previews are figures of a scenario while it is edited. Exports are zip archives.
 
 import json
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Literal
+from inspect import Parameter, Signature
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from fastapi import APIRouter, Depends, Query, Response
 from pydantic import BaseModel, ConfigDict, Field
@@ -20,7 +21,9 @@ from api.routes.plan_routes import Identifier, find_or_refuse
 from api.storage.holdings import Answer
 from syncplan.errors import InputError
 from syncplan.exporting.format_table import ALL, FORMATS, AutopilotName, VehicleName
+from syncplan.options import options_of
 from syncplan.planning.planner import BoundChoice
+from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.figure_table import FIGURES, always_there
 from syncplan.reports.loss_report import WhatIfDocument
 
@@ -28,7 +31,28 @@ router = APIRouter()
 
 _JSON = [Depends(accepts("application/json"))]
 
-Theme = Annotated[Literal["light", "dark"], Query(description="Background that it is shown on")]
+SHOWN = ("theme", "title", "subtitle", "legend")
+"""Options of a figure that a request takes; its reader fits it to a page."""
+
+
+def _style(**asked: Any) -> FigureStyle:
+    """Style of the figures that a query asks for, by the options of SHOWN."""
+    return FigureStyle(**asked)
+
+
+_parameters = [
+    Parameter(
+        one.name,
+        Parameter.KEYWORD_ONLY,
+        default=one.default,
+        annotation=Annotated[one.type, Query(description=one.sentence)],
+    )
+    for one in options_of(FigureStyle)
+    if one.name in SHOWN
+]
+setattr(_style, "__signature__", Signature(_parameters))  # noqa: B010
+AskedStyle = Annotated[FigureStyle, Depends(_style)]
+
 if TYPE_CHECKING:
     PlanFigure = str
     StoredFigure = str
@@ -62,7 +86,8 @@ async def create_preview(
         list[PlanFigure] | None,
         Query(description="Figures to add", max_length=len(always_there("plan"))),
     ] = None,
-    theme: Theme = "light",
+    *,
+    style: AskedStyle,
 ) -> Response:
     """Find phases for a scenario being edited and judge the plan; nothing is stored.
 
@@ -70,7 +95,7 @@ async def create_preview(
     """
 
     names = list(dict.fromkeys(figure or ()))
-    asked = (call.body, call.syntax, call.service.limits, quick, names, theme)
+    asked = (call.body, call.syntax, call.service.limits, quick, names, style)
     make = partial(computed, call, "previewed", *asked)
     return await answer_once(call, make, lambda _, made: Answer(call.digest, 200, {}, made))
 
@@ -88,7 +113,7 @@ async def read_plan_figure(
     plan_id: Identifier,
     figure: StoredFigure,
     caller: CurrentCaller,
-    theme: Theme = "light",
+    style: AskedStyle,
 ) -> Response:
     """A figure of a plan. `comparison` shows it beside the plan that it was refined from."""
     row = await find_or_refuse(caller.service, caller.owner, plan_id)
@@ -97,7 +122,7 @@ async def read_plan_figure(
         if row.parent_id is None:
             raise NotFound(f"plan {plan_id} was not refined from another: nothing to compare with")
         parent = (await find_or_refuse(caller.service, caller.owner, row.parent_id)).text
-    return await _drawn(caller, "plan_figure", row.text, figure, theme, parent)
+    return await _drawn(caller, "plan_figure", row.text, figure, style, parent)
 
 
 @router.get(
@@ -110,17 +135,17 @@ async def read_plan_figure(
     responses=problem_responses(401, 404, 406, 409, 422, 429, 503),
 )
 async def read_job_figure(
-    row: Owned, figure: ReportFigure, caller: CurrentCaller, theme: Theme = "light"
+    row: Owned, figure: ReportFigure, caller: CurrentCaller, style: AskedStyle
 ) -> Response:
     """A figure of the report of a validation, a flight, a sweep or a replay."""
     if row.state != "succeeded" or JOB_KINDS[row.kind].figures is None:
         kinds = plurals(lambda kind: kind.figures is not None)
         raise Conflict(f"the job is a {row.kind}, {row.state}; {kinds} that succeeded have figures")
     text = await run_in_threadpool(report_or_refuse, caller.service, row)
-    return await _drawn(caller, "report_figure", text, row.kind, figure, theme)
+    return await _drawn(caller, "report_figure", text, row.kind, figure, style)
 
 
-async def _drawn(caller: Caller, task: str, *arguments: str | None) -> Response:
+async def _drawn(caller: Caller, task: str, *arguments: Any) -> Response:
     """Figure that a task draws; raises NotFound if its subject does not have it."""
     try:
         drawn = await computed(caller, task, *arguments)

@@ -91,17 +91,17 @@ def _options() -> dict[str, str]:
     from syncplan.estimation.replay_settings import ReplayOptions
     from syncplan.flight.flight_options import FlightOptions
     from syncplan.options import options_of
+    from syncplan.plotting.figure_style import FigureStyle
 
     names = (
         *("losses", "threads", "vary", "center_box_m", "radius_m", "objective", "margin_m"),
-        *("time_limit_s", "starts", "choose", "figure", "compare", "width", "height"),
-        *("font_scale", "pixel_ratio", "theme", "output", "format", "altitude_m", "turns"),
-        *("sample_time_s", "sagitta_m", "autopilot", "vehicle"),
+        *("time_limit_s", "starts", "choose", "figure", "compare", "theme", "output"),
+        *("format", "altitude_m", "turns", "sample_time_s", "sagitta_m", "autopilot", "vehicle"),
     )
     return {
         **{
             one.name: one.flag
-            for kind in (ReplayOptions, ValidationOptions, FlightOptions)
+            for kind in (ReplayOptions, ValidationOptions, FlightOptions, FigureStyle)
             for one in options_of(kind)
             if one.name not in ("filter", "truth")
         },

@@ -7,7 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from syncplan.cli.arguments import MaxVehicles, beginning_with, optional, say_verdict
+from syncplan.cli.arguments import (
+    MaxVehicles,
+    beginning_with,
+    optional,
+    say_verdict,
+    takes_options,
+)
 from syncplan.cli.console import check_output, say
 from syncplan.cli.document_table import checked, read_report
 from syncplan.errors import InputError
@@ -82,21 +88,6 @@ Compare = Annotated[
 ]
 
 
-Width = Annotated[
-    int | None,
-    optional(
-        help="Width in px, 240 to 4000; if not given, 1000 for an image and the reader's window "
-        "for a page"
-    ),
-]
-Height = Annotated[
-    int | None,
-    optional(
-        help="Height of each figure in px, 160 to 8000; if not given, as much as the figure needs"
-    ),
-]
-FontScale = Annotated[float, typer.Option(help="Size of all text, 0.5 to 3 times the usual")]
-PixelRatio = Annotated[float, typer.Option(help="Dots of a PNG for each px, 1 to 6")]
 ThemeShown = Annotated[
     Theme | None,
     optional(help="Colours; if not given, light in an image and the reader's own in a page"),
@@ -109,16 +100,15 @@ ThemeShown = Annotated[
     "Example: syncplan plot plan.json --figure formation --figure timeline --width 400 "
     "--theme dark -o plan.png",
 )
+@takes_options(FigureStyle, without=("theme",))
 def _plot(
     file: DrawnFile,
     output: Drawn = None,
+    *,
     figure: Figures = None,
     compare: Compare = None,
-    width: Width = None,
-    height: Height = None,
-    font_scale: FontScale = 1.0,
+    options: FigureStyle,
     theme: ThemeShown = None,
-    pixel_ratio: PixelRatio = 2.0,
     max_vehicles: MaxVehicles = None,
 ) -> int:
     """Draw a plan or a report: a page that works offline, or images.
@@ -127,7 +117,7 @@ def _plot(
     """
     ending = _ending(output)
     names = list(dict.fromkeys(figure or []))
-    style = FigureStyle(width, height, font_scale, theme or "light", pixel_ratio)
+    style = replace(options, theme=theme or "light")
     targets = _targets(output, ending, names)
     for target in targets:
         check_output(target, file, *([] if compare is None else [compare]))

@@ -285,6 +285,8 @@ def fitted(spec: Spec, style: FigureStyle) -> Spec:
     modified. Raises InputError if the height leaves no room for the plot.
     """
     layout = {**_with_fonts(spec["layout"], style.font_scale)}
+    if not style.legend:
+        layout["showlegend"] = False
     size = layout["legend"]["font"]["size"]
     data = [_folded(trace, size, style) for trace in spec["data"]]
     top = _heading(layout, style)
@@ -322,11 +324,13 @@ def _with_fonts(value: Any, scale: float) -> Any:
 
 
 def _heading(layout: Spec, style: FigureStyle) -> int:
-    """Break title and note into lines; return the room above the plot in px.
+    """Break title and note into lines, each if it is shown; return the room above the plot in px.
 
     Plotly centres a title of several lines where a single line would stand, so it is moved down.
     """
-    title = layout["title"] = dict(layout["title"])
+    title = layout["title"] = _shown_title(layout["title"], style)
+    if not title["text"]:
+        return _SIDE_PX + style.px(layout["meta"]["above_px"])
     room = style.page_px - 2 * _SIDE_PX
     size = title["font"]["size"]
     lines = _broken(title["text"], room, size)
@@ -341,6 +345,15 @@ def _heading(layout: Spec, style: FigureStyle) -> int:
         title["subtitle"] = {**note, "text": "<br>".join(lines)}
         height += _LINE * size * len(lines) + (1.2 * size if len(lines) == 1 else 0.6 * size)
     return int(height + 0.5 * _SIDE_PX) + style.px(layout["meta"]["above_px"])
+
+
+def _shown_title(title: Spec, style: FigureStyle) -> Spec:
+    """Title and note that a style shows; a note without a title stands in its place."""
+    note = title.get("subtitle", {"text": ""}) if style.subtitle else {"text": ""}
+    shown = {key: value for key, value in title.items() if key != "subtitle"}
+    if not style.title:
+        return {**shown, **note}
+    return {**shown, "subtitle": note} if note["text"] else shown
 
 
 def _legend_px(data: list[Spec], layout: Spec, style: FigureStyle) -> int:

@@ -1,4 +1,4 @@
-"""Size, text scale and colours of figures, on light and dark pages.
+"""Size, text scale, parts and colours of figures, on light and dark pages.
 
 The colours are readable in print and by colour-blind people; the hues are those of Okabe and Ito,
 "Color Universal Design" (2008), without black and yellow. Classes never differ in hue alone: they
@@ -6,13 +6,12 @@ also differ in dash, pattern or symbol, and are named. Text, axes and grids are 
 of a light page; `themed` swaps them.
 """
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
-from syncplan.errors import InputError
+from syncplan.options import option, options_of
 
 Theme = Literal["light", "dark"]
 
@@ -61,9 +60,6 @@ def _may_hold_colors(values: list[Any]) -> bool:
 # --- size and theme -----------------------------------------------------------------------------
 
 
-THEMES: tuple[Theme, ...] = get_args(Theme)
-"""Themes that a figure can have."""
-
 PAPER: Mapping[Theme, str] = MappingProxyType({"light": "#ffffff", "dark": "#16161a"})
 """Background of pages and images."""
 
@@ -79,43 +75,34 @@ _NARROW_PX = 640
 _SIDES_PX = (70, 24)
 _NARROW_SIDES_PX = (56, 12)
 
-LIMITS: Mapping[str, tuple[float, float]] = MappingProxyType(
-    {
-        "width": (240, 4000),
-        "height": (160, 8000),
-        "font_scale": (0.5, 3.0),
-        "pixel_ratio": (1.0, 6.0),
-    }
-)
-"""Least and largest value of each setting."""
-
 
 @dataclass(frozen=True, slots=True)
 class FigureStyle:
-    """Size, text and colours of a figure; values outside LIMITS raise InputError.
+    """Size, text, parts and colours of a figure; raises InputError naming a value not allowed."""
 
-    Attributes
-    ----------
-    width : px; without it a figure is as wide as its page, laid out for PAGE_PX
-    height : px of the whole figure; without it, what the figure needs
-    font_scale : factor on the usual size of all text
-    theme : "light" or "dark"
-    pixel_ratio : dots of a PNG per px
-    """
-
-    width: int | None = None
-    height: int | None = None
-    font_scale: float = 1.0
-    theme: Theme = "light"
-    pixel_ratio: float = 2.0
+    width: int | None = option(
+        None,
+        "Width in px, for which texts, legend and panels are laid out; if not given, 1000 for an "
+        "image and the reader's window for a page",
+        ge=240,
+        le=4000,
+    )
+    height: int | None = option(
+        None,
+        "Height of each figure in px; if not given, as much as the figure needs",
+        ge=160,
+        le=8000,
+    )
+    font_scale: float = option(1.0, "Size of all text, times the usual", ge=0.5, le=3)
+    theme: Theme = option("light", "Background that it is shown on")
+    pixel_ratio: float = option(2.0, "Dots of a PNG for each px", ge=1, le=6)
+    title: bool = option(True, "Show the title")
+    subtitle: bool = option(True, "Show the note below the title")
+    legend: bool = option(True, "Show the legend")
 
     def __post_init__(self) -> None:
-        for key, (least, most) in LIMITS.items():
-            value: Any = getattr(self, key)
-            if value is not None and not (math.isfinite(value) and least <= value <= most):
-                raise InputError(f"{value:g}: choose from {least:g} to {most:g}", key=key)
-        if self.theme not in THEMES:
-            raise InputError(f"{self.theme!r}: choose from {', '.join(THEMES)}", key="theme")
+        for one in options_of(FigureStyle):
+            one.check(getattr(self, one.name))
 
     @property
     def page_px(self) -> int:

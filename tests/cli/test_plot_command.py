@@ -346,6 +346,14 @@ def test_a_page_takes_a_theme_and_a_width(run: Run) -> None:
     assert "width" not in values["layout"]
 
 
+def test_a_page_leaves_out_what_it_is_asked_to(run: Run) -> None:
+    _, out, _ = run("plot", GRID, "--no-title", "--no-subtitle", "--no-legend")
+    for name, values in _page(out).values.items():
+        assert values["layout"]["title"]["text"] == "", name
+        assert values["layout"]["showlegend"] is False
+    assert "NOT observable: rank" not in out
+
+
 @needs_browser
 @pytest.mark.long
 def test_a_narrow_page_shows_figures_laid_out_for_a_column(run: Run, tmp_path: Path) -> None:

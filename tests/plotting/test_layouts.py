@@ -10,10 +10,11 @@ from hypothesis import strategies as st
 
 from syncplan import figures
 from syncplan.errors import InputError
+from syncplan.options import options_of
 from syncplan.planning.planner import Plan, plan
 from syncplan.planning.validation import validate
 from syncplan.plotting.contact_figures import MANY_SIGHTINGS, lanes_of, rows_of, within_period
-from syncplan.plotting.figure_style import LIMITS, PLAIN, FigureStyle
+from syncplan.plotting.figure_style import PLAIN, FigureStyle
 from syncplan.plotting.figures import specs_of
 from syncplan.plotting.links import body_names
 from syncplan.plotting.series_figures import errors_spec
@@ -83,6 +84,37 @@ def test_entries_of_a_legend_are_unique_and_in_columns(
             assert "arrow" not in marks
 
 
+@pytest.mark.parametrize("width", [400, 1200])
+def test_title_note_and_legend_can_be_left_out_with_their_room(
+    alternating: Plan, report: ValidationDocument, width: int
+) -> None:
+    for subject in (alternating, report):
+        whole = specs_of(subject, style=FigureStyle(width=width))
+        bare = FigureStyle(width=width, title=False, subtitle=False, legend=False)
+        for name, spec in specs_of(subject, style=bare).items():
+            before, after = whole[name]["layout"], spec["layout"]
+            assert after["title"]["text"] == ""
+            assert "subtitle" not in after["title"]
+            assert after["showlegend"] is False
+            assert spec["data"] == whole[name]["data"]
+            # the plot keeps its size
+            margins = [one["margin"]["t"] + one["margin"]["b"] for one in (before, after)]
+            assert after["height"] - before["height"] == margins[1] - margins[0] < -60, name
+
+
+def test_a_note_without_a_title_stands_in_its_place(alternating: Plan) -> None:
+    whole, note, title = (
+        specs_of(alternating, ["formation"], style=style)["formation"]["layout"]
+        for style in (PLAIN, FigureStyle(title=False), FigureStyle(subtitle=False))
+    )
+    said = whole["title"]["subtitle"]
+    assert (note["title"]["text"], note["title"]["font"]) == (said["text"], said["font"])
+    assert "subtitle" not in {**note["title"], **title["title"]}
+    assert title["title"]["text"] == whole["title"]["text"]
+    heights = [one["margin"]["t"] for one in (note, title, whole)]
+    assert heights == sorted(heights)
+
+
 def test_a_height_is_kept_or_refused(alternating: Plan) -> None:
     spec = specs_of(alternating, ["formation"], style=FigureStyle(height=700))["formation"]
     assert spec["layout"]["height"] == 700
@@ -90,20 +122,21 @@ def test_a_height_is_kept_or_refused(alternating: Plan) -> None:
         specs_of(alternating, ["formation"], style=FigureStyle(height=170))
 
 
-@pytest.mark.parametrize("key", list(LIMITS))
+@pytest.mark.parametrize("key", ["width", "height", "font_scale", "pixel_ratio"])
 def test_values_beyond_the_limits_are_refused(key: str) -> None:
-    least, most = LIMITS[key]
+    limits = next(one.limits for one in options_of(FigureStyle) if one.name == key)
+    least, most = limits["ge"], limits["le"]
     style: Any = FigureStyle
     for value in (least, most):
         style(**{key: value})
     for value in (0.99 * least, 1.01 * most, float("nan")):
-        with pytest.raises(InputError, match="choose from") as caught:
+        with pytest.raises(InputError, match="allowed is") as caught:
             style(**{key: value})
         assert caught.value.key == key
 
 
 def test_an_unknown_theme_is_refused() -> None:
-    with pytest.raises(InputError, match="'blue': choose from light, dark"):
+    with pytest.raises(InputError, match="'blue' is unknown; choose light or dark"):
         FigureStyle(theme="blue")  # type: ignore[arg-type]
 
 

@@ -9,6 +9,7 @@ import pytest
 from api.computing.tasks import checked_request, made_plan, previewed
 from api.limits import RequestLimits
 from syncplan.errors import InputError
+from syncplan.plotting.figure_style import PLAIN
 from tests.tools.record_examples import SCENARIO
 from tests.tools.scenarios import shared_circles
 
@@ -64,7 +65,7 @@ BODY = json.dumps(CROWD).encode()
 SWEEP = json.dumps({"scenario": CROWD, "range_m": [50.0], "trials": 1}).encode()
 ASKED: dict[str, Callable[[RequestLimits], object]] = {
     "plan": lambda limits: made_plan(BODY, "json", limits, False),
-    "preview": lambda limits: previewed(BODY, "json", limits, False, [], "light"),
+    "preview": lambda limits: previewed(BODY, "json", limits, False, [], PLAIN),
     "sweep": lambda limits: checked_request("sweep", SWEEP, "json", limits, None),
 }
 
@@ -82,7 +83,7 @@ def test_a_team_is_refused_by_the_limit_on_its_size_before_it_is_built() -> None
     limits = replace(LIMITS, vehicles=1000)
     asks: list[Callable[[], object]] = [
         lambda: made_plan(body, "json", limits, False),
-        lambda: previewed(body, "json", limits, False, [], "light"),
+        lambda: previewed(body, "json", limits, False, [], PLAIN),
     ]
     for ask in asks:
         with pytest.raises(InputError) as refused:
