@@ -82,6 +82,12 @@ def test_figures_of_a_plan_are_the_library_s(ann: httpx2.Client) -> None:
     problem(ann.get(f"{at}/figures/other"), 422)
 
 
+def test_a_figure_has_the_parts_that_the_query_asks_for(ann: httpx2.Client) -> None:
+    answer = ann.get(f"{stored(ann)}/figures/formation?title=false&subtitle=false&legend=false")
+    bare = FigureStyle(title=False, subtitle=False, legend=False)
+    assert answer.json() == specs_of(syncplan.plan(small()), ["formation"], style=bare)["formation"]
+
+
 def test_a_refined_plan_is_compared_with_its_parent(ann: httpx2.Client) -> None:
     at = stored(ann)
     ended = job(ann, f"{at}/refinements", starts=1, objective="logdet", time_limit_s=5)
