@@ -1,5 +1,7 @@
 """Figures that compare two plans of the same vehicles, or a plan before and after refinement."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from syncplan.errors import InputError
@@ -18,7 +20,7 @@ from syncplan.plotting.maps import (
     view_of,
 )
 from syncplan.reports.refinement_report import FiguresOfMerit, RefinementResult
-from syncplan.scenario.objectives import OBJECTIVES, ROWS
+from syncplan.scenario.objectives import DISTANCES, OBJECTIVES, ROWS, FigureOfMerit
 
 _BARS_PX = 170
 _GAP_PX = 84
@@ -30,38 +32,78 @@ _SIDES = (("before", ORANGE, "/"), ("after", BLUE, ""))
 
 _CAPTION_LENGTH = 22
 
-_METRES = [row for row in ROWS if row.unit == "m"]
+_ROW_PX = 44
+_WITH_VALUE = 1.2
+"""Axis that leaves room for the value at the longest bar, in lengths of that bar."""
+_STANDING_GAP, _LYING_GAP = 0.1, 0.2
+"""Height of a row of horizontal bars in px, and gaps between errors and distances."""
 
 
 def refinement_spec(record: RefinementResult, name: str, style: FigureStyle) -> canvas.Spec:
-    """Return the figure of a refinement: figures of merit in m before and after."""
+    """Return the figure of a refinement: figures of merit in m before and after.
+
+    Errors and distances have an axis each. In a narrow figure bars are horizontal, as captions do
+    not fit side by side.
+    """
     title = f"{canvas.escaped(name or 'Plan')}: refinement for {canvas.escaped(record.objective)}"
-    captions = [row.caption.replace("\n", " ") for row in _METRES]
-    labels = [canvas.label(text, _CAPTION_LENGTH) for text in captions]
-    traces = []
-    both = (record.before, record.after)
-    for (side, color, pattern), figures in zip(_SIDES, both, strict=True):
-        values = [getattr(figures, row.key) for row in _METRES]
-        trace = bars(side, side, labels, values, color, pattern)
-        trace["text"] = ["none" if value is None else f"{value:.3g}" for value in values]
-        trace["textposition"] = "outside"
-        trace["cliponaxis"] = False
-        traces.append(trace)
-    if not any(value is not None for trace in traces for value in trace["y"]):
+    known = [row for row in ROWS if row.unit == "m" and any(_merits(record, [row]))]
+    panels = {
+        "error, m": [row for row in known if row not in DISTANCES],
+        "distance, m": [row for row in known if row in DISTANCES],
+    }
+    panels = {unit: rows for unit, rows in panels.items() if rows}
+    if not panels:
         return canvas.message(title, "no figure of merit in metres is known of either plan")
     note = f"{_summary(record.before)} before; {_summary(record.after)} after"
     if not record.improved:
         note = f"not refined: {canvas.escaped(record.reason)}"
-    metres, captioned = canvas.axis("m", rangemode="tozero"), canvas.axis(type="category")
-    axes: canvas.Spec = {"xaxis": captioned, "yaxis": metres}
-    if style.narrow:
-        # horizontal bars: captions do not fit side by side
-        for trace in traces:
-            lying = {"x": trace["y"], "y": trace["x"], "orientation": "h"}
-            trace.update(lying, hovertemplate="%{y}: %{x:.3g} m<extra></extra>")
-        axes = {"xaxis": metres, "yaxis": {**captioned, "autorange": "reversed"}}
-    drawn = canvas.layout(title, note=note, inner=310, barmode="group", **axes)
+    along, up = ("y", "x") if style.narrow else ("x", "y")
+    gap = _LYING_GAP if style.narrow else _STANDING_GAP
+    each = (1.0 - gap * (len(panels) - 1)) / len(known)
+    traces: list[canvas.Spec] = []
+    axes: canvas.Spec = {}
+    begin = 0.0
+    for number, (unit, rows) in enumerate(panels.items()):
+        suffix = "2" if number else ""
+        end = begin + each * len(rows)
+        domain = [1.0 - end, 1.0 - begin] if style.narrow else [begin, end]
+        captions: canvas.Spec = {"domain": canvas.numbers(domain, 6), "anchor": f"{up}{suffix}"}
+        if style.narrow:
+            captions["autorange"] = "reversed"
+        most = _WITH_VALUE * max(value or 0.0 for value in _merits(record, rows))
+        metres: canvas.Spec = {"range": canvas.numbers([0.0, most], 6), "nticks": 6}
+        axes[f"{along}axis{suffix}"] = canvas.axis(type="category", **captions)
+        axes[f"{up}axis{suffix}"] = canvas.axis(unit, anchor=f"{along}{suffix}", **metres)
+        traces += _merit_bars(record, rows, suffix, lying=style.narrow)
+        begin = end + gap
+    inner = style.px(_ROW_PX) * len(known) + style.px(_GAP_PX) if style.narrow else 310
+    drawn = canvas.layout(title, note=note, inner=inner, barmode="group", **axes)
     return {"data": traces, "layout": drawn}
+
+
+def _merits(record: RefinementResult, rows: Sequence[FigureOfMerit]) -> list[float | None]:
+    """Values before, then after, of figures of merit; None where unknown."""
+    return [getattr(figures, row.key) for figures in (record.before, record.after) for row in rows]
+
+
+def _merit_bars(
+    record: RefinementResult, rows: Sequence[FigureOfMerit], suffix: str, *, lying: bool
+) -> list[canvas.Spec]:
+    """Bars of figures of merit before and after, on the axes of a suffix."""
+    labels = [canvas.label(row.caption.replace("\n", " "), _CAPTION_LENGTH) for row in rows]
+    values = _merits(record, rows)
+    traces = []
+    for number, (side, color, pattern) in enumerate(_SIDES):
+        own = values[number * len(rows) :][: len(rows)]
+        trace = bars(f"{side}{suffix}", side, labels, own, color, pattern)
+        trace["text"] = ["none" if value is None else f"{value:.3g}" for value in own]
+        trace |= {"textposition": "outside", "cliponaxis": False, "legendgroup": side}
+        trace |= {"showlegend": not suffix, "xaxis": f"x{suffix}", "yaxis": f"y{suffix}"}
+        if lying:
+            turned = {"x": trace["y"], "y": trace["x"], "orientation": "h"}
+            trace.update(turned, hovertemplate="%{y}: %{x:.3g} m<extra></extra>")
+        traces.append(trace)
+    return traces
 
 
 def comparison_spec(before: Plan, after: Plan, style: FigureStyle) -> canvas.Spec:

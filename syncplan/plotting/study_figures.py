@@ -1,6 +1,6 @@
 """Figures of errors after losses, in worse worlds, over swept values and over teams."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import nan
 
 from syncplan.planning.lost_parts import phrase_of
@@ -17,6 +17,9 @@ MOST_BARS = 30
 
 FEW_TRIALS = 100
 
+_EDGE = 1.08
+"""End of a bar without end, in units of the largest error that stays."""
+
 _LEVEL: Spec = {"color": INK, "width": 2, "dash": "dash"}
 
 
@@ -26,7 +29,8 @@ _LEVEL: Spec = {"color": INK, "width": 2, "dash": "dash"}
 def losses_spec(report: WhatIfDocument) -> Spec:
     """Return the figure of the worst predicted error after each loss, the most harmful on top.
 
-    Losses that end observability are hatched; a line marks the plan with nothing lost.
+    Losses that end observability are hatched to the edge, with an arrowhead: their error grows for
+    as long as the team flies. A line marks the plan with nothing lost.
     """
     title = f"{canvas.escaped(report.name or 'Plan')}: predicted error after each loss"
     shown = report.losses[:MOST_BARS]
@@ -36,10 +40,19 @@ def losses_spec(report: WhatIfDocument) -> Spec:
     rows = [_lost(one) for one in shown]
     ends = [one for one in shown if not one.observable]
     stays = [one for one in shown if one.observable]
-    baseline = report.baseline.worst_predicted_rms_m
+    baseline = report.baseline.worst_predicted_rms_m if report.baseline.observable else None
+    kept = [one.worst_predicted_rms_m for one in (*stays, report.baseline) if one.observable]
+    largest = max((error for error in kept if error), default=0.0)
+    edge = _EDGE * (largest or 1.0)
     traces = [
-        _loss_bars("ends", "not observable", ends, canvas.bar_marker(VERMILLION, "/")),
-        _loss_bars("stays", "observable", stays, canvas.bar_marker(BLUE)),
+        *_growing(ends, edge),
+        _loss_bars(
+            "stays",
+            "observable",
+            stays,
+            [one.worst_predicted_rms_m for one in stays],
+            canvas.bar_marker(BLUE),
+        ),
         canvas.line_trace(
             "baseline",
             "nothing lost",
@@ -49,20 +62,42 @@ def losses_spec(report: WhatIfDocument) -> Spec:
             hovertemplate="nothing lost: %{x:.3g} m<extra></extra>",
         ),
     ]
-    across = canvas.axis("worst predicted RMS error, m", rangemode="tozero")
+    across = canvas.axis(
+        "worst predicted RMS error, m",
+        range=[0.0, round(1.02 * edge, 6)],
+        showticklabels=largest > 0.0,
+    )
     return canvas.rows_spec(title, _loss_note(report, len(shown)), rows, across, traces)
 
 
-def _loss_bars(uid: str, name: str, losses: list[RemainingTeam], marker: Spec) -> Spec:
+def _growing(losses: list[RemainingTeam], edge: float) -> list[Spec]:
+    """Hatched bars up to the edge, and their arrowheads, of losses that end observability."""
+    name = "not observable: the error grows with time"
+    ends, marker = [edge] * len(losses), canvas.bar_marker(VERMILLION, "/")
+    bars = {**_loss_bars("ends", name, losses, ends, marker), "legendgroup": "ends"}
+    head = {"symbol": "triangle-right", "size": 15, "color": VERMILLION}
+    head["line"] = {"color": INK, "width": 0.8}
+    shown: Spec = {"legendgroup": "ends", "showlegend": False, "cliponaxis": False}
+    return [bars, canvas.mark_trace("growing", name, bars["x"], bars["y"], head, **shown)]
+
+
+def _loss_bars(
+    uid: str, name: str, losses: list[RemainingTeam], ends: Sequence[float | None], marker: Spec
+) -> Spec:
+    """Bars up to `ends`; their hover texts give the errors and the ranks."""
+    errors = [one.worst_predicted_rms_m for one in losses]
     return canvas.row_bars(
         uid,
         name,
         [_lost(one) for one in losses],
-        canvas.numbers([one.worst_predicted_rms_m or 0.0 for one in losses], 6),
+        canvas.numbers([end or 0.0 for end in ends], 6),
         marker,
-        text=[f"rank {one.rank} of {one.state_dim}" for one in losses],
+        text=[
+            f"{error or 0.0:.3g} m in the run's second half, rank {one.rank} of {one.state_dim}"
+            for one, error in zip(losses, errors, strict=True)
+        ],
         textposition="none",
-        hovertemplate="%{y}: %{x:.3g} m, %{text}<extra></extra>",
+        hovertemplate="%{y}: %{text}<extra></extra>",
     )
 
 

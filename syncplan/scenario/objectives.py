@@ -156,7 +156,7 @@ _WINDOW_BOUND = FigureOfMerit(
     caption="bound of one window,\nworst vehicle",
     description="Of the worst vehicle; null if unobservable",
 )
-_GEOMETRY = (
+DISTANCES = (
     FigureOfMerit(
         name="least_distance",
         unit="m",
@@ -172,6 +172,10 @@ _GEOMETRY = (
         description="Margin by which the link or landmark nearest to being lost stays within range",
     ),
 )
+"""Figures in metres that are not errors."""
+
+"""Figures in metres that are no errors."""
+
 _ERRORS = tuple(one for one in OBJECTIVES.values() if one.unit)
 _INFORMATION = tuple(one for one in OBJECTIVES.values() if not one.unit)
 
@@ -180,7 +184,7 @@ FIGURES: tuple[FigureOfMerit, ...] = (
     *_INFORMATION,
     _WINDOW_BOUND,
     *_ERRORS,
-    *_GEOMETRY,
+    *DISTANCES,
 )
 """Figures in the order of the JSON document."""
 
@@ -189,7 +193,7 @@ ROWS: tuple[FigureOfMerit, ...] = (
     *_ERRORS,
     _WINDOW_BOUND,
     *_INFORMATION,
-    *_GEOMETRY,
+    *DISTANCES,
 )
 """Figures in the order of tables and charts: errors in metres first."""
 

@@ -155,8 +155,8 @@ def test_a_refined_plan_file_keeps_its_before_and_after(
     page = _page(run("plot", str(better), "--compare", scenario)[1])
     assert {"refinement", "comparison"} <= set(page.values)
     stated = json.loads(better.read_text())["refinement"]["before"]["least_distance_m"]
-    before = next(t for t in page.values["refinement"]["data"] if t["uid"] == "before")
-    assert before["y"][3] == pytest.approx(stated, abs=1e-6)
+    before = next(t for t in page.values["refinement"]["data"] if t["uid"] == "before2")
+    assert before["y"][0] == pytest.approx(stated, abs=1e-6)
 
 
 def test_at_a_terminal_a_file_is_asked_for(refused: Any, monkeypatch: pytest.MonkeyPatch) -> None:

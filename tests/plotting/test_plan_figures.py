@@ -329,9 +329,15 @@ def test_a_refined_plan_is_shown_before_and_after() -> None:
     assert after.refinement is not None
     spec = specs_of(after, ["refinement"])["refinement"]
     for side, merits in (("before", after.refinement.before), ("after", after.refinement.after)):
-        values = trace_of(spec, side)["y"]
-        assert values[0] == pytest.approx(merits.predicted_rms, abs=1e-6)
-        assert values[3] == pytest.approx(merits.least_distance, abs=1e-6)
+        errors, distances = trace_of(spec, side), trace_of(spec, f"{side}2")
+        assert errors["y"][0] == pytest.approx(merits.predicted_rms, abs=1e-6)
+        assert distances["y"][0] == pytest.approx(merits.least_distance, abs=1e-6)
+        assert (errors["yaxis"], distances["yaxis"]) == ("y", "y2")
+    titles = [spec["layout"][axis]["title"]["text"] for axis in ("yaxis", "yaxis2")]
+    assert titles == ["error, m", "distance, m"]
+    narrow = specs_of(after, ["refinement"], style=FigureStyle(width=400))["refinement"]
+    titles = [narrow["layout"][axis]["title"]["text"] for axis in ("xaxis", "xaxis2")]
+    assert titles == ["error, m", "distance, m"]
     both = figures.comparison(before, after)
     for side, one in (("before", before), ("after", after)):
         lines = _polylines(trace_of(both.to_plotly_json(), f"circles-{side}"))

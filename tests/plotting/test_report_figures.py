@@ -245,18 +245,32 @@ def test_a_report_is_not_compared_with_a_plan(flown: Validation) -> None:
         specs_of(flown, after=flown.plan)
 
 
-def test_losses_are_bars_and_those_that_end_observability_are_hatched() -> None:
+def test_losses_are_bars_and_those_that_end_observability_grow_beyond_the_axis() -> None:
     document = what_if_document(what_if(example("paper-grid-same")))
     spec = specs_of(document)["losses"]
     ends, stays = trace_of(spec, "ends"), trace_of(spec, "stays")
     assert set(ends["y"]) == {"v3", "v4", "sensor of v3", "sensor of v4", "L1", "L2"}
     assert ends["marker"]["pattern"]["shape"]
     assert spec["layout"]["yaxis"]["categoryarray"] == ends["y"] + stays["y"]
-    worst = [one.worst_predicted_rms_m for one in document.losses]
-    np.testing.assert_allclose(ends["x"] + stays["x"], np.array(worst, dtype=float), atol=1e-6)
+    worst = [one.worst_predicted_rms_m for one in document.losses if one.observable]
+    np.testing.assert_allclose(stays["x"], np.array(worst, dtype=float), atol=1e-6)
+    # to the edge, one as long as the other, whatever the error at the end of the run
+    heads = trace_of(spec, "growing")
+    assert (heads["x"], heads["y"]) == (ends["x"], ends["y"])
+    (edge,) = set(ends["x"])
+    assert max(stays["x"]) < edge > 0.95 * spec["layout"]["xaxis"]["range"][1]
+    assert ends["name"] == "not observable: the error grows with time"
+    first = document.losses[0]
+    assert ends["text"][0].startswith(f"{first.worst_predicted_rms_m:.3g} m in the run's second")
     assert set(trace_of(spec, "baseline")["x"]) == {document.baseline.worst_predicted_rms_m}
     assert Figure(spec).to_json()
     assert figures.figures_of(document)["losses"].layout.xaxis.title.text.endswith("error, m")
+
+
+def test_the_errors_of_a_plan_that_is_not_observable_grow_with_nothing_lost() -> None:
+    spec = specs_of(what_if(example("paper-grid-alternate")))["losses"]
+    assert {trace["uid"] for trace in spec["data"]} == {"ends", "growing"}
+    assert spec["layout"]["xaxis"]["showticklabels"] is False
 
 
 def test_without_predicted_errors_the_figure_of_losses_says_why() -> None:
