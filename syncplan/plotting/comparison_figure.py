@@ -46,7 +46,7 @@ def refinement_spec(record: RefinementResult, name: str, style: FigureStyle) -> 
     not fit side by side.
     """
     title = f"{canvas.escaped(name or 'Plan')}: refinement for {canvas.escaped(record.objective)}"
-    known = [row for row in ROWS if row.unit == "m" and any(_merits(record, [row]))]
+    known = [row for row in ROWS if row.unit == "m" and _merits(record, [row]) != [None] * 2]
     panels = {
         "error, m": [row for row in known if row not in DISTANCES],
         "distance, m": [row for row in known if row in DISTANCES],
@@ -70,8 +70,9 @@ def refinement_spec(record: RefinementResult, name: str, style: FigureStyle) -> 
         captions: canvas.Spec = {"domain": canvas.numbers(domain, 6), "anchor": f"{up}{suffix}"}
         if style.narrow:
             captions["autorange"] = "reversed"
-        most = _WITH_VALUE * max(value or 0.0 for value in _merits(record, rows))
-        metres: canvas.Spec = {"range": canvas.numbers([0.0, most], 6), "nticks": 6}
+        values = [0.0, *(value for value in _merits(record, rows) if value)]
+        ends = _WITH_VALUE * np.array([min(values), max(values) or 1.0])
+        metres: canvas.Spec = {"range": canvas.numbers(ends, 6), "nticks": 6}
         axes[f"{along}axis{suffix}"] = canvas.axis(type="category", **captions)
         axes[f"{up}axis{suffix}"] = canvas.axis(unit, anchor=f"{along}{suffix}", **metres)
         traces += _merit_bars(record, rows, suffix, lying=style.narrow)

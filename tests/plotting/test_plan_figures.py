@@ -333,6 +333,11 @@ def test_a_refined_plan_is_shown_before_and_after() -> None:
         assert errors["y"][0] == pytest.approx(merits.predicted_rms, abs=1e-6)
         assert distances["y"][0] == pytest.approx(merits.least_distance, abs=1e-6)
         assert (errors["yaxis"], distances["yaxis"]) == ("y", "y2")
+        assert {text.split("<br>")[0] for text in distances["x"]} == {
+            "least distance of two",
+            "contact margin",
+        }
+        assert not {*errors["x"]} & {*distances["x"]}
     titles = [spec["layout"][axis]["title"]["text"] for axis in ("yaxis", "yaxis2")]
     assert titles == ["error, m", "distance, m"]
     narrow = specs_of(after, ["refinement"], style=FigureStyle(width=400))["refinement"]
