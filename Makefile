@@ -11,6 +11,7 @@
 # make container-steps    follow the steps of the Dockerfile without a container
 # make benchmarks    measure against peers, side by side
 # make lock    renew requirements.lock, and docker/service.lock, which has the image's part of it
+# make vendored    fetch anew what pages and images bring along: a bundle of Plotly's, and a font
 # make clean   remove the virtual environment and caches
 
 PYTHON ?= python3
@@ -41,7 +42,7 @@ install = sed -n '/^uv==/,/[^\]$$/p' requirements.lock > $(VENV)/uv.lock && \
 	{ $(BIN)/pip install --quiet --require-hashes --requirement requirements.lock && \
 	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable $(1); }
 
-.PHONY: demo serve check scripts vendor check-all fresh-cases crosschecks docs postgresql chromium container-steps benchmarks lock clean
+.PHONY: demo serve check scripts vendor check-all fresh-cases crosschecks docs postgresql chromium container-steps benchmarks lock vendored clean
 
 demo: $(VENV)/.run
 	$(BIN)/syncplan plan $(DEMO) --format table
@@ -187,6 +188,18 @@ lock: $(BIN)/python
 	printf '%s\n' 'rotorpy>=3.0,<3.1' 'jsbsim>=1.3,<1.4' | $(BIN)/uv pip compile --quiet --no-deps \
 		--no-header --no-annotate --no-emit-index-url --no-emit-find-links --generate-hashes \
 		--python-version 3.11 --output-file tests/crosschecks/requirements.txt -
+
+# Plotly's smallest bundle that has bars, for pages, and a font, for images; their versions are in
+# package.json, and what is fetched has the hashes of package-lock.json
+VENDORED := syncplan/plotting/vendored
+
+vendored:
+	cd $(VENDORED) && npm ci --ignore-scripts --no-audit --no-fund && \
+		cp node_modules/plotly.js-basic-dist-min/plotly-basic.min.js . && \
+		cp node_modules/plotly.js-basic-dist-min/LICENSE plotly-LICENSE && \
+		cp node_modules/@fontsource/arimo/files/arimo-latin-400-normal.woff2 . && \
+		cp node_modules/@fontsource/arimo/LICENSE arimo-LICENSE && \
+		sha256sum *.min.js *.woff2 *-LICENSE > SHA256SUMS && rm -rf node_modules
 
 clean:
 	rm -rf $(VENV) .import_linter_cache .mypy_cache .pytest_cache .ruff_cache .hypothesis .schemathesis build dist

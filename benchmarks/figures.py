@@ -25,11 +25,12 @@ TEAM = {
 
 @dataclass(frozen=True, slots=True)
 class Timings:
-    """Seconds to make each figure of a plan of twelve, its JSON in bytes; seconds for a page."""
+    """Seconds and bytes of JSON of each figure of a plan of twelve, and of a page of them all."""
 
     seconds: dict[str, float]
     sizes: dict[str, int]
     page: float
+    page_bytes: int
 
 
 def main() -> Timings:
@@ -40,6 +41,7 @@ def main() -> Timings:
         seconds={name: _least(made, name) for name in specs},
         sizes={name: len(json.dumps(spec, separators=(",", ":"))) for name, spec in specs.items()},
         page=_page_time(made),
+        page_bytes=len(figure_page("twelve", specs).encode()),
     )
 
 
@@ -52,6 +54,7 @@ def figures(timings: Timings) -> list[Figure]:
         Figure("figures: animation of 12, its JSON", timings.sizes["animation"] / 1e6, "MB", 1.0),
         Figure("figures: timeline of 12", timings.seconds["timeline"], "s"),
         Figure("figures: page of all figures of 12", timings.page, "s"),
+        Figure("figures: page of all figures of 12, size", timings.page_bytes / 1e6, "MB", 2.0),
     ]
     return rows
 

@@ -44,10 +44,9 @@ export class Handles {
 
   /** Put every handle over its grip; one out of the view waits at its edge. */
   place() {
-    const { scenario, drawn, selected } = this.#store;
     const size = this.#map.getSize();
-    if (!scenario || !size) return;
-    const grips = gripsOf(scenario, drawn, selected, this.#turned());
+    if (!this.#store.scenario || !size) return;
+    const grips = this.#grips;
     const made = this.#made;
     for (const one of made.slice(grips.length)) one.remove();
     grips.forEach((grip, k) => {
@@ -65,6 +64,11 @@ export class Handles {
       handle.style.top = `${Math.min(Math.max(top, 0), size[1])}px`;
       handle.tabIndex = this.#isStop(grip, k) ? 0 : -1;
     });
+  }
+
+  get #grips() {
+    const { scenario, drawn, selected } = this.#store;
+    return gripsOf(scenario, drawn, selected, this.#turned());
   }
 
   /** @returns {any[]} */
@@ -161,7 +165,8 @@ export class Handles {
     const step = width * (event.shiftKey ? LONG_STEP : STEP);
     const tidy = 10 ** Math.floor(Math.log10(step));
     const by = Math.round(step / tidy) * tidy;
-    const { grip } = handle;
+    // where it is by now: handles follow with the next frame
+    const grip = this.#grips.find((one) => one.kind === handle.grip.kind && one.k === handle.grip.k) ?? handle.grip;
     const at = { x: tidied(grip.x + way[0] * by, this.#map), y: tidied(grip.y + way[1] * by, this.#map) };
     this.#move(grip, at, { live: true, field: `${grip.kind} ${grip.k}` });
   }

@@ -18,6 +18,7 @@ from api.problems import NotFound
 from syncplan.exporting.format_table import AUTOPILOTS, FORMATS
 from syncplan.flight.flight_options import GUIDANCES
 from syncplan.plotting.figure_table import FIGURES, always_there
+from syncplan.plotting.vendored import plotly_script
 from syncplan.reports.job_contract import STATES, has_ended
 from syncplan.scenario.dotted_keys import ALTERNATIVES, numeric_keys
 from syncplan.scenario.formations import SHAPES
@@ -124,7 +125,7 @@ def _names() -> frozenset[str]:
 
 @lru_cache
 def _asset(name: str) -> Asset:
-    """File of a name, kept because compressing Plotly's script takes a quarter of a second."""
+    """File of a name, kept because compressing Plotly's script takes a while."""
     content = _content(name)
     return Asset(
         content=content,
@@ -136,7 +137,7 @@ def _asset(name: str) -> Asset:
 
 def _content(name: str) -> bytes:
     if name == PLOTLY:
-        return files("plotly").joinpath("package_data", PLOTLY).read_bytes()
+        return plotly_script().encode()
     if name == TABLES:
         return tables_script().encode()
     return files("api").joinpath("page", *name.split("/")).read_bytes()
@@ -147,17 +148,14 @@ def _content(name: str) -> bytes:
 
 router = APIRouter(include_in_schema=False)
 
-# Plotly adds two style elements of its own; these are the digests of what it writes into them
-_PLOTLY_STYLES = (
-    "'sha256-47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU='",
-    "'sha256-ji27qzEtxXZW+7dun6UwjHXJ18e6WAin1VvNtkzIE/o='",
-)
+_PLOTLY_STYLE = "'sha256-47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU='"
+"""Digest of the empty style element that Plotly adds."""
 
 POLICY = "; ".join(
     (
         "default-src 'none'",
         "script-src 'self'",
-        f"style-src 'self' {' '.join(_PLOTLY_STYLES)}",
+        f"style-src 'self' {_PLOTLY_STYLE}",
         "img-src 'self' data: blob:",
         "connect-src 'self'",
         "base-uri 'none'",

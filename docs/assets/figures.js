@@ -46,7 +46,7 @@
     slider.value = 0;
     slider.setAttribute("aria-label", "Time within the period");
     bar.append(button, slider, output);
-    div.after(bar);
+    div.before(bar);
     let timer = 0;
     const times = spec.layout.sliders[0].steps.map((step) => step.label);
     const show = () => {

@@ -10,8 +10,9 @@ from docs.site.kind_tables import with_tables
 from docs.site.reference import PAGES
 from syncplan.errors import InputError
 from syncplan.plotting.canvas import CONFIG, Spec
-from syncplan.plotting.figure_files import embedded, plotly_script
+from syncplan.plotting.figure_files import embedded
 from syncplan.plotting.figure_style import DARK
+from syncplan.plotting.vendored import plotly_script
 
 __all__ = ["DOCS", "with_figures", "write_pages"]
 
@@ -29,7 +30,7 @@ _PLACE = re.compile(r"^<!-- figure: ([\w-]+) -->$", re.MULTILINE)
 def write_pages(folder: Path) -> None:
     """Write everything that a generator of sites needs into a folder, which is emptied first.
 
-    Raises InputError for a figure or table that is not there, and where Plotly is not installed.
+    Raises InputError for a figure or table that is not there.
     """
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(DOCS, folder, ignore=lambda _, names: _LEFT_OUT & set(names))

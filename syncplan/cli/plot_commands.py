@@ -17,7 +17,7 @@ from syncplan.cli.arguments import (
 from syncplan.cli.console import check_output, say
 from syncplan.cli.document_table import checked, read_report
 from syncplan.errors import InputError
-from syncplan.plotting.figure_style import COLUMN_PX, FigureStyle, Theme
+from syncplan.plotting.figure_style import COLUMN_PX, SHEET_PX, FigureStyle, Theme
 from syncplan.plotting.figure_table import FIGURES, IMAGE_FORMATS, SUBJECTS
 
 if TYPE_CHECKING:
@@ -196,13 +196,18 @@ def _read(file: str, most: int) -> "tuple[Subject, RefinementResult | None, str]
 
 
 def _page(given: JudgedSubject, names: list[str], style: FigureStyle, theme: Theme | None) -> bytes:
-    """A page of figures, with the colours of both themes and layouts for two widths."""
+    """A page of figures, with the colours of both themes and layouts for three widths."""
     from syncplan.plotting.figure_files import figure_page
 
     light = replace(style, theme="light")
     specs = given.specs(names, light)
-    columns = given.specs(names, replace(light, width=COLUMN_PX, height=None))
-    page = figure_page(given.title, specs, given.verdicts, columns=columns, theme=theme)
+    sheets, columns = (
+        given.specs(names, replace(light, width=width, height=None))
+        for width in (SHEET_PX, COLUMN_PX)
+    )
+    page = figure_page(
+        given.title, specs, given.verdicts, columns=columns, sheets=sheets, theme=theme
+    )
     return page.encode("utf-8")
 
 

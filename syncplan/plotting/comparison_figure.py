@@ -45,7 +45,9 @@ def refinement_spec(record: RefinementResult, name: str, style: FigureStyle) -> 
     Errors and distances have an axis each. In a narrow figure bars are horizontal, as captions do
     not fit side by side.
     """
-    title = f"{canvas.escaped(name or 'Plan')}: refinement for {canvas.escaped(record.objective)}"
+    objective = OBJECTIVES.get(record.objective)
+    aim = canvas.escaped(record.objective) if objective is None else objective.title
+    title = f"{canvas.escaped(name or 'Plan')}: refinement for {aim}"
     known = [row for row in ROWS if row.unit == "m" and _merits(record, [row]) != [None] * 2]
     panels = {
         "error, m": [row for row in known if row not in DISTANCES],

@@ -1,8 +1,8 @@
 """Figures of contacts over a period, and of the observability matrix's singular values.
 
 The timeline has a bar for each contact window; a panel below shows what the union of the sightings
-joins. A row is a directed sighting (v1 -> v2). For teams with more than MANY_SIGHTINGS of these, a
-row is a vehicle, and simultaneous sightings stand in lanes of its row. At most MOST_ROWS vehicles
+joins. A row is a directed sighting (v1 sees v2). For teams with more than MANY_SIGHTINGS of these,
+a row is a vehicle, and simultaneous sightings stand in lanes of its row. At most MOST_ROWS vehicles
 have a row: those with the least contact.
 """
 
@@ -114,7 +114,7 @@ def lanes_of(plan: Plan, names: list[str]) -> tuple[list[Lane], list[str]]:
     sightings, period = rows_of(plan), plan.orbits.period
     if len(sightings) <= MANY_SIGHTINGS:
         row_of = {id(one): k for k, one in enumerate(sightings)}
-        labels = [f"{names[one.observer]} → {names[one.target]}" for one in sightings]
+        labels = [f"{names[one.observer]} sees {names[one.target]}" for one in sightings]
     else:
         contact: dict[int, float] = {}
         for one in sightings:
@@ -260,7 +260,7 @@ def _bars(lanes: list[Lane], names: list[str]) -> list[canvas.Spec]:
 
 def _window_words(lane: Lane, names: list[str]) -> str:
     one = lane.sighting
-    who = f"{names[one.observer]} → {names[one.target]}"
+    who = f"{names[one.observer]} sees {names[one.target]}"
     words = hover(one.meeting, names, one.shown)
     return f"{who}, {lane.start:.4g} to {lane.end:.4g} s<br>{words}"
 

@@ -19,8 +19,10 @@ from syncplan.planning.judged_team import PlanVerdict
 from syncplan.plotting.canvas import CONFIG, Spec
 from syncplan.plotting.figure_style import DARK, PAPER, PLAIN, FigureStyle, Theme
 from syncplan.plotting.figure_table import FIGURES
+from syncplan.plotting.vendored import plotly_script
 
 _PAGE_SIDES_PX = 48
+_LEVELS = {"stop": "No-go", "warning": "Warning", "note": "Note"}
 
 _POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
@@ -35,20 +37,23 @@ def figure_page(
     verdicts: Mapping[str, PlanVerdict] | None = None,
     *,
     columns: Mapping[str, Spec] | None = None,
+    sheets: Mapping[str, Spec] | None = None,
     theme: Theme | None = None,
 ) -> str:
     """Return a self-contained HTML page of figures, given by name, under a heading.
 
     Verdicts on the plans shown, by label (empty for a single plan), stand above the figures with
     their findings. Figures have the colours of a light page; the script swaps them for those of
-    `theme` or, without it, of the reader's system. `columns` are the same figures laid out for
-    COLUMN_PX, shown where the page is narrow. The page takes the largest width that a figure's
-    layout states, if any. The same figures give the same bytes. Raises InputError if Plotly is not
-    installed.
+    `theme` or, without it, of the reader's system. `columns` and `sheets` are the same figures
+    laid out for COLUMN_PX, shown where the page is narrow, and for SHEET_PX, shown where it is
+    printed or of middle width. The page takes the largest width that a figure's layout states, if
+    any. The same figures give the same bytes.
     """
     sections = "\n".join(_section(name) for name in specs)
     parts = {f"values-{name}": _fluid(spec) for name, spec in specs.items()}
-    parts |= {f"column-{name}": _changed(specs[name], one) for name, one in (columns or {}).items()}
+    for layout, figures in (("column", columns), ("sheet", sheets)):
+        for name, one in (figures or {}).items():
+            parts[f"{layout}-{name}"] = _changed(specs[name], one)
     values = "\n".join(embedded(name, part) for name, part in parts.items())
     widths = [spec["layout"]["width"] for spec in specs.values() if "width" in spec["layout"]]
     width = f"body {{ max-width: {max(widths) + _PAGE_SIDES_PX}px; }}\n" if widths else ""
@@ -88,7 +93,8 @@ def figure_page(
 def _verdict_lines(which: str, verdict: PlanVerdict) -> str:
     """HTML of a verdict: its headline, with the findings below."""
     items = "".join(
-        f"<li>{one.level}: {one.code}: {html.escape(one.message)}</li>\n"
+        f'<li data-code="{one.code}"><strong>{_LEVELS[one.level]}, '
+        f"{one.code.replace('-', ' ')}</strong>: {html.escape(one.message)}</li>\n"
         for one in verdict.findings
     )
     listed = f'<ul class="findings">\n{items}</ul>\n' if items else ""
@@ -124,16 +130,6 @@ def embedded(name: str, values: Spec) -> str:
     text = json.dumps(values, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     safe = text.replace("<", "\\u003c")
     return f'<script type="application/json" id="{name}">{safe}</script>'
-
-
-def plotly_script() -> str:
-    """Return the installed Plotly's script; raises InputError if Plotly is not installed."""
-    try:
-        from plotly.offline import get_plotlyjs
-    except ImportError:
-        raise InputError("needs plotly: pip install 'syncplan[plot]'", source="a page") from None
-    script: str = get_plotlyjs()
-    return script
 
 
 def _beside(name: str) -> str:

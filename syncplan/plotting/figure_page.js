@@ -5,9 +5,12 @@ const darkScheme = matchMedia("(prefers-color-scheme: dark)");
 const chosen = document.documentElement.dataset.theme;
 const isDark = () => (chosen ? chosen === "dark" : darkScheme.matches);
 const config = JSON.parse(read("plotly-config"));
-const printWidth = 700;
-const columnWidth = 600;
-const isNarrow = (div) => div.clientWidth < columnWidth;
+// px of a figure's frame below which it has the layout of a sheet, or of a column
+const widths = { sheet: 880, column: 600 };
+const printed = { width: 700, height: 940 };
+// smallest scale at which a further figure goes on the same sheet
+const leastScale = 0.6;
+const layoutOf = (div) => ["column", "sheet"].find((one) => div.clientWidth < widths[one]) ?? "";
 
 function parsed(id, dark) {
   let text = read(id);
@@ -19,10 +22,10 @@ function parsed(id, dark) {
   return JSON.parse(text);
 }
 
-function valuesOf(name, dark, narrow) {
+function valuesOf(name, dark, layout) {
   const spec = parsed("values-" + name, dark);
-  if (narrow && document.getElementById("column-" + name)) {
-    Object.assign(spec, parsed("column-" + name, dark));
+  if (document.getElementById(layout + "-" + name)) {
+    Object.assign(spec, parsed(layout + "-" + name, dark));
   }
   if (spec.frames) {
     // the page has its own controls, which take the keyboard
@@ -35,7 +38,7 @@ function valuesOf(name, dark, narrow) {
 }
 
 function draw(div, dark, width) {
-  const spec = valuesOf(div.id.slice(5), dark, !width && isNarrow(div));
+  const spec = valuesOf(div.id.slice(5), dark, width ? "sheet" : layoutOf(div));
   if (width) {
     spec.layout.width = width;
   }
@@ -52,7 +55,7 @@ function player(div, spec) {
   const bar = document.createElement("div");
   bar.className = "player";
   bar.append(button, slider, output);
-  div.after(bar);
+  div.before(bar);
   button.type = "button";
   slider.type = "range";
   slider.min = 0;
@@ -67,7 +70,7 @@ function player(div, spec) {
     slider.setAttribute("aria-valuetext", times[k] + " seconds");
     if (dark !== wanted) {
       dark = wanted;
-      known = valuesOf(div.id.slice(5), dark, false);
+      known = valuesOf(div.id.slice(5), dark, "");
     }
     const frame = known.frames[k];
     const data = [...known.data];
@@ -112,12 +115,41 @@ function drawAll(dark, width) {
   }
 }
 darkScheme.addEventListener("change", () => drawAll(isDark()));
-let narrow = plots.some(isNarrow);
+let layouts = plots.map(layoutOf).join();
 addEventListener("resize", () => {
-  if (plots.some(isNarrow) !== narrow) {
-    narrow = !narrow;
+  const now = plots.map(layoutOf).join();
+  if (now !== layouts) {
+    layouts = now;
     drawAll(isDark());
   }
 });
-addEventListener("beforeprint", () => drawAll(false, printWidth));
-addEventListener("afterprint", () => drawAll(isDark()));
+
+/** Share out the sections among sheets, each as full as their order allows. */
+function paginate() {
+  const header = document.querySelector("header").offsetHeight;
+  let sheet = [];
+  let filled = 0;
+  let room = printed.height - header;
+  const scale = () => Math.min(1, room / filled);
+  for (const section of document.querySelectorAll("section")) {
+    const height = section.offsetHeight;
+    if (sheet.length && room / (filled + height) < leastScale) {
+      sheet.at(-1).style.breakAfter = "page";
+      [sheet, filled, room] = [[], 0, printed.height];
+    }
+    sheet.push(section);
+    filled += height;
+    for (const one of sheet) { one.style.zoom = scale(); }
+  }
+}
+
+addEventListener("beforeprint", () => {
+  document.documentElement.classList.add("printing");
+  drawAll(false, printed.width);
+  paginate();
+});
+addEventListener("afterprint", () => {
+  document.documentElement.classList.remove("printing");
+  for (const section of document.querySelectorAll("section")) { section.removeAttribute("style"); }
+  drawAll(isDark());
+});

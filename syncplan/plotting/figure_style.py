@@ -66,8 +66,11 @@ PAPER: Mapping[Theme, str] = MappingProxyType({"light": "#ffffff", "dark": "#161
 PAGE_PX = 1000
 """Width for which figures are laid out by default."""
 
-COLUMN_PX = 400
-"""Width of a column of a page, or of a telephone."""
+SHEET_PX = 700
+"""Width of a figure on a printed sheet, or in a window of middle width."""
+
+COLUMN_PX = 360
+"""Width of a figure in a narrow window, or on a telephone."""
 
 _NARROW_PX = 640
 """Width below which panels are stacked rather than side by side."""

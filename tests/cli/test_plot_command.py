@@ -1,6 +1,7 @@
 """The command that draws, and the page and images it writes."""
 
 import asyncio
+import hashlib
 import importlib.util
 import io
 import json
@@ -10,6 +11,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from html.parser import HTMLParser
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +21,17 @@ from syncplan import figures
 from syncplan.errors import InputError
 from syncplan.planning.planner import plan
 from syncplan.plotting.figure_files import figure_page
-from syncplan.plotting.figure_style import FigureStyle
+from syncplan.plotting.figure_style import COLUMN_PX, SHEET_PX, FigureStyle
 from syncplan.plotting.figures import specs_of
+from syncplan.plotting.vendored import plotly_script
 from tests.tools.image_browser import BROWSER, needs_browser
 from tests.tools.processes import PATIENCE_S
 from tests.tools.scenarios import FILES, circling, document, example, small
 
 GRID = str(FILES / "paper-grid-alternate.yaml")
+
+LARGEST_PAGE = 2_000_000
+"""Most bytes of a page of one plan."""
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -84,12 +90,39 @@ def test_a_page_holds_all_figures_and_fetches_nothing(run: Run, tmp_path: Path) 
     assert "https:" not in before + style
     assert "url(" not in style
     assert "@import" not in style
-    assert text.count("plotly.js v") == 1
+    assert text.count("* plotly.js (basic - minified) v") == 1
+    assert len(text.encode()) < LARGEST_PAGE
     # the toolbar offers no upload
     assert '"showSendToCloud":false' in text
     for values in page.values.values():
         assert values["layout"]["modebar"]["remove"] == ["sendChartToCloud"]
     assert [path.name for path in tmp_path.iterdir()] == ["plan.html"]
+
+
+def test_findings_on_a_page_are_in_words(run: Run) -> None:
+    _, out, _ = run("plot", GRID, "--figure", "spectrum")
+    words = "<strong>No-go, unobservable</strong>: no sighting can detect"
+    assert out.count(f'<li data-code="unobservable">{words}') == 2
+    _, out, _ = run("plot", str(FILES / "paper-grid-same.yaml"), "--figure", "spectrum")
+    assert "<strong>Note, single point of failure</strong>: losing any one of" in out
+
+
+def test_what_is_vendored_is_what_was_fetched() -> None:
+    folder = files("syncplan.plotting.vendored")
+    for line in folder.joinpath("SHA256SUMS").read_text("utf-8").splitlines():
+        digest, name = line.split()
+        assert hashlib.sha256(folder.joinpath(name).read_bytes()).hexdigest() == digest, name
+    locked = json.loads(folder.joinpath("package-lock.json").read_text("utf-8"))["packages"]
+    version = locked["node_modules/plotly.js-basic-dist-min"]["version"]
+    assert f"plotly.js (basic - minified) v{version}\n" in plotly_script()
+
+
+def test_the_bundle_of_a_page_draws_every_trace_and_is_that_of_plotly_itself() -> None:
+    from plotly.offline import get_plotlyjs_version
+
+    assert f"(basic - minified) v{get_plotlyjs_version()}\n" in plotly_script()
+    for spec in specs_of(plan(example("paper-grid-alternate"))).values():
+        assert {trace["type"] for trace in spec["data"]} <= {"scatter", "bar"}
 
 
 def test_the_page_holds_what_the_library_draws(run: Run) -> None:
@@ -193,23 +226,21 @@ def test_a_missing_extra_is_named(
     assert f"needs {missing}: pip install 'syncplan[plot]'" in err
     assert not target.exists()
     if missing == "plotly":
-        assert "needs plotly: pip install 'syncplan[plot]'" in refused("plot", GRID)
         with pytest.raises(InputError, match="needs plotly"):
             figures.formation(plan(small()))
 
 
 @pytest.mark.long
-def test_values_of_figures_need_no_plotly() -> None:
+def test_a_page_needs_no_plotly() -> None:
     code = (
-        "import sys; sys.modules['plotly'] = None; import syncplan\n"
-        "from syncplan.plotting.figures import specs_of\n"
-        f"made = syncplan.plan(syncplan.load_scenario({GRID!r}))\n"
-        "print(len(specs_of(made)))"
+        "import sys; sys.modules['plotly'] = None\n"
+        "from syncplan.cli.command_line import main\n"
+        f"main(['plot', {GRID!r}])"
     )
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=PATIENCE_S
     )
-    assert done.stdout == "5\n"
+    assert len(_page(done.stdout).values) == 5
 
 
 def test_without_a_browser_the_remedy_is_named(
@@ -360,7 +391,11 @@ def test_a_narrow_page_shows_figures_laid_out_for_a_column(run: Run, tmp_path: P
     target = tmp_path / "plan.html"
     assert run("plot", GRID, "--figure", "formation", "-o", str(target))[0] == 0
     made = plan(example("paper-grid-alternate"))
-    for window, style in ((1200, FigureStyle()), (500, FigureStyle(width=400))):
+    for window, style in (
+        (1200, FigureStyle()),
+        (760, FigureStyle(width=SHEET_PX)),
+        (500, FigureStyle(width=COLUMN_PX)),
+    ):
         height = specs_of(made, ["formation"], style=style)["formation"]["layout"]["height"]
         dom = _dumped(target, tmp_path, f"--window-size={window},900")
         drawn = re.search(r'class="main-svg"[^>]* height="(\d+)"', dom)
@@ -384,10 +419,23 @@ def test_a_browser_draws_the_page_and_plays_it_without_a_fault(run: Run, tmp_pat
     dom = _dumped(target, tmp_path)
     assert dom.count('class="main-svg"') >= 5
     assert dom.count('class="player"') == 1
+    assert dom.index('id="about-animation"') < dom.index('class="player"')
+    assert dom.index('class="player"') < dom.index('id="plot-animation"')
     assert ">Pause</button>" in dom
     steps = re.search(r'data-steps="(\d+)"', dom)
     assert steps is not None
     assert int(steps[1]) >= 3
+
+
+@needs_browser
+@pytest.mark.long
+def test_a_printed_page_fills_its_sheets(run: Run, tmp_path: Path) -> None:
+    target = tmp_path / "plan.html"
+    assert run("plot", GRID, "-o", str(target))[0] == 0
+    printed = tmp_path / "plan.pdf"
+    _dumped(target, tmp_path, f"--print-to-pdf={printed}")
+    sheets = re.findall(rb"/Type\s*/Page\b", printed.read_bytes())
+    assert len(sheets) == 3
 
 
 def _dumped(page: Path, work: Path, *more: str) -> str:

@@ -196,7 +196,7 @@ def test_bars_are_the_directed_windows_cut_at_the_period(made: Plan) -> None:
     for k in range(len(windows.observers)):
         of = windows.of(k)
         if len(of):
-            label = f"{names[windows.observers[k]]} → {names[windows.targets[k]]}"
+            label = f"{names[windows.observers[k]]} sees {names[windows.targets[k]]}"
             expected[label] = within_period(of, made.orbits.period)
     assert set(drawn) == set(expected)
     for label, bars in drawn.items():
