@@ -4,6 +4,7 @@ The page is self-contained and works in light and dark, in print and by keyboard
 images with an installed Chrome or Chromium, which it starts once.
 """
 
+import base64
 import html
 import importlib.util
 import json
@@ -19,7 +20,7 @@ from syncplan.planning.judged_team import PlanVerdict
 from syncplan.plotting.canvas import CONFIG, Spec
 from syncplan.plotting.figure_style import DARK, PAPER, PLAIN, FigureStyle, Theme
 from syncplan.plotting.figure_table import FIGURES
-from syncplan.plotting.vendored import plotly_script
+from syncplan.plotting.vendored import FONT_NAME, font, plotly_script
 
 _PAGE_SIDES_PX = 48
 _LEVELS = {"stop": "No-go", "warning": "Warning", "note": "Note"}
@@ -140,6 +141,13 @@ def _beside(name: str) -> str:
 # --- images -------------------------------------------------------------------------------------
 
 _TIMEOUT_S = 90
+_FONTS = f"{FONT_NAME}, Arial, 'Liberation Sans', Helvetica, sans-serif"
+"""Fonts of an SVG: the one it holds and, for viewers that do not read it, others as wide."""
+
+_ADD_FONT = (
+    f'document.fonts.add(new FontFace("{FONT_NAME}", '
+    'Uint8Array.from(atob("%s"), (one) => one.charCodeAt(0))))'
+)
 _PDF_DATE = re.compile(rb"D:\d{14}")
 _SVG_KEY = re.compile(r"\b(?:clip|defs-|topdefs-|legend)([0-9a-f]{6})")
 
@@ -150,8 +158,8 @@ def figure_images(
     """Return figures as PNG, SVG or PDF by name; the same figures give the same bytes.
 
     Each has the size of its layout and the background of the style's theme; a PNG has the style's
-    dots per px. One browser draws them all. Raises InputError if kaleido or the browser is missing,
-    SyncplanError if drawing fails.
+    dots per px, an SVG holds its font. One browser draws them all. Raises InputError if kaleido or
+    the browser is missing, SyncplanError if drawing fails.
     """
     missing = [n for n in ("plotly", "kaleido") if importlib.util.find_spec(n) is None]
     if missing:
@@ -166,8 +174,10 @@ def figure_images(
 
 
 def _job(spec: Spec, image_format: str, style: FigureStyle) -> Spec:
-    """Figure on an opaque background, with kaleido's options."""
+    """Figure on an opaque background, an SVG in the font that it holds, with kaleido's options."""
     layout = {**spec["layout"], "paper_bgcolor": PAPER[style.theme]}
+    if image_format == "svg":
+        layout["font"] = {**layout["font"], "family": _FONTS}
     # an image needs no controls
     if layout.pop("sliders", None):
         room = layout["meta"]["controls_px"]
@@ -222,18 +232,24 @@ def _by_one_browser(jobs: Sequence[Spec]) -> list[bytes]:
 
     import kaleido
 
+    # with mathjax a script would be fetched
+    page = kaleido.PageGenerator(mathjax=False)
+    page.header += f"<script>{_ADD_FONT % _font_text()}</script>"
+
     async def drawn() -> list[Any]:
-        # without mathjax=False a script would be fetched
-        async with kaleido.Kaleido(n=1, mathjax=False, timeout=_TIMEOUT_S) as browser:
+        async with kaleido.Kaleido(n=1, page_generator=page, timeout=_TIMEOUT_S) as browser:
             return [await browser.calc_fig(job["fig"], opts=job["opts"]) for job in jobs]
 
     return [bytes(image) for image in asyncio.run(drawn())]
 
 
 def _constant(image: bytes, image_format: str) -> bytes:
-    """Remove the parts of an image that change from one drawing to the next."""
+    """Return an image that depends on nothing else than its figure.
+
+    What changes from one drawing to the next is removed; an SVG holds its font.
+    """
     if image_format == "svg":
-        return _without_random_keys(image.decode("utf-8")).encode("utf-8")
+        return _with_font(_without_random_keys(image.decode("utf-8"))).encode("utf-8")
     return _PDF_DATE.sub(b"D:20000101000000", image) if image_format == "pdf" else image
 
 
@@ -242,3 +258,15 @@ def _without_random_keys(svg: str) -> str:
     for key in dict.fromkeys(_SVG_KEY.findall(svg)):
         svg = svg.replace(key, "000000")
     return svg
+
+
+def _with_font(svg: str) -> str:
+    """Put the font into an SVG, for viewers that read fonts in images."""
+    source = f'url(data:font/woff2;base64,{_font_text()}) format("woff2")'
+    style = f"<style>@font-face{{font-family:{FONT_NAME};src:{source}}}</style>"
+    begin = svg.index(">") + 1
+    return svg[:begin] + style + svg[begin:]
+
+
+def _font_text() -> str:
+    return base64.b64encode(font()).decode("ascii")

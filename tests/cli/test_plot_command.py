@@ -1,6 +1,7 @@
 """The command that draws, and the page and images it writes."""
 
 import asyncio
+import base64
 import hashlib
 import importlib.util
 import io
@@ -23,7 +24,7 @@ from syncplan.planning.planner import plan
 from syncplan.plotting.figure_files import figure_page
 from syncplan.plotting.figure_style import COLUMN_PX, SHEET_PX, FigureStyle
 from syncplan.plotting.figures import specs_of
-from syncplan.plotting.vendored import plotly_script
+from syncplan.plotting.vendored import FONT_NAME, font, plotly_script
 from tests.tools.image_browser import BROWSER, needs_browser
 from tests.tools.processes import PATIENCE_S
 from tests.tools.scenarios import FILES, circling, document, example, small
@@ -269,6 +270,12 @@ def test_images_are_what_their_names_say_and_the_same_each_time(
     assert content.startswith(starts[ending])
     if ending == "svg":
         assert b"v1" in content
+        assert base64.b64encode(font()) in content
+        assert set(re.findall(rb"font-family: (\w+)", content)) == {FONT_NAME.encode()}
+        # laid out in it too: "landmark link, rank 2, certified" at 12 px, and the line before it
+        entry = re.search(rb'class="legendtoggle"[^>]* width="([\d.]+)"', content)
+        assert entry is not None
+        assert float(entry[1]) == pytest.approx(201.9, abs=0.5)
         assert b"NOT observable" in content
     if ending == "png":
         width = int.from_bytes(content[16:20], "big")

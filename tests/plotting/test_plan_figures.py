@@ -350,6 +350,10 @@ def test_a_refined_plan_is_shown_before_and_after() -> None:
         np.testing.assert_allclose(away, one.orbits.radii[0], atol=0.02)
 
 
+def test_words_of_figures_keep_to_the_letters_of_the_font_of_images(made: Plan) -> None:
+    assert json.dumps(specs_of(made), ensure_ascii=False).isascii()
+
+
 def test_plans_of_different_vehicles_are_not_compared(made: Plan) -> None:
     with pytest.raises(InputError, match="both must name the same"):
         figures.comparison(made, plan(small(formation={"centers_m": {"a": [0, 0], "b": [60, 0]}})))
