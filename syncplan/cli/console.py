@@ -217,6 +217,12 @@ def search_progress() -> Iterator[Callable[[int, int, float], None] | None]:
         yield None if shown is None else report
 
 
+def say_begun(subject: str, run: str) -> None:
+    """Say at a terminal that a run of a file is being prepared; called before slow imports."""
+    if sys.stderr.isatty():
+        say(f"reading {'standard input' if subject == '-' else subject}, preparing {run} ...")
+
+
 def say(message: str) -> None:
     """Write one line to standard error."""
     try:

@@ -151,6 +151,7 @@ def _refine(
 ) -> int:
     """Move phases, centres and radii to the best plan near the one given; options override the
     scenario's refine section. If nothing better is found, write nothing and exit with 4."""
+    console.say_begun(subject, "the search")
     from syncplan.planning.plan_files import plan_of
     from syncplan.refinement.refiner import options_for
 

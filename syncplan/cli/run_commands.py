@@ -61,6 +61,7 @@ def _validate(
     max_vehicles: arguments.MaxVehicles = None,
 ) -> int:
     """Run the filter on a plan: Monte Carlo errors beside the bound, and consistency."""
+    console.say_begun(subject, "trials")
     from syncplan.planning.plan_files import in_world, plan_of
     from syncplan.planning.validation import choose_filter, validate
     from syncplan.planning.variations import stress_worlds, stressed
@@ -189,6 +190,7 @@ def _fly(
     max_vehicles: arguments.MaxVehicles = None,
 ) -> int:
     """Fly a plan in closed loop: vehicles steer by their estimates, in wind, with losses."""
+    console.say_begun(subject, "flights")
     from syncplan.flight.flying import conclude_flight, flight_run, fly_part
     from syncplan.planning.plan_files import plan_of
     from syncplan.reports.flight_report import flight_document
