@@ -1,4 +1,7 @@
-"""Figure of a flight's true and estimated tracks over the planned circles."""
+"""Figure of a flight's true and estimated tracks over the planned circles.
+
+Turns lie on each other: each vehicle's last turn is drawn strongly, the earlier ones faintly.
+"""
 
 from dataclasses import dataclass
 
@@ -29,6 +32,9 @@ _FURTHEST = 0.75
 
 _CORNERS = 36
 
+_FAINT = 0.25
+"""Opacity of earlier turns."""
+
 
 @dataclass(frozen=True, slots=True)
 class FlownMap:
@@ -43,8 +49,8 @@ def flight_tracks_spec(report: FlightDocument, style: figure_style.FigureStyle) 
     """Return the figure of the first trial's tracks, true and estimated, over the plan's circles.
 
     Ellipses show the filter's own three sigma at moments over the run; a mark shows the vehicle's
-    true position at that moment. Other recorded trials are drawn faintly. Raises InputError for a
-    report without series.
+    true position at that moment. Of other recorded trials, the last turns are drawn faintly. Raises
+    InputError for a report without series.
     """
     series = report.series
     if series is None:
@@ -56,13 +62,14 @@ def flight_tracks_spec(report: FlightDocument, style: figure_style.FigureStyle) 
     names = [escaped(name) for name in names]
     about = obstructions(flown, np.empty((0, 2), dtype=int))
     first, *others = series.tracks
+    turns = _last_turns(series, first)
     traces = [
         *area_traces(flown, view),
-        *_other_trials(others, view),
-        *_ellipses(first, view),
-        *_paths(first, view),
+        *_other_trials(others, series, view),
+        *_ellipses(first, turns, view),
+        *_paths(first, series, turns, view),
         _circles(flown, view),
-        *_moments(first, series, view),
+        *_moments(first, series, turns, view),
         *landmark_trace(flown, view, names, about),
         *_ends(report, series, first, view),
         name_trace(flown, view, names, about),
@@ -105,18 +112,45 @@ def _places(vehicle: TrackedVehicle, *, true: bool) -> Array:
     return np.array([x, y], dtype=float).T
 
 
-def _lines(track: FlownTrack, view: MapView, *, true: bool) -> tuple[list[float | None], ...]:
-    return gapped(np.array([_places(one, true=true) for one in track.vehicles]), view.places - 1)
+def _last_turns(series: FlightOverTime, track: FlownTrack) -> list[float]:
+    """Time in s at which each vehicle's last turn begins."""
+    times = np.array(series.track_time_s)
+    known = [np.isfinite(_places(one, true=True)[:, 0]) for one in track.vehicles]
+    ends = [float(times[one].max(initial=times[0])) for one in known]
+    return [end - series.ground.period_s for end in ends]
 
 
-def _other_trials(tracks: list[FlownTrack], view: MapView) -> list[Spec]:
+def _lines(
+    track: FlownTrack,
+    series: FlightOverTime,
+    turns: list[float],
+    view: MapView,
+    *,
+    true: bool,
+    last: bool,
+) -> tuple[list[float | None], list[float | None]]:
+    """(x, y) of each vehicle's last turn, or of the turns before it, with gaps between vehicles."""
+    times = np.array(series.track_time_s)
+    lines = []
+    for vehicle, begin in zip(track.vehicles, turns, strict=True):
+        places = _places(vehicle, true=true)
+        split = int(np.searchsorted(times, begin))
+        # the earlier part ends where the last turn begins
+        part = places[split:] if last else places[: split + 1] if split else places[:0]
+        if len(part):
+            lines += [part, np.full((1, 2), np.nan)]
+    every = np.concatenate([np.empty((0, 2)), *lines])
+    return numbers(every[:, 0], view.places - 1), numbers(every[:, 1], view.places - 1)
+
+
+def _other_trials(tracks: list[FlownTrack], series: FlightOverTime, view: MapView) -> list[Spec]:
     traces = []
     for number, track in enumerate(tracks):
-        x, y = _lines(track, view, true=True)
+        x, y = _lines(track, series, _last_turns(series, track), view, true=True, last=True)
         line = {"color": figure_style.MUTED, "width": view.line_px(0.7)}
         entry = {"showlegend": not number, "legendgroup": "others"}
-        trace = line_trace(f"trial-{track.trial}", "true path, other trials", x, y, line, **entry)
-        traces.append(trace)
+        name = "true path, other trials, last turn"
+        traces.append(line_trace(f"trial-{track.trial}", name, x, y, line, **entry))
     return traces
 
 
@@ -127,25 +161,48 @@ def _circles(flown: FlownMap, view: MapView) -> Spec:
     return line_trace("planned", "planned circle", x, y, line)
 
 
-def _paths(track: FlownTrack, view: MapView) -> list[Spec]:
-    true_x, true_y = _lines(track, view, true=True)
-    x, y = _lines(track, view, true=False)
-    solid = {"color": figure_style.BLUE, "width": view.line_px(1.5)}
-    dotted = {"color": figure_style.VERMILLION, "width": view.line_px(1.5), "dash": "dot"}
-    return [
-        line_trace("true", "true path", true_x, true_y, solid),
-        line_trace("estimated", "estimated path", x, y, dotted),
-    ]
+def _paths(
+    track: FlownTrack, series: FlightOverTime, turns: list[float], view: MapView
+) -> list[Spec]:
+    """Earlier turns, faint and below, then the last ones."""
+    solid = {"color": figure_style.BLUE, "width": view.line_px(2.2)}
+    dotted = {"color": figure_style.VERMILLION, "width": view.line_px(2.2), "dash": "dot"}
+    traces = []
+    for last in (False, True):
+        for uid, name, line in (
+            ("true", "true path", solid),
+            ("estimated", "estimated path", dotted),
+        ):
+            x, y = _lines(track, series, turns, view, true=uid == "true", last=last)
+            if last:
+                traces.append(line_trace(uid, f"{name}, last turn", x, y, line))
+            elif x:
+                thin = {**line, "width": view.line_px(1.0)}
+                faint = line_trace(f"{uid}-earlier", f"{name}, earlier", x, y, thin, opacity=_FAINT)
+                traces.append(faint)
+    return traces
 
 
-def _ellipses(track: FlownTrack, view: MapView) -> list[Spec]:
-    rims = [_rim(one) for vehicle in track.vehicles for one in vehicle.ellipses]
-    if not rims:
-        return []
-    x, y = gapped(np.array(rims), view.places)
-    filled = {"fill": "toself", "fillcolor": figure_style.translucent(figure_style.ORANGE, 0.35)}
+def _ellipses(track: FlownTrack, turns: list[float], view: MapView) -> list[Spec]:
+    """Ellipses in the last turns, and outlines of earlier ones."""
+    traces = []
     line = {"color": figure_style.ORANGE, "width": 1.0}
-    return [line_trace("ellipses", f"filter's own {SIGMAS:g} sigma", x, y, line, **filled)]
+    filled = {"fill": "toself", "fillcolor": figure_style.translucent(figure_style.ORANGE, 0.35)}
+    name = f"filter's own {SIGMAS:g} sigma"
+    for uid, words, last, look in (
+        ("ellipses-earlier", f"{name}, earlier", False, {"opacity": 2.0 * _FAINT}),
+        ("ellipses", f"{name}, last turn", True, filled),
+    ):
+        rims = [
+            _rim(one)
+            for vehicle, begin in zip(track.vehicles, turns, strict=True)
+            for one in vehicle.ellipses
+            if (one.time_s >= begin) == last
+        ]
+        if rims:
+            x, y = gapped(np.array(rims), view.places)
+            traces.append(line_trace(uid, words, x, y, line, **look))
+    return traces
 
 
 def _rim(one: PlaceEllipse) -> Array:
@@ -157,13 +214,16 @@ def _rim(one: PlaceEllipse) -> Array:
     return np.asarray(np.array(one.center_m) + turn @ axes)
 
 
-def _moments(track: FlownTrack, series: FlightOverTime, view: MapView) -> list[Spec]:
+def _moments(
+    track: FlownTrack, series: FlightOverTime, turns: list[float], view: MapView
+) -> list[Spec]:
     """Marks at the true positions of vehicles at the times of the ellipses."""
-    where, said = [], []
+    where, said, opacity = [], [], []
     times = np.array(series.track_time_s)
-    for vehicle in track.vehicles:
+    for vehicle, begin in zip(track.vehicles, turns, strict=True):
         places = _places(vehicle, true=True)
         for one in vehicle.ellipses:
+            opacity.append(1.0 if one.time_s >= begin else _FAINT)
             place = places[int(np.argmin(np.abs(times - one.time_s)))]
             off = np.hypot(*(place - one.center_m))
             where.append(place)
@@ -181,7 +241,7 @@ def _moments(track: FlownTrack, series: FlightOverTime, view: MapView) -> list[S
             "true place at that moment",
             numbers(x, view.places),
             numbers(y, view.places),
-            {"symbol": "circle", "size": dot_px, "color": figure_style.INK},
+            {"symbol": "circle", "size": dot_px, "color": figure_style.INK, "opacity": opacity},
             "%{text}<extra></extra>",
             text=said,
         )

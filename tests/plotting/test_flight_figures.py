@@ -84,35 +84,68 @@ def test_without_series_figures_over_time_say_how_to_get_them(report: FlightDocu
             draw(without, PLAIN)
 
 
-def test_paths_are_those_of_the_first_trial(report: FlightDocument, series: FlightOverTime) -> None:
+def _split(trace: dict[str, Any]) -> list[np.ndarray]:
+    """Lines (k, 2) of a trace, between its gaps."""
+    points = np.array([trace["x"], trace["y"]], dtype=float).T
+    gaps = np.flatnonzero(np.isnan(points[:, 0]))
+    return [one[np.isfinite(one[:, 0])] for one in np.split(points, gaps)][:-1]
+
+
+def test_paths_are_those_of_the_first_trial_the_last_turn_apart(
+    report: FlightDocument, series: FlightOverTime
+) -> None:
     spec = specs_of(report, ["tracks"])["tracks"]
+    period = series.ground.period_s
+    times = np.array(series.track_time_s)
     for uid, x, y in (
         ("true", "true_x_m", "true_y_m"),
         ("estimated", "estimated_x_m", "estimated_y_m"),
     ):
-        drawn, at = trace_of(spec, uid), len(series.track_time_s) + 1
+        last, earlier = _split(trace_of(spec, uid)), _split(trace_of(spec, f"{uid}-earlier"))
         for k, vehicle in enumerate(series.tracks[0].vehicles):
-            for key, name in (("x", x), ("y", y)):
-                values = np.array(getattr(vehicle, name), dtype=float)
-                shown = np.array(drawn[key][k * at : (k + 1) * at - 1], dtype=float)
-                np.testing.assert_allclose(shown, values, atol=0.02)
-    assert [trace_of(spec, f"trial-{number}")["name"] for number in (1, 2)]
+            path = np.array([getattr(vehicle, x), getattr(vehicle, y)], dtype=float).T
+            known = np.flatnonzero(np.isfinite(path[:, 0]))
+            begin = int(np.searchsorted(times, times[known[-1]] - period))
+            np.testing.assert_allclose(last[k], path[begin : known[-1] + 1], atol=0.02)
+            # one that is lost within its first turn has no earlier one
+            if begin:
+                np.testing.assert_allclose(earlier.pop(0), path[: begin + 1], atol=0.02)
+        assert not earlier
+        assert trace_of(spec, f"{uid}-earlier")["opacity"] < 0.5
+        assert "opacity" not in trace_of(spec, uid)
+    others = [trace_of(spec, f"trial-{number}") for number in (1, 2)]
+    assert {one["name"] for one in others} == {"true path, other trials, last turn"}
+
+
+def test_a_flight_of_one_turn_has_no_earlier_ones(
+    report: FlightDocument, series: FlightOverTime
+) -> None:
+    ground = series.ground.model_copy(update={"period_s": 1000.0})
+    slow = report.model_copy(update={"series": series.model_copy(update={"ground": ground})})
+    uids = {trace["uid"] for trace in specs_of(slow, ["tracks"])["tracks"]["data"]}
+    assert {"true", "estimated", "ellipses"} <= uids
+    assert not any(uid.endswith("-earlier") for uid in uids)
 
 
 def test_rims_of_ellipses_are_three_sigma_from_the_estimate(
     flight: Flight, report: FlightDocument, series: FlightOverTime
 ) -> None:
-    rims = trace_of(specs_of(report, ["tracks"])["tracks"], "ellipses")
-    points = np.array([rims["x"], rims["y"]], dtype=float).T
-    kept, at = flight.result.tracks[0].covariances, 0
+    spec = specs_of(report, ["tracks"])["tracks"]
+    rims = [_split(trace_of(spec, uid)) for uid in ("ellipses-earlier", "ellipses")]
+    kept = flight.result.tracks[0].covariances
+    solid = []
     for k, vehicle in enumerate(series.tracks[0].vehicles):
+        known = [t for t, x in zip(series.track_time_s, vehicle.true_x_m, strict=True) if x]
+        begin = known[-1] - series.ground.period_s
         for one, (xx, yy, xy) in zip(vehicle.ellipses, kept[:, k], strict=False):
-            end = at + int(np.argmax(np.isnan(points[at:, 0])))
-            off = points[at:end] - one.center_m
+            off = rims[one.time_s >= begin].pop(0) - one.center_m
             own = np.einsum("ki,ij,kj->k", off, np.linalg.inv([[xx, xy], [xy, yy]]), off)
             np.testing.assert_allclose(own, SIGMAS**2, rtol=0.05)
-            at = end + 1
-    assert at == len(points)
+            solid.append(one.time_s >= begin)
+    assert rims == [[], []]
+    opacity = trace_of(spec, "moments")["marker"]["opacity"]
+    assert [one == 1.0 for one in opacity] == solid
+    assert set(solid) == {True, False}
 
 
 def test_tracks_that_go_astray_leave_the_map_and_the_note_says_so(
