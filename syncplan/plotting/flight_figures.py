@@ -5,7 +5,6 @@ On time axes, a band marks a hold and a line a loss.
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from syncplan.errors import InputError
 from syncplan.plotting import canvas, figure_style
 from syncplan.plotting.canvas import Spec
 from syncplan.plotting.figure_style import FigureStyle
-from syncplan.plotting.series_figures import every_so_many, panel_line, panels_spec
+from syncplan.plotting.series_figures import Curve, curve_entries, curve_traces, panels_spec
 from syncplan.reports.flight_report import (
     FlightDocument,
     FlightEvent,
@@ -53,23 +52,6 @@ _EVENTS = (
 # --- over time ----------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class Curve:
-    """A curve in a vehicle's panel.
-
-    Attributes
-    ----------
-    key, name : identifier in the figure, and name in the legend
-    line : Plotly's line style
-    values : values over time, or a single one for a level; None where unknown
-    """
-
-    key: str
-    name: str
-    line: Spec
-    values: Sequence[float | None]
-
-
 def flight_errors_spec(report: FlightDocument, style: FigureStyle) -> Spec:
     """Return the figure of tracking and estimation errors over time, one panel per vehicle.
 
@@ -80,20 +62,19 @@ def flight_errors_spec(report: FlightDocument, style: FigureStyle) -> Spec:
     def curves(vehicle: VehicleOverTime, flown: FlownVehicle) -> list[Curve]:
         bound: Spec = {"color": figure_style.VERMILLION, "width": 2, "dash": "dot"}
         tracking: Spec = {"color": figure_style.GREEN, "width": 1.8, "dash": "dash"}
+        own: Spec = {"color": figure_style.SKY, "width": 5}
+        error: Spec = {"color": figure_style.INK, "width": 1.8}
+        # dashes over lines: neither hides the other
         drawn = [
+            Curve("sigma", "filter's own sigma", own, vehicle.sigma_m, "square"),
+            Curve("error", "error of the estimate", error, vehicle.rms_m, "circle"),
+            Curve("bound", "bound along the path", bound, vehicle.bound_m, "diamond"),
             Curve(
-                "sigma",
-                "filter's own sigma",
-                {"color": figure_style.SKY, "width": 5},
-                vehicle.sigma_m,
-            ),
-            Curve("bound", "bound along the path", bound, vehicle.bound_m),
-            Curve("tracking", "distance from the plan", tracking, vehicle.tracking_rms_m),
-            Curve(
-                "error",
-                "error of the estimate",
-                {"color": figure_style.INK, "width": 1.3},
-                vehicle.rms_m,
+                "tracking",
+                "distance from the plan",
+                tracking,
+                vehicle.tracking_rms_m,
+                "triangle-up",
             ),
         ]
         if flown.errors is not None and flown.errors.predicted_rms_m:
@@ -154,10 +135,18 @@ def _over_time(
     drawn = {one.name: curves(one, flown[one.name]) for one in series.vehicles if one.name in kept}
     vertical = _logarithmic([curve for of_one in drawn.values() for curve in of_one])
     traces = [
-        _curve(curve, name, series.time_s, number)
+        trace
         for number, (name, of_one) in enumerate(drawn.items())
-        for curve in of_one
+        for trace in curve_traces(
+            of_one,
+            name,
+            number,
+            series.time_s,
+            lambda values: canvas.numbers(_positive(values), _DIGITS),
+            f"{canvas.escaped(name)} at %{{x}} s: %{{y:.3g}}",
+        )
     ]
+    traces += curve_entries([curve for of_one in drawn.values() for curve in of_one])
     if len(drawn) < len(series.vehicles):
         note += f"; the {len(drawn)} worst of {len(series.vehicles)} vehicles"
     return panels_spec(
@@ -167,19 +156,9 @@ def _over_time(
         traces + _event_entries(report.events),
         style,
         [vertical] * len(drawn),
+        times=series.time_s,
         shapes=[_event_mark(one, n) for n in range(len(drawn)) for one in report.events],
     )
-
-
-def _curve(one: Curve, vehicle: str, times: Sequence[float], number: int) -> Spec:
-    every = every_so_many(len(times))
-    level = len(one.values) == 1
-    at = [times[0], times[-1]] if level else times[::every]
-    y = canvas.numbers(
-        _positive([*one.values, *one.values] if level else one.values[::every]), _DIGITS
-    )
-    hover = f"{canvas.escaped(vehicle)} at %{{x}} s: %{{y:.3g}}<extra>{one.name}</extra>"
-    return panel_line(number, f"{one.key}-{vehicle}", one.key, one.name, at, y, one.line, hover)
 
 
 def _positive(values: Sequence[float | None]) -> Array:

@@ -6,7 +6,8 @@ as in the paper's Figs. 9-11 and 14-18.
 """
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -41,6 +42,10 @@ _ESTIMATES = ("x in m", "y in m", "own position sigma in m")
 _WORTH_CLIPPING = 1.5
 """Ratio to the settled half's range above which a start is clipped."""
 
+_MARKS = 4
+_MARK_PX = 7
+"""Marks on a curve, and their size."""
+
 _AIR = 1.1
 _DIGITS = 4
 
@@ -60,12 +65,16 @@ def panels_spec(
     traces: list[Spec],
     style: FigureStyle,
     vertical: Sequence[Spec],
+    *,
+    times: Sequence[float] = (),
     **more: Any,
 ) -> Spec:
     """Return a figure of panels that share a time axis, in three columns or in one.
 
-    `vertical` holds further properties of each panel's vertical axis.
+    `vertical` holds further properties of each panel's vertical axis. The time axis ends with
+    `times`, as marks would widen it, or with what is drawn.
     """
+    ends = {"range": numbers([times[0], times[-1]], 6)} if times else {}
     columns = 1 if style.narrow else 3
     row_px, gap_px = _NARROW_ROW_PX if style.narrow else _ROW_PX, style.px(_GAP_PX)
     lines = -(-len(names) // columns)
@@ -85,6 +94,7 @@ def panels_spec(
             anchor=f"y{suffix}",
             showticklabels=lowest,
             **({"matches": "x"} if number else {}),
+            **ends,
         )
         axes[f"yaxis{suffix}"] = axis(
             domain=[max(top - row_px / whole, 0.0), top], anchor=f"x{suffix}", nticks=5, **further
@@ -112,6 +122,80 @@ def panel_line(
     shown |= {"xaxis": f"x{suffix}", "yaxis": f"y{suffix}"}
     said = {"hovertemplate": hover} if hover else {}
     return line_trace(uid, name, numbers(x, 6), y, line, **shown, **said)
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """A curve in each panel of a figure, with marks that keep it apart where curves coincide.
+
+    Attributes
+    ----------
+    key, name : identifier in the figure, and name in the legend
+    line : Plotly's line style
+    values : values over time, or a single one for a level; None where unknown
+    symbol : Plotly's name of the marks; empty for none
+    """
+
+    key: str
+    name: str
+    line: Spec
+    values: Sequence[float | None]
+    symbol: str = ""
+
+    @property
+    def marker(self) -> Spec:
+        """Style of the marks."""
+        rim = {"color": INK, "width": 0.5}
+        return {"symbol": self.symbol, "size": _MARK_PX, "color": self.line["color"], "line": rim}
+
+
+def curve_traces(
+    curves: Sequence[Curve],
+    subject: str,
+    number: int,
+    times: Sequence[float],
+    drawn: Callable[[Sequence[float | None]], list[float | None]],
+    hover: str,
+) -> list[Spec]:
+    """Return the lines and marks of the curves of a subject in panel `number`.
+
+    `drawn` rounds values. Marks of different curves stand at different times.
+    """
+    every = every_so_many(len(times))
+    marked = [one for one in curves if one.symbol]
+    traces = []
+    for one in curves:
+        level = len(one.values) == 1
+        at = [times[0], times[-1]] if level else times[::every]
+        y = drawn([*one.values, *one.values] if level else one.values[::every])
+        said = f"{hover}<extra>{one.name}</extra>"
+        uid = f"{one.key}-{subject}"
+        line = panel_line(number, uid, one.key, one.name, at, y, one.line, said)
+        traces.append({**line, "showlegend": False})
+        if one in marked:
+            where = _mark_places(y, marked.index(one), len(marked))
+            x, y = [at[k] for k in where], [y[k] for k in where]
+            marks = panel_line(number, f"marks-{uid}", one.key, one.name, x, y, {}, "")
+            marks |= {"mode": "markers", "marker": one.marker, "showlegend": False}
+            traces.append({key: value for key, value in marks.items() if key != "line"})
+    return traces
+
+
+def curve_entries(curves: Sequence[Curve]) -> list[Spec]:
+    """Return the legend entries of curves, each with its line and its mark, one for a key."""
+    entries = []
+    for one in {one.key: one for one in curves}.values():
+        look: Spec = {"mode": "lines+markers", "marker": one.marker} if one.symbol else {}
+        entry = line_trace(f"entry-{one.key}", one.name, [None], [None], one.line, **look)
+        entries.append({**entry, "legendgroup": one.key})
+    return entries
+
+
+def _mark_places(y: Sequence[float | None], place: int, of: int) -> list[int]:
+    """Indices of the marks of curve `place` of so many: evenly spaced, between those of others."""
+    known = [k for k, value in enumerate(y) if value is not None]
+    steps = range(_MARKS) if len(known) > of * _MARKS else ()
+    return [known[int((k + (place + 0.5) / of) * len(known) / _MARKS)] for k in steps]
 
 
 def _band(number: int, key: str, times: Array, middle: Array, sigma: Array) -> Spec:
@@ -313,7 +397,8 @@ def states_spec(report: ValidationDocument | ReplayDocument, style: FigureStyle)
     """Return the figure of further states over time: a panel for each, in its own unit.
 
     The thin line is the RMS error over the trials (for a single trial, the size of its error), the
-    broad line is the filter's own sigma, and the dotted line is the bound. Raises InputError for a
+    broad line is the filter's own sigma, and the dotted line is the bound; marks keep them apart
+    where they coincide. Raises InputError for a
     report without such a series.
     """
     if report.series is None or report.series.errors is None:
@@ -321,20 +406,30 @@ def states_spec(report: ValidationDocument | ReplayDocument, style: FigureStyle)
         raise InputError(problem, key="series")
     held = report.series.errors
     drawn = _least_known_states(held)
-    times = np.array(report.series.time_s)
     single = report.trials == 1
+    curves = [_state_curves(state, single) for state in drawn]
     traces = [
         trace
-        for number, state in enumerate(drawn)
-        for trace in _state_panel(state, times, number, single)
+        for number, (state, of_one) in enumerate(zip(drawn, curves, strict=True))
+        for trace in curve_traces(
+            of_one,
+            state.state,
+            number,
+            report.series.time_s,
+            lambda values: numbers(_significant(np.array(values, dtype=float))),
+            f"{escaped(state.state)} at %{{x}} s: %{{y}}",
+        )
     ]
+    traces += curve_entries([curve for of_one in curves for curve in of_one])
     found = "size of the error" if single else "RMS error"
     note = f"{found} of {report.run}, the filter's own sigma and the predicted error"
     if len(drawn) < len(held):
         note += f"; {len(drawn)} of {len(held)} states, the least known of each kind"
     title = f"{escaped(report.name or 'Plan')}: further states over time"
     names = [one.state if one.unit == "1" else f"{one.state}, {one.unit}" for one in drawn]
-    return panels_spec(title, note, names, traces, style, [{"rangemode": "tozero"}] * len(names))
+    up: Spec = {"rangemode": "tozero"}
+    times = report.series.time_s
+    return panels_spec(title, note, names, traces, style, [up] * len(names), times=times)
 
 
 def _least_known_states(states: Sequence[StateErrorSeries]) -> list[StateErrorSeries]:
@@ -359,24 +454,17 @@ def _remaining(state: StateErrorSeries) -> float:
     return float(np.sqrt(np.mean(late**2))) / (state.sigma[0] or 1.0)
 
 
-def _state_panel(state: StateErrorSeries, times: Array, number: int, single: bool) -> list[Spec]:
+def _state_curves(state: StateErrorSeries, single: bool) -> list[Curve]:
     """The curves of one state."""
     found = "size of the error" if single else "RMS error over the trials"
-    dotted = {"color": VERMILLION, "width": 2, "dash": "dot"}
-    curves: list[tuple[str, str, Sequence[float] | None, Spec]] = [
-        ("sigma", "filter's own sigma", state.sigma, {"color": SKY, "width": 4}),
-        ("predicted", "predicted error", state.predicted, dotted),
-        ("rms", found, state.rms, {"color": INK, "width": 1.3}),
+    dotted: Spec = {"color": VERMILLION, "width": 2, "dash": "dot"}
+    curves = [
+        Curve("sigma", "filter's own sigma", {"color": SKY, "width": 4}, state.sigma, "square"),
+        Curve("rms", found, {"color": INK, "width": 1.8}, state.rms, "circle"),
     ]
-    every = every_so_many(len(times))
-    drawn = []
-    for key, name, values, line in curves:
-        if values is not None:
-            y = numbers(_significant(np.array(values)[::every]))
-            hover = f"{escaped(state.state)} at %{{x}} s: %{{y}}<extra>{name}</extra>"
-            uid = f"{key}-{state.state}"
-            drawn.append(panel_line(number, uid, key, name, times[::every], y, line, hover))
-    return drawn
+    if state.predicted is not None:
+        curves.append(Curve("predicted", "predicted error", dotted, state.predicted, "diamond"))
+    return curves
 
 
 def _significant(values: Array) -> Array:

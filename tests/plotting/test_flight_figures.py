@@ -200,6 +200,17 @@ def test_curves_over_time_are_the_reports(report: FlightDocument, series: Flight
             assert level == pytest.approx([flown.phase_error_s.worst] * 2, abs=1e-5)
 
 
+def test_errors_in_flight_have_marks_that_stand_apart(report: FlightDocument) -> None:
+    spec = specs_of(report, ["tracking"])["tracking"]
+    marks = [trace_of(spec, f"marks-{key}-v1") for key in ("sigma", "error", "bound", "tracking")]
+    times = [time for one in marks for time in one["x"]]
+    assert len(set(times)) == len(times) == 16
+    assert len({one["marker"]["symbol"] for one in marks}) == 4
+    assert not [
+        one for one in specs_of(report, ["phases"])["phases"]["data"] if "marks" in one["uid"]
+    ]
+
+
 def test_axes_over_time_hold_all_that_is_drawn_and_are_marked(report: FlightDocument) -> None:
     for name in ("tracking", "phases"):
         spec = specs_of(report, [name])[name]

@@ -11,6 +11,7 @@ from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.figures import specs_of
 from syncplan.plotting.series_figures import MOST_STATES
 from syncplan.reports.validation_report import ValidationDocument, validation_document
+from tests.tools.figure_parts import trace_of
 from tests.tools.scenarios import small
 
 
@@ -37,7 +38,8 @@ def test_each_state_has_a_panel_with_what_was_found_and_predicted(
     assert report.series.errors is not None
     assert list(specs_of(report)) == ["accuracy", "errors", "states", "consistency"]
     curves = {one["uid"]: one for one in _drawn(report)["data"]}
-    assert len(curves) == 3 * len(report.series.errors)
+    lines = [uid for uid, one in curves.items() if one["mode"] == "lines"]
+    assert len(lines) == 3 * len(report.series.errors)
     for state in report.series.errors:
         assert state.predicted is not None
         for key, values in (("rms", state.rms), ("sigma", state.sigma)):
@@ -47,6 +49,36 @@ def test_each_state_has_a_panel_with_what_was_found_and_predicted(
         assert dotted["x"] == pytest.approx(report.series.time_s)
     titles = [one["text"] for one in _drawn(report)["layout"]["annotations"]]
     assert titles[:3] == ["wind x, m/s", "wind y, m/s", "speed scale of v1"]
+
+
+def test_curves_that_coincide_have_marks_apart(report: ValidationDocument) -> None:
+    assert report.series is not None
+    assert report.series.errors is not None
+    same = [
+        one.model_copy(update={"predicted": one.sigma, "rms": one.sigma})
+        for one in report.series.errors
+    ]
+    shown = _drawn(_of(report, errors=same))
+    first = report.series.errors[0].state
+    marks = {k: trace_of(shown, f"marks-{k}-{first}") for k in ("sigma", "rms", "predicted")}
+    times = [time for one in marks.values() for time in one["x"]]
+    assert len(set(times)) == len(times) == 3 * 4
+    # in turns over the whole run
+    assert [k for _, k in sorted((t, k) for k, one in marks.items() for t in one["x"])] == [
+        "sigma",
+        "rms",
+        "predicted",
+    ] * 4
+    for key, one in marks.items():
+        line = trace_of(shown, f"{key}-{first}")
+        assert set(zip(one["x"], one["y"], strict=True)) <= set(
+            zip(line["x"], line["y"], strict=True)
+        )
+        entry = trace_of(shown, f"entry-{key}")
+        assert (entry["marker"], entry["line"]) == (one["marker"], line["line"])
+        assert entry["legendgroup"] == one["legendgroup"] == line["legendgroup"]
+    assert len({one["marker"]["symbol"] for one in marks.values()}) == 3
+    assert shown["layout"]["xaxis"]["range"] == [report.series.time_s[0], report.series.time_s[-1]]
 
 
 def test_the_lowest_panel_of_each_column_has_the_times(report: ValidationDocument) -> None:
@@ -80,7 +112,11 @@ def test_without_a_bound_none_is_drawn(report: ValidationDocument) -> None:
     assert report.series.errors is not None
     unknown = [one.model_copy(update={"predicted": None}) for one in report.series.errors]
     curves = _drawn(_of(report, errors=unknown))["data"]
-    assert {one["uid"].split("-")[0] for one in curves} == {"sigma", "rms"}
+    assert {one["uid"].split("-")[0] for one in curves if "xaxis" in one} == {
+        "sigma",
+        "rms",
+        "marks",
+    }
 
 
 def test_a_report_of_poses_alone_has_no_such_figure(report: ValidationDocument) -> None:
