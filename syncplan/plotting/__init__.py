@@ -5,6 +5,7 @@ canvas               axes, layouts and numbers that figures share; fitting a lay
 links                appearance and position of links
 maps                 extent and layers of maps
 map_labels           names on maps, clear of links and rims
+panels               panels of curves over time
 series_figures       runs over time: errors, estimates, further states
 flight_figures       flights: errors and phases over time, events, meetings, separation
 flight_tracks_figure tracks of a flight over its plan

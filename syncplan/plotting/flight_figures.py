@@ -13,7 +13,7 @@ from syncplan.errors import InputError
 from syncplan.plotting import canvas, figure_style
 from syncplan.plotting.canvas import Spec
 from syncplan.plotting.figure_style import FigureStyle
-from syncplan.plotting.series_figures import Curve, curve_entries, curve_traces, panels_spec
+from syncplan.plotting.panels import Curve, curve_entries, curve_traces, panels_spec
 from syncplan.reports.flight_report import (
     FlightDocument,
     FlightEvent,

@@ -6,26 +6,32 @@ as in the paper's Figs. 9-11 and 14-18.
 """
 
 from collections import defaultdict
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from syncplan.arrays import Array
 from syncplan.errors import InputError
-from syncplan.plotting.canvas import Spec, axis, escaped, layout, line_trace, numbers, panel_title
+from syncplan.plotting.canvas import Spec, escaped, numbers
 from syncplan.plotting.figure_style import INK, SKY, VERMILLION, FigureStyle, translucent
+from syncplan.plotting.panels import (
+    Curve,
+    curve_entries,
+    curve_traces,
+    every_so_many,
+    multiples_spec,
+    panel_line,
+    panels_spec,
+)
 from syncplan.reports.replay_report import EstimatedPath, ReplayDocument
 from syncplan.reports.run_figures import Series, StateErrorSeries, VehicleSeries
 from syncplan.reports.validation_report import ValidationDocument
 
-MOST_POINTS = 400
-"""Largest number of samples drawn; longer runs show every k-th."""
-
-MOST_VEHICLES = 8
+MOST_VEHICLES = 16
 """Largest number of vehicles drawn if none are named: those with the largest errors."""
+
+FEW_VEHICLES = 3
+"""Largest number of vehicles whose panels have an axis each; more are small multiples."""
 
 MOST_ROBOTS = 8
 """Largest number of robots drawn: those with the largest position sigmas."""
@@ -33,169 +39,16 @@ MOST_ROBOTS = 8
 MOST_STATES = 24
 """Largest number of states drawn: the least known of each kind."""
 
-_ROW_PX = 150
-_NARROW_ROW_PX = 110
-_GAP_PX = 38
+_UNITS = ((0, 1), (2,))
+"""Columns in m, and in rad."""
 
 _ERRORS = ("x in m", "y in m", "heading in rad")
 _ESTIMATES = ("x in m", "y in m", "own position sigma in m")
 _WORTH_CLIPPING = 1.5
 """Ratio to the settled half's range above which a start is clipped."""
 
-_MARKS = 4
-_MARK_PX = 7
-"""Marks on a curve, and their size."""
-
 _AIR = 1.1
 _DIGITS = 4
-
-
-# --- panels -------------------------------------------------------------------------------------
-
-
-def every_so_many(samples: int) -> int:
-    """Return the smallest k for which every k-th of `samples` makes at most MOST_POINTS."""
-    return max(1, -(-samples // MOST_POINTS))
-
-
-def panels_spec(
-    title: str,
-    note: str,
-    names: Sequence[str],
-    traces: list[Spec],
-    style: FigureStyle,
-    vertical: Sequence[Spec],
-    *,
-    times: Sequence[float] = (),
-    **more: Any,
-) -> Spec:
-    """Return a figure of panels that share a time axis, in three columns or in one.
-
-    `vertical` holds further properties of each panel's vertical axis. The time axis ends with
-    `times`, as marks would widen it, or with what is drawn.
-    """
-    ends = {"range": numbers([times[0], times[-1]], 6)} if times else {}
-    columns = 1 if style.narrow else 3
-    row_px, gap_px = _NARROW_ROW_PX if style.narrow else _ROW_PX, style.px(_GAP_PX)
-    lines = -(-len(names) // columns)
-    whole = row_px * lines + gap_px * (lines - 1)
-    axes: Spec = {}
-    titles = []
-    for number, (name, further) in enumerate(zip(names, vertical, strict=True)):
-        line, column = divmod(number, columns)
-        top = 1.0 - line * (row_px + gap_px) / whole
-        suffix = str(number + 1) if number else ""
-        left = column * 0.35
-        lowest = number + columns >= len(names)
-        titles.append(panel_title(escaped(name), left, top))
-        axes[f"xaxis{suffix}"] = axis(
-            "time, s" if lowest else "",
-            domain=[left, 1.0 if columns == 1 else left + 0.30],
-            anchor=f"y{suffix}",
-            showticklabels=lowest,
-            **({"matches": "x"} if number else {}),
-            **ends,
-        )
-        axes[f"yaxis{suffix}"] = axis(
-            domain=[max(top - row_px / whole, 0.0), top], anchor=f"x{suffix}", nticks=5, **further
-        )
-    shown = layout(title, note=note, inner=whole, above=24, annotations=titles, **more, **axes)
-    return {"data": traces, "layout": shown}
-
-
-def panel_line(
-    number: int,
-    uid: str,
-    group: str,
-    name: str,
-    x: ArrayLike,
-    y: list[float | None],
-    line: Spec,
-    hover: str,
-) -> Spec:
-    """Return a line of panel `number`; the first panel's line has its group's legend entry.
-
-    An empty `hover` gives no hover text.
-    """
-    suffix = str(number + 1) if number else ""
-    shown: Spec = {"legendgroup": group, "showlegend": number == 0}
-    shown |= {"xaxis": f"x{suffix}", "yaxis": f"y{suffix}"}
-    said = {"hovertemplate": hover} if hover else {}
-    return line_trace(uid, name, numbers(x, 6), y, line, **shown, **said)
-
-
-@dataclass(frozen=True, slots=True)
-class Curve:
-    """A curve in each panel of a figure, with marks that keep it apart where curves coincide.
-
-    Attributes
-    ----------
-    key, name : identifier in the figure, and name in the legend
-    line : Plotly's line style
-    values : values over time, or a single one for a level; None where unknown
-    symbol : Plotly's name of the marks; empty for none
-    """
-
-    key: str
-    name: str
-    line: Spec
-    values: Sequence[float | None]
-    symbol: str = ""
-
-    @property
-    def marker(self) -> Spec:
-        """Style of the marks."""
-        rim = {"color": INK, "width": 0.5}
-        return {"symbol": self.symbol, "size": _MARK_PX, "color": self.line["color"], "line": rim}
-
-
-def curve_traces(
-    curves: Sequence[Curve],
-    subject: str,
-    number: int,
-    times: Sequence[float],
-    drawn: Callable[[Sequence[float | None]], list[float | None]],
-    hover: str,
-) -> list[Spec]:
-    """Return the lines and marks of the curves of a subject in panel `number`.
-
-    `drawn` rounds values. Marks of different curves stand at different times.
-    """
-    every = every_so_many(len(times))
-    marked = [one for one in curves if one.symbol]
-    traces = []
-    for one in curves:
-        level = len(one.values) == 1
-        at = [times[0], times[-1]] if level else times[::every]
-        y = drawn([*one.values, *one.values] if level else one.values[::every])
-        said = f"{hover}<extra>{one.name}</extra>"
-        uid = f"{one.key}-{subject}"
-        line = panel_line(number, uid, one.key, one.name, at, y, one.line, said)
-        traces.append({**line, "showlegend": False})
-        if one in marked:
-            where = _mark_places(y, marked.index(one), len(marked))
-            x, y = [at[k] for k in where], [y[k] for k in where]
-            marks = panel_line(number, f"marks-{uid}", one.key, one.name, x, y, {}, "")
-            marks |= {"mode": "markers", "marker": one.marker, "showlegend": False}
-            traces.append({key: value for key, value in marks.items() if key != "line"})
-    return traces
-
-
-def curve_entries(curves: Sequence[Curve]) -> list[Spec]:
-    """Return the legend entries of curves, each with its line and its mark, one for a key."""
-    entries = []
-    for one in {one.key: one for one in curves}.values():
-        look: Spec = {"mode": "lines+markers", "marker": one.marker} if one.symbol else {}
-        entry = line_trace(f"entry-{one.key}", one.name, [None], [None], one.line, **look)
-        entries.append({**entry, "legendgroup": one.key})
-    return entries
-
-
-def _mark_places(y: Sequence[float | None], place: int, of: int) -> list[int]:
-    """Indices of the marks of curve `place` of so many: evenly spaced, between those of others."""
-    known = [k for k, value in enumerate(y) if value is not None]
-    steps = range(_MARKS) if len(known) > of * _MARKS else ()
-    return [known[int((k + (place + 0.5) / of) * len(known) / _MARKS)] for k in steps]
 
 
 def _band(number: int, key: str, times: Array, middle: Array, sigma: Array) -> Spec:
@@ -218,6 +71,8 @@ def errors_spec(
 ) -> Spec:
     """Return the figure of errors over time: a row per vehicle; x, y and heading.
 
+    More than FEW_VEHICLES are small multiples, of one scale for x and y and one for headings.
+
     The line is the mean error over the trials (for a single trial, its error), the band is three
     of the filter's own sigmas, and the dotted lines are three times the RMS error. Where these
     leave the band, the filter is optimistic. Raises InputError for a report without series, or a
@@ -228,26 +83,38 @@ def errors_spec(
     times = np.array(series.time_s)
     single = report.trials == 1
     places = [(row, column) for row in rows for column in range(3)]
+    many = len(rows) > FEW_VEHICLES
     traces = [
         trace
         for number, (row, column) in enumerate(places)
-        for trace in _error_panel(row, column, times, number, single)
+        for trace in _error_panel(row, column, times, number, single, 2 if many else 1)
     ]
-    settled = [_settled(row, column) for row, column in places]
-    ranges = [{} if half is None else {"range": numbers([-half, half], 5)} for half in settled]
+    # panels with one axis: each its own, or all of a unit
+    groups = [[k] for k in range(len(places))]
+    if many:
+        groups = [[k for k, (_, column) in enumerate(places) if column in of] for of in _UNITS]
+    reaches = [np.maximum.reduce([_reach(*places[k]) for k in group]) for group in groups]
+    settled = [_settled(whole) for whole in reaches]
     shown = "error" if single else "mean error"
     note = f"{shown} of {report.run}, and the filter's own 3-sigma band"
     if len(rows) < len(report.vehicles) and vehicles is None:
         note += f"; the {len(rows)} of {len(report.vehicles)} vehicles with the largest errors"
-    note += _clipped(series, places, settled)
+    note += _clipped(series, places, groups, settled)
     title = f"{escaped(report.name or 'Plan')}: errors over time"
+    if many:
+        metres, rad = (
+            _AIR * float(np.max(whole)) if half is None else half
+            for whole, half in zip(reaches, settled, strict=True)
+        )
+        names = [row.name for row in rows]
+        return multiples_spec(title, note, names, _ERRORS, traces, style, [metres, metres, rad])
+    ranges = [{} if half is None else {"range": numbers([-half, half], 5)} for half in settled]
     names = [f"{row.name}: {_ERRORS[column]}" for row, column in places]
     return panels_spec(title, note, names, traces, style, ranges)
 
 
-def _settled(row: VehicleSeries, column: int) -> float | None:
+def _settled(whole: Array) -> float | None:
     """Half the range of an axis that fits the second half; None if the start is hardly larger."""
-    whole = _reach(row, column)
     half = _AIR * float(np.max(whole[len(whole) // 2 :]))
     return half if 0.0 < _WORTH_CLIPPING * half < float(np.max(whole)) else None
 
@@ -259,23 +126,27 @@ def _reach(row: VehicleSeries, column: int) -> Array:
 
 
 def _clipped(
-    series: Series, places: list[tuple[VehicleSeries, int]], ranges: list[float | None]
+    series: Series,
+    places: list[tuple[VehicleSeries, int]],
+    groups: list[list[int]],
+    settled: list[float | None],
 ) -> str:
     """Note on starts that leave their axes."""
     starts = [
         (column, float(np.max(_reach(row, column))))
-        for (row, column), half in zip(places, ranges, strict=True)
+        for group, half in zip(groups, settled, strict=True)
         if half is not None
+        for row, column in (places[k] for k in group)
     ]
     if not starts:
         return ""
     said = []
-    for unit, of in (("m", (0, 1)), ("rad", (2,))):
+    for unit, of in zip(("m", "rad"), _UNITS, strict=True):
         largest = max((top for column, top in starts if column in of), default=None)
         if largest is not None:
             said.append(f"{largest:.2g} {unit}")
-    settled = series.time_s[len(series.time_s) // 2]
-    return f"; axes fit the run from {settled:.4g} s, clipped starts reach {' and '.join(said)}"
+    begin = series.time_s[len(series.time_s) // 2]
+    return f"; axes fit the run from {begin:.4g} s, clipped starts reach {' and '.join(said)}"
 
 
 def _series_of(report: ValidationDocument | ReplayDocument) -> Series:
@@ -312,10 +183,10 @@ def _error_curves(row: VehicleSeries, column: int) -> tuple[Array, Array, Array]
 
 
 def _error_panel(
-    row: VehicleSeries, column: int, times: Array, number: int, single: bool
+    row: VehicleSeries, column: int, times: Array, number: int, single: bool, fewer: int
 ) -> list[Spec]:
-    """Band, spread and mean of one vehicle's coordinate."""
-    every = every_so_many(len(times))
+    """Band, spread and mean of one vehicle's coordinate, with so many times fewer points."""
+    every = every_so_many(fewer * len(times))
     at = times[::every]
     mean, sigma, rms = (curve[::every] for curve in _error_curves(row, column))
     key = f"{row.name}-{column}"

@@ -13,6 +13,7 @@ from syncplan.errors import InputError
 from syncplan.options import options_of
 from syncplan.planning.planner import Plan, plan
 from syncplan.planning.validation import validate
+from syncplan.plotting.canvas import fitted
 from syncplan.plotting.contact_figures import MANY_SIGHTINGS, lanes_of, rows_of, within_period
 from syncplan.plotting.figure_style import PLAIN, FigureStyle
 from syncplan.plotting.figures import specs_of
@@ -241,47 +242,87 @@ def _panels(spec: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:
     return found
 
 
+def _reach(traces: list[dict[str, Any]], since: float) -> float:
+    """Largest magnitude drawn from a time on."""
+    largest = 0.0
+    for trace in traces:
+        x, y = (np.array(trace[key], dtype=float) for key in "xy")
+        largest = max(largest, float(np.nanmax(np.abs(y[x >= since]))))
+    return largest
+
+
+@pytest.mark.parametrize("many", [False, True])
 def test_axes_of_errors_fit_the_settled_half_and_say_what_they_leave_out(
-    report: ValidationDocument,
+    report: ValidationDocument, many: bool
 ) -> None:
-    spec = specs_of(report, ["errors"])["errors"]
-    clipped = 0.0
-    for name, traces in _panels(spec).items():
-        low, high = spec["layout"][name]["range"]
-        late, start = 0.0, 0.0
-        for trace in traces:
-            x, y = (np.array(trace[key], dtype=float) for key in "xy")
-            late = max(late, float(np.nanmax(np.abs(y[x >= 50.0]))))
-            start = max(start, float(np.nanmax(np.abs(y))))
-        assert late < high == -low < 1.3 * late
-        assert start > 1.5 * high
-        if not name.endswith(("3", "6", "9", "2", "5", "8")):
-            clipped = max(clipped, start)
-    note = note_of(spec)
+    spec = errors_spec(report, PLAIN, None if many else ["v1", "v2"])
+    panels = list(_panels(spec).items())
+    # panels of one scale: alone, or all in m and all in rad
+    groups = [[k] for k in range(len(panels))]
+    if many:
+        groups = [[k for k in range(len(panels)) if (k % 3 == 2) == rad] for rad in (False, True)]
+    for group in groups:
+        traces = [trace for k in group for trace in panels[k][1]]
+        late = _reach(traces, 50.0)
+        (ends,) = {tuple(spec["layout"][panels[k][0]]["range"]) for k in group}
+        assert late < ends[1] == -ends[0] < 1.3 * late
+        assert _reach(traces, 0.0) > 1.5 * ends[1]
+    note = note_of({"layout": spec["layout"]})
     assert "axes fit the run from 50 s, clipped starts reach " in note
     assert " m and " in note
 
 
-def test_a_start_as_good_as_the_rest_is_not_clipped() -> None:
+@pytest.mark.parametrize("vehicles", [["v1", "v2"], None])
+def test_a_start_as_good_as_the_rest_is_not_clipped(vehicles: list[str] | None) -> None:
     near = example("paper-grid-same").model_dump(mode="json", exclude_none=True)
     near["initial_sigma"] = {"position_m": 0.3, "heading_rad": 0.01}
     run = validate(small(**near), trials=4, seed=1, duration=60.0, with_series=True)
-    spec = specs_of(run, ["errors"])["errors"]
+    spec = errors_spec(validation_document(run), PLAIN, vehicles)
     ranges = [axis.get("range") for key, axis in spec["layout"].items() if key.startswith("yaxis")]
-    assert None in ranges
-    assert any(ranges) or "clipped" not in note_of(spec)
+    if vehicles is None:
+        panels = _panels(spec)
+        for k, name in enumerate(panels):
+            assert spec["layout"][name]["range"][1] > _reach(panels[name], 0.0) or k % 3 == 2
+    else:
+        assert None in ranges
+        assert any(ranges) or "clipped" not in note_of(spec)
 
 
-def test_panels_of_errors_stand_under_each_other_in_a_column(report: ValidationDocument) -> None:
-    wide = errors_spec(report, PLAIN)["layout"]
-    column = errors_spec(report, FigureStyle(width=400))["layout"]
+def test_panels_of_few_vehicles_stand_under_each_other_in_a_column(
+    report: ValidationDocument,
+) -> None:
+    few = ["v1", "v4"]
+    wide = errors_spec(report, PLAIN, few)["layout"]
+    column = errors_spec(report, FigureStyle(width=400), few)["layout"]
     for layout, lefts in ((wide, {0.0, 0.35, 0.7}), (column, {0.0})):
         panels = [
             (tuple(layout[f"xaxis{k}"]["domain"]), tuple(layout[f"yaxis{k}"]["domain"]))
-            for k in ("", *range(2, 3 * len(report.vehicles) + 1))
+            for k in ("", *range(2, 3 * len(few) + 1))
         ]
         assert {x[0] for x, _ in panels} == lefts
         assert len(set(panels)) == len(panels)
+
+
+@pytest.mark.parametrize("width", [1200, 400])
+def test_many_vehicles_are_small_multiples_that_can_be_read(
+    report: ValidationDocument, width: int
+) -> None:
+    style = FigureStyle(width=width)
+    spec = fitted(errors_spec(report, style), style)
+    layout, count = spec["layout"], len(report.vehicles)
+    inner = layout["height"] - layout["margin"]["t"] - layout["margin"]["b"]
+    for k in range(3 * count):
+        x, y = (layout[f"{key}axis{k + 1 if k else ''}"] for key in "xy")
+        (left, right), (low, high) = x["domain"], y["domain"]
+        assert (right - left) * style.plot_px > 90
+        # three labels of an axis, and as much again between them
+        assert (high - low) * inner > 4 * y["tickfont"]["size"]
+        assert y["tickfont"]["size"] >= 11
+        assert y["showticklabels"] == (k % 3 != 1)
+        assert x["showticklabels"] == (k >= 3 * count - 3)
+    assert layout["height"] < 1000
+    names = [note["text"] for note in layout["annotations"]]
+    assert names == ["x in m", "y in m", "heading in rad", *(one.name for one in report.vehicles)]
 
 
 def test_bars_too_thin_for_their_patterns_become_marks() -> None:

@@ -15,7 +15,8 @@ from syncplan.planning.planner import plan
 from syncplan.planning.validation import Validation, validate
 from syncplan.planning.variations import sweep
 from syncplan.plotting.figures import specs_of
-from syncplan.plotting.series_figures import MOST_POINTS, MOST_VEHICLES
+from syncplan.plotting.panels import MOST_POINTS
+from syncplan.plotting.series_figures import MOST_VEHICLES
 from syncplan.reports.loss_report import what_if_document
 from syncplan.reports.validation_report import (
     SweepReport,
@@ -78,7 +79,8 @@ def test_the_band_is_three_sigma_of_each_axis_about_zero(
 ) -> None:
     kept = series(flown.result)
     spec = specs_of(report, ["errors"])["errors"]
-    every = -(-len(kept.position_rms) // MOST_POINTS)
+    # small multiples have half as many points
+    every = -(-2 * len(kept.position_rms) // MOST_POINTS)
     for k, vehicle in enumerate(report.vehicles):
         for column in range(3):
             sigma = kept.heading_sigma[:, k] if column == 2 else kept.axis_sigma[:, k, column]
@@ -117,17 +119,17 @@ def test_a_single_trial_shows_its_error_and_no_spread() -> None:
 
 
 def test_of_a_large_team_the_worst_are_drawn_or_those_named() -> None:
-    shape = {"shape": "grid", "count": 10, "columns": 5, "spacing_m": 70.0}
+    shape = {"shape": "grid", "count": 20, "columns": 5, "spacing_m": 70.0}
     run = validate(small(formation=shape), trials=4, duration=2.0, with_series=True)
     spec = specs_of(run, ["errors"])["errors"]
     drawn = {trace["uid"].split("-")[1] for trace in spec["data"]}
     order = np.argsort(-run.accuracy.position, kind="stable")[:MOST_VEHICLES]
     assert drawn == {f"v{k + 1}" for k in order}
-    assert "8 of 10" in note_of(spec)
+    assert "16 of 20" in note_of(spec)
     named = figures.error_bands(run, ["v3"]).to_plotly_json()
     assert {trace["uid"].split("-")[1] for trace in named["data"]} == {"v3"}
-    with pytest.raises(InputError, match="'v11' is not in the report"):
-        figures.error_bands(run, ["v11"])
+    with pytest.raises(InputError, match="'v21' is not in the report"):
+        figures.error_bands(run, ["v21"])
 
 
 def test_a_report_without_series_says_how_to_get_one(report: ValidationDocument) -> None:
