@@ -39,8 +39,8 @@ _LEAST_ARROW = 0.05
 
 _HEAD_PX = 15.0
 _SHORT_PX = 9.0
-_SHORT_MARK_PX = 7.0
-"""Length of a link's line below which a mark shows it, and the size of that mark."""
+_MARK_PX = 7.0
+"""Length of a link's line below which a mark shows it, and the size of marks."""
 
 _MOTION_DASHES = ("solid", "dash", "dot")
 
@@ -124,21 +124,25 @@ def _pair_trace(
     shown: Standing,
     view: maps.MapView,
 ) -> canvas.Spec:
-    """Lines from rim to rim, with a middle point for hover texts, marked where a line is short."""
+    """Lines from rim to rim, with a middle point for hover texts and the mark of their kind.
+
+    Short lines have a mark in any case. Large teams have none.
+    """
     pairs = np.array([(item.a, item.b) for item in links])
     start, end = link_ends(plan.orbits, plan.landmarks, pairs)
     x, y = canvas.gapped(np.stack([start, 0.5 * (start + end), end], axis=1), view.places)
     text = [""] * len(x)
     text[1::4] = texts
     lengths = view.scale * np.hypot(*(end - start).T)
-    shortest = 0.0 if view.many else _SHORT_PX
+    marked = (lengths < _SHORT_PX) | bool(shown.mark)
     sizes = [0.0] * len(x)
-    sizes[1::4] = [_SHORT_MARK_PX if length < shortest else 0.0 for length in lengths]
+    sizes[1::4] = [_MARK_PX if one and not view.many else 0.0 for one in marked]
     line = {"color": shown.color, "dash": shown.dash, "width": view.link_px(shown.width)}
     marks: canvas.Spec = {}
     if any(sizes):
-        marker = {"symbol": "diamond", "size": sizes, "color": shown.color, "line": {"width": 0}}
-        marks = {"mode": "lines+markers", "marker": {**marker, "opacity": 1}}
+        marker: canvas.Spec = {"symbol": shown.mark or "diamond", "size": sizes}
+        marker |= {"color": shown.color, "opacity": 1, "line": {"width": 2 if shown.mark else 0}}
+        marks = {"mode": "lines+markers", "marker": marker}
     return canvas.line_trace(
         shown.key,
         shown.text,

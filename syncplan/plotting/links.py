@@ -24,12 +24,15 @@ from syncplan.plotting.figure_style import GREEN, MUTED, SKY, VERMILLION
 class Standing:
     """Worth of a link for observability, in words and in the style of figures.
 
+    Colour and dash show the rank, width and mark the kind of link.
+
     Attributes
     ----------
     key : short name that stays the same between figures
     text : the legend's words
     color, dash, width : style of a line
     pattern : Plotly's name of a bar's pattern; empty for a plain bar
+    mark : Plotly's name of the mark in the middle of a line; empty for none
     """
 
     key: str
@@ -38,12 +41,20 @@ class Standing:
     dash: str
     width: float
     pattern: str
+    mark: str = ""
 
 
-DROPPED = Standing("dropped", "dropped link", MUTED, "dot", 1.5, "")
+DROPPED = Standing("dropped", "dropped link", MUTED, "dot", 1.5, "", "x")
 
-_KINDS = {"link": 3.0, "incidental": 1.3, "landmark": 1.8}
-_PATTERNS = {"link": ("", ".", "/"), "incidental": ("-", ".", "/"), "landmark": ("x", "+", "\\")}
+_KINDS = {"link": (3.0, ""), "incidental": (1.3, "circle-open"), "landmark": (1.8, "")}
+"""Width and mark of a line."""
+
+_PATTERNS = {"link": ("", "."), "incidental": ("-", "+"), "landmark": ("|", "+")}
+"""Patterns of full rank: certified, and too weak."""
+
+_SHORT = (("dash", "/"), ("dot", "\\"), ("longdash", "x"))
+"""Dash and pattern of ranks that are one, two and three short."""
+
 _WORDS = {"link": "link", "incidental": "incidental link", "landmark": "landmark link"}
 
 
@@ -52,16 +63,17 @@ def standing_of(plan: Plan, meeting: LinkVerdict, *, incidental: bool = False) -
     to_landmark = meeting.b >= plan.orbits.count
     kind = "landmark" if to_landmark else "incidental" if incidental else "link"
     full = 2 if to_landmark else 3
-    words, width = _WORDS[kind], _KINDS[kind]
-    certified, weak, short = _PATTERNS[kind]
+    words, (width, mark) = _WORDS[kind], _KINDS[kind]
+    certified, weak = _PATTERNS[kind]
     if meeting.certified:
         text = f"{words}, rank {full}, certified"
-        return Standing(f"{kind}-certified", text, GREEN, "solid", width, certified)
+        return Standing(f"{kind}-certified", text, GREEN, "solid", width, certified, mark)
     if meeting.rank >= full:
         text = f"{words}, rank {full}, too weak"
-        return Standing(f"{kind}-weak", text, SKY, "dashdot", width, weak)
+        return Standing(f"{kind}-weak", text, SKY, "dashdot", width, weak, mark)
     text = f"{words}, rank {meeting.rank} of {full}"
-    return Standing(f"{kind}-rank-{meeting.rank}", text, VERMILLION, "dash", width, short)
+    dash, pattern = _SHORT[full - meeting.rank - 1]
+    return Standing(f"{kind}-rank-{meeting.rank}", text, VERMILLION, dash, width, pattern, mark)
 
 
 def grouped(plan: Plan) -> dict[Standing, list[LinkVerdict]]:

@@ -16,7 +16,7 @@ from syncplan.planning.planner import Plan, plan
 from syncplan.plotting.figure_files import figure_images
 from syncplan.plotting.figure_style import PLAIN, FigureStyle
 from syncplan.plotting.figures import specs_of
-from syncplan.plotting.links import link_ends
+from syncplan.plotting.links import DROPPED, link_ends, standing_of
 from syncplan.plotting.maps import view_of
 from tests.tools.figure_parts import note_of, trace_of, turns_of
 from tests.tools.image_browser import needs_browser
@@ -198,6 +198,38 @@ def test_a_comparison_shows_and_says_which_vehicles_turn_round() -> None:
     assert note_of(spec).endswith("v2 changes direction")
     same = specs_of(before, ["comparison"], after=before)["comparison"]
     assert note_of(same).endswith("all keep their direction")
+
+
+def test_ranks_and_kinds_of_links_differ_in_more_than_width_and_colour() -> None:
+    made = plan(small(landmarks_m=[[35.0, 40.0]]), bound="never")
+    link, landmark = made.links[0], made.landmark_links[0]
+    shown = []
+    for meeting, full, incidental in ((link, 3, False), (link, 3, True), (landmark, 2, False)):
+        of_kind = [
+            standing_of(
+                made, replace(meeting, rank=rank, certified=certified), incidental=incidental
+            )
+            for rank, certified in ((full, True), *((one, False) for one in range(full + 1)))
+        ]
+        assert len({one.dash for one in of_kind}) == len(of_kind)
+        assert len({one.pattern for one in of_kind}) == len(of_kind)
+        shown.append(of_kind)
+    links, incidental_ones, _ = shown
+    # of a rank, an incidental link has a mark; a landmark's ends at a star
+    for one, other in zip(links, incidental_ones, strict=True):
+        assert one.dash == other.dash
+        assert one.mark != other.mark
+    assert DROPPED.mark not in {one.mark for one in links + incidental_ones}
+
+
+def test_an_incidental_link_has_its_mark_in_the_middle() -> None:
+    made = plan(small(formation=ROW), bound="never")
+    other = replace(made, links=made.links[1:], incidental_links=made.links[:1])
+    spec = specs_of(other, ["formation"])["formation"]
+    (trace,) = (one for one in spec["data"] if one.get("uid", "").startswith("incidental"))
+    assert trace["marker"]["symbol"] == "circle-open"
+    assert [size > 0.0 for size in trace["marker"]["size"]] == [False, True, False, False]
+    assert trace["x"][1] == pytest.approx(0.5 * (trace["x"][0] + trace["x"][2]))
 
 
 @needs_browser
