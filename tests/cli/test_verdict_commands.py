@@ -47,8 +47,8 @@ def test_plot_says_the_verdict_first_and_its_page_shows_it(run: Any, tmp_path: P
     _, out, err = run("plot", GRID, "--figure", "spectrum")
     assert err == "syncplan: GO\n"
     assert "<strong>GO</strong>" in out
-    assert "<li>note: single-point-of-failure" in out
-    assert "<li>stop" not in out
+    assert "<strong>Note, single point of failure</strong>" in out
+    assert "<strong>No-go" not in out
     _, out, err = run("plot", str(plan), "--compare", GRID, "--figure", "comparison")
     assert err.splitlines() == [
         "syncplan: before: NO-GO: 2 reasons: unobservable",
