@@ -141,7 +141,11 @@ def _pair_trace(
     marks: canvas.Spec = {}
     if any(sizes):
         marker: canvas.Spec = {"symbol": shown.mark or "diamond", "size": sizes}
-        marker |= {"color": shown.color, "opacity": 1, "line": {"width": 2 if shown.mark else 0}}
+        marker |= {
+            "color": shown.color,
+            "opacity": 1,
+            "line": {"width": 2 if shown.mark.endswith("open") else 0},
+        }
         marks = {"mode": "lines+markers", "marker": marker}
     return canvas.line_trace(
         shown.key,
