@@ -6,12 +6,11 @@
 #              vehicles beside the model of flight
 # make crosschecks    fly the model beside RotorPy's multirotors and JSBSim's aeroplanes
 # make scripts    the linter, types and unit tests of the web page's scripts
-# make vendor  bundle the libraries of the web page anew
+# make vendor  bundle anew the libraries of the web page, and what pages of figures bring along
 # make docs    set up and build the documentation into build/site, which opens without a server
 # make container-steps    follow the steps of the Dockerfile without a container
 # make benchmarks    measure against peers, side by side
 # make lock    renew requirements.lock, and docker/service.lock, which has the image's part of it
-# make vendored    fetch anew what pages and images bring along: a bundle of Plotly's, and a font
 # make clean   remove the virtual environment and caches
 
 PYTHON ?= python3
@@ -42,7 +41,7 @@ install = sed -n '/^uv==/,/[^\]$$/p' requirements.lock > $(VENV)/uv.lock && \
 	{ $(BIN)/pip install --quiet --require-hashes --requirement requirements.lock && \
 	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable $(1); }
 
-.PHONY: demo serve check scripts vendor check-all fresh-cases crosschecks docs postgresql chromium container-steps benchmarks lock vendored clean
+.PHONY: demo serve check scripts vendor check-all fresh-cases crosschecks docs postgresql chromium container-steps benchmarks lock clean
 
 demo: $(VENV)/.run
 	$(BIN)/syncplan plan $(DEMO) --format table
@@ -65,7 +64,7 @@ scripts: $(VENV)/.page
 	$(BIN)/node vendor/node_modules/.bin/tsc -p vendor
 	$(BIN)/node --test --test-reporter=dot tests/page/*.mjs
 
-# bundle the libraries of the web page into api/page/vendor
+# into api/page/vendor and syncplan/plotting/vendored
 vendor: $(VENV)/.page
 	cd vendor && $(abspath $(BIN))/node build.mjs
 
@@ -188,18 +187,6 @@ lock: $(BIN)/python
 	printf '%s\n' 'rotorpy>=3.0,<3.1' 'jsbsim>=1.3,<1.4' | $(BIN)/uv pip compile --quiet --no-deps \
 		--no-header --no-annotate --no-emit-index-url --no-emit-find-links --generate-hashes \
 		--python-version 3.11 --output-file tests/crosschecks/requirements.txt -
-
-# Plotly's smallest bundle that has bars, for pages, and a font, for images; their versions are in
-# package.json, and what is fetched has the hashes of package-lock.json
-VENDORED := syncplan/plotting/vendored
-
-vendored:
-	cd $(VENDORED) && npm ci --ignore-scripts --no-audit --no-fund && \
-		cp node_modules/plotly.js-basic-dist-min/plotly-basic.min.js . && \
-		cp node_modules/plotly.js-basic-dist-min/LICENSE plotly-LICENSE && \
-		cp node_modules/@fontsource/arimo/files/arimo-latin-400-normal.woff2 . && \
-		cp node_modules/@fontsource/arimo/LICENSE arimo-LICENSE && \
-		sha256sum *.min.js *.woff2 *-LICENSE > SHA256SUMS && rm -rf node_modules
 
 clean:
 	rm -rf $(VENV) .import_linter_cache .mypy_cache .pytest_cache .ruff_cache .hypothesis .schemathesis build dist

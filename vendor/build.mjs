@@ -1,7 +1,8 @@
-// Bundle what the page uses of its libraries, with their licences and the digests of both.
+// Bundle what the web page uses of its libraries, and copy what pages and images of figures bring along,
+// each with licences and digests.
 
 import { createHash } from "node:crypto";
-import { readFile, readdir, writeFile } from "node:fs/promises";
+import { copyFile, readFile, readdir, writeFile } from "node:fs/promises";
 import { build } from "esbuild";
 
 const TARGET = "../api/page/vendor";
@@ -28,8 +29,22 @@ for (const name of [...new Set(used.filter(Boolean))].sort()) {
 }
 await writeFile(`${TARGET}/LICENCES.txt`, licences.join(`\n${"-".repeat(80)}\n\n`));
 
-const digests = [];
-for (const name of (await readdir(TARGET)).filter((one) => /\.(js|txt)$/.test(one)).sort()) {
-  digests.push(`${createHash("sha256").update(await readFile(`${TARGET}/${name}`)).digest("hex")}  ${name}\n`);
+const FIGURES = "../syncplan/plotting/vendored";
+const COPIES = {
+  "plotly-basic.min.js": "plotly.js-basic-dist-min/plotly-basic.min.js",
+  "plotly-LICENSE": "plotly.js-basic-dist-min/LICENSE",
+  "arimo-latin-400-normal.woff2": "@fontsource/arimo/files/arimo-latin-400-normal.woff2",
+  "arimo-LICENSE": "@fontsource/arimo/LICENSE",
+};
+for (const [name, from] of Object.entries(COPIES)) await copyFile(`node_modules/${from}`, `${FIGURES}/${name}`);
+
+await digest(TARGET, ["LICENCES.txt", "openlayers.js"]);
+await digest(FIGURES, Object.keys(COPIES));
+
+async function digest(folder, names) {
+  const lines = names.sort().map(async (name) => {
+    const content = await readFile(`${folder}/${name}`);
+    return `${createHash("sha256").update(content).digest("hex")}  ${name}\n`;
+  });
+  await writeFile(`${folder}/SHA256SUMS`, (await Promise.all(lines)).join(""));
 }
-await writeFile(`${TARGET}/SHA256SUMS`, digests.join(""));

@@ -3,7 +3,7 @@
 plotly-basic.min.js           Plotly's smallest bundle that draws lines, marks and bars (MIT)
 arimo-latin-400-normal.woff2  Arimo, as wide as Arial and Helvetica, letters of Latin-1 (OFL 1.1)
 
-`make vendored` fetches them from npm by package-lock.json and renews SHA256SUMS.
+`make vendor` copies them from npm by vendor/package-lock.json and renews SHA256SUMS.
 """
 
 from importlib.resources import files
