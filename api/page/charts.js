@@ -3,7 +3,7 @@
 import { draw } from "./drawing.js";
 import { byId } from "./elements.js";
 import { askJson, patiently } from "./service.js";
-import { theme } from "./planner.js";
+import { ASKED, Planner, theme } from "./planner.js";
 import { FIGURES, PLAN_FIGURES } from "./tables.js";
 import { tabs } from "./tabs.js";
 
@@ -18,9 +18,12 @@ export class Charts {
   #text = byId("panel-text");
   #button = byId("show-figures");
   #figures = {};
+  #redraw;
   #tabs;
 
-  constructor(store) {
+  /** `redraw()` asks for the figures of the plan on show. */
+  constructor(store, redraw) {
+    this.#redraw = redraw;
     this.#tabs = tabs(byId("tabs"), TITLES, (name) => this.#draw(name));
     this.#button.addEventListener("click", () => this.open(byId("figures").hidden));
     store.on(["plan"], (detail) => this.#take(detail.figures));
@@ -54,7 +57,8 @@ export class Charts {
   open(flag = true) {
     byId("figures").hidden = !flag;
     this.#button.setAttribute("aria-expanded", flag);
-    if (flag && this.#tabs.current()) this.#draw(this.#tabs.current());
+    Planner.figures = flag ? ASKED : [];
+    if (flag) this.#redraw();
   }
 
   #take(figures) {

@@ -30,7 +30,7 @@ let waiting = 0;
 /** the design on show, which the address names */
 let designed = null;
 const store = new Store();
-const charts = new Charts(store);
+const charts = new Charts(store, () => attempt(redraw));
 const map = new FormationMap(store);
 new Editor(store);
 const player = new Player(store, map, charts);

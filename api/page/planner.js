@@ -10,8 +10,8 @@ const AWAY_S = 2;
 /** The page draws the formation and plays its period itself. */
 const DRAWN_HERE = ["formation", "animation"];
 
-/** The figures that every plan on show comes with. */
-const ASKED = PLAN_FIGURES.filter((name) => !DRAWN_HERE.includes(name));
+/** The figures that a plan on show comes with while figures are open. */
+export const ASKED = PLAN_FIGURES.filter((name) => !DRAWN_HERE.includes(name));
 
 /** Keeps a store's plan up with its scenario.
  *
@@ -19,6 +19,8 @@ const ASKED = PLAN_FIGURES.filter((name) => !DRAWN_HERE.includes(name));
  * pause, the whole plan. `busy(flag)` hears when there is something to wait for.
  */
 export class Planner {
+  /** the figures that plans come with: none while figures are closed @type {string[]} */
+  static figures = [];
   #store;
   #busy;
   /** @type {any} */
@@ -36,13 +38,14 @@ export class Planner {
   /** Resolves with the plan and figures of a stored plan. */
   static async stored(planId) {
     const at = `v1/plans/${encodeURIComponent(planId)}`;
-    const asked = ASKED.map((name) => askJson("GET", `${at}/figures/${name}?theme=${theme()}`));
+    const names = Planner.figures;
+    const asked = names.map((name) => askJson("GET", `${at}/figures/${name}?theme=${theme()}`));
     const [plan, ...found] = await Promise.all([askJson("GET", at), ...asked]);
-    return { plan: await judgedPlan(plan), figures: Object.fromEntries(ASKED.map((name, k) => [name, found[k]])) };
+    return { plan: await judgedPlan(plan), figures: Object.fromEntries(names.map((name, k) => [name, found[k]])) };
   }
 
   /** Resolves with the plan and figures of any scenario or plan document, stored nowhere. */
-  static preview(document, { figures = ASKED, quick = false } = {}) {
+  static preview(document, { figures = Planner.figures, quick = false } = {}) {
     const asked = new URLSearchParams({ quick: `${quick}`, theme: theme() });
     for (const name of figures) asked.append("figure", name);
     const text = typeof document === "string";

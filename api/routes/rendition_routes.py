@@ -17,6 +17,7 @@ from api.job_kinds.job_table import JOB_KINDS, plurals
 from api.problems import Conflict, NotFound, problem_responses
 from api.responses import FigureValues, Preview
 from api.routes.job_routes import Owned, report_or_refuse
+from api.routes.page_routes import compressed
 from api.routes.plan_routes import Identifier, find_or_refuse
 from api.storage.holdings import Answer
 from syncplan.errors import InputError
@@ -97,7 +98,8 @@ async def create_preview(
     names = list(dict.fromkeys(figure or ()))
     asked = (call.body, call.syntax, call.service.limits, quick, names, style)
     make = partial(computed, call, "previewed", *asked)
-    return await answer_once(call, make, lambda _, made: Answer(call.digest, 200, {}, made))
+    made = await answer_once(call, make, lambda _, text: Answer(call.digest, 200, {}, text))
+    return compressed(made, call.request.headers.get("accept-encoding", ""))
 
 
 @router.get(

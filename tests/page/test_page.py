@@ -88,12 +88,12 @@ def test_a_phone_keeps_the_verdict_in_sight(tabs: Tabs, server: Server) -> None:
 
 
 def _cut(page: Page) -> list[str]:
-    """What sticks out of its part of the page, or is wider than there is room for."""
+    """What sticks out of its part of the page and can't be scrolled to."""
     found: list[str] = page.evaluate(
         """[...document.querySelectorAll('.inspector *, .bar *, .player *')].filter(one => {
             const box = one.getBoundingClientRect();
             const around = one.closest('.inspector, .bar, .player').getBoundingClientRect();
-            return box.width && !one.closest('.unseen, svg, .plot, #handles, legend')
+            return box.width && !one.closest('.unseen, svg, .plot, #handles, legend, .actions, .front')
                 && (box.right > around.right + 1 || box.left < around.left - 1);
         }).map(one => one.outerHTML.slice(0, 100))"""
     )
