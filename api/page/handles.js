@@ -56,13 +56,20 @@ export class Handles {
       const [left, top] = pixel;
       const away = left < 0 || top < 0 || left > size[0] || top > size[1];
       handle.grip = grip;
-      handle.className = `handle ${grip.kind}${this.#isJudged(grip) ? "" : " moved"}${away ? " away" : ""}`;
-      handle.setAttribute("aria-pressed", this.#store.isSelected(grip));
+      const look = `handle ${grip.kind}${this.#isJudged(grip) ? "" : " moved"}${away ? " away" : ""}`;
+      const pressed = this.#store.isSelected(grip);
+      const tabIndex = this.#isStop(grip, k) ? 0 : -1;
+      // what is the same costs the browser nothing
+      const state = [look, pressed, tabIndex, grip.label, left, top].join();
+      if (handle.state === state) return;
+      handle.state = state;
+      handle.className = look;
+      handle.setAttribute("aria-pressed", pressed);
       handle.setAttribute("aria-label", grip.label);
       handle.title = grip.title;
       handle.style.left = `${Math.min(Math.max(left, 0), size[0])}px`;
       handle.style.top = `${Math.min(Math.max(top, 0), size[1])}px`;
-      handle.tabIndex = this.#isStop(grip, k) ? 0 : -1;
+      handle.tabIndex = tabIndex;
     });
   }
 
@@ -154,7 +161,6 @@ export class Handles {
       const all = this.#made;
       const other = all[(all.indexOf(handle) + next + all.length) % all.length];
       this.#choose(other.grip, { shiftKey: event.shiftKey });
-      other.tabIndex = 0;
       other.focus();
       return;
     }

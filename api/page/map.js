@@ -30,6 +30,12 @@ export class FormationMap {
   #moving = new VectorSource();
   #looks = new Looks();
   #map;
+  /** marks that stand still, by their signatures */
+  #drawn = new Map();
+  /** circles and links that are drawn @type {any} */
+  #scene = null;
+  /** the frame that is waited for */
+  #due = 0;
   /** what was on show after all was fitted into the window */
   #whole = "";
   /** the polygons that are drawn, as text */
@@ -57,7 +63,7 @@ export class FormationMap {
       this.fit();
       this.#map.once("rendercomplete", () => performance.mark("map"));
     });
-    store.on(["scenario", "opened", "plan", "selected", "beside"], () => this.draw());
+    store.on(["scenario", "opened", "plan", "selected", "beside"], () => this.#drawSoon());
     store.on(["selected"], ({ reveal }) => reveal && this.#reveal());
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.#restyle());
     // what was fitted to the window stays so; a view that people chose stays as it is
@@ -115,28 +121,51 @@ export class FormationMap {
     this.#drawMoving();
   }
 
+  /** Draw with the next frame, once for all that changes until then. */
+  #drawSoon() {
+    this.#due ||= requestAnimationFrame(() => {
+      this.#due = 0;
+      this.draw();
+      // in this frame, not the next one
+      this.#map.renderSync();
+    });
+  }
+
   /** Draw the scenario as it is, with what its plan says of it. */
   draw() {
     const { scenario, drawn: plan, beside } = this.#store;
     if (!scenario) return;
     const circles = circlesOf(scenario, plan);
     const links = linksOf(scenario, plan);
+    this.#scene = { circles, links };
     this.#drawPolygons(scenario);
-    this.#still.clear(true);
-    this.#still.addFeatures([
-      ...(beside?.vehicles ?? []).map(({ center_m: [x, y], radius_m: radius }) => mark(new LineString(ringOf({ x, y, radius })), { kind: "beside" })),
-      ...links.map(({ from, to, rank, toLandmark }) => mark(line([from, to]), { kind: "link", rank, toLandmark })),
-      ...circles.map((one) => mark(new LineString(ringOf(one)), { kind: "circle", body: one.name })),
-      ...links.flatMap(({ from, to, arcs, rank }) =>
-        [from, to].filter((one) => one.radius > 0).flatMap((one) => arcs.map(([a, b]) => mark(new LineString(arcOf(one, a, b)), { kind: "contact", rank }))),
-      ),
-      ...motionsOf(scenario, plan).map(({ path, turns }) => mark(new LineString(path), { kind: "motion", turns })),
-      ...pointsOf(scenario).map(({ name, x, y }) => mark(new Point([x, y]), { kind: "landmark", name })),
-      ...circles.map(({ name, x, y }) => mark(new Point([x, y]), { kind: "centre", name })),
+    this.#sync([
+      ...(beside?.vehicles ?? []).map(({ name, center_m: [x, y], radius_m: radius }) => [`beside ${name} ${x} ${y} ${radius}`, () => mark(new LineString(ringOf({ x, y, radius })), { kind: "beside" })]),
+      ...links.map(({ a, b, from, to, rank }) => [`link ${a} ${b} ${rank} ${from.x} ${from.y} ${to.x} ${to.y}`, () => mark(line([from, to]), { kind: "link", rank })]),
+      ...circles.map((one) => [`circle ${one.name} ${one.x} ${one.y} ${one.radius}`, () => mark(new LineString(ringOf(one)), { kind: "circle", body: one.name })]),
+      ...links.flatMap((link) => [link.from, link.to].filter((one) => one.radius > 0).flatMap((one) => link.arcs.map(([a, b]) => contact(link, one, a, b)))),
+      ...motionsOf(scenario, plan).map(({ path, turns }) => [`motion ${path}`, () => mark(new LineString(path), { kind: "motion", turns })]),
+      ...pointsOf(scenario).map(({ name, x, y }) => [`landmark ${name} ${x} ${y}`, () => mark(new Point([x, y]), { kind: "landmark", name })]),
+      ...circles.map(({ name, x, y }) => [`centre ${name} ${x} ${y}`, () => mark(new Point([x, y]), { kind: "centre", name })]),
     ]);
     this.#drawMoving();
     const many = `${circles.length} vehicles, ${pointsOf(scenario).length} landmarks, ${links.length} links`;
     this.#frame.setAttribute("aria-label", `Map of the formation: ${many}.`);
+  }
+
+  /** Bring the marks that stand still to these, `[signature, make]`: those that are drawn stay. */
+  #sync(marks) {
+    const gone = new Map(this.#drawn);
+    const made = [];
+    for (const [signature, make] of marks) {
+      if (gone.delete(signature) || this.#drawn.has(signature)) continue;
+      const feature = make();
+      this.#drawn.set(signature, feature);
+      made.push(feature);
+    }
+    for (const signature of gone.keys()) this.#drawn.delete(signature);
+    this.#still.removeFeatures([...gone.values()]);
+    this.#still.addFeatures(made);
   }
 
   /** Draw the polygons, unless they are drawn: corners may be in hand. */
@@ -163,18 +192,18 @@ export class FormationMap {
   }
 
   #drawMoving() {
-    const { scenario, drawn: plan, selected } = this.#store;
+    const { plan, selected } = this.#store;
     this.#moving.clear(true);
-    if (!scenario) return;
+    if (!this.#scene) return;
     if (this.#flown) {
       this.#moving.addFeatures(this.#flown.map(({ path, place, ...look }) => mark(path ? new LineString(path) : new Point(place), look)));
       return;
     }
     const turned = this.#turned;
-    const circles = circlesOf(scenario, plan);
+    const { circles, links } = this.#scene;
     const chosen = selected?.kind === "vehicle" ? circles[selected.k] : null;
     if (chosen && plan) this.#moving.addFeature(mark(new Polygon([sightOf(chosen, turned)]), { kind: "sight" }));
-    const inTouch = linksOf(scenario, plan).filter(({ arcs }) => arcs.some(([from, to]) => within(turned, from, to)));
+    const inTouch = links.filter(({ arcs }) => arcs.some(([from, to]) => within(turned, from, to)));
     this.#moving.addFeatures([
       ...inTouch.map(({ from, to, rank }) => mark(line([poseAt(from, turned), poseAt(to, turned)]), { kind: "sighting", rank })),
       ...circles.map((one) => {
@@ -195,6 +224,12 @@ export class FormationMap {
     this.#still.changed();
     this.#moving.changed();
   }
+}
+
+/** The part of a circle where a link meets, as a mark. */
+function contact({ a, b, rank }, circle, from, to) {
+  const { name, x, y, radius, phase, sense } = circle;
+  return [`contact ${name} ${a} ${b} ${rank} ${x} ${y} ${radius} ${phase * sense} ${from} ${to}`, () => mark(new LineString(arcOf(circle, from, to)), { kind: "contact", rank })];
 }
 
 function line(places) {

@@ -44,9 +44,20 @@ export function linksOf(scenario, plan) {
     .filter(({ from, to }) => from && to)
     .map((one) => {
       const reach = Math.max(reachOf(one.from), reachOf(one.to));
-      const arcs = withinReach(one.from, one.to, reach);
+      const arcs = meetings(one.from, one.to, reach);
       return { ...one, arcs, rank: arcs.length ? one.rank : 0 };
     });
+}
+
+/** Meetings that were found already: a drag moves one circle of many. */
+const found = new Map();
+const MOST_FOUND = 5000;
+
+function meetings(a, b, reach) {
+  const key = [a, b].map(({ x, y, radius, phase, sense }) => `${x} ${y} ${radius} ${phase} ${sense}`).join() + reach;
+  if (found.size > MOST_FOUND) found.clear();
+  if (!found.has(key)) found.set(key, withinReach(a, b, reach));
+  return found.get(key);
 }
 
 /** The longest range of what a body sees with; a landmark sees nothing. */

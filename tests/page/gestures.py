@@ -66,6 +66,8 @@ DRAWN = """kind => document.getElementById('map-plot').map.getLayers().getArray(
 
 def drawn(page: Page, kind: str) -> list[dict[str, Any]]:
     """The marks of a kind that are drawn on the map, with their coordinates `at` in m."""
+    # what changed is drawn with the next frame
+    page.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
     found: list[dict[str, Any]] = page.evaluate(DRAWN, kind)
     return found
 

@@ -93,7 +93,8 @@ def _cut(page: Page) -> list[str]:
         """[...document.querySelectorAll('.inspector *, .bar *, .player *')].filter(one => {
             const box = one.getBoundingClientRect();
             const around = one.closest('.inspector, .bar, .player').getBoundingClientRect();
-            return box.width && !one.closest('.unseen, svg, .plot, #handles, legend, .actions, .front')
+            const apart = '.unseen, svg, .plot, #handles, legend, .actions, .front';
+            return box.width && !one.closest(apart)
                 && (box.right > around.right + 1 || box.left < around.left - 1);
         }).map(one => one.outerHTML.slice(0, 100))"""
     )
