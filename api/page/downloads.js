@@ -14,11 +14,14 @@ export function offerDownloads(store, storePlan) {
   const pilot = choice("pilot", PILOTS);
   const pilots = element("div", { class: "field wide" }, element("label", { for: "pilot" }, "For"), pilot);
   const format = choice("format", FORMATS);
+  const travels = element("div", { class: "travels", id: "export-findings" });
   const origin = originFields(store);
   const suit = () => {
     pilots.hidden = !MISSIONS.includes(format.value);
     origin.hidden = !ON_EARTH.includes(format.value) || store.scenario?.geo_origin !== undefined;
     buttons[2].disabled = store.scenario === null || !origin.hidden;
+    // nothing is said of files that can't be made yet
+    travels.hidden = !origin.hidden;
   };
   format.addEventListener("change", suit);
   const buttons = [
@@ -28,7 +31,6 @@ export function offerDownloads(store, storePlan) {
   ];
   const force = element("input", { type: "checkbox", id: "force" });
   const forced = element("label", { for: "force", class: "check" }, force, element("span", {}, " Export although the verdict is ", element("span", { class: "together" }, "NO-GO")));
-  const travels = element("div", { class: "travels", id: "export-findings" });
   const report = element("button", { type: "button", onclick: () => run(saveReport) }, "Report");
   byId("downloads").append(
     element("div", { class: "row" }, buttons[0], buttons[1], report),

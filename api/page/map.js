@@ -15,7 +15,8 @@ import { DragPan, LineString, Modify, MouseWheelZoom, OlMap, PinchZoom, Point, P
 const MARGIN_PX = 36;
 const BUTTONS_PX = 72;
 const TOOLS_PX = 130;
-const NARROW_PX = 700;
+/** as in page.css */
+const NARROW = matchMedia("(max-width: 60em)");
 const FURTHEST_M = 1e7;
 const TURN = 2 * Math.PI;
 
@@ -84,8 +85,7 @@ export class FormationMap {
 
   /** Room for the tools and the view's buttons beside what is fitted, in pixels. */
   get #room() {
-    const wide = this.#frame.clientWidth > NARROW_PX;
-    return wide ? [MARGIN_PX, BUTTONS_PX, MARGIN_PX, TOOLS_PX] : [BUTTONS_PX, MARGIN_PX, BUTTONS_PX, MARGIN_PX];
+    return NARROW.matches ? [BUTTONS_PX, MARGIN_PX, BUTTONS_PX, MARGIN_PX] : [MARGIN_PX, BUTTONS_PX, MARGIN_PX, TOOLS_PX];
   }
 
   /** The part of the plane on show, as text. */
