@@ -3,11 +3,13 @@
 What the first load brings over the wire, and how long it takes until the map is drawn: with nothing
 cached, with all cached, and over a line of 400 kbit/s with a delay of 400 ms. While a circle is
 dragged: how long after a move the verdict on it is on the screen, how long after the drop that on
-the whole plan, and how long frames take.
+the whole plan, and how long frames take. With `--base PATH` the page of another checkout does the
+same.
 
-    python benchmarks/page.py
+    python benchmarks/page.py --base ../before
 """
 
+import argparse
 import json
 import statistics
 import sys
@@ -21,7 +23,7 @@ from playwright.sync_api import Browser, Page
 
 from benchmarks import Figure, print_figures
 from tests.tools.browsing import DESKTOP, chromium
-from tests.tools.serving import Server, running
+from tests.tools.serving import ROOT, Server, running
 
 LOADS = 5
 STEPS = 60
@@ -31,6 +33,7 @@ SLOW_LINE = {"latency": 400, "downloadThroughput": 50_000, "uploadThroughput": 5
 """A line of 400 kbit/s; delays in ms, rates in bytes per second."""
 _STEP_MS = 33
 _DROPS = 5
+_PATIENCE_MS = 120_000
 _AT_REST = '#workspace[aria-busy="false"]'
 _WIDTH_PX = 60.0
 _FRAMES = """() => {
@@ -48,6 +51,7 @@ def load(browser: Browser, url: str, line: dict[str, Any], again: bool = False) 
     """
     context = browser.new_context(viewport={"width": DESKTOP[0], "height": DESKTOP[1]})
     page = context.new_page()
+    page.set_default_timeout(_PATIENCE_MS)
     if again:
         page.goto(url)
         page.wait_for_selector(_AT_REST)
@@ -59,7 +63,9 @@ def load(browser: Browser, url: str, line: dict[str, Any], again: bool = False) 
         wire.send("Network.emulateNetworkConditions", {"offline": False, **line})
     page.goto(url)
     page.wait_for_selector(_AT_REST)
-    marked = "name => performance.getEntriesByName(name)[0].startTime / 1000"
+    # pages before this map have it once the plan is there
+    marked = """name => (performance.getEntriesByName(name)[0]
+        ?? performance.getEntriesByName('ready')[0]).startTime / 1000"""
     found = {name: float(page.evaluate(marked, name)) for name in ("map", "ready")}
     context.close()
     return {"bytes": float(sum(received)), **found}
@@ -118,10 +124,10 @@ def drag(page: Page, count: int, direction: str) -> dict[str, list[float]]:
     }
 
 
-def main() -> dict[str, Any]:
-    """Return the figures of the page."""
+def measured(checkout: Path) -> dict[str, Any]:
+    """Return the figures of the page of a checkout."""
     with tempfile.TemporaryDirectory() as folder, chromium() as browser:
-        server = Server(Path(folder) / "log", SYNCPLAN_DATA_DIR=folder)
+        server = Server(Path(folder) / "log", checkout=checkout, SYNCPLAN_DATA_DIR=folder)
         with running(server):
             loads = {
                 "cold": [load(browser, server.url, {}) for _ in range(LOADS)],
@@ -139,22 +145,28 @@ def main() -> dict[str, Any]:
     return {"loads": loads, "drags": drags}
 
 
-def figures(result: dict[str, Any]) -> list[Figure]:
-    """Return what is shown of a result."""
+def main(base: Path | None = None) -> dict[str, list[Figure]]:
+    """Return the figures of the page, and of that of a base."""
+    checkouts = {"page": ROOT, **({} if base is None else {"base": base})}
+    return {side: figures_of(side, measured(checkout)) for side, checkout in checkouts.items()}
+
+
+def figures_of(side: str, result: dict[str, Any]) -> list[Figure]:
+    """Return what is shown of a page."""
     loads = result["loads"]
 
     def median(kind: str, what: str) -> float:
         return float(statistics.median(one[what] for one in loads[kind]))
 
     shown = [
-        Figure("page: first load over the wire", median("cold", "bytes") / 1e3, "kB", 300.0),
-        Figure("page: map drawn, nothing cached", median("cold", "map"), "s"),
-        Figure("page: map drawn, all cached", median("warm", "map"), "s", 0.5),
-        Figure("page: map drawn over 400 kbit/s, 400 ms", median("slow", "map"), "s", 4.0),
-        Figure("page: plan drawn, nothing cached", median("cold", "ready"), "s"),
+        Figure(f"{side}: first load over the wire", median("cold", "bytes") / 1e3, "kB", 300.0),
+        Figure(f"{side}: map drawn, nothing cached", median("cold", "map"), "s"),
+        Figure(f"{side}: map drawn, all cached", median("warm", "map"), "s", 0.5),
+        Figure(f"{side}: map drawn over 400 kbit/s, 400 ms", median("slow", "map"), "s", 4.0),
+        Figure(f"{side}: plan drawn, nothing cached", median("cold", "ready"), "s"),
     ]
     for (count, direction), taken in result["drags"].items():
-        name = f"page: {count} vehicles ({direction})"
+        name = f"{side}: {count} vehicles ({direction})"
         moved, dropped, frames = (taken[one] for one in ("moved", "dropped", "frames"))
         shown += [
             Figure(f"{name}: drag to verdict, median", statistics.median(moved), "s", TEAMS[count]),
@@ -165,5 +177,12 @@ def figures(result: dict[str, Any]) -> list[Figure]:
     return shown
 
 
+def figures(result: dict[str, list[Figure]]) -> list[Figure]:
+    """Return what is shown of a result."""
+    return [one for side in result.values() for one in side]
+
+
 if __name__ == "__main__":
-    print_figures(figures(main()))
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--base", type=Path, help="another checkout to compare with")
+    print_figures(figures(main(parser.parse_args().base)))

@@ -6,6 +6,9 @@ import { ask, askJson, patiently, postOnce } from "./service.js";
 import { JOB_KINDS } from "./tables.js";
 import { tabs } from "./tabs.js";
 
+/** Jobs about no plan that have a part of the page, by the name that the address gives it. */
+const ADDRESSED = { design: "design" };
+
 /** The dialogue of what is kept; `open(planId)` opens a plan, `compare(plan)` draws one beside the plan on show. */
 export function offerKeptWork({ open, compare }) {
   byId("kept").addEventListener("click", () => new KeptWork({ open, compare }));
@@ -154,7 +157,7 @@ class KeptWork {
 
 /** The address that shows a job with what it is about; null where the page has no place for it. */
 function addressOf({ kind, id, plan_id: planId, result_plan_id: refined }) {
-  if (kind === "design") return `?design=${id}`;
+  if (kind in ADDRESSED) return `?${ADDRESSED[kind]}=${id}`;
   return planId ? `?plan=${refined ?? planId}&job=${id}` : null;
 }
 

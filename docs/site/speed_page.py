@@ -93,9 +93,9 @@ SUMMARY = (
     (
         "the web page",
         "first load {page: first load over the wire}, a plan drawn after "
-        "{page: first load until a plan is drawn, median}; a circle of 12 dragged: verdict after "
-        "{page: circle of 12 (ccw) dragged *} (ccw) and "
-        "{page: circle of 12 (alternate) dragged *} (alternating), medians",
+        "{page: plan drawn, nothing cached}; a circle of 12 dragged: verdict after "
+        "{page: 12 vehicles (ccw): drag *} (ccw) and "
+        "{page: 12 vehicles (alternate): drag *} (alternating), medians",
         "",
     ),
     ("`syncplan --help`", "{syncplan --help}", ""),

@@ -28,6 +28,7 @@ from syncplan.plotting.vendored import FONT_NAME, font, plotly_script
 from tests.tools.image_browser import BROWSER, needs_browser
 from tests.tools.processes import PATIENCE_S
 from tests.tools.scenarios import FILES, circling, document, example, small
+from tests.tools.serving import ROOT
 
 GRID = str(FILES / "paper-grid-alternate.yaml")
 
@@ -113,7 +114,7 @@ def test_what_is_vendored_is_what_was_fetched() -> None:
     for line in folder.joinpath("SHA256SUMS").read_text("utf-8").splitlines():
         digest, name = line.split()
         assert hashlib.sha256(folder.joinpath(name).read_bytes()).hexdigest() == digest, name
-    locked = json.loads(folder.joinpath("package-lock.json").read_text("utf-8"))["packages"]
+    locked = json.loads((ROOT / "vendor/package-lock.json").read_text("utf-8"))["packages"]
     version = locked["node_modules/plotly.js-basic-dist-min"]["version"]
     assert f"plotly.js (basic - minified) v{version}\n" in plotly_script()
 
