@@ -58,7 +58,9 @@ export class Charts {
     byId("figures").hidden = !flag;
     this.#button.setAttribute("aria-expanded", flag);
     Planner.figures = flag ? ASKED : [];
-    if (flag) this.#redraw();
+    if (!flag) return;
+    if (this.#tabs.current()) this.#draw(this.#tabs.current());
+    this.#redraw();
   }
 
   #take(figures) {

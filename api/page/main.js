@@ -296,6 +296,8 @@ async function redraw() {
   if (!plan) return;
   const { figures } = await (planId ? Planner.stored(planId) : Planner.preview(document));
   if (store.plan === plan) store.judged(plan, figures, { quick: false });
+  // what took its place meanwhile may have been asked for without figures
+  else await redraw();
 }
 
 attempt(start);
