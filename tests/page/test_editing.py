@@ -335,14 +335,15 @@ def test_the_chosen_one_of_two_on_one_place_lies_above(page: Page) -> None:
         page,
         document(name="shared", formation={"centers_m": [[0.0, 0.0], [0.0, 0.0], [70.0, 0.0]]}),
     )
-    top = """names => {
+    top = """() => {
         const box = document.querySelector('#handles button').getBoundingClientRect();
         const at = [box.left + box.width / 2, box.top + box.height / 2];
         return document.elementFromPoint(...at).closest('button').title;
     }"""
     for name, value in (("v1", "vehicle 0"), ("v2", "vehicle 1")):
         page.get_by_label("Vehicle or landmark").select_option(value)
-        assert page.evaluate(top) == name
+        # handles follow with the next frame
+        page.wait_for_function(f"name => ({top})() === name", arg=name)
 
 
 def test_half_an_origin_is_no_fault_and_its_altitude_stays(visit: Visit, page: Page) -> None:
