@@ -2,9 +2,9 @@
 
 import { byId, element, notice, shown } from "./elements.js";
 import { Fields } from "./fields.js";
-import { freeCenter, freeSite, withMember } from "./free_space.js";
+import { freeCenter, freeSite } from "./free_space.js";
 import {
-  addLandmark,
+  decade,
   landmarksOf,
   polygonsOf,
   vehiclesOf,
@@ -14,16 +14,16 @@ import {
   withRadius,
   withSensor,
 } from "./scenario.js";
-import { copyChosen, placesOf, removeChosen, withAligned } from "./selection.js";
+import { addBody, BODIES, copyChosen, placesOf, removeChosen, withAligned } from "./selection.js";
 
 const TURNS = { ccw: "counter-clockwise", cw: "clockwise" };
 const CHOICE = { kind: "choice" };
 const AT_LEAST_0 = { min: 0 };
 
-/** How one more of a kind comes: where there is room, the change, all of the kind, and what lacks room. */
+/** Where there is room for one more of a kind, and what lacks room. */
 const GROWTH = {
-  vehicle: { place: freeCenter, change: withMember, all: vehiclesOf, noRoom: "for another circle of the last one's size" },
-  landmark: { place: freeSite, change: addLandmark, all: landmarksOf, noRoom: "for another landmark" },
+  vehicle: { place: freeCenter, noRoom: "for another circle of the last one's size" },
+  landmark: { place: freeSite, noRoom: "for another landmark" },
 };
 
 /** The part of the form for one vehicle or landmark of a store's scenario. */
@@ -145,20 +145,18 @@ export class Body {
 
   /** Put one more where there is room for it, and select it. */
   #grow(kind) {
-    const { place, change, all, noRoom } = GROWTH[kind];
+    const { place, noRoom } = GROWTH[kind];
     const { scenario, given } = this.#store;
     const at = place(scenario);
     if (!at) {
       notice(`There is no room ${noRoom}: move something, or enlarge the area.`, { fault: true });
       return;
     }
-    this.#store.edit(change(scenario, at));
-    const k = all(scenario).length;
-    this.#store.select({ kind, k }, { reveal: true });
+    addBody(this.#store, kind, at, { reveal: true });
     // that phases were lost is said already, and matters more
     const { scenario: grown } = this.#store;
     const link = grown.formation.links?.length > scenario.formation.links?.length ? `, with the link ${grown.formation.links.at(-1).join("-")}` : "";
-    if (!given) notice(`${all(grown)[k].name} added at ${shown(at.x)}, ${shown(at.y)} m${link}.`);
+    if (!given) notice(`${BODIES[kind].all(grown).at(-1).name} added at ${shown(at.x)}, ${shown(at.y)} m${link}.`);
     byId("chosen").focus();
   }
 
@@ -179,7 +177,7 @@ export class Body {
 function gridOf(scenario) {
   const radii = vehiclesOf(scenario).map((one) => one.radius);
   const half = radii.reduce((sum, one) => sum + one, 0) / radii.length / 2;
-  const unit = 10 ** Math.floor(Math.log10(half));
+  const unit = decade(half);
   return Math.max(...[1, 2, 5].map((one) => one * unit).filter((one) => one <= half));
 }
 

@@ -3,14 +3,11 @@
 import { draw } from "./drawing.js";
 import { byId } from "./elements.js";
 import { askJson, patiently } from "./service.js";
-import { ASKED, Planner, theme } from "./planner.js";
-import { FIGURES, PLAN_FIGURES } from "./tables.js";
+import { ASKED, ON_MAP, Planner, theme } from "./planner.js";
+import { FIGURES } from "./tables.js";
 import { tabs } from "./tabs.js";
 
-/** Drawn on the map, which plays as well: not in a tab. */
-const ON_MAP = ["formation", "animation"];
 const TITLES = Object.fromEntries(Object.entries(FIGURES).filter(([name]) => !ON_MAP.includes(name)));
-const OF_PLANS = PLAN_FIGURES.filter((name) => name in TITLES);
 
 /** The tabs of figures. */
 export class Charts {
@@ -55,22 +52,23 @@ export class Charts {
 
   /** Open the figures or close them; only open ones are drawn, and load what draws them. */
   open(flag = true) {
+    const opens = flag && byId("figures").hidden;
     byId("figures").hidden = !flag;
     this.#button.setAttribute("aria-expanded", flag);
     Planner.figures = flag ? ASKED : [];
-    if (!flag) return;
+    if (!opens) return;
     if (this.#tabs.current()) this.#draw(this.#tabs.current());
     this.#redraw();
   }
 
   #take(figures) {
-    for (const name of OF_PLANS) if (figures[name]) this.#figures[name] = figures[name];
+    for (const name of ASKED) if (figures[name]) this.#figures[name] = figures[name];
     this.#tabs.show(Object.keys(TITLES).filter((name) => name in this.#figures));
-    if (OF_PLANS.includes(this.#tabs.current())) this.#draw(this.#tabs.current());
+    if (ASKED.includes(this.#tabs.current())) this.#draw(this.#tabs.current());
   }
 
   #forget() {
-    for (const name of Object.keys(this.#figures)) if (!OF_PLANS.includes(name)) delete this.#figures[name];
+    for (const name of Object.keys(this.#figures)) if (!ASKED.includes(name)) delete this.#figures[name];
     this.#tabs.show(Object.keys(TITLES).filter((name) => name in this.#figures));
   }
 

@@ -1,7 +1,7 @@
 // Files to save: the scenario, the plan, and every export of it.
 
 import { byId, element, notice, save, shown } from "./elements.js";
-import { labelled, number } from "./requests.js";
+import { choice, labelled, number, wide } from "./requests.js";
 import { withValue } from "./scenario.js";
 import { ask } from "./service.js";
 import { FORMATS, MISSIONS, ON_EARTH, PILOTS } from "./tables.js";
@@ -12,7 +12,7 @@ export function offerDownloads(store, storePlan) {
   const fault = element("p", { class: "fault", role: "alert", id: "download-fault" });
   const notes = element("div", { role: "status", id: "export-notes" });
   const pilot = choice("pilot", PILOTS);
-  const pilots = element("div", { class: "field wide" }, element("label", { for: "pilot" }, "For"), pilot);
+  const pilots = wide("For", pilot);
   const format = choice("format", FORMATS);
   const travels = element("div", { class: "travels", id: "export-findings" });
   const origin = originFields(store);
@@ -34,7 +34,7 @@ export function offerDownloads(store, storePlan) {
   const report = element("button", { type: "button", onclick: () => run(saveReport) }, "Report");
   byId("downloads").append(
     element("div", { class: "row" }, buttons[0], buttons[1], report),
-    element("div", { class: "field wide" }, element("label", { for: "format" }, "Format"), format),
+    wide("Format", format),
     pilots,
     origin,
     travels,
@@ -120,10 +120,6 @@ function travelling(findings) {
   if (!grave.length) return [element("p", { class: "hint" }, "No stop and no warning goes with the files.")];
   const said = grave.map(({ level, message }) => element("p", { class: `remark ${level}` }, element("strong", {}, LEVELS[level]), message));
   return [element("p", { class: "hint" }, "These findings go with the files, in their .sync.json:"), ...firstOpen(said, "finding")];
-}
-
-function choice(id, texts) {
-  return element("select", { id }, ...Object.entries(texts).map(([value, text]) => element("option", { value }, text)));
 }
 
 function saveScenario(store) {

@@ -4,7 +4,7 @@ import { Body } from "./body.js";
 import { byId, element, mark } from "./elements.js";
 import { Fields } from "./fields.js";
 import { Links } from "./links.js";
-import { sensorValue, valueAt, withOptional, withoutAlternative, withSensor, withValue } from "./scenario.js";
+import { DIRECTIONS, sensorValue, valueAt, withOptional, withoutAlternative, withSensor, withValue } from "./scenario.js";
 import { ALTERNATIVES, MEANINGS } from "./tables.js";
 import { WORLD, estimatesOf, isUsed } from "./world.js";
 
@@ -38,7 +38,6 @@ const PLACE = [
   { path: "start_time", label: "Start (RFC 3339)", kind: "text" },
 ];
 const RATES = ["orbit.angular_rate_rad_s", "orbit.speed_mps"];
-const TURNS = { alternate: "neighbours alternate", ccw: "all counter-clockwise", cw: "all clockwise" };
 
 /** The form of a store's scenario. */
 export class Editor {
@@ -149,8 +148,8 @@ export class Editor {
       const value = section === "sensor" ? sensorValue(scenario, key) : valueAt({ ...scenario, geo_origin: this.#origin }, path);
       if (path === "filter.estimate") this.#fields.choose(path, ...estimatesOf(value));
       else if (path !== "orbit.direction") this.#fields.put(path, value);
-      else if (Array.isArray(value)) this.#fields.choose(path, { ...TURNS, "": "vehicle by vehicle" }, "");
-      else this.#fields.choose(path, TURNS, value);
+      else if (Array.isArray(value)) this.#fields.choose(path, { ...DIRECTIONS, "": "vehicle by vehicle" }, "");
+      else this.#fields.choose(path, DIRECTIONS, value);
     }
     this.#openUsed(scenario);
     this.#body.show();

@@ -1,7 +1,7 @@
 // What can be asked of a flight: its form.
 
 import { element } from "./elements.js";
-import { labelled, number, RequestForm, SERIES_LIMIT } from "./requests.js";
+import { choice, labelled, number, RequestForm, SERIES_LIMIT, wide } from "./requests.js";
 import { GUIDANCES } from "./tables.js";
 
 const SEED = 1;
@@ -11,7 +11,7 @@ const STEERING = { track: "keep to the plan", mpc: "look ahead, keep apart", non
 /** The form of a flight; `size()` returns the number of vehicles. */
 export function flightForm(size, handIn) {
   const trials = number("fly-trials", 50);
-  const guidance = choice("fly-guidance", GUIDANCES);
+  const guidance = choice("fly-guidance", Object.fromEntries(Object.keys(GUIDANCES).map((name) => [name, STEERING[name] ?? name])));
   const wind = text("fly-wind", "scenario’s");
   const lose = text("fly-lose", "v3@60, L1@90");
   const hold = text("fly-hold", "v2@100:20");
@@ -53,17 +53,6 @@ export function listed(text) {
   return text.split(/[\s,;]+/).filter(Boolean);
 }
 
-function choice(id, sentences) {
-  const options = Object.keys(sentences).map((name) => element("option", { value: name }, STEERING[name] ?? name));
-  return element("select", { id, "aria-describedby": `${id}-fault` }, ...options);
-}
-
 function text(id, example) {
   return element("input", { id, type: "text", placeholder: example, autocomplete: "off", spellcheck: "false", "aria-describedby": `${id}-fault` });
-}
-
-function wide(title, input) {
-  const row = labelled(title, input);
-  row.classList.add("wide");
-  return row;
 }

@@ -1,6 +1,6 @@
 // Where another circle or landmark finds room: clear of all that is there, and within reach of the team.
 
-import { landmarksOf, round, vehiclesOf, withLinks, withVehicle } from "./scenario.js";
+import { decade, landmarksOf, round, vehiclesOf, withLinks, withVehicle } from "./scenario.js";
 
 /** Share of the mean radius that is kept where the scenario states no distance; the verdict has the same. */
 const TOO_NEAR = 0.1;
@@ -64,12 +64,12 @@ export function withMember(scenario, at, like) {
 }
 
 /** Whether the circles of two vehicles come near enough for one to see the other. */
-export function inReach(one, other) {
+function inReach(one, other) {
   return gapBetween(one, other) <= reachOf(one, other);
 }
 
 /** The least distance, in m, at which two vehicles on their circles can meet. */
-export function gapBetween(one, other) {
+function gapBetween(one, other) {
   const apart = away(one, other);
   return Math.max(apart - one.radius - other.radius, Math.abs(one.radius - other.radius) - apart, 0);
 }
@@ -79,7 +79,7 @@ function chosen(tried, { scenario, vehicles, free, meets, span }) {
   const middle = { x: mean(vehicles.map((one) => one.x)), y: mean(vehicles.map((one) => one.y)) };
   const odd = vehicles.some((one) => closesTriangle(vehicles.filter((other) => other !== one && inReach(one, other))));
   const rankOf = (at) => rank(at, meets(at), middle, odd);
-  const unit = 10 ** Math.floor(Math.log10(mean(vehicles.map((one) => one.radius)) / 50));
+  const unit = decade(mean(vehicles.map((one) => one.radius)) / 50);
   const best = (places) => {
     const rated = places.map((at) => tidy(at, unit)).filter(free).map((at) => ({ at, rank: rankOf(at) }));
     return rated.length ? rated.reduce((a, b) => (before(a.rank, b.rank) ? a : b)).at : null;

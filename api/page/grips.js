@@ -3,7 +3,8 @@
 
 import { shown } from "./elements.js";
 import { circlesOf, poseAt } from "./marks.js";
-import { landmarksOf, withCenter, withLandmark, withRadius } from "./scenario.js";
+import { landmarksOf, withRadius } from "./scenario.js";
+import { BODIES } from "./selection.js";
 
 /**
  * @typedef {{kind: string, k: number, x: number, y: number, title: string, label: string}} Grip
@@ -41,8 +42,7 @@ export function gripsOf(scenario, plan, selected, turned) {
 /** What moving a grip to (x, y) makes of a scenario, and of the phases of its plan where they change.
  * @returns {{scenario: any, phase?: {k: number, phase_rad: number}}} */
 export function movedTo(scenario, plan, { kind, k }, { x, y }, turned) {
-  if (kind === "vehicle") return { scenario: withCenter(scenario, k, x, y) };
-  if (kind === "landmark") return { scenario: withLandmark(scenario, k, x, y) };
+  if (kind in BODIES) return { scenario: BODIES[kind].moved(scenario, k, x, y) };
   const circle = circlesOf(scenario, plan)[k];
   const [east, north] = [x - circle.x, y - circle.y];
   if (kind === "radius") return { scenario: withRadius(scenario, k, Math.max(tidy(Math.hypot(east, north)), LEAST_RADIUS_M)) };

@@ -5,8 +5,8 @@
 
 import { byId, element } from "./elements.js";
 import { gripsOf, movedTo } from "./grips.js";
-import { landmarksOf } from "./scenario.js";
-import { withPlaces } from "./selection.js";
+import { decade, landmarksOf } from "./scenario.js";
+import { BODIES, withPlaces } from "./selection.js";
 import { tidied } from "./tools.js";
 
 const STEP = 0.01;
@@ -14,7 +14,6 @@ const LONG_STEP = 0.05;
 const TREMOR_PX = 4;
 const SAME_M = 1e-6;
 const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
-const BODIES = ["vehicle", "landmark"];
 
 /** Handles of a store's scenario over a map of OpenLayers; `turned()` returns the angle turned at the moment shown,
  * `uses(grip)` whether the tool in hand takes a grip for itself. */
@@ -92,7 +91,7 @@ export class Handles {
   #isJudged(body) {
     const { plan } = this.#store;
     if (!plan) return false;
-    if (!BODIES.includes(body.kind)) return true;
+    if (!(body.kind in BODIES)) return true;
     const drawn = body.kind === "vehicle" ? plan.vehicles[body.k] : landmarksOf(plan.scenario)[body.k];
     if (!drawn) return false;
     const [x, y] = drawn.center_m || [drawn.x, drawn.y];
@@ -115,7 +114,7 @@ export class Handles {
 
   /** Select a body: alone, or with Shift beside what is selected. */
   #choose(grip, { shiftKey }) {
-    if (BODIES.includes(grip.kind) && !this.#uses(grip)) this.#store.select({ kind: grip.kind, k: grip.k }, { more: shiftKey });
+    if (grip.kind in BODIES && !this.#uses(grip)) this.#store.select({ kind: grip.kind, k: grip.k }, { more: shiftKey });
   }
 
   #grab(handle, event) {
@@ -131,7 +130,7 @@ export class Handles {
     const { at, grip, first } = this.#held;
     // a click by an unsteady hand is none of a drag
     if (first && Math.hypot(event.clientX - at[0], event.clientY - at[1]) < TREMOR_PX) return;
-    if (first && BODIES.includes(handle.grip.kind) && !this.#store.isSelected(handle.grip)) this.#choose(handle.grip, { shiftKey: false });
+    if (first && handle.grip.kind in BODIES && !this.#store.isSelected(handle.grip)) this.#choose(handle.grip, { shiftKey: false });
     const box = this.#map.getTargetElement().getBoundingClientRect();
     const pixel = [event.clientX - grip[0] - box.left, event.clientY - grip[1] - box.top];
     const [x, y] = this.#map.getCoordinateFromPixel([Math.min(Math.max(pixel[0], 0), box.width), Math.min(Math.max(pixel[1], 0), box.height)]);
@@ -169,7 +168,7 @@ export class Handles {
     event.preventDefault();
     const width = this.#map.getSize()[0] * this.#map.getView().getResolution();
     const step = width * (event.shiftKey ? LONG_STEP : STEP);
-    const tidy = 10 ** Math.floor(Math.log10(step));
+    const tidy = decade(step);
     const by = Math.round(step / tidy) * tidy;
     // where it is by now: handles follow with the next frame
     const grip = this.#grips.find((one) => one.kind === handle.grip.kind && one.k === handle.grip.k) ?? handle.grip;

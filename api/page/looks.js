@@ -20,7 +20,7 @@ export class Looks {
     }
   }
 
-  /** Return the style of a mark on a map of so many m a pixel. */
+  /** Return the style of a mark. */
   of(feature) {
     const one = feature.getProperties();
     const make = MAKERS[one.kind];

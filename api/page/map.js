@@ -41,7 +41,7 @@ export class FormationMap {
   #whole = "";
   /** the polygons that are drawn, as text */
   #polygons = "";
-  /** what is played: s since the start of the period, or the places of a flown trial */
+  /** what is played: s since the start of the period, or the marks of a flown trial */
   #time = 0;
   /** @type {any[] | null} */
   #flown = null;
@@ -115,7 +115,7 @@ export class FormationMap {
     this.#drawMoving();
   }
 
-  /** Show a moment of a flown trial: `{ places, tails }`, each with what `looks` knows. */
+  /** Show a moment of a flown trial, as marks of the kinds that `looks` knows. */
   flown(marks) {
     this.#flown = marks;
     this.#drawMoving();

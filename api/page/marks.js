@@ -37,7 +37,7 @@ export function linksOf(scenario, plan) {
   const listed = [
     ...plan.links.map(({ a, b, rank }) => ({ a, b, rank })),
     ...plan.dropped_links.map(({ a, b }) => ({ a, b, rank: 0 })),
-    ...plan.landmark_links.map(({ vehicle, landmark, rank }) => ({ a: vehicle, b: landmark, rank, toLandmark: true })),
+    ...plan.landmark_links.map(({ vehicle, landmark, rank }) => ({ a: vehicle, b: landmark, rank })),
   ];
   return listed
     .map((one) => ({ ...one, from: bodies.get(one.a), to: bodies.get(one.b) }))

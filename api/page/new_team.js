@@ -2,8 +2,8 @@
 
 import { byId, element } from "./elements.js";
 import { freeSite } from "./free_space.js";
-import { labelled, number, RequestForm } from "./requests.js";
-import { addLandmark } from "./scenario.js";
+import { choice, labelled, number, RequestForm, wide } from "./requests.js";
+import { addLandmark, DIRECTIONS } from "./scenario.js";
 import { SHAPES } from "./tables.js";
 
 /** Sensors to begin with, by title: their keys but the range. */
@@ -12,7 +12,6 @@ const SENSORS = {
   "Camera of 120° ahead": { fov_deg: 120, bearing_sigma_rad: 0.03 },
   "Camera all round, with distances (UWB)": { bearing_sigma_rad: 0.05, range_sigma_m: 0.2 },
 };
-const DIRECTIONS = { ccw: "all counter-clockwise", cw: "all clockwise", alternate: "neighbours alternate" };
 
 /** The dialogue for a new team; `open(scenario, change)` plans a scenario and opens it, changed once its centres are known. */
 export function offerNewTeam(open) {
@@ -20,7 +19,6 @@ export function offerNewTeam(open) {
 }
 
 function show(open) {
-  const choice = (id, texts) => element("select", { id }, ...Object.entries(texts).map(([value, text]) => element("option", { value }, text)));
   const fields = {
     name: element("input", { id: "new-name", value: "my team", "aria-describedby": "new-name-fault" }),
     shape: choice("new-shape", Object.fromEntries(Object.keys(SHAPES).map((one) => [one, one]))),
@@ -38,13 +36,9 @@ function show(open) {
     hint.textContent = `A ${fields.shape.value}: ${SHAPES[fields.shape.value].replaceAll("`", "")}.`;
   };
   fields.shape.value = "grid";
+  fields.direction.value = "ccw";
   fields.shape.addEventListener("change", explain);
   explain();
-  const wide = (text, input) => {
-    const field = labelled(text, input);
-    field.classList.add("wide");
-    return field;
-  };
   const form = new RequestForm("new", "Create", "Circles at one rate: neighbours lie a gap apart, landmarks go where there is room. All of it can be changed afterwards.", {
     fields,
     read: () => Object.fromEntries(Object.entries(fields).map(([key, input]) => [key, input.type === "number" ? input.valueAsNumber : input.value])),

@@ -7,11 +7,11 @@ import { PLAN_FIGURES } from "./tables.js";
 const SETTLE_MS = 350;
 const AWAY_S = 2;
 
-/** The page draws the formation and plays its period itself. */
-const DRAWN_HERE = ["formation", "animation"];
+/** The page draws the formation and plays its period on the map itself. */
+export const ON_MAP = ["formation", "animation"];
 
 /** The figures that a plan on show comes with while figures are open. */
-export const ASKED = PLAN_FIGURES.filter((name) => !DRAWN_HERE.includes(name));
+export const ASKED = PLAN_FIGURES.filter((name) => !ON_MAP.includes(name));
 
 /** Keeps a store's plan up with its scenario.
  *

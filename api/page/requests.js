@@ -81,12 +81,9 @@ export class RequestForm {
 
 /** The form of a refinement. */
 export function refinementForm(handIn) {
-  const objective = element(
-    "select",
-    { id: "refine-objective" },
-    // the first is that of the service, which takes another for large teams: it is not named
-    ...Object.entries(OBJECTIVES).map(([name, title], k) => element("option", { value: k ? name : "" }, title)),
-  );
+  const objective = choice("refine-objective", OBJECTIVES);
+  // the first is that of the service, which takes another for large teams: it is not named
+  objective.options[0].value = "";
   const centers = check("refine-centers", "centres, by up to", true);
   const box = number("refine-box", 5, "How far a centre may move each way, in m");
   const radii = check("refine-radii", "radii", false);
@@ -110,7 +107,7 @@ export function refinementForm(handIn) {
     fields: { time_limit_s: time, center_box_m: box, radius_m: least, "radius_m[1]": most },
     read,
     rows: [
-      element("div", { class: "field wide" }, element("label", { for: objective.id }, "Objective"), objective),
+      wide("Objective", objective),
       element("p", {}, "Move phases and"),
       element("div", { class: "row" }, centers.label, amount(box, "m")),
       faultOf(box),
@@ -172,6 +169,19 @@ function amount(...parts) {
 
 function faultOf(input) {
   return element("p", { class: "fault", id: `${input.id}-fault` });
+}
+
+/** A choice among texts by their values. */
+export function choice(id, texts) {
+  const options = Object.entries(texts).map(([value, text]) => element("option", { value }, text));
+  return element("select", { id, "aria-describedby": `${id}-fault` }, ...options);
+}
+
+/** An input below its label, where one beside it has no room. */
+export function wide(text, input) {
+  const row = labelled(text, input);
+  row.classList.add("wide");
+  return row;
 }
 
 export function labelled(text, input) {

@@ -2,6 +2,9 @@
 
 const turnOf = { ccw: "ccw", cw: "cw" };
 
+/** What the direction of all is called, by its value. */
+export const DIRECTIONS = { alternate: "neighbours alternate", ccw: "all counter-clockwise", cw: "all clockwise" };
+
 const SAME = 1e-9;
 
 /** Return a plan's scenario as it is edited here.
@@ -271,6 +274,11 @@ export function withoutLandmark(scenario, k) {
   if (Array.isArray(landmarks)) landmarks.splice(k, 1);
   else delete landmarks[Object.keys(landmarks)[k]];
   return changed;
+}
+
+/** Return the power of ten at or below a length. */
+export function decade(length) {
+  return 10 ** Math.floor(Math.log10(length));
 }
 
 export function round(value) {

@@ -5,22 +5,24 @@ import { addLandmark, landmarksOf, round, vehiclesOf, withCenter, withLandmark, 
 
 /** @typedef {{kind: string, k: number}} Chosen what is selected: a vehicle, landmark or polygon, by its number */
 
-const CHANGES = { vehicle: withCenter, landmark: withLandmark };
-const REMOVALS = { vehicle: withoutVehicle, landmark: withoutLandmark };
+/** What a map has places of: all of a kind, and the scenario with one moved, added or removed. */
+export const BODIES = {
+  vehicle: { all: vehiclesOf, moved: withCenter, added: withMember, removed: withoutVehicle },
+  landmark: { all: landmarksOf, moved: withLandmark, added: addLandmark, removed: withoutLandmark },
+};
 
 /** The selected vehicles and landmarks with their places. */
 export function placesOf(scenario, chosen) {
-  const all = { vehicle: vehiclesOf(scenario), landmark: landmarksOf(scenario) };
   return chosen
-    .filter(({ kind, k }) => all[kind]?.[k])
-    .map(({ kind, k }) => ({ radius: 0, ...all[kind][k], kind, k }));
+    .map(({ kind, k }) => ({ radius: 0, ...BODIES[kind]?.all(scenario)[k], kind, k }))
+    .filter((one) => "x" in one);
 }
 
 /** Return the scenario with all that is selected put where `place({ x, y })` says. */
 export function withPlaces(scenario, chosen, place) {
   return placesOf(scenario, chosen).reduce((changed, one) => {
     const { x, y } = place(one);
-    return CHANGES[one.kind](changed, one.k, round(x), round(y));
+    return BODIES[one.kind].moved(changed, one.k, round(x), round(y));
   }, scenario);
 }
 
@@ -38,9 +40,8 @@ export function withCopies(scenario, chosen) {
   const by = round(1.2 * (east - west) || 1);
   const made = [];
   const changed = places.reduce((old, { kind, k, x, y }) => {
-    const at = { x: round(x + by), y };
-    made.push({ kind, k: (kind === "vehicle" ? vehiclesOf(old) : landmarksOf(old)).length });
-    return kind === "vehicle" ? withMember(old, at, k) : addLandmark(old, at);
+    made.push({ kind, k: BODIES[kind].all(old).length });
+    return BODIES[kind].added(old, { x: round(x + by), y }, k);
   }, scenario);
   return { scenario: changed, chosen: made };
 }
@@ -50,8 +51,15 @@ export function withoutChosen(scenario, chosen) {
   const last = [...chosen].sort((one, other) => other.k - one.k);
   return last.reduce((changed, { kind, k }) => {
     if (kind === "vehicle" && vehiclesOf(changed).length === 1) return changed;
-    return kind in REMOVALS ? REMOVALS[kind](changed, k) : withPolygon(changed, kind, null, k);
+    return kind in BODIES ? BODIES[kind].removed(changed, k) : withPolygon(changed, kind, null, k);
   }, scenario);
+}
+
+/** Add a vehicle or landmark to a store's scenario and select it, as `select` has it. */
+export function addBody(store, kind, at, how = {}) {
+  const { added, all } = BODIES[kind];
+  store.edit(added(store.scenario, at));
+  store.select({ kind, k: all(store.scenario).length - 1 }, how);
 }
 
 /** Copy what is selected in a store, and select the copies. */

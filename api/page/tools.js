@@ -1,10 +1,11 @@
 // What a click on the map does: select, place, link, draw or measure. One tool is in hand at a time.
 
 import { byId, element, notice, shown } from "./elements.js";
-import { toEdges, within, withMember } from "./free_space.js";
+import { toEdges, within } from "./free_space.js";
 import { bodiesOf } from "./grips.js";
 import { mark } from "./looks.js";
-import { addLandmark, polygonsOf, round, withLinkToggled, withPolygon } from "./scenario.js";
+import { decade, polygonsOf, round, withLinkToggled, withPolygon } from "./scenario.js";
+import { addBody, BODIES } from "./selection.js";
 import { DragBox, Draw, LineString, Point, VectorLayer, VectorSource } from "./vendor/openlayers.js";
 
 /** The tools by name: title, key, and what to do with them. */
@@ -99,13 +100,8 @@ export class Tools {
       const { kind, k } = hit[hit.length - 1] ?? {};
       this.#store.select(kind ? { kind, k } : null);
     }
-    if (this.#tool !== "vehicle" && this.#tool !== "landmark") return;
-    const { scenario } = this.#store;
-    const kind = this.#tool;
-    const at = { x: tidied(x, this.#map), y: tidied(y, this.#map) };
-    this.#store.edit((kind === "vehicle" ? withMember : addLandmark)(scenario, at));
-    const k = bodiesOf(this.#store.scenario, null).filter((one) => one.kind === kind).length - 1;
-    this.#store.select({ kind, k });
+    if (!(this.#tool in BODIES)) return;
+    addBody(this.#store, this.#tool, { x: tidied(x, this.#map), y: tidied(y, this.#map) });
   }
 
   #chooseWithin(box) {
@@ -138,6 +134,6 @@ export class Tools {
 
 /** A coordinate rounded to the size of a pixel. */
 export function tidied(value, map) {
-  const tidy = 10 ** Math.floor(Math.log10(map.getView().getResolution()));
+  const tidy = decade(map.getView().getResolution());
   return round(Math.round(value / tidy) * tidy);
 }
