@@ -24,8 +24,7 @@ export class Charts {
     this.#tabs = tabs(byId("tabs"), TITLES, (name) => this.#draw(name));
     this.#button.addEventListener("click", () => this.open(byId("figures").hidden));
     store.on(["plan"], (detail) => this.#take(detail.figures));
-    store.on(["scenario"], () => this.#forget());
-    store.on(["opened"], () => this.#forget());
+    store.on(["scenario", "opened"], () => this.#forget());
   }
 
   /** The contact timeline, if it is on show: the animation moves a line along it. */
@@ -43,10 +42,7 @@ export class Charts {
     );
     if (!wanted()) return;
     // what a figure is of may have been deleted: the others are there
-    names.forEach((name, k) => {
-      if (found[k].status === "fulfilled") this.#figures[name] = found[k].value;
-    });
-    this.#tabs.show(Object.keys(TITLES).filter((name) => name in this.#figures));
+    this.#take(Object.fromEntries(names.map((name, k) => [name, found[k]["value"]])));
     if (show in this.#figures) this.#tabs.choose(show);
   }
 
@@ -62,13 +58,17 @@ export class Charts {
   }
 
   #take(figures) {
-    for (const name of ASKED) if (figures[name]) this.#figures[name] = figures[name];
-    this.#tabs.show(Object.keys(TITLES).filter((name) => name in this.#figures));
-    if (ASKED.includes(this.#tabs.current())) this.#draw(this.#tabs.current());
+    for (const [name, figure] of Object.entries(figures)) if (figure) this.#figures[name] = figure;
+    this.#offer();
+    if (figures[this.#tabs.current()]) this.#draw(this.#tabs.current());
   }
 
   #forget() {
     for (const name of Object.keys(this.#figures)) if (!ASKED.includes(name)) delete this.#figures[name];
+    this.#offer();
+  }
+
+  #offer() {
     this.#tabs.show(Object.keys(TITLES).filter((name) => name in this.#figures));
   }
 

@@ -1,12 +1,13 @@
 """Phases that no rule gives, refined or of a file: they stay over edits, undo, files and Back."""
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import httpx2
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from tests.page.gestures import (
     copied,
@@ -134,6 +135,23 @@ def test_undo_and_redo_bring_a_refined_plan_back_under_its_address(
     page.get_by_role("button", name="Redo").click()
     expect(phases(page)).to_contain_text("synchronised")
     assert "plan=" not in page.url
+
+
+def test_a_figure_that_arrives_while_figures_open_is_drawn(at_refined: Visit) -> None:
+    page = at_refined.page
+    held: dict[str, Route] = {}
+    for name in ("comparison", "timeline"):
+        page.route(f"**/figures/{name}?*", partial(held.__setitem__, name))
+    page.get_by_label("Name").fill("another name")
+    at_refined.settle()
+    with page.expect_request("**/figures/comparison?*"):
+        page.get_by_role("button", name="Undo").click()
+    with page.expect_request("**/figures/timeline?*"):
+        page.get_by_role("button", name="Figures").click()
+    held["comparison"].continue_()
+    expect(page.get_by_role("tab", name="Before and after")).to_be_visible()
+    held["timeline"].continue_()
+    page.locator("#panel-plot .main-svg").first.wait_for()
 
 
 def test_what_is_put_back_by_hand_is_the_refined_plan_again(
