@@ -17,7 +17,7 @@ import {
 import { addBody, BODIES, copyChosen, placesOf, removeChosen, withAligned } from "./selection.js";
 
 const TURNS = { ccw: "counter-clockwise", cw: "clockwise" };
-const CHOICE = { kind: "choice" };
+const CHOICE = { kind: "choice", choices: (value) => [TURNS, value] };
 const AT_LEAST_0 = { min: 0 };
 
 /** Where there is room for one more of a kind, and what lacks room. */
@@ -30,19 +30,20 @@ const GROWTH = {
 export class Body {
   /** the element to put in the form */
   group = element("fieldset", { class: "group" });
-  fields = new Fields();
+  fields;
   #store;
   #names = "";
 
   constructor(store) {
     this.#store = store;
+    this.fields = new Fields(store);
     store.on(["opened", "selected"], () => this.#build());
   }
 
   /** Show the scenario: anew where a vehicle or landmark came or went. */
   show() {
     if (namesIn(this.#store.scenario) !== this.#names) this.#build();
-    else this.#put();
+    else this.fields.show(this.#store.scenario);
   }
 
   #build() {
@@ -81,7 +82,7 @@ export class Body {
       ),
     ];
     this.group.replaceChildren(...parts.filter((one) => one !== null));
-    this.#put();
+    this.fields.show(scenario);
   }
 
   #fieldsOf({ kind, k }) {
@@ -90,51 +91,42 @@ export class Body {
   }
 
   #ofVehicle(k) {
-    const at = () => vehiclesOf(this.#store.scenario)[k];
     const center = `formation.centers_m[${k}]`;
     const orbit = (key, name, ...rest) => this.#field(key, `orbit.${name}[${k}]`, ...rest);
     const sensor = (key, label, unit, more) =>
       this.#field(key, `sensor[${k}].${key}`, label, unit, (old, value) => withSensor(old, key, value, k), more);
+    const at = (scenario) => vehiclesOf(scenario)[k];
     return [
-      this.#field("x", `${center}[0]`, "Centre east", "m", (old, x) => withCenter(old, k, x, at().y)),
-      this.#field("y", `${center}[1]`, "Centre north", "m", (old, y) => withCenter(old, k, at().x, y)),
+      this.#field("x", `${center}[0]`, "Centre east", "m", (old, x) => withCenter(old, k, x, at(old).y)),
+      this.#field("y", `${center}[1]`, "Centre north", "m", (old, y) => withCenter(old, k, at(old).x, y)),
       orbit("radius", "radius_m", "Radius", "m", (old, radius) => withRadius(old, k, radius), AT_LEAST_0),
       orbit("direction", "direction", "Its direction", "", (old, turn) => withDirection(old, this.#store.plan, k, turn), CHOICE),
       sensor("range_m", "Its range", "m", AT_LEAST_0),
-      sensor("fov_deg", "Its field of view", "°", AT_LEAST_0),
+      sensor("fov_deg", "Its field of view", "°", { min: 0, max: 360 }),
       sensor("boresight_deg", "Its boresight", "°"),
     ];
   }
 
   #ofLandmark(k) {
     const { landmarks_m: landmarks } = this.#store.scenario;
-    const at = () => landmarksOf(this.#store.scenario)[k];
-    const place = Array.isArray(landmarks) ? `landmarks_m[${k}]` : `landmarks_m.${at().name}`;
+    const at = (scenario) => landmarksOf(scenario)[k];
+    const place = Array.isArray(landmarks) ? `landmarks_m[${k}]` : `landmarks_m.${at(this.#store.scenario).name}`;
     return [
-      this.#field("x", `${place}[0]`, "East", "m", (old, x) => withLandmark(old, k, x, at().y)),
-      this.#field("y", `${place}[1]`, "North", "m", (old, y) => withLandmark(old, k, at().x, y)),
+      this.#field("x", `${place}[0]`, "East", "m", (old, x) => withLandmark(old, k, x, at(old).y)),
+      this.#field("y", `${place}[1]`, "North", "m", (old, y) => withLandmark(old, k, at(old).x, y)),
     ];
   }
 
-  /** A field whose value `change(scenario, value)` enters. */
-  #field(key, path, label, unit, change, more = {}) {
-    return this.fields.add({ key: `chosen.${key}`, path, label, unit, ...more }, (value) => {
-      // one that is being typed anew is empty for a moment
-      if (value !== "") this.#store.edit(change(this.#store.scenario, value), { live: true, field: path });
-    });
-  }
-
-  #put() {
-    const { scenario, selected, plan } = this.#store;
-    if (!selected || !(selected.kind in GROWTH)) return;
-    const body = (selected.kind === "vehicle" ? vehiclesOf(scenario, plan) : landmarksOf(scenario))[selected.k];
-    if (!body) return;
-    const values = { ...body, ...body.sensor };
-    for (const key of this.fields.keys) {
-      const value = values[key.slice("chosen.".length)];
-      if (key === "chosen.direction") this.fields.choose(key, TURNS, value);
-      else this.fields.put(key, value);
-    }
+  /** A field of the selected body, whose value `enter(scenario, value)` enters. */
+  #field(key, path, label, unit, enter, more = {}) {
+    const { kind, k } = this.#store.selected;
+    const read = (scenario) => {
+      const body = BODIES[kind].all(scenario, this.#store.plan)[k];
+      return { ...body, ...body?.sensor }[key];
+    };
+    // one that is being typed anew is empty for a moment
+    const change = (scenario, value) => (value === "" ? scenario : enter(scenario, value));
+    return this.fields.add({ id: `chosen-${key}`, path, label, unit, read, change, ...more });
   }
 
   #pick(value) {

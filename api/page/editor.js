@@ -6,21 +6,21 @@ import { Fields } from "./fields.js";
 import { Links } from "./links.js";
 import { DIRECTIONS, sensorValue, valueAt, withOptional, withoutAlternative, withSensor, withValue } from "./scenario.js";
 import { ALTERNATIVES, MEANINGS } from "./tables.js";
-import { WORLD, estimatesOf, isUsed } from "./world.js";
+import { WORLD, isUsed } from "./world.js";
 
 const TEAM = [
   { path: "name", label: "Name", kind: "text" },
   { path: "orbit.angular_rate_rad_s", label: "Angular rate", unit: "rad/s", min: 0 },
   { path: "orbit.speed_mps", label: "Speed", unit: "m/s", min: 0 },
   { path: "orbit.radius_m", label: "Radius of all", unit: "m", min: 0 },
-  { path: "orbit.direction", label: "Direction", kind: "choice" },
+  { path: "orbit.direction", label: "Direction", kind: "choice", choices: directionsOf },
   { path: "orbit.desync_rad", label: "Desynchronise by", unit: "rad" },
-  { path: "min_separation_m", label: "Least separation", unit: "m", min: 0 },
+  { path: "min_separation_m", label: "Least separation", unit: "m", min: 0, steady: true },
   { path: "duration_s", label: "Duration", unit: "s", min: 0 },
 ];
 const SENSOR = [
   { path: "sensor.range_m", label: "Range", unit: "m", min: 0 },
-  { path: "sensor.fov_deg", label: "Field of view", unit: "°", min: 0 },
+  { path: "sensor.fov_deg", label: "Field of view", unit: "°", min: 0, max: 360 },
   { path: "sensor.boresight_deg", label: "Boresight", unit: "°" },
   { path: "sensor.bearing_sigma_rad", label: "Bearing sigma", unit: "rad", min: 0 },
   { path: "sensor.sample_time_s", label: "Sample time", unit: "s", min: 0 },
@@ -32,9 +32,9 @@ const NOISE = [
   { path: "initial_sigma.heading_rad", label: "Initial heading sigma", unit: "rad", min: 0 },
 ];
 const PLACE = [
-  { path: "geo_origin.lat_deg", label: "Latitude of the origin", unit: "°" },
-  { path: "geo_origin.lon_deg", label: "Longitude of the origin", unit: "°" },
-  { path: "geo_origin.alt_m", label: "Altitude of the origin", unit: "m" },
+  { path: "geo_origin.lat_deg", label: "Latitude of the origin", unit: "°", steady: true },
+  { path: "geo_origin.lon_deg", label: "Longitude of the origin", unit: "°", steady: true },
+  { path: "geo_origin.alt_m", label: "Altitude of the origin", unit: "m", steady: true },
   { path: "start_time", label: "Start (RFC 3339)", kind: "text" },
 ];
 const RATES = ["orbit.angular_rate_rad_s", "orbit.speed_mps"];
@@ -43,7 +43,7 @@ const RATES = ["orbit.angular_rate_rad_s", "orbit.speed_mps"];
 export class Editor {
   #store;
   #form = byId("editor");
-  #fields = new Fields();
+  #fields;
   #body;
   #links;
   #rated = true;
@@ -55,6 +55,7 @@ export class Editor {
 
   constructor(store) {
     this.#store = store;
+    this.#fields = new Fields(store);
     this.#body = new Body(store);
     this.#links = new Links(store);
     this.#form.addEventListener("submit", (event) => event.preventDefault());
@@ -88,7 +89,7 @@ export class Editor {
     const { orbit } = this.#store.scenario;
     // of rate and speed, the one that is given
     const given = fields.filter(({ path }) => !RATES.includes(path) || valueAt({ orbit }, path) !== undefined);
-    const made = given.map((field) => this.#fields.add({ ...field, help: MEANINGS[field.path] }, (value) => this.#set(field, value)));
+    const made = given.map((field) => this.#fields.add({ ...field, help: MEANINGS[field.path], ...this.#access(field) }));
     return element("fieldset", { class: "group" }, element("legend", {}, title), ...made);
   }
 
@@ -113,22 +114,21 @@ export class Editor {
     return element("details", {}, element("summary", {}, title), this.#group(title, fields));
   }
 
-  #set({ path, optional }, value) {
-    const { scenario: before } = this.#store;
-    const scenario = value === "" ? before : withoutAlternative(before, path, ALTERNATIVES);
+  /** How a field reads and changes a scenario. */
+  #access({ path, optional }) {
     const [section, key] = path.split(".");
-    const given = optional && value === "" ? undefined : value;
-    let changed;
-    if (section === "sensor") changed = withSensor(scenario, key, given);
-    else if (optional) changed = withOptional(scenario, path, given);
-    else if (section === "geo_origin") changed = this.#withOrigin(key, value);
-    else changed = withValue(scenario, path, value === "" ? undefined : value);
-    if (changed !== before) this.#store.edit(changed, { live: true, field: path });
+    const change = (before, value) => {
+      const scenario = value === "" ? before : withoutAlternative(before, path, ALTERNATIVES);
+      if (section === "sensor") return withSensor(scenario, key, optional && value === "" ? undefined : value);
+      if (section === "geo_origin") return this.#withOrigin(scenario, key, value);
+      return (optional ? withOptional : withValue)(scenario, path, value === "" ? undefined : value);
+    };
+    if (section === "sensor") return { change, read: (scenario) => sensorValue(scenario, key) };
+    return { change, read: (scenario) => valueAt({ ...scenario, geo_origin: this.#origin }, path) };
   }
 
   /** The scenario with a part of its origin typed: with both latitude and longitude, it has one. */
-  #withOrigin(key, value) {
-    const { scenario } = this.#store;
+  #withOrigin(scenario, key, value) {
     this.#origin = { ...this.#origin, [key]: value === "" ? undefined : value };
     if (isWhole(this.#origin)) return withValue(scenario, "geo_origin", { alt_m: 0, ...defined(this.#origin) });
     return scenario.geo_origin ? withValue(scenario, "geo_origin", undefined) : scenario;
@@ -143,14 +143,7 @@ export class Editor {
       this.#build();
       return;
     }
-    for (const path of this.#fields.keys) {
-      const [section, key] = path.split(".");
-      const value = section === "sensor" ? sensorValue(scenario, key) : valueAt({ ...scenario, geo_origin: this.#origin }, path);
-      if (path === "filter.estimate") this.#fields.choose(path, ...estimatesOf(value));
-      else if (path !== "orbit.direction") this.#fields.put(path, value);
-      else if (Array.isArray(value)) this.#fields.choose(path, { ...DIRECTIONS, "": "vehicle by vehicle" }, "");
-      else this.#fields.choose(path, DIRECTIONS, value);
-    }
+    this.#fields.show(scenario);
     this.#openUsed(scenario);
     this.#body.show();
     this.#links.show();
@@ -185,6 +178,11 @@ export class Editor {
     }
     return null;
   }
+}
+
+/** The choices of a direction, and the one taken. @returns {[Record<string, string>, any]} */
+function directionsOf(value) {
+  return Array.isArray(value) ? [{ ...DIRECTIONS, "": "vehicle by vehicle" }, ""] : [DIRECTIONS, value];
 }
 
 function isWhole({ lat_deg: latitude, lon_deg: longitude }) {

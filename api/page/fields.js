@@ -1,59 +1,87 @@
-// Labelled inputs, each known by a key and by the path of its value, and what is wrong with them.
+// Labelled inputs of a scenario's values, and what is wrong with them.
 
 import { element, mark } from "./elements.js";
+import { scrubbed, stepOf } from "./scrubbing.js";
 
 const HALF_TYPED = "is no JSON yet: write polygons as [[[x, y], [x, y], [x, y]]]";
 
-/** A group of fields: `{ path, label, unit, kind, min, key, help }`; the key is the path where none is given. */
-export class Fields {
-  #inputs = new Map();
+/**
+ * @typedef {object} Field
+ * a value of the scenario: `read(scenario)` returns it, `change(scenario, value)` the scenario with another one;
+ * of choices, `choices(value)` returns the texts by value, and the one taken; `steady` where no error depends on it
+ * @property {string} path
+ * @property {string} label
+ * @property {string} [unit]
+ * @property {string} [kind] "choice", "text" or "json"; a number where it is left out
+ * @property {number} [min]
+ * @property {number} [max]
+ * @property {string} [help]
+ * @property {string} [id] the path where none is given
+ * @property {boolean} [steady]
+ * @property {any} [input] its element
+ * @property {(value: any) => [Record<string, string>, any]} [choices]
+ * @property {(scenario: any) => any} read
+ * @property {(scenario: any, value: any) => any} change
+ */
 
-  /** Return a label, its input and the place for its fault; `changed` hears each new value.
-   * @param {{path: string, label: string, unit?: string, kind?: string, min?: number, help?: string, key?: string}} field
-   * @param {(value: any) => void} changed */
-  add({ path, label, unit, kind, min, help, key = path }, changed) {
-    const id = `field-${key.replaceAll(/[^a-z0-9]+/gi, "-")}`;
-    const input = kind === "choice" ? element("select", {}) : element("input", typed(kind, min));
-    input.id = id;
-    if (help) input.title = help;
-    input.setAttribute("aria-describedby", `${id}-fault`);
-    input.addEventListener(kind === "choice" ? "change" : "input", () => {
+/** A group of fields of a store's scenario. */
+export class Fields {
+  #store;
+  /** @type {Field[]} */
+  #fields = [];
+
+  constructor(store) {
+    this.#store = store;
+  }
+
+  /** Return a label, its input and the place for its fault.
+   * @param {Field} given */
+  add(given) {
+    const { path, label: name, unit, kind, help } = given;
+    const id = `field-${(given.id ?? path).replaceAll(/[^a-z0-9]+/gi, "-")}`;
+    const input = element(kind === "choice" ? "select" : "input", { id, title: help, "aria-describedby": `${id}-fault`, ...typed(given) });
+    const field = { ...given, input };
+    input.addEventListener(kind === "choice" ? "change" : "input", (event) => {
       const value = read(input, kind);
       if (kind === "json") mark(input, value === null ? HALF_TYPED : "");
-      if (value !== null) changed(value);
+      if (value === null) return;
+      const changed = field.change(this.#store.scenario, value);
+      // an input that is scrubbed says more of the edit
+      if (changed !== this.#store.scenario) this.#store.edit(changed, { live: true, field, ...event.detail });
+      if (!kind) input.step = stepOf(input.valueAsNumber, unit);
     });
-    this.#inputs.set(key, { input, path });
-    return element(
-      "div",
-      { class: kind ? "field wide" : "field" },
-      element("label", { for: id }, label, unit ? element("span", { class: "unit" }, ` (${unit})`) : null),
-      input,
-      element("p", { class: "fault", id: `${id}-fault` }),
-    );
+    this.#fields.push(field);
+    const label = element("label", { for: id }, name, unit ? element("span", { class: "unit" }, ` (${unit})`) : null);
+    if (!kind) scrubbed(label, input);
+    return element("div", { class: kind ? "field wide" : "field" }, label, input, element("p", { class: "fault", id: `${id}-fault` }));
   }
 
   /** Forget all fields: others take their place. */
   clear() {
-    this.#inputs.clear();
+    this.#fields = [];
   }
 
-  get keys() {
-    return [...this.#inputs.keys()];
+  /** Show the values of a scenario, but not in place of what people are typing just now. */
+  show(scenario) {
+    for (const field of this.#fields) {
+      const value = field.read(scenario);
+      if (field.choices) this.#choose(field.input, ...field.choices(value));
+      else if (document.activeElement !== field.input) this.#put(field, value);
+    }
   }
 
-  /** Show a value, unless it is what people are typing just now. */
-  put(key, value) {
-    const { input } = this.#inputs.get(key);
-    if (document.activeElement === input) return;
-    const listed = Array.isArray(value) && input.dataset.kind !== "json";
+  /** @param {Field} field
+   * @param {any} value */
+  #put({ input, kind, unit }, value) {
+    const listed = Array.isArray(value) && kind !== "json";
     const text = value === undefined || value === null || listed ? "" : asText(value);
     if (input.value !== text) input.value = text;
     input.placeholder = listed ? "differs" : "";
+    if (!kind) input.step = stepOf(input.valueAsNumber, unit);
   }
 
   /** Offer choices, `{ value: text }`, and show which of them is taken. */
-  choose(key, choices, value) {
-    const { input } = this.#inputs.get(key);
+  #choose(input, choices, value) {
     const offered = [...input.options].map((one) => one.value).join();
     if (offered !== Object.keys(choices).join()) {
       input.replaceChildren(...Object.entries(choices).map(([one, text]) => element("option", { value: one }, text)));
@@ -62,12 +90,12 @@ export class Fields {
   }
 
   unmark() {
-    for (const { input } of this.#inputs.values()) mark(input, "");
+    for (const { input } of this.#fields) mark(input, "");
   }
 
   /** Return the input whose path a test holds of. */
   find(test) {
-    return [...this.#inputs.values()].find((one) => test(one.path))?.input;
+    return this.#fields.find((one) => test(one.path))?.input;
   }
 }
 
@@ -75,9 +103,10 @@ function asText(value) {
   return Array.isArray(value) ? JSON.stringify(value) : String(value);
 }
 
-function typed(kind, min) {
-  if (kind === "json") return { type: "text", spellcheck: "false", "data-kind": "json" };
-  return kind === "text" ? { type: "text" } : { type: "number", step: "any", min };
+/** The attributes of an input by its kind. @param {Field} field */
+function typed({ kind, min, max }) {
+  if (kind === "choice") return {};
+  return kind ? { type: "text", spellcheck: kind === "json" ? "false" : null } : { type: "number", min, max };
 }
 
 /** What JSON text holds; null while it is half typed. */

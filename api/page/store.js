@@ -35,7 +35,7 @@ export class Store extends EventTarget {
   #anchor = null;
   #past = [];
   #future = [];
-  /** @type {{field: string | null, at: number}} */
+  /** what was edited last, a name or a field of the form @type {{field: any, at: number}} */
   #last = { field: null, at: 0 };
 
   /** Call `hear` with the detail of each event of these names.
@@ -86,7 +86,7 @@ export class Store extends EventTarget {
    * a vehicle set by hand: all phases are given from then on.
    *
    * @param {any} scenario
-   * @param {{live?: boolean, step?: boolean, field?: string | null, phase?: {k: number, phase_rad: number}}} how
+   * @param {{live?: boolean, step?: boolean, field?: any, phase?: {k: number, phase_rad: number}}} how
    */
   edit(scenario, { live = false, step = true, field = null, phase } = {}) {
     const at = performance.now();
@@ -98,7 +98,7 @@ export class Store extends EventTarget {
     if (phase) scenario = { ...scenario };
     const byHand = phase && { scenario, planId: null, given: { vehicles: withPhase(this.drawn, scenario, phase), origin: "hand" } };
     this.#put({ scenario, anchor: byHand || this.#anchor });
-    this.#emit("scenario", { live, lost: given && !this.given });
+    this.#emit("scenario", { live, field, lost: given && !this.given });
   }
 
   /** Start over with a plan, stored or not; `origin` says where its given phases come from. */

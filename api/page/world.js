@@ -3,7 +3,7 @@
 import { valueAt } from "./scenario.js";
 
 /**
- * @typedef {{ path: string, label: string, unit?: string, kind?: string, min?: number }} Field
+ * @typedef {{ path: string, label: string, unit?: string, kind?: string, min?: number, max?: number, choices?: (value: any) => any }} Field
  * a key of the scenario that may be left out
  */
 
@@ -11,7 +11,7 @@ import { valueAt } from "./scenario.js";
 export const WORLD = {
   "Sightings: interval, distance, compass": [
     { path: "sensor.interval_s", label: "Sighting interval", unit: "s", min: 0 },
-    { path: "sensor.detection_probability", label: "Detection probability", min: 0 },
+    { path: "sensor.detection_probability", label: "Detection probability", min: 0, max: 1 },
     { path: "sensor.range_sigma_m", label: "Distance sigma", unit: "m", min: 0 },
     { path: "sensor.bearing_bias_sigma_rad", label: "Bearing bias sigma", unit: "rad", min: 0 },
     { path: "sensor.bearing_walk", label: "Bearing walk", kind: "json" },
@@ -35,7 +35,7 @@ export const WORLD = {
     { path: "keep_out_m", label: "Polygons that block paths", unit: "m", kind: "json" },
   ],
   "A simulated world that differs": [{ path: "truth", label: "Keys that are true instead", kind: "json" }],
-  "Errors that the filter estimates": [{ path: "filter.estimate", label: "Estimated errors", kind: "choice" }],
+  "Errors that the filter estimates": [{ path: "filter.estimate", label: "Estimated errors", kind: "choice", choices: estimatesOf }],
 };
 
 const ESTIMATES = { auto: "all with a sigma", none: "none" };
@@ -51,7 +51,7 @@ export function isUsed(scenario, fields) {
 }
 
 /** Return the choices of what the filter estimates, and the one taken: a list stays as it is. */
-export function estimatesOf(value = "auto") {
+function estimatesOf(value = "auto") {
   if (Array.isArray(value)) return [{ ...ESTIMATES, "": value.join(", ") || "none listed" }, ""];
   return [ESTIMATES, value === "none" ? "none" : "auto"];
 }
