@@ -34,6 +34,7 @@ Packages, each using only those before it; each lists its modules
     arrays            types of arrays
     errors            the errors raised on purpose
     phrases           wording of lists and shares
+    terms             terms and their meanings
     options           options of runs, each declared once
     runtime           cores and threads, child processes, files written whole
     results           results as files, data frames and HTML

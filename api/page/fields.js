@@ -2,6 +2,7 @@
 
 import { element, mark } from "./elements.js";
 import { scrubbed, stepOf } from "./scrubbing.js";
+import { question } from "./terms.js";
 
 const HALF_TYPED = "is no JSON yet: write polygons as [[[x, y], [x, y], [x, y]]]";
 
@@ -53,7 +54,7 @@ export class Fields {
     this.#fields.push(field);
     const label = element("label", { for: id }, name, unit ? element("span", { class: "unit" }, ` (${unit})`) : null);
     if (!kind) scrubbed(label, input);
-    return element("div", { class: kind ? "field wide" : "field" }, label, input, element("p", { class: "fault", id: `${id}-fault` }));
+    return element("div", { class: kind ? "field wide" : "field" }, element("span", {}, label, question(name)), input, element("p", { class: "fault", id: `${id}-fault` }));
   }
 
   /** Forget all fields: others take their place. */

@@ -2,6 +2,7 @@
 
 import { byId, element, notice, shown } from "./elements.js";
 import { askJson } from "./service.js";
+import { explained } from "./terms.js";
 
 /** Losses that stand open; the others are folded. */
 const MOST_OPEN = 12;
@@ -76,7 +77,7 @@ function table(losses) {
   return element(
     "table",
     { class: "losses" },
-    element("thead", {}, element("tr", {}, ...heads.map((head) => element("th", { scope: "col" }, head)))),
+    element("thead", {}, element("tr", {}, ...heads.map((head) => element("th", { scope: "col" }, ...explained(head))))),
     element("tbody", {}, ...losses.map(row)),
   );
 }

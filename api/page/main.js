@@ -21,6 +21,7 @@ import { offerLink } from "./sharing.js";
 import { listenForKeys } from "./shortcuts.js";
 import { Store } from "./store.js";
 import { JOB_KINDS } from "./tables.js";
+import { traceErrors } from "./trace.js";
 import { showVerdicts, wayBack } from "./verdict.js";
 import { Work } from "./work.js";
 
@@ -36,6 +37,7 @@ new Editor(store);
 const player = new Player(store, map, charts);
 new Planner(store, busy);
 showVerdicts(store);
+traceErrors(store, Planner.preview);
 listenForKeys(store, map.tools);
 const parts = offerParts(store);
 const opening = new Opening(store, charts, address);

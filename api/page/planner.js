@@ -44,14 +44,17 @@ export class Planner {
     return { plan: await judgedPlan(plan), figures: Object.fromEntries(names.map((name, k) => [name, found[k]])) };
   }
 
-  /** Resolves with the plan and figures of any scenario or plan document, stored nowhere. */
-  static preview(document, { figures = Planner.figures, quick = false } = {}) {
+  /** Resolves with the plan and figures of any scenario or plan document, stored nowhere.
+   * @param {any} document
+   * @param {{figures?: string[], quick?: boolean, signal?: AbortSignal}} how */
+  static preview(document, { figures = Planner.figures, quick = false, signal } = {}) {
     const asked = new URLSearchParams({ quick: `${quick}`, theme: theme() });
     for (const name of figures) asked.append("figure", name);
     const text = typeof document === "string";
     return askJson("POST", `v1/previews?${asked}`, {
       body: text ? document : JSON.stringify(document),
       type: text ? "application/yaml" : "application/json",
+      signal,
     });
   }
 

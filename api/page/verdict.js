@@ -2,6 +2,7 @@
 
 import { byId, element, shown } from "./elements.js";
 import { withoutLink, withValue } from "./scenario.js";
+import { explained } from "./terms.js";
 
 /** Findings that stand open where there are many; the others are folded. */
 const MOST_OPEN = 3;
@@ -45,7 +46,7 @@ export function showVerdicts(store) {
   const show = () => {
     const { plan } = store;
     const { go } = plan.verdict;
-    const verdict = [element("strong", {}, `${go ? "✓ GO" : "✗ NO-GO"}: ${sentenceOf(plan, quick)}`), element("span", { class: "block" }, rankOf(plan))];
+    const verdict = [element("strong", {}, `${go ? "✓ GO" : "✗ NO-GO"}: ${sentenceOf(plan, quick)}`), element("span", { class: "block" }, ...explained(rankOf(plan)))];
     const parts = doubt ? [element("span", { class: "block" }, `${DOUBTS[doubt][0]}:`), ...verdict] : verdict;
     const text = parts.map((one) => one.textContent).join(" ");
     // read out when it changes, and only then
@@ -161,7 +162,7 @@ function table(plan, predicted, [origin, how]) {
         element(
           "tr",
           {},
-          element("th", { scope: "row" }, name),
+          element("th", { scope: "row" }, ...explained(name)),
           element("td", {}, value, remark ? element("span", { class: "hint block" }, remark) : null),
         ),
       ),

@@ -7,6 +7,7 @@ import { refinementForm, validationForm } from "./requests.js";
 import { RunningJob } from "./running_job.js";
 import { askJson, patiently, postOnce } from "./service.js";
 import { ENDED, JOB_KINDS } from "./tables.js";
+import { explained } from "./terms.js";
 
 /** share of the least separation that may be lost without a word */
 const KEPT_SHARE = 0.9;
@@ -139,7 +140,7 @@ function refined(plan) {
       { class: `badge ${improved && go ? "good" : ""}` },
       improved ? `Predicted error ${rms(before)} → ${rms(after)}` : "No better plan was found",
     ),
-    element("p", {}, improved ? `Rank ${before.rank} → ${after.rank}.` : reason),
+    element("p", {}, ...explained(improved ? `Rank ${before.rank} → ${after.rank}.` : reason)),
     improved && after.least_distance_m !== null ? separationOf(before.least_distance_m, after.least_distance_m) : null,
   ].filter(Boolean);
 }
@@ -147,7 +148,7 @@ function refined(plan) {
 /** How near vehicles come before and after: what is gained in error may be paid for in room. */
 function separationOf(before, after) {
   const text = `Least separation ${shown(before)} → ${shown(after, "m")}.`;
-  if (after >= KEPT_SHARE * before) return element("p", {}, text);
+  if (after >= KEPT_SHARE * before) return element("p", {}, ...explained(text));
   return element(
     "p",
     { class: "remark" },
@@ -168,7 +169,7 @@ function validated(report, lost) {
       { class: `badge ${look}` },
       `Found ${shown(overall.rms_second_half_m, "m")}, predicted ${shown(overall.predicted_rms_m, "m")}`,
     ),
-    element("p", {}, `RMS over the second half of ${counted(trials)}. ${consistencyOf(anees)}`),
+    element("p", {}, ...explained(`RMS over the second half of ${counted(trials)}. ${consistencyOf(anees)}`)),
     ...spreadOf(overall),
     ...furtherErrors(report.errors ?? []),
     ...(lost.length ? [unproven(lost)] : []),

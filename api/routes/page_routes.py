@@ -23,6 +23,7 @@ from syncplan.reports.job_contract import STATES, has_ended
 from syncplan.scenario.dotted_keys import ALTERNATIVES, numeric_keys
 from syncplan.scenario.formations import SHAPES
 from syncplan.scenario.objectives import OBJECTIVES
+from syncplan.terms import TERMS
 
 
 def tables_script() -> str:
@@ -50,6 +51,7 @@ def tables_script() -> str:
         "GUIDANCES": {name: one.sentence for name, one in GUIDANCES.items()},
         "OBJECTIVES": {name: one.title for name, one in OBJECTIVES.items()},
         "MEANINGS": {key: one.meaning for key, one in numeric_keys().items()},
+        "TERMS": {form: one.meaning for name, one in TERMS.items() for form in (name, *one.forms)},
         "ALTERNATIVES": ALTERNATIVES,
         "JOB_KINDS": {
             name: {

@@ -15,6 +15,7 @@ from syncplan.plotting.figure_table import FIGURES, SUBJECTS
 from syncplan.scenario.dotted_keys import IN_FLIGHT_ALONE, IN_TRUTH, SWEPT_KEYS, numeric_keys
 from syncplan.scenario.filters import FILTERS
 from syncplan.scenario.objectives import OBJECTIVES
+from syncplan.terms import TERMS
 
 __all__ = ["TABLES", "renew", "with_tables"]
 
@@ -81,6 +82,10 @@ def _numeric_keys() -> str:
     return _table(("key", "unit", "allowed", "what it is"), rows)
 
 
+def _terms() -> str:
+    return _table(("term", "meaning"), [(name, one.meaning) for name, one in TERMS.items()])
+
+
 def _metrics() -> str:
     rows = [
         (
@@ -103,6 +108,7 @@ TABLES: Mapping[str, Callable[[], str]] = {
     "numeric-keys": _numeric_keys,
     "objectives": _objectives,
     "swept-keys": _swept_keys,
+    "terms": _terms,
 }
 """Every table by the name that pages give."""
 

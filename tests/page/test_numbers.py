@@ -1,7 +1,12 @@
 """Numbers of the form at hand: dragged by their labels, stepped by keys, their errors charted."""
 
+import re
+
+import pytest
 from playwright.sync_api import Page, expect
 
+from syncplan.terms import TERMS
+from tests.page.gestures import part
 from tests.tools.browsing import Visit, accessibility_faults
 
 RANGE = "Range (m)"
@@ -60,17 +65,74 @@ def test_shift_drags_ten_times_as_far_and_limits_hold(visit: Visit, page: Page) 
 def test_a_click_on_a_label_goes_to_its_field_and_arrow_keys_step_it(
     visit: Visit, page: Page
 ) -> None:
-    for name, before, after in (
-        ("Angular rate (rad/s)", "0.2", "0.21"),
-        (RANGE, "50", "51"),
-        ("Desynchronise by (rad)", "", ""),
-    ):
+    for name, before, after in (("Angular rate (rad/s)", "0.2", "0.21"), (RANGE, "50", "51")):
         field = page.get_by_label(name, exact=True)
         page.locator("label", has_text=name).first.click()
         expect(field).to_be_focused()
-        if before:
-            expect(field).to_have_value(before)
-            field.press("ArrowUp")
-            expect(field).to_have_value(after)
+        expect(field).to_have_value(before)
+        field.press("ArrowUp")
+        expect(field).to_have_value(after)
     visit.settle()
+    assert accessibility_faults(page) == []
+
+
+def test_the_worst_error_is_charted_below_the_field_until_another_is_edited(
+    visit: Visit, page: Page
+) -> None:
+    chart = page.locator("#editor .trace")
+    expect(chart).to_have_count(0)
+    x, y = scrub(page, "Bearing sigma", 50.0, release=False)
+    box = page.locator(".field", has=page.get_by_label("Bearing sigma"))
+    # the plan before and the plan at the pause, then some around them
+    drawing = box.locator(".trace").get_by_role("img")
+    expect(drawing).to_have_accessible_name(re.compile(r"Worst predicted error .* at 0\.1 rad; .*"))
+    expect(drawing.locator("circle.now")).to_have_count(1)
+    expect(drawing.locator("circle:not(.now)").nth(2)).to_be_attached()
+    worst = page.locator("#verdict tr", has_text="Worst vehicle").locator("td")
+    shown = float((worst.text_content() or "").split()[1])
+    stated = box.locator(".trace strong")
+    expect(stated).to_have_text(re.compile(r"^\d+\.\d+ m at 0\.15 rad$"))
+    assert float((stated.text_content() or "").split()[0]) == pytest.approx(shown, rel=5e-3)
+    page.mouse.move(x + 1.0, y)
+    expect(stated).to_contain_text("at 0.151 rad")
+    page.mouse.up()
+    visit.settle()
+    assert accessibility_faults(page) == []
+    # by keyboard, too
+    page.get_by_label("Boresight (°)", exact=True).press("ArrowUp")
+    expect(box.locator(".trace")).to_have_count(0)
+    expect(page.locator(".field", has_text="Boresight").locator(".trace")).to_have_count(1)
+    page.get_by_label("Least separation").fill("12")
+    visit.settle()
+    expect(chart).to_have_count(0)
+
+
+def test_terms_explain_themselves_where_they_stand(visit: Visit, page: Page) -> None:
+    part(page, "Verdict")
+    note = page.get_by_role("note")
+    term = page.locator("#verdict").get_by_role("button", name="Certificate")
+    term.click()
+    expect(note).to_have_text(TERMS["certificate"].meaning)
+    expect(note).to_be_focused()
+    assert accessibility_faults(page) == []
+    page.keyboard.press("Escape")
+    expect(note).to_have_count(0)
+    expect(term).to_be_focused()
+    # the same button closes it again
+    term.press("Enter")
+    expect(note).to_be_visible()
+    term.click()
+    expect(note).to_have_count(0)
+    page.locator("#badge").get_by_role("button", name="rank").click()
+    expect(note).to_have_text(TERMS["rank"].meaning)
+    page.mouse.click(5.0, 400.0)
+    expect(note).to_have_count(0)
+    part(page, "Scenario")
+    field = page.locator(".field", has_text="Desynchronise by")
+    field.get_by_role("button", name="What is “desynchronise”?").press("Enter")
+    expect(note).to_have_text(TERMS["desynchronisation"].meaning)
+    box = note.bounding_box()
+    assert box is not None
+    assert box["x"] >= 0.0
+    assert box["x"] + box["width"] <= 1440.0
     assert accessibility_faults(page) == []

@@ -10,6 +10,7 @@ export const PILOTS: Record<string, string>;
 export const GUIDANCES: Record<string, string>;
 export const OBJECTIVES: Record<string, string>;
 export const MEANINGS: Record<string, string>;
+export const TERMS: Record<string, string>;
 export const ALTERNATIVES: string[][];
 export const JOB_KINDS: Record<string, any>;
 export const ENDED: string[];

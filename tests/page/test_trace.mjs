@@ -1,0 +1,30 @@
+// Numbers of the form: their steps, and the errors charted against them.
+
+import assert from "node:assert/strict";
+import test from "node:test";
+import { stepOf } from "../../api/page/scrubbing.js";
+import { around, errorAt, worstOf } from "../../api/page/trace.js";
+
+test("the step of a number is a tenth of its decade, whatever its sign", () => {
+  assert.deepEqual([50, 0.2, -360, 1000, 0.05].map((value) => stepOf(value)), [1, 0.01, 10, 100, 0.001]);
+  assert.deepEqual([stepOf(0, "°"), stepOf(NaN, "m"), stepOf(0, "rad")], [10, 1, 0.1]);
+});
+
+test("the worst error is known only where that of every vehicle is", () => {
+  const plan = (vehicles) => ({ predicted_rms_m: { vehicles } });
+  assert.equal(worstOf(plan({ v1: 0.5, v2: 0.75 })), 0.75);
+  assert.equal(worstOf(plan({ v1: 0.5, v2: null })), null);
+  assert.equal(worstOf(plan({})), null);
+});
+
+test("values around one keep away from limits and from points that there are", () => {
+  assert.deepEqual(around(50, new Map([[50, 1]]), {}), [45, 55, 40, 60, 35, 65]);
+  assert.deepEqual(around(50, new Map([[50, 1], [35, 2], [56, 1]]), {}), [45, 40, 60, 65]);
+  assert.deepEqual(around(360, new Map([[360, 1]]), { min: 0, max: 360, unit: "°" }), [324, 288, 252]);
+  assert.ok(around(0.1, new Map([[0.1, 1], [0.6, 1]]), { min: 0 }).every((one) => one > 0));
+});
+
+test("an error that is not known is said to be so", () => {
+  assert.equal(errorAt(50, 0.41234, "m"), "0.412 m at 50 m");
+  assert.equal(errorAt(0.25, null), "no error known at 0.25");
+});
