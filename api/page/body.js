@@ -81,7 +81,9 @@ export class Body {
           : null,
       ),
     ];
+    const focused = this.group.contains(document.activeElement) ? document.activeElement?.id : "";
     this.group.replaceChildren(...parts.filter((one) => one !== null));
+    if (focused) byId(focused)?.focus();
     this.fields.show(scenario);
   }
 
@@ -97,6 +99,7 @@ export class Body {
       this.#field(key, `sensor[${k}].${key}`, label, unit, (old, value) => withSensor(old, key, value, k), more);
     const at = (scenario) => vehiclesOf(scenario)[k];
     return [
+      this.#name(`formation.names[${k}]`),
       this.#field("x", `${center}[0]`, "Centre east", "m", (old, x) => withCenter(old, k, x, at(old).y)),
       this.#field("y", `${center}[1]`, "Centre north", "m", (old, y) => withCenter(old, k, at(old).x, y)),
       orbit("radius", "radius_m", "Radius", "m", (old, radius) => withRadius(old, k, radius), AT_LEAST_0),
@@ -112,9 +115,23 @@ export class Body {
     const at = (scenario) => landmarksOf(scenario)[k];
     const place = Array.isArray(landmarks) ? `landmarks_m[${k}]` : `landmarks_m.${at(this.#store.scenario).name}`;
     return [
+      this.#name(place),
       this.#field("x", `${place}[0]`, "East", "m", (old, x) => withLandmark(old, k, x, at(old).y)),
       this.#field("y", `${place}[1]`, "North", "m", (old, y) => withLandmark(old, k, at(old).x, y)),
     ];
+  }
+
+  #name(path) {
+    const { kind, k } = this.#store.selected;
+    const enter = (scenario, name) => {
+      const { all, named } = BODIES[kind];
+      if (all(scenario).some((one) => one.name === name)) {
+        notice(`There is a ${kind} ${name} already.`, { fault: true });
+        return scenario;
+      }
+      return named(scenario, k, name);
+    };
+    return this.#field("name", path, "Its name", "", enter, { kind: "name" });
   }
 
   /** A field of the selected body, whose value `enter(scenario, value)` enters. */

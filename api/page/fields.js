@@ -13,7 +13,7 @@ const HALF_TYPED = "is no JSON yet: write polygons as [[[x, y], [x, y], [x, y]]]
  * @property {string} path
  * @property {string} label
  * @property {string} [unit]
- * @property {string} [kind] "choice", "text" or "json"; a number where it is left out
+ * @property {string} [kind] "choice", "text", "json" or "name", which changes once it is whole; a number where it is left out
  * @property {number} [min]
  * @property {number} [max]
  * @property {string} [help]
@@ -42,7 +42,7 @@ export class Fields {
     const id = `field-${(given.id ?? path).replaceAll(/[^a-z0-9]+/gi, "-")}`;
     const input = element(kind === "choice" ? "select" : "input", { id, title: help, "aria-describedby": `${id}-fault`, ...typed(given) });
     const field = { ...given, input };
-    input.addEventListener(kind === "choice" ? "change" : "input", (event) => {
+    input.addEventListener(kind === "choice" || kind === "name" ? "change" : "input", (event) => {
       const value = read(input, kind);
       if (kind === "json") mark(input, value === null ? HALF_TYPED : "");
       if (value === null) return;

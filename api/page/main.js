@@ -11,12 +11,13 @@ import { askForKeys } from "./keys.js";
 import { offerKeptWork } from "./kept_work.js";
 import { offerLosses } from "./losses.js";
 import { FormationMap } from "./map.js";
+import { offerNaming } from "./naming.js";
 import { offerNewTeam } from "./new_team.js";
 import { Opening } from "./opening.js";
 import { Planner } from "./planner.js";
 import { Player } from "./player.js";
 import { NoPlan, postOnce } from "./service.js";
-import { keepOverReloads } from "./session.js";
+import { isFirstVisit, keepOverReloads } from "./session.js";
 import { offerLink } from "./sharing.js";
 import { listenForKeys } from "./shortcuts.js";
 import { Store } from "./store.js";
@@ -57,6 +58,7 @@ offerNewTeam((scenario, change) => opening.team(scenario, change));
 offerKeptWork({ open: (planId) => opening.plan(planId, { opened: address }), compare });
 offerDownloads(store, storePlan);
 offerLosses(store, storePlan);
+offerNaming(store);
 offerLink(store, storePlan, attempt);
 keepOverReloads(store);
 
@@ -184,7 +186,6 @@ store.on(["opened", "scenario", "plan"], () => {
   allow("undo", store.canUndo);
   allow("redo", store.canRedo);
   allow("share", true);
-  byId("map-name").textContent = store.scenario.name || "";
 });
 store.on(["opened", "scenario"], settleOutcome);
 store.on(["scenario"], (detail) => {
@@ -227,7 +228,10 @@ async function start() {
   const asked = new URLSearchParams(location.search);
   if (asked.get("plan")) {
     if (!(await openLinked(asked.get("plan")))) return;
-  } else if (!(await opening.edit())) await opening.example(FIRST_EXAMPLE);
+  } else if (!(await opening.edit())) {
+    await opening.example(FIRST_EXAMPLE);
+    if (isFirstVisit()) import("./welcome.js").then(({ welcome }) => welcome(store, player));
+  }
   performance.mark("ready");
   if (asked.get("job")) resumeJob(asked.get("job"));
   const design = asked.get("design");

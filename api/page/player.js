@@ -26,7 +26,7 @@ export class Player {
     this.#map = map;
     this.#charts = charts;
     this.#slider.max = STEPS;
-    this.#button.addEventListener("click", () => (this.#frame ? this.pause() : this.#play()));
+    this.#button.addEventListener("click", () => (this.#frame ? this.pause() : this.play()));
     this.#slider.addEventListener("input", () => this.#show());
     this.#played.addEventListener("change", () => this.#change());
     store.on(["scenario", "opened"], () => this.#reset());
@@ -73,7 +73,8 @@ export class Player {
     if (this.#store.plan) this.#show();
   }
 
-  #play() {
+  /** Play on and on, or `once` until the end. */
+  play({ once = false } = {}) {
     if (!this.#store.plan) return;
     this.#button.textContent = "Pause";
     this.#button.setAttribute("aria-pressed", "true");
@@ -83,8 +84,13 @@ export class Player {
       const on = (STEPS * (now - this.#last)) / (PERIOD_MS * periods);
       if (on >= 1) {
         this.#last = now;
-        this.#slider.value = (Number(this.#slider.value) + Math.round(on)) % STEPS;
+        const moment = Number(this.#slider.value) + Math.round(on);
+        this.#slider.value = moment % STEPS;
         this.#show();
+        if (once && moment >= STEPS) {
+          this.pause();
+          return;
+        }
       }
       this.#frame = requestAnimationFrame(step);
     };

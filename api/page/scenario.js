@@ -60,9 +60,13 @@ export function withPhase(plan, scenario, { k, phase_rad }) {
   }));
 }
 
+/** What orbits and meetings depend on, whatever vehicles and landmarks are called. */
 function orbitsAndMeetings(scenario) {
   const sensor = [scenario.sensor].flat().map((one) => without(one, LOOSE_OF_SENSOR));
-  return { ...without(scenario, LOOSE), sensor };
+  const { names: _, ...formation } = scenario.formation;
+  const names = namesOf(scenario);
+  if (formation.links) formation.links = formation.links.map((link) => link.map((name) => names.indexOf(name)));
+  return { ...without(scenario, LOOSE), formation, landmarks_m: pointsOf(scenario.landmarks_m), sensor };
 }
 
 function without(values, keys) {
@@ -155,6 +159,21 @@ export function withSensor(scenario, key, value, k) {
     else one[key] = value;
   }
   return changed;
+}
+
+/** Return the scenario with vehicle k renamed, in its links too. */
+export function withVehicleName(scenario, k, name) {
+  const names = namesOf(scenario);
+  const changed = withValue(scenario, "formation.names", names.with(k, name));
+  const { formation } = changed;
+  if (formation.links) formation.links = formation.links.map((link) => link.map((one) => (one === names[k] ? name : one)));
+  return changed;
+}
+
+/** Return the scenario with landmark k renamed. */
+export function withLandmarkName(scenario, k, name) {
+  const named = landmarksOf(scenario).map((one, i) => [i === k ? name : one.name, [one.x, one.y]]);
+  return withValue(scenario, "landmarks_m", Object.fromEntries(named));
 }
 
 export function withCenter(scenario, k, x, y) {

@@ -1,14 +1,14 @@
 // What is done with all that is selected: it is moved, copied, put on a grid, removed.
 
 import { withMember } from "./free_space.js";
-import { addLandmark, landmarksOf, round, vehiclesOf, withCenter, withLandmark, withPolygon, withoutLandmark, withoutVehicle } from "./scenario.js";
+import { addLandmark, landmarksOf, round, vehiclesOf, withCenter, withLandmark, withLandmarkName, withPolygon, withVehicleName, withoutLandmark, withoutVehicle } from "./scenario.js";
 
 /** @typedef {{kind: string, k: number}} Chosen what is selected: a vehicle, landmark or polygon, by its number */
 
-/** What a map has places of: all of a kind, and the scenario with one moved, added or removed. */
+/** What a map has places of: all of a kind, and the scenario with one moved, named, added or removed. */
 export const BODIES = {
-  vehicle: { all: vehiclesOf, moved: withCenter, added: withMember, removed: withoutVehicle },
-  landmark: { all: landmarksOf, moved: withLandmark, added: addLandmark, removed: withoutLandmark },
+  vehicle: { all: vehiclesOf, moved: withCenter, named: withVehicleName, added: withMember, removed: withoutVehicle },
+  landmark: { all: landmarksOf, moved: withLandmark, named: withLandmarkName, added: addLandmark, removed: withoutLandmark },
 };
 
 /** The selected vehicles and landmarks with their places. */

@@ -1,6 +1,7 @@
-// The scenario being edited, kept in the tab over a reload.
+// What the browser keeps: the scenario being edited, over a reload, and that there was a visit.
 
 const STORED_KEY = "syncplan-edit";
+const VISITED_KEY = "syncplan-visited";
 
 /** Keep a store's scenario in the tab while no address names it.
  *
@@ -44,4 +45,18 @@ function write(value) {
   } catch {
     // no room, or not allowed: nothing is kept
   }
+}
+
+/** Whether nobody has done anything on the page in this browser yet. */
+export function isFirstVisit() {
+  try {
+    return localStorage.getItem(VISITED_KEY) === null;
+  } catch {
+    return false;
+  }
+}
+
+/** Keep in mind that there was a visit. */
+export function remember() {
+  localStorage.setItem(VISITED_KEY, "yes");
 }

@@ -1,6 +1,6 @@
 // What the page knows: the scenario being edited, its plan, and who wants to hear of changes.
 
-import { editable, orbitsOf, sameOrbits, sameScenario, withPhase } from "./scenario.js";
+import { editable, namesOf, orbitsOf, sameOrbits, sameScenario, withPhase } from "./scenario.js";
 
 const MOST_STEPS = 100;
 const SAME_EDIT_MS = 1000;
@@ -193,7 +193,7 @@ export class Store extends EventTarget {
     this.#anchor = anchor;
     this.scenario = scenario;
     this.planId = sameScenario(scenario, anchor.scenario) ? anchor.planId : null;
-    this.given = anchor.given && sameOrbits(scenario, anchor.scenario) ? anchor.given : null;
+    this.given = anchor.given && sameOrbits(scenario, anchor.scenario) ? named(anchor.given, namesOf(scenario)) : null;
   }
 
   #remember(state) {
@@ -214,4 +214,9 @@ export class Store extends EventTarget {
     if (name === "opened" || name === "scenario") this.report = null;
     this.dispatchEvent(new CustomEvent(name, { detail }));
   }
+}
+
+/** Given orbits of vehicles that may have been renamed. */
+function named({ vehicles, origin }, names) {
+  return { vehicles: vehicles.map((one, k) => ({ ...one, name: names[k] })), origin };
 }

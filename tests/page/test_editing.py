@@ -323,7 +323,7 @@ def test_keys_undo_and_redo_and_arrows_in_a_row_are_one_step(visit: Visit, page:
     expect(moved).to_have_attribute("aria-label", raised)
     visit.settle()
     # in a text field they are the browser's own
-    page.get_by_label("Name").focus()
+    page.get_by_label("Name", exact=True).focus()
     page.keyboard.press("Control+z")
     page.wait_for_timeout(300)
     expect(moved).to_have_attribute("aria-label", raised)

@@ -77,7 +77,7 @@ def test_an_edit_that_moves_nothing_keeps_a_refined_plan(
     at_refined: Visit, server: Server, refined: Tree
 ) -> None:
     page = at_refined.page
-    page.get_by_label("Name").fill("another name")
+    page.get_by_label("Name", exact=True).fill("another name")
     at_refined.settle()
     expect(phases(page)).to_have_text("refined")
     expect(predicted(page)).to_contain_text(error_of(refined))
@@ -118,7 +118,7 @@ def test_undo_and_redo_bring_a_refined_plan_back_under_its_address(
     expect(phases(page)).to_contain_text("synchronised")
     expect(phases(page)).to_contain_text("Undo brings the refined plan back")
     expect(predicted(page)).not_to_contain_text(error_of(refined))
-    page.get_by_label("Name").fill("still reported")
+    page.get_by_label("Name", exact=True).fill("still reported")
     at_refined.settle()
     expect(phases(page)).to_contain_text("Undo brings the refined plan back")
     assert "plan=" not in page.url
@@ -142,7 +142,7 @@ def test_a_figure_that_arrives_while_figures_open_is_drawn(at_refined: Visit) ->
     held: dict[str, Route] = {}
     for name in ("comparison", "timeline"):
         page.route(f"**/figures/{name}?*", partial(held.__setitem__, name))
-    page.get_by_label("Name").fill("another name")
+    page.get_by_label("Name", exact=True).fill("another name")
     at_refined.settle()
     with page.expect_request("**/figures/comparison?*"):
         page.get_by_role("button", name="Undo").click()

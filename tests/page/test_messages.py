@@ -59,7 +59,7 @@ def test_a_confirmation_goes_with_the_next_edit_and_a_fault_stays_until_it_is_me
     page.get_by_label("Duration").fill("-1")
     expect(page.locator("#notice.bad")).to_contain_text("duration_s")
     visit.settle()
-    page.get_by_label("Name").fill("still at fault")
+    page.get_by_label("Name", exact=True).fill("still at fault")
     visit.settle()
     expect(page.locator("#notice.bad")).to_contain_text("duration_s")
     page.get_by_label("Duration").fill("220")
@@ -111,7 +111,7 @@ def test_a_link_to_no_plan_leads_back_to_what_was_being_edited(
     visit: Visit, page: Page, server: Server
 ) -> None:
     visit.expect_complaints("404")
-    page.get_by_label("Name").fill("mine")
+    page.get_by_label("Name", exact=True).fill("mine")
     visit.settle()
     page.goto(f"{server.url}/?plan={GONE}")
     page.get_by_role("button", name="Continue what was being edited").click()

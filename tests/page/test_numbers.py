@@ -6,8 +6,9 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from syncplan.terms import TERMS
-from tests.page.gestures import part
-from tests.tools.browsing import Visit, accessibility_faults
+from tests.page.gestures import downloaded, handle, part, phases, refine
+from tests.tools.browsing import PHONE, Tabs, Visit, accessibility_faults, visiting
+from tests.tools.serving import Server
 
 RANGE = "Range (m)"
 
@@ -136,3 +137,91 @@ def test_terms_explain_themselves_where_they_stand(visit: Visit, page: Page) -> 
     assert box["x"] >= 0.0
     assert box["x"] + box["width"] <= 1440.0
     assert accessibility_faults(page) == []
+
+
+def test_the_first_visit_is_greeted_once(tabs: Tabs, server: Server) -> None:
+    newcomers = Tabs(tabs.browser, greeted=False)
+    with visiting(newcomers, server.url) as visit:
+        page = visit.page
+        greeting = page.get_by_role("region", name="Welcome")
+        expect(greeting).to_contain_text("know where they are")
+        # the example moves for one period
+        expect(page.locator("#play")).to_have_text("Pause")
+        expect(page.locator("#moment-text")).not_to_have_text("0 s")
+        assert accessibility_faults(page) == []
+        expect(page.locator("#play")).to_have_text("Play")
+        expect(page.locator("#moment")).to_have_value(re.compile(r"^\d{1,2}$"))
+        greeting.get_by_role("button", name="Plan your own team").press("Enter")
+        expect(page.get_by_role("dialog")).to_contain_text("New team")
+        expect(greeting).to_have_count(0)
+        page.goto(f"{server.url}/healthz")
+        page.evaluate("sessionStorage.clear()")
+        page.goto(server.url)
+        visit.verdict("Observable")
+        visit.settle()
+        expect(greeting).to_have_count(0)
+    with visiting(newcomers, server.url, size=PHONE, dark=True) as visit:
+        page = visit.page
+        expect(greeting := page.get_by_role("region", name="Welcome")).to_be_visible()
+        assert accessibility_faults(page) == []
+        visit.choose("paper-grid-alternate")
+        expect(greeting).to_have_count(0)
+
+
+def test_nothing_moves_for_those_who_prefer_that(tabs: Tabs, server: Server) -> None:
+    with visiting(Tabs(tabs.browser, greeted=False), server.url) as visit:
+        page = visit.page
+        page.emulate_media(reduced_motion="reduce")
+        page.goto(f"{server.url}/healthz")
+        page.evaluate("sessionStorage.clear()")
+        page.goto(server.url)
+        expect(page.get_by_role("region", name="Welcome")).to_be_visible()
+        expect(page.locator("#play")).to_have_text("Play")
+        page.get_by_label("Range (m)", exact=True).fill("51")
+        expect(page.get_by_role("region", name="Welcome")).to_have_count(0)
+        visit.settle()
+
+
+def test_names_are_edited_in_place(visit: Visit, page: Page) -> None:
+    name = page.get_by_role("textbox", name="Name of the scenario")
+    name.fill("survey of the bay")
+    name.press("Enter")
+    expect(page.get_by_label("Name", exact=True)).to_have_value("survey of the bay")
+    name.fill("nothing")
+    name.press("Escape")
+    expect(name).to_have_text("survey of the bay")
+    handle(page, "v2").dblclick()
+    field = page.get_by_label("Its name")
+    expect(field).to_be_focused()
+    page.keyboard.type("leader")
+    page.keyboard.press("Enter")
+    expect(handle(page, "leader")).to_be_visible()
+    expect(field).to_be_focused()
+    visit.settle()
+    field.fill("v3")
+    field.press("Enter")
+    expect(page.locator("#notice")).to_have_text("There is a vehicle v3 already.")
+    handle(page, "L1").focus()
+    page.keyboard.press("F2")
+    page.keyboard.type("mast")
+    page.keyboard.press("Enter")
+    visit.settle()
+    visit.verdict("rank 18 of 18")
+    scenario = downloaded(page)
+    assert scenario["name"] == "survey of the bay"
+    assert list(scenario["landmarks_m"]) == ["mast", "L2"]
+    assert scenario["formation"]["names"][:3] == ["v1", "leader", "v3"]
+    assert accessibility_faults(page) == []
+
+
+def test_a_new_name_keeps_refined_phases(visit: Visit, page: Page) -> None:
+    refine(page)
+    expect(phases(page)).to_contain_text("refined")
+    part(page, "Scenario")
+    handle(page, "v2").press("F2")
+    page.keyboard.type("leader")
+    page.keyboard.press("Enter")
+    visit.settle()
+    part(page, "Verdict")
+    expect(phases(page)).to_have_text("refined")
+    visit.verdict("rank 18 of 18")

@@ -58,7 +58,7 @@ def test_a_reload_keeps_phases_that_were_given_and_the_way_back_to_them(
         one["phase_rad"] = phase
     opened(page, {**plan, "name": "of a file"})
     expect(phases(page)).to_have_text("from a file")
-    page.get_by_label("Name").fill("mine")
+    page.get_by_label("Name", exact=True).fill("mine")
     visit.settle()
     page.reload()
     expect(page.locator("#map-name")).to_have_text("mine")
@@ -77,7 +77,7 @@ def test_an_address_that_names_a_plan_comes_before_what_was_edited(
     visit: Visit, page: Page, server: Server
 ) -> None:
     plan = httpx2.post(f"{server.url}/v1/plans", json=document(name="named")).json()
-    page.get_by_label("Name").fill("edited")
+    page.get_by_label("Name", exact=True).fill("edited")
     visit.settle()
     page.goto(f"{server.url}/?plan={plan['id']}")
     expect(page.locator("#map-name")).to_have_text("named")
@@ -117,7 +117,7 @@ def test_a_reload_shows_the_outcome_of_a_validation_again_with_its_report(
     assert saved(waiting.value) == httpx2.get(f"{server.url}/v1/jobs/{job}/result").content
     assert waiting.value.suggested_filename == "paper-grid-same.report.json"
     part(page, "Scenario")
-    page.get_by_label("Name").fill("edited")
+    page.get_by_label("Name", exact=True).fill("edited")
     part(page, "Export")
     expect(report).to_be_disabled()
     assert page.url.rpartition("/")[2] == ""
@@ -143,7 +143,7 @@ def test_a_link_is_of_the_plan_that_was_stored_though_it_was_edited_meanwhile(
     held: list[Route] = []
     page.route("**/v1/plans", lambda route: held.append(route))
     page.get_by_role("button", name="Copy link").click()
-    page.get_by_label("Name").fill("edited meanwhile")
+    page.get_by_label("Name", exact=True).fill("edited meanwhile")
     expect(page.locator("#map-name")).to_have_text("edited meanwhile")
     assert len(held) == 1
     held[0].continue_()

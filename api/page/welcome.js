@@ -1,0 +1,21 @@
+// The first visit in this browser: what this is, an example that moves, and one button.
+
+import { byId, element } from "./elements.js";
+import { remember } from "./session.js";
+
+/** Greet until the first edit, open, or click on the greeting; the example on show moves for one period. */
+export function welcome(store, player) {
+  const end = () => {
+    if (card.isConnected) remember();
+    card.remove();
+  };
+  const card = element(
+    "section",
+    { class: "card welcome", "aria-label": "Welcome", onclick: end },
+    element("p", {}, "Robots on circles meet at the right moments, see each other, and so all know where they are. syncplan plans the circles and proves it."),
+    element("button", { type: "button", class: "primary", onclick: () => byId("new").click() }, "Plan your own team …"),
+  );
+  store.on(["opened", "scenario"], end);
+  byId("map").append(card);
+  if (!matchMedia("(prefers-reduced-motion: reduce)").matches) player.play({ once: true });
+}
