@@ -15,7 +15,7 @@ export function welcome(store, player) {
     element("p", {}, "Robots on circles meet at the right moments, see each other, and so all know where they are. syncplan plans the circles and proves it."),
     element("button", { type: "button", class: "primary", onclick: () => byId("new").click() }, "Plan your own team …"),
   );
-  store.on(["opened", "scenario"], end);
+  for (const name of ["opened", "scenario"]) store.addEventListener(name, end);
   byId("map").append(card);
   if (!matchMedia("(prefers-reduced-motion: reduce)").matches) player.play({ once: true });
 }
