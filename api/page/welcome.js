@@ -12,7 +12,7 @@ export function welcome(store, player) {
   const card = element(
     "section",
     { class: "card welcome", "aria-label": "Welcome", onclick: end },
-    element("p", {}, "Robots on circles meet at the right moments, see each other, and so all know where they are. syncplan plans the circles and proves it."),
+    element("p", {}, "syncplan plans circles on which robots meet at the right moments, so that all of them know where they are."),
     element("button", { type: "button", class: "primary", onclick: () => byId("new").click() }, "Plan your own team …"),
   );
   for (const name of ["opened", "scenario"]) store.addEventListener(name, end);
