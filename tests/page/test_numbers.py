@@ -6,7 +6,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from syncplan.terms import TERMS
-from tests.page.gestures import downloaded, handle, part, phases, refine
+from tests.page.gestures import downloaded, handle, part, phases, refine, sheet
 from tests.tools.browsing import PHONE, Tabs, Visit, accessibility_faults, visiting
 from tests.tools.serving import Server
 
@@ -46,6 +46,28 @@ def test_a_number_is_dragged_by_its_label_in_one_step_to_undo(visit: Visit, page
     page.get_by_role("button", name="Undo").click()
     expect(field).to_have_value("50")
     expect(page.locator("#undo")).to_have_attribute("aria-disabled", "true")
+
+
+def test_a_finger_drags_a_number_and_puts_no_keyboard_up(tabs: Tabs, server: Server) -> None:
+    with visiting(tabs, server.url, size=PHONE, touch=True) as visit:
+        page = visit.page
+        visit.choose("paper-grid-same")
+        sheet(page)
+        label = page.locator("#editor label", has_text="Bearing sigma")
+        label.scroll_into_view_if_needed()
+        box = label.bounding_box()
+        assert box is not None
+        finger = page.context.new_cdp_session(page)
+        for kind, by in (("touchStart", 0.0), ("touchMove", 20.0), ("touchMove", 40.0)):
+            at = {"x": box["x"] + 10.0 + by, "y": box["y"] + box["height"] / 2.0}
+            finger.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [at]})
+        finger.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+        field = page.get_by_label("Bearing sigma")
+        expect(field).not_to_have_value("0.1")
+        expect(field).not_to_be_focused()
+        visit.settle()
+        expect(page.locator("#editor .trace").get_by_role("img")).to_be_visible()
+        assert accessibility_faults(page) == []
 
 
 def test_shift_drags_ten_times_as_far_and_limits_hold(visit: Visit, page: Page) -> None:
