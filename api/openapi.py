@@ -88,6 +88,7 @@ ANSWERS = {
     "readPlanFigure": "The figure",
     "readJobFigure": "The figure",
     "judgeLosses": "What losses do to the plan",
+    "chooseLandmarks": "The landmarks chosen, and the plan with them",
     "exportPlan": "A zip archive",
     "readScenarioSchema": "The schema",
     "readPlanSchema": "The schema",
