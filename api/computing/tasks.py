@@ -205,9 +205,9 @@ def previewed(
     syntax: Syntax,
     limits: RequestLimits,
     quick: bool,
-    covariances: bool,
     names: Sequence[str],
     style: "FigureStyle",
+    covariances: bool = False,
 ) -> str:
     """Return the plan of `made_plan`, with its figures, as JSON; raises the same errors.
 

@@ -35,6 +35,7 @@ const map = new FormationMap(store);
 new Editor(store);
 const player = new Player(store, map, charts);
 new Planner(store, busy);
+byId("ellipses").addEventListener("click", async () => (await import("./ellipses.js")).toggled(store, map));
 showVerdicts(store);
 listenForKeys(store, map.tools);
 const parts = offerParts(store);

@@ -100,7 +100,7 @@ async def create_preview(
     """
 
     names = list(dict.fromkeys(figure or ()))
-    asked = (call.body, call.syntax, call.service.limits, quick, covariances, names, style)
+    asked = (call.body, call.syntax, call.service.limits, quick, names, style, covariances)
     make = partial(computed, call, "previewed", *asked)
     made = await answer_once(call, make, lambda _, text: Answer(call.digest, 200, {}, text))
     return compressed(made, call.request.headers.get("accept-encoding", ""))
