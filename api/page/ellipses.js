@@ -25,6 +25,7 @@ export function toggled(store, map) {
   const show = () => refresh(store, map);
   if (!listening) {
     store.on(["opened", "scenario"], () => clear(map));
+    store.on(["off"], () => byId("magnified").hidden || remark(store));
     store.on(["plan"], ({ quick, current }) => !quick && current && show());
   }
   listening = true;
@@ -48,11 +49,17 @@ async function refresh(store, map) {
       ? await askJson("GET", `v1/plans/${planId}/covariances`)
       : (await askJson("POST", "v1/previews?quick=true&covariances=true", { body: JSON.stringify({ scenario, vehicles: orbitsOf(plan) }) })).covariances;
     if (!on || store.plan !== plan || store.scenario !== scenario) return;
-    said.textContent = plan.observability.observable ? "" : "Not every position can be known: they keep growing beyond the end of the run.";
+    remark(store);
     show(map, found, plan);
   } catch (error) {
     if (on && store.plan === plan) said.textContent = store.deleted(error) || error.message;
   }
+}
+
+/** Say what the ellipses on show do not. */
+function remark({ plan, off }) {
+  const grown = plan.observability.observable ? "" : "Not every position can be known: they keep growing after this run. ";
+  byId("ellipses-text").textContent = `${grown}${off.length ? "With all switched on." : ""}`;
 }
 
 /** @param {Covariances} found */

@@ -68,7 +68,7 @@ export function lostOf(names) {
     const [before, ...vehicle] = name.split(":");
     return vehicle.length && before in SENSORS ? `${SENSORS[before]} of ${vehicle.join(":")}` : name;
   });
-  return words.join(" and ") || "nothing";
+  return new Intl.ListFormat("en").format(words) || "nothing";
 }
 
 /** A button that switches a part off on the map, and on again: several may be off. */

@@ -93,7 +93,7 @@ function remainderOf(off, without) {
   if (without.fault) return `${head}no verdict, as ${without.fault}`;
   const { rank, state_dim: size, worst_predicted_rms_m: worst, unobservable } = without;
   const lost = unobservable.map((one) => one.description).join("; ");
-  return `${head}${headOf(without.verdict)}, rank ${rank} of ${size}, ${lost ? `undetected: ${lost}` : `worst error ${shown(worst, "m")}`}`;
+  return `${head}${headOf(without.verdict)}, rank ${rank} of ${size}, ${lost ? `undetectable: ${lost}` : `worst error ${shown(worst, "m")}`}`;
 }
 
 /** What a plan comes to: how well all know where they are, or why they do not. */
