@@ -23,13 +23,12 @@ export function toggled(store, map) {
   on = !on;
   byId("ellipses").setAttribute("aria-pressed", on);
   const show = () => refresh(store, map);
-  if (!listening) {
-    store.on(["opened", "scenario"], () => clear(map));
-    store.on(["off"], () => byId("magnified").hidden || remark(store));
-    store.on(["plan"], ({ quick, current }) => !quick && current && show());
-  }
+  if (listening) return show();
   listening = true;
-  return show();
+  store.on(["opened", "scenario"], () => clear(map));
+  store.on(["off"], () => byId("magnified").hidden || remark(store));
+  // the plan on show is heard at once
+  store.on(["plan"], ({ quick, current }) => !quick && current && show());
 }
 
 function clear(map) {
