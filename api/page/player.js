@@ -29,7 +29,6 @@ export class Player {
     this.#button.addEventListener("click", () => (this.#frame ? this.pause() : this.#play()));
     this.#slider.addEventListener("input", () => this.#show());
     this.#played.addEventListener("change", () => this.#change());
-    // before the store is heard: it may have a plan already
     for (const one of [this.#button, this.#slider]) one.disabled = true;
     store.on(["scenario", "opened"], () => this.#reset());
     store.on(["plan"], () => this.#show());
