@@ -87,6 +87,7 @@ ANSWERS = {
     "previewScenario": "The plan, stored nowhere, and the figures asked for",
     "readPlanFigure": "The figure",
     "readJobFigure": "The figure",
+    "readPlanCovariances": "The covariances",
     "judgeLosses": "What losses do to the plan",
     "chooseLandmarks": "The landmarks chosen, and the plan with them",
     "exportPlan": "A zip archive",

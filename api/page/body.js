@@ -4,9 +4,9 @@ import { attempt, byId, element, notice, shown } from "./elements.js";
 import { Fields } from "./fields.js";
 import { freeCenter, freeSite } from "./free_space.js";
 import {
-  decade,
   landmarksOf,
   polygonsOf,
+  roundBelow,
   vehiclesOf,
   withCenter,
   withDirection,
@@ -14,6 +14,7 @@ import {
   withRadius,
   withSensor,
 } from "./scenario.js";
+import { switchOf } from "./losses.js";
 import { addBody, BODIES, copyChosen, placesOf, removeChosen, withAligned, withoutChosen } from "./selection.js";
 import { number } from "./requests.js";
 import { askJson } from "./service.js";
@@ -85,12 +86,20 @@ export class Body {
           ? element("button", { type: "button", onclick: () => this.#do(removeChosen) }, "Remove")
           : null,
       ),
+      known && selected.kind in BODIES ? element("div", { class: "row" }, ...this.#switches(selected)) : null,
       this.#candidates(),
     ];
     const focused = this.group.contains(document.activeElement) ? document.activeElement?.id : "";
     this.group.replaceChildren(...parts.filter((one) => one !== null));
     if (focused) byId(focused)?.focus();
     this.fields.show(scenario);
+  }
+
+  /** Buttons that switch the body off and on, on the map, and a vehicle's sensor. */
+  #switches({ kind, k }) {
+    const { name } = BODIES[kind].all(this.#store.scenario)[k];
+    const parts = kind === "vehicle" ? [name, `sensor:${name}`] : [name];
+    return parts.map((one) => switchOf(this.#store, one));
   }
 
   #fieldsOf({ kind, k }) {
@@ -213,9 +222,7 @@ export class Body {
 /** The spacing in m of the grid that a selection is aligned to: a round length of about half the mean radius. */
 function gridOf(scenario) {
   const radii = vehiclesOf(scenario).map((one) => one.radius);
-  const half = radii.reduce((sum, one) => sum + one, 0) / radii.length / 2;
-  const unit = decade(half);
-  return Math.max(...[1, 2, 5].map((one) => one * unit).filter((one) => one <= half));
+  return roundBelow(radii.reduce((sum, one) => sum + one, 0) / radii.length / 2);
 }
 
 function namesIn(scenario) {

@@ -27,6 +27,7 @@ export function makePanels({ store, map, address, opening }) {
   const charts = new Charts(store);
   new Editor(store, storePlan);
   const player = new Player(store, map, charts);
+  byId("ellipses").addEventListener("click", async () => (await import("./ellipses.js")).toggled(store, map));
   showVerdicts(store);
   traceErrors(store, Planner.preview);
   listenForKeys(store, map.tools);
