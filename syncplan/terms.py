@@ -46,7 +46,7 @@ TERMS: Mapping[str, Term] = MappingProxyType(
         "predicted RMS error": Term(
             "Bound on the root mean square of the position error over the second half of the run: "
             "on the planned circles, no unbiased filter has a smaller one.",
-            forms=("predicted error", "worst error"),
+            forms=("predicted error",),
         ),
         "least separation": Term(
             "Shortest distance between two vehicles at any time; in a scenario, the shortest that "

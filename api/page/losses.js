@@ -3,7 +3,6 @@
 
 import { byId, element, notice, shown } from "./elements.js";
 import { askJson } from "./service.js";
-import { explained } from "./terms.js";
 
 /** Losses that stand open; the others are folded. */
 const MOST_OPEN = 12;
@@ -111,7 +110,7 @@ function table(store, losses) {
   return element(
     "table",
     { class: "losses" },
-    element("thead", {}, element("tr", {}, ...heads.map((head) => element("th", { scope: "col" }, ...explained(head))))),
+    element("thead", {}, element("tr", {}, ...heads.map((head) => element("th", { scope: "col" }, head)))),
     element("tbody", {}, ...losses.map((one) => row(store, one))),
   );
 }
