@@ -87,6 +87,7 @@ ANSWERS = {
     "previewScenario": "The plan, stored nowhere, and the figures asked for",
     "readPlanFigure": "The figure",
     "readJobFigure": "The figure",
+    "printPlan": "The page",
     "judgeLosses": "What losses do to the plan",
     "exportPlan": "A zip archive",
     "readScenarioSchema": "The schema",

@@ -245,6 +245,13 @@ def _specs(
     return specs_of(subject, names, style=style, **beside)
 
 
+def printed_report(text: str, plan_id: str) -> str:
+    """Return a plan's report for one printed sheet, as HTML."""
+    from syncplan.plotting.printed_report import report_page
+
+    return report_page(_judged(text), identifier=plan_id)
+
+
 def judged_losses(text: str, lose: Sequence[str], losses: Literal[1, 2], bound: BoundChoice) -> str:
     """Return the effects of losses on a plan as JSON; raises InputError for an unknown name."""
     found = what_if(_judged(text), lose, losses=losses, bound=bound, threads=1)

@@ -18,6 +18,7 @@ from api.problems import NotFound
 from syncplan.exporting.format_table import AUTOPILOTS, FORMATS
 from syncplan.flight.flight_options import GUIDANCES
 from syncplan.plotting.figure_table import FIGURES, always_there
+from syncplan.plotting.printed_report import STYLE_DIGEST
 from syncplan.plotting.vendored import plotly_script
 from syncplan.reports.job_contract import STATES, has_ended
 from syncplan.scenario.dotted_keys import ALTERNATIVES, numeric_keys
@@ -156,7 +157,7 @@ POLICY = "; ".join(
     (
         "default-src 'none'",
         "script-src 'self'",
-        f"style-src 'self' {_PLOTLY_STYLE}",
+        f"style-src 'self' {_PLOTLY_STYLE} {STYLE_DIGEST}",
         "img-src 'self' data: blob:",
         "connect-src 'self'",
         "base-uri 'none'",
@@ -164,7 +165,11 @@ POLICY = "; ".join(
         "frame-ancestors 'none'",
     )
 )
-"""Content-Security-Policy: nothing from elsewhere, no inline script or style."""
+"""Content-Security-Policy: nothing from elsewhere, no inline script or style.
+
+A printed report has its style inline: the page opens it as text of its own, since a new tab could
+not present a key.
+"""
 
 _HEADERS = {
     "Content-Security-Policy": POLICY,
