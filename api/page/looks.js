@@ -15,7 +15,7 @@ export class Looks {
 
   constructor() {
     const page = getComputedStyle(document.documentElement);
-    for (const name of ["ink", "soft", "card", "circle", "strong", "weak", "lost", "motion", "kept-out", "obstacle", "estimate"]) {
+    for (const name of ["ink", "soft", "card", "circle", "strong", "weak", "lost", "motion", "kept-out", "obstacle", "estimate", "line"]) {
       this.#ink[name] = page.getPropertyValue(`--${name}`).trim();
     }
   }
@@ -44,7 +44,13 @@ const stroke = (color, width, lineDash) => new Stroke({ color, width, lineDash, 
 const named = (ink, offsetY) =>
   new Text({ font: FONT, fill: new Fill({ color: ink.ink }), stroke: new Stroke({ color: ink.card, width: 4 }), offsetY });
 
+const coordinate = (ink, textAlign, offset) =>
+  new Style({ text: new Text({ font: FONT.replace("600 13px", "11px"), fill: new Fill({ color: ink.soft }), stroke: new Stroke({ color: ink.card, width: 3 }), textAlign, ...offset }) });
+
 const MAKERS = {
+  graticule: (ink) => new Style({ stroke: stroke(ink.line, 1) }),
+  parallel: (ink) => coordinate(ink, "right", { offsetX: -6, offsetY: -8 }),
+  meridian: (ink) => coordinate(ink, "left", { offsetX: 4, offsetY: -36 }),
   area: (ink) => new Style({ stroke: stroke(ink.soft, 1.5, [10, 6]) }),
   "keep-out": (ink) => new Style({ stroke: stroke(ink["kept-out"], 2, [4, 4]), fill: new Fill({ color: `${ink["kept-out"]}22` }) }),
   obstacle: (ink) => new Style({ stroke: stroke(ink.obstacle, 1.5), fill: new Fill({ color: `${ink.obstacle}66` }) }),

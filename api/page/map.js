@@ -3,7 +3,7 @@
 // The map is drawn in the page from numbers: the scenario's places, the plan's phases and ranks. Its
 // view changes only when people change it, or open another scenario.
 
-import { byId } from "./elements.js";
+import { byId, shown } from "./elements.js";
 import { bodiesOf } from "./grips.js";
 import { Handles } from "./handles.js";
 import { arcOf, circlesOf, extentOf, linksOf, motionsOf, pointsOf, poseAt, ringOf, sightOf } from "./marks.js";
@@ -45,10 +45,13 @@ export class FormationMap {
   #time = 0;
   /** @type {any[] | null} */
   #flown = null;
+  /** the earth below, once a scenario has a place on it @type {any} */
+  #ground = null;
 
   constructor(store) {
     this.#store = store;
-    const layer = (source) => new VectorLayer({ source, style: (feature) => this.#looks.of(feature), updateWhileInteracting: true });
+    const style = (feature) => this.#looks.of(feature);
+    const layer = (source) => new VectorLayer({ source, style, updateWhileInteracting: true });
     this.#map = new OlMap({
       target: this.#frame,
       controls: [new ScaleLine({ minWidth: 80 })],
@@ -57,7 +60,8 @@ export class FormationMap {
       view: new View({ projection: PLANE, center: [0, 0], resolution: 1, constrainRotation: false, enableRotation: false, showFullExtent: true }),
     });
     this.#frame.map = this.#map;
-    this.tools = new Tools(store, this.#map, (feature) => this.#looks.of(feature));
+    this.#map.on("pointermove", ({ coordinate }) => this.#point(coordinate));
+    this.tools = new Tools(store, this.#map, style);
     new Handles(store, this.#map, () => this.#turned, (grip) => this.tools.uses(grip));
     this.#letCornersMove();
     store.on(["opened"], () => {
@@ -65,6 +69,7 @@ export class FormationMap {
       this.#map.once("rendercomplete", () => performance.mark("map"));
     });
     store.on(["scenario", "opened", "plan", "selected", "beside"], () => this.#drawSoon());
+    store.on(["scenario", "opened"], () => this.#layGround(style));
     store.on(["selected"], ({ reveal }) => reveal && this.#reveal());
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.#restyle());
     // what was fitted to the window stays so; a view that people chose stays as it is
@@ -72,6 +77,20 @@ export class FormationMap {
     byId("fit").addEventListener("click", () => this.fit());
     byId("nearer").addEventListener("click", () => this.#zoom(1));
     byId("further").addEventListener("click", () => this.#zoom(-1));
+  }
+
+  /** The earth is loaded where a scenario has a place on it. */
+  async #layGround(style) {
+    if (!this.#ground && !this.#store.scenario?.geo_origin) return;
+    const { Ground } = await import("./ground.js");
+    this.#ground ??= new Ground(this.#map, style);
+    this.#ground.lie(this.#store.scenario?.geo_origin);
+  }
+
+  /** Say where the pointer is. */
+  #point(point) {
+    const place = this.#ground?.words(point);
+    byId("pointer").textContent = `${point.map((one) => shown(one)).join(", ")} m${place ? `; ${place}` : ""}`;
   }
 
   /** Show all of the scenario. */
@@ -221,8 +240,7 @@ export class FormationMap {
 
   #restyle() {
     this.#looks = new Looks();
-    this.#still.changed();
-    this.#moving.changed();
+    for (const layer of this.#map.getLayers().getArray()) layer.changed();
   }
 }
 

@@ -13,3 +13,4 @@ export const MEANINGS: Record<string, string>;
 export const ALTERNATIVES: string[][];
 export const JOB_KINDS: Record<string, any>;
 export const ENDED: string[];
+export const TILES: { url: string; attribution: string } | null;
