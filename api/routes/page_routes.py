@@ -127,7 +127,14 @@ class Asset:
 
 def find_asset(name: str, tiles: Tiles | None = None) -> Asset | None:
     """Return a file by its name, or None; those of folders are examples/NAME.yaml, ..."""
-    return _asset(name, tiles if name == TABLES else None) if name in _names() else None
+    return _asset(name, tiles) if name in _names() else None
+
+
+@lru_cache
+def edition(tiles: Tiles | None = None) -> str:
+    """Digest of all files that the page names, each under assets/EDITION/: none changes there."""
+    digests = [_asset(name, tiles).etag for name in sorted(_names() - {PAGE, PLOTLY})]
+    return hashlib.sha256("".join(digests).encode()).hexdigest()[:12]
 
 
 @lru_cache
@@ -143,7 +150,7 @@ def _names() -> frozenset[str]:
 @lru_cache
 def _asset(name: str, tiles: Tiles | None) -> Asset:
     """File of a name, kept because compressing Plotly's script takes a while."""
-    content = tables_script(tiles).encode() if name == TABLES else _content(name)
+    content = _content(name, tiles)
     return Asset(
         content=content,
         compressed=gzip.compress(content, _LEVEL, mtime=0),
@@ -152,9 +159,17 @@ def _asset(name: str, tiles: Tiles | None) -> Asset:
     )
 
 
-def _content(name: str) -> bytes:
+def _content(name: str, tiles: Tiles | None) -> bytes:
     if name == PLOTLY:
         return plotly_script().encode()
+    if name == TABLES:
+        return tables_script(tiles).encode()
+    if name == PAGE:
+        return _file(name).replace(b'"assets/', f'"assets/{edition(tiles)}/'.encode())
+    return _file(name)
+
+
+def _file(name: str) -> bytes:
     return files("api").joinpath("page", *name.split("/")).read_bytes()
 
 
@@ -212,17 +227,28 @@ def read_page(
 def read_asset(
     name: str, tiles: AskedTiles, if_none_match: Conditions = "", accept_encoding: Encodings = ""
 ) -> Response:
-    """Return a script, a style, a picture or an example scenario."""
-    found = find_asset(name, tiles)
+    """Return a script, a style, a picture or an example scenario.
+
+    A page of an earlier edition gets the present file, which it must not keep.
+    """
+    named, _, rest = name.partition("/")
+    found = find_asset(name, tiles) or find_asset(rest, tiles)
     if found is None:
         raise NotFound(f"there is no asset {name}")
-    return _sent(found, tiles, if_none_match, accept_encoding)
+    return _sent(found, tiles, if_none_match, accept_encoding, keep=named == edition(tiles))
 
 
-def _sent(asset: Asset, tiles: Tiles | None, if_none_match: str, accept_encoding: str) -> Response:
+def _sent(
+    asset: Asset,
+    tiles: Tiles | None,
+    if_none_match: str,
+    accept_encoding: str,
+    *,
+    keep: bool = False,
+) -> Response:
     headers = {
         "Content-Security-Policy": policy(tiles),
-        "Cache-Control": "no-cache",
+        "Cache-Control": "public, max-age=31536000, immutable" if keep else "no-cache",
         "Vary": "Accept-Encoding",
         "ETag": f'W/"{asset.etag}"',
     }
