@@ -10,6 +10,8 @@ const APART_PX = 130;
 /** beyond this, the plane is no ground any more */
 const WIDEST_M = 1e6;
 const DEEPEST = 19;
+/** marks stay legible over tiles, in the dark as well */
+const FAINT = 0.6;
 const SPHERE_M = 6378137;
 const DEGREE = Math.PI / 180;
 
@@ -64,7 +66,7 @@ export class Ground {
     };
     const toPlane = (point) => pointOf(origin, [(2 * Math.atan(Math.exp(point[1] / SPHERE_M)) - Math.PI / 2) / DEGREE, point[0] / SPHERE_M / DEGREE]);
     addCoordinateTransforms(this.#map.getView().getProjection(), "EPSG:3857", toMercator, toPlane);
-    this.#tiles = new TileLayer({ source: new XYZ({ url, maxZoom: DEEPEST }) });
+    this.#tiles = new TileLayer({ opacity: FAINT, source: new XYZ({ url, maxZoom: DEEPEST }) });
     this.#map.getLayers().insertAt(0, this.#tiles);
     byId("attribution").textContent = attribution;
   }

@@ -49,7 +49,7 @@ const coordinate = (ink, textAlign, offset) =>
 
 const MAKERS = {
   graticule: (ink) => new Style({ stroke: stroke(ink.line, 1) }),
-  parallel: (ink) => coordinate(ink, "right", { offsetX: -6, offsetY: -8 }),
+  parallel: (ink) => coordinate(ink, "right", { offsetX: -62, offsetY: -8 }),
   meridian: (ink) => coordinate(ink, "left", { offsetX: 4, offsetY: -36 }),
   area: (ink) => new Style({ stroke: stroke(ink.soft, 1.5, [10, 6]) }),
   "keep-out": (ink) => new Style({ stroke: stroke(ink["kept-out"], 2, [4, 4]), fill: new Fill({ color: `${ink["kept-out"]}22` }) }),
