@@ -89,6 +89,7 @@ ANSWERS = {
     "readJobFigure": "The figure",
     "printPlan": "The page",
     "judgeLosses": "What losses do to the plan",
+    "chooseLandmarks": "The landmarks chosen, and the plan with them",
     "exportPlan": "A zip archive",
     "readScenarioSchema": "The schema",
     "readPlanSchema": "The schema",

@@ -258,6 +258,15 @@ def judged_losses(text: str, lose: Sequence[str], losses: Literal[1, 2], bound: 
     return as_text(what_if_document(found).as_json())
 
 
+def chosen_landmarks(text: str, candidates: Sequence[str], choose: int, seed: int) -> str:
+    """Return the best of a plan's own landmarks as JSON; raises InputError, NoSolutionError."""
+    from syncplan.landmarks.site_choice import choose_landmarks
+    from syncplan.reports.sites_report import sites_document
+
+    found = choose_landmarks(_judged(text), candidates, choose, seed=seed)
+    return as_text(sites_document(found).as_json())
+
+
 def exported(text: str, name: str, options: Mapping[str, Any]) -> tuple[bytes, tuple[str, ...]]:
     """Return the files of an export of a plan, zipped, and its notes; raises InputError."""
     from syncplan.exporting.formats import ExportOptions, as_archive, export

@@ -29,6 +29,7 @@ from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.figure_table import FIGURES, always_there
 from syncplan.plotting.printed_report import POLICY
 from syncplan.reports.loss_report import WhatIfDocument
+from syncplan.reports.sites_report import SitesDocument
 
 router = APIRouter()
 
@@ -212,6 +213,37 @@ async def read_losses(
     """
     row = await find_or_refuse(caller.service, caller.owner, plan_id)
     found = await computed(caller, "judged_losses", row.text, lose or [], int(losses), bound)
+    return Response(found, media_type="application/json")
+
+
+# --- landmarks ------------------------------------------------------------------------------------
+
+
+@router.get(
+    "/plans/{plan_id}/landmark-choice",
+    tags=["plans"],
+    dependencies=_JSON,
+    response_model=SitesDocument,
+    operation_id="chooseLandmarks",
+    summary="Choose landmarks",
+    responses=problem_responses(401, 404, 406, 422, 429, 503),
+)
+async def read_landmark_choice(
+    plan_id: Identifier,
+    caller: CurrentCaller,
+    candidate: Annotated[
+        list[Annotated[str, Query(max_length=80)]],
+        Query(description="Names of landmarks to choose among", min_length=1, max_length=64),
+    ],
+    choose: Annotated[int, Query(description="How many of them to choose", ge=1, le=64)],
+    seed: Annotated[int, Query(description="Seed of the search", ge=0, le=2**53)] = 0,
+) -> Response:
+    """The landmarks that minimise the worst vehicle's window bound, chosen among some of a plan's.
+
+    The plan in the answer has them and the landmarks that are no candidates, on the same orbits.
+    """
+    row = await find_or_refuse(caller.service, caller.owner, plan_id)
+    found = await computed(caller, "chosen_landmarks", row.text, candidate, choose, seed)
     return Response(found, media_type="application/json")
 
 

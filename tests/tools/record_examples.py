@@ -162,6 +162,13 @@ def _plans(recorder: _Recorder) -> str:
     losses = f"{path}/what-if"
     recorder.ask("judgeLosses", "landmark", "A lost landmark", "GET", f"{losses}?lose=L1")
     recorder.ask("judgeLosses", "unknown", "No such name", "GET", f"{losses}?lose=v9")
+    choice = f"{path}/landmark-choice"
+    recorder.ask(
+        "chooseLandmarks", "one", "The best landmark", "GET", f"{choice}?candidate=L1&choose=1"
+    )
+    recorder.ask(
+        "chooseLandmarks", "unknown", "No such name", "GET", f"{choice}?candidate=L9&choose=1"
+    )
     recorder.ask("exportPlan", "origin", "No geo_origin", "GET", f"{path}/exports/qgc")
     # the same bytes as when it was made
     recorder.kept["readPlan"]["responses"]["200"] = {"survey": {"same": ["createPlan", "201"]}}
