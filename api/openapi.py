@@ -88,6 +88,7 @@ ANSWERS = {
     "readPlanFigure": "The figure",
     "readJobFigure": "The figure",
     "readPlanCovariances": "The covariances",
+    "printPlan": "The page",
     "judgeLosses": "What losses do to the plan",
     "chooseLandmarks": "The landmarks chosen, and the plan with them",
     "exportPlan": "A zip archive",

@@ -72,6 +72,20 @@ def _absolute(value: Path) -> Path:
     return Path(os.path.abspath(path))
 
 
+_TILES = re.compile(r"https?://[A-Za-z0-9.-]+(:[0-9]{1,5})?/[A-Za-z0-9{}/._~?=&%@+-]*")
+
+
+def _tile_template(value: str) -> str:
+    # its origin goes into a header: nothing may end the name of a host
+    named = sorted(re.findall(r"\{[^}]*\}?", value))
+    if not _TILES.fullmatch(value) or named != ["{x}", "{y}", "{z}"]:
+        raise ValueError(
+            "must be an address with {z}, {x} and {y}, such as "
+            "https://tiles.example.org/{z}/{x}/{y}.png"
+        )
+    return value
+
+
 AbsolutePath = Annotated[Path, AfterValidator(_absolute)]
 
 
@@ -111,6 +125,14 @@ class Settings(BaseSettings):
         description="names, beside those of this machine, under which a service without keys "
         "answers, and whose pages may ask it; separated by commas",
     )
+    tiles: Annotated[str, AfterValidator(_tile_template)] | None = Field(
+        default=None,
+        description="address of map tiles that the page draws below a formation with a geo_origin, "
+        "such as https://tiles.example.org/{z}/{x}/{y}.png; the page's content policy lets it load "
+        "images from there; none if not given",
+    )
+    tiles_attribution: str = ""
+    """text that goes with the tiles, as their licence asks for"""
     max_refused_keys: Count = 20
     """most wrong keys that an address may present in a minute"""
     max_connections: Count | None = Field(

@@ -94,6 +94,7 @@ __all__ = [
     "plan",
     "refine",
     "replay",
+    "report_page",
     "sweep",
     "validate",
     "what_if",
@@ -127,6 +128,7 @@ _HOME = {
     "plan": "planning.planner",
     "refine": "refinement.refiner",
     "replay": "estimation.replays",
+    "report_page": "plotting.printed_report",
     "sweep": "planning.variations",
     "validate": "planning.validation",
     "what_if": "planning.loss_study",
@@ -150,6 +152,7 @@ if TYPE_CHECKING:
     from syncplan.planning.validation import Validation, validate
     from syncplan.planning.variations import sweep
     from syncplan.plotting import figures
+    from syncplan.plotting.printed_report import report_page
     from syncplan.recordings.recording_formats import load_log
     from syncplan.refinement.refiner import refine
     from syncplan.scenario.brief import Brief

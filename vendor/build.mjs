@@ -8,8 +8,10 @@ import { build } from "esbuild";
 const TARGET = "../api/page/vendor";
 
 const { metafile } = await build({
-  entryPoints: ["openlayers.js"],
+  entryPoints: ["openlayers.js", "tiles.js"],
   bundle: true,
+  splitting: true,
+  chunkNames: "shared",
   minify: true,
   format: "esm",
   target: "es2022",
@@ -38,7 +40,7 @@ const COPIES = {
 };
 for (const [name, from] of Object.entries(COPIES)) await copyFile(`node_modules/${from}`, `${FIGURES}/${name}`);
 
-await digest(TARGET, ["LICENCES.txt", "openlayers.js"]);
+await digest(TARGET, ["LICENCES.txt", "openlayers.js", "shared.js", "tiles.js"]);
 await digest(FIGURES, Object.keys(COPIES));
 
 async function digest(folder, names) {

@@ -254,6 +254,13 @@ def plan_covariances(text: str) -> str:
     return _compact(position_covariances_document(_judged(text)).as_json())
 
 
+def printed_report(text: str, plan_id: str) -> str:
+    """Return a plan's report for one printed sheet, as HTML."""
+    from syncplan.plotting.printed_report import report_page
+
+    return report_page(_judged(text), identifier=plan_id)
+
+
 def judged_losses(text: str, lose: Sequence[str], losses: Literal[1, 2], bound: BoundChoice) -> str:
     """Return the effects of losses on a plan as JSON; raises InputError for an unknown name."""
     found = what_if(_judged(text), lose, losses=losses, bound=bound, threads=1)

@@ -28,12 +28,13 @@ export function offerDownloads(store, storePlan) {
     element("button", { type: "button", onclick: () => saveScenario(store) }, "Scenario"),
     element("button", { type: "button", onclick: () => run(savePlan) }, "Plan"),
     element("button", { type: "button", onclick: () => run(saveExport) }, "Export"),
+    element("button", { type: "button", onclick: () => showReport(open()) }, "Print report"),
   ];
   const force = element("input", { type: "checkbox", id: "force" });
   const forced = element("label", { for: "force", class: "check" }, force, element("span", {}, " Export although the verdict is ", element("span", { class: "together" }, "NO-GO")));
   const report = element("button", { type: "button", onclick: () => run(saveReport) }, "Report");
   byId("downloads").append(
-    element("div", { class: "row" }, buttons[0], buttons[1], report),
+    element("div", { class: "row" }, buttons[0], buttons[1], report, buttons[3]),
     wide("Format", format),
     pilots,
     origin,
@@ -85,6 +86,15 @@ export function offerDownloads(store, storePlan) {
     const texts = JSON.parse(answer.headers.get("Syncplan-Notes") || "[]");
     notes.replaceChildren(...texts.map((note) => element("p", { class: "remark" }, note)));
     notice(`Exported, ${shown(file.size / 1024)} KiB. The file that ends in .sync.json says how vehicles join their circles.`);
+  }
+
+  /** The plan as one printed sheet, in a tab of its own, which the click has to open. */
+  async function showReport(tab) {
+    await run(async () => {
+      const answer = await ask("GET", `v1/plans/${await storePlan()}/report`, { accept: "text/html" });
+      tab.location = URL.createObjectURL(await answer.blob());
+    });
+    if (fault.textContent) tab.close();
   }
 
   /** The report of the job on show, the bytes that the command line would write. */

@@ -16,7 +16,7 @@ export class Looks {
 
   constructor() {
     const page = getComputedStyle(document.documentElement);
-    for (const name of ["ink", "soft", "card", "circle", "strong", "weak", "lost", "motion", "kept-out", "obstacle", "estimate"]) {
+    for (const name of ["ink", "soft", "card", "circle", "strong", "weak", "lost", "motion", "kept-out", "obstacle", "estimate", "line"]) {
       this.#ink[name] = page.getPropertyValue(`--${name}`).trim();
     }
   }
@@ -47,8 +47,13 @@ const named = (ink, offsetY) =>
 
 /** The fill and edge of a mark; hollow where it is off. */
 const filled = (ink, color, off) => ({ fill: new Fill({ color: off ? ink.card : color }), stroke: new Stroke({ color: off ? ink.soft : ink.card, width: 1.5 }) });
+const coordinate = (ink, textAlign, offset) =>
+  new Style({ text: new Text({ font: FONT.replace("600 13px", "11px"), fill: new Fill({ color: ink.soft }), stroke: new Stroke({ color: ink.card, width: 3 }), textAlign, ...offset }) });
 
 const MAKERS = {
+  graticule: (ink) => new Style({ stroke: stroke(ink.line, 1) }),
+  parallel: (ink) => coordinate(ink, "right", { offsetX: -62, offsetY: -8 }),
+  meridian: (ink) => coordinate(ink, "left", { offsetX: 4, offsetY: -36 }),
   area: (ink) => new Style({ stroke: stroke(ink.soft, 1.5, [10, 6]) }),
   "keep-out": (ink) => new Style({ stroke: stroke(ink["kept-out"], 2, [4, 4]), fill: new Fill({ color: `${ink["kept-out"]}22` }) }),
   obstacle: (ink) => new Style({ stroke: stroke(ink.obstacle, 1.5), fill: new Fill({ color: `${ink.obstacle}66` }) }),

@@ -3,7 +3,7 @@
 // The map is drawn in the page from numbers: the scenario's places, the plan's phases and ranks. Its
 // view changes only when people change it, or open another scenario.
 
-import { byId } from "./elements.js";
+import { byId, shown } from "./elements.js";
 import { bodiesOf } from "./grips.js";
 import { Handles } from "./handles.js";
 import { arcOf, circlesOf, extentOf, linksOf, motionsOf, pointsOf, poseAt, ringOf, sightOf, titleOf } from "./marks.js";
@@ -47,10 +47,13 @@ export class FormationMap {
   #flown = null;
   /** points of what lies around a vehicle, by its name, place and the time, or null @type {(name: string, place: {x: number, y: number}, time: number) => number[][] | null} */
   #around = () => null;
+  /** the earth below, once a scenario has a place on it @type {any} */
+  #ground = null;
 
   constructor(store) {
     this.#store = store;
-    const layer = (source) => new VectorLayer({ source, style: (feature) => this.#looks.of(feature), updateWhileInteracting: true });
+    const style = (feature) => this.#looks.of(feature);
+    const layer = (source) => new VectorLayer({ source, style, updateWhileInteracting: true });
     this.#map = new OlMap({
       target: this.#frame,
       controls: [new ScaleLine({ minWidth: 80 })],
@@ -59,7 +62,8 @@ export class FormationMap {
       view: new View({ projection: PLANE, center: [0, 0], resolution: 1, constrainRotation: false, enableRotation: false, showFullExtent: true }),
     });
     this.#frame.map = this.#map;
-    this.tools = new Tools(store, this.#map, (feature) => this.#looks.of(feature));
+    this.#map.on("pointermove", ({ coordinate }) => this.#point(coordinate));
+    this.tools = new Tools(store, this.#map, style);
     new Handles(store, this.#map, () => this.#turned, (grip) => this.tools.uses(grip));
     this.#letCornersMove();
     store.on(["opened"], () => {
@@ -67,6 +71,7 @@ export class FormationMap {
       this.#map.once("rendercomplete", () => performance.mark("map"));
     });
     store.on(["scenario", "opened", "plan", "selected", "beside", "off"], () => this.#drawSoon());
+    store.on(["scenario", "opened"], () => this.#layGround(style));
     store.on(["selected"], ({ reveal }) => reveal && this.#reveal());
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.#restyle());
     // what was fitted to the window stays so; a view that people chose stays as it is
@@ -74,6 +79,20 @@ export class FormationMap {
     byId("fit").addEventListener("click", () => this.fit());
     byId("nearer").addEventListener("click", () => this.#zoom(1));
     byId("further").addEventListener("click", () => this.#zoom(-1));
+  }
+
+  /** The earth is loaded where a scenario has a place on it. */
+  async #layGround(style) {
+    if (!this.#ground && !this.#store.scenario?.geo_origin) return;
+    const { Ground } = await import("./ground.js");
+    this.#ground ??= new Ground(this.#map, style);
+    this.#ground.lie(this.#store.scenario?.geo_origin);
+  }
+
+  /** Say where the pointer is. */
+  #point(point) {
+    const place = this.#ground?.words(point);
+    byId("pointer").textContent = `${point.map((one) => shown(one)).join(", ")} m${place ? `; ${place}` : ""}`;
   }
 
   /** Show all of the scenario. */
@@ -234,8 +253,7 @@ export class FormationMap {
 
   #restyle() {
     this.#looks = new Looks();
-    this.#still.changed();
-    this.#moving.changed();
+    for (const layer of this.#map.getLayers().getArray()) layer.changed();
   }
 }
 

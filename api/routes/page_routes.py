@@ -6,18 +6,20 @@ It consists of its own files, the library's tables, examples, and Plotly.
 import gzip
 import hashlib
 import json
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import lru_cache
 from importlib.resources import files
 from typing import Annotated
 
-from fastapi import APIRouter, Header, Response
+from fastapi import APIRouter, Depends, Header, Request, Response
 
 from api.job_kinds.job_table import JOB_KINDS
 from api.problems import NotFound
+from api.settings import Settings
 from syncplan.exporting.format_table import AUTOPILOTS, FORMATS
 from syncplan.flight.flight_options import GUIDANCES
 from syncplan.plotting.figure_table import FIGURES, always_there
+from syncplan.plotting.printed_report import STYLE_DIGEST
 from syncplan.plotting.vendored import plotly_script
 from syncplan.reports.job_contract import STATES, has_ended
 from syncplan.scenario.dotted_keys import ALTERNATIVES, numeric_keys
@@ -26,7 +28,20 @@ from syncplan.scenario.objectives import OBJECTIVES
 from syncplan.terms import TERMS
 
 
-def tables_script() -> str:
+@dataclass(frozen=True, slots=True)
+class Tiles:
+    """Map tiles that the operator sets: the template of their addresses, and a text for them."""
+
+    url: str
+    attribution: str
+
+    @property
+    def origin(self) -> str:
+        """Scheme and host that the page may load images from."""
+        return "/".join(self.url.split("/")[:3])
+
+
+def tables_script(tiles: Tiles | None = None) -> str:
     """Return the library's tables as JavaScript: names and words, in the order of the page."""
     pilots = {
         f"autopilot={name}&vehicle={vehicle}": title
@@ -69,6 +84,7 @@ def tables_script() -> str:
             }
             for name, kind in JOB_KINDS.items()
         },
+        "TILES": None if tiles is None else asdict(tiles),
         "ENDED": [state for state in STATES if has_ended(state)],
     }
     lines = [f"export const {name} = {json.dumps(table)};" for name, table in tables.items()]
@@ -111,15 +127,15 @@ class Asset:
     etag: str
 
 
-def find_asset(name: str) -> Asset | None:
+def find_asset(name: str, tiles: Tiles | None = None) -> Asset | None:
     """Return a file by its name, or None; those of folders are examples/NAME.yaml, ..."""
-    return _asset(name) if name in _names() else None
+    return _asset(name, tiles) if name in _names() else None
 
 
 @lru_cache
-def edition() -> str:
+def edition(tiles: Tiles | None = None) -> str:
     """Digest of all files that the page names, each under assets/EDITION/: none changes there."""
-    digests = [_asset(name).etag for name in sorted(_names() - {PAGE, PLOTLY})]
+    digests = [_asset(name, tiles).etag for name in sorted(_names() - {PAGE, PLOTLY})]
     return hashlib.sha256("".join(digests).encode()).hexdigest()[:12]
 
 
@@ -134,9 +150,9 @@ def _names() -> frozenset[str]:
 
 
 @lru_cache
-def _asset(name: str) -> Asset:
+def _asset(name: str, tiles: Tiles | None) -> Asset:
     """File of a name, kept because compressing Plotly's script takes a while."""
-    content = _content(name)
+    content = _content(name, tiles)
     return Asset(
         content=content,
         compressed=gzip.compress(content, _LEVEL, mtime=0),
@@ -145,13 +161,13 @@ def _asset(name: str) -> Asset:
     )
 
 
-def _content(name: str) -> bytes:
+def _content(name: str, tiles: Tiles | None) -> bytes:
     if name == PLOTLY:
         return plotly_script().encode()
     if name == TABLES:
-        return tables_script().encode()
+        return tables_script(tiles).encode()
     if name == PAGE:
-        return _file(name).replace(b'"assets/', f'"assets/{edition()}/'.encode())
+        return _file(name).replace(b'"assets/', f'"assets/{edition(tiles)}/'.encode())
     return _file(name)
 
 
@@ -167,59 +183,77 @@ router = APIRouter(include_in_schema=False)
 _PLOTLY_STYLE = "'sha256-47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU='"
 """Digest of the empty style element that Plotly adds."""
 
-POLICY = "; ".join(
-    (
-        "default-src 'none'",
-        "script-src 'self'",
-        f"style-src 'self' {_PLOTLY_STYLE}",
-        "img-src 'self' data: blob:",
-        "connect-src 'self'",
-        "base-uri 'none'",
-        "form-action 'none'",
-        "frame-ancestors 'none'",
+
+def policy(tiles: Tiles | None = None) -> str:
+    """Return the page's content policy: no inline script or style, and only tiles from elsewhere.
+
+    A printed report has its style inline: the page opens it as text of its own, since a new tab
+    could not present a key.
+    """
+    images = "img-src 'self' data: blob:" + (f" {tiles.origin}" if tiles else "")
+    return "; ".join(
+        (
+            "default-src 'none'",
+            "script-src 'self'",
+            f"style-src 'self' {_PLOTLY_STYLE} {STYLE_DIGEST}",
+            images,
+            "connect-src 'self'",
+            "base-uri 'none'",
+            "form-action 'none'",
+            "frame-ancestors 'none'",
+        )
     )
-)
-"""Content-Security-Policy: nothing from elsewhere, no inline script or style."""
 
-_HEADERS = {
-    "Content-Security-Policy": POLICY,
-    "Cache-Control": "no-cache",
-    "Vary": "Accept-Encoding",
-}
 
+def _tiles(request: Request) -> Tiles | None:
+    settings: Settings = request.app.state.settings
+    return Tiles(settings.tiles, settings.tiles_attribution) if settings.tiles else None
+
+
+AskedTiles = Annotated[Tiles | None, Depends(_tiles)]
 Conditions = Annotated[str, Header(alias="If-None-Match")]
 Encodings = Annotated[str, Header(alias="Accept-Encoding")]
 
 
 @router.api_route("/", methods=["GET", "HEAD"])
-def read_page(if_none_match: Conditions = "", accept_encoding: Encodings = "") -> Response:
+def read_page(
+    tiles: AskedTiles, if_none_match: Conditions = "", accept_encoding: Encodings = ""
+) -> Response:
     """Return the page."""
     page = find_asset(PAGE)
     assert page is not None
-    return _sent(page, if_none_match, accept_encoding)
+    return _sent(page, tiles, if_none_match, accept_encoding)
 
 
 @router.api_route("/assets/{name:path}", methods=["GET", "HEAD"])
 def read_asset(
-    name: str, if_none_match: Conditions = "", accept_encoding: Encodings = ""
+    name: str, tiles: AskedTiles, if_none_match: Conditions = "", accept_encoding: Encodings = ""
 ) -> Response:
     """Return a script, a style, a picture or an example scenario.
 
     A page of an earlier edition gets the present file, which it must not keep.
     """
     named, _, rest = name.partition("/")
-    found = find_asset(name) or find_asset(rest)
+    found = find_asset(name, tiles) or find_asset(rest, tiles)
     if found is None:
         raise NotFound(f"there is no asset {name}")
-    return _sent(found, if_none_match, accept_encoding, keep=named == edition())
+    return _sent(found, tiles, if_none_match, accept_encoding, keep=named == edition(tiles))
 
 
 def _sent(
-    asset: Asset, if_none_match: str, accept_encoding: str, *, keep: bool = False
+    asset: Asset,
+    tiles: Tiles | None,
+    if_none_match: str,
+    accept_encoding: str,
+    *,
+    keep: bool = False,
 ) -> Response:
-    headers = {**_HEADERS, "ETag": f'W/"{asset.etag}"'}
-    if keep:
-        headers["Cache-Control"] = "public, max-age=31536000, immutable"
+    headers = {
+        "Content-Security-Policy": policy(tiles),
+        "Cache-Control": "public, max-age=31536000, immutable" if keep else "no-cache",
+        "Vary": "Accept-Encoding",
+        "ETag": f'W/"{asset.etag}"',
+    }
     if asset.etag in if_none_match:
         return Response(status_code=304, headers=headers)
     if takes_gzip(accept_encoding):

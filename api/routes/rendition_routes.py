@@ -1,4 +1,4 @@
-"""Renditions of plans and reports: figures for Plotly, losses, files of mission planners.
+"""Renditions of plans and reports: figures, printed sheets, losses, files of mission planners.
 
 Previews are figures of a scenario while it is edited. Exports are zip archives.
 """
@@ -9,6 +9,7 @@ from inspect import Parameter, Signature
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from fastapi import APIRouter, Depends, Query, Response
+from fastapi.responses import HTMLResponse
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.concurrency import run_in_threadpool
 
@@ -26,6 +27,7 @@ from syncplan.options import options_of
 from syncplan.planning.planner import BoundChoice
 from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.figure_table import FIGURES, always_there
+from syncplan.plotting.printed_report import POLICY
 from syncplan.reports.covariance_report import PositionCovariancesDocument
 from syncplan.reports.loss_report import WhatIfDocument
 from syncplan.reports.sites_report import SitesDocument
@@ -167,6 +169,23 @@ async def read_job_figure(
         raise Conflict(f"the job is a {row.kind}, {row.state}; {kinds} that succeeded have figures")
     text = await run_in_threadpool(report_or_refuse, caller.service, row)
     return await _drawn(caller, "report_figure", text, row.kind, figure, style)
+
+
+@router.get(
+    "/plans/{plan_id}/report",
+    tags=["figures"],
+    dependencies=[Depends(accepts("text/html"))],
+    response_class=HTMLResponse,
+    operation_id="printPlan",
+    summary="Print a plan",
+    responses=problem_responses(401, 404, 406, 422, 429, 503),
+)
+async def read_printed_plan(plan_id: Identifier, caller: CurrentCaller) -> Response:
+    """A page that prints on one sheet: map, verdict, vehicles, and what the figures assume."""
+    row = await find_or_refuse(caller.service, caller.owner, plan_id)
+    page = await computed(caller, "printed_report", row.text, plan_id)
+    policy = f"{POLICY}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    return HTMLResponse(page, headers={"Content-Security-Policy": policy})
 
 
 async def _drawn(caller: Caller, task: str, *arguments: Any) -> Response:

@@ -28,7 +28,7 @@ GROUPS = {
     "run_commands.runs": ("validate", "sweep", "fly"),
     "plan_commands.losses": ("what-if",),
     "run_commands.replays": ("replay",),
-    "plot_commands.plots": ("plot",),
+    "plot_commands.plots": ("plot", "report"),
     "export_commands.exporters": ("export",),
     "service_commands.services": ("serve", "worker"),
 }

@@ -1,4 +1,4 @@
-"""The command that draws figures: plot."""
+"""The commands that draw: plot, report."""
 
 import sys
 from dataclasses import dataclass, replace
@@ -9,7 +9,9 @@ import typer
 
 from syncplan.cli.arguments import (
     MaxVehicles,
+    SubjectFile,
     beginning_with,
+    loaded_file,
     optional,
     say_verdict,
     takes_options,
@@ -130,6 +132,29 @@ def _plot(
         say_verdict(verdict, which)
     for target, content in zip(targets, contents, strict=True):
         _write(content, target)
+    return 0
+
+
+@plots.command(name="report", epilog="Example: syncplan report plan.json -o report.html")
+def _report(
+    file: SubjectFile,
+    output: Annotated[
+        Path | None, optional("-o", "--output", help="File to write the page to")
+    ] = None,
+    *,
+    max_vehicles: MaxVehicles = None,
+) -> int:
+    """Write a plan as one printable page: map, verdict, vehicles and assumptions.
+
+    It prints on a single sheet of A4 or Letter paper, whatever the verdict.
+    """
+    from syncplan.planning.plan_files import plan_of
+    from syncplan.plotting.printed_report import report_page
+
+    plan = plan_of(loaded_file(file, output, max_vehicles))
+    page = report_page(plan, identifier="" if file == "-" else Path(file).name)
+    say_verdict(plan.verdict)
+    _write(page.encode("utf-8"), output)
     return 0
 
 

@@ -24,6 +24,7 @@ from syncplan.planning.planner import plan
 from syncplan.plotting.figure_files import figure_page
 from syncplan.plotting.figure_style import COLUMN_PX, SHEET_PX, FigureStyle
 from syncplan.plotting.figures import specs_of
+from syncplan.plotting.printed_report import report_page
 from syncplan.plotting.vendored import FONT_NAME, font, plotly_script
 from tests.tools.image_browser import BROWSER, needs_browser
 from tests.tools.processes import PATIENCE_S
@@ -99,6 +100,19 @@ def test_a_page_holds_all_figures_and_fetches_nothing(run: Run, tmp_path: Path) 
     for values in page.values.values():
         assert values["layout"]["modebar"]["remove"] == ["sendChartToCloud"]
     assert [path.name for path in tmp_path.iterdir()] == ["plan.html"]
+
+
+def test_a_report_is_written_whatever_the_verdict(run: Run, tmp_path: Path) -> None:
+    target = tmp_path / "report.html"
+    status, out, said = run("report", GRID, "-o", str(target))
+    assert (status, out) == (0, "")
+    assert said.splitlines() == [
+        "syncplan: NO-GO: 2 reasons: unobservable",
+        f"syncplan: wrote {target}",
+    ]
+    made = plan(example("paper-grid-alternate"))
+    assert target.read_text("utf-8") == report_page(made, identifier=Path(GRID).name)
+    assert run("report", GRID)[1] == target.read_text("utf-8")
 
 
 def test_findings_on_a_page_are_in_words(run: Run) -> None:

@@ -56,7 +56,7 @@ def on_screen(page: Page, x: float, y: float) -> tuple[float, float]:
 
 
 DRAWN = """kind => document.getElementById('map-plot').map.getLayers().getArray()
-    .flatMap(layer => layer.getSource().getFeatures())
+    .flatMap(layer => layer.getSource().getFeatures?.() ?? [])
     .filter(one => one.get('kind') === kind)
     .map(one => ({
         ...one.getProperties(), geometry: null, at: one.getGeometry().getCoordinates(),

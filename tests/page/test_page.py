@@ -3,7 +3,7 @@
 import hashlib
 import re
 from collections.abc import Iterator
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 import httpx2
 import pytest
@@ -221,8 +221,9 @@ def test_the_preloads_are_the_modules_that_the_page_imports(server: Server) -> N
     modules = re.findall(r'<script type="module" src="assets/([\w./]+)"', index)
     for name in modules:
         text = httpx2.get(f"{server.url}/assets/{name}").text
-        imported = re.findall(r'^(?:import|export) .*from "\./([\w./]+)";', text, re.MULTILINE)
-        modules += [one for one in imported if one not in modules]
+        imported = re.findall(r'^(?:import|export)\b.*?from ?"\./([\w./]+)";', text, re.MULTILINE)
+        found = [str(PurePosixPath(name).parent / one) for one in imported]
+        modules += [one for one in found if one not in modules]
     assert sorted(["opening.js", "main.js", *preloads]) == sorted(modules)
 
 

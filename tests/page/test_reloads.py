@@ -100,7 +100,7 @@ def test_a_reload_shows_the_outcome_of_a_validation_again_with_its_report(
     page: Page, server: Server
 ) -> None:
     part(page, "Export")
-    report = page.get_by_role("button", name="Report")
+    report = page.get_by_role("button", name="Report", exact=True)
     expect(report).to_be_disabled()
     validate(page, "20")
     expect(page.locator(".outcome")).to_contain_text("of 20 trials")

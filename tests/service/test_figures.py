@@ -14,6 +14,7 @@ from syncplan.exporting.formats import ALL, FORMATS, as_archive, export
 from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.figure_table import FIGURES
 from syncplan.plotting.figures import specs_of
+from syncplan.plotting.printed_report import POLICY
 from syncplan.reports.covariance_report import position_covariances_document
 from syncplan.reports.plan_report import plan_document
 from syncplan.scenario.loading import scenario_from
@@ -97,6 +98,17 @@ def test_a_figure_has_the_parts_that_the_query_asks_for(ann: httpx2.Client) -> N
     answer = ann.get(f"{stored(ann)}/figures/formation?title=false&subtitle=false&legend=false")
     bare = FigureStyle(title=False, subtitle=False, legend=False)
     assert answer.json() == specs_of(syncplan.plan(small()), ["formation"], style=bare)["formation"]
+
+
+def test_a_printed_plan_is_the_library_s_under_a_policy_that_allows_its_style_alone(
+    ann: httpx2.Client,
+) -> None:
+    at = stored(ann)
+    answer = ann.get(f"{at}/report", headers={"accept": "text/html"})
+    assert answer.headers["content-type"] == "text/html; charset=utf-8"
+    assert answer.headers["content-security-policy"].startswith(POLICY)
+    identifier = at.rpartition("/")[2]
+    assert answer.text == syncplan.report_page(syncplan.plan(small()), identifier=identifier)
 
 
 def test_a_refined_plan_is_compared_with_its_parent(ann: httpx2.Client) -> None:

@@ -69,6 +69,12 @@ def test_the_environment_sets_and_overrides_come_before_it(monkeypatch: pytest.M
 
 
 FAULTS = {
+    "TILES": [
+        ("tiles.example.org/{z}/{x}/{y}.png", "must be an address with {z}, {x} and {y}"),
+        ("https://tiles.example.org/{z}/{x}.png", "must be an address with {z}, {x} and {y}"),
+        ("https://a.org; script-src */{z}/{x}/{y}", "must be an address with {z}, {x} and {y}"),
+        ("https://{s}.example.org/{z}/{x}/{y}.png", "must be an address with {z}, {x} and {y}"),
+    ],
     "PORT": [
         ("99999", "'99999': must be less than or equal to 65535"),
         ("1\n2", "'1\\n2': must be a valid integer"),

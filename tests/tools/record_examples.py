@@ -29,7 +29,8 @@ __all__ = ["FOLDER", "KEY", "SCENARIO", "main"]
 FOLDER = ROOT / "api" / "examples"
 KEY = "example-key-0123456789"
 REQUEST_ID = "5b1f0c52a7c14f7e9d4b8a1a6f0b6f0e"
-METRICS = 3
+LINES = 3
+"""What is kept of a text."""
 TRACES, NUMBERS, ASPECTS = 2, 3, 3
 """What is kept of a figure: traces, numbers of each list, aspects of the layout."""
 
@@ -77,8 +78,8 @@ class _Recorder:
         value: Any = response.json() if "json" in medium else response.text
         if medium.startswith("text/event-stream"):
             value = _last_event(value)
-        if operation == "readMetrics":
-            value = "".join(value.splitlines(keepends=True)[:METRICS])
+        if operation in ("readMetrics", "printPlan"):
+            value = "".join(value.splitlines(keepends=True)[:LINES])
         if operation.endswith("Schema"):
             # the document has them in full
             value = {k: v for k, v in value.items() if k not in ("$defs", "properties")}
@@ -162,6 +163,7 @@ def _plans(recorder: _Recorder) -> str:
     recorder.ask("readPlanFigure", "parent", "Not refined", "GET", f"{path}/figures/comparison")
     covariances = f"{path}/covariances"
     recorder.ask("readPlanCovariances", "survey", "Over a period", "GET", covariances)
+    recorder.ask("printPlan", "survey", "Its first lines", "GET", f"{path}/report")
     losses = f"{path}/what-if"
     recorder.ask("judgeLosses", "landmark", "A lost landmark", "GET", f"{losses}?lose=L1")
     recorder.ask("judgeLosses", "unknown", "No such name", "GET", f"{losses}?lose=v9")

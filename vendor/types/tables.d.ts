@@ -14,3 +14,4 @@ export const TERMS: Record<string, string>;
 export const ALTERNATIVES: string[][];
 export const JOB_KINDS: Record<string, any>;
 export const ENDED: string[];
+export const TILES: { url: string; attribution: string } | null;

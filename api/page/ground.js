@@ -1,0 +1,73 @@
+// The earth under the map, where a scenario states its origin: a graticule, and the tiles that an operator set.
+
+import { graticuleOf, placeOf, placeWords, pointOf } from "./earth.js";
+import { byId } from "./elements.js";
+import { mark } from "./looks.js";
+import { TILES } from "./tables.js";
+import { LineString, Point, VectorLayer, VectorSource } from "./vendor/openlayers.js";
+
+const APART_PX = 130;
+/** beyond this, the plane is no ground any more */
+const WIDEST_M = 1e6;
+const DEEPEST = 19;
+/** marks stay legible over tiles, in the dark as well */
+const FAINT = 0.6;
+const SPHERE_M = 6378137;
+const DEGREE = Math.PI / 180;
+
+/** The ground of a map; `style` gives its marks their looks. */
+export class Ground {
+  #map;
+  #lines = new VectorSource();
+  /** @type {import("./earth.js").Origin | undefined} */
+  #origin;
+  /** @type {any} */
+  #tiles = null;
+
+  constructor(map, style) {
+    this.#map = map;
+    map.getLayers().insertAt(0, new VectorLayer({ source: this.#lines, style, updateWhileInteracting: true, updateWhileAnimating: true }));
+    map.getView().on("change", () => this.#draw());
+    map.on("change:size", () => this.#draw());
+  }
+
+  /** Lay the ground about an origin, or none without one. */
+  lie(origin) {
+    if (JSON.stringify(origin) === JSON.stringify(this.#origin)) return;
+    this.#origin = origin;
+    this.#draw();
+    if (this.#tiles) this.#map.removeLayer(this.#tiles);
+    this.#tiles = null;
+    byId("attribution").textContent = "";
+    if (origin && TILES) this.#layTiles(origin, TILES);
+  }
+
+  /** Where a point lies, in words; empty without an origin. */
+  words(point) {
+    return this.#origin ? placeWords(placeOf(this.#origin, point)) : "";
+  }
+
+  #draw() {
+    const view = this.#map.getView();
+    const extent = view.calculateExtent(this.#map.getSize());
+    this.#lines.clear(true);
+    if (!this.#origin || extent.some((one) => Math.abs(one) > WIDEST_M)) return;
+    const lines = graticuleOf(this.#origin, extent, APART_PX * view.getResolution());
+    this.#lines.addFeatures(lines.flatMap(({ along, path, name }) => [mark(new LineString(path), { kind: "graticule" }), mark(new Point(path[0]), { kind: along, name })]));
+  }
+
+  /** Tiles come in Mercator's projection of the sphere; OpenLayers bends them to the plane. */
+  async #layTiles(origin, { url, attribution }) {
+    const { addCoordinateTransforms, TileLayer, XYZ } = await import("./vendor/tiles.js");
+    if (origin !== this.#origin) return;
+    const toMercator = (point) => {
+      const [lat, lon] = placeOf(origin, point);
+      return [SPHERE_M * lon * DEGREE, SPHERE_M * Math.log(Math.tan(Math.PI / 4 + (lat * DEGREE) / 2))];
+    };
+    const toPlane = (point) => pointOf(origin, [(2 * Math.atan(Math.exp(point[1] / SPHERE_M)) - Math.PI / 2) / DEGREE, point[0] / SPHERE_M / DEGREE]);
+    addCoordinateTransforms(this.#map.getView().getProjection(), "EPSG:3857", toMercator, toPlane);
+    this.#tiles = new TileLayer({ opacity: FAINT, source: new XYZ({ url, maxZoom: DEEPEST }) });
+    this.#map.getLayers().insertAt(0, this.#tiles);
+    byId("attribution").textContent = attribution;
+  }
+}

@@ -1,0 +1,97 @@
+"""The printed report: one sheet of paper whatever the team, opened from the page."""
+
+import re
+from typing import Any
+
+import pytest
+from playwright.sync_api import Page, expect
+
+import syncplan
+from syncplan.planning.planner import plan
+from syncplan.scenario.loading import scenario_from
+from tests.page.gestures import opened, part, stored
+from tests.tools.browsing import Tabs, Visit, accessibility_faults
+from tests.tools.scenarios import circling, document
+from tests.tools.serving import Server
+
+ALTERNATE = "paper-grid-alternate"
+
+
+def grid(count: int, **changes: Any) -> dict[str, Any]:
+    """A grid of vehicles beside landmarks."""
+    return document(
+        name=f"grid of {count}",
+        orbit=circling(direction="alternate", desync_rad=0.2),
+        formation={"shape": "grid", "count": count, "spacing_m": 70.0},
+        landmarks_m=[[-50.0, 0.0], [-50.0, 70.0], [0.0, -50.0]],
+        **changes,
+    )
+
+
+def sheets(page: Page, paper: str) -> int:
+    """Number of sheets that a page prints on."""
+    return len(re.findall(rb"/Type\s*/Page\b", page.pdf(format=paper)))
+
+
+TROUBLED: dict[str, Any] = {
+    "orbit": circling(direction="alternate"),
+    "area_m": [[-60.0, -60.0], [500.0, -60.0], [500.0, 600.0], [-60.0, 600.0]],
+    "wind": {"sigma_mps": 1.0, "gust_sigma_mps": 0.2},
+    "heading_sigma_rad": 0.05,
+    "geo_origin": {"lat_deg": 47.3977, "lon_deg": 8.5456, "alt_m": 488.0},
+    "start_time": "2026-05-01T09:00:00Z",
+}
+
+
+@pytest.mark.parametrize("count", [4, 12, 50, 60])
+@pytest.mark.parametrize("changes", [{}, TROUBLED], ids=["plain", "troubled"])
+def test_a_report_prints_on_one_sheet(count: int, changes: dict[str, Any], tabs: Tabs) -> None:
+    made = plan(scenario_from({**grid(count), **changes}), bound="never")
+    page = tabs.browser.new_page()
+    heard: list[str] = []
+    page.on("console", lambda message: heard.append(message.text))
+    page.set_content(syncplan.report_page(made))
+    for paper in ("A4", "Letter"):
+        assert sheets(page, paper) == 1
+        # all of it: nothing is cut at the edge of the paper
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    expect(page.locator("tbody tr")).to_have_count(count if count <= 50 else 0)
+    assert heard == []
+    page.close()
+
+
+def test_the_page_opens_the_report_of_the_plan_on_show_in_a_tab(
+    visit: Visit, page: Page, server: Server
+) -> None:
+    opened(page, grid(12, geo_origin=TROUBLED["geo_origin"]))
+    visit.settle()
+    part(page, "Export")
+    with page.expect_popup() as waiting:
+        page.get_by_role("button", name="Print report").click()
+    report = waiting.value
+    expect(report.locator("h1")).to_have_text("grid of 12")
+    made = stored(page, server)
+    expect(report.locator("header")).to_contain_text(made["id"])
+    rows = report.locator("tbody tr")
+    for one, row in zip(made["vehicles"], rows.all(), strict=True):
+        error = made["predicted_rms_m"]["vehicles"][one["name"]]
+        expect(row).to_contain_text(f"{one['phase_rad']:.4f}{error:.3g}")
+    # its style holds under the policy of the page that opened it
+    assert report.locator("body").evaluate("one => getComputedStyle(one).display") == "flex"
+    assert sheets(report, "A4") == 1
+    for scheme in ("light", "dark"):
+        report.emulate_media(color_scheme=scheme)
+        assert accessibility_faults(report) == []
+    report.set_viewport_size({"width": 390, "height": 844})
+    assert report.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    report.close()
+
+
+def test_a_plan_that_is_no_go_is_printed_too(visit: Visit, page: Page) -> None:
+    visit.choose(ALTERNATE)
+    visit.verdict("✗ NO-GO")
+    part(page, "Export")
+    with page.expect_popup() as waiting:
+        page.get_by_role("button", name="Print report").click()
+    expect(waiting.value.locator(".verdict")).to_contain_text("✗ NO-GO: 2 reasons")
+    waiting.value.close()

@@ -1,0 +1,108 @@
+"""The printed report of a plan: its figures are the plan's, and it holds no script."""
+
+import re
+from datetime import date
+from html import unescape
+from typing import Any
+
+import pytest
+
+import syncplan
+from syncplan.planning.planner import plan
+from syncplan.plotting.figure_style import PLAIN
+from syncplan.plotting.formation_figures import formation_spec
+from syncplan.plotting.printed_report import MOST_LISTED, STYLE_DIGEST
+from syncplan.plotting.static_map import map_svg
+from syncplan.reports.plan_report import plan_document
+from tests.tools.scenarios import circling, example, planned
+
+DAY = date(2026, 5, 1)
+
+
+def words(page: str) -> str:
+    """The text of a page, on one line."""
+    body = page.partition("<body")[2]
+    return " ".join(unescape(re.sub(r"<[^>]+>", " ", body)).split()).replace(" ,", ",")
+
+
+def test_a_report_states_the_plan_s_own_figures() -> None:
+    made = plan(example("windy-grid"))
+    page = syncplan.report_page(made, identifier="some-plan", made_on=DAY)
+    assert page == syncplan.report_page(made, identifier="some-plan", made_on=DAY)
+    said, known = words(page), plan_document(made)
+    worst = max(value for value in known.predicted_rms_m.vehicles.values() if value is not None)
+    for text in (
+        f"1 May 2026 · syncplan {syncplan.__version__} · some-plan",
+        f"✓ GO: 6 vehicles know where they are to {worst:.2g} m",
+        *(one.message for one in made.verdict.findings),
+        "Rank: 18 of 18, observable, over",
+        f"Certificate: holds, {known.observability.certificate.reason}",
+        f"Period: {known.period_s:.4g} s",
+        f"Connectivity period: {known.connectivity_period_s:.4g} s",
+        f"all vehicles: {known.predicted_rms_m.overall:.3g} m",
+        f"Least separation: {known.separation.min_m:.4g} m",
+        "standard deviation of each component of the common, constant wind 1 m/s",
+        "The filter estimates wind beside the poses.",
+        "length of the run that errors are predicted for 400 s",
+    ):
+        assert text in said
+    for one in known.vehicles:
+        x, y = one.center_m
+        error = known.predicted_rms_m.vehicles[one.name]
+        row = f"{one.name} {x:g}, {y:g} {one.radius_m:g} {one.direction} {one.phase_rad:.4f}"
+        assert f"{row} {error:.3g}" in said
+
+
+def test_a_report_of_a_plan_that_is_no_go_says_why_and_what_cures_it() -> None:
+    made = plan(example("paper-grid-alternate"))
+    said = words(syncplan.report_page(made))
+    assert "✗ NO-GO: 2 reasons; not every position and heading can be known" in said
+    for one in made.verdict.findings:
+        assert one.cure is not None
+        assert f"Stop: {one.message} Cure: {one.cure.text}" in said
+    assert "unobservable: stretch of v1-v2" in said
+
+
+def test_errors_that_are_not_predicted_are_left_out() -> None:
+    said = words(syncplan.report_page(planned(landmarks_m=[[0, 40], [70, -40]])))
+    assert "all vehicles: unknown" in said
+    assert "Worst vehicle" not in said
+
+
+def test_a_team_too_large_for_the_sheet_is_described_in_a_sentence() -> None:
+    team = {"shape": "grid", "count": MOST_LISTED + 1, "spacing_m": 70}
+    said = words(syncplan.report_page(planned(formation=team, orbit=circling())))
+    assert f"{MOST_LISTED + 1} vehicles, {MOST_LISTED + 1} of them counter-clockwise" in said
+    assert "sense" not in said
+
+
+def test_names_are_text_whatever_they_hold() -> None:
+    team: dict[str, Any] = {"centers_m": {"<b>&'\"": [0, 0], "v2": [70, 0]}}
+    page = syncplan.report_page(planned(name="<script>alert(1)</script>", formation=team))
+    assert "<script" not in page
+    assert "<b>" not in page
+    assert page.count("&lt;b&gt;&amp;") >= 2
+
+
+def test_the_page_holds_one_style_and_fetches_nothing() -> None:
+    page = syncplan.report_page(plan(example("shelves")))
+    assert page.count("<style>") == 1
+    assert STYLE_DIGEST in page
+    assert not re.search(r"\s(style|src|href|on\w+)=|url\(|@import", page)
+
+
+@pytest.mark.parametrize("name", ["shelves", "paper-grid-alternate", "triangle-lattice"])
+def test_the_map_has_every_mark_of_the_figure_in_its_colours(name: str) -> None:
+    made = plan(example(name), bound="never")
+    spec = formation_spec(made, PLAIN)
+    svg = map_svg(spec, PLAIN.plot_px, "Map")
+    for trace in spec["data"]:
+        points = [x for x in trace["x"] if x is not None]
+        if "lines" in trace["mode"] and points:
+            assert f'stroke="{trace["line"]["color"]}"' in svg, trace["uid"]
+            dashed = trace["line"].get("dash", "solid") != "solid"
+            (drawn,) = re.findall(rf"<path [^>]*{trace['line']['color']}[^>]*>", svg)[:1]
+            assert ("stroke-dasharray" in svg) >= dashed, drawn
+    assert svg.count("<text") == made.orbits.count + len(made.landmarks) + 1
+    stars = [trace for trace in spec["data"] if trace["uid"] == "landmarks"]
+    assert svg.count("scale(6.5)") == sum(len(one["x"]) for one in stars)
