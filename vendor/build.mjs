@@ -2,16 +2,19 @@
 // each with licences and digests.
 
 import { createHash } from "node:crypto";
-import { copyFile, readFile, readdir, writeFile } from "node:fs/promises";
+import { copyFile, readFile, readdir, rm, writeFile } from "node:fs/promises";
 import { build } from "esbuild";
 
 const TARGET = "../api/page/vendor";
 
+const scripts = async () => (await readdir(TARGET)).filter((one) => one.endsWith(".js"));
+// what two bundles share has names that change with it
+for (const name of await scripts()) await rm(`${TARGET}/${name}`);
 const { metafile } = await build({
-  entryPoints: ["openlayers.js", "tiles.js"],
+  entryPoints: ["openlayers.js", "editing.js", "tiles.js"],
   bundle: true,
   splitting: true,
-  chunkNames: "shared",
+  chunkNames: "shared-[hash]",
   minify: true,
   format: "esm",
   target: "es2022",
@@ -40,7 +43,7 @@ const COPIES = {
 };
 for (const [name, from] of Object.entries(COPIES)) await copyFile(`node_modules/${from}`, `${FIGURES}/${name}`);
 
-await digest(TARGET, ["LICENCES.txt", "openlayers.js", "shared.js", "tiles.js"]);
+await digest(TARGET, ["LICENCES.txt", ...(await scripts())]);
 await digest(FIGURES, Object.keys(COPIES));
 
 async function digest(folder, names) {

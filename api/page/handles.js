@@ -15,8 +15,7 @@ const TREMOR_PX = 4;
 const SAME_M = 1e-6;
 const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 
-/** Handles of a store's scenario over a map of OpenLayers; `turned()` returns the angle turned at the moment shown,
- * `uses(grip)` whether the tool in hand takes a grip for itself. */
+/** Handles of a store's scenario over a map's canvas; `uses(grip)` returns whether the tool in hand takes a grip for itself. */
 export class Handles {
   #store;
   #map;
@@ -27,7 +26,7 @@ export class Handles {
    * @type {any} */
   #held = null;
 
-  constructor(store, map, turned, uses) {
+  constructor(store, { map, turned }, uses) {
     this.#store = store;
     this.#map = map;
     this.#turned = turned;
@@ -39,6 +38,7 @@ export class Handles {
       map.getViewport().dispatchEvent(new WheelEvent(event.type, event));
     });
     document.addEventListener("keydown", (event) => event.key === "Escape" && this.#takeBack());
+    map.render();
   }
 
   /** Put every handle over its grip; one out of the view waits at its edge. */

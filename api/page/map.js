@@ -4,13 +4,10 @@
 // view changes only when people change it, or open another scenario.
 
 import { byId, shown } from "./elements.js";
-import { bodiesOf } from "./grips.js";
-import { Handles } from "./handles.js";
 import { arcOf, circlesOf, extentOf, linksOf, motionsOf, pointsOf, poseAt, ringOf, sightOf, titleOf } from "./marks.js";
 import { Looks, mark } from "./looks.js";
-import { polygonsOf, withPolygon } from "./scenario.js";
-import { Tools, tidied } from "./tools.js";
-import { DragPan, LineString, Modify, MouseWheelZoom, OlMap, PinchZoom, Point, Polygon, Projection, ScaleLine, VectorLayer, VectorSource, View } from "./vendor/openlayers.js";
+import { polygonsOf } from "./scenario.js";
+import { DragPan, LineString, MouseWheelZoom, OlMap, PinchZoom, Point, Polygon, Projection, ScaleLine, VectorLayer, VectorSource, View } from "./vendor/openlayers.js";
 
 const MARGIN_PX = 36;
 const BUTTONS_PX = 72;
@@ -63,9 +60,6 @@ export class FormationMap {
     });
     this.#frame.map = this.#map;
     this.#map.on("pointermove", ({ coordinate }) => this.#point(coordinate));
-    this.tools = new Tools(store, this.#map, style);
-    new Handles(store, this.#map, () => this.#turned, (grip) => this.tools.uses(grip));
-    this.#letCornersMove();
     store.on(["opened"], () => {
       this.fit();
       this.#map.once("rendercomplete", () => performance.mark("map"));
@@ -79,6 +73,11 @@ export class FormationMap {
     byId("fit").addEventListener("click", () => this.fit());
     byId("nearer").addEventListener("click", () => this.#zoom(1));
     byId("further").addEventListener("click", () => this.#zoom(-1));
+  }
+
+  /** What tools and handles need: the map of OpenLayers, its polygons, how marks look, and the angle in rad turned. */
+  get canvas() {
+    return { map: this.#map, areas: this.#areas, style: (feature) => this.#looks.of(feature), turned: () => this.#turned };
   }
 
   /** The earth is loaded where a scenario has a place on it. */
@@ -118,9 +117,9 @@ export class FormationMap {
   /** Show all, if what is selected is out of view. */
   #reveal() {
     const { scenario, selected } = this.#store;
-    const body = bodiesOf(scenario, null).find(({ kind, k }) => kind === selected.kind && k === selected.k);
+    const all = { vehicle: circlesOf, landmark: pointsOf }[selected.kind];
     const [west, south, east, north] = this.#map.getView().calculateExtent(this.#map.getSize());
-    const { x, y, radius } = body ?? { x: 0, y: 0, radius: 0 };
+    const { x, y, radius } = { x: 0, y: 0, radius: 0, ...all?.(scenario, null)[selected.k] };
     if (x - radius < west || x + radius > east || y - radius < south || y + radius > north) this.fit();
   }
 
@@ -204,19 +203,6 @@ export class FormationMap {
     this.#polygons = known;
     this.#areas.clear();
     this.#areas.addFeatures(polygons.map(({ corners, ...which }) => mark(new Polygon([[...corners, corners[0]]]), which)));
-  }
-
-  /** Corners of polygons move, a point of an edge becomes a corner, and a click with Alt takes one out. */
-  #letCornersMove() {
-    const modify = new Modify({ source: this.#areas, condition: ({ originalEvent: { shiftKey } }) => !shiftKey && this.tools.tool === "select" });
-    modify.on("modifyend", ({ features }) => {
-      const changed = features.getArray().reduce((scenario, one) => {
-        const [corners] = /** @type {any} */ (one.getGeometry()).getCoordinates();
-        return withPolygon(scenario, one.get("kind"), corners.slice(0, -1).map((corner) => corner.map((value) => tidied(value, this.#map))), one.get("k"));
-      }, this.#store.scenario);
-      this.#store.edit(changed);
-    });
-    this.#map.addInteraction(modify);
   }
 
   #drawMoving() {

@@ -7,6 +7,7 @@ import { offerDownloads } from "./downloads.js";
 import { Editor } from "./editor.js";
 import { attempt, byId, notice, noticeIsFault, shown } from "./elements.js";
 import { offerParts } from "./inspector.js";
+import { Handles } from "./handles.js";
 import { offerKeptWork } from "./kept_work.js";
 import { offerLosses } from "./losses.js";
 import { offerNaming } from "./naming.js";
@@ -18,6 +19,7 @@ import { offerLink, storing } from "./sharing.js";
 import { listenForKeys } from "./shortcuts.js";
 import { JOB_KINDS } from "./tables.js";
 import { traceErrors } from "./trace.js";
+import { Tools } from "./tools.js";
 import { showVerdicts, wayBack } from "./verdict.js";
 import { Work } from "./work.js";
 
@@ -30,7 +32,9 @@ export function makePanels({ store, map, address, opening }) {
   byId("ellipses").addEventListener("click", async () => (await import("./ellipses.js")).toggled(store, map));
   showVerdicts(store);
   traceErrors(store, Planner.preview);
-  listenForKeys(store, map.tools);
+  const tools = new Tools(store, map.canvas);
+  new Handles(store, map.canvas, (grip) => tools.uses(grip));
+  listenForKeys(store, tools);
   const parts = offerParts(store);
   const work = new Work(store, storePlan, { began, ended });
   const designs = new DesignPanel((plan, name) => attempt(() => opening.formation(plan, name)), (jobId) => name("designed", jobId));

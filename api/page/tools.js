@@ -6,7 +6,8 @@ import { bodiesOf } from "./grips.js";
 import { mark } from "./looks.js";
 import { decade, polygonsOf, round, withLinkToggled, withPolygon } from "./scenario.js";
 import { addBody, BODIES } from "./selection.js";
-import { DragBox, Draw, LineString, Point, VectorLayer, VectorSource } from "./vendor/openlayers.js";
+import { DragBox, Draw, Modify } from "./vendor/editing.js";
+import { LineString, Point, VectorLayer, VectorSource } from "./vendor/openlayers.js";
 
 /** The tools by name: title, key, and what to do with them. */
 const TOOLS = {
@@ -34,7 +35,8 @@ export class Tools {
   /** the first end of a link @type {string | null} */
   #from = null;
 
-  constructor(store, map, style) {
+  /** Make the tools of a map's canvas. */
+  constructor(store, { map, areas, style }) {
     this.#store = store;
     this.#map = map;
     map.addLayer(new VectorLayer({ source: this.#drawn, style }));
@@ -47,6 +49,7 @@ export class Tools {
     const box = new DragBox({ className: "box", condition: ({ originalEvent: { shiftKey } }) => shiftKey && this.#tool === "select" });
     box.on("boxend", () => this.#chooseWithin(box.getGeometry()));
     map.addInteraction(box);
+    this.#letCornersMove(areas);
     store.on(["opened"], () => this.take("select"));
   }
 
@@ -108,6 +111,19 @@ export class Tools {
     const inside = bodiesOf(this.#store.scenario, null).filter(({ x, y }) => box.intersectsCoordinate([x, y]));
     this.#store.selectAll(inside.map(({ kind, k }) => ({ kind, k })));
     notice(inside.length ? `${inside.length} selected.` : "");
+  }
+
+  /** Corners of polygons move, a point of an edge becomes a corner, and a click with Alt takes one out. */
+  #letCornersMove(areas) {
+    const modify = new Modify({ source: areas, condition: ({ originalEvent: { shiftKey } }) => !shiftKey && this.#tool === "select" });
+    modify.on("modifyend", ({ features }) => {
+      const changed = features.getArray().reduce((scenario, one) => {
+        const [corners] = /** @type {any} */ (one.getGeometry()).getCoordinates();
+        return withPolygon(scenario, one.get("kind"), corners.slice(0, -1).map((corner) => corner.map((value) => tidied(value, this.#map))), one.get("k"));
+      }, this.#store.scenario);
+      this.#store.edit(changed);
+    });
+    this.#map.addInteraction(modify);
   }
 
   #draw(type, ended) {

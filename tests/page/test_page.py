@@ -217,11 +217,11 @@ PAGE = Path(page_routes.__file__).parents[1] / "page"
 @pytest.mark.quick
 def test_the_preloads_are_the_modules_that_the_page_imports(server: Server) -> None:
     index = (PAGE / "index.html").read_text()
-    preloads = re.findall(r'rel="modulepreload" href="assets/([\w./]+)"', index)
+    preloads = re.findall(r'rel="modulepreload" href="assets/([\w./-]+)"', index)
     modules = re.findall(r'<script type="module" src="assets/([\w./]+)"', index)
     for name in modules:
         text = httpx2.get(f"{server.url}/assets/{name}").text
-        imported = re.findall(r'^(?:import|export)\b.*?from ?"\./([\w./]+)";', text, re.MULTILINE)
+        imported = re.findall(r'\bfrom ?"\./([\w./-]+)"', text)
         found = [str(PurePosixPath(name).parent / one) for one in imported]
         modules += [one for one in found if one not in modules]
     assert sorted(["opening.js", "main.js", *preloads]) == sorted(modules)

@@ -1,0 +1,1 @@
+var D={IDLE:0,LOADING:1,LOADED:2,ERROR:3,EMPTY:4};export{D as a};
