@@ -27,7 +27,8 @@ export class Ground {
   constructor(map, style) {
     this.#map = map;
     map.getLayers().insertAt(0, new VectorLayer({ source: this.#lines, style, updateWhileInteracting: true, updateWhileAnimating: true }));
-    map.getView().on("change", () => this.#draw());
+    // "change" comes before the view has its new state
+    map.getView().on("propertychange", () => this.#draw());
     map.on("change:size", () => this.#draw());
   }
 
