@@ -39,7 +39,7 @@ showVerdicts(store);
 listenForKeys(store, map.tools);
 const parts = offerParts(store);
 const opening = new Opening(store, charts, address);
-const work = new Work(store, storePlan, { began, ended });
+const work = new Work(store, storePlan, { began, changed, ended });
 const designs = new DesignPanel(
   (plan, name) => attempt(() => opening.formation(plan, name)),
   (jobId) => {
@@ -84,7 +84,8 @@ async function keepPlan(scenario, document) {
   return id;
 }
 
-/** the job that the address names: at work, or ended with its outcome on show */
+/** the job that the address names: at work, or ended with its outcome on show; `drawing` says whether figures of its
+ * first trials are being added, once some were */
 let followed = null;
 
 function began(job) {
@@ -92,23 +93,47 @@ function began(job) {
   address();
 }
 
+/** Show what a job at work has come to so far, if the plan on show is the one it is about. */
+async function changed(job, { best, finished, progress }) {
+  const own = followed;
+  const wanted = () => followed === own && store.planId === job.plan_id;
+  if (!wanted()) return;
+  if (best) store.compare(best.formation);
+  // the figures of all trials follow the last event
+  if (!finished || finished === progress.total || own.drawing) return;
+  const again = own.drawing === false;
+  own.drawing = true;
+  await addFigures(job, job.request, { again, wanted });
+  own.drawing = false;
+}
+
+/** Add the figures of a job, those whose parts a report has or a request asks for; `again` keeps the one on show.
+ * @param {any} job
+ * @param {any} given
+ * @param {{again?: boolean, wanted?: () => boolean}} options */
+async function addFigures(job, given, { again = false, wanted = () => true } = {}) {
+  const names = figuresOf(JOB_KINDS[job.kind], given);
+  const addresses = names.map((name) => [name, `v1/jobs/${job.id}/figures/${name}`]);
+  await charts.add(Object.fromEntries(addresses), { show: again ? "" : names[0], wanted });
+  if (names.length && wanted()) charts.open();
+}
+
 /** Show what a job came to; resolves with whether the plan on show is still the one it was about. */
 async function ended(job, result) {
   const current = store.planId !== null && [job.plan_id, job.result_plan_id].includes(store.planId);
+  const again = followed?.drawing !== undefined;
   const outcome = current ? { id: job.id, ended: true } : null;
   followed = outcome;
   address();
+  if (JOB_KINDS[job.kind].finishes) store.compare(null);
   if (result && JOB_KINDS[job.kind].reports) store.reported(job.id);
   if (!result || !current) return current;
   if (job.result_plan_id) {
     if (store.planId !== result.id) await openRefined(result.id, outcome);
     return true;
   }
-  const at = `v1/jobs/${job.id}/figures`;
-  const names = figuresOf(JOB_KINDS[job.kind], result);
-  await charts.add(Object.fromEntries(names.map((name) => [name, `${at}/${name}`])), { show: names[0] });
-  if (names.length) charts.open();
-  player.offer(result.series?.tracks ?? [], result.series);
+  await addFigures(job, result, { again });
+  player.offer(result);
   return true;
 }
 

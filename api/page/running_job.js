@@ -1,6 +1,6 @@
 // A job at work: its progress, the buttons that end it, and its end.
 
-import { element, notice } from "./elements.js";
+import { element, notice, shown } from "./elements.js";
 import { follow } from "./events.js";
 import { ask, askJson, patiently, Refusal } from "./service.js";
 import { JOB_KINDS } from "./tables.js";
@@ -60,11 +60,11 @@ export class RunningJob {
     return focused;
   }
 
-  #show({ kind, state, progress: { done, total }, doing }) {
+  #show({ kind, state, progress: { done, total }, doing, best }) {
     this.#progress.max = total;
     this.#progress.value = done;
     const { title, unit } = JOB_KINDS[kind];
-    const more = this.#ending || doing;
+    const more = this.#ending || doing || (best && `best so far ${shown(best.predicted_rms_m, "m")}, rank ${best.rank}`);
     this.#text.textContent = `${title} ${state}: ${done} of ${total} ${unit}${more ? `; ${more}` : ""}`;
   }
 

@@ -15,8 +15,8 @@ const OUTCOMES = { refinement: refined, validation: validated, flight: flown };
 
 /** The panel of jobs.
  *
- * `storePlan()` resolves with the identifier of the plan on show. `follower.began(job)` and
- * `follower.ended(job, result)` follow a job; `result` is null where there is none. `ended` resolves
+ * `storePlan()` resolves with the identifier of the plan on show. `follower.began(job)`, `follower.changed(job, event)`
+ * and `follower.ended(job, result)` follow a job; `result` is null where there is none. `ended` resolves
  * with whether the plan on show is the one that the job was about.
  */
 export class Work {
@@ -70,7 +70,7 @@ export class Work {
     this.#follower.began(job);
     try {
       // the button that was pressed can't keep the focus
-      await this.#conclude(await this.#running.follow(job, { focus: Boolean(button) }));
+      await this.#conclude(await this.#running.follow(job, { focus: Boolean(button), changed: (event) => this.#follower.changed(job, event) }));
     } catch (error) {
       this.#fault.textContent = error.message;
     } finally {
