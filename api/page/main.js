@@ -84,8 +84,8 @@ async function keepPlan(scenario, document) {
   return id;
 }
 
-/** the job that the address names: at work, or ended with its outcome on show; `drawing` says whether figures of its
- * first trials are being added, once some were */
+/** the job that the address names: at work, or ended with its outcome on show; `finished` is the number of first
+ * trials that its figures are of, while it runs, and `drawing` whether they are on their way */
 let followed = null;
 
 function began(job) {
@@ -100,9 +100,9 @@ async function changed(job, { best, finished, progress }) {
   if (!wanted()) return;
   if (best) store.compare(best.formation);
   // the figures of all trials follow the last event
-  if (!finished || finished === progress.total || own.drawing) return;
-  const again = own.drawing === false;
-  own.drawing = true;
+  if (!finished || [progress.total, own.finished].includes(finished) || own.drawing) return;
+  const again = Boolean(own.finished);
+  Object.assign(own, { finished, drawing: true });
   await addFigures(job, job.request, { again, wanted });
   own.drawing = false;
 }
@@ -121,7 +121,7 @@ async function addFigures(job, given, { again = false, wanted = () => true } = {
 /** Show what a job came to; resolves with whether the plan on show is still the one it was about. */
 async function ended(job, result) {
   const current = store.planId !== null && [job.plan_id, job.result_plan_id].includes(store.planId);
-  const again = followed?.drawing !== undefined;
+  const again = Boolean(followed?.finished);
   const outcome = current ? { id: job.id, ended: true } : null;
   followed = outcome;
   address();

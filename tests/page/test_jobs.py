@@ -209,7 +209,7 @@ def test_a_validation_fills_its_figures_as_trials_are_finished(visit: Visit, pag
     visit.expect_complaints("409")
     validate(page, "100000")
     text = page.locator("#panel-text")
-    expect(text).to_contain_text(re.compile(r"\d+ trials of 120 s, seed 1"))
+    expect(text).to_contain_text(re.compile(r"\d+ trials of 200 s, seed 1"))
     first = int(re.findall(r"(\d+) trials", text.inner_text())[0])
     assert first % 16 == 0
     page.get_by_role("tab", name="Errors over time").click()
