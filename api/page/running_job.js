@@ -5,6 +5,11 @@ import { follow } from "./events.js";
 import { ask, askJson, patiently, Refusal } from "./service.js";
 import { JOB_KINDS } from "./tables.js";
 
+/** What a refinement gains: the team's predicted error before, and after. */
+export function gained({ before, after }) {
+  return [before, after].map((one) => shown(one.predicted_rms_m, "m")).join(" → ");
+}
+
 /** The box that shows a job at work. `id` is unique on the page; `fault` is the element for errors. */
 export class RunningJob {
   #fault;
@@ -64,7 +69,7 @@ export class RunningJob {
     this.#progress.max = total;
     this.#progress.value = done;
     const { title, unit } = JOB_KINDS[kind];
-    const more = this.#ending || doing || (best && `best so far ${shown(best.predicted_rms_m, "m")}, rank ${best.rank}`);
+    const more = this.#ending || doing || (best && `best so far: predicted error ${gained(best)}`);
     this.#text.textContent = `${title} ${state}: ${done} of ${total} ${unit}${more ? `; ${more}` : ""}`;
   }
 

@@ -4,7 +4,7 @@ import { byId, element, notice, shown } from "./elements.js";
 import { flown } from "./flight_outcome.js";
 import { flightForm } from "./flight_request.js";
 import { refinementForm, validationForm } from "./requests.js";
-import { RunningJob } from "./running_job.js";
+import { gained, RunningJob } from "./running_job.js";
 import { askJson, patiently, postOnce } from "./service.js";
 import { ENDED, JOB_KINDS } from "./tables.js";
 
@@ -132,12 +132,11 @@ function refined(plan) {
   const { improved, reason, before, after } = plan.refinement;
   // what is not to be flown is no success, however small its error
   const go = plan.verdict?.go === true;
-  const rms = (one) => shown(one.predicted_rms_m, "m");
   return [
     element(
       "p",
       { class: `badge ${improved && go ? "good" : ""}` },
-      improved ? `Predicted error ${rms(before)} → ${rms(after)}` : "No better plan was found",
+      improved ? `Predicted error ${gained({ before, after })}` : "No better plan was found",
     ),
     element("p", {}, improved ? `Rank ${before.rank} → ${after.rank}.` : reason),
     improved && after.least_distance_m !== null ? separationOf(before.least_distance_m, after.least_distance_m) : null,

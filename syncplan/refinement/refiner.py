@@ -49,12 +49,13 @@ class BetterPlan:
     Attributes
     ----------
     scenario, orbits : as those of the plan that the search returns if it ends with this one
-    figures : its exact figures of merit
+    before, after : exact figures of merit of the plan given, and of this one
     """
 
     scenario: Scenario
     orbits: Orbits
-    figures: Figures
+    before: Figures
+    after: Figures
 
 
 _IMPROVED = 1e-9
@@ -317,7 +318,8 @@ def _better_plan(case: _Case, attempt: "Attempt") -> BetterPlan:
     assert attempt.circles is not None
     assert attempt.after is not None
     orbits = orbits_of(attempt.circles, case.given.orbits)
-    return BetterPlan(_moved(case.given, case.options, orbits), orbits, attempt.after.figures)
+    moved = _moved(case.given, case.options, orbits)
+    return BetterPlan(moved, orbits, case.before.figures, attempt.after.figures)
 
 
 def _record(attempt: "Attempt", objective: Objective) -> StartResult:

@@ -50,18 +50,16 @@ else:
 class PlanSoFar(Document):
     """The best plan that a refinement has found so far, better than the one given."""
 
-    predicted_rms_m: float | None = Field(
-        description="Predicted error of all vehicles; null where it is not computed"
-    )
-    rank: int
+    before: FiguresOfMerit
+    after: FiguresOfMerit
     formation: dict[str, Any] = Field(description="`scenario` and `vehicles`, as in a plan file")
 
 
 def plan_so_far(found: "BetterPlan") -> PlanSoFar:
     """Return the document of the best plan so far."""
     return PlanSoFar(
-        predicted_rms_m=finite_or_none(found.figures.predicted_rms),
-        rank=found.figures.rank,
+        before=_figures(found.before),
+        after=_figures(found.after),
         formation=stated(found.scenario, found.orbits),
     )
 

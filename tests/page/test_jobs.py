@@ -174,7 +174,9 @@ def test_a_refinement_draws_its_best_plan_so_far_and_ends_with_it(
     before = drawn(page, "circle")
     page.get_by_role("button", name="Refine").click()
     text = page.locator("#job-text")
-    expect(text).to_contain_text(re.compile(r"of 1000 starts; best so far [\d.]+ m, rank 18"))
+    expect(text).to_contain_text(
+        re.compile(r"of 1000 starts; best so far: predicted error [\d.]+ m → [\d.]+ m")
+    )
     beside = drawn(page, "beside")
     assert len(beside) == 6
     assert drawn(page, "circle") == before
@@ -182,7 +184,7 @@ def test_a_refinement_draws_its_best_plan_so_far_and_ends_with_it(
     page.reload()
     expect(text).to_contain_text("best so far")
     assert len(drawn(page, "beside")) == 6
-    shown = float(re.findall(r"best so far ([\d.]+) m", text.inner_text())[0])
+    shown = float(re.findall(r"→ ([\d.]+) m", text.inner_text())[0])
     page.get_by_role("button", name="Finish now").click()
     expect(page.locator(".outcome")).to_contain_text("Predicted error")
     assert drawn(page, "beside") == []

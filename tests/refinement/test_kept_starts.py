@@ -64,10 +64,11 @@ def test_each_plan_that_is_the_best_so_far_is_heard_of_and_the_last_one_is_the_r
         )
         record = found.refinement
         assert record is not None
-        errors = [one.figures.predicted_rms for one in heard]
+        errors = [one.after.predicted_rms for one in heard]
+        assert heard[0].before == record.before
         assert record.before.predicted_rms > errors[0]
         assert errors == sorted(set(errors), reverse=True)
-        assert heard[-1].figures == record.after
+        assert heard[-1].after == record.after
         assert heard[-1].scenario == found.scenario
         assert (heard[-1].orbits.centers == found.orbits.centers).all()
         assert (heard[-1].orbits.phases == found.orbits.phases).all()
