@@ -1,7 +1,7 @@
 // The figures beside the map: those of the plan come with it, others are asked for.
 
 import { draw } from "./drawing.js";
-import { byId } from "./elements.js";
+import { attempt, byId } from "./elements.js";
 import { askJson, patiently } from "./service.js";
 import { ASKED, ON_MAP, Planner, theme } from "./planner.js";
 import { FIGURES } from "./tables.js";
@@ -15,16 +15,19 @@ export class Charts {
   #text = byId("panel-text");
   #button = byId("show-figures");
   #figures = {};
-  #redraw;
+  #store;
   #tabs;
 
-  /** `redraw()` asks for the figures of the plan on show. */
-  constructor(store, redraw) {
-    this.#redraw = redraw;
+  constructor(store) {
+    this.#store = store;
     this.#tabs = tabs(byId("tabs"), TITLES, (name) => this.#draw(name));
     this.#button.addEventListener("click", () => this.open(byId("figures").hidden));
-    store.on(["plan"], (detail) => this.#take(detail.figures));
     store.on(["scenario", "opened"], () => this.#forget());
+    store.on(["plan"], ({ figures, opened, again }) => {
+      this.#take(figures);
+      if (opened || again) this.#compare(store.plan, { show: opened ? "comparison" : "" });
+    });
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => attempt(() => this.#ask()));
   }
 
   /** The contact timeline, if it is on show: the animation moves a line along it. */
@@ -37,12 +40,11 @@ export class Charts {
    * @param {{show?: string, wanted?: () => boolean}} options */
   async add(addresses, { show = "", wanted = () => true } = {}) {
     const names = Object.keys(addresses);
-    const found = await Promise.allSettled(
-      names.map((name) => patiently(() => askJson("GET", `${addresses[name]}?theme=${theme()}`))),
-    );
+    const answers = names.map((name) => patiently(() => askJson("GET", `${addresses[name]}?theme=${theme()}`)));
+    const found = /** @type {any[]} */ (await Promise.allSettled(answers));
     if (!wanted()) return;
     // what a figure is of may have been deleted: the others are there
-    this.#take(Object.fromEntries(names.map((name, k) => [name, found[k]["value"]])));
+    this.#take(Object.fromEntries(names.map((name, k) => [name, found[k].value])));
     if (show in this.#figures) this.#tabs.choose(show);
   }
 
@@ -54,7 +56,25 @@ export class Charts {
     Planner.figures = flag ? ASKED : [];
     if (!opens) return;
     if (this.#tabs.current()) this.#draw(this.#tabs.current());
-    this.#redraw();
+    attempt(() => this.#ask());
+  }
+
+  /** Ask for the figures of the plan on show, in the colours of the theme. */
+  async #ask() {
+    const { plan, planId, document } = this.#store;
+    if (!plan) return;
+    const { figures } = await (planId ? Planner.stored(planId) : Planner.preview(document));
+    if (this.#store.plan === plan) this.#store.judged(plan, figures, { quick: false });
+    // what took its place meanwhile may have been asked for without figures
+    else await this.#ask();
+  }
+
+  /** Add the figures of a refined plan beside what it was refined from. */
+  async #compare({ id, parent_id: parentId }, { show }) {
+    if (!parentId) return;
+    const at = `v1/plans/${id}/figures`;
+    const more = { comparison: `${at}/comparison`, refinement: `${at}/refinement` };
+    await this.add(more, { show, wanted: () => this.#store.planId === id });
   }
 
   #take(figures) {

@@ -44,6 +44,28 @@ export function noticeIsFault() {
   return byId("notice").classList.contains("bad");
 }
 
+let waiting = 0;
+
+/** Count what there is to wait for. */
+export function busy(flag) {
+  waiting += flag ? 1 : -1;
+  byId("workspace").setAttribute("aria-busy", waiting > 0);
+}
+
+/** Do something that may fail, and say so. */
+export async function attempt(task) {
+  notice("");
+  busy(true);
+  try {
+    await task();
+  } catch (error) {
+    // that a key is wanted is no fault; the form for it is there
+    notice(error.message, { fault: error.status !== 401 });
+  } finally {
+    busy(false);
+  }
+}
+
 /** Show what is wrong with an input next to it, in the element of its id and "-fault". */
 export function mark(input, text) {
   const place = byId(`${input.id}-fault`);

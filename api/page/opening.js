@@ -1,5 +1,6 @@
 // Opening: examples, files, stored plans, and what a reload interrupted.
 
+import { Address } from "./address.js";
 import { notice } from "./elements.js";
 import { Planner } from "./planner.js";
 import { editable } from "./scenario.js";
@@ -7,26 +8,39 @@ import { ask, noSuchPlan, passing } from "./service.js";
 import { forget, kept } from "./session.js";
 import { Store } from "./store.js";
 
-/** Puts into a store what is chosen; an answer that comes after another choice is dropped.
- *
- * `address()` says in the address what is on show.
- */
+export const FIRST_EXAMPLE = "paper-grid-same";
+
+/** What a visit begins with, asked for while the code of the map still comes: its answer by plan or example. */
+const early = new Map();
+{
+  const { plan } = Address.asked;
+  if (plan) early.set(plan, Planner.stored(plan));
+  else if (!kept()) early.set(FIRST_EXAMPLE, exampled(FIRST_EXAMPLE));
+  // who opens it hears of a fault
+  for (const answer of early.values()) answer.catch(() => {});
+}
+
+/** The answer that was asked for early, once, and otherwise what `ask()` brings. */
+function begun(name, ask) {
+  const answer = early.get(name) ?? ask();
+  early.clear();
+  return answer;
+}
+
+/** Puts into a store what is chosen; an answer that comes after another choice is dropped. */
 export class Opening {
   #store;
-  #charts;
   #address;
   #choices = 0;
 
-  constructor(store, charts, address) {
+  constructor(store, address) {
     this.#store = store;
-    this.#charts = charts;
     this.#address = address;
   }
 
   async example(name) {
     const choice = ++this.#choices;
-    const answer = await ask("GET", `assets/examples/${name}.yaml`, { accept: "application/yaml" });
-    await this.#text(await answer.text(), name, choice);
+    this.#take(await begun(name, () => exampled(name)), name, choice);
   }
 
   /** Open a new scenario; `change` completes it, once the service has made its centres. */
@@ -49,12 +63,11 @@ export class Opening {
   /** Open a stored plan; `opened()` is called once it is there, before it is drawn. */
   async plan(planId, { opened = () => {} } = {}) {
     const choice = ++this.#choices;
-    const { plan, figures } = /** @type {any} */ (await Planner.stored(planId).catch(noSuchPlan));
+    const { plan, figures } = /** @type {any} */ (await begun(planId, () => Planner.stored(planId)).catch(noSuchPlan));
     if (choice !== this.#choices) return;
     this.#store.open({ plan, planId });
     opened();
-    this.#store.judged(plan, figures, { quick: false });
-    await this.compare(plan, { show: "comparison" });
+    this.#store.judged(plan, figures, { quick: false, opened: true });
   }
 
   /** Open what was being edited before a reload; resolves with whether there was such. */
@@ -79,23 +92,23 @@ export class Opening {
     }
   }
 
-  /** Add the figures of a refined plan beside what it was refined from. */
-  async compare({ id, parent_id: parentId }, { show = "" } = {}) {
-    if (!parentId) return;
-    const at = `v1/plans/${id}/figures`;
-    const more = { comparison: `${at}/comparison`, refinement: `${at}/refinement` };
-    await this.#charts.add(more, { show, wanted: () => this.#store.planId === id });
-  }
-
   /** Open a scenario's text, YAML or JSON, or a plan's. */
   async #text(text, name, choice) {
-    const found = await Planner.preview(planIn(text) || text);
+    this.#take(await Planner.preview(planIn(text) || text), name, choice);
+  }
+
+  #take(found, name, choice) {
     if (choice !== this.#choices) return;
     this.#store.open({ plan: found.plan, origin: "file" });
     this.#store.judged(found.plan, found.figures, { quick: false });
-    this.#address();
+    this.#address.write();
     if (this.#store.given) notice(`${name}: the plan with its own phases, judged afresh.`);
   }
+}
+
+async function exampled(name) {
+  const answer = await ask("GET", `assets/examples/${name}.yaml`, { accept: "application/yaml" });
+  return Planner.preview(await answer.text());
 }
 
 /** What the service reads of the plan that a JSON file holds, null for anything else. */

@@ -1,11 +1,36 @@
-// The link to the plan on show.
+// Storing the plan on show, and the link to it.
 
-import { byId, notice } from "./elements.js";
-import { ask } from "./service.js";
+import { attempt, byId, notice } from "./elements.js";
+import { ask, postOnce } from "./service.js";
 
-/** The button that copies a link. `storePlan()` resolves with the identifier of the plan on show;
- * `attempt(task)` does what may fail and says so. */
-export function offerLink(store, storePlan, attempt) {
+/** Return what resolves with the identifier of the plan on show, which is stored, once, if it was not. */
+export function storing(store, address) {
+  /** the scenario that is being stored, and the promise of its identifier */
+  let now = null;
+
+  return async () => {
+    if (store.planId) return store.planId;
+    const { scenario, document } = store;
+    if (now?.scenario !== scenario) now = { scenario, planId: keep(scenario, document) };
+    try {
+      return await now.planId;
+    } finally {
+      if (now?.scenario === scenario) now = null;
+    }
+  };
+
+  async function keep(scenario, document) {
+    const { id } = await postOnce("v1/plans", document);
+    if (store.scenario === scenario) {
+      store.stored(id);
+      address.write();
+    }
+    return id;
+  }
+}
+
+/** The button that copies a link. `storePlan()` resolves with the identifier of the plan on show. */
+export function offerLink(store, storePlan) {
   byId("share").addEventListener("click", () => {
     if (!store.scenario) return;
     attempt(async () => {

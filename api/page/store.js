@@ -33,16 +33,21 @@ export class Store extends EventTarget {
   report = null;
   /** @type {any} */
   #anchor = null;
+  /** details of the events that say what is on show @type {Record<string, any>} */
+  #now = {};
   #past = [];
   #future = [];
   /** @type {{field: string | null, at: number}} */
   #last = { field: null, at: 0 };
 
-  /** Call `hear` with the detail of each event of these names.
+  /** Call `hear` with the detail of each event of these names; who comes later hears first what was opened and judged.
    * @param {string[]} names
    * @param {(detail: any) => void} hear */
   on(names, hear) {
-    for (const name of names) this.addEventListener(name, (event) => hear(/** @type {CustomEvent} */ (event).detail));
+    for (const name of names) {
+      if (name in this.#now) hear(this.#now[name]);
+      this.addEventListener(name, (event) => hear(/** @type {CustomEvent} */ (event).detail));
+    }
   }
 
   /** What there is to plan: the scenario, with the orbits that were given. */
@@ -122,11 +127,11 @@ export class Store extends EventTarget {
 
   /** Show a plan: of the present scenario, or of an older one that an edit has overtaken.
    *
-   * `again` says that it is a stored plan which undo or redo brought back.
+   * `opened` says that it is a stored plan that was opened, `again` that undo or redo brought it back.
    */
-  judged(plan, figures, { quick, again = false, scenario = this.scenario }) {
+  judged(plan, figures, { quick, opened = false, again = false, scenario = this.scenario }) {
     this.plan = plan;
-    this.#emit("plan", { figures, quick, again, current: scenario === this.scenario });
+    this.#emit("plan", { figures, quick, opened, again, current: scenario === this.scenario });
   }
 
   /** Report what is wrong; `why` is "fault", "away" or "key". */
@@ -212,6 +217,8 @@ export class Store extends EventTarget {
 
   #emit(name, detail = {}) {
     if (name === "opened" || name === "scenario") this.report = null;
+    if (name === "opened") this.#now = { opened: detail };
+    else if (name === "plan" || name === "faults") this.#now = { opened: {}, [name]: detail };
     this.dispatchEvent(new CustomEvent(name, { detail }));
   }
 }

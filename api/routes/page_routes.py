@@ -115,6 +115,13 @@ def find_asset(name: str) -> Asset | None:
 
 
 @lru_cache
+def edition() -> str:
+    """Digest of all files that the page names, each under assets/EDITION/: none changes there."""
+    digests = [_asset(name).etag for name in sorted(_names() - {PAGE, PLOTLY})]
+    return hashlib.sha256("".join(digests).encode()).hexdigest()[:12]
+
+
+@lru_cache
 def _names() -> frozenset[str]:
     """Names of all files; no other name is served."""
     folder = files("api").joinpath("page")
@@ -141,6 +148,12 @@ def _content(name: str) -> bytes:
         return plotly_script().encode()
     if name == TABLES:
         return tables_script().encode()
+    if name == PAGE:
+        return _file(name).replace(b'"assets/', f'"assets/{edition()}/'.encode())
+    return _file(name)
+
+
+def _file(name: str) -> bytes:
     return files("api").joinpath("page", *name.split("/")).read_bytes()
 
 
@@ -188,15 +201,23 @@ def read_page(if_none_match: Conditions = "", accept_encoding: Encodings = "") -
 def read_asset(
     name: str, if_none_match: Conditions = "", accept_encoding: Encodings = ""
 ) -> Response:
-    """Return a script, a style, a picture or an example scenario."""
-    found = find_asset(name)
+    """Return a script, a style, a picture or an example scenario.
+
+    A page of an earlier edition gets the present file, which it must not keep.
+    """
+    named, _, rest = name.partition("/")
+    found = find_asset(name) or find_asset(rest)
     if found is None:
         raise NotFound(f"there is no asset {name}")
-    return _sent(found, if_none_match, accept_encoding)
+    return _sent(found, if_none_match, accept_encoding, keep=named == edition())
 
 
-def _sent(asset: Asset, if_none_match: str, accept_encoding: str) -> Response:
+def _sent(
+    asset: Asset, if_none_match: str, accept_encoding: str, *, keep: bool = False
+) -> Response:
     headers = {**_HEADERS, "ETag": f'W/"{asset.etag}"'}
+    if keep:
+        headers["Cache-Control"] = "public, max-age=31536000, immutable"
     if asset.etag in if_none_match:
         return Response(status_code=304, headers=headers)
     if takes_gzip(accept_encoding):

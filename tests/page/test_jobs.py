@@ -314,7 +314,7 @@ def test_a_flight_shows_what_it_came_to_and_plays_on_the_map(
     expect(happening).to_have_text("v6 is lost at 30 s")
     assert [one["name"] for one in drawn(page, "event")] == ["v6 is lost at 30 s"]
     slider.fill("90")
-    expect(happening).to_have_text("v2 holds at 5 s for 3 s")
+    expect(happening).to_have_text("v2 is held from 5 s for 3 s")
     assert accessibility_faults(page) == []
     slider.fill(str(slider.get_attribute("max")))
     # v6 is gone by then, all others are there

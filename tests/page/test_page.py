@@ -197,6 +197,20 @@ def test_assets_are_compressed_once_and_not_sent_again(server: Server) -> None:
             assert missing.headers["content-type"] == "application/problem+json"
 
 
+@pytest.mark.quick
+def test_what_the_page_names_is_kept_until_another_edition(server: Server) -> None:
+    with httpx2.Client(base_url=server.url) as http:
+        index = http.get("/").text
+        named = re.findall(r'(?:src|href)="(assets/[^"]+)"', index)
+        [edition] = {re.fullmatch(r"assets/([0-9a-f]{12})/.+", one)[1] for one in named}  # type: ignore[index]
+        assert edition == page_routes.edition()
+        for one in named:
+            assert "immutable" in http.get(f"/{one}").headers["cache-control"], one
+        older = http.get("/assets/0123456789ab/main.js")
+        assert older.headers["cache-control"] == "no-cache"
+        assert older.text == http.get(f"/assets/{edition}/main.js").text
+
+
 PAGE = Path(page_routes.__file__).parents[1] / "page"
 
 
@@ -204,12 +218,12 @@ PAGE = Path(page_routes.__file__).parents[1] / "page"
 def test_the_preloads_are_the_modules_that_the_page_imports(server: Server) -> None:
     index = (PAGE / "index.html").read_text()
     preloads = re.findall(r'rel="modulepreload" href="assets/([\w./]+)"', index)
-    modules = ["main.js"]
+    modules = re.findall(r'<script type="module" src="assets/([\w./]+)"', index)
     for name in modules:
         text = httpx2.get(f"{server.url}/assets/{name}").text
         imported = re.findall(r'^(?:import|export) .*from "\./([\w./]+)";', text, re.MULTILINE)
         modules += [one for one in imported if one not in modules]
-    assert preloads == sorted(modules[1:])
+    assert sorted(["opening.js", "main.js", *preloads]) == sorted(modules)
 
 
 @pytest.mark.quick

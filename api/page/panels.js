@@ -1,0 +1,181 @@
+// What is around the map: the bar, the panels beside it, the figures and the player, and how they hear of one another.
+
+import { Charts } from "./charts.js";
+import { offerWaysOn } from "./dead_link.js";
+import { DesignPanel } from "./design.js";
+import { offerDownloads } from "./downloads.js";
+import { Editor } from "./editor.js";
+import { attempt, byId, notice, noticeIsFault, shown } from "./elements.js";
+import { offerParts } from "./inspector.js";
+import { offerKeptWork } from "./kept_work.js";
+import { offerLosses } from "./losses.js";
+import { offerNewTeam } from "./new_team.js";
+import { FIRST_EXAMPLE } from "./opening.js";
+import { Player } from "./player.js";
+import { offerLink, storing } from "./sharing.js";
+import { listenForKeys } from "./shortcuts.js";
+import { JOB_KINDS } from "./tables.js";
+import { showVerdicts, wayBack } from "./verdict.js";
+import { Work } from "./work.js";
+
+/** Make all panels; returns what goes on with jobs and designs, and what shows that a link leads nowhere. */
+export function makePanels({ store, map, address, opening }) {
+  const storePlan = storing(store, address);
+  const charts = new Charts(store);
+  new Editor(store);
+  const player = new Player(store, map, charts);
+  showVerdicts(store);
+  listenForKeys(store, map.tools);
+  const parts = offerParts(store);
+  const work = new Work(store, storePlan, { began, changed, ended });
+  const designs = new DesignPanel((plan, name) => attempt(() => opening.formation(plan, name)), (jobId) => name("designed", jobId));
+  offerNewTeam((scenario, change) => opening.team(scenario, change));
+  offerKeptWork({ open: (planId) => opening.plan(planId, { opened: () => address.write() }), compare });
+  offerDownloads(store, storePlan);
+  offerLosses(store, storePlan);
+  offerLink(store, storePlan);
+  offerBar(store, opening);
+  const showDeadLink = offerWaysOn(store, {
+    edit: () => attempt(async () => (await opening.edit()) || opening.example(FIRST_EXAMPLE)),
+    example: () => attempt(() => opening.example(FIRST_EXAMPLE)),
+  });
+  return { resumeJob, resumeDesign, showDeadLink };
+
+  /** Let the address name a job or a design as what is followed; null ends it. */
+  function name(what, value) {
+    address[what] = value;
+    address.write();
+  }
+
+  function began(job) {
+    name("followed", { id: job.id, ended: false });
+  }
+
+  /** Show what a job at work has come to so far, if the plan on show is the one it is about. */
+  async function changed(job, { best, finished, progress }) {
+    const own = address.followed;
+    const wanted = () => address.followed === own && store.planId === job.plan_id;
+    if (!wanted()) return;
+    if (best) store.compare(best.formation);
+    // the figures of all trials follow the last event
+    if (!finished || [progress.total, own.finished].includes(finished) || own.drawing) return;
+    const again = Boolean(own.finished);
+    Object.assign(own, { finished, drawing: true });
+    await addFigures(job, job.request, { again, wanted });
+    own.drawing = false;
+  }
+
+  /** Add the figures of a job, those whose parts a report has or a request asks for; `again` keeps the one on show.
+   * @param {any} job
+   * @param {any} given
+   * @param {{again?: boolean, wanted?: () => boolean}} options */
+  async function addFigures(job, given, { again = false, wanted = () => true } = {}) {
+    const names = figuresOf(JOB_KINDS[job.kind], given);
+    const addresses = names.map((one) => [one, `v1/jobs/${job.id}/figures/${one}`]);
+    await charts.add(Object.fromEntries(addresses), { show: again ? "" : names[0], wanted });
+    if (names.length && wanted()) charts.open();
+  }
+
+  /** Show what a job came to; resolves with whether the plan on show is still the one it was about. */
+  async function ended(job, result) {
+    const current = store.planId !== null && [job.plan_id, job.result_plan_id].includes(store.planId);
+    const again = Boolean(address.followed?.finished);
+    const outcome = current ? { id: job.id, ended: true } : null;
+    name("followed", outcome);
+    if (JOB_KINDS[job.kind].finishes) store.compare(null);
+    if (result && JOB_KINDS[job.kind].reports) store.reported(job.id);
+    if (!result || !current) return current;
+    if (job.result_plan_id) {
+      if (store.planId !== result.id) await openRefined(result.id, outcome);
+      return true;
+    }
+    await addFigures(job, result, { again });
+    player.offer(result);
+    return true;
+  }
+
+  /** Open what a refinement came to; the browser's Back leads to the plan before it. */
+  async function openRefined(planId, outcome) {
+    name("followed", null);
+    await opening.plan(planId, {
+      opened: () => {
+        address.followed = outcome;
+        address.write({ push: true });
+      },
+    });
+  }
+
+  /** Go on with a job about the plan on show, or show what it came to. */
+  function resumeJob(id) {
+    parts.choose("run");
+    return resume(work, id, "followed", { id, ended: false });
+  }
+
+  function resumeDesign(id, show) {
+    if (show) parts.choose("design");
+    return resume(designs, id, "designed", id);
+  }
+
+  /** Go on with a job in its panel; the address names it, unless it is not there. */
+  async function resume(panel, jobId, what, value) {
+    name(what, value);
+    try {
+      await panel.resume(jobId);
+    } catch (error) {
+      name(what, null);
+      notice(error.message, { fault: true });
+    }
+  }
+
+  /** Draw another plan beside the one on show, and say how they differ. */
+  function compare(plan) {
+    store.compare(plan);
+    const errors = [plan, store.plan].map((one) => shown(one.predicted_rms_m.overall, "m"));
+    notice(`Dashed: ${plan.scenario.name || "the other plan"}, predicted ${errors[0]}; here ${errors[1]}.`);
+  }
+}
+
+/** The figures that a report has: of some, a part of it is needed. */
+function figuresOf({ figures }, report) {
+  const part = (path) => path.split(".").reduce((value, key) => value?.[key], report);
+  return Object.keys(figures).filter((name) => {
+    const found = figures[name] ? part(figures[name]) : true;
+    return Array.isArray(found) ? found.length > 0 : Boolean(found);
+  });
+}
+
+/** The bar above the map, and the messages over it. */
+function offerBar(store, opening) {
+  byId("examples").addEventListener("change", (event) => {
+    const { value } = event.target;
+    if (value) attempt(() => opening.example(value));
+    event.target.value = "";
+  });
+  byId("upload").addEventListener("change", (event) => {
+    const [file] = event.target.files;
+    event.target.value = "";
+    if (file) attempt(() => opening.file(file));
+  });
+  byId("dismiss").addEventListener("click", () => notice(""));
+  byId("undo").addEventListener("click", () => store.undo());
+  byId("redo").addEventListener("click", () => store.redo());
+  addEventListener("beforeunload", (event) => {
+    // what was edited and not stored
+    if (store.canUndo && !store.planId) event.preventDefault();
+  });
+  // a button that has the focus keeps it
+  const allow = (id, may) => byId(id).setAttribute("aria-disabled", !may);
+  store.on(["opened", "scenario", "plan"], () => {
+    allow("undo", store.canUndo);
+    allow("redo", store.canRedo);
+    allow("share", true);
+    byId("map-name").textContent = store.scenario.name || "";
+  });
+  store.on(["scenario"], ({ lost, restored }) => {
+    if (lost) notice(`Edited: phases are computed anew. ${wayBack(store.lost)}`);
+    // what was confirmed of the plan before is read by now
+    else if (restored || !noticeIsFault()) notice("");
+  });
+  store.on(["faults"], ({ message }) => notice(message, { fault: true }));
+  store.on(["plan"], () => noticeIsFault() && notice(""));
+}
