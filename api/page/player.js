@@ -42,7 +42,7 @@ export class Player {
     this.#flights = { tracks, times: series?.track_time_s ?? [], events: events ?? [], landmarks: series?.ground?.landmarks ?? [] };
     const options = tracks.map(({ trial }, k) => element("option", { value: k }, `Flight ${trial + 1}`));
     this.#played.replaceChildren(element("option", { value: "" }, "The plan"), ...options);
-    this.#played.hidden = !tracks.length;
+    for (const one of [this.#played, this.#happening]) one.hidden = !tracks.length;
   }
 
   pause() {
