@@ -7,6 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from api.storage.holdings import RecordingRow
 from api.storage.job_records import JobRow
+from syncplan.reports.covariance_report import PositionCovariancesDocument
 from syncplan.reports.design_report import FrontPoint
 from syncplan.reports.job_contract import JobKindName, JobState
 from syncplan.reports.plan_report import PlanDocument
@@ -110,6 +111,8 @@ class Preview(_Answer):
     plan: PlanDocument
     figures: dict[str, FigureValues]
     """The figures asked for, by name"""
+    covariances: PositionCovariancesDocument | None = None
+    """Predicted covariances of positions; absent where not asked for"""
 
 
 class Progress(_Answer):

@@ -44,6 +44,7 @@ from syncplan.planning.loss_study import what_if
 from syncplan.planning.plan_files import plan_of
 from syncplan.planning.planner import BoundChoice, JudgementOptions, Plan, plan
 from syncplan.planning.validation import run_part, trial_run
+from syncplan.reports.covariance_report import position_covariances_document
 from syncplan.reports.job_contract import JobKindName
 from syncplan.reports.loss_report import what_if_document
 from syncplan.reports.plan_report import plan_document
@@ -207,15 +208,18 @@ def previewed(
     quick: bool,
     names: Sequence[str],
     style: "FigureStyle",
+    covariances: bool = False,
 ) -> str:
     """Return the plan of `made_plan`, with its figures, as JSON; raises the same errors.
 
     A `quick` plan leaves out what takes most of the time; its findings name what is missing.
+    `covariances` adds those of positions.
     """
     loaded = loaded_body(body, syntax, limits)
     made = plan_of(loaded, margin_bound=False, **_QUICK) if quick else plan_of(loaded)
     specs = _specs(made, names, style) if names else {}
-    return _compact({"plan": plan_document(made).as_json(), "figures": specs})
+    added = {"covariances": position_covariances_document(made).as_json()} if covariances else {}
+    return _compact({"plan": plan_document(made).as_json(), "figures": specs, **added})
 
 
 def plan_figure(text: str, name: str, style: "FigureStyle", parent_text: str | None) -> str:
@@ -261,10 +265,24 @@ def _specs(
     return specs_of(subject, names, style=style, **beside)
 
 
+def plan_covariances(text: str) -> str:
+    """Return the covariances of a plan's positions as JSON; raises NoSolutionError."""
+    return _compact(position_covariances_document(_judged(text)).as_json())
+
+
 def judged_losses(text: str, lose: Sequence[str], losses: Literal[1, 2], bound: BoundChoice) -> str:
     """Return the effects of losses on a plan as JSON; raises InputError for an unknown name."""
     found = what_if(_judged(text), lose, losses=losses, bound=bound, threads=1)
     return as_text(what_if_document(found).as_json())
+
+
+def chosen_landmarks(text: str, candidates: Sequence[str], choose: int, seed: int) -> str:
+    """Return the best of a plan's own landmarks as JSON; raises InputError, NoSolutionError."""
+    from syncplan.landmarks.site_choice import choose_landmarks
+    from syncplan.reports.sites_report import sites_document
+
+    found = choose_landmarks(_judged(text), candidates, choose, seed=seed)
+    return as_text(sites_document(found).as_json())
 
 
 def exported(text: str, name: str, options: Mapping[str, Any]) -> tuple[bytes, tuple[str, ...]]:

@@ -1,12 +1,12 @@
 // The vehicle or landmark that was chosen: its own part of the form, and how one comes or goes.
 
-import { byId, element, notice, shown } from "./elements.js";
+import { attempt, byId, element, notice, shown } from "./elements.js";
 import { Fields } from "./fields.js";
 import { freeCenter, freeSite } from "./free_space.js";
 import {
-  decade,
   landmarksOf,
   polygonsOf,
+  roundBelow,
   vehiclesOf,
   withCenter,
   withDirection,
@@ -14,7 +14,10 @@ import {
   withRadius,
   withSensor,
 } from "./scenario.js";
-import { addBody, BODIES, copyChosen, placesOf, removeChosen, withAligned } from "./selection.js";
+import { switchOf } from "./losses.js";
+import { addBody, BODIES, copyChosen, placesOf, removeChosen, withAligned, withoutChosen } from "./selection.js";
+import { number } from "./requests.js";
+import { askJson } from "./service.js";
 
 const TURNS = { ccw: "counter-clockwise", cw: "clockwise" };
 const CHOICE = { kind: "choice" };
@@ -32,10 +35,13 @@ export class Body {
   group = element("fieldset", { class: "group" });
   fields = new Fields();
   #store;
+  #storePlan;
   #names = "";
 
-  constructor(store) {
+  /** `storePlan()` resolves with the identifier of the plan on show. */
+  constructor(store, storePlan) {
     this.#store = store;
+    this.#storePlan = storePlan;
     store.on(["opened", "selected"], () => this.#build());
   }
 
@@ -79,9 +85,18 @@ export class Body {
           ? element("button", { type: "button", onclick: () => this.#do(removeChosen) }, "Remove")
           : null,
       ),
+      known && selected.kind in BODIES ? element("div", { class: "row" }, ...this.#switches(selected)) : null,
+      this.#candidates(),
     ];
     this.group.replaceChildren(...parts.filter((one) => one !== null));
     this.#put();
+  }
+
+  /** Buttons that switch the body off and on, on the map, and a vehicle's sensor. */
+  #switches({ kind, k }) {
+    const { name } = BODIES[kind].all(this.#store.scenario)[k];
+    const parts = kind === "vehicle" ? [name, `sensor:${name}`] : [name];
+    return parts.map((one) => switchOf(this.#store, one));
   }
 
   #fieldsOf({ kind, k }) {
@@ -160,6 +175,28 @@ export class Body {
     byId("chosen").focus();
   }
 
+  /** What keeps the best of the landmarks that are selected; null where there is nothing to choose. */
+  #candidates() {
+    const { scenario, chosen } = this.#store;
+    const sites = chosen.filter(({ kind, k }) => BODIES[kind]?.all === landmarksOf && landmarksOf(scenario)[k]);
+    if (sites.length < 2) return null;
+    const count = number("best-count", Math.ceil(sites.length / 2), "Landmarks to keep");
+    const keep = element("button", { type: "button", onclick: () => attempt(() => this.#keepBest(sites, count.value)) }, "Keep the best");
+    return element("div", { class: "row" }, keep, count, `of these ${sites.length} landmarks`);
+  }
+
+  /** Remove all of these landmarks but so many, by which the worst vehicle is known best. */
+  async #keepBest(sites, count) {
+    const { scenario } = this.#store;
+    const nameOf = ({ k }) => landmarksOf(scenario)[k].name;
+    const asked = new URLSearchParams([["choose", count], ...sites.map((one) => ["candidate", nameOf(one)])]);
+    const { chosen, value_m: bound, proven_best: proven } = await askJson("GET", `v1/plans/${await this.#storePlan()}/landmark-choice?${asked}`);
+    if (this.#store.scenario !== scenario) return;
+    this.#store.select(null);
+    this.#store.edit(withoutChosen(scenario, sites.filter((one) => !chosen.includes(nameOf(one)))));
+    notice(`Kept ${chosen.join(", ")}: the worst vehicle's window bound is ${shown(bound, "m")}${proven ? ", and no other choice has a smaller one" : ""}.`);
+  }
+
   #do(change) {
     change(this.#store);
     byId("chosen").focus();
@@ -176,9 +213,7 @@ export class Body {
 /** The spacing in m of the grid that a selection is aligned to: a round length of about half the mean radius. */
 function gridOf(scenario) {
   const radii = vehiclesOf(scenario).map((one) => one.radius);
-  const half = radii.reduce((sum, one) => sum + one, 0) / radii.length / 2;
-  const unit = decade(half);
-  return Math.max(...[1, 2, 5].map((one) => one * unit).filter((one) => one <= half));
+  return roundBelow(radii.reduce((sum, one) => sum + one, 0) / radii.length / 2);
 }
 
 function namesIn(scenario) {

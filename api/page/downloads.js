@@ -50,16 +50,16 @@ export function offerDownloads(store, storePlan) {
     fault.textContent = "";
     notes.replaceChildren();
   };
-  store.on(["opened", "scenario", "report"], enable);
   const foretell = (known) => {
     forced.hidden = !known || store.plan.verdict.go;
     travels.replaceChildren(...(known ? travelling(store.plan.verdict.findings) : []));
   };
+  foretell(false);
+  enable();
+  store.on(["opened", "scenario", "report"], enable);
   store.on(["plan"], () => foretell(true));
   // what is at fault can't be exported, and nothing is known of it
   store.on(["faults"], () => foretell(false));
-  foretell(false);
-  enable();
 
   async function run(task) {
     fault.textContent = "";

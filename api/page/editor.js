@@ -39,7 +39,7 @@ const PLACE = [
 ];
 const RATES = ["orbit.angular_rate_rad_s", "orbit.speed_mps"];
 
-/** The form of a store's scenario. */
+/** The form of a store's scenario. `storePlan()` resolves with the identifier of the plan on show. */
 export class Editor {
   #store;
   #form = byId("editor");
@@ -53,9 +53,9 @@ export class Editor {
   /** fields that the world adds, whether they were used: a group opens when it begins to be */
   #world = new Map();
 
-  constructor(store) {
+  constructor(store, storePlan) {
     this.#store = store;
-    this.#body = new Body(store);
+    this.#body = new Body(store, storePlan);
     this.#links = new Links(store);
     this.#form.addEventListener("submit", (event) => event.preventDefault());
     store.on(["opened"], () => {

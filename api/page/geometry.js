@@ -25,6 +25,14 @@ export function placeAt({ x, y, radius, phase, sense }, turned) {
   return { x: x + radius * Math.cos(angle), y: y + radius * Math.sin(angle) };
 }
 
+/** Half axes in m of a covariance's 1-sigma ellipse, and the direction of the longer one in rad.
+ * @param {[number, number, number]} covariance xx, xy and yy in m^2 */
+export function ellipseOf([xx, xy, yy]) {
+  const [middle, off] = [(xx + yy) / 2, Math.hypot((xx - yy) / 2, xy)];
+  // rounding may leave a narrow one with a variance below zero
+  return { major: Math.sqrt(middle + off), minor: Math.sqrt(Math.max(middle - off, 0)), angle: Math.atan2(2 * xy, xx - yy) / 2 };
+}
+
 /** Intervals [from, to] of angles turned, from in [0, 2 pi), at which two are within reach of each other.
  * @param {Circle} a
  * @param {Circle} b

@@ -59,12 +59,13 @@ export class Handles {
       const pressed = this.#store.isSelected(grip);
       const tabIndex = this.#isStop(grip, k) ? 0 : -1;
       // what is the same costs the browser nothing
-      const state = [look, pressed, tabIndex, grip.label, left, top].join();
+      const label = this.#store.off.includes(grip.title) ? `${grip.label}, switched off` : grip.label;
+      const state = [look, pressed, tabIndex, label, left, top].join();
       if (handle.state === state) return;
       handle.state = state;
       handle.className = look;
       handle.setAttribute("aria-pressed", pressed);
-      handle.setAttribute("aria-label", grip.label);
+      handle.setAttribute("aria-label", label);
       handle.title = grip.title;
       handle.style.left = `${Math.min(Math.max(left, 0), size[0])}px`;
       handle.style.top = `${Math.min(Math.max(top, 0), size[1])}px`;

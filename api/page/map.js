@@ -6,7 +6,7 @@
 import { byId } from "./elements.js";
 import { bodiesOf } from "./grips.js";
 import { Handles } from "./handles.js";
-import { arcOf, circlesOf, extentOf, linksOf, motionsOf, pointsOf, poseAt, ringOf, sightOf } from "./marks.js";
+import { arcOf, circlesOf, extentOf, linksOf, motionsOf, pointsOf, poseAt, ringOf, sightOf, titleOf } from "./marks.js";
 import { Looks, mark } from "./looks.js";
 import { polygonsOf, withPolygon } from "./scenario.js";
 import { Tools, tidied } from "./tools.js";
@@ -45,6 +45,8 @@ export class FormationMap {
   #time = 0;
   /** @type {any[] | null} */
   #flown = null;
+  /** points of what lies around a vehicle, by its name, place and the time, or null @type {(name: string, place: {x: number, y: number}, time: number) => number[][] | null} */
+  #around = () => null;
 
   constructor(store) {
     this.#store = store;
@@ -64,7 +66,7 @@ export class FormationMap {
       this.fit();
       this.#map.once("rendercomplete", () => performance.mark("map"));
     });
-    store.on(["scenario", "opened", "plan", "selected", "beside"], () => this.#drawSoon());
+    store.on(["scenario", "opened", "plan", "selected", "beside", "off"], () => this.#drawSoon());
     store.on(["selected"], ({ reveal }) => reveal && this.#reveal());
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.#restyle());
     // what was fitted to the window stays so; a view that people chose stays as it is
@@ -115,6 +117,12 @@ export class FormationMap {
     this.#drawMoving();
   }
 
+  /** Draw around each vehicle what this returns, at every moment. */
+  surround(around) {
+    this.#around = around;
+    this.#drawMoving();
+  }
+
   /** Show a moment of a flown trial, as marks of the kinds that `looks` knows. */
   flown(marks) {
     this.#flown = marks;
@@ -133,10 +141,11 @@ export class FormationMap {
 
   /** Draw the scenario as it is, with what its plan says of it. */
   draw() {
-    const { scenario, drawn: plan, beside } = this.#store;
+    const { scenario, drawn: plan, beside, off, without } = this.#store;
     if (!scenario) return;
-    const circles = circlesOf(scenario, plan);
-    const links = linksOf(scenario, plan);
+    const circles = circlesOf(scenario, plan, off);
+    const links = linksOf(scenario, plan, off);
+    const judged = without?.unobservable ? { ...plan, observability: without } : plan;
     this.#scene = { circles, links };
     this.#drawPolygons(scenario);
     this.#sync([
@@ -145,12 +154,12 @@ export class FormationMap {
         `beside ${name} ${x} ${y} ${radius} ${phase}`,
         () => mark(new LineString([[x, y], ...arcOf({ x, y, radius, phase, sense: 1 }, 0, TURN)]), { kind: "beside" }),
       ]),
-      ...links.map(({ a, b, from, to, rank }) => [`link ${a} ${b} ${rank} ${from.x} ${from.y} ${to.x} ${to.y}`, () => mark(line([from, to]), { kind: "link", rank })]),
-      ...circles.map((one) => [`circle ${one.name} ${one.x} ${one.y} ${one.radius}`, () => mark(new LineString(ringOf(one)), { kind: "circle", body: one.name })]),
+      ...links.map(({ a, b, from, to, rank, off: isOff }) => [`link ${a} ${b} ${rank} ${isOff} ${from.x} ${from.y} ${to.x} ${to.y}`, () => mark(line([from, to]), { kind: "link", rank, off: isOff })]),
+      ...circles.map((one) => [`circle ${one.name} ${one.off} ${one.x} ${one.y} ${one.radius}`, () => mark(new LineString(ringOf(one)), { kind: "circle", body: one.name, off: one.off })]),
       ...links.flatMap((link) => [link.from, link.to].filter((one) => one.radius > 0).flatMap((one) => link.arcs.map(([a, b]) => contact(link, one, a, b)))),
-      ...motionsOf(scenario, plan).map(({ path, turns }) => [`motion ${path}`, () => mark(new LineString(path), { kind: "motion", turns })]),
-      ...pointsOf(scenario).map(({ name, x, y }) => [`landmark ${name} ${x} ${y}`, () => mark(new Point([x, y]), { kind: "landmark", name })]),
-      ...circles.map(({ name, x, y }) => [`centre ${name} ${x} ${y}`, () => mark(new Point([x, y]), { kind: "centre", name })]),
+      ...motionsOf(scenario, judged).map(({ path, turns }) => [`motion ${path}`, () => mark(new LineString(path), { kind: "motion", turns })]),
+      ...pointsOf(scenario, off).map((one) => pointOf("landmark", one)),
+      ...circles.map((one) => pointOf("centre", one)),
     ]);
     this.#drawMoving();
     const many = `${circles.length} vehicles, ${pointsOf(scenario).length} landmarks, ${links.length} links`;
@@ -206,13 +215,17 @@ export class FormationMap {
     const turned = this.#turned;
     const { circles, links } = this.#scene;
     const chosen = selected?.kind === "vehicle" ? circles[selected.k] : null;
-    if (chosen && plan) this.#moving.addFeature(mark(new Polygon([sightOf(chosen, turned)]), { kind: "sight" }));
+    if (chosen && plan && !chosen.off && !chosen.blind) this.#moving.addFeature(mark(new Polygon([sightOf(chosen, turned)]), { kind: "sight" }));
     const inTouch = links.filter(({ arcs }) => arcs.some(([from, to]) => within(turned, from, to)));
     this.#moving.addFeatures([
       ...inTouch.map(({ from, to, rank }) => mark(line([poseAt(from, turned), poseAt(to, turned)]), { kind: "sighting", rank })),
       ...circles.map((one) => {
         const { x, y, heading } = poseAt(one, turned);
-        return mark(new Point([x, y]), { kind: "vehicle", body: one.name, heading });
+        return mark(new Point([x, y]), { kind: "vehicle", body: one.name, heading, off: one.off });
+      }),
+      ...circles.flatMap((one) => {
+        const ring = !one.off && this.#around(one.name, poseAt(one, turned), this.#time);
+        return ring ? [mark(new Polygon([ring]), { kind: "ellipse", body: one.name })] : [];
       }),
     ]);
   }
@@ -234,6 +247,13 @@ export class FormationMap {
 function contact({ a, b, rank }, circle, from, to) {
   const { name, x, y, radius, phase, sense } = circle;
   return [`contact ${name} ${a} ${b} ${rank} ${x} ${y} ${radius} ${phase * sense} ${from} ${to}`, () => mark(new LineString(arcOf(circle, from, to)), { kind: "contact", rank })];
+}
+
+/** A landmark or a centre, with its name, as a mark. */
+function pointOf(kind, body) {
+  const { x, y, off } = body;
+  const name = titleOf(body);
+  return [`${kind} ${name} ${x} ${y}`, () => mark(new Point([x, y]), { kind, name, off })];
 }
 
 function line(places) {

@@ -4,36 +4,39 @@ import { placeAt, withinReach } from "./geometry.js";
 import { landmarksOf, namesOf, polygonsOf, vehiclesOf } from "./scenario.js";
 
 /** @typedef {import("./geometry.js").Circle} Circle */
-/** @typedef {{name: string, x: number, y: number, radius: number, sensor: any} & Circle} Flown */
+/** @typedef {{name: string, x: number, y: number, radius: number, sensor: any, off: boolean, blind: boolean} & Circle} Flown */
 
 const TURN = 2 * Math.PI;
 const SEGMENTS = 96;
 const TINY = 1e-9;
 
-/** The circles of a scenario, with the phases of its plan; a vehicle that no plan has starts at 0.
+/** The circles of a scenario, with the phases of its plan; a vehicle that no plan has starts at 0. `off` names what is
+ * switched off: vehicles, and sensors as "sensor:v3".
  * @returns {Flown[]} */
-export function circlesOf(scenario, plan) {
+export function circlesOf(scenario, plan, off = []) {
   const planned = new Map((plan?.vehicles ?? []).map((one) => [one.name, one]));
   return vehiclesOf(scenario, plan).map((one) => ({
     ...one,
     phase: planned.get(one.name)?.phase_rad ?? 0,
     sense: one.direction === "cw" ? -1 : 1,
+    off: off.includes(one.name),
+    blind: off.includes(`sensor:${one.name}`),
   }));
 }
 
 /** Landmarks as circles without a radius. */
-export function pointsOf(scenario) {
-  return landmarksOf(scenario).map((one) => ({ ...one, radius: 0, phase: 0, sense: 1 }));
+export function pointsOf(scenario, off = []) {
+  return landmarksOf(scenario).map((one) => ({ ...one, radius: 0, phase: 0, sense: 1, off: off.includes(one.name) }));
 }
 
 /** Links that a plan lists, with what became of each: `rank` 1 to 3, or 0 for one that never meets.
  *
  * Whether two still come within reach is seen from the circles, so that a drag shows at once what it
- * breaks; ranks are the plan's. */
-export function linksOf(scenario, plan) {
+ * breaks; ranks are the plan's. A link is `off` where what is switched off leaves nothing that sees along it. */
+export function linksOf(scenario, plan, off = []) {
   if (!plan) return [];
-  const circles = circlesOf(scenario, plan);
-  const bodies = new Map([...circles, ...pointsOf(scenario)].map((one) => [one.name, one]));
+  const circles = circlesOf(scenario, plan, off);
+  const bodies = new Map([...circles, ...pointsOf(scenario, off)].map((one) => [one.name, one]));
   const listed = [
     ...plan.links.map(({ a, b, rank }) => ({ a, b, rank })),
     ...plan.dropped_links.map(({ a, b }) => ({ a, b, rank: 0 })),
@@ -44,8 +47,9 @@ export function linksOf(scenario, plan) {
     .filter(({ from, to }) => from && to)
     .map((one) => {
       const reach = Math.max(reachOf(one.from), reachOf(one.to));
-      const arcs = meetings(one.from, one.to, reach);
-      return { ...one, arcs, rank: arcs.length ? one.rank : 0 };
+      const isOff = one.from.off || one.to.off || reach === 0;
+      const arcs = isOff ? [] : meetings(one.from, one.to, reach);
+      return { ...one, arcs, off: isOff, rank: arcs.length || isOff ? one.rank : 0 };
     });
 }
 
@@ -62,7 +66,7 @@ function meetings(a, b, reach) {
 
 /** The longest range of what a body sees with; a landmark sees nothing. */
 function reachOf(body) {
-  return body.sensor?.range_m ?? 0;
+  return body.blind ? 0 : (body.sensor?.range_m ?? 0);
 }
 
 /** Points [x, y] of the part of a circle flown between two angles turned. */
@@ -80,6 +84,11 @@ export function ringOf({ x, y, radius }) {
     const angle = (TURN * k) / SEGMENTS;
     return [x + radius * Math.cos(angle), y + radius * Math.sin(angle)];
   });
+}
+
+/** A body's name, and what of it is switched off. */
+export function titleOf({ name, off, blind }) {
+  return off ? `${name} (off)` : blind ? `${name} (sensor off)` : name;
 }
 
 /** Where a vehicle is after an angle was turned, and its heading in rad. */

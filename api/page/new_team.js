@@ -13,6 +13,9 @@ const SENSORS = {
   "Camera all round, with distances (UWB)": { bearing_sigma_rad: 0.05, range_sigma_m: 0.2 },
 };
 
+/** what stands for no shape: centres are found for links alone */
+const BY_LINKS = "";
+
 /** The dialogue for a new team; `open(scenario, change)` plans a scenario and opens it, changed once its centres are known. */
 export function offerNewTeam(open) {
   byId("new").addEventListener("click", () => show(open));
@@ -21,7 +24,8 @@ export function offerNewTeam(open) {
 function show(open) {
   const fields = {
     name: element("input", { id: "new-name", value: "my team", "aria-describedby": "new-name-fault" }),
-    shape: choice("new-shape", Object.fromEntries(Object.keys(SHAPES).map((one) => [one, one]))),
+    shape: choice("new-shape", { ...Object.fromEntries(Object.keys(SHAPES).map((one) => [one, one])), [BY_LINKS]: "given by its links" }),
+    links: element("input", { id: "new-links", value: "v1-v2 v2-v3 v3-v4 v4-v1", "aria-describedby": "new-links-fault" }),
     count: number("new-count", 4),
     gap: number("new-gap", 30),
     radius: number("new-radius", 20),
@@ -32,8 +36,15 @@ function show(open) {
     landmarks: number("new-landmarks", 2),
   };
   const hint = element("p", { class: "hint" });
+  const laid = [labelled("Vehicles", fields.count), labelled("Gap between circles (m)", fields.gap)];
+  const linked = wide("Links", fields.links);
   const explain = () => {
-    hint.textContent = `A ${fields.shape.value}: ${SHAPES[fields.shape.value].replaceAll("`", "")}.`;
+    const { value } = fields.shape;
+    const byLinks = value === BY_LINKS;
+    hint.textContent = byLinks ? "Vehicles with a link must meet; centres are found so that they can." : `A ${value}: ${SHAPES[value].replaceAll("`", "")}.`;
+    linked.hidden = !byLinks;
+    for (const row of laid) row.hidden = byLinks;
+    for (const one of [fields.count, fields.gap]) one.disabled = byLinks;
   };
   fields.shape.value = "grid";
   fields.direction.value = "ccw";
@@ -46,8 +57,8 @@ function show(open) {
       wide("Name", fields.name),
       wide("Shape", fields.shape),
       hint,
-      labelled("Vehicles", fields.count),
-      labelled("Gap between circles (m)", fields.gap),
+      ...laid,
+      linked,
       labelled("Radius (m)", fields.radius),
       labelled("Speed (m/s)", fields.speed),
       wide("Direction", fields.direction),
@@ -71,11 +82,11 @@ function show(open) {
   dialogue.showModal();
 }
 
-function scenarioOf({ name, shape, count, gap, radius, speed, direction, sensor, range }) {
+function scenarioOf({ name, shape, links, count, gap, radius, speed, direction, sensor, range }) {
   return {
     name,
     orbit: { radius_m: radius, speed_mps: speed, direction },
-    formation: { shape, count, gap_m: gap },
+    formation: shape === BY_LINKS ? { links: links.split(/[\s,;]+/).filter(Boolean).map((one) => one.split("-")) } : { shape, count, gap_m: gap },
     landmarks_m: [],
     sensor: { range_m: range, ...SENSORS[sensor] },
   };

@@ -22,8 +22,9 @@ import { Work } from "./work.js";
 export function makePanels({ store, map, address, opening }) {
   const storePlan = storing(store, address);
   const charts = new Charts(store);
-  new Editor(store);
+  new Editor(store, storePlan);
   const player = new Player(store, map, charts);
+  byId("ellipses").addEventListener("click", async () => (await import("./ellipses.js")).toggled(store, map));
   showVerdicts(store);
   listenForKeys(store, map.tools);
   const parts = offerParts(store);
@@ -163,6 +164,8 @@ function offerBar(store, opening) {
     // what was edited and not stored
     if (store.canUndo && !store.planId) event.preventDefault();
   });
+  // nothing that was pressed before they heard of it is lost
+  for (const one of ["new", "examples", "upload", "kept"]) byId(one).disabled = false;
   // a button that has the focus keeps it
   const allow = (id, may) => byId(id).setAttribute("aria-disabled", !may);
   store.on(["opened", "scenario", "plan"], () => {

@@ -30,9 +30,9 @@ export class Player {
     this.#button.addEventListener("click", () => (this.#frame ? this.pause() : this.#play()));
     this.#slider.addEventListener("input", () => this.#show());
     this.#played.addEventListener("change", () => this.#change());
+    for (const one of [this.#button, this.#slider]) one.disabled = true;
     store.on(["scenario", "opened"], () => this.#reset());
     store.on(["plan"], () => this.#show());
-    for (const one of [this.#button, this.#slider]) one.disabled = true;
   }
 
   /** Offer to play the flown trials of a report on the plan on show, beside the plan.

@@ -281,6 +281,11 @@ export function decade(length) {
   return 10 ** Math.floor(Math.log10(length));
 }
 
+/** Return the largest of 1, 2 and 5 times a power of ten that is not above a value. */
+export function roundBelow(value) {
+  return Math.max(...[1, 2, 5].map((one) => one * decade(value)).filter((one) => one <= value));
+}
+
 export function round(value) {
   return Math.round(value * 1e4) / 1e4;
 }

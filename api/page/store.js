@@ -7,7 +7,7 @@ const SAME_EDIT_MS = 1000;
 
 /** The page's state.
  *
- * Events: "opened", "scenario" (edited), "plan" (judged), "faults", "selected", "beside", "report".
+ * Events: "opened", "scenario" (edited), "plan" (judged), "faults", "selected", "beside", "off", "report".
  *
  * Edits are compared with an anchor, the plan that was opened or stored last: `{ scenario, planId,
  * given }`. Its scenario typed in again is that plan again. `given` is `{ vehicles, origin }` where
@@ -22,6 +22,10 @@ export class Store extends EventTarget {
   chosen = [];
   /** another plan, drawn beside this one, or null @type {any} */
   beside = null;
+  /** names of what is switched off on the map, as the service's what-if reads them @type {string[]} */
+  off = [];
+  /** what the service finds of the plan without it, `{ fault }` where it refuses; null until it answers @type {any} */
+  without = null;
   /** identifier of the plan as stored; null while it is an edit not yet stored
    * @type {string | null} */
   planId = null;
@@ -178,6 +182,19 @@ export class Store extends EventTarget {
     this.#emit("beside");
   }
 
+  /** Switch these parts off and all others on; the plan and its orbits stay. An edit ends it. */
+  switchOff(off) {
+    Object.assign(this, { off, without: null });
+    this.#emit("off");
+  }
+
+  /** Show what the plan comes to without parts that were switched off, if they are off still. */
+  judgedWithout(off, without) {
+    if (off !== this.off) return;
+    this.without = without;
+    this.#emit("off");
+  }
+
   get canUndo() {
     return this.#past.length > 0;
   }
@@ -216,7 +233,10 @@ export class Store extends EventTarget {
   }
 
   #emit(name, detail = {}) {
-    if (name === "opened" || name === "scenario") this.report = null;
+    if (name === "opened" || name === "scenario") {
+      this.report = null;
+      if (this.off.length) this.switchOff([]);
+    }
     if (name === "opened") this.#now = { opened: detail };
     else if (name === "plan" || name === "faults") this.#now = { opened: {}, [name]: detail };
     this.dispatchEvent(new CustomEvent(name, { detail }));

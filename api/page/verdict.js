@@ -1,6 +1,7 @@
 // What the plan comes to, in words.
 
 import { byId, element, shown } from "./elements.js";
+import { lostOf } from "./losses.js";
 import { withoutLink, withValue } from "./scenario.js";
 
 /** Findings that stand open where there are many; the others are folded. */
@@ -43,14 +44,18 @@ export function showVerdicts(store) {
   let quick = false;
 
   const show = () => {
-    const { plan } = store;
-    const { go } = plan.verdict;
-    const verdict = [element("strong", {}, `${go ? "✓ GO" : "✗ NO-GO"}: ${sentenceOf(plan, quick)}`), element("span", { class: "block" }, rankOf(plan))];
+    const { plan, off, without } = store;
+    const whole = `${headOf(plan.verdict)}: ${sentenceOf(plan, quick)}`;
+    const go = (off.length ? without : plan)?.verdict?.go;
+    const verdict = off.length
+      ? [element("strong", {}, remainderOf(off, without)), element("span", { class: "block" }, `With all switched on: ${whole}`)]
+      : [element("strong", {}, whole), element("span", { class: "block" }, rankOf(plan))];
+    byId("all-on").hidden = !off.length;
     const parts = doubt ? [element("span", { class: "block" }, `${DOUBTS[doubt][0]}:`), ...verdict] : verdict;
     const text = parts.map((one) => one.textContent).join(" ");
     // read out when it changes, and only then
     if (badge.textContent !== text) badge.replaceChildren(...parts.flatMap((one, k) => (k ? [" ", one] : [one])));
-    badge.className = doubt ? "badge" : `badge ${go ? "good" : "bad"}`;
+    badge.className = doubt || go === undefined ? "badge" : `badge ${go ? "good" : "bad"}`;
     remark.textContent = doubt ? DOUBTS[doubt][1] : "";
     place.classList.toggle("stale", doubt !== null);
     byId("workspace").classList.toggle("doubtful", doubt !== null);
@@ -69,7 +74,26 @@ export function showVerdicts(store) {
     if (why === "fault" && faults.length) findings.replaceChildren(...firstOpen(faults.map((one) => faultOf(store, one)), "fault"));
     doubtFor(why);
   });
+  store.on(["off"], () => store.plan && show());
+  byId("all-on").addEventListener("click", () => {
+    store.switchOff([]);
+    focusBadge();
+  });
   byId("editor").addEventListener("input", () => halfTyped() && doubtFor("typing"));
+}
+
+function headOf({ go }) {
+  return go ? "✓ GO" : "✗ NO-GO";
+}
+
+/** What the plan comes to without what is switched off: its verdict, rank, and what it can't detect then. */
+function remainderOf(off, without) {
+  const head = `Without ${lostOf(off)}: `;
+  if (!without) return `${head}being judged …`;
+  if (without.fault) return `${head}no verdict, as ${without.fault}`;
+  const { rank, state_dim: size, worst_predicted_rms_m: worst, unobservable } = without;
+  const lost = unobservable.map((one) => one.description).join("; ");
+  return `${head}${headOf(without.verdict)}, rank ${rank} of ${size}, ${lost ? `undetectable: ${lost}` : `worst error ${shown(worst, "m")}`}`;
 }
 
 /** What a plan comes to: how well all know where they are, or why they do not. */
@@ -98,6 +122,10 @@ function cure(store, change) {
 function mend(store, scenario) {
   store.edit(scenario);
   // the button goes with the finding that it cures
+  focusBadge();
+}
+
+function focusBadge() {
   const badge = byId("badge");
   badge.tabIndex = -1;
   badge.focus();

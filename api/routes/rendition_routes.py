@@ -30,7 +30,9 @@ from syncplan.options import options_of
 from syncplan.planning.planner import BoundChoice
 from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.figure_table import FIGURES, always_there
+from syncplan.reports.covariance_report import PositionCovariancesDocument
 from syncplan.reports.loss_report import WhatIfDocument
+from syncplan.reports.sites_report import SitesDocument
 
 router = APIRouter()
 
@@ -87,6 +89,9 @@ async def create_preview(
             "smallest margin; the plan's notes say so"
         ),
     ] = False,
+    covariances: Annotated[
+        bool, Query(description="Add the covariances of positions, for a quick plan, too")
+    ] = False,
     figure: Annotated[
         list[PlanFigure] | None,
         Query(description="Figures to add", max_length=len(always_there("plan"))),
@@ -100,7 +105,7 @@ async def create_preview(
     """
 
     names = list(dict.fromkeys(figure or ()))
-    asked = (call.body, call.syntax, call.service.limits, quick, names, style)
+    asked = (call.body, call.syntax, call.service.limits, quick, names, style, covariances)
     make = partial(computed, call, "previewed", *asked)
     made = await answer_once(call, make, lambda _, text: Answer(call.digest, 200, {}, text))
     return compressed(made, call.request.headers.get("accept-encoding", ""))
@@ -129,6 +134,23 @@ async def read_plan_figure(
             raise NotFound(f"plan {plan_id} was not refined from another: nothing to compare with")
         parent = (await find_or_refuse(caller.service, caller.owner, row.parent_id)).text
     return await _drawn(caller, "plan_figure", row.text, figure, style, parent)
+
+
+@router.get(
+    "/plans/{plan_id}/covariances",
+    tags=["plans"],
+    dependencies=_JSON,
+    response_model=PositionCovariancesDocument,
+    operation_id="readPlanCovariances",
+    summary="Predict the covariances of positions",
+    responses=problem_responses(401, 404, 406, 422, 429, 503),
+)
+async def read_plan_covariances(plan_id: Identifier, caller: CurrentCaller) -> Response:
+    """Error ellipses over the last period, from the bound behind the predicted RMS errors."""
+    row = await find_or_refuse(caller.service, caller.owner, plan_id)
+    found = await computed(caller, "plan_covariances", row.text)
+    made = Response(found, media_type="application/json")
+    return compressed(made, caller.request.headers.get("accept-encoding", ""))
 
 
 @router.get(
@@ -215,6 +237,37 @@ async def read_losses(
     """
     row = await find_or_refuse(caller.service, caller.owner, plan_id)
     found = await computed(caller, "judged_losses", row.text, lose or [], int(losses), bound)
+    return Response(found, media_type="application/json")
+
+
+# --- landmarks ------------------------------------------------------------------------------------
+
+
+@router.get(
+    "/plans/{plan_id}/landmark-choice",
+    tags=["plans"],
+    dependencies=_JSON,
+    response_model=SitesDocument,
+    operation_id="chooseLandmarks",
+    summary="Choose landmarks",
+    responses=problem_responses(401, 404, 406, 422, 429, 503),
+)
+async def read_landmark_choice(
+    plan_id: Identifier,
+    caller: CurrentCaller,
+    candidate: Annotated[
+        list[Annotated[str, Query(max_length=80)]],
+        Query(description="Names of landmarks to choose among", min_length=1, max_length=64),
+    ],
+    choose: Annotated[int, Query(description="How many of them to choose", ge=1, le=64)],
+    seed: Annotated[int, Query(description="Seed of the search", ge=0, le=2**53)] = 0,
+) -> Response:
+    """The landmarks that minimise the worst vehicle's window bound, chosen among some of a plan's.
+
+    The plan in the answer has them and the landmarks that are no candidates, on the same orbits.
+    """
+    row = await find_or_refuse(caller.service, caller.owner, plan_id)
+    found = await computed(caller, "chosen_landmarks", row.text, candidate, choose, seed)
     return Response(found, media_type="application/json")
 
 

@@ -30,6 +30,7 @@ from syncplan.recordings.recording_formats import archived
 from syncplan.reports.job_contract import JobKindName, JobState, has_ended
 from syncplan.reports.loss_report import WhatIfDocument
 from syncplan.reports.replay_report import ReplayDocument
+from syncplan.reports.sites_report import SitesDocument
 from syncplan.scenario.brief import Brief, brief_of
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.specification import Scenario
@@ -247,6 +248,16 @@ class Client:
         parameters = {"lose": list(lose), "losses": str(losses), "bound": bound}
         answer = self._remote.send("GET", f"/v1/plans/{_id(plan)}/what-if", None, parameters)
         return WhatIfDocument.model_validate(values_of(answer, "losses"))
+
+    def choose_landmarks(
+        self, plan: RemotePlan | str, candidates: Sequence[str], choose: int, *, seed: int = 0
+    ) -> SitesDocument:
+        """Return the best of some landmarks of a stored plan; see syncplan.choose_landmarks."""
+        parameters = {"candidate": list(candidates), "choose": str(choose), "seed": str(seed)}
+        answer = self._remote.send(
+            "GET", f"/v1/plans/{_id(plan)}/landmark-choice", None, parameters
+        )
+        return SitesDocument.model_validate(values_of(answer, "chosen"))
 
     # --- recordings ---
 

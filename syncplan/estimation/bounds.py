@@ -39,7 +39,8 @@ from math import lcm
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.estimation.referred_system import PosteriorBound, ReferredSystem
+from syncplan.errors import NoSolutionError
+from syncplan.estimation.referred_system import INDEFINITE, PosteriorBound, ReferredSystem
 from syncplan.observability.spectrum import Observability
 from syncplan.orbits.contacts import Windows
 from syncplan.orbits.error_states import layout_of
@@ -88,6 +89,41 @@ def posterior_bound(
 
         return system.from_start(lambda covariance: lumped_bound(system, covariance))
     return system.from_start(system.with_index if start_up else system.bound)
+
+
+@dataclass(frozen=True, slots=True)
+class PositionCovariances:
+    """Covariances of positions over the last period of a run, as the posterior bound has them.
+
+    Attributes
+    ----------
+    times : (k,) s since the start, the last at the end of the run
+    values : (k, n, 2, 2) m^2, of each vehicle's (x, y)
+    """
+
+    times: Array
+    values: Array
+
+
+def position_covariances(
+    team: Team, windows: Windows, duration: float, moments: int
+) -> PositionCovariances:
+    """Return covariances at `moments` samples of the last period, evenly spread.
+
+    They belong to the bound that posterior_bound computes over `duration` s: their traces are its
+    variances of position. A run shorter than a period has fewer. Raises NoSolutionError as
+    posterior_bound does.
+    """
+    sample_time = team.sensors.sample_time
+    steps = steps_within(duration, sample_time)
+    system = ReferredSystem.along(team, windows, steps, layout_of(team))
+    try:
+        values = system.position_covariances(system.start)
+    except np.linalg.LinAlgError:
+        raise NoSolutionError(INDEFINITE) from None
+    before = team.orbits.period / sample_time * np.arange(moments)[::-1] / moments
+    chosen = np.unique(np.maximum(steps - np.rint(before).astype(np.int64), 0))
+    return PositionCovariances(chosen * sample_time, values[chosen])
 
 
 def steady_bound(team: Team, windows: Windows) -> Array:

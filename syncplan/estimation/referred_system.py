@@ -38,7 +38,7 @@ _SAMPLES_AT_ONCE = 128
 SAME_SCALE = 1e-12
 """Relative difference up to which two mean radii count as equal."""
 
-_INDEFINITE = (
+INDEFINITE = (
     "no posterior bound: the sigmas span too many orders of magnitude for its covariance to stay "
     "positive definite"
 )
@@ -188,9 +188,9 @@ class ReferredSystem:
         try:
             found = bound(self.start)
         except np.linalg.LinAlgError:
-            raise NoSolutionError(_INDEFINITE) from None
+            raise NoSolutionError(INDEFINITE) from None
         if np.any(found.position_variance < 0.0):
-            raise NoSolutionError(_INDEFINITE)
+            raise NoSolutionError(INDEFINITE)
         return found
 
     def bound(self, covariance: Array) -> PosteriorBound:
@@ -201,6 +201,22 @@ class ReferredSystem:
         has no effect. So its variance is a quadratic form in the covariance of these few states.
         """
         return self._bound_of(variances_along(self.run, covariance, self._columns, self._moves))
+
+    def position_covariances(self, covariance: Array) -> Array:
+        """Return (steps + 1, n, 2, 2) m^2: the covariance of each vehicle's position along the run.
+
+        The variances of x, y and x + y give it: xy = (v(x + y) - v(x) - v(y)) / 2.
+        """
+
+        def with_sum(steps: Index) -> Array:
+            moves = self._moves(steps)
+            moves[:, :, 2] = moves[:, :, 0] + moves[:, :, 1]
+            return moves
+
+        found = variances_along(self.run, covariance, self._columns, with_sum).moves
+        xx, yy, of_sum = np.moveaxis(found, -1, 0)
+        xy = 0.5 * (of_sum - xx - yy)
+        return self.scale**2 * np.stack([np.stack([xx, xy], -1), np.stack([xy, yy], -1)], -2)
 
     def with_index(self, covariance: Array) -> PosteriorBound:
         """Return the bound along the run with its start-up index."""

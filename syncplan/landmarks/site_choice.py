@@ -74,9 +74,7 @@ def _plain(values: Any) -> Any:
     return list(values) if isinstance(values, tuple) else values
 
 
-def new_sites(
-    scenario: Scenario, candidates: Array | Mapping[str, Point], *, source: str = ""
-) -> dict[str, Point]:
+def new_sites(scenario: Scenario, candidates: Any, *, source: str = "") -> dict[str, Point]:
     """Return the candidates by name, checked against a scenario's names and landmarks.
 
     Raises InputError where a name is taken, or two sites, or a site and a landmark, coincide.
@@ -140,7 +138,7 @@ class SiteChoice(Result):
 @single_threaded_blas
 def choose_landmarks(
     subject: PlanSubject,
-    candidates: Array | Mapping[str, Point],
+    candidates: Array | Mapping[str, Point] | Sequence[str],
     choose: int,
     *,
     seed: int = 0,
@@ -149,13 +147,13 @@ def choose_landmarks(
 ) -> SiteChoice:
     """Return the `choose` candidates (S, 2) m that minimise the worst vehicle's window bound.
 
-    Phases do not depend on landmarks: a plan keeps its own. `exhaustive` allows a proof that tries
-    all choices not ruled out, where they are few. `bound` says whether to compute the posterior
-    bound, see syncplan.planning.planner.plan. Raises InputError for unusable candidates,
-    NoSolutionError where no choice found determines every vehicle.
+    Candidates given by name are landmarks of the subject; those not chosen are left out. Phases do
+    not depend on landmarks: a plan keeps its own. `exhaustive` allows a proof that tries all
+    choices not ruled out, where they are few. `bound` says whether to compute the posterior bound,
+    see syncplan.planning.planner.plan. Raises InputError for unusable candidates, NoSolutionError
+    where no choice found determines every vehicle.
     """
-    before = planned(subject, bound="never")
-    sites = new_sites(before.scenario, candidates)
+    before, sites = _without_candidates(planned(subject, bound="never"), candidates)
     if not 1 <= choose <= len(sites):
         raise InputError(
             f"{choose}: must be from 1 to the number of candidates, {len(sites)}", key="choose"
@@ -166,13 +164,14 @@ def choose_landmarks(
     information = candidate_information(before, places)
     whole = evaluate(information, np.ones(len(sites)))
     if not whole.least > 0.0:
-        everything = _judged(before, sites, range(len(sites)), "never")
+        everything = _judged(before, sites, "never")
         raise NoSolutionError(_lacking(everything, f"even all {len(sites)} candidates leave"))
     relaxation = relax(information, choose)
     generator = np.random.default_rng(seed)
     found, proven = best_sites(information, relaxation, choose, generator, exhaustive=exhaustive)
     chosen = tuple(found.tolist())
-    made = _judged(before, sites, chosen, bound)
+    names = list(sites)
+    made = _judged(before, {names[k]: sites[names[k]] for k in chosen}, bound)
     value = float(np.max(made.prediction.window))
     if not np.isfinite(value):
         which = "any" if proven else "the best found"
@@ -196,16 +195,37 @@ def choose_landmarks(
 # --- judgement --------------------------------------------------------------------------------
 
 
-def _judged(
-    before: Plan, sites: dict[str, Point], chosen: Sequence[int], bound: BoundChoice
-) -> Plan:
-    """Plan with the chosen sites as further landmarks, on the same orbits."""
-    names = list(sites)
-    given = dict(zip(before.scenario.landmark_names, before.scenario.landmarks, strict=True))
-    added = {names[k]: sites[names[k]] for k in chosen}
+def _without_candidates(
+    plan: Plan, candidates: Array | Mapping[str, Point] | Sequence[str]
+) -> tuple[Plan, dict[str, Point]]:
+    """Plan without the candidates, which names take from its landmarks, and the candidates."""
+    if not isinstance(candidates, Sequence) or not all(isinstance(one, str) for one in candidates):
+        return plan, new_sites(plan.scenario, candidates)
+    given = _landmarks(plan)
+    for name in candidates:
+        if name not in given:
+            known = ", ".join(given) or "none"
+            raise InputError(
+                f"{name!r}: there is no such landmark; landmarks are {known}", key="candidates"
+            )
+    sites = {name: given.pop(name) for name in dict.fromkeys(candidates)}
+    return _with_landmarks(plan, given, "never"), sites
+
+
+def _landmarks(plan: Plan) -> dict[str, Point]:
+    return dict(zip(plan.scenario.landmark_names, plan.scenario.landmarks, strict=True))
+
+
+def _judged(before: Plan, sites: Mapping[str, Point], bound: BoundChoice) -> Plan:
+    """Plan with the sites as further landmarks, on the same orbits."""
+    return _with_landmarks(before, {**_landmarks(before), **sites}, bound)
+
+
+def _with_landmarks(before: Plan, landmarks: Mapping[str, Point], bound: BoundChoice) -> Plan:
+    """Plan with these landmarks, on the same orbits."""
     document = before.scenario.model_dump(mode="json", exclude_none=True)
     scenario = scenario_from(
-        {**document, "landmarks_m": {**given, **added}}, max_vehicles=before.scenario.size
+        {**document, "landmarks_m": dict(landmarks)}, max_vehicles=before.scenario.size
     )
     judged = judge(scenario, before.orbits, bound=bound, found=before.synchronisation)
     return replace(

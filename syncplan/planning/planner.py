@@ -13,7 +13,13 @@ import numpy as np
 
 from syncplan.arrays import Array, Index, as_pairs
 from syncplan.errors import InputError, NoSolutionError
-from syncplan.estimation.bounds import posterior_bound, steady_bound, window_bound
+from syncplan.estimation.bounds import (
+    PositionCovariances,
+    position_covariances,
+    posterior_bound,
+    steady_bound,
+    window_bound,
+)
 from syncplan.estimation.referred_system import PosteriorBound
 from syncplan.observability.error_modes import judge_errors
 from syncplan.observability.link_verdicts import landmark_verdicts, vehicle_verdicts
@@ -73,6 +79,22 @@ class Plan(Result, judged_team.JudgedTeam):
             found = verdict_of(self)
             object.__setattr__(self, "_verdict", found)
         return found
+
+    @single_threaded_blas
+    def position_covariances(self, moments: int = 48) -> PositionCovariances:
+        """Return the covariance of each vehicle's position at moments of the last period.
+
+        It is that of the bound behind the predicted errors. Where the plan is not observable, it
+        keeps growing with the duration. Raises NoSolutionError for teams too large for the exact
+        bound.
+        """
+        duration = self.scenario.duration_s
+        if not bound_is_affordable(self.team, duration):
+            many = f"{self.team.count} vehicles over {duration:g} s"
+            raise NoSolutionError(
+                f"{many} are too many for error ellipses; plan a shorter duration"
+            )
+        return position_covariances(self.team, self.windows, duration, moments)
 
 
 # --- the judge ------------------------------------------------------------------------------------

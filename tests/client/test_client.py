@@ -21,6 +21,7 @@ from syncplan.planning.variations import sweep
 from syncplan.reports.flight_report import flight_document
 from syncplan.reports.loss_report import what_if_document
 from syncplan.reports.plan_report import plan_document
+from syncplan.reports.sites_report import sites_document
 from syncplan.reports.validation_report import sweep_document, validation_document
 from syncplan.runtime.files import as_text
 from tests.tools.api_servers import key_of, serving, speaking
@@ -206,6 +207,18 @@ def test_losses_are_the_librarys(
     assert one.lost == ["v1", "sensor:v2"]
     with pytest.raises(InputError, match="is neither a vehicle"):
         client.what_if(stored, ["v9"])
+
+
+def test_a_choice_of_landmarks_is_the_librarys(client: Client) -> None:
+    given = example("paper-grid-same")
+    team = given.model_copy(update={"landmarks_m": [*given.landmarks, (35.0, 35.0)]})
+    stored, names = client.plan(team), team.landmark_names
+    expected = sites_document(syncplan.choose_landmarks(team, names, 2))
+    assert client.choose_landmarks(stored, names, 2) == expected
+    with pytest.raises(InputError, match="there is no such landmark"):
+        client.choose_landmarks(stored, ["L9"], 1)
+    with pytest.raises(InputError, match="must be from 1 to the number of candidates"):
+        client.choose_landmarks(stored, names, len(names) + 1)
 
 
 @pytest.mark.long

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from syncplan.errors import NoSolutionError
 from syncplan.estimation.bounds import posterior_bound, steady_bound, window_bound
 from syncplan.estimation.referred_system import PosteriorBound, arc_noise_gain
 from syncplan.observability.rank import assess, link_information
@@ -12,6 +13,7 @@ from syncplan.observability.referred_rows import sighting_rows
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.noise import Noise
 from syncplan.orbits.sightings import sample_sightings, steps_within
+from syncplan.planning import planner
 from syncplan.planning.planner import Plan, plan
 from syncplan.scenario.loading import scenario_from
 from tests.tools.scenarios import example
@@ -56,6 +58,42 @@ def test_the_window_bound_is_missing_where_the_position_is_not_determined() -> N
     made = plan(example("landmark-bridge"))
     assert np.isfinite(made.prediction.window[0])
     assert np.isnan(made.prediction.window[1])
+
+
+def test_covariances_over_a_period_have_the_predicted_error_as_their_trace(grid: Plan) -> None:
+    # of a run of two periods, the second half is the last period
+    period, sample_time = grid.orbits.period, grid.sensors.sample_time
+    made = plan(grid.scenario.following(duration_s=2.0 * period))
+    found = made.position_covariances(round(period / sample_time))
+    trace = np.trace(found.values, axis1=2, axis2=3)
+    assert made.prediction.rms is not None
+    np.testing.assert_allclose(np.sqrt(trace.mean(axis=0)), made.prediction.rms, rtol=1e-3)
+    run = posterior_bound(made.team, made.windows, made.scenario.duration_s)
+    chosen = np.rint(found.times / sample_time).astype(int)
+    np.testing.assert_allclose(trace, run.position_variance[chosen], rtol=1e-12)
+
+
+def test_a_run_shorter_than_a_period_has_fewer_covariances() -> None:
+    short = plan(example("paper-grid-same").following(duration_s=4.0))
+    assert short.position_covariances(10).times.min() >= 0.0
+    assert len(short.position_covariances(10).times) < 10
+
+
+def test_covariances_of_what_is_not_observable_grow_with_the_duration() -> None:
+    sizes = []
+    for duration in (100.0, 400.0):
+        made = plan(example("landmark-bridge").following(duration_s=duration))
+        assert not made.observable
+        sizes.append(float(made.position_covariances(4).values.max()))
+    assert sizes[1] > 1.05 * sizes[0]
+
+
+def test_a_team_too_large_for_the_exact_bound_has_no_covariances(
+    grid: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(planner, "BOUND_WORK_LIMIT", 1.0)
+    with pytest.raises(NoSolutionError, match="6 vehicles over 200 s are too many"):
+        grid.position_covariances()
 
 
 def test_the_second_half_is_the_samples_with_twice_their_number_past_the_end() -> None:

@@ -8,7 +8,12 @@ import pytest
 
 from syncplan.arrays import Array
 from syncplan.estimation import covariances
-from syncplan.estimation.bounds import LossBounds, posterior_bound, steady_bound
+from syncplan.estimation.bounds import (
+    LossBounds,
+    position_covariances,
+    posterior_bound,
+    steady_bound,
+)
 from syncplan.estimation.covariances import variances_along
 from syncplan.estimation.referred_system import ReferredSystem
 from syncplan.orbits.circles import position
@@ -75,6 +80,21 @@ def _assert_bound_of_the_model(team: Team, made: Plan, steps: int) -> None:
         _assert_close(found.errors, variances[:, 3 * n :])
     else:
         assert found.errors is None
+
+
+@pytest.mark.parametrize("names", [(), tuple(ERROR_STATES)], ids=["poses", "every error"])
+def test_covariances_of_positions_equal_the_recursion_of_the_filters_model(
+    grid: Plan, names: tuple[str, ...]
+) -> None:
+    team, steps = _estimating(grid.team, names), 400
+    found = position_covariances(team, grid.windows, steps * team.sensors.sample_time, 7)
+    dense = np.array(list(dense_covariances(team, layout_of(team), steps)))
+    chosen = np.rint(found.times / team.sensors.sample_time).astype(int)
+    assert len(chosen) == 7
+    assert chosen[-1] == steps
+    for vehicle in range(team.count):
+        own = slice(3 * vehicle, 3 * vehicle + 2)
+        _assert_close(found.values[:, vehicle], dense[chosen, own, own])
 
 
 def test_the_covariance_at_the_start_of_a_run_is_left_as_it_is(grid: Plan) -> None:

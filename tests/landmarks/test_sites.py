@@ -84,6 +84,26 @@ def test_the_value_is_the_judged_plans_own() -> None:
     assert found.gap == pytest.approx(found.value / found.bound - 1.0)
 
 
+def test_landmarks_given_by_name_are_chosen_as_sites_at_their_places_are() -> None:
+    bare = _without_landmarks("paper-grid-same")
+    places = _scattered(bare, 6, 4)
+    sites = {f"S{k + 1}": (float(x), float(y)) for k, (x, y) in enumerate(places)}
+    everywhere = {**sites, "kept": (190.0, 0.0)}
+    scenario = bare.scenario.model_copy(update={"landmarks_m": everywhere})
+    found = choose_landmarks(scenario, ["S2", "S5", "S1"], 2, bound="never")
+    rest = {name: at for name, at in everywhere.items() if name not in found.names}
+    without = bare.scenario.model_copy(update={"landmarks_m": rest})
+    expected = choose_landmarks(
+        without, {name: sites[name] for name in found.names}, 2, bound="never"
+    )
+    assert found.names == ("S2", "S5", "S1")
+    assert (found.chosen, found.value) == (expected.chosen, expected.value)
+    chosen = [found.names[k] for k in found.chosen]
+    assert sorted(found.plan.scenario.landmark_names) == sorted([*rest, *chosen])
+    with pytest.raises(InputError, match="'S9': there is no such landmark; landmarks are S1, S2"):
+        choose_landmarks(scenario, ["S1", "S9"], 1)
+
+
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("choose", [1, 3, 5])
 def test_no_choice_lies_below_the_relaxations_bound(seed: int, choose: int) -> None:

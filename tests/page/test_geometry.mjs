@@ -2,7 +2,8 @@
 
 import assert from "node:assert/strict";
 import test from "node:test";
-import { placeAt, withinReach } from "../../api/page/geometry.js";
+import { covarianceAt, magnificationOf } from "../../api/page/ellipses.js";
+import { ellipseOf, placeAt, withinReach } from "../../api/page/geometry.js";
 
 const TURN = 2 * Math.PI;
 const SAMPLES = 400;
@@ -60,4 +61,40 @@ test("circles of one sense with equal arms keep their distance, and are within r
   const b = { ...a, x: 30 };
   assert.deepEqual(withinReach(a, b, 31), [[0, TURN]]);
   assert.deepEqual(withinReach(a, b, 29), []);
+});
+
+test("the half axes of an ellipse give back its covariance, and stretch along the longer one", () => {
+  const next = drawn(53);
+  for (let draw = 0; draw < 500; draw++) {
+    const [p, q, r] = [next(), next() - 0.5, next()];
+    const covariance = /** @type {[number, number, number]} */ ([p * p + q * q, q * (p + r), r * r + q * q]);
+    const { major, minor, angle } = ellipseOf(covariance);
+    const [c, s] = [Math.cos(angle), Math.sin(angle)];
+    const again = [(major * c) ** 2 + (minor * s) ** 2, (major ** 2 - minor ** 2) * c * s, (major * s) ** 2 + (minor * c) ** 2];
+    for (const [k, value] of again.entries()) assert.ok(Math.abs(value - covariance[k]) < 1e-12, `draw ${draw}`);
+    assert.ok(major >= minor);
+  }
+  assert.deepEqual(ellipseOf([4, 0, 9]), { major: 3, minor: 2, angle: Math.PI / 2 });
+  // rounded to what is no covariance any more
+  assert.equal(ellipseOf([1, 1.0001, 1]).minor, 0);
+});
+
+test("a moment's covariance is that of the last period, between two moments in proportion", () => {
+  // a run of 25 s in periods of 10 s: 3 s into the period is 23 s, and 7 s is 17 s
+  const found = { time_s: [17, 19, 21, 23, 25], vehicles: { v1: [1, 2, 3, 4, 5].map((one) => /** @type {[number, number, number]} */ ([one, 0, 2 * one])) } };
+  assert.deepEqual(covarianceAt(found, "v1", 3, 10), [4, 0, 8]);
+  assert.deepEqual(covarianceAt(found, "v1", 7, 10), [1, 0, 2]);
+  assert.deepEqual(covarianceAt(found, "v1", 0, 10), [2.5, 0, 5]);
+  // before the first moment, that one holds
+  assert.deepEqual(covarianceAt(found, "v1", 6, 10), [1, 0, 2]);
+  assert.equal(covarianceAt(found, "v2", 0, 10), null);
+  // a run that ends after 25 s of a period of 40 s
+  assert.equal(covarianceAt(found, "v1", 26, 40), null);
+});
+
+test("ellipses are magnified by a round number up to half the mean radius, and never shrunk", () => {
+  const of = (sigma) => magnificationOf({ time_s: [1], vehicles: { v1: [[sigma ** 2, 0, 0]] } }, [{ radius_m: 30 }, { radius_m: 10 }]);
+  // 95 % lie within 2.4477 sigma: 10 m is 4.0855 sigma of 1 m
+  assert.deepEqual([1, 0.4, 0.04, 3, 5, 0].map(of), [2, 10, 100, 1, 1, 1]);
+  assert.deepEqual([4.0855 / 2.01, 4.0855 / 1.99].map(of), [2, 1]);
 });

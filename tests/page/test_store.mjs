@@ -3,6 +3,8 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 import { movedTo } from "../../api/page/grips.js";
+import { switched } from "../../api/page/losses.js";
+import { linksOf } from "../../api/page/marks.js";
 import { Store } from "../../api/page/store.js";
 
 const SCENARIO = {
@@ -86,4 +88,44 @@ test("a body is selected alone, or beside others, and once more no longer", () =
   assert.deepEqual(store.chosen, [second]);
   store.select(null);
   assert.equal(store.selected, null);
+});
+
+test("parts are switched off together, and an edit, undo or another plan switches them on", () => {
+  const store = opened();
+  const heard = [];
+  store.on(["off"], () => heard.push([...store.off]));
+  store.switchOff(["v2", "south"]);
+  store.judgedWithout(["v2"], { rank: 1 });
+  assert.equal(store.without, null);
+  store.judgedWithout(store.off, { rank: 2 });
+  assert.equal(store.without.rank, 2);
+  store.edit({ ...store.scenario, name: "other" });
+  assert.deepEqual([store.off, store.without], [[], null]);
+  store.switchOff(["v1"]);
+  store.undo();
+  assert.deepEqual(store.off, []);
+  assert.deepEqual(heard, [["v2", "south"], ["v2", "south"], [], ["v1"], []]);
+});
+
+test("a vehicle and a sensor of it take each other's place among what is off", () => {
+  assert.deepEqual(switched(["L1"], "v1"), ["L1", "v1"]);
+  assert.deepEqual(switched(["L1", "v1"], "L1"), ["v1"]);
+  assert.deepEqual(switched(["sensor:v1", "compass:v1", "sensor:v2"], "v1"), ["sensor:v2", "v1"]);
+  assert.deepEqual(switched(["v1", "v2"], "sensor:v1"), ["v2", "sensor:v1"]);
+});
+
+test("a link is off with its bodies, or once nothing sees along it; the rest keeps its rank and meetings", () => {
+  const plan = {
+    ...planned(),
+    links: [{ a: "v1", b: "v2", rank: 3 }],
+    dropped_links: [],
+    landmark_links: [{ vehicle: "v1", landmark: "south", rank: 2 }],
+  };
+  const seen = (off) => linksOf(SCENARIO, plan, off).map(({ off: isOff, rank, arcs }) => [isOff, rank, arcs.length > 0]);
+  const [link, landmark] = seen([]);
+  assert.deepEqual([link[0], landmark], [false, [false, 2, true]]);
+  assert.deepEqual(seen(["v2"]), [[true, 3, false], landmark]);
+  assert.deepEqual(seen(["south"]), [link, [true, 2, false]]);
+  assert.deepEqual(seen(["sensor:v1"]), [link, [true, 2, false]]);
+  assert.deepEqual(seen(["sensor:v1", "sensor:v2"])[0], [true, 3, false]);
 });

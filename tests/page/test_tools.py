@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page, expect
 
+import syncplan
 from tests.page.gestures import (
     download,
     downloaded,
@@ -99,6 +100,42 @@ def test_what_is_wrong_with_a_new_team_is_reported_in_its_dialogue(
     page.keyboard.press("Escape")
     expect(dialogue).to_have_count(0)
     visit.verdict("Observable: rank 18 of 18")
+
+
+def test_a_new_team_may_be_given_by_its_links_alone(visit: Visit, page: Page) -> None:
+    visit.expect_complaints("422")
+    page.get_by_role("button", name="New").click()
+    page.get_by_label("Shape").select_option(label="given by its links")
+    expect(page.get_by_role("spinbutton", name="Vehicles")).to_be_hidden()
+    links = page.locator("#new-links")
+    links.fill("v1-v2 v2")
+    page.get_by_role("button", name="Create").click()
+    expect(page.get_by_role("dialog")).to_contain_text("links")
+    links.fill("v1-v2, v2-v3, v3-v4, v4-v5, v5-v1")
+    assert accessibility_faults(page) == []
+    page.get_by_role("button", name="Create").click()
+    visit.verdict("rank 15 of 15")
+    made = downloaded(page)["formation"]
+    assert made["links"] == [["v1", "v2"], ["v2", "v3"], ["v3", "v4"], ["v4", "v5"], ["v5", "v1"]]
+    assert len(made["centers_m"]) == 5
+
+
+def test_the_best_of_the_selected_landmarks_are_kept(visit: Visit, page: Page) -> None:
+    page.get_by_label("Vehicle or landmark").select_option(label="L1")
+    expect(page.get_by_role("button", name="Keep the best")).to_have_count(0)
+    page.get_by_role("button", name="Add landmark").click()
+    visit.settle()
+    before = downloaded(page)
+    handle(page, "v1").press("Control+a")
+    expect(page.get_by_role("spinbutton", name="Landmarks to keep")).to_have_value("2")
+    page.get_by_role("button", name="Keep the best").click()
+    expect(page.locator("#notice")).to_contain_text("the worst vehicle's window bound is")
+    visit.settle()
+    choice = syncplan.choose_landmarks(before, ["L1", "L2", "L3"], 2)
+    places = [before["landmarks_m"][k] for k in choice.chosen]
+    assert downloaded(page)["landmarks_m"] == places
+    page.get_by_role("button", name="Undo").click()
+    assert downloaded(page) == before
 
 
 @pytest.mark.quick

@@ -17,6 +17,7 @@ from syncplan.exporting.formats import ALL, FORMATS, as_archive, export
 from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.figure_table import FIGURES
 from syncplan.plotting.figures import specs_of
+from syncplan.reports.covariance_report import position_covariances_document
 from syncplan.reports.job_contract import JobKindName
 from syncplan.reports.plan_report import plan_document
 from syncplan.reports.validation_report import validation_document
@@ -111,6 +112,16 @@ def test_a_quick_preview_leaves_out_what_takes_long_and_says_so(ann: httpx2.Clie
     assert "start_up" not in quick
     alike = {"observability", "separation", "witness", "connectivity_period_s", "window_bound_m"}
     assert {key: quick[key] for key in alike} == {key: whole[key] for key in alike}
+
+
+def test_covariances_are_those_of_the_library_for_a_plan_and_a_preview(ann: httpx2.Client) -> None:
+    expected = position_covariances_document(syncplan.plan(small())).as_json()
+    stored_ones = ann.get(f"{stored(ann)}/covariances")
+    assert stored_ones.headers["content-encoding"] == "gzip"
+    assert stored_ones.json() == json.loads(json.dumps(expected))
+    quick = ann.post("/v1/previews?quick=true&covariances=true", json=document()).json()
+    assert quick["covariances"] == stored_ones.json()
+    assert problem(ann.get("/v1/plans/01a20923-b955-7add-ae07-0ad7a1aa47b8/covariances"), 404)
 
 
 def test_figures_of_a_plan_are_the_library_s(ann: httpx2.Client) -> None:

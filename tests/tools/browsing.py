@@ -195,6 +195,8 @@ def visiting(
         page.on(event, hearing)
     try:
         page.goto(address)
+        # what is around the map comes after it
+        page.locator("#new:enabled").wait_for(state="attached")
         yield visit
         assert visit.unexpected == [], visit.unexpected
     except BaseException:

@@ -84,6 +84,9 @@ class _Recorder:
             value = {k: v for k, v in value.items() if k not in ("$defs", "properties")}
         if "Figure" in operation and "data" in value:
             value = _shortened(value)
+        if operation == "readPlanCovariances":
+            each = {name: one[:NUMBERS] for name, one in value["vehicles"].items()}
+            value = {"time_s": value["time_s"][:NUMBERS], "vehicles": each}
         if operation == "previewScenario" and "figures" in value:
             figures = {name: _shortened(one) for name, one in value["figures"].items()}
             value = {**value, "figures": figures}
@@ -157,9 +160,18 @@ def _plans(recorder: _Recorder) -> str:
     path = f"/v1/plans/{plan['id']}"
     recorder.ask("readPlanFigure", "prediction", "A figure", "GET", f"{path}/figures/prediction")
     recorder.ask("readPlanFigure", "parent", "Not refined", "GET", f"{path}/figures/comparison")
+    covariances = f"{path}/covariances"
+    recorder.ask("readPlanCovariances", "survey", "Over a period", "GET", covariances)
     losses = f"{path}/what-if"
     recorder.ask("judgeLosses", "landmark", "A lost landmark", "GET", f"{losses}?lose=L1")
     recorder.ask("judgeLosses", "unknown", "No such name", "GET", f"{losses}?lose=v9")
+    choice = f"{path}/landmark-choice"
+    recorder.ask(
+        "chooseLandmarks", "one", "The best landmark", "GET", f"{choice}?candidate=L1&choose=1"
+    )
+    recorder.ask(
+        "chooseLandmarks", "unknown", "No such name", "GET", f"{choice}?candidate=L9&choose=1"
+    )
     recorder.ask("exportPlan", "origin", "No geo_origin", "GET", f"{path}/exports/qgc")
     # the same bytes as when it was made
     recorder.kept["readPlan"]["responses"]["200"] = {"survey": {"same": ["createPlan", "201"]}}
