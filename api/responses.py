@@ -11,6 +11,7 @@ from syncplan.reports.covariance_report import PositionCovariancesDocument
 from syncplan.reports.design_report import FrontPoint
 from syncplan.reports.job_contract import JobKindName, JobState
 from syncplan.reports.plan_report import PlanDocument
+from syncplan.reports.refinement_report import PlanSoFar
 
 _ID = "019a2b3c-4d5e-7f60-8123-456789abcdef"
 _TIME = "2026-05-01T09:00:00.000000Z"
@@ -175,6 +176,11 @@ class JobEvent(_Answer):
     """What is done at present; present only in some events of a design"""
     front: list[FrontPoint] | None = Field(default=None, exclude_if=lambda value: value is None)
     """What was found so far for each team; present only in some events of a design"""
+    best: PlanSoFar | None = Field(default=None, exclude_if=lambda value: value is None)
+    """The best plan found so far; present only in some events of a refinement"""
+    finished: int | None = Field(default=None, exclude_if=lambda value: value is None)
+    """Number of first trials that the figures of the running job are of; present only in some
+    events of a validation or a flight"""
 
 
 def recording_answer(row: RecordingRow) -> Recording:

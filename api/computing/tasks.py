@@ -7,6 +7,7 @@ child keeps the set-up of the job it served last.
 import json
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
@@ -239,6 +240,21 @@ def report_figure(text: str, kind: JobKindName, name: str, style: "FigureStyle")
     assert model is not None
     report: Any = model.model_validate_json(text)
     return _compact(_specs(report, [name], style)[name])
+
+
+def figure_so_far(
+    spec: JobSpec, batches: Sequence[tuple[Batch, bytes]], name: str, style: "FigureStyle"
+) -> str:
+    """Return a figure of a job under way as JSON: of the report on the first trials of its run.
+
+    Raises InputError.
+    """
+    task = _trial_task(spec)
+    whole = task.runs(spec)[0]
+    trials = sum(batch.trials for batch, _ in batches)
+    run = replace(whole, options=replace(whole.options, trials=trials))
+    found = task.method.conclude(run, [data for _, data in batches])
+    return report_figure(task.report(spec, [found]).text, spec.kind, name, style)
 
 
 def _specs(

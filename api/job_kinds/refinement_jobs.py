@@ -12,12 +12,14 @@ from api.job_kinds.job_kind import (
     JobSpec,
     JobSubject,
     Progress,
+    Shown,
     WholeTask,
 )
 from api.job_kinds.option_requests import with_keys
 from api.limits import RequestLimits, check_at_most
 from syncplan.planning.plan_files import Loaded, plan_of
-from syncplan.refinement.refiner import options_for, refine
+from syncplan.refinement.refiner import BetterPlan, options_for, refine
+from syncplan.reports.refinement_report import plan_so_far
 from syncplan.scenario.models import RefineOptions
 from syncplan.scenario.truths import optional_keys
 
@@ -61,10 +63,15 @@ def _refined(spec: JobSpec, earlier: EarlierWork, workers: int, progress: Progre
         begun.add(start)
         progress(max(len(begun) - workers, 0))
 
+    def better(found: BetterPlan) -> None:
+        progress(Shown(0, {"best": plan_so_far(found).as_json()}))
+
     search = earlier.resumed(progress)
     given = plan_of(loaded_plan(spec.plan))
-    better = refine(given, workers=workers, progress=heard, earlier=search, **changes)
-    return as_plan_text(better)
+    refined = refine(
+        given, workers=workers, progress=heard, better=better, earlier=search, **changes
+    )
+    return as_plan_text(refined)
 
 
 REFINEMENT = JobKind(
@@ -77,7 +84,7 @@ REFINEMENT = JobKind(
         path="/plans/{plan_id}/refinements",
         summary="Refine a plan",
         description="Move phases, centres and radii to the best plan near this one: a job that "
-        "makes a plan.",
+        "makes a plan. Its events carry the best plan so far.",
         body="What changes of the plan's own options; nothing if empty",
         body_required=False,
     ),

@@ -133,7 +133,8 @@ async def _compute_batch(job: BegunJob, number: int) -> None:
         return
 
     def keep(connection: Connection) -> None:
-        if part_records.keep_batch(connection, job_id, number, data):
+        shows = JOB_KINDS[job.spec.kind].keeps_trials
+        if part_records.keep_batch(connection, job_id, number, data, shows=shows):
             _enter_next(connection, job, range(_AHEAD - 1, _AHEAD))
 
     await in_transaction(keep)

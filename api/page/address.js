@@ -3,7 +3,9 @@
 /** The address of a store's page: a reload goes on with what it names. */
 export class Address {
   #store;
-  /** the job: at work, or ended with its outcome on show @type {{id: string, ended: boolean} | null} */
+  /** the job: at work, or ended with its outcome on show; `finished` is the number of first trials that its figures are
+   * of, while it runs, and `drawing` whether they are on their way
+   * @type {{id: string, ended: boolean, finished?: number, drawing?: boolean} | null} */
   followed = null;
   /** the design on show @type {string | null} */
   designed = null;

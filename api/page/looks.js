@@ -81,6 +81,8 @@ const MAKERS = {
   ruler: (ink) => new Style({ stroke: stroke(ink.ink, 2, [6, 4]) }),
   length: (ink) => new Style({ text: named(ink, -10) }),
   tail: (ink) => new Style({ stroke: stroke(ink.circle, 2) }),
+  // a cross
+  event: (ink) => new Style({ image: new RegularShape({ points: 4, radius: 10, radius2: 0, angle: Math.PI / 4, stroke: new Stroke({ color: ink.ink, width: 3 }) }), text: named(ink, -18), zIndex: 6 }),
   estimate: (ink) => new Style({ image: new Disc({ radius: 7, stroke: new Stroke({ color: ink.estimate, width: 2 }) }), zIndex: 5 }),
 };
 

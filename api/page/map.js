@@ -167,7 +167,11 @@ export class FormationMap {
     this.#scene = { circles, links };
     this.#drawPolygons(scenario);
     this.#sync([
-      ...(beside?.vehicles ?? []).map(({ name, center_m: [x, y], radius_m: radius }) => [`beside ${name} ${x} ${y} ${radius}`, () => mark(new LineString(ringOf({ x, y, radius })), { kind: "beside" })]),
+      // with a line to the place at the start, by which phases differ
+      ...(beside?.vehicles ?? []).map(({ name, center_m: [x, y], radius_m: radius, phase_rad: phase }) => [
+        `beside ${name} ${x} ${y} ${radius} ${phase}`,
+        () => mark(new LineString([[x, y], ...arcOf({ x, y, radius, phase, sense: 1 }, 0, TURN)]), { kind: "beside" }),
+      ]),
       ...links.map(({ a, b, from, to, rank, off: isOff }) => [`link ${a} ${b} ${rank} ${isOff} ${from.x} ${from.y} ${to.x} ${to.y}`, () => mark(line([from, to]), { kind: "link", rank, off: isOff })]),
       ...circles.map((one) => [`circle ${one.name} ${one.off} ${one.x} ${one.y} ${one.radius}`, () => mark(new LineString(ringOf(one)), { kind: "circle", body: one.name, off: one.off })]),
       ...links.flatMap((link) => [link.from, link.to].filter((one) => one.radius > 0).flatMap((one) => link.arcs.map(([a, b]) => contact(link, one, a, b)))),

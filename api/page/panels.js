@@ -36,7 +36,7 @@ export function makePanels({ store, map, address, opening }) {
   new Handles(store, map.canvas, (grip) => tools.uses(grip));
   listenForKeys(store, tools);
   const parts = offerParts(store);
-  const work = new Work(store, storePlan, { began, ended });
+  const work = new Work(store, storePlan, { began, changed, ended });
   const designs = new DesignPanel((plan, name) => attempt(() => opening.formation(plan, name)), (jobId) => name("designed", jobId));
   offerNewTeam((scenario, change) => opening.team(scenario, change));
   offerKeptWork({ open: (planId) => opening.plan(planId, { opened: () => address.write() }), compare });
@@ -66,22 +66,46 @@ export function makePanels({ store, map, address, opening }) {
     name("followed", { id: job.id, ended: false });
   }
 
+  /** Show what a job at work has come to so far, if the plan on show is the one it is about. */
+  async function changed(job, { best, finished, progress }) {
+    const own = address.followed;
+    const wanted = () => address.followed === own && store.planId === job.plan_id;
+    if (!wanted()) return;
+    if (best) store.compare(best.formation);
+    // the figures of all trials follow the last event
+    if (!finished || [progress.total, own.finished].includes(finished) || own.drawing) return;
+    const again = Boolean(own.finished);
+    Object.assign(own, { finished, drawing: true });
+    await addFigures(job, job.request, { again, wanted });
+    own.drawing = false;
+  }
+
+  /** Add the figures of a job, those whose parts a report has or a request asks for; `again` keeps the one on show.
+   * @param {any} job
+   * @param {any} given
+   * @param {{again?: boolean, wanted?: () => boolean}} options */
+  async function addFigures(job, given, { again = false, wanted = () => true } = {}) {
+    const names = figuresOf(JOB_KINDS[job.kind], given);
+    const addresses = names.map((one) => [one, `v1/jobs/${job.id}/figures/${one}`]);
+    await charts.add(Object.fromEntries(addresses), { show: again ? "" : names[0], wanted });
+    if (names.length && wanted()) charts.open();
+  }
+
   /** Show what a job came to; resolves with whether the plan on show is still the one it was about. */
   async function ended(job, result) {
     const current = store.planId !== null && [job.plan_id, job.result_plan_id].includes(store.planId);
+    const again = Boolean(address.followed?.finished);
     const outcome = current ? { id: job.id, ended: true } : null;
     name("followed", outcome);
+    if (JOB_KINDS[job.kind].finishes) store.compare(null);
     if (result && JOB_KINDS[job.kind].reports) store.reported(job.id);
     if (!result || !current) return current;
     if (job.result_plan_id) {
       if (store.planId !== result.id) await openRefined(result.id, outcome);
       return true;
     }
-    const at = `v1/jobs/${job.id}/figures`;
-    const names = figuresOf(JOB_KINDS[job.kind], result);
-    await charts.add(Object.fromEntries(names.map((one) => [one, `${at}/${one}`])), { show: names[0] });
-    if (names.length) charts.open();
-    player.offer(result.series?.tracks ?? [], result.series);
+    await addFigures(job, result, { again });
+    player.offer(result);
     return true;
   }
 

@@ -2,7 +2,7 @@
 
 import { reshape } from "./drawing.js";
 import { byId, element, shown } from "./elements.js";
-import { momentOfFlight } from "./flown.js";
+import { eventsAt, momentOfFlight } from "./flown.js";
 
 /** Real time in ms in which a period, or the turn of a flight, passes. */
 const PERIOD_MS = 7000;
@@ -16,8 +16,9 @@ export class Player {
   #button = byId("play");
   #slider = byId("moment");
   #played = byId("played");
-  /** tracks of flown trials and their times */
-  #flights = { tracks: [], times: [] };
+  #happening = byId("happening");
+  /** tracks of flown trials with their times, and what happens in all of them */
+  #flights = { tracks: [], times: [], events: [], landmarks: [] };
   #frame = 0;
   #last = 0;
 
@@ -34,12 +35,14 @@ export class Player {
     store.on(["plan"], () => this.#show());
   }
 
-  /** Offer to play flown trials of the plan on show, beside the plan. */
-  offer(tracks, series) {
-    this.#flights = { tracks, times: series?.track_time_s ?? [] };
+  /** Offer to play the flown trials of a report on the plan on show, beside the plan.
+   * @param {any} report */
+  offer({ series, events } = {}) {
+    const tracks = series?.tracks ?? [];
+    this.#flights = { tracks, times: series?.track_time_s ?? [], events: events ?? [], landmarks: series?.ground?.landmarks ?? [] };
     const options = tracks.map(({ trial }, k) => element("option", { value: k }, `Flight ${trial + 1}`));
     this.#played.replaceChildren(element("option", { value: "" }, "The plan"), ...options);
-    this.#played.hidden = !tracks.length;
+    for (const one of [this.#played, this.#happening]) one.hidden = !tracks.length;
   }
 
   pause() {
@@ -62,12 +65,14 @@ export class Player {
   #change() {
     this.pause();
     this.#slider.value = 0;
+    const moments = this.#track ? this.#flights.events.map(({ begin_s: time }) => Math.round((STEPS * time) / this.#length)) : [];
+    byId("moments").replaceChildren(...moments.map((value) => element("option", { value })));
     this.#show();
   }
 
   #reset() {
     this.pause();
-    this.offer([]);
+    this.offer();
     for (const one of [this.#button, this.#slider]) one.disabled = this.#store.scenario === null;
     this.#slider.value = 0;
     if (this.#store.plan) this.#show();
@@ -104,7 +109,10 @@ export class Player {
     const time = (this.#length * Number(this.#slider.value)) / STEPS;
     byId("moment-text").textContent = `${shown(time)} s`;
     this.#slider.setAttribute("aria-valuetext", `${shown(time)} seconds`);
-    if (this.#track) this.#map.flown(momentOfFlight(this.#track, this.#flights.times, plan.period_s, time));
+    const happening = this.#track ? eventsAt(this.#flights.events, time) : [];
+    const words = happening.map(({ what }) => what).join("; ");
+    if (words !== this.#happening.textContent) this.#happening.textContent = words;
+    if (this.#track) this.#map.flown(momentOfFlight(this.#track, this.#flights, plan.period_s, time, happening));
     else this.#map.moment(time);
     const timeline = this.#charts.timeline;
     if (timeline) {

@@ -1,9 +1,14 @@
 // A job at work: its progress, the buttons that end it, and its end.
 
-import { element, notice } from "./elements.js";
+import { element, notice, shown } from "./elements.js";
 import { follow } from "./events.js";
 import { ask, askJson, patiently, Refusal } from "./service.js";
 import { JOB_KINDS } from "./tables.js";
+
+/** What a refinement gains: the team's predicted error before, and after. */
+export function gained({ before, after }) {
+  return [before, after].map((one) => shown(one.predicted_rms_m, "m")).join(" → ");
+}
 
 /** The box that shows a job at work. `id` is unique on the page; `fault` is the element for errors. */
 export class RunningJob {
@@ -60,11 +65,11 @@ export class RunningJob {
     return focused;
   }
 
-  #show({ kind, state, progress: { done, total }, doing }) {
+  #show({ kind, state, progress: { done, total }, doing, best }) {
     this.#progress.max = total;
     this.#progress.value = done;
     const { title, unit } = JOB_KINDS[kind];
-    const more = this.#ending || doing;
+    const more = this.#ending || doing || (best && `best so far: predicted error ${gained(best)}`);
     this.#text.textContent = `${title} ${state}: ${done} of ${total} ${unit}${more ? `; ${more}` : ""}`;
   }
 

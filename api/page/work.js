@@ -4,7 +4,7 @@ import { byId, element, notice, shown } from "./elements.js";
 import { flown } from "./flight_outcome.js";
 import { flightForm } from "./flight_request.js";
 import { refinementForm, validationForm } from "./requests.js";
-import { RunningJob } from "./running_job.js";
+import { gained, RunningJob } from "./running_job.js";
 import { askJson, patiently, postOnce } from "./service.js";
 import { ENDED, JOB_KINDS } from "./tables.js";
 import { explained } from "./terms.js";
@@ -16,8 +16,8 @@ const OUTCOMES = { refinement: refined, validation: validated, flight: flown };
 
 /** The panel of jobs.
  *
- * `storePlan()` resolves with the identifier of the plan on show. `follower.began(job)` and
- * `follower.ended(job, result)` follow a job; `result` is null where there is none. `ended` resolves
+ * `storePlan()` resolves with the identifier of the plan on show. `follower.began(job)`, `follower.changed(job, event)`
+ * and `follower.ended(job, result)` follow a job; `result` is null where there is none. `ended` resolves
  * with whether the plan on show is the one that the job was about.
  */
 export class Work {
@@ -71,7 +71,7 @@ export class Work {
     this.#follower.began(job);
     try {
       // the button that was pressed can't keep the focus
-      await this.#conclude(await this.#running.follow(job, { focus: Boolean(button) }));
+      await this.#conclude(await this.#running.follow(job, { focus: Boolean(button), changed: (event) => this.#follower.changed(job, event) }));
     } catch (error) {
       this.#fault.textContent = error.message;
     } finally {
@@ -133,12 +133,11 @@ function refined(plan) {
   const { improved, reason, before, after } = plan.refinement;
   // what is not to be flown is no success, however small its error
   const go = plan.verdict?.go === true;
-  const rms = (one) => shown(one.predicted_rms_m, "m");
   return [
     element(
       "p",
       { class: `badge ${improved && go ? "good" : ""}` },
-      improved ? `Predicted error ${rms(before)} → ${rms(after)}` : "No better plan was found",
+      improved ? `Predicted error ${gained({ before, after })}` : "No better plan was found",
     ),
     element("p", {}, ...explained(improved ? `Rank ${before.rank} → ${after.rank}.` : reason)),
     improved && after.least_distance_m !== null ? separationOf(before.least_distance_m, after.least_distance_m) : null,

@@ -14,13 +14,17 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.concurrency import run_in_threadpool
 
 from api.calls import Caller, CurrentCall, CurrentCaller, accepts, answer_once, computed
+from api.job_kinds.job_kind import Batch, JobSpec
 from api.job_kinds.job_table import JOB_KINDS, plurals
+from api.jobs.queue import VERSION
 from api.problems import Conflict, NotFound, problem_responses
 from api.responses import FigureValues, Preview
 from api.routes.job_routes import Owned, report_or_refuse
 from api.routes.page_routes import compressed
 from api.routes.plan_routes import Identifier, find_or_refuse
 from api.storage.holdings import Answer
+from api.storage.job_records import begun_job
+from api.storage.part_records import finished_batches, first_batches
 from syncplan.errors import InputError
 from syncplan.exporting.format_table import ALL, FORMATS, AutopilotName, VehicleName
 from syncplan.options import options_of
@@ -163,7 +167,15 @@ async def read_plan_covariances(plan_id: Identifier, caller: CurrentCaller) -> R
 async def read_job_figure(
     row: Owned, figure: ReportFigure, caller: CurrentCaller, style: AskedStyle
 ) -> Response:
-    """A figure of the report of a validation, a flight, a sweep or a replay."""
+    """A figure of the report of a validation, a flight, a sweep, a replay or a design.
+
+    While a validation or a flight runs, it is of its first trials, as if no more had been asked
+    for; `finished` in the job's events says of how many, once there are some.
+    """
+    if JOB_KINDS[row.kind].keeps_trials and row.state == "running":
+        begun = await run_in_threadpool(_begun, caller, row.id)
+        if begun is not None:
+            return await _drawn(caller, "figure_so_far", *begun, figure, style)
     if row.state != "succeeded" or JOB_KINDS[row.kind].figures is None:
         kinds = plurals(lambda kind: kind.figures is not None)
         raise Conflict(f"the job is a {row.kind}, {row.state}; {kinds} that succeeded have figures")
@@ -186,6 +198,16 @@ async def read_printed_plan(plan_id: Identifier, caller: CurrentCaller) -> Respo
     page = await computed(caller, "printed_report", row.text, plan_id)
     policy = f"{POLICY}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
     return HTMLResponse(page, headers={"Content-Security-Policy": policy})
+
+
+def _begun(caller: Caller, job_id: str) -> tuple[JobSpec, list[tuple[Batch, bytes]]] | None:
+    """A job under way and its first batches; None if it has no trials to show yet."""
+    with caller.service.database.reading() as connection:
+        job = begun_job(connection, job_id, VERSION)
+        numbers = [number for _, number in first_batches(connection, job_id)]
+        if job is None or not numbers:
+            return None
+        return job.spec, finished_batches(connection, job_id, numbers)
 
 
 async def _drawn(caller: Caller, task: str, *arguments: Any) -> Response:

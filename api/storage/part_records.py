@@ -236,10 +236,13 @@ def note_progress(
     return True
 
 
-def keep_batch(connection: Connection, job_id: str, number: int, data: bytes) -> bool:
+def keep_batch(
+    connection: Connection, job_id: str, number: int, data: bytes, *, shows: bool = False
+) -> bool:
     """Keep the result of a batch and enter the progress; one kept before stays as it is.
 
-    Returns whether the job goes on.
+    With `shows` the event states of how many first trials the job has figures by now. Returns
+    whether the job goes on.
     """
     if _hold(connection, job_id) is None:
         return False
@@ -249,16 +252,51 @@ def keep_batch(connection: Connection, job_id: str, number: int, data: bytes) ->
         .where(job_parts.c.data.is_(None))
         .values(data=data, done=job_parts.c.trials)
     )
-    return note_progress(connection, job_id, _done_in_batches(connection, job_id))
+    first = sum(batch.trials for batch, _ in first_batches(connection, job_id)) if shows else 0
+    shown = {"finished": first} if first else {}
+    return note_progress(connection, job_id, _done_in_batches(connection, job_id), shown=shown)
 
 
-def finished_batches(connection: Connection, job_id: str) -> list[tuple[Batch, bytes]]:
-    """Return the results of all batches of a job, in order."""
+MOST_SHOWN_BYTES = 32 * 2**20
+"""Most bytes of finished batches that figures of a job under way are drawn from."""
+
+
+def first_batches(connection: Connection, job_id: str) -> list[tuple[Batch, int]]:
+    """Return the finished batches of a job's first run, from trial 0 on without a gap.
+
+    Each with its number. Batches that exceed MOST_SHOWN_BYTES together are left out.
+    """
+    query = (
+        select(
+            job_parts.c.run,
+            job_parts.c.first_trial,
+            job_parts.c.trials,
+            job_parts.c.number,
+            func.length(job_parts.c.data),
+        )
+        .where(job_parts.c.job_id == job_id, _IS_BATCH, job_parts.c.run == 0)
+        .order_by(job_parts.c.first_trial)
+    )
+    found, size = [], 0
+    for *place, number, length in connection.execute(query):
+        size += MOST_SHOWN_BYTES + 1 if length is None else length
+        if size > MOST_SHOWN_BYTES:
+            break
+        found.append((Batch(*place), number))
+    return found
+
+
+def finished_batches(
+    connection: Connection, job_id: str, numbers: Sequence[int] | None = None
+) -> list[tuple[Batch, bytes]]:
+    """Return the results of all batches of a job, or of those with these numbers, in order."""
     query = (
         select(job_parts.c.run, job_parts.c.first_trial, job_parts.c.trials, job_parts.c.data)
         .where(job_parts.c.job_id == job_id, _IS_BATCH)
         .order_by(job_parts.c.number)
     )
+    if numbers is not None:
+        query = query.where(job_parts.c.number.in_(numbers))
     return [(Batch(*row[:3]), row[3]) for row in connection.execute(query)]
 
 

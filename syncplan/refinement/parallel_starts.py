@@ -190,16 +190,14 @@ def searched_nearby(
 # byte, and data kept by another process need not be trusted.
 
 
-def keeper(earlier: EarlierSearch | None, first: int) -> Callable[[Attempt], None] | None:
+def keeper(earlier: EarlierSearch | None, first: int) -> Found:
     """Return a function that keeps the attempts of a round of starts, numbered from `first` on.
 
     Starts that were stopped are not kept.
     """
-    if earlier is None:
-        return None
 
     def keep(made: Attempt) -> None:
-        if not made.run.stopped:
+        if earlier is not None and not made.run.stopped:
             earlier.keep(first + made.start, _packed(made))
 
     return keep

@@ -8,7 +8,7 @@ nothing the input met is judged afresh, like any plan, and returned.
 import math
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -28,7 +28,7 @@ from syncplan.refinement.problem_setup import problem_of, refuse_conflicts
 from syncplan.runtime.machine import single_threaded_blas, usable_cores
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.models import RefineOptions
-from syncplan.scenario.objectives import Objective, default_objective
+from syncplan.scenario.objectives import Figures, Objective, default_objective
 from syncplan.scenario.quantities import validation_fault
 from syncplan.scenario.specification import Scenario
 from syncplan.synchronisation.phases import synchronise
@@ -40,6 +40,23 @@ if TYPE_CHECKING:
 
 RefineProgress = Callable[[int, int, float], None]
 """Callback that receives the start, the iteration and the solver's value of the objective."""
+
+
+@dataclass(frozen=True, slots=True)
+class BetterPlan:
+    """The best plan found so far, better than the one given, as the search measured it.
+
+    Attributes
+    ----------
+    scenario, orbits : as those of the plan that the search returns if it ends with this one
+    before, after : exact figures of merit of the plan given, and of this one
+    """
+
+    scenario: Scenario
+    orbits: Orbits
+    before: Figures
+    after: Figures
+
 
 _IMPROVED = 1e-9
 """Least relative gain that counts as better."""
@@ -62,6 +79,7 @@ def refine(
     workers: int | None = None,
     bound: BoundChoice = "auto",
     progress: RefineProgress | None = None,
+    better: Callable[[BetterPlan], None] | None = None,
     earlier: "EarlierSearch | None" = None,
     **changes: Any,
 ) -> Plan:
@@ -72,10 +90,11 @@ def refine(
 
     `options` default to the scenario's `refine` section; `changes` replace some of its keys
     (objective="logdet", starts=1, ...; see RefineOptions). `workers` is the number of processes,
-    by default one per core; it changes no result. `earlier` holds what an interrupted search kept:
-    its starts are not repeated, and the result is that of an uninterrupted search. `bound` is that
-    of `plan`. The plan's `refinement` records the search. Where nothing better was found, the
-    record says why, and the plan is the input.
+    by default one per core; it changes no result. `better` is called with each plan that is the
+    best so far. `earlier` holds what an interrupted search kept: its starts are not repeated, and
+    the result is that of an uninterrupted search. `bound` is that of `plan`. The plan's
+    `refinement` records the search. Where nothing better was found, the record says why, and the
+    plan is the input.
 
     Raises InputError for options that cannot be used, and NoSolutionError, naming the constraints,
     where they conflict.
@@ -92,7 +111,7 @@ def refine(
     predict = problem.objective.predicted or bound_is_affordable(given.team, problem.duration)
     before = measure(problem, given.orbits, predict=predict)
     case = _Case(given, chosen, problem, before, predict, began)
-    attempts, cut_short = _search(case, workers, progress, earlier)
+    attempts, cut_short = _search(case, workers, progress, better, earlier)
     return _best(case, attempts, cut_short, bound)
 
 
@@ -140,6 +159,7 @@ def _search(
     case: _Case,
     workers: int | None,
     progress: RefineProgress | None,
+    better: Callable[[BetterPlan], None] | None,
     earlier: "EarlierSearch | None",
 ) -> tuple[list["Attempt"], bool]:
     """Attempts from all starts, and whether the search was cut short.
@@ -149,6 +169,7 @@ def _search(
     """
     from syncplan.refinement.nlp import FORMS
     from syncplan.refinement.parallel_starts import (
+        Attempt,
         RefineTask,
         keeper,
         kept_attempts,
@@ -172,7 +193,24 @@ def _search(
         if progress is not None:
             progress(start, at.iteration, in_units(problem, at.objective))
 
+    known: list[Attempt] = []
+
+    def hear(made: Sequence["Attempt"]) -> None:
+        best = _improving(case, known)
+        known.extend(made)
+        found = _improving(case, known)
+        if better is not None and found is not None and found is not best:
+            better(_better_plan(case, found))
+
     def run(one: RefineTask, first: int) -> tuple[list["Attempt"], bool]:
+        keep = keeper(earlier, first)
+        kept = kept_attempts(earlier, one, range(first, first + options.starts))
+        hear(kept)
+
+        def found(made: Attempt) -> None:
+            keep(made)
+            hear([made])
+
         left = max(options.time_limit_s - (time.monotonic() - began), 0.0)
         return run_starts(
             one,
@@ -180,8 +218,8 @@ def _search(
             workers=workers or usable_cores(),
             time_limit=left,
             report=report,
-            found=keeper(earlier, first),
-            earlier=kept_attempts(earlier, one, range(first, first + options.starts)),
+            found=found,
+            earlier=kept,
         )
 
     attempts, interrupted = run(task, 0)
@@ -192,6 +230,7 @@ def _search(
         attempts += [replace(one, start=one.start + options.starts) for one in again]
     if not interrupted:
         attempts, interrupted = searched_nearby(task, attempts, began + options.time_limit_s)
+        hear(attempts)
     return attempts, interrupted or time.monotonic() - began >= options.time_limit_s
 
 
@@ -228,21 +267,15 @@ def _best(case: _Case, attempts: list["Attempt"], cut_short: bool, bound: BoundC
 
     The plan is judged afresh: only its circles come from the search.
     """
-    from syncplan.refinement.parallel_starts import rank_of
-
-    given, problem, before = case.given, case.problem, case.before
-    objective, neglect = problem.objective, given.prediction.neglect
-    passed = [one for one in attempts if one.after is not None and not one.violations]
-    best = min(passed, key=lambda one: rank_of(problem, one), default=None)
-    short, cost = before.standing(objective.name)
-    allowed = cost - _IMPROVED * abs(cost) if math.isfinite(cost) else cost
-    better = best is not None and rank_of(problem, best)[1] < (short, allowed)
+    given, before = case.given, case.before
+    objective, neglect = case.problem.objective, given.prediction.neglect
+    best = _improving(case, attempts)
     record = RefinementRecord(
         options=case.options,
         objective=objective.name,
-        improved=better,
+        improved=best is not None,
         reason=""
-        if better
+        if best is not None
         else _why_not(attempts, objective, given.observability.state_dim, cut_short),
         cut_short=cut_short,
         before=before.figures,
@@ -252,20 +285,41 @@ def _best(case: _Case, attempts: list["Attempt"], cut_short: bool, bound: BoundC
         start_before=None if given.start_up is None else given.start_up.before,
         expected_before=None if neglect is None else neglect.expected_of_all,
     )
-    if not better or best is None or best.after is None or best.circles is None:
+    if best is None or best.after is None:
         return replace(given, refinement=record)
     record = replace(
         record,
-        cleared=best.after.shortfall < short,
+        cleared=best.after.shortfall < before.shortfall,
         after=best.after.figures,
         active=_active(best.after),
     )
-    orbits = orbits_of(best.circles, given.orbits)
+    found = _better_plan(case, best)
     steady = given.prediction.steady is not None
-    judged = judge(_moved(given, case.options, orbits), orbits, bound=bound, steady=steady)
+    judged = judge(found.scenario, found.orbits, bound=bound, steady=steady)
     return replace(
         judged, refinement=record, placement=given.placement, centres_placed=given.centres_placed
     )
+
+
+def _improving(case: _Case, attempts: Sequence["Attempt"]) -> "Attempt | None":
+    """Best attempt that passes, if it is better than the plan given."""
+    from syncplan.refinement.parallel_starts import rank_of
+
+    passed = [one for one in attempts if one.after is not None and not one.violations]
+    best = min(passed, key=lambda one: rank_of(case.problem, one), default=None)
+    short, cost = case.before.standing(case.problem.objective.name)
+    allowed = cost - _IMPROVED * abs(cost) if math.isfinite(cost) else cost
+    better = best is not None and rank_of(case.problem, best)[1] < (short, allowed)
+    return best if better else None
+
+
+def _better_plan(case: _Case, attempt: "Attempt") -> BetterPlan:
+    """Plan of an attempt that has a result."""
+    assert attempt.circles is not None
+    assert attempt.after is not None
+    orbits = orbits_of(attempt.circles, case.given.orbits)
+    moved = _moved(case.given, case.options, orbits)
+    return BetterPlan(moved, orbits, case.before.figures, attempt.after.figures)
 
 
 def _record(attempt: "Attempt", objective: Objective) -> StartResult:

@@ -5,9 +5,13 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field, create_model
 
 from syncplan.documents import Document, DocumentPart, OrAbsent, finite_or_none
+from syncplan.planning.plan_files import stated
 from syncplan.planning.plan_records import RefinementRecord, StartResult
 from syncplan.planning.start_up import InputStart
 from syncplan.scenario.objectives import FIGURES, Figures
+
+if TYPE_CHECKING:
+    from syncplan.refinement.refiner import BetterPlan
 
 
 class _ComparedPlan(DocumentPart):
@@ -40,6 +44,23 @@ else:
         "refined. Predicted errors allow for all states of the filter; rank, certificate, "
         "information and window bound are of the poses, as if all else were known.",
         **_merit_fields(),
+    )
+
+
+class PlanSoFar(Document):
+    """The best plan that a refinement has found so far, better than the one given."""
+
+    before: FiguresOfMerit
+    after: FiguresOfMerit
+    formation: dict[str, Any] = Field(description="`scenario` and `vehicles`, as in a plan file")
+
+
+def plan_so_far(found: "BetterPlan") -> PlanSoFar:
+    """Return the document of the best plan so far."""
+    return PlanSoFar(
+        before=_figures(found.before),
+        after=_figures(found.after),
+        formation=stated(found.scenario, found.orbits),
     )
 
 

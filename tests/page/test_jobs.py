@@ -1,10 +1,11 @@
 """Refinement and validation from the page, whatever happens meanwhile."""
 
+import json
 import re
 from typing import Any
 
 import httpx2
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from syncplan.scenario.loading import load_scenario
 from tests.page.gestures import (
@@ -161,6 +162,67 @@ def test_a_job_can_be_cancelled(page: Page, server: Server) -> None:
     assert found["state"] == "cancelled"
 
 
+def test_a_refinement_draws_its_best_plan_so_far_and_ends_with_it(
+    visit: Visit, page: Page, server: Server
+) -> None:
+    def unhurried(route: Route) -> None:
+        asked = json.loads(route.request.post_data or "{}")
+        route.continue_(post_data=json.dumps({**asked, "starts": 1000, "time_limit_s": 600.0}))
+
+    page.route("**/refinements", unhurried)
+    part(page, "Run")
+    before = drawn(page, "circle")
+    page.get_by_role("button", name="Refine").click()
+    text = page.locator("#job-text")
+    expect(text).to_contain_text(
+        re.compile(r"of 1000 starts; best so far: predicted error [\d.]+ m → [\d.]+ m")
+    )
+    beside = drawn(page, "beside")
+    assert len(beside) == 6
+    assert drawn(page, "circle") == before
+    assert accessibility_faults(page) == []
+    page.reload()
+    expect(text).to_contain_text("best so far")
+    assert len(drawn(page, "beside")) == 6
+    shown = float(re.findall(r"→ ([\d.]+) m", text.inner_text())[0])
+    page.get_by_role("button", name="Finish now").click()
+    expect(page.locator(".outcome")).to_contain_text("Predicted error")
+    assert drawn(page, "beside") == []
+    plan = stored(page, server)
+    assert float(f"{plan['predicted_rms_m']['overall']:.4g}") <= shown
+    assert drawn(page, "circle") != before
+
+
+def test_a_refinement_that_is_cancelled_leaves_the_plan_alone_on_the_map(page: Page) -> None:
+    page.route(
+        "**/refinements",
+        lambda route: route.continue_(post_data='{"starts": 1000, "time_limit_s": 600}'),
+    )
+    part(page, "Run")
+    page.get_by_role("button", name="Refine").click()
+    expect(page.locator("#job-text")).to_contain_text("best so far")
+    page.get_by_role("button", name="Cancel").click()
+    expect(page.locator("#notice")).to_have_text("Refinement cancelled.")
+    assert drawn(page, "beside") == []
+
+
+def test_a_validation_fills_its_figures_as_trials_are_finished(visit: Visit, page: Page) -> None:
+    # a figure that is asked for while the job ends is refused
+    visit.expect_complaints("409")
+    validate(page, "100000")
+    text = page.locator("#panel-text")
+    expect(text).to_contain_text(re.compile(r"\d+ trials of 200 s, seed 1"))
+    first = int(re.findall(r"(\d+) trials", text.inner_text())[0])
+    assert first % 16 == 0
+    page.get_by_role("tab", name="Errors over time").click()
+    expect(text).not_to_contain_text(f"{first} trials")
+    # the chosen figure stays when more trials come
+    assert page.get_by_role("tab", name="Errors over time").get_attribute("aria-selected") == "true"
+    assert accessibility_faults(page) == []
+    page.get_by_role("button", name="Cancel").click()
+    expect(page.locator("#notice")).to_have_text("Validation cancelled.")
+
+
 def test_wrong_numbers_of_a_job_are_reported_next_to_their_fields(visit: Visit, page: Page) -> None:
     visit.expect_complaints("422")
     validate(page, "0")
@@ -247,11 +309,20 @@ def test_a_flight_shows_what_it_came_to_and_plays_on_the_map(
     slider = page.get_by_label("Moment in the period")
     slider.fill(str(slider.get_attribute("max")))
     expect(page.locator("#moment-text")).to_have_text("40 s")
+    # what happens is said, and marked where it happened
+    happening = page.locator("#happening")
+    expect(happening).to_have_text("v6 is lost at 30 s")
+    assert [one["name"] for one in drawn(page, "event")] == ["v6 is lost at 30 s"]
+    slider.fill("90")
+    expect(happening).to_have_text("v2 is held from 5 s for 3 s")
+    assert accessibility_faults(page) == []
+    slider.fill(str(slider.get_attribute("max")))
     # v6 is gone by then, all others are there
     page.wait_for_function(f"() => {taken} === 5")
     assert len(drawn(page, "vehicle")) == 5
     played.select_option("The plan")
     page.wait_for_function(f"() => {taken} === 0")
+    expect(happening).to_be_empty()
     part(page, "Scenario")
     page.get_by_label("Radius of all").fill("21")
     expect(played).to_be_hidden()

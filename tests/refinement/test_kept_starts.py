@@ -5,7 +5,7 @@ import json
 import pytest
 
 from syncplan.planning.planner import Plan, plan
-from syncplan.refinement.refiner import refine
+from syncplan.refinement.refiner import BetterPlan, refine
 from syncplan.reports.plan_report import plan_document
 from syncplan.runtime.files import as_text
 from syncplan.runtime.task_crew import EarlierSearch
@@ -45,6 +45,33 @@ def test_keeping_changes_nothing(pair: Plan, whole: tuple[str, dict[int, bytes]]
     better = refine(pair, vary=["phases", "centers"], starts=STARTS, seed=1, workers=1)
     assert as_text(plan_document(better).as_json()) == whole[0]
     assert sorted(whole[1]) == list(range(STARTS))
+
+
+def test_each_plan_that_is_the_best_so_far_is_heard_of_and_the_last_one_is_the_result(
+    pair: Plan, whole: tuple[str, dict[int, bytes]]
+) -> None:
+    for finished in ({}, whole[1]):
+        heard: list[BetterPlan] = []
+        earlier = EarlierSearch(finished)
+        found = refine(
+            pair,
+            vary=["phases", "centers"],
+            starts=STARTS,
+            seed=1,
+            workers=1,
+            better=heard.append,
+            earlier=earlier,
+        )
+        record = found.refinement
+        assert record is not None
+        errors = [one.after.predicted_rms for one in heard]
+        assert heard[0].before == record.before
+        assert record.before.predicted_rms > errors[0]
+        assert errors == sorted(set(errors), reverse=True)
+        assert heard[-1].after == record.after
+        assert heard[-1].scenario == found.scenario
+        assert (heard[-1].orbits.centers == found.orbits.centers).all()
+        assert (heard[-1].orbits.phases == found.orbits.phases).all()
 
 
 @pytest.mark.parametrize(("known", "workers"), [([0], 1), ([2], 2), ([0, 1, 2], 1)])

@@ -75,6 +75,20 @@ def test_a_refinement_that_is_to_finish_gives_the_best_it_has(ann: httpx2.Client
     assert ann.get(f"/v1/plans/{ended['result_plan_id']}").json()["parent_id"] == plan
 
 
+def test_the_events_of_a_refinement_carry_its_best_plan_so_far(ann: httpx2.Client) -> None:
+    plan = planned(ann)["id"]
+    body = {"vary": ["phases", "centers"], "starts": 2}
+    job = _handed_in(ann, f"/v1/plans/{plan}/refinements", body)
+    refined = ann.get(f"/v1/plans/{done(ann, job)['result_plan_id']}").json()
+    best = [one.best for one in _events(ann, job) if one.best][-1]
+    for key in ("before", "after"):
+        assert getattr(best, key).model_dump(mode="json") == refined["refinement"][key]
+    orbits = best.formation["vehicles"]
+    assert orbits == [{key: of[key] for key in orbits[0]} for of in refined["vehicles"]]
+    # and can be planned as it is
+    assert ann.post("/v1/plans", json=best.formation).status_code == 201
+
+
 def test_a_job_without_a_result_before_its_end_cannot_finish(ann: httpx2.Client) -> None:
     job = _handed_in(ann, f"/v1/plans/{planned(ann)['id']}/validations", {"trials": 50_000})
     told = problem(ann.post(f"{job}/finish"), 409)

@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 import zipfile
 from typing import Any, get_args
 
@@ -9,6 +10,8 @@ import httpx2
 import pytest
 
 import syncplan
+from api.computing.tasks import checked_request, computed_batch, figure_so_far
+from api.job_kinds.job_kind import Batch, JobSpec
 from api.routes.rendition_routes import ExportName, PlanFigure, ReportFigure, StoredFigure
 from syncplan.exporting.formats import ALL, FORMATS, as_archive, export
 from syncplan.plotting.figure_style import FigureStyle
@@ -16,9 +19,13 @@ from syncplan.plotting.figure_table import FIGURES
 from syncplan.plotting.figures import specs_of
 from syncplan.plotting.printed_report import POLICY
 from syncplan.reports.covariance_report import position_covariances_document
+from syncplan.reports.job_contract import JobKindName
 from syncplan.reports.plan_report import plan_document
+from syncplan.reports.validation_report import validation_document
 from syncplan.scenario.loading import scenario_from
+from tests.service.test_requests import LIMITS
 from tests.tools.api_servers import done, faults_of, planned, problem
+from tests.tools.processes import wait_until
 from tests.tools.scenarios import document, example, small
 
 ORIGIN = {"lat_deg": 47.4, "lon_deg": 8.5, "alt_m": 410.0}
@@ -54,6 +61,41 @@ def test_a_preview_is_the_plan_and_its_figures_and_is_kept_nowhere(ann: httpx2.C
     }
     assert ann.get("/v1/plans").json()["items"] == before
     assert "location" not in answer.headers
+
+
+@pytest.mark.long
+def test_figures_of_a_job_under_way_are_of_its_first_trials(ann: httpx2.Client) -> None:
+    at = stored(ann)
+    asked = {"trials": 50_000, "duration_s": 40.0}
+    found = ann.post(f"{at}/validations", json=asked).headers["location"]
+    problem(ann.get(f"{found}/figures/accuracy"), 409)
+    wait_until(lambda: ann.get(f"{found}/figures/accuracy").status_code == 200)
+    drawn = ann.get(f"{found}/figures/accuracy").json()
+    ann.post(f"{found}/cancel").raise_for_status()
+    trials = int(re.findall(r"(\d+) trials", json.dumps(drawn))[0])
+    assert 0 < trials < 50_000
+    whole = syncplan.validate(small(), trials=trials, duration=40.0)
+    assert drawn == specs_of(validation_document(whole), ["accuracy"])["accuracy"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "plural", "figure"),
+    [("validation", "validations", "accuracy"), ("flight", "flights", "meetings")],
+)
+def test_a_figure_of_first_trials_is_that_of_a_run_of_so_many(
+    ann: httpx2.Client, kind: JobKindName, plural: str, figure: str
+) -> None:
+    at = stored(ann)
+    plan = ann.get(at).text
+    request, _ = checked_request(kind, b'{"trials": 80, "duration_s": 40}', "json", LIMITS, plan)
+    spec = JobSpec("job", kind, request, plan)
+    batches = [
+        (batch, computed_batch(spec, batch, lambda _: None))
+        for batch in (Batch(0, 0, 16), Batch(0, 16, 16))
+    ]
+    so_far = figure_so_far(spec, batches, figure, FigureStyle())
+    of_so_many = job(ann, f"{at}/{plural}", trials=32, duration_s=40)
+    assert json.loads(so_far) == ann.get(f"{of_so_many}/figures/{figure}").json()
 
 
 def test_a_quick_preview_leaves_out_what_takes_long_and_says_so(ann: httpx2.Client) -> None:

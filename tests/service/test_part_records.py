@@ -13,6 +13,7 @@ from sqlalchemy import Connection, func, select
 
 from api.computing import child
 from api.computing.pool import Pool
+from api.following import events_after
 from api.job_kinds.job_kind import Batch, JobReport
 from api.jobs import parts
 from api.jobs.parts import WatchedPart
@@ -136,6 +137,27 @@ def test_parts_that_are_no_batches_are_not_among_them(connection: Connection) ->
     part_records.begin_part(connection, job_id, part_records.CONCLUSION, VERSION)
     assert len(part_records.finished_batches(connection, job_id)) == 2
     assert part_records.unfinished_batches(connection, job_id, 9) == [(0, 0), (1, 1)]
+
+
+def test_figures_of_a_job_under_way_are_of_its_first_trials_without_a_gap(
+    connection: Connection, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    job_id = begun(connection)
+    batches = [Batch(0, 8 * k, 8) for k in range(4)]
+    part_records.divide_job(connection, job_id, [*batches, Batch(1, 0, 8)])
+
+    def shown(number: int) -> int | None:
+        part_records.keep_batch(connection, job_id, number, b"data", shows=True)
+        found: int | None = json.loads(events_after(connection, job_id, 0)[-1][1]).get("finished")
+        return found
+
+    assert [shown(number) for number in (1, 0, 4, 3)] == [None, 16, 16, 16]
+    assert part_records.first_batches(connection, job_id) == [(batches[0], 0), (batches[1], 1)]
+    found = part_records.finished_batches(connection, job_id, [0, 1])
+    assert found == [(batches[0], b"data"), (batches[1], b"data")]
+    # nor are they drawn from more than a server can hold
+    monkeypatch.setattr(part_records, "MOST_SHOWN_BYTES", 7)
+    assert part_records.first_batches(connection, job_id) == [(batches[0], 0)]
 
 
 def test_no_batch_is_begun_that_is_not_there(connection: Connection) -> None:
