@@ -119,7 +119,7 @@ export class FormationMap {
     const { scenario, selected } = this.#store;
     const all = { vehicle: circlesOf, landmark: pointsOf }[selected.kind];
     const [west, south, east, north] = this.#map.getView().calculateExtent(this.#map.getSize());
-    const { x, y, radius } = { x: 0, y: 0, radius: 0, ...all?.(scenario, null)[selected.k] };
+    const { x, y, radius } = { x: 0, y: 0, radius: 0, ...all?.(scenario)[selected.k] };
     if (x - radius < west || x + radius > east || y - radius < south || y + radius > north) this.fit();
   }
 
