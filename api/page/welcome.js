@@ -3,7 +3,7 @@
 import { byId, element } from "./elements.js";
 import { remember } from "./session.js";
 
-/** Greet until the first edit, open, or click on the greeting; the example on show moves for one period. */
+/** Greet until the first edit, open or click anywhere; the example on show moves for one period. */
 export function welcome(store, player) {
   const end = () => {
     if (card.isConnected) remember();
@@ -11,11 +11,12 @@ export function welcome(store, player) {
   };
   const card = element(
     "section",
-    { class: "card welcome", "aria-label": "Welcome", onclick: end },
+    { class: "card welcome", "aria-label": "Welcome" },
     element("p", {}, "syncplan plans circles on which robots meet at the right moments, so that all of them know where they are."),
     element("button", { type: "button", class: "primary", onclick: () => byId("new").click() }, "Plan your own team …"),
   );
   for (const name of ["opened", "scenario"]) store.addEventListener(name, end);
+  document.addEventListener("click", end, { once: true });
   byId("map").append(card);
   if (!matchMedia("(prefers-reduced-motion: reduce)").matches) player.play({ once: true });
 }

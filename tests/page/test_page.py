@@ -215,6 +215,15 @@ PAGE = Path(page_routes.__file__).parents[1] / "page"
 
 
 @pytest.mark.quick
+def test_the_window_itself_never_scrolls(visit: Visit) -> None:
+    taller = "document.documentElement.scrollHeight - innerHeight"
+    assert visit.page.evaluate(taller) == 0
+    handle(visit.page, "v3").click()
+    expect(visit.page.get_by_label("Centre east")).to_be_visible()
+    assert visit.page.evaluate(taller) == 0
+
+
+@pytest.mark.quick
 def test_the_preloads_are_the_modules_that_the_page_imports(server: Server) -> None:
     index = (PAGE / "index.html").read_text()
     preloads = re.findall(r'rel="modulepreload" href="assets/([\w./-]+)"', index)
