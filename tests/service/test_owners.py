@@ -92,7 +92,9 @@ def test_what_is_anothers_is_not_there(
 ) -> None:
     """Finished or at work, a job is nothing to Bob; what he tries is what Ann then can do."""
     plan, recording = plan_of(ann), recorded(ann)
-    sent = {"json": {"name": "another"}} if method == "PATCH" else {}
+    sent: dict[str, Any] = {"json": {"name": "another"}} if method == "PATCH" else {}
+    if path.endswith("/landmark-choice"):
+        sent = {"params": {"candidate": "L1", "choose": 1}}
     for job in (ended, running):
         identifiers = {"plan_id": plan, "job_id": job, "recording_id": recording}
         state = ann.get(f"/v1/jobs/{job}").json()["state"]
