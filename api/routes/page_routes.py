@@ -220,7 +220,7 @@ def read_page(
     tiles: AskedTiles, if_none_match: Conditions = "", accept_encoding: Encodings = ""
 ) -> Response:
     """Return the page."""
-    page = find_asset(PAGE)
+    page = find_asset(PAGE, tiles)
     assert page is not None
     return _sent(page, tiles, if_none_match, accept_encoding)
 

@@ -12,7 +12,7 @@ import httpx2
 from playwright.sync_api import Page, expect
 from pymap3d import enu2geodetic
 
-from api.routes.page_routes import policy
+from api.routes.page_routes import Tiles, edition, policy
 from tests.page.gestures import drawn, on_screen, opened, view
 from tests.tools.browsing import Tabs, Visit, accessibility_faults, visiting
 from tests.tools.processes import wait_until
@@ -126,4 +126,6 @@ def test_tiles_that_an_operator_sets_lie_below_a_placed_formation(
         sent = answer.headers["content-security-policy"]
         assert f"img-src 'self' data: blob: {elsewhere};" in sent
         assert sent.replace(f" {elsewhere}", "") == policy()
+        # what it names is kept by browsers: it is of this edition, tiles and all
+        assert f'"assets/{edition(Tiles(template, "© Tiles Example"))}/main.js"' in answer.text
         assert accessibility_faults(page) == []
