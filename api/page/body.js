@@ -187,7 +187,7 @@ export class Body {
   /** What keeps the best of the landmarks that are selected; null where there is nothing to choose. */
   #candidates() {
     const { scenario, chosen } = this.#store;
-    const sites = chosen.filter(({ kind, k }) => BODIES[kind]?.all === landmarksOf && landmarksOf(scenario)[k]);
+    const sites = chosen.filter(({ kind, k }) => kind === "landmark" && landmarksOf(scenario)[k]);
     if (sites.length < 2) return null;
     const count = number("best-count", Math.ceil(sites.length / 2), "Landmarks to keep");
     const keep = element("button", { type: "button", onclick: () => attempt(() => this.#keepBest(sites, count.value)) }, "Keep the best");

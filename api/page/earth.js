@@ -1,12 +1,14 @@
 // Where points of the plane lie on the earth: the plane touches the ellipsoid WGS 84 at the origin.
 
-const MAJOR_M = 6378137;
+import { decade } from "./scenario.js";
+
+export const MAJOR_M = 6378137;
 const FLATTENING = 1 / 298.257223563;
 const MINOR_M = MAJOR_M * (1 - FLATTENING);
 /** squares of the first and second eccentricity */
 const FIRST = FLATTENING * (2 - FLATTENING);
 const SECOND = FIRST / (1 - FIRST);
-const DEGREE = Math.PI / 180;
+export const DEGREE = Math.PI / 180;
 const STEPS = [1, 2, 5, 10];
 /** points of a line of the graticule: it is curved, if little */
 const POINTS = 9;
@@ -80,8 +82,8 @@ export function placeWords(place) {
 
 /** Round values between two, and the digits that they need: at least `least` apart, by 1, 2 or 5. */
 function linesAt([from, to], least) {
-  const decade = 10 ** Math.floor(Math.log10(least));
-  const step = decade * (STEPS.find((one) => one * decade >= least) ?? 10);
+  const unit = decade(least);
+  const step = unit * (STEPS.find((one) => one * unit >= least) ?? 10);
   const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
   const first = Math.ceil(from / step);
   return Array.from({ length: Math.max(0, Math.floor(to / step) - first + 1) }, (_, k) => [(first + k) * step, digits]);

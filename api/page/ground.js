@@ -1,6 +1,6 @@
 // The earth under the map, where a scenario states its origin: a graticule, and the tiles that an operator set.
 
-import { graticuleOf, placeOf, placeWords, pointOf } from "./earth.js";
+import { DEGREE, graticuleOf, MAJOR_M, placeOf, placeWords, pointOf } from "./earth.js";
 import { byId } from "./elements.js";
 import { mark } from "./looks.js";
 import { TILES } from "./tables.js";
@@ -12,8 +12,6 @@ const WIDEST_M = 1e6;
 const DEEPEST = 19;
 /** marks stay legible over tiles, in the dark as well */
 const FAINT = 0.6;
-const SPHERE_M = 6378137;
-const DEGREE = Math.PI / 180;
 
 /** The ground of a map; `style` gives its marks their looks. */
 export class Ground {
@@ -57,15 +55,15 @@ export class Ground {
     this.#lines.addFeatures(lines.flatMap(({ along, path, name }) => [mark(new LineString(path), { kind: "graticule" }), mark(new Point(path[0]), { kind: along, name })]));
   }
 
-  /** Tiles come in Mercator's projection of the sphere; OpenLayers bends them to the plane. */
+  /** Tiles come in Mercator's projection of a sphere of the ellipsoid's longer axis; OpenLayers bends them to the plane. */
   async #layTiles(origin, { url, attribution }) {
     const { addCoordinateTransforms, TileLayer, XYZ } = await import("./vendor/tiles.js");
     if (origin !== this.#origin) return;
     const toMercator = (point) => {
       const [lat, lon] = placeOf(origin, point);
-      return [SPHERE_M * lon * DEGREE, SPHERE_M * Math.log(Math.tan(Math.PI / 4 + (lat * DEGREE) / 2))];
+      return [MAJOR_M * lon * DEGREE, MAJOR_M * Math.log(Math.tan(Math.PI / 4 + (lat * DEGREE) / 2))];
     };
-    const toPlane = (point) => pointOf(origin, [(2 * Math.atan(Math.exp(point[1] / SPHERE_M)) - Math.PI / 2) / DEGREE, point[0] / SPHERE_M / DEGREE]);
+    const toPlane = (point) => pointOf(origin, [(2 * Math.atan(Math.exp(point[1] / MAJOR_M)) - Math.PI / 2) / DEGREE, point[0] / MAJOR_M / DEGREE]);
     addCoordinateTransforms(this.#map.getView().getProjection(), "EPSG:3857", toMercator, toPlane);
     this.#tiles = new TileLayer({ opacity: FAINT, source: new XYZ({ url, maxZoom: DEEPEST }) });
     this.#map.getLayers().insertAt(0, this.#tiles);

@@ -15,6 +15,7 @@ export function welcome(store, player) {
     element("p", {}, "syncplan plans circles on which robots meet at the right moments, so that all of them know where they are."),
     element("button", { type: "button", class: "primary", onclick: () => byId("new").click() }, "Plan your own team …"),
   );
+  // what was opened before is the example on show: only what comes is an end
   for (const name of ["opened", "scenario"]) store.addEventListener(name, end);
   document.addEventListener("click", end, { once: true });
   byId("map").append(card);

@@ -149,8 +149,7 @@ async def read_plan_figure(
 )
 async def read_plan_covariances(plan_id: Identifier, caller: CurrentCaller) -> Response:
     """Error ellipses over the last period, from the bound behind the predicted RMS errors."""
-    row = await find_or_refuse(caller.service, caller.owner, plan_id)
-    found = await computed(caller, "plan_covariances", row.text)
+    found = await _of_plan(caller, plan_id, "plan_covariances")
     made = Response(found, media_type="application/json")
     return compressed(made, caller.request.headers.get("accept-encoding", ""))
 
@@ -183,6 +182,34 @@ async def read_job_figure(
     return await _drawn(caller, "report_figure", text, row.kind, figure, style)
 
 
+def _begun(caller: Caller, job_id: str) -> tuple[JobSpec, list[tuple[Batch, bytes]]] | None:
+    """A job under way and its first batches; None if it has no trials to show yet."""
+    with caller.service.database.reading() as connection:
+        job = begun_job(connection, job_id, VERSION)
+        numbers = [number for _, number in first_batches(connection, job_id)]
+        if job is None or not numbers:
+            return None
+        return job.spec, finished_batches(connection, job_id, numbers)
+
+
+async def _of_plan(caller: Caller, plan_id: Identifier, task: str, *arguments: Any) -> Any:
+    """What a task makes of a stored plan; raises NotFound if there is none."""
+    row = await find_or_refuse(caller.service, caller.owner, plan_id)
+    return await computed(caller, task, row.text, *arguments)
+
+
+async def _drawn(caller: Caller, task: str, *arguments: Any) -> Response:
+    """Figure that a task draws; raises NotFound if its subject does not have it."""
+    try:
+        drawn = await computed(caller, task, *arguments)
+    except InputError as error:
+        raise NotFound(error.problem) from None
+    return Response(drawn, media_type="application/json")
+
+
+# --- printed reports ------------------------------------------------------------------------------
+
+
 @router.get(
     "/plans/{plan_id}/report",
     tags=["figures"],
@@ -194,29 +221,9 @@ async def read_job_figure(
 )
 async def read_printed_plan(plan_id: Identifier, caller: CurrentCaller) -> Response:
     """A page that prints on one sheet: map, verdict, vehicles, and what the figures assume."""
-    row = await find_or_refuse(caller.service, caller.owner, plan_id)
-    page = await computed(caller, "printed_report", row.text, plan_id)
+    page = await _of_plan(caller, plan_id, "printed_report", plan_id)
     policy = f"{POLICY}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
     return HTMLResponse(page, headers={"Content-Security-Policy": policy})
-
-
-def _begun(caller: Caller, job_id: str) -> tuple[JobSpec, list[tuple[Batch, bytes]]] | None:
-    """A job under way and its first batches; None if it has no trials to show yet."""
-    with caller.service.database.reading() as connection:
-        job = begun_job(connection, job_id, VERSION)
-        numbers = [number for _, number in first_batches(connection, job_id)]
-        if job is None or not numbers:
-            return None
-        return job.spec, finished_batches(connection, job_id, numbers)
-
-
-async def _drawn(caller: Caller, task: str, *arguments: Any) -> Response:
-    """Figure that a task draws; raises NotFound if its subject does not have it."""
-    try:
-        drawn = await computed(caller, task, *arguments)
-    except InputError as error:
-        raise NotFound(error.problem) from None
-    return Response(drawn, media_type="application/json")
 
 
 # --- losses ---------------------------------------------------------------------------------------
@@ -254,8 +261,7 @@ async def read_losses(
     The most harmful loss comes first. A vehicle whose sensor is lost flies on and is seen by
     others.
     """
-    row = await find_or_refuse(caller.service, caller.owner, plan_id)
-    found = await computed(caller, "judged_losses", row.text, lose or [], int(losses), bound)
+    found = await _of_plan(caller, plan_id, "judged_losses", lose or [], int(losses), bound)
     return Response(found, media_type="application/json")
 
 
@@ -285,8 +291,7 @@ async def read_landmark_choice(
 
     The plan in the answer has them and the landmarks that are no candidates, on the same orbits.
     """
-    row = await find_or_refuse(caller.service, caller.owner, plan_id)
-    found = await computed(caller, "chosen_landmarks", row.text, candidate, choose, seed)
+    found = await _of_plan(caller, plan_id, "chosen_landmarks", candidate, choose, seed)
     return Response(found, media_type="application/json")
 
 
@@ -350,8 +355,7 @@ async def read_export(
 
     The sidecar says how each vehicle joins its circle at the right phase, and what to watch for.
     """
-    row = await find_or_refuse(caller.service, caller.owner, plan_id)
-    archive, notes = await computed(caller, "exported", row.text, format, query.model_dump())
+    archive, notes = await _of_plan(caller, plan_id, "exported", format, query.model_dump())
     headers = {
         "content-disposition": f'attachment; filename="plan-{format}.zip"',
         NOTES: json.dumps(notes),
