@@ -196,6 +196,7 @@ def neglect_of(team: Team, windows: Windows, duration: float) -> Neglect | None:
 
 
 Level = Literal["stop", "warning", "note"]
+"""Of a finding, the gravest first."""
 
 MOST_NAMED = 5
 """Findings of one code, or subjects of one finding, that are listed; the rest are counted."""

@@ -23,7 +23,6 @@ from syncplan.plotting.figure_table import FIGURES
 from syncplan.plotting.vendored import FONT_NAME, font, plotly_script
 
 _PAGE_SIDES_PX = 48
-_LEVELS = {"stop": "No-go", "warning": "Warning", "note": "Note"}
 
 _POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
@@ -94,7 +93,7 @@ def figure_page(
 def _verdict_lines(which: str, verdict: PlanVerdict) -> str:
     """HTML of a verdict: its headline, with the findings below."""
     items = "".join(
-        f'<li data-code="{one.code}"><strong>{_LEVELS[one.level]}, '
+        f'<li data-code="{one.code}"><strong>{one.level.capitalize()}, '
         f"{one.code.replace('-', ' ')}</strong>: {html.escape(one.message)}</li>\n"
         for one in verdict.findings
     )

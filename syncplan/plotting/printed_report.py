@@ -13,10 +13,11 @@ from datetime import UTC, date, datetime
 from functools import cache
 from html import escape
 from importlib.resources import files
-from typing import Any
+from typing import Any, get_args
 
 from syncplan import __version__
 from syncplan.phrases import in_words, listed
+from syncplan.planning.judged_team import Level
 from syncplan.planning.planner import Plan
 from syncplan.plotting.figure_style import DARK, FigureStyle
 from syncplan.plotting.formation_figures import formation_spec
@@ -37,8 +38,6 @@ _FINDING_ROWS = 3
 
 _MOST_LANDMARKS = 6
 _MAP_PX = 460
-
-_LEVELS = {"stop": "Stop", "warning": "Warning", "note": "Note"}
 
 _SUPPOSED = {
     "sensor": "Sensor",
@@ -133,10 +132,10 @@ def _verdict_sentence(document: PlanDocument) -> str:
 
 def _findings(plan: Plan) -> str:
     """The findings, the gravest first, each with its cure; those beyond a few are counted."""
-    order = list(_LEVELS)
+    order = get_args(Level)
     found = sorted(plan.verdict.findings, key=lambda one: order.index(one.level))
     items = [
-        f"<li><strong>{_LEVELS[one.level]}:</strong> {escape(one.message)}"
+        f"<li><strong>{one.level.capitalize()}:</strong> {escape(one.message)}"
         + (f" <strong>Cure:</strong> {escape(one.cure.text)}" if one.cure else "")
         + "</li>\n"
         for one in found[:_MOST_FINDINGS]

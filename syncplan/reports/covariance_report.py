@@ -1,5 +1,7 @@
 """Covariances of positions over the last period of a plan, as a document."""
 
+from typing import Annotated
+
 from pydantic import Field
 
 from syncplan.documents import Document
@@ -9,7 +11,7 @@ from syncplan.planning.planner import Plan
 DIGITS = 4
 """Digits of a covariance."""
 
-Covariance = tuple[float, float, float]
+Covariance = Annotated[list[float], Field(min_length=3, max_length=3)]
 """(xx, xy, yy) in m^2."""
 
 
@@ -23,7 +25,7 @@ class PositionCovariancesDocument(Document):
     vehicles: dict[str, list[Covariance]] = Field(
         description="Of each vehicle, its position's variance east, covariance and variance north "
         "at these moments, in m^2",
-        examples=[{"v1": [(0.61, 0.08, 0.35), (0.58, 0.06, 0.36), (0.6, 0.07, 0.35)]}],
+        examples=[{"v1": [[0.61, 0.08, 0.35], [0.58, 0.06, 0.36], [0.6, 0.07, 0.35]]}],
     )
 
 
@@ -42,4 +44,4 @@ def _rounded(found: PositionCovariances, vehicle: int) -> list[Covariance]:
         return float(f"{value:.{DIGITS}g}")
 
     own = found.values[:, vehicle]
-    return [(short(one[0, 0]), short(one[0, 1]), short(one[1, 1])) for one in own]
+    return [[short(one[0, 0]), short(one[0, 1]), short(one[1, 1])] for one in own]

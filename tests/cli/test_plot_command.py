@@ -117,7 +117,7 @@ def test_a_report_is_written_whatever_the_verdict(run: Run, tmp_path: Path) -> N
 
 def test_findings_on_a_page_are_in_words(run: Run) -> None:
     _, out, _ = run("plot", GRID, "--figure", "spectrum")
-    words = "<strong>No-go, unobservable</strong>: no sighting can detect"
+    words = "<strong>Stop, unobservable</strong>: no sighting can detect"
     assert out.count(f'<li data-code="unobservable">{words}') == 2
     _, out, _ = run("plot", str(FILES / "paper-grid-same.yaml"), "--figure", "spectrum")
     assert "<strong>Note, single point of failure</strong>: losing any one of" in out

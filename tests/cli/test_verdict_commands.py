@@ -48,7 +48,7 @@ def test_plot_says_the_verdict_first_and_its_page_shows_it(run: Any, tmp_path: P
     assert err == "syncplan: GO\n"
     assert "<strong>GO</strong>" in out
     assert "<strong>Note, single point of failure</strong>" in out
-    assert "<strong>No-go" not in out
+    assert "<strong>Stop" not in out
     _, out, err = run("plot", str(plan), "--compare", GRID, "--figure", "comparison")
     assert err.splitlines() == [
         "syncplan: before: NO-GO: 2 reasons: unobservable",
