@@ -19,7 +19,8 @@ export function offerDownloads(store, storePlan) {
   const suit = () => {
     pilots.hidden = !MISSIONS.includes(format.value);
     origin.hidden = !ON_EARTH.includes(format.value) || store.scenario?.geo_origin !== undefined;
-    buttons[2].disabled = store.scenario === null || !origin.hidden;
+    // not disabled: Tab leads to it from the last field that it waits for
+    buttons[2].setAttribute("aria-disabled", !origin.hidden);
     // nothing is said of files that can't be made yet
     travels.hidden = !origin.hidden;
   };
@@ -27,7 +28,7 @@ export function offerDownloads(store, storePlan) {
   const buttons = [
     element("button", { type: "button", onclick: () => saveScenario(store) }, "Scenario"),
     element("button", { type: "button", onclick: () => run(savePlan) }, "Plan"),
-    element("button", { type: "button", onclick: () => run(saveExport) }, "Export"),
+    element("button", { type: "button", onclick: () => origin.hidden && run(saveExport) }, "Export"),
     element("button", { type: "button", onclick: () => showReport(open()) }, "Print report"),
   ];
   const force = element("input", { type: "checkbox", id: "force" });

@@ -53,7 +53,7 @@ export class FormationMap {
     const layer = (source) => new VectorLayer({ source, style, updateWhileInteracting: true });
     this.#map = new OlMap({
       target: this.#frame,
-      controls: [new ScaleLine({ minWidth: 80 })],
+      controls: [new ScaleLine({ minWidth: 40 })],
       interactions: [new DragPan(), new MouseWheelZoom(), new PinchZoom()],
       layers: [layer(this.#areas), layer(this.#still), layer(this.#moving)],
       view: new View({ projection: PLANE, center: [0, 0], resolution: 1, constrainRotation: false, enableRotation: false, showFullExtent: true }),

@@ -79,7 +79,7 @@ def test_a_team_of_ones_own_comes_to_a_mission_by_keyboard_alone(visit: Visit, p
     page.keyboard.press("Tab")
     button = page.locator("#downloads").get_by_role("button", name="Export")
     expect(button).to_be_enabled()
-    button.focus()
+    expect(button).to_be_focused()
     with page.expect_download() as waiting:
         page.keyboard.press("Enter")
     assert sum(name.endswith(".plan") for name in unzipped(waiting.value)) == 4
