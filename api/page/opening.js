@@ -106,9 +106,10 @@ export class Opening {
   }
 }
 
+/** The plan of an example; the first one comes within the page. */
 async function exampled(name) {
-  const answer = await ask("GET", `assets/examples/${name}.yaml`, { accept: "application/yaml" });
-  return Planner.preview(await answer.text());
+  const within = document.getElementById(name)?.textContent;
+  return Planner.preview(within ?? (await (await ask("GET", `assets/examples/${name}.yaml`, { accept: "application/yaml" })).text()));
 }
 
 /** What the service reads of the plan that a JSON file holds, null for anything else. */
