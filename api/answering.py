@@ -59,12 +59,22 @@ UNLESS_GIVEN: tuple[HeaderPair, ...] = (
 )
 """Defaults for headers that an answer does not set: nothing is run, framed or kept by proxies."""
 
+OF_DOCUMENTS = frozenset(
+    (b"cross-origin-opener-policy", b"permissions-policy", b"content-security-policy")
+)
+"""Headers that scripts and styles do without, as the page's own apply to them; there are many."""
+
+_PARTS_OF_DOCUMENTS = (b"text/javascript", b"text/css")
+
 
 def with_security(headers: Iterable[HeaderPair]) -> list[HeaderPair]:
     """Return the headers of an answer, names in lower case, with the security headers added."""
-    given = list(headers)
-    names = {name for name, _ in given}
-    return [*given, *ALWAYS, *(pair for pair in UNLESS_GIVEN if pair[0] not in names)]
+    own = list(headers)
+    given = dict(own)
+    every = [*own, *ALWAYS, *(pair for pair in UNLESS_GIVEN if pair[0] not in given)]
+    if given.get(b"content-type", b"").startswith(_PARTS_OF_DOCUMENTS):
+        return [pair for pair in every if pair[0] not in OF_DOCUMENTS]
+    return every
 
 
 # --- the middleware -------------------------------------------------------------------------------

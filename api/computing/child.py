@@ -7,6 +7,7 @@ import contextlib
 import gc
 import os
 import signal
+import sys
 import time
 import traceback
 from collections.abc import Callable, Iterator
@@ -72,6 +73,7 @@ GRACE_S = 5.0
 """Time that an interrupted task may take to end (s) before its process is killed."""
 
 _PROGRESS_EVERY_S = 0.2
+_IDLE_S = 2.0
 _WITH_PROGRESS = {"computed_batch", "computed_job"}
 
 
@@ -113,8 +115,7 @@ class Child:
         self._process = ChildProcess("api.computing.child", "serve")
         self._process.connection.send((background, niceness, memory_bytes))
         self.pid = self._process.process.pid
-        self.first_memory = 0
-        self.memory = 0
+        self.growth = 0
         self.killed = False
 
     def wait_until_ready(self) -> None:
@@ -145,9 +146,8 @@ class Child:
                 if kind == "progress":
                     if progress is not None:
                         progress(value)
-                elif kind == "memory":
-                    self.first_memory = self.first_memory or value
-                    self.memory = value
+                elif kind == "growth":
+                    self.growth = value
                 elif kind == "done":
                     return value
                 else:
@@ -199,8 +199,13 @@ def serve(descriptor: int) -> None:
 
         return report
 
+    first_memory, libraries, searched = 0, 0, background
     with contextlib.suppress(EOFError, BrokenPipeError):
         while True:
+            if not searched and not connection.poll(_IDLE_S):
+                tasks.warm_up_searches()
+                gc.freeze()
+                searched = True
             name, arguments, timeout_s = connection.recv()
             extra = (progress_every(),) if name in _WITH_PROGRESS else ()
             try:
@@ -210,7 +215,10 @@ def serve(descriptor: int) -> None:
                 answer = "failed", TooSlowError("out of time")
             finally:
                 alarm.clear()
-            connection.send(("memory", _memory()))
+            # libraries that a task loads stay in use, and are not loaded again
+            if len(sys.modules) > libraries:
+                first_memory, libraries = _memory(), len(sys.modules)
+            connection.send(("growth", _memory() - first_memory))
             connection.send(answer)
 
 

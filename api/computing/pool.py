@@ -52,7 +52,7 @@ class PoolDepth:
 
 
 LARGEST_GROWTH_BYTES = 48 * 2**20
-"""Memory growth since its first task beyond which a child is replaced."""
+"""Memory growth of a child, not counting the libraries it loads, beyond which it is replaced."""
 PATIENCE_S = 1.0
 """Wait of an owner with nothing running before an extra child starts (s)."""
 
@@ -295,7 +295,7 @@ class Pool:
                     self._turns.done(ticket.owner)
                     self._idle_since[ticket.owner] = time.monotonic()
                     self._work.notify_all()
-            if child is not None and child.memory - child.first_memory > LARGEST_GROWTH_BYTES:
+            if child is not None and child.growth > LARGEST_GROWTH_BYTES:
                 child.end()
                 child = None
             child = child or self._started()

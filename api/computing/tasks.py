@@ -181,6 +181,11 @@ def warm_up(trials: bool) -> None:
         ready()
 
 
+def warm_up_searches() -> None:
+    """Load what the first search of phases would otherwise wait for."""
+    plan(scenario_from(_ODD_CYCLE))
+
+
 def ready() -> None:
     """Load what the first preview would otherwise wait for."""
     import syncplan.plotting.figures  # noqa: F401
@@ -192,6 +197,8 @@ _SMALL = {
     "landmarks_m": [[0.0, 40.0], [70.0, 40.0]],
     "sensor": {"range_m": 50.0, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1},
 }
+_ODD_CYCLE = {**_SMALL, "formation": {"centers_m": [[0.0, 0.0], [70.0, 0.0], [35.0, 60.0]]}}
+"""Scenario whose phases no rule gives."""
 
 
 # --- previews, figures, losses, exports -----------------------------------------------------------

@@ -3,10 +3,14 @@
 import { draw } from "./drawing.js";
 import { attempt, byId } from "./elements.js";
 import { askJson, patiently } from "./service.js";
-import { ASKED, ON_MAP, Planner, theme } from "./planner.js";
-import { FIGURES } from "./tables.js";
+import { Planner, theme } from "./planner.js";
+import { FIGURES, PLAN_FIGURES } from "./tables.js";
 import { tabs } from "./tabs.js";
 
+/** The page draws the formation and plays its period on the map itself. */
+const ON_MAP = ["formation", "animation"];
+/** The figures that a plan on show comes with while figures are open. */
+const ASKED = PLAN_FIGURES.filter((name) => !ON_MAP.includes(name));
 const TITLES = Object.fromEntries(Object.entries(FIGURES).filter(([name]) => !ON_MAP.includes(name)));
 
 /** The tabs of figures. */

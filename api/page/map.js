@@ -16,24 +16,51 @@ const TOOLS_PX = 130;
 const NARROW = matchMedia("(max-width: 60em)");
 const FURTHEST_M = 1e7;
 const TURN = 2 * Math.PI;
+/** what strokes and symbols of a mark take around its geometry, and each letter of its name */
+const AROUND_PX = 40;
+const LETTER_PX = 8;
+const NOTHING = [Infinity, Infinity, -Infinity, -Infinity];
 
 const PLANE = new Projection({ code: "plane", units: "m", extent: [-FURTHEST_M, -FURTHEST_M, FURTHEST_M, FURTHEST_M] });
+
+/** Marks of which a part [west, south, east, north] in m is drawn, or all. */
+class Marks extends VectorSource {
+  /** @type {number[] | null} */
+  part = null;
+
+  getFeaturesInExtent(all) {
+    const [west, south, east, north] = this.part ?? all;
+    return super.getFeaturesInExtent([Math.max(west, all[0]), Math.max(south, all[1]), Math.min(east, all[2]), Math.min(north, all[3])]);
+  }
+}
 
 /** The map: draws a store's scenario and plan, and turns handles that move into edits. */
 export class FormationMap {
   #store;
   #frame = byId("map-plot");
   #areas = new VectorSource();
-  #still = new VectorSource();
-  #moving = new VectorSource();
+  #sources = { still: new Marks(), moving: new Marks() };
   #looks = new Looks();
   #map;
-  /** marks that stand still, by their signatures */
-  #drawn = new Map();
+  /** marks that are drawn, by their signatures */
+  #drawn = { still: new Map(), moving: new Map() };
+  /** [west, south, east, north] in m of marks that changed since the map was drawn, and what else it shows */
+  #changed = NOTHING;
+  #shown = "";
+  /** the part that is drawn now, null for all @type {any} */
+  #part = null;
+  /** most letters of a name */
+  #letters = 0;
+  /** all layers, those of tools as well @type {any[]} */
+  #layers = [];
+  /** what marks are drawn on @type {any} */
+  #context = null;
   /** circles and links that are drawn @type {any} */
   #scene = null;
   /** the frame that is waited for */
   #due = 0;
+  /** whether all that is due comes of a drag that goes on */
+  #live = true;
   /** what was on show after all was fitted into the window */
   #whole = "";
   /** the polygons that are drawn, as text */
@@ -51,20 +78,28 @@ export class FormationMap {
     this.#store = store;
     const style = (feature) => this.#looks.of(feature);
     const layer = (source) => new VectorLayer({ source, style, updateWhileInteracting: true });
+    const own = Object.values(this.#sources).map(layer);
     this.#map = new OlMap({
       target: this.#frame,
       controls: [new ScaleLine({ minWidth: 40 })],
       interactions: [new DragPan(), new MouseWheelZoom(), new PinchZoom()],
-      layers: [layer(this.#areas), layer(this.#still), layer(this.#moving)],
+      layers: [layer(this.#areas), ...own],
       view: new View({ projection: PLANE, center: [0, 0], resolution: 1, constrainRotation: false, enableRotation: false, showFullExtent: true }),
     });
     this.#frame.map = this.#map;
+    own[0].on("prerender", ({ context }) => (this.#context = context));
+    this.#map.on("precompose", () => this.#part ? this.#clip(this.#part) : this.#draws(null));
+    this.#map.on("postcompose", ({ frameState }) => {
+      if (this.#part) this.#context.restore();
+      this.#layers = /** @type {any} */ (frameState).layerStatesArray.map(({ layer }) => layer);
+      [this.#shown, this.#changed, this.#part, this.#live] = [this.#picture, NOTHING, null, true];
+    });
     this.#map.on("pointermove", ({ coordinate }) => this.#point(coordinate));
     store.on(["opened"], () => {
       this.fit();
       this.#map.once("rendercomplete", () => performance.mark("map"));
     });
-    store.on(["scenario", "opened", "plan", "selected", "beside", "off"], () => this.#drawSoon());
+    store.on(["scenario", "opened", "plan", "selected", "beside", "off"], ({ live, quick }) => this.#drawSoon(live || quick));
     store.on(["scenario", "opened"], () => this.#layGround(style));
     store.on(["selected"], ({ reveal }) => reveal && this.#reveal());
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.#restyle());
@@ -132,26 +167,29 @@ export class FormationMap {
   moment(time) {
     this.#time = time;
     this.#flown = null;
-    this.#drawMoving();
+    this.#due || this.#drawMoving();
   }
 
   /** Draw around each vehicle what this returns, at every moment. */
   surround(around) {
     this.#around = around;
-    this.#drawMoving();
+    this.#due || this.#drawMoving();
   }
 
   /** Show a moment of a flown trial, as marks of the kinds that `looks` knows. */
   flown(marks) {
     this.#flown = marks;
-    this.#drawMoving();
+    this.#due || this.#drawMoving();
   }
 
-  /** Draw with the next frame, once for all that changes until then. */
-  #drawSoon() {
+  /** Draw with the next frame, once for all that changes until then: what changed alone, if a drag goes on. */
+  #drawSoon(live) {
+    this.#live &&= Boolean(live);
     this.#due ||= requestAnimationFrame(() => {
       this.#due = 0;
       this.draw();
+      const same = this.#live && this.#shown === this.#picture && !this.#map.getView().getAnimating();
+      this.#draws(same ? this.#changed : null);
       // in this frame, not the next one
       this.#map.renderSync();
     });
@@ -166,7 +204,7 @@ export class FormationMap {
     const judged = without?.unobservable ? { ...plan, observability: without } : plan;
     this.#scene = { circles, links };
     this.#drawPolygons(scenario);
-    this.#sync([
+    this.#sync("still", [
       // with a line to the place at the start, by which phases differ
       ...(beside?.vehicles ?? []).map(({ name, center_m: [x, y], radius_m: radius, phase_rad: phase }) => [
         `beside ${name} ${x} ${y} ${radius} ${phase}`,
@@ -184,19 +222,60 @@ export class FormationMap {
     this.#frame.setAttribute("aria-label", `Map of the formation: ${many}.`);
   }
 
-  /** Bring the marks that stand still to these, `[signature, make]`: those that are drawn stay. */
-  #sync(marks) {
-    const gone = new Map(this.#drawn);
+  /** Bring the marks of a source to these, `[signature, make]`: those that are drawn stay. */
+  #sync(name, marks) {
+    const drawn = this.#drawn[name];
+    const gone = new Map(drawn);
     const made = [];
     for (const [signature, make] of marks) {
-      if (gone.delete(signature) || this.#drawn.has(signature)) continue;
+      if (gone.delete(signature) || drawn.has(signature)) continue;
       const feature = make();
-      this.#drawn.set(signature, feature);
+      drawn.set(signature, feature);
       made.push(feature);
     }
-    for (const signature of gone.keys()) this.#drawn.delete(signature);
-    this.#still.removeFeatures([...gone.values()]);
-    this.#still.addFeatures(made);
+    for (const signature of gone.keys()) drawn.delete(signature);
+    this.#sources[name].removeFeatures([...gone.values()]);
+    this.#sources[name].addFeatures(made);
+    for (const one of [...gone.values(), ...made]) this.#change(one);
+  }
+
+  #change(mark) {
+    const [west, south, east, north] = this.#changed;
+    const [left, low, right, high] = mark.getGeometry().getExtent();
+    this.#changed = [Math.min(west, left), Math.min(south, low), Math.max(east, right), Math.max(north, high)];
+    this.#letters = Math.max(this.#letters, mark.get("name")?.length ?? 0);
+  }
+
+  /** What the map shows beside changes of marks, as text. */
+  get #picture() {
+    const sources = Object.values(this.#sources);
+    const revisions = this.#layers.map((one) => one.getRevision() - (sources.find((source) => source === one.getSource())?.getRevision() ?? 0));
+    return `${this.#viewed} ${this.#map.getSize()} ${revisions}`;
+  }
+
+  /** A part, with what marks have around it. */
+  #withMarks([west, south, east, north]) {
+    const around = (AROUND_PX + LETTER_PX * this.#letters) * (this.#map.getView().getResolution() ?? 1);
+    return [west - around, south - around, east + around, north + around];
+  }
+
+  /** Let marks of a part be drawn, or all: the rest of the picture is there. */
+  #draws(part) {
+    this.#part = part && this.#withMarks(part);
+    for (const source of Object.values(this.#sources)) {
+      if (!part && !source.part) continue;
+      source.part = part && this.#withMarks(this.#part);
+      source.changed();
+    }
+  }
+
+  #clip([west, south, east, north]) {
+    const ratio = this.#context.canvas.width / this.#frame.clientWidth;
+    const [from, to] = [[west, north], [east, south]].map((one) => this.#map.getPixelFromCoordinate(one).map((value) => Math.round(value * ratio)));
+    this.#context.save();
+    this.#context.beginPath();
+    this.#context.rect(...from, to[0] - from[0], to[1] - from[1]);
+    this.#context.clip();
   }
 
   /** Draw the polygons, unless they are drawn: corners may be in hand. */
@@ -211,26 +290,29 @@ export class FormationMap {
 
   #drawMoving() {
     const { plan, selected } = this.#store;
-    this.#moving.clear(true);
-    if (!this.#scene) return;
     if (this.#flown) {
-      this.#moving.addFeatures(this.#flown.map(({ path, place, ...look }) => mark(path ? new LineString(path) : new Point(place), look)));
+      this.#sync("moving", this.#flown.map(({ path, place, ...look }) => [Symbol(), () => mark(path ? new LineString(path) : new Point(place), look)]));
       return;
     }
     const turned = this.#turned;
-    const { circles, links } = this.#scene;
+    const { circles, links } = this.#scene ?? { circles: [], links: [] };
     const chosen = selected?.kind === "vehicle" ? circles[selected.k] : null;
-    if (chosen && plan && !chosen.off && !chosen.blind) this.#moving.addFeature(mark(new Polygon([sightOf(chosen, turned)]), { kind: "sight" }));
+    const sight = chosen && plan && !chosen.off && !chosen.blind ? [sightOf(chosen, turned)] : [];
     const inTouch = links.filter(({ arcs }) => arcs.some(([from, to]) => within(turned, from, to)));
-    this.#moving.addFeatures([
-      ...inTouch.map(({ from, to, rank }) => mark(line([poseAt(from, turned), poseAt(to, turned)]), { kind: "sighting", rank })),
-      ...circles.map((one) => {
-        const { x, y, heading } = poseAt(one, turned);
-        return mark(new Point([x, y]), { kind: "vehicle", body: one.name, heading, off: one.off });
+    const poses = circles.map((one) => poseAt(one, turned));
+    this.#sync("moving", [
+      ...sight.map((rim) => [`sight ${rim}`, () => mark(new Polygon([rim]), { kind: "sight" })]),
+      ...inTouch.map(({ from, to, rank }) => {
+        const ends = [poseAt(from, turned), poseAt(to, turned)];
+        return [`sighting ${rank} ${ends.map(({ x, y }) => [x, y])}`, () => mark(line(ends), { kind: "sighting", rank })];
       }),
-      ...circles.flatMap((one) => {
-        const ring = !one.off && this.#around(one.name, poseAt(one, turned), this.#time);
-        return ring ? [mark(new Polygon([ring]), { kind: "ellipse", body: one.name })] : [];
+      ...circles.map(({ name, off }, k) => {
+        const { x, y, heading } = poses[k];
+        return [`vehicle ${name} ${x} ${y} ${heading} ${off}`, () => mark(new Point([x, y]), { kind: "vehicle", body: name, heading, off })];
+      }),
+      ...circles.flatMap(({ name, off }, k) => {
+        const ring = !off && this.#around(name, poses[k], this.#time);
+        return ring ? [[Symbol(), () => mark(new Polygon([ring]), { kind: "ellipse", body: name })]] : [];
       }),
     ]);
   }

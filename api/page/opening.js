@@ -22,9 +22,15 @@ const early = new Map();
 
 /** The answer that was asked for early, once, and otherwise what `ask()` brings. */
 function begun(name, ask) {
-  const answer = early.get(name) ?? ask();
+  const answer = early.get(name)?.catch(wanted) ?? ask();
   early.clear();
   return answer;
+}
+
+/** Ask for the key that the service wanted when nobody listened yet. */
+function wanted(error) {
+  if (error.status === 401) document.dispatchEvent(new Event("syncplan:key"));
+  throw error;
 }
 
 /** Puts into a store what is chosen; an answer that comes after another choice is dropped. */
@@ -106,9 +112,10 @@ export class Opening {
   }
 }
 
+/** The plan of an example; the first one comes within the page. */
 async function exampled(name) {
-  const answer = await ask("GET", `assets/examples/${name}.yaml`, { accept: "application/yaml" });
-  return Planner.preview(await answer.text());
+  const within = document.getElementById(name)?.textContent;
+  return Planner.preview(within ?? (await (await ask("GET", `assets/examples/${name}.yaml`, { accept: "application/yaml" })).text()));
 }
 
 /** What the service reads of the plan that a JSON file holds, null for anything else. */

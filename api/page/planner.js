@@ -2,16 +2,9 @@
 
 import { orbitsOf } from "./scenario.js";
 import { askJson, passing, pause, Refusal } from "./service.js";
-import { PLAN_FIGURES } from "./tables.js";
 
 const SETTLE_MS = 350;
 const AWAY_S = 2;
-
-/** The page draws the formation and plays its period on the map itself. */
-export const ON_MAP = ["formation", "animation"];
-
-/** The figures that a plan on show comes with while figures are open. */
-export const ASKED = PLAN_FIGURES.filter((name) => !ON_MAP.includes(name));
 
 /** Keeps a store's plan up with its scenario.
  *

@@ -6,6 +6,7 @@ It consists of its own files, the library's tables, examples, and Plotly.
 import gzip
 import hashlib
 import json
+import re
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from importlib.resources import files
@@ -106,6 +107,9 @@ _MEDIA = {
     "svg": "image/svg+xml",
     "yaml": "application/yaml",
 }
+_EXAMPLE = re.compile(rb'<script type="application/yaml" id="([\w-]+)">')
+"""Where the page has an example within it."""
+
 _FOLDERS = ("examples", "briefs", "vendor")
 _LEVEL = 6
 _FAST = 3
@@ -167,8 +171,13 @@ def _content(name: str, tiles: Tiles | None) -> bytes:
     if name == TABLES:
         return tables_script(tiles).encode()
     if name == PAGE:
-        return _file(name).replace(b'"assets/', f'"assets/{edition(tiles)}/'.encode())
+        page = _EXAMPLE.sub(_with_example, _file(name))
+        return page.replace(b'"assets/', f'"assets/{edition(tiles)}/'.encode())
     return _file(name)
+
+
+def _with_example(element: re.Match[bytes]) -> bytes:
+    return element[0] + _file(f"examples/{element[1].decode()}.yaml")
 
 
 def _file(name: str) -> bytes:

@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import re
 import socket
 import time
 from collections.abc import Iterator
@@ -9,7 +10,7 @@ from collections.abc import Iterator
 import httpx2
 import pytest
 
-from api.answering import ALWAYS, UNLESS_GIVEN
+from api.answering import ALWAYS, OF_DOCUMENTS, UNLESS_GIVEN
 from tests.tools.processes import PATIENCE_S, memory_given_back, wait_until
 from tests.tools.raw_connections import connected, holds, said_to
 from tests.tools.scenarios import document
@@ -145,3 +146,12 @@ def test_every_answer_has_the_headers_of_security(server: Server, ask: bytes) ->
     for name, _ in UNLESS_GIVEN:
         assert said.head.count(f"\r\n{name.decode()}: ") == 1
     assert "frame-ancestors 'none'" in said.head
+
+
+@pytest.mark.parametrize("name", ["main.js", "page.css"])
+def test_scripts_and_styles_have_the_headers_that_protect_them(server: Server, name: str) -> None:
+    said = said_to(server, [f"GET /assets/{name} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode()])
+    names = set(re.findall(r"\r\n([a-z-]+): ", said.head))
+    assert {"x-content-type-options", "cross-origin-resource-policy"} <= names
+    # of no effect on them, and as large as many a script
+    assert not {name.decode() for name in OF_DOCUMENTS} & names

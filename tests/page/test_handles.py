@@ -147,3 +147,34 @@ def test_handles_stay_on_their_circles_when_the_window_changes(
         page.wait_for_timeout(400)
         for name, place in places.items():
             assert _middle(page, name) == pytest.approx(on_screen(page, *place), abs=1.5)
+
+
+_AFRESH = """async () => {
+    const { map } = document.getElementById("map-plot");
+    const picture = () => [...map.getViewport().querySelectorAll("canvas")].map((one) =>
+        one.getContext("2d").getImageData(0, 0, one.width, one.height).data);
+    await new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));
+    const shown = picture();
+    map.renderSync();
+    const afresh = picture();
+    return shown.flatMap((one, k) => one.reduce((most, value, at) => at % 4 < 3 ? most
+        : Math.max(most, Math.abs(value - afresh[k][at])), 0));
+}"""
+"""How far the opacity of a pixel is from that with all drawn afresh, for each canvas of the map."""
+
+# browsers smooth the edge of a line a little otherwise where only a part of it is drawn
+SMOOTHED = 64
+
+
+def test_a_drag_shows_what_drawing_all_afresh_shows(visit: Visit, page: Page) -> None:
+    visit.expect_complaints("willReadFrequently")
+    x, y = _middle(page, "v2")
+    page.mouse.move(x, y)
+    page.mouse.down()
+    for step in range(7):
+        page.mouse.move(x + 12.0 * step, y - 9.0 * step)
+        (apart,) = page.evaluate(_AFRESH)
+        assert apart < SMOOTHED
+    page.mouse.up()
+    visit.settle()
+    assert page.evaluate(_AFRESH) == [0]

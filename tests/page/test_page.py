@@ -211,6 +211,14 @@ def test_what_the_page_names_is_kept_until_another_edition(server: Server) -> No
         assert older.text == http.get(f"/assets/{edition}/main.js").text
 
 
+@pytest.mark.quick
+def test_the_first_example_comes_with_the_page(visit: Visit) -> None:
+    loaded = visit.page.evaluate("performance.getEntriesByType('resource').map(one => one.name)")
+    assert [one for one in loaded if "yaml" in one] == []
+    within = visit.page.locator("#paper-grid-same").text_content()
+    assert within == (FILES / "paper-grid-same.yaml").read_text()
+
+
 PAGE = Path(page_routes.__file__).parents[1] / "page"
 
 

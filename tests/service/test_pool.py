@@ -376,3 +376,19 @@ def test_a_task_that_needs_more_memory_than_it_may_use_fails_for_that_reason() -
         with pytest.raises(OutOfMemoryError):
             pool.call("made_plan", crowd, "json", LIMITS, False)
         assert pool.call(*SHORT) == MADE
+
+
+def test_a_child_stays_though_tasks_load_libraries() -> None:
+    # three of one sense, all linked: their phases are searched for
+    centers = [[0.0, 0.0], [70.0, 0.0], [35.0, 60.0]]
+    triangle = {
+        "orbit": {"radius_m": 20.0, "angular_rate_rad_s": 0.2, "direction": "ccw"},
+        "formation": {"centers_m": centers},
+        "sensor": {"range_m": 50.0},
+    }
+    body = json.dumps(triangle).encode()
+    with own_pool(background=False) as pool:
+        pool.call(*SHORT)
+        for _ in range(2):
+            pool.call("made_plan", body, "json", LIMITS, False)
+        assert pool.depth().started == 1

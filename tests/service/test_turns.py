@@ -114,7 +114,7 @@ def test_owners_whose_short_tasks_take_turns_need_no_extra_process(
 
     def begin(self: Child, **_: object) -> None:
         begun.append(self)
-        self.killed, self.first_memory, self.memory = False, 0, 0
+        self.killed, self.growth = False, 0
 
     monkeypatch.setattr(Child, "__init__", begin)
     monkeypatch.setattr(Child, "wait_until_ready", lambda self: None)
