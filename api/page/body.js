@@ -189,7 +189,7 @@ export class Body {
     const { scenario, chosen } = this.#store;
     const sites = chosen.filter(({ kind, k }) => kind === "landmark" && landmarksOf(scenario)[k]);
     if (sites.length < 2) return null;
-    const count = number("best-count", Math.ceil(sites.length / 2), "Landmarks to keep");
+    const count = number("best-count", "count", Math.ceil(sites.length / 2), "Landmarks to keep");
     const keep = element("button", { type: "button", onclick: () => attempt(() => this.#keepBest(sites, count.value)) }, "Keep the best");
     return element("div", { class: "row" }, keep, count, `of these ${sites.length} landmarks`);
   }

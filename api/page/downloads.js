@@ -1,6 +1,6 @@
 // Files to save: the scenario, the plan, and every export of it.
 
-import { byId, element, notice, save, shown } from "./elements.js";
+import { alert, attemptAt, button, byId, element, notice, save, shown } from "./elements.js";
 import { choice, labelled, number, wide } from "./requests.js";
 import { withValue } from "./scenario.js";
 import { ask } from "./service.js";
@@ -9,45 +9,35 @@ import { firstOpen, LEVELS } from "./verdict.js";
 
 /** The panel of downloads. `storePlan()` resolves with the identifier of the plan on show. */
 export function offerDownloads(store, storePlan) {
-  const fault = element("p", { class: "fault", role: "alert", id: "download-fault" });
+  const fault = alert("download-fault");
   const notes = element("div", { role: "status", id: "export-notes" });
-  const pilot = choice("pilot", PILOTS);
+  const pilot = choice("pilot", "pilot", PILOTS);
   const pilots = wide("For", pilot);
-  const format = choice("format", FORMATS);
+  const format = choice("format", "format", FORMATS);
   const travels = element("div", { class: "travels", id: "export-findings" });
   const origin = originFields(store);
+  const scenario = button("Scenario", () => saveScenario(store));
+  const plan = button("Plan", () => run(savePlan));
+  const report = button("Report", () => run(saveReport));
+  const sheet = button("Print report", () => showReport(open()));
+  const files = button("Export", () => run(saveExport));
+  const force = element("input", { type: "checkbox", id: "force" });
+  const words = element("span", {}, " Export although the verdict is ", element("span", { class: "together" }, "NO-GO"));
+  const forced = element("label", { for: "force", class: "check" }, force, words);
+  const row = element("div", { class: "row" }, scenario, plan, report, sheet);
+  byId("downloads").append(row, wide("Format", format), pilots, origin, travels, forced, files, fault, notes);
+
   const suit = () => {
     pilots.hidden = !MISSIONS.includes(format.value);
     origin.hidden = !ON_EARTH.includes(format.value) || store.scenario?.geo_origin !== undefined;
-    buttons[2].disabled = store.scenario === null || !origin.hidden;
+    files.disabled = store.scenario === null || !origin.hidden;
     // nothing is said of files that can't be made yet
     travels.hidden = !origin.hidden;
   };
-  format.addEventListener("change", suit);
-  const buttons = [
-    element("button", { type: "button", onclick: () => saveScenario(store) }, "Scenario"),
-    element("button", { type: "button", onclick: () => run(savePlan) }, "Plan"),
-    element("button", { type: "button", onclick: () => run(saveExport) }, "Export"),
-    element("button", { type: "button", onclick: () => showReport(open()) }, "Print report"),
-  ];
-  const force = element("input", { type: "checkbox", id: "force" });
-  const forced = element("label", { for: "force", class: "check" }, force, element("span", {}, " Export although the verdict is ", element("span", { class: "together" }, "NO-GO")));
-  const report = element("button", { type: "button", onclick: () => run(saveReport) }, "Report");
-  byId("downloads").append(
-    element("div", { class: "row" }, buttons[0], buttons[1], report, buttons[3]),
-    wide("Format", format),
-    pilots,
-    origin,
-    travels,
-    forced,
-    buttons[2],
-    fault,
-    notes,
-  );
   const enable = () => {
-    for (const one of buttons) one.disabled = store.scenario === null;
-    suit();
+    for (const one of [scenario, plan, sheet]) one.disabled = store.scenario === null;
     report.disabled = store.report === null;
+    suit();
     fault.textContent = "";
     notes.replaceChildren();
   };
@@ -55,6 +45,7 @@ export function offerDownloads(store, storePlan) {
     forced.hidden = !known || store.plan.verdict.go;
     travels.replaceChildren(...(known ? travelling(store.plan.verdict.findings) : []));
   };
+  format.addEventListener("change", suit);
   foretell(false);
   enable();
   store.on(["opened", "scenario", "report"], enable);
@@ -62,14 +53,9 @@ export function offerDownloads(store, storePlan) {
   // what is at fault can't be exported, and nothing is known of it
   store.on(["faults"], () => foretell(false));
 
-  async function run(task) {
-    fault.textContent = "";
+  function run(task) {
     notes.replaceChildren();
-    try {
-      await task();
-    } catch (error) {
-      fault.textContent = store.deleted(error) || error.message;
-    }
+    return attemptAt(fault, task, (error) => store.deleted(error) || error.message);
   }
 
   async function savePlan() {
@@ -106,22 +92,16 @@ export function offerDownloads(store, storePlan) {
 
 /** Asks for the place of the origin, which formats on the earth need. */
 function originFields(store) {
-  const [lat, lon] = [number("origin-lat", ""), number("origin-lon", "")];
+  const [lat, lon] = [number("origin-lat", "lat_deg", ""), number("origin-lon", "lon_deg", "")];
   const take = () => {
     const [lat_deg, lon_deg] = [lat, lon].map((one) => one.valueAsNumber);
     if (Number.isNaN(lat_deg) || Number.isNaN(lon_deg)) return;
     store.edit(withValue(store.scenario, "geo_origin", { lat_deg, lon_deg, alt_m: 0 }));
     for (const one of [lat, lon]) one.value = "";
   };
-  for (const one of [lat, lon]) one.addEventListener("change", take);
-  return element(
-    "fieldset",
-    { class: "group" },
-    element("legend", {}, "Where the origin lies"),
-    element("p", { class: "hint" }, "This format needs the place on the earth of the point 0, 0."),
-    labelled("Latitude (°)", lat),
-    labelled("Longitude (°)", lon),
-  );
+  const legend = element("legend", {}, "Where the origin lies");
+  const hint = element("p", { class: "hint" }, "This format needs the place on the earth of the point 0, 0.");
+  return element("fieldset", { class: "group", onchange: take }, legend, hint, labelled("Latitude (°)", lat), labelled("Longitude (°)", lon));
 }
 
 /** What speaks against flying a plan, as the sidecar of its export will say. */

@@ -1,8 +1,8 @@
 // A new team: its shape, size, orbits, sensors and landmarks in one dialogue.
 
-import { byId, element } from "./elements.js";
+import { byId, dialogue, element } from "./elements.js";
 import { freeSite } from "./free_space.js";
-import { choice, labelled, number, RequestForm, wide } from "./requests.js";
+import { choice, labelled, listed, number, RequestForm, typed, wide } from "./requests.js";
 import { addLandmark, DIRECTIONS } from "./scenario.js";
 import { SHAPES } from "./tables.js";
 
@@ -22,71 +22,57 @@ export function offerNewTeam(open) {
 }
 
 function show(open) {
-  const fields = {
-    name: element("input", { id: "new-name", value: "my team", "aria-describedby": "new-name-fault" }),
-    shape: choice("new-shape", { ...Object.fromEntries(Object.keys(SHAPES).map((one) => [one, one])), [BY_LINKS]: "given by its links" }),
-    links: element("input", { id: "new-links", value: "v1-v2 v2-v3 v3-v4 v4-v1", "aria-describedby": "new-links-fault" }),
-    count: number("new-count", 4),
-    gap: number("new-gap", 30),
-    radius: number("new-radius", 20),
-    speed: number("new-speed", 4),
-    direction: choice("new-direction", DIRECTIONS),
-    sensor: choice("new-sensor", Object.fromEntries(Object.keys(SENSORS).map((one) => [one, one]))),
-    range: number("new-range", 50),
-    landmarks: number("new-landmarks", 2),
-  };
+  const name = typed("new-name", "name", { value: "my team" });
+  const shape = choice("new-shape", "shape", { ...Object.fromEntries(Object.keys(SHAPES).map((one) => [one, one])), [BY_LINKS]: "given by its links" });
+  const direction = choice("new-direction", "direction", DIRECTIONS);
+  const sensor = choice("new-sensor", "sensor", Object.fromEntries(Object.keys(SENSORS).map((one) => [one, one])));
+  const [count, gap] = [number("new-count", "count", 4), number("new-gap", "gap", 30)];
   const hint = element("p", { class: "hint" });
-  const laid = [labelled("Vehicles", fields.count), labelled("Gap between circles (m)", fields.gap)];
-  const linked = wide("Links", fields.links);
+  const laid = [labelled("Vehicles", count), labelled("Gap between circles (m)", gap)];
+  const linked = wide("Links", typed("new-links", "links", { value: "v1-v2 v2-v3 v3-v4 v4-v1" }));
   const explain = () => {
-    const { value } = fields.shape;
+    const { value } = shape;
     const byLinks = value === BY_LINKS;
     hint.textContent = byLinks ? "Vehicles with a link must meet; centres are found so that they can." : `A ${value}: ${SHAPES[value].replaceAll("`", "")}.`;
     linked.hidden = !byLinks;
     for (const row of laid) row.hidden = byLinks;
-    for (const one of [fields.count, fields.gap]) one.disabled = byLinks;
+    for (const one of [count, gap]) one.disabled = byLinks;
   };
-  fields.shape.value = "grid";
-  fields.direction.value = "ccw";
-  fields.shape.addEventListener("change", explain);
+  shape.value = "grid";
+  direction.value = "ccw";
+  shape.addEventListener("change", explain);
   explain();
   const form = new RequestForm("new", "Create", "Circles at one rate: neighbours lie a gap apart, landmarks go where there is room. All of it can be changed afterwards.", {
-    fields,
-    read: () => Object.fromEntries(Object.entries(fields).map(([key, input]) => [key, input.type === "number" ? input.valueAsNumber : input.value])),
     rows: [
-      wide("Name", fields.name),
-      wide("Shape", fields.shape),
+      wide("Name", name),
+      wide("Shape", shape),
       hint,
       ...laid,
       linked,
-      labelled("Radius (m)", fields.radius),
-      labelled("Speed (m/s)", fields.speed),
-      wide("Direction", fields.direction),
-      wide("Sensor", fields.sensor),
-      labelled("Range (m)", fields.range),
-      labelled("Landmarks", fields.landmarks),
+      labelled("Radius (m)", number("new-radius", "radius", 20)),
+      labelled("Speed (m/s)", number("new-speed", "speed", 4)),
+      wide("Direction", direction),
+      wide("Sensor", sensor),
+      labelled("Range (m)", number("new-range", "range", 50)),
+      labelled("Landmarks", number("new-landmarks", "landmarks", 2)),
     ],
     handIn: async (_form, asked) => {
       try {
         await open(scenarioOf(asked), (scenario) => withLandmarks(scenario, asked.landmarks));
-        dialogue.close();
+        shown.close();
       } catch (error) {
         form.showFault(error);
       }
     },
   });
-  const close = element("button", { type: "button", class: "small", "aria-label": "Close", onclick: () => dialogue.close() }, "×");
-  const dialogue = element("dialog", { "aria-labelledby": "new-title" }, element("div", { class: "title-row" }, element("h2", { id: "new-title" }, "New team"), close), form.element);
-  dialogue.addEventListener("close", () => dialogue.remove());
-  document.body.append(dialogue);
-  dialogue.showModal();
+  const shown = dialogue("new", "New team", {}, form.element);
 }
 
 function scenarioOf({ name, shape, links, count, gap, radius, speed, direction, sensor, range }) {
   return {
     name,
     orbit: { radius_m: radius, speed_mps: speed, direction },
-    formation: shape === BY_LINKS ? { links: links.split(/[\s,;]+/).filter(Boolean).map((one) => one.split("-")) } : { shape, count, gap_m: gap },
+    formation: shape === BY_LINKS ? { links: listed(links).map((one) => one.split("-")) } : { shape, count, gap_m: gap },
     landmarks_m: [],
     sensor: { range_m: range, ...SENSORS[sensor] },
   };

@@ -2,10 +2,10 @@
 
 import { Charts } from "./charts.js";
 import { offerWaysOn } from "./dead_link.js";
-import { DesignPanel } from "./design.js";
+import { offerDesigns } from "./design.js";
 import { offerDownloads } from "./downloads.js";
 import { Editor } from "./editor.js";
-import { attempt, byId, notice, noticeIsFault, shown } from "./elements.js";
+import { attempt, byId, notice, noticeIsFault, onceChosen, shown } from "./elements.js";
 import { offerParts } from "./inspector.js";
 import { Handles } from "./handles.js";
 import { offerKeptWork } from "./kept_work.js";
@@ -21,7 +21,7 @@ import { JOB_KINDS } from "./tables.js";
 import { traceErrors } from "./trace.js";
 import { Tools } from "./tools.js";
 import { showVerdicts, wayBack } from "./verdict.js";
-import { Work } from "./work.js";
+import { offerWork } from "./work.js";
 
 /** Make all panels; returns what goes on with jobs and designs, and what shows that a link leads nowhere. */
 export function makePanels({ store, map, address, opening }) {
@@ -36,8 +36,8 @@ export function makePanels({ store, map, address, opening }) {
   new Handles(store, map.canvas, (grip) => tools.uses(grip));
   listenForKeys(store, tools);
   const parts = offerParts(store);
-  const work = new Work(store, storePlan, { began, changed, ended });
-  const designs = new DesignPanel((plan, name) => attempt(() => opening.formation(plan, name)), (jobId) => name("designed", jobId));
+  const resumeWork = offerWork(store, storePlan, { began, changed, ended });
+  const resumeDesigns = offerDesigns((plan, name) => attempt(() => opening.formation(plan, name)), (jobId) => name("designed", jobId));
   offerNewTeam((scenario, change) => opening.team(scenario, change));
   offerKeptWork({ open: (planId) => opening.plan(planId, { opened: () => address.write() }), compare });
   offerDownloads(store, storePlan);
@@ -123,19 +123,19 @@ export function makePanels({ store, map, address, opening }) {
   /** Go on with a job about the plan on show, or show what it came to. */
   function resumeJob(id) {
     parts.choose("run");
-    return resume(work, id, "followed", { id, ended: false });
+    return resume(resumeWork, id, "followed", { id, ended: false });
   }
 
   function resumeDesign(id, show) {
     if (show) parts.choose("design");
-    return resume(designs, id, "designed", id);
+    return resume(resumeDesigns, id, "designed", id);
   }
 
   /** Go on with a job in its panel; the address names it, unless it is not there. */
   async function resume(panel, jobId, what, value) {
     name(what, value);
     try {
-      await panel.resume(jobId);
+      await panel(jobId);
     } catch (error) {
       name(what, null);
       notice(error.message, { fault: true });
@@ -161,16 +161,8 @@ function figuresOf({ figures }, report) {
 
 /** The bar above the map, and the messages over it. */
 function offerBar(store, opening) {
-  byId("examples").addEventListener("change", (event) => {
-    const { value } = event.target;
-    if (value) attempt(() => opening.example(value));
-    event.target.value = "";
-  });
-  byId("upload").addEventListener("change", (event) => {
-    const [file] = event.target.files;
-    event.target.value = "";
-    if (file) attempt(() => opening.file(file));
-  });
+  onceChosen(byId("examples"), (name) => attempt(() => opening.example(name)));
+  onceChosen(byId("upload"), (file) => attempt(() => opening.file(file)));
   byId("dismiss").addEventListener("click", () => notice(""));
   byId("undo").addEventListener("click", () => store.undo());
   byId("redo").addEventListener("click", () => store.redo());
