@@ -80,7 +80,7 @@ function frontOf(front, need, open, best = null) {
     return one && cellOf(one, need, open, best);
   };
   const caption = element("caption", {}, "Least predicted error (m) of the worst vehicle, before refinement. ✓ within the need, ★ chosen, — none fits.");
-  const made = table(columns, rows.map((count) => [count, ...columns.map((sites) => cell(count, sites))]), caption);
+  const made = table(columns.map(String), rows.map((count) => [`${count}`, ...columns.map((sites) => cell(count, sites))]), caption);
   const above = [element("th", { scope: "col", rowspan: 2 }, "Vehicles"), element("th", { scope: "colgroup", colspan: columns.length }, "Landmarks")];
   made.tHead.prepend(element("tr", {}, above));
   return made;

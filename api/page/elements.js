@@ -1,7 +1,7 @@
 // Elements made without markup: what users name things never becomes HTML.
 
 /** Return an element: element("p", {class: "hint", onclick: f}, "text", child, ...); lists of children are
- * taken apart, and what is null, false or empty is left out.
+ * taken apart, and what is falsy is left out.
  * @param {string} name
  * @param {Record<string, any>} attributes
  * @param {...any} children
@@ -19,7 +19,7 @@ export function element(name, attributes = {}, ...children) {
 
 /** Return what there is of some children, in one list. */
 export function present(children) {
-  return children.flat().filter((child) => child || child === 0);
+  return children.flat().filter(Boolean);
 }
 
 /** Return a button. */

@@ -1,6 +1,6 @@
 // Where another circle or landmark finds room: clear of all that is there, and within reach of the team.
 
-import { decade, landmarksOf, round, vehiclesOf, withLinks, withVehicle } from "./scenario.js";
+import { decade, landmarksOf, mean, round, vehiclesOf, withLinks, withVehicle } from "./scenario.js";
 
 /** Share of the mean radius that is kept where the scenario states no distance; the verdict has the same. */
 const TOO_NEAR = 0.1;
@@ -208,10 +208,6 @@ function reachOf(one, other) {
 
 function away(one, other) {
   return Math.hypot(one.x - other.x, one.y - other.y);
-}
-
-function mean(values) {
-  return values.reduce((sum, one) => sum + one, 0) / values.length;
 }
 
 /** A place as people would type it; one of the team's pattern stays in it. */

@@ -4,7 +4,7 @@ import { Charts } from "./charts.js";
 import { offerWaysOn } from "./dead_link.js";
 import { offerDesigns } from "./design.js";
 import { offerDownloads } from "./downloads.js";
-import { Editor } from "./editor.js";
+import { offerEditor } from "./editor.js";
 import { attempt, byId, notice, noticeIsFault, onceChosen, shown } from "./elements.js";
 import { offerParts } from "./inspector.js";
 import { Handles } from "./handles.js";
@@ -27,7 +27,7 @@ import { offerWork } from "./work.js";
 export function makePanels({ store, map, address, opening }) {
   const storePlan = storing(store, address);
   const charts = new Charts(store);
-  new Editor(store, storePlan);
+  offerEditor(store, storePlan);
   const player = new Player(store, map, charts);
   byId("ellipses").addEventListener("click", async () => (await import("./ellipses.js")).toggled(store, map));
   showVerdicts(store);

@@ -1,7 +1,7 @@
 // What can be asked of a plan: forms, and those of a refinement, a validation and a flight.
 
 import { alert, element, mark, options } from "./elements.js";
-import { vehiclesOf } from "./scenario.js";
+import { mean, vehiclesOf } from "./scenario.js";
 import { GUIDANCES, OBJECTIVES } from "./tables.js";
 
 /** so many vehicles have figures over time */
@@ -109,10 +109,9 @@ export function refinementForm(handIn) {
 /** How far refinement may go by default: what the scenario says, else shares of the team's radii. */
 function roomOf(scenario) {
   const radii = vehiclesOf(scenario).map((one) => one.radius);
-  const mean = radii.reduce((sum, one) => sum + one, 0) / radii.length;
   const { center_box_m: box, radius_m: asked } = scenario.refine || {};
   const [least, most] = asked || [tidy(RADIUS_SHARES[0] * Math.min(...radii)), tidy(RADIUS_SHARES[1] * Math.max(...radii))];
-  return { center_box_m: box || tidy(BOX_SHARE * mean), radius_m: least, "radius_m[1]": most };
+  return { center_box_m: box || tidy(BOX_SHARE * mean(radii)), radius_m: least, "radius_m[1]": most };
 }
 
 /** A number of two digits, as people would type it. */
