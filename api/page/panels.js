@@ -1,6 +1,6 @@
 // What is around the map: the bar, the panels beside it, the figures and the player, and how they hear of one another.
 
-import { Charts } from "./charts.js";
+import { offerCharts } from "./charts.js";
 import { offerWaysOn } from "./dead_link.js";
 import { offerDesigns } from "./design.js";
 import { offerDownloads } from "./downloads.js";
@@ -14,7 +14,7 @@ import { offerNaming } from "./naming.js";
 import { offerNewTeam } from "./new_team.js";
 import { FIRST_EXAMPLE } from "./opening.js";
 import { Planner } from "./planner.js";
-import { Player } from "./player.js";
+import { offerPlayer } from "./player.js";
 import { offerLink, storing } from "./sharing.js";
 import { listenForKeys } from "./shortcuts.js";
 import { JOB_KINDS } from "./tables.js";
@@ -26,9 +26,9 @@ import { offerWork } from "./work.js";
 /** Make all panels; returns what goes on with jobs and designs, and what shows that a link leads nowhere. */
 export function makePanels({ store, map, address, opening }) {
   const storePlan = storing(store, address);
-  const charts = new Charts(store);
+  const charts = offerCharts(store);
   offerEditor(store, storePlan);
-  const player = new Player(store, map, charts);
+  const player = offerPlayer(store, map, charts);
   byId("ellipses").addEventListener("click", async () => (await import("./ellipses.js")).toggled(store, map));
   showVerdicts(store);
   traceErrors(store, Planner.preview);
