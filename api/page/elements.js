@@ -1,13 +1,13 @@
 // Elements made without markup: what users name things never becomes HTML.
 
 /** Return an element: element("p", {class: "hint", onclick: f}, "text", child, ...); lists of children are
- * taken apart, and what is falsy is left out.
+ * taken apart, and what is falsy is left out. The name of one of a drawing begins with "svg:".
  * @param {string} name
  * @param {Record<string, any>} attributes
  * @param {...any} children
  * @returns {any} */
 export function element(name, attributes = {}, ...children) {
-  const made = document.createElement(name);
+  const made = name.startsWith("svg:") ? document.createElementNS("http://www.w3.org/2000/svg", name.slice(4)) : document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) {
     if (value === undefined || value === null || value === false) continue;
     if (key.startsWith("on")) made.addEventListener(key.slice(2), value);

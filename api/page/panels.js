@@ -6,7 +6,6 @@ import { offerDesigns } from "./design.js";
 import { offerDownloads } from "./downloads.js";
 import { offerEditor } from "./editor.js";
 import { attempt, byId, notice, noticeIsFault, onceChosen, shown } from "./elements.js";
-import { offerParts } from "./inspector.js";
 import { Handles } from "./handles.js";
 import { offerKeptWork } from "./kept_work.js";
 import { offerLosses } from "./losses.js";
@@ -18,10 +17,13 @@ import { offerPlayer } from "./player.js";
 import { offerLink, storing } from "./sharing.js";
 import { listenForKeys } from "./shortcuts.js";
 import { JOB_KINDS } from "./tables.js";
+import { tabs } from "./tabs.js";
 import { traceErrors } from "./trace.js";
 import { Tools } from "./tools.js";
 import { showVerdicts, wayBack } from "./verdict.js";
 import { offerWork } from "./work.js";
+
+const PARTS = { scenario: "Scenario", verdict: "Verdict", run: "Run", design: "Design", export: "Export" };
 
 /** Make all panels; returns what goes on with jobs and designs, and what shows that a link leads nowhere. */
 export function makePanels({ store, map, address, opening }) {
@@ -157,6 +159,22 @@ function figuresOf({ figures }, report) {
     const found = figures[name] ? part(figures[name]) : true;
     return Array.isArray(found) ? found.length > 0 : Boolean(found);
   });
+}
+
+/** Let parts be chosen and the sheet be opened; what is selected on the map shows its fields. Returns `{ choose(name) }`. */
+function offerParts(store) {
+  const parts = tabs(byId("parts"), PARTS, (name) => {
+    for (const other of Object.keys(PARTS)) byId(`part-${other}`).hidden = other !== name;
+  }, (name) => `part-${name}`);
+  parts.show(Object.keys(PARTS));
+  const sheet = byId("sheet");
+  sheet.addEventListener("click", () => {
+    const open = sheet.getAttribute("aria-expanded") !== "true";
+    sheet.setAttribute("aria-expanded", open);
+    sheet.textContent = open ? "Map" : "Details";
+  });
+  store.on(["selected"], () => store.selected && parts.choose("scenario"));
+  return parts;
 }
 
 /** The bar above the map, and the messages over it. */

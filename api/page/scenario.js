@@ -58,7 +58,7 @@ function orbitsAndMeetings(scenario) {
   const { names: _, ...formation } = scenario.formation;
   const names = namesOf(scenario);
   if (formation.links) formation.links = formation.links.map((link) => link.map((name) => names.indexOf(name)));
-  return { ...without(scenario, LOOSE), formation, landmarks_m: pointsOf(scenario.landmarks_m), sensor };
+  return { ...without(scenario, LOOSE), formation, landmarks_m: Object.values(scenario.landmarks_m), sensor };
 }
 
 function without(values, keys) {
@@ -89,11 +89,9 @@ export function vehiclesOf(scenario, plan) {
 }
 
 /** Return {name, x, y} of each landmark. */
-export function landmarksOf(scenario) {
-  const names = Array.isArray(scenario.landmarks_m)
-    ? scenario.landmarks_m.map((_, k) => `L${k + 1}`)
-    : Object.keys(scenario.landmarks_m);
-  return pointsOf(scenario.landmarks_m).map(([x, y], k) => ({ name: names[k], x, y }));
+export function landmarksOf({ landmarks_m: landmarks }) {
+  const nameOf = (key) => (Array.isArray(landmarks) ? `L${Number(key) + 1}` : key);
+  return Object.entries(landmarks).map(([key, [x, y]]) => ({ name: nameOf(key), x, y }));
 }
 
 export function namesOf(scenario) {
@@ -172,11 +170,13 @@ export function withLandmarkName(scenario, k, name) {
 }
 
 export function withCenter(scenario, k, x, y) {
-  return withPoint(scenario, "formation.centers_m", k, [x, y]);
+  return withValue(scenario, `formation.centers_m[${k}]`, [x, y]);
 }
 
 export function withLandmark(scenario, k, x, y) {
-  return withPoint(scenario, "landmarks_m", k, [x, y]);
+  const { landmarks_m: landmarks } = scenario;
+  const moved = { ...landmarks, [Object.keys(landmarks)[k]]: [x, y] };
+  return withValue(scenario, "landmarks_m", Array.isArray(landmarks) ? Object.values(moved) : moved);
 }
 
 export function withRadius(scenario, k, radius) {
@@ -298,17 +298,6 @@ export function round(value) {
 
 function each(value, k) {
   return Array.isArray(value) ? value[k] : value;
-}
-
-function pointsOf(points) {
-  return Array.isArray(points) ? points : Object.values(points);
-}
-
-function withPoint(scenario, path, k, point) {
-  const changed = structuredClone(scenario);
-  const points = valueAt(changed, path);
-  points[Array.isArray(points) ? k : Object.keys(points)[k]] = point;
-  return changed;
 }
 
 function free(letter, taken) {
