@@ -4,7 +4,6 @@ import { attempt, button, byId, element, notice, options, present, shown } from 
 import { Fields } from "./fields.js";
 import { freeCenter, freeSite } from "./free_space.js";
 import { switchOf } from "./losses.js";
-import { number } from "./requests.js";
 import { landmarksOf, mean, polygonsOf, roundBelow, vehiclesOf, withDirection, withValue } from "./scenario.js";
 import { addBody, BODIES, copyChosen, placesOf, removeChosen, withAligned, withoutChosen } from "./selection.js";
 import { askJson } from "./service.js";
@@ -149,7 +148,7 @@ export function bodyPart(store, storePlan) {
     const landmarks = landmarksOf(store.scenario);
     const sites = store.chosen.filter(({ kind, k }) => kind === "landmark" && landmarks[k]);
     if (sites.length < 2) return null;
-    const count = number("best-count", "count", Math.ceil(sites.length / 2), "Landmarks to keep");
+    const count = element("input", { id: "best-count", type: "number", value: Math.ceil(sites.length / 2), "aria-label": "Landmarks to keep" });
     const keep = button("Keep the best", () => attempt(() => keepBest(sites, count.value)));
     return element("div", { class: "row" }, keep, count, `of these ${sites.length} landmarks`);
   }

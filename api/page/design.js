@@ -1,30 +1,21 @@
 // A team designed from a brief: the brief's text, the front as it grows, and the formations found.
 
-import { alert, attemptAt, button, byId, element, onceChosen, options, present, shown, table } from "./elements.js";
+import { attemptAt, button, byId, element, onceChosen, present, shown, table } from "./elements.js";
 import { Jobs } from "./jobs.js";
 import { RequestForm } from "./requests.js";
 import { ask } from "./service.js";
-
-const BRIEFS = {
-  "multirotors-over-a-field": "Multirotors over a field",
-  "aircraft-in-a-corridor": "Aircraft in a corridor",
-  "rovers-between-shelves": "Rovers between shelves",
-};
 
 /** The panel of designs; returns what goes on with one by its identifier.
  *
  * `open(plan, name)` shows a formation on the map; `followed(jobId)` is called with the design that the panel shows.
  */
 export function offerDesigns(open, followed) {
-  // a fault of the text as a whole has no path
-  const text = element("textarea", { id: "brief", name: "", rows: 7, spellcheck: "false", "aria-describedby": "brief-fault" });
-  const label = element("label", { for: "brief" }, "Brief (YAML or JSON)");
-  const rows = [...sourcesOf(text), label, text, element("p", { class: "fault", id: "brief-fault" })];
-  const hint = "State a field, vehicles, sensors, a purpose and the error you accept; see which team that takes.";
+  const text = byId("brief");
+  // a fault of the text as a whole has no path, and so the text has no name
   const read = (values) => values[""];
   const front = element("div", { class: "front", role: "region", tabindex: "0", "aria-label": "Teams found" });
   const jobs = new Jobs("design-job", {
-    forms: (handIn) => [new RequestForm("design", "Design", hint, { rows, read, handIn })],
+    forms: (handIn) => [new RequestForm("design", byId("design-form"), { read, handIn })],
     addressOf: () => "v1/designs",
     began: (job) => {
       front.replaceChildren();
@@ -39,6 +30,7 @@ export function offerDesigns(open, followed) {
       return verdictOf(found, open);
     },
   });
+  offerSources(text);
   byId("design").append(...jobs.elements, front);
   return (jobId) =>
     jobs.resume(jobId, ({ kind, request }) => {
@@ -47,15 +39,11 @@ export function offerDesigns(open, followed) {
     });
 }
 
-/** Where a brief's text may come from, and what is wrong with that. */
-function sourcesOf(text) {
-  const fault = alert();
-  const take = (bring) => attemptAt(fault, async () => (text.value = await bring()));
-  const example = element("select", { "aria-label": "Example brief" }, options({ "": "Example brief …", ...BRIEFS }));
-  const file = element("input", { id: "brief-file", class: "unseen", type: "file", accept: ".yaml,.yml,.json,application/yaml,application/json" });
-  onceChosen(example, (name) => take(async () => (await ask("GET", `assets/briefs/${name}.yaml`, { accept: "application/yaml" })).text()));
-  onceChosen(file, (chosen) => take(() => chosen.text()));
-  return [element("div", { class: "row" }, example, file, element("label", { class: "button", for: "brief-file" }, "Open a brief …")), fault];
+/** Where a brief's text may come from. */
+function offerSources(text) {
+  const take = (bring) => attemptAt(byId("brief-source-fault"), async () => (text.value = await bring()));
+  onceChosen(byId("brief-example"), (name) => take(async () => (await ask("GET", `assets/briefs/${name}.yaml`, { accept: "application/yaml" })).text()));
+  onceChosen(byId("brief-file"), (file) => take(() => file.text()));
 }
 
 /** What the service found, in words, with a button that opens it. */

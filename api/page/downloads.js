@@ -1,7 +1,6 @@
 // Files to save: the scenario, the plan, and every export of it.
 
-import { alert, attemptAt, button, byId, element, notice, save, shown } from "./elements.js";
-import { choice, labelled, number, wide } from "./requests.js";
+import { attemptAt, byId, element, notice, options, save, shown } from "./elements.js";
 import { withValue } from "./scenario.js";
 import { ask } from "./service.js";
 import { FORMATS, MISSIONS, ON_EARTH, PILOTS } from "./tables.js";
@@ -9,34 +8,30 @@ import { firstOpen, LEVELS } from "./verdict.js";
 
 /** The panel of downloads. `storePlan()` resolves with the identifier of the plan on show. */
 export function offerDownloads(store, storePlan) {
-  const fault = alert("download-fault");
-  const notes = element("div", { role: "status", id: "export-notes" });
-  const pilot = choice("pilot", "pilot", PILOTS);
-  const pilots = wide("For", pilot);
-  const format = choice("format", "format", FORMATS);
-  const travels = element("div", { class: "travels", id: "export-findings" });
-  const origin = originFields(store);
-  const scenario = button("Scenario", () => saveScenario(store));
-  const plan = button("Plan", () => run(savePlan));
-  const report = button("Report", () => run(saveReport));
-  const sheet = button("Print report", () => showReport(open()));
-  const files = button("Export", () => run(saveExport));
-  const force = element("input", { type: "checkbox", id: "force" });
-  const words = element("span", {}, " Export although the verdict is ", element("span", { class: "together" }, "NO-GO"));
-  const forced = element("label", { for: "force", class: "check" }, force, words);
-  const row = element("div", { class: "row" }, scenario, plan, report, sheet);
-  byId("downloads").append(row, wide("Format", format), pilots, origin, travels, forced, files, fault, notes);
+  const [pilot, format, origin, force, forced] = ["pilot", "format", "origin", "force", "forced"].map(byId);
+  const [fault, notes, travels] = ["download-fault", "export-notes", "export-findings"].map(byId);
+  const acts = {
+    "save-scenario": () => saveScenario(store),
+    "save-plan": () => run(savePlan),
+    "save-report": () => run(saveReport),
+    "print-report": () => showReport(open()),
+    export: () => run(saveExport),
+  };
+  for (const [id, act] of Object.entries(acts)) byId(id).addEventListener("click", act);
+  pilot.append(...options(PILOTS));
+  format.append(...options(FORMATS));
+  askForOrigin(store);
 
   const suit = () => {
-    pilots.hidden = !MISSIONS.includes(format.value);
+    byId("pilots").hidden = !MISSIONS.includes(format.value);
     origin.hidden = !ON_EARTH.includes(format.value) || store.scenario?.geo_origin !== undefined;
-    files.disabled = store.scenario === null || !origin.hidden;
+    byId("export").disabled = store.scenario === null || !origin.hidden;
     // nothing is said of files that can't be made yet
     travels.hidden = !origin.hidden;
   };
   const enable = () => {
-    for (const one of [scenario, plan, sheet]) one.disabled = store.scenario === null;
-    report.disabled = store.report === null;
+    for (const id of ["save-scenario", "save-plan", "print-report"]) byId(id).disabled = store.scenario === null;
+    byId("save-report").disabled = store.report === null;
     suit();
     fault.textContent = "";
     notes.replaceChildren();
@@ -90,18 +85,15 @@ export function offerDownloads(store, storePlan) {
   }
 }
 
-/** Asks for the place of the origin, which formats on the earth need. */
-function originFields(store) {
-  const [lat, lon] = [number("origin-lat", "lat_deg", ""), number("origin-lon", "lon_deg", "")];
-  const take = () => {
-    const [lat_deg, lon_deg] = [lat, lon].map((one) => one.valueAsNumber);
+/** Ask for the place of the origin, which formats on the earth need. */
+function askForOrigin(store) {
+  const fields = ["origin-lat", "origin-lon"].map(byId);
+  byId("origin").addEventListener("change", () => {
+    const [lat_deg, lon_deg] = fields.map((one) => one.valueAsNumber);
     if (Number.isNaN(lat_deg) || Number.isNaN(lon_deg)) return;
     store.edit(withValue(store.scenario, "geo_origin", { lat_deg, lon_deg, alt_m: 0 }));
-    for (const one of [lat, lon]) one.value = "";
-  };
-  const legend = element("legend", {}, "Where the origin lies");
-  const hint = element("p", { class: "hint" }, "This format needs the place on the earth of the point 0, 0.");
-  return element("fieldset", { class: "group", onchange: take }, legend, hint, labelled("Latitude (°)", lat), labelled("Longitude (°)", lon));
+    for (const one of fields) one.value = "";
+  });
 }
 
 /** What speaks against flying a plan, as the sidecar of its export will say. */

@@ -129,10 +129,14 @@ export async function attemptAt(place, task, wordsOf = (error) => error.message)
   }
 }
 
-/** Show what is wrong with an input next to it, in the element of its id and "-fault". */
+/** Show what is wrong with an input in its row, in an element of its id and "-fault", which is made when first needed. */
 export function mark(input, text) {
-  const place = byId(`${input.id}-fault`);
+  const id = `${input.id}-fault`;
+  const place = byId(id) ?? element("p", { class: "fault", id });
   if (place.textContent === text) return;
+  const row = input.closest(".field, .row");
+  if (!place.isConnected) row[row.matches(".field") ? "append" : "after"](place);
+  input.setAttribute("aria-describedby", id);
   place.textContent = text;
   if (text) {
     input.setAttribute("aria-invalid", "true");

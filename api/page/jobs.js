@@ -12,7 +12,7 @@ export function gained({ before, after }) {
 
 /** A place for one job at a time. */
 export class Jobs {
-  /** the elements to put on the page, in their order */
+  /** the elements to put on the page below the forms */
   elements;
   /** whether the page can hand in a job just now */
   #may;
@@ -30,7 +30,7 @@ export class Jobs {
   #box;
   #outcome;
 
-  /** `id` is unique on the page. `forms(handIn)` makes the forms, and `addressOf(form)` resolves with where one posts to.
+  /** `id` is unique on the page. `forms(handIn)` returns the forms, and `addressOf(form)` resolves with where one posts to.
    *
    * `began(job)`, `changed(job, event)` and `ended(job, result)` follow a job; `result` is null where there is none, and
    * the outcome on show is what `ended` resolves with. `wordsOf(error)` says what went wrong.
@@ -45,7 +45,7 @@ export class Jobs {
     this.#progress.setAttribute("aria-labelledby", `${id}-text`);
     this.#outcome = element("div", { id: `${id}-outcome`, role: "status" });
     this.#box = element("div", { class: "running", hidden: true }, this.#progress, this.#text, element("div", { class: "row" }, this.#finish, this.#cancel));
-    this.elements = [...this.#forms.map((form) => form.element), this.#fault, this.#box, this.#outcome];
+    this.elements = [this.#fault, this.#box, this.#outcome];
     this.#enable();
   }
 

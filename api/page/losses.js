@@ -1,7 +1,7 @@
 // What if: the plan without each vehicle, sensor and landmark, as the service judges it; and without those
 // that are switched off on the map.
 
-import { alert, attemptAt, button, byId, element, folded, notice, shown, table } from "./elements.js";
+import { attemptAt, button, byId, element, folded, notice, shown, table } from "./elements.js";
 import { askJson } from "./service.js";
 
 /** Losses that stand open; the others are folded. */
@@ -12,11 +12,8 @@ const SENSORS = { sensor: "sensor", compass: "compass", distance: "distance sens
 
 /** The panel of losses. `storePlan()` resolves with the identifier of the plan on show. */
 export function offerLosses(store, storePlan) {
-  const fault = alert("losses-fault");
-  const found = element("div", { role: "status", id: "losses-found" });
-  const judges = button("Judge every loss", judge, { id: "judge-losses" });
-  const hint = "The plan without each vehicle, sensor or landmark, orbits unchanged. Errors are predicted from the initial sigmas on; where something is not observable they keep growing.";
-  byId("losses").append(element("p", { class: "hint" }, hint), judges, fault, found);
+  const [fault, found, judges] = ["losses-fault", "losses-found", "judge-losses"].map(byId);
+  judges.addEventListener("click", judge);
   const wordsOf = (error) => store.deleted(error) || error.message;
   const clear = () => {
     judges.disabled = store.scenario === null;

@@ -1,8 +1,8 @@
 // A new team: its shape, size, orbits, sensors and landmarks in one dialogue.
 
-import { byId, dialogue, element } from "./elements.js";
+import { byId, dialogue, options } from "./elements.js";
 import { freeSite } from "./free_space.js";
-import { choice, labelled, listed, number, RequestForm, typed, wide } from "./requests.js";
+import { listed, RequestForm } from "./requests.js";
 import { addLandmark, DIRECTIONS } from "./scenario.js";
 import { SHAPES } from "./tables.js";
 
@@ -22,40 +22,24 @@ export function offerNewTeam(open) {
 }
 
 function show(open) {
-  const name = typed("new-name", "name", { value: "my team" });
-  const shape = choice("new-shape", "shape", { ...Object.fromEntries(Object.keys(SHAPES).map((one) => [one, one])), [BY_LINKS]: "given by its links" });
-  const direction = choice("new-direction", "direction", DIRECTIONS);
-  const sensor = choice("new-sensor", "sensor", Object.fromEntries(Object.keys(SENSORS).map((one) => [one, one])));
-  const [count, gap] = [number("new-count", "count", 4), number("new-gap", "gap", 30)];
-  const hint = element("p", { class: "hint" });
-  const laid = [labelled("Vehicles", count), labelled("Gap between circles (m)", gap)];
-  const linked = wide("Links", typed("new-links", "links", { value: "v1-v2 v2-v3 v3-v4 v4-v1" }));
+  const made = byId("new-team").content.firstElementChild.cloneNode(true);
+  const { shape, direction, sensor, count, gap, links } = made.elements;
+  const hint = made.querySelector(".about-shape");
+  shape.append(...options({ ...Object.fromEntries(Object.keys(SHAPES).map((one) => [one, one])), [BY_LINKS]: "given by its links" }));
+  direction.append(...options(DIRECTIONS));
+  sensor.append(...options(Object.fromEntries(Object.keys(SENSORS).map((one) => [one, one]))));
   const explain = () => {
     const { value } = shape;
     const byLinks = value === BY_LINKS;
     hint.textContent = byLinks ? "Vehicles with a link must meet; centres are found so that they can." : `A ${value}: ${SHAPES[value].replaceAll("`", "")}.`;
-    linked.hidden = !byLinks;
-    for (const row of laid) row.hidden = byLinks;
-    for (const one of [count, gap]) one.disabled = byLinks;
+    links.closest(".field").hidden = !byLinks;
+    for (const one of [count, gap]) one.closest(".field").hidden = one.disabled = byLinks;
   };
   shape.value = "grid";
   direction.value = "ccw";
   shape.addEventListener("change", explain);
   explain();
-  const form = new RequestForm("new", "Create", "Circles at one rate: neighbours lie a gap apart, landmarks go where there is room. All of it can be changed afterwards.", {
-    rows: [
-      wide("Name", name),
-      wide("Shape", shape),
-      hint,
-      ...laid,
-      linked,
-      labelled("Radius (m)", number("new-radius", "radius", 20)),
-      labelled("Speed (m/s)", number("new-speed", "speed", 4)),
-      wide("Direction", direction),
-      wide("Sensor", sensor),
-      labelled("Range (m)", number("new-range", "range", 50)),
-      labelled("Landmarks", number("new-landmarks", "landmarks", 2)),
-    ],
+  const form = new RequestForm("new", made, {
     handIn: async (_form, asked) => {
       try {
         await open(scenarioOf(asked), (scenario) => withLandmarks(scenario, asked.landmarks));
@@ -65,7 +49,7 @@ function show(open) {
       }
     },
   });
-  const shown = dialogue("new", "New team", {}, form.element);
+  const shown = dialogue("new", "New team", {}, made);
 }
 
 function scenarioOf({ name, shape, links, count, gap, radius, speed, direction, sensor, range }) {
