@@ -79,8 +79,6 @@ export function offerEditor(store, storePlan) {
   const links = linksPart(store);
   const all = [fields, body.fields];
   const rest = element("p", { class: "fault block", role: "alert", id: "fault-rest" });
-  /** whether the angular rate is given, and not the speed */
-  let rated = true;
   /** the place of the origin as typed: half of one is not yet the scenario's @type {any} */
   let origin = {};
   /** groups of fields of the world, and whether they were used: a group opens when it begins to be */
@@ -98,7 +96,6 @@ export function offerEditor(store, storePlan) {
   function build() {
     fields.clear();
     world.clear();
-    rated = isRated();
     for (const [title, ofWorld] of Object.entries(WORLD)) world.set(folded(title, group(title, ofWorld, true)), { ofWorld, used: false });
     form.replaceChildren(
       rest,
@@ -113,15 +110,9 @@ export function offerEditor(store, storePlan) {
     show();
   }
 
-  function isRated() {
-    return store.scenario.orbit.speed_mps === undefined;
-  }
-
   /** A group of fields; those that are optional leave no empty section behind. */
   function group(title, given, optional = false) {
-    // of rate and speed, the one that is given
-    const wanted = given.filter(({ path }) => !RATES.includes(path) || valueAt(store.scenario, path) !== undefined);
-    const made = wanted.map((field) => fields.add({ ...field, help: MEANINGS[field.path], ...access(field.path, optional) }));
+    const made = given.map((field) => fields.add({ ...field, help: MEANINGS[field.path], ...access(field.path, optional) }));
     return element("fieldset", { class: "group" }, element("legend", {}, title), made);
   }
 
@@ -150,11 +141,10 @@ export function offerEditor(store, storePlan) {
     if (!scenario) return;
     if (scenario.geo_origin) origin = { ...scenario.geo_origin };
     else if (isWhole(origin)) origin = {};
-    if (isRated() !== rated) {
-      build();
-      return;
-    }
     fields.show(scenario);
+    // of rate and speed, the one that is given
+    const given = RATES.find((path) => valueAt(scenario, path) !== undefined);
+    for (const path of RATES) fields.find((one) => one === path).closest(".field").hidden = given !== undefined && path !== given;
     for (const [folder, one] of world) {
       const used = isUsed(scenario, one.ofWorld);
       if (used && !one.used) folder.open = true;

@@ -1,5 +1,7 @@
 // Elements made without markup: what users name things never becomes HTML.
 
+import { rounded } from "./scenario.js";
+
 /** Return an element: element("p", {class: "hint", onclick: f}, "text", child, ...); lists of children are
  * taken apart, and what is falsy is left out. The name of one of a drawing begins with "svg:".
  * @param {string} name
@@ -77,10 +79,10 @@ export function byId(id) {
   return document.getElementById(id);
 }
 
-/** Return a number as people read it: four digits, no exponent where that can be. */
-export function shown(value, unit = "") {
+/** Return a number as people read it: so many digits, no exponent where that can be. */
+export function shown(value, unit = "", digits = 4) {
   if (value === null || value === undefined) return "—";
-  const text = Number(value.toPrecision(4)).toString();
+  const text = rounded(value, digits).toString();
   return unit ? `${text} ${unit}` : text;
 }
 

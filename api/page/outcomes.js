@@ -129,11 +129,11 @@ function counted(count, noun) {
   return count === 1 ? `1 ${noun}` : `${count} ${noun}s`;
 }
 
-function percent(share) {
-  return `${short(100 * share)} %`;
-}
-
 /** A number of three digits, of which a narrow table has room for five in a row. */
 function short(value) {
-  return shown(value === null || value === undefined ? null : Number(value.toPrecision(3)));
+  return shown(value, "", 3);
+}
+
+function percent(share) {
+  return `${short(100 * share)} %`;
 }

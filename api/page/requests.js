@@ -1,7 +1,7 @@
 // What can be asked of a plan: forms, and those of a refinement, a validation and a flight.
 
 import { alert, byId, element, mark, options } from "./elements.js";
-import { mean, vehiclesOf } from "./scenario.js";
+import { mean, rounded, vehiclesOf } from "./scenario.js";
 import { GUIDANCES, OBJECTIVES } from "./tables.js";
 
 /** so many vehicles have figures over time */
@@ -106,13 +106,8 @@ export function refinementForm(handIn) {
 function roomOf(scenario) {
   const radii = vehiclesOf(scenario).map((one) => one.radius);
   const { center_box_m: box, radius_m: asked } = scenario.refine || {};
-  const [least, most] = asked || [tidy(RADIUS_SHARES[0] * Math.min(...radii)), tidy(RADIUS_SHARES[1] * Math.max(...radii))];
-  return { center_box_m: box || tidy(BOX_SHARE * mean(radii)), radius_m: least, "radius_m[1]": most };
-}
-
-/** A number of two digits, as people would type it. */
-function tidy(value) {
-  return Number(value.toPrecision(2));
+  const [least, most] = asked || [rounded(RADIUS_SHARES[0] * Math.min(...radii), 2), rounded(RADIUS_SHARES[1] * Math.max(...radii), 2)];
+  return { center_box_m: box || rounded(BOX_SHARE * mean(radii), 2), radius_m: least, "radius_m[1]": most };
 }
 
 /** The form of a validation; `size()` returns the number of vehicles. */

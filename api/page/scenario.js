@@ -292,6 +292,11 @@ export function mean(values) {
   return values.reduce((sum, one) => sum + one, 0) / values.length;
 }
 
+/** Return a number rounded to so many digits, as people would type it. */
+export function rounded(value, digits) {
+  return Number(value.toPrecision(digits));
+}
+
 export function round(value) {
   return Math.round(value * 1e4) / 1e4;
 }

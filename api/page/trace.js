@@ -1,7 +1,7 @@
 // The worst predicted error against a number that is being changed, charted below its field.
 
 import { element, shown } from "./elements.js";
-import { sameOrbits, sameScenario } from "./scenario.js";
+import { rounded, sameOrbits, sameScenario } from "./scenario.js";
 import { stepOf } from "./scrubbing.js";
 import { Store } from "./store.js";
 
@@ -98,13 +98,13 @@ export function around(value, points, { min = -Infinity, max = Infinity, unit = 
   const far = [...points.keys()].map((one) => Math.abs(one - value));
   const span = Math.max(...far, 0.3 * Math.abs(value), 3 * stepOf(value, unit));
   const near = (one) => [...points.keys()].some((other) => Math.abs(other - one) < span / 8);
-  return SHARES.map((share) => Number((value + share * span).toPrecision(3))).filter((one) => one > min && one <= max && !near(one));
+  return SHARES.map((share) => rounded(value + share * span, 3)).filter((one) => one > min && one <= max && !near(one));
 }
 
 /** Return a sentence of the error at a value. */
 export function errorAt(value, worst, unit = "") {
   const at = unit ? shown(value, unit) : shown(value);
-  return worst === null || worst === undefined ? `no error known at ${at}` : `${shown(Number(worst.toPrecision(3)), "m")} at ${at}`;
+  return worst === null || worst === undefined ? `no error known at ${at}` : `${shown(worst, "m", 3)} at ${at}`;
 }
 
 /** A chart of errors by value, with the present value marked, and what it shows in words. */
