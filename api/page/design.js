@@ -1,7 +1,7 @@
 // A team designed from a brief: the brief's text, the front as it grows, and the formations found.
 
 import { attemptAt, button, byId, element, onceChosen, present, shown, table } from "./elements.js";
-import { Jobs } from "./jobs.js";
+import { jobsAt } from "./jobs.js";
 import { RequestForm } from "./requests.js";
 import { ask } from "./service.js";
 
@@ -14,7 +14,7 @@ export function offerDesigns(open, followed) {
   // a fault of the text as a whole has no path, and so the text has no name
   const read = (values) => values[""];
   const front = element("div", { class: "front", role: "region", tabindex: "0", "aria-label": "Teams found" });
-  const jobs = new Jobs("design-job", {
+  const jobs = jobsAt("design-job", {
     forms: (handIn) => [new RequestForm("design", byId("design-form"), { read, handIn })],
     addressOf: () => "v1/designs",
     began: (job) => {

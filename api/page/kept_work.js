@@ -1,7 +1,7 @@
 // What the service keeps of one's work: plans, jobs and recordings, listed, opened, renamed, deleted.
 
 import { alert, attemptAt, button, byId, dialogue, element, notice, onceChosen, present, shown, table } from "./elements.js";
-import { Jobs } from "./jobs.js";
+import { jobsAt } from "./jobs.js";
 import { ask, askJson, postOnce } from "./service.js";
 import { JOB_KINDS } from "./tables.js";
 import { tabs } from "./tabs.js";
@@ -20,7 +20,7 @@ function show(open, compare) {
   const fault = alert();
   /** the name of the recording that is replayed */
   let replayed = "";
-  const replays = new Jobs("replay-job", { ended: (job, result) => result && outcomeOf(job, result, replayed) });
+  const replays = jobsAt("replay-job", { ended: (job, result) => result && outcomeOf(job, result, replayed) });
   /** Each kind of work: its title, the columns of a row, and what can be done with it. */
   const kinds = {
     plans: {

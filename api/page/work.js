@@ -1,7 +1,7 @@
 // The jobs about the plan on show: refinements, validations and flights.
 
 import { byId, element } from "./elements.js";
-import { Jobs } from "./jobs.js";
+import { jobsAt } from "./jobs.js";
 import { outcomeOf } from "./outcomes.js";
 import { flightForm, refinementForm, validationForm } from "./requests.js";
 import { askJson, patiently } from "./service.js";
@@ -15,7 +15,7 @@ import { JOB_KINDS } from "./tables.js";
  */
 export function offerWork(store, storePlan, { began, changed, ended }) {
   const size = () => store.plan.vehicles.length;
-  const jobs = new Jobs("job", {
+  const jobs = jobsAt("job", {
     forms: (handIn) => [refinementForm(handIn), validationForm(size, handIn), flightForm(size, handIn)],
     may: () => store.scenario !== null,
     addressOf: async ({ kind }) => `v1/plans/${await storePlan()}/${JOB_KINDS[kind].collection}`,
