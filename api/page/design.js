@@ -42,7 +42,8 @@ export function offerDesigns(open, followed) {
 /** Where a brief's text may come from. */
 function offerSources(text) {
   const take = (bring) => attemptAt(byId("brief-source-fault"), async () => (text.value = await bring()));
-  onceChosen(byId("brief-example"), (name) => take(async () => (await ask("GET", `assets/briefs/${name}.yaml`, { accept: "application/yaml" })).text()));
+  const example = async (name) => (await ask("GET", `assets/briefs/${name}.yaml`, { accept: "application/yaml" })).text();
+  onceChosen(byId("brief-example"), (name) => take(() => example(name)));
   onceChosen(byId("brief-file"), (file) => take(() => file.text()));
 }
 

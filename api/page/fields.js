@@ -35,12 +35,12 @@ export class Fields {
     this.#store = store;
   }
 
-  /** Return a label, its input and the place for its fault.
+  /** Return a label and its input.
    * @param {Field} given */
   add(given) {
     const { path, label: name, unit, kind, help } = given;
     const id = `field-${(given.id ?? path).replaceAll(/[^a-z0-9]+/gi, "-")}`;
-    const input = element(kind === "choice" ? "select" : "input", { id, title: help, "aria-describedby": `${id}-fault`, ...typed(given) });
+    const input = element(kind === "choice" ? "select" : "input", { id, title: help, ...typed(given) });
     const field = { ...given, input };
     input.addEventListener(kind === "choice" || kind === "name" ? "change" : "input", (event) => {
       const value = read(input, kind);
@@ -54,7 +54,7 @@ export class Fields {
     this.#fields.push(field);
     const label = element("label", { for: id }, name, unit ? element("span", { class: "unit" }, ` (${unit})`) : null);
     if (!kind) scrubbed(label, input);
-    return element("div", { class: kind ? "field wide" : "field" }, element("span", {}, label, question(name)), input, element("p", { class: "fault", id: `${id}-fault` }));
+    return element("div", { class: kind ? "field wide" : "field" }, element("span", {}, label, question(name)), input);
   }
 
   /** Forget all fields: others take their place. */

@@ -87,7 +87,7 @@ function flown(report) {
     element("p", {}, `RMS over the second half of ${counted(trials, "flight")}. ${losses(lost, away)}`),
     nearest && separation(nearest),
     element("p", {}, meetings(links)),
-    ...events.map(({ what, settled_s: settled }) => element("p", {}, `${what}${typeof settled === "number" ? `; back in phase ${shown(settled, "s")} later` : ""}.`)),
+    ...events.map(happened),
     vehicles(report.vehicles),
     folded("What this flight supposes", notes.map((note) => element("p", { class: "hint" }, `${note}.`))),
   ];
@@ -97,6 +97,10 @@ function losses(lost, away) {
   const filters = lost ? `The filter was lost in ${percent(lost)} of them` : "No filter was lost";
   const contact = away ? `in ${percent(away)} a vehicle was out of contact for over two periods` : "no vehicle was out of contact for two periods";
   return `${filters}; ${contact}.`;
+}
+
+function happened({ what, settled_s: settled }) {
+  return element("p", {}, typeof settled === "number" ? `${what}; back in phase ${shown(settled, "s")} later.` : `${what}.`);
 }
 
 /** How near vehicles came; in less room than asked for is a remark of its own. */
