@@ -13,96 +13,84 @@ const ON_MAP = ["formation", "animation"];
 const ASKED = PLAN_FIGURES.filter((name) => !ON_MAP.includes(name));
 const TITLES = Object.fromEntries(Object.entries(FIGURES).filter(([name]) => !ON_MAP.includes(name)));
 
-/** The tabs of figures. */
-export class Charts {
-  #plot = byId("panel-plot");
-  #text = byId("panel-text");
-  #button = byId("show-figures");
-  #figures = {};
-  #store;
-  #tabs;
-
-  constructor(store) {
-    this.#store = store;
-    this.#tabs = tabs(byId("tabs"), TITLES, (name) => this.#draw(name));
-    this.#button.addEventListener("click", () => this.open(byId("figures").hidden));
-    store.on(["scenario", "opened"], () => this.#forget());
-    store.on(["plan"], ({ figures, opened, again }) => {
-      this.#take(figures);
-      if (opened || again) this.#compare(store.plan, { show: opened ? "comparison" : "" });
-    });
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => attempt(() => this.#ask()));
-  }
-
-  /** The contact timeline, if it is on show: the animation moves a line along it. */
-  get timeline() {
-    return this.#tabs.current() === "timeline" && this.#plot.layout ? this.#plot : null;
-  }
+/** Fill the tabs of figures; returns what adds some, what opens them, and the contact timeline if it is on show. */
+export function offerCharts(store) {
+  const plot = byId("panel-plot");
+  const text = byId("panel-text");
+  const part = byId("figures");
+  const figures = {};
+  const titles = tabs(byId("tabs"), TITLES, show);
+  byId("show-figures").addEventListener("click", () => open(part.hidden));
+  store.on(["scenario", "opened"], () => {
+    for (const name of Object.keys(figures)) if (!ASKED.includes(name)) delete figures[name];
+    offer();
+  });
+  store.on(["plan"], ({ figures: ofPlan, opened, again }) => {
+    take(ofPlan);
+    if (opened || again) compare(store.plan, { show: opened ? "comparison" : "" });
+  });
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => attempt(renew));
+  return { add, open, timeline: () => (titles.current() === "timeline" && plot.layout ? plot : null) };
 
   /** Add figures of a stored plan or a job, by their addresses, if they are `wanted()` once here.
    * @param {Record<string, string>} addresses
    * @param {{show?: string, wanted?: () => boolean}} options */
-  async add(addresses, { show = "", wanted = () => true } = {}) {
+  async function add(addresses, { show: first = "", wanted = () => true } = {}) {
     const names = Object.keys(addresses);
     const answers = names.map((name) => patiently(() => askJson("GET", `${addresses[name]}?theme=${theme()}`)));
     const found = /** @type {any[]} */ (await Promise.allSettled(answers));
     if (!wanted()) return;
     // what a figure is of may have been deleted: the others are there
-    this.#take(Object.fromEntries(names.map((name, k) => [name, found[k].value])));
-    if (show in this.#figures) this.#tabs.choose(show);
+    take(Object.fromEntries(names.map((name, k) => [name, found[k].value])));
+    if (first in figures) titles.choose(first);
   }
 
   /** Open the figures or close them; only open ones are drawn, and load what draws them. */
-  open(flag = true) {
-    const opens = flag && byId("figures").hidden;
-    byId("figures").hidden = !flag;
-    this.#button.setAttribute("aria-expanded", flag);
+  function open(flag = true) {
+    const opens = flag && part.hidden;
+    part.hidden = !flag;
+    byId("show-figures").setAttribute("aria-expanded", flag);
     Planner.figures = flag ? ASKED : [];
     if (!opens) return;
-    if (this.#tabs.current()) this.#draw(this.#tabs.current());
-    attempt(() => this.#ask());
+    show(titles.current());
+    attempt(renew);
   }
 
   /** Ask for the figures of the plan on show, in the colours of the theme. */
-  async #ask() {
-    const { plan, planId, document } = this.#store;
+  async function renew() {
+    const { plan, planId, document } = store;
     if (!plan) return;
-    const { figures } = await (planId ? Planner.stored(planId) : Planner.preview(document));
-    if (this.#store.plan === plan) this.#store.judged(plan, figures, { quick: false });
+    const found = await (planId ? Planner.stored(planId) : Planner.preview(document));
+    if (store.plan === plan) store.judged(plan, found.figures, { quick: false });
     // what took its place meanwhile may have been asked for without figures
-    else await this.#ask();
+    else await renew();
   }
 
   /** Add the figures of a refined plan beside what it was refined from. */
-  async #compare({ id, parent_id: parentId }, { show }) {
+  async function compare({ id, parent_id: parentId }, { show: first }) {
     if (!parentId) return;
     const at = `v1/plans/${id}/figures`;
     const more = { comparison: `${at}/comparison`, refinement: `${at}/refinement` };
-    await this.add(more, { show, wanted: () => this.#store.planId === id });
+    await add(more, { show: first, wanted: () => store.planId === id });
   }
 
-  #take(figures) {
-    for (const [name, figure] of Object.entries(figures)) if (figure) this.#figures[name] = figure;
-    this.#offer();
-    if (figures[this.#tabs.current()]) this.#draw(this.#tabs.current());
+  function take(found) {
+    for (const [name, figure] of Object.entries(found)) if (figure) figures[name] = figure;
+    offer();
+    if (found[titles.current()]) show(titles.current());
   }
 
-  #forget() {
-    for (const name of Object.keys(this.#figures)) if (!ASKED.includes(name)) delete this.#figures[name];
-    this.#offer();
+  function offer() {
+    titles.show(Object.keys(TITLES).filter((name) => name in figures));
   }
 
-  #offer() {
-    this.#tabs.show(Object.keys(TITLES).filter((name) => name in this.#figures));
-  }
-
-  #draw(name) {
-    const figure = this.#figures[name];
-    if (!figure || byId("figures").hidden) return;
+  function show(name) {
+    const figure = figures[name];
+    if (!figure || part.hidden) return;
     byId("panel").setAttribute("aria-labelledby", `tab-${name}`);
-    this.#text.textContent = plain(figure.layout.title?.subtitle?.text || "");
-    this.#plot.setAttribute("aria-label", `${TITLES[name]}. ${this.#text.textContent}`);
-    draw(this.#plot, figure);
+    text.textContent = plain(figure.layout.title?.subtitle?.text || "");
+    plot.setAttribute("aria-label", `${TITLES[name]}. ${text.textContent}`);
+    draw(plot, figure);
   }
 }
 

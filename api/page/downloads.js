@@ -1,7 +1,6 @@
 // Files to save: the scenario, the plan, and every export of it.
 
-import { byId, element, notice, save, shown } from "./elements.js";
-import { choice, labelled, number, wide } from "./requests.js";
+import { attemptAt, byId, element, notice, options, save, shown } from "./elements.js";
 import { withValue } from "./scenario.js";
 import { ask } from "./service.js";
 import { FORMATS, MISSIONS, ON_EARTH, PILOTS } from "./tables.js";
@@ -9,46 +8,32 @@ import { firstOpen, LEVELS } from "./verdict.js";
 
 /** The panel of downloads. `storePlan()` resolves with the identifier of the plan on show. */
 export function offerDownloads(store, storePlan) {
-  const fault = element("p", { class: "fault", role: "alert", id: "download-fault" });
-  const notes = element("div", { role: "status", id: "export-notes" });
-  const pilot = choice("pilot", PILOTS);
-  const pilots = wide("For", pilot);
-  const format = choice("format", FORMATS);
-  const travels = element("div", { class: "travels", id: "export-findings" });
-  const origin = originFields(store);
+  const [pilot, format, origin, force, forced] = ["pilot", "format", "origin", "force", "forced"].map(byId);
+  const [fault, notes, travels] = ["download-fault", "export-notes", "export-findings"].map(byId);
+  const acts = {
+    "save-scenario": () => saveScenario(store),
+    "save-plan": () => run(savePlan),
+    "save-report": () => run(saveReport),
+    "print-report": () => showReport(open()),
+    export: () => origin.hidden && run(saveExport),
+  };
+  for (const [id, act] of Object.entries(acts)) byId(id).addEventListener("click", act);
+  pilot.append(...options(PILOTS));
+  format.append(...options(FORMATS));
+  askForOrigin(store);
+
   const suit = () => {
-    pilots.hidden = !MISSIONS.includes(format.value);
+    byId("pilots").hidden = !MISSIONS.includes(format.value);
     origin.hidden = !ON_EARTH.includes(format.value) || store.scenario?.geo_origin !== undefined;
     // not disabled: Tab leads to it from the last field that it waits for
-    buttons[2].setAttribute("aria-disabled", !origin.hidden);
+    byId("export").setAttribute("aria-disabled", !origin.hidden);
     // nothing is said of files that can't be made yet
     travels.hidden = !origin.hidden;
   };
-  format.addEventListener("change", suit);
-  const buttons = [
-    element("button", { type: "button", onclick: () => saveScenario(store) }, "Scenario"),
-    element("button", { type: "button", onclick: () => run(savePlan) }, "Plan"),
-    element("button", { type: "button", onclick: () => origin.hidden && run(saveExport) }, "Export"),
-    element("button", { type: "button", onclick: () => showReport(open()) }, "Print report"),
-  ];
-  const force = element("input", { type: "checkbox", id: "force" });
-  const forced = element("label", { for: "force", class: "check" }, force, element("span", {}, " Export although the verdict is ", element("span", { class: "together" }, "NO-GO")));
-  const report = element("button", { type: "button", onclick: () => run(saveReport) }, "Report");
-  byId("downloads").append(
-    element("div", { class: "row" }, buttons[0], buttons[1], report, buttons[3]),
-    wide("Format", format),
-    pilots,
-    origin,
-    travels,
-    forced,
-    buttons[2],
-    fault,
-    notes,
-  );
   const enable = () => {
-    for (const one of buttons) one.disabled = store.scenario === null;
+    for (const id of ["save-scenario", "save-plan", "print-report", "export"]) byId(id).disabled = store.scenario === null;
+    byId("save-report").disabled = store.report === null;
     suit();
-    report.disabled = store.report === null;
     fault.textContent = "";
     notes.replaceChildren();
   };
@@ -56,6 +41,7 @@ export function offerDownloads(store, storePlan) {
     forced.hidden = !known || store.plan.verdict.go;
     travels.replaceChildren(...(known ? travelling(store.plan.verdict.findings) : []));
   };
+  format.addEventListener("change", suit);
   foretell(false);
   enable();
   store.on(["opened", "scenario", "report"], enable);
@@ -63,14 +49,9 @@ export function offerDownloads(store, storePlan) {
   // what is at fault can't be exported, and nothing is known of it
   store.on(["faults"], () => foretell(false));
 
-  async function run(task) {
-    fault.textContent = "";
+  function run(task) {
     notes.replaceChildren();
-    try {
-      await task();
-    } catch (error) {
-      fault.textContent = store.deleted(error) || error.message;
-    }
+    return attemptAt(fault, task, (error) => store.deleted(error) || error.message);
   }
 
   async function savePlan() {
@@ -105,24 +86,15 @@ export function offerDownloads(store, storePlan) {
   }
 }
 
-/** Asks for the place of the origin, which formats on the earth need. */
-function originFields(store) {
-  const [lat, lon] = [number("origin-lat", ""), number("origin-lon", "")];
-  const take = () => {
-    const [lat_deg, lon_deg] = [lat, lon].map((one) => one.valueAsNumber);
+/** Ask for the place of the origin, which formats on the earth need. */
+function askForOrigin(store) {
+  const fields = ["origin-lat", "origin-lon"].map(byId);
+  byId("origin").addEventListener("change", () => {
+    const [lat_deg, lon_deg] = fields.map((one) => one.valueAsNumber);
     if (Number.isNaN(lat_deg) || Number.isNaN(lon_deg)) return;
     store.edit(withValue(store.scenario, "geo_origin", { lat_deg, lon_deg, alt_m: 0 }));
-    for (const one of [lat, lon]) one.value = "";
-  };
-  for (const one of [lat, lon]) one.addEventListener("change", take);
-  return element(
-    "fieldset",
-    { class: "group" },
-    element("legend", {}, "Where the origin lies"),
-    element("p", { class: "hint" }, "This format needs the place on the earth of the point 0, 0."),
-    labelled("Latitude (°)", lat),
-    labelled("Longitude (°)", lon),
-  );
+    for (const one of fields) one.value = "";
+  });
 }
 
 /** What speaks against flying a plan, as the sidecar of its export will say. */

@@ -1,12 +1,11 @@
 // The scenario as a form: every field has a path, and a fault is shown next to its field.
 
-import { Body } from "./body.js";
-import { byId, element, mark } from "./elements.js";
+import { bodyPart } from "./body.js";
+import { byId, element, folded, mark } from "./elements.js";
 import { Fields } from "./fields.js";
-import { Links } from "./links.js";
+import { linksPart } from "./links.js";
 import { DIRECTIONS, sensorValue, valueAt, withOptional, withoutAlternative, withSensor, withValue } from "./scenario.js";
 import { ALTERNATIVES, MEANINGS } from "./tables.js";
-import { WORLD, isUsed } from "./world.js";
 
 const TEAM = [
   { path: "name", label: "Name", kind: "text" },
@@ -39,144 +38,139 @@ const PLACE = [
 ];
 const RATES = ["orbit.angular_rate_rad_s", "orbit.speed_mps"];
 
-/** The form of a store's scenario. `storePlan()` resolves with the identifier of the plan on show. */
-export class Editor {
-  #store;
-  #form = byId("editor");
-  #fields;
-  #body;
-  #links;
-  #rated = true;
-  /** the place of the origin as typed: half of one is not yet the scenario's
-   * @type {any} */
-  #origin = {};
-  /** fields that the world adds, whether they were used: a group opens when it begins to be */
-  #world = new Map();
+/** What the world adds, folded away where a scenario has none of a group's keys. @type {Record<string, any[]>} */
+const WORLD = {
+  "Sightings: interval, distance, compass": [
+    { path: "sensor.interval_s", label: "Sighting interval", unit: "s", min: 0 },
+    { path: "sensor.detection_probability", label: "Detection probability", min: 0, max: 1 },
+    { path: "sensor.range_sigma_m", label: "Distance sigma", unit: "m", min: 0 },
+    { path: "sensor.bearing_bias_sigma_rad", label: "Bearing bias sigma", unit: "rad", min: 0 },
+    { path: "sensor.bearing_walk", label: "Bearing walk", kind: "json" },
+    { path: "heading_sigma_rad", label: "Compass sigma", unit: "rad", min: 0 },
+    { path: "heading_interval_s", label: "Compass interval", unit: "s", min: 0 },
+  ],
+  "Errors of motion readings": [
+    { path: "motion.position_random_walk_m_sqrt_s", label: "Position random walk", unit: "m/√s", min: 0 },
+    { path: "motion.angle_random_walk_rad_sqrt_s", label: "Angle random walk", unit: "rad/√s", min: 0 },
+    { path: "motion.speed_scale_sigma", label: "Speed scale sigma", min: 0 },
+    { path: "motion.turn_rate_bias_sigma_rad_s", label: "Turn-rate bias sigma", unit: "rad/s", min: 0 },
+    { path: "motion.clock_offset_sigma_s", label: "Clock offset sigma", unit: "s", min: 0 },
+  ],
+  "Wind or current": [
+    { path: "wind.sigma_mps", label: "Wind sigma", unit: "m/s", min: 0 },
+    { path: "wind.gust_sigma_mps", label: "Gust sigma", unit: "m/s", min: 0 },
+    { path: "wind.gust_time_s", label: "Gust time", unit: "s", min: 0 },
+  ],
+  "Obstacles and keep-out areas": [
+    { path: "obstacles_m", label: "Polygons that block sight", unit: "m", kind: "json" },
+    { path: "keep_out_m", label: "Polygons that block paths", unit: "m", kind: "json" },
+  ],
+  "A simulated world that differs": [{ path: "truth", label: "Keys that are true instead", kind: "json" }],
+  "Errors that the filter estimates": [{ path: "filter.estimate", label: "Estimated errors", kind: "choice", choices: estimatesOf }],
+};
 
-  constructor(store, storePlan) {
-    this.#store = store;
-    this.#fields = new Fields(store);
-    this.#body = new Body(store, storePlan);
-    this.#links = new Links(store);
-    this.#form.addEventListener("submit", (event) => event.preventDefault());
-    store.on(["opened"], () => {
-      this.#origin = {};
-      this.#build();
-    });
-    store.on(["scenario"], () => this.#show());
-    store.on(["plan"], () => this.#show());
-    store.on(["plan"], () => this.#clear());
-    store.on(["faults"], (detail) => this.#showFaults(detail));
-  }
+const ESTIMATES = { auto: "all with a sigma", none: "none" };
 
-  #build() {
-    this.#fields.clear();
-    this.#rated = this.#store.scenario.orbit.speed_mps === undefined;
-    this.#form.replaceChildren(
-      element("p", { class: "fault block", role: "alert", id: "fault-rest" }),
-      this.#group("Team", TEAM),
-      this.#body.group,
-      this.#links.group,
-      this.#group("All sensors", SENSOR),
-      this.#folded("Noise", NOISE),
-      ...this.#worldGroups(),
-      this.#folded("Place and time, for exports", PLACE),
+/** Fill in the form of a store's scenario. `storePlan()` resolves with the identifier of the plan on show. */
+export function offerEditor(store, storePlan) {
+  const form = byId("editor");
+  const fields = new Fields(store);
+  const body = bodyPart(store, storePlan);
+  const links = linksPart(store);
+  const all = [fields, body.fields];
+  const rest = element("p", { class: "fault block", role: "alert", id: "fault-rest" });
+  /** the place of the origin as typed: half of one is not yet the scenario's @type {any} */
+  let origin = {};
+  /** groups of fields of the world, and whether they were used: a group opens when it begins to be */
+  const world = new Map();
+
+  form.addEventListener("submit", (event) => event.preventDefault());
+  store.on(["opened"], () => {
+    origin = {};
+    build();
+  });
+  store.on(["scenario", "plan"], show);
+  store.on(["plan"], () => showFaults({ faults: [], message: "" }));
+  store.on(["faults"], showFaults);
+
+  function build() {
+    fields.clear();
+    world.clear();
+    for (const [title, ofWorld] of Object.entries(WORLD)) world.set(folded(title, group(title, ofWorld, true)), { ofWorld, used: false });
+    form.replaceChildren(
+      rest,
+      group("Team", TEAM),
+      body.group,
+      links.group,
+      group("All sensors", SENSOR),
+      folded("Noise", group("Noise", NOISE)),
+      ...world.keys(),
+      folded("Place and time, for exports", group("Place and time, for exports", PLACE)),
     );
-    this.#show();
+    show();
   }
 
-  #group(title, fields) {
-    const { orbit } = this.#store.scenario;
-    // of rate and speed, the one that is given
-    const given = fields.filter(({ path }) => !RATES.includes(path) || valueAt({ orbit }, path) !== undefined);
-    const made = given.map((field) => this.#fields.add({ ...field, help: MEANINGS[field.path], ...this.#access(field) }));
-    return element("fieldset", { class: "group" }, element("legend", {}, title), ...made);
-  }
-
-  #worldGroups() {
-    this.#world.clear();
-    return Object.entries(WORLD).map(([title, fields]) => {
-      const group = this.#folded(title, fields.map((one) => ({ ...one, optional: true })));
-      this.#world.set(group, { fields, used: false });
-      return group;
-    });
-  }
-
-  #openUsed(scenario) {
-    for (const [group, one] of this.#world) {
-      const used = isUsed(scenario, one.fields);
-      if (used && !one.used) group.open = true;
-      one.used = used;
-    }
-  }
-
-  #folded(title, fields) {
-    return element("details", {}, element("summary", {}, title), this.#group(title, fields));
+  /** A group of fields; those that are optional leave no empty section behind. */
+  function group(title, given, optional = false) {
+    const made = given.map((field) => fields.add({ ...field, help: MEANINGS[field.path], ...access(field.path, optional) }));
+    return element("fieldset", { class: "group" }, element("legend", {}, title), made);
   }
 
   /** How a field reads and changes a scenario. */
-  #access({ path, optional }) {
+  function access(path, optional) {
     const [section, key] = path.split(".");
     const change = (before, value) => {
       const scenario = value === "" ? before : withoutAlternative(before, path, ALTERNATIVES);
       if (section === "sensor") return withSensor(scenario, key, optional && value === "" ? undefined : value);
-      if (section === "geo_origin") return this.#withOrigin(scenario, key, value);
+      if (section === "geo_origin") return withOrigin(scenario, key, value);
       return (optional ? withOptional : withValue)(scenario, path, value === "" ? undefined : value);
     };
     if (section === "sensor") return { change, read: (scenario) => sensorValue(scenario, key) };
-    return { change, read: (scenario) => valueAt({ ...scenario, geo_origin: this.#origin }, path) };
+    return { change, read: (scenario) => valueAt({ ...scenario, geo_origin: origin }, path) };
   }
 
   /** The scenario with a part of its origin typed: with both latitude and longitude, it has one. */
-  #withOrigin(scenario, key, value) {
-    this.#origin = { ...this.#origin, [key]: value === "" ? undefined : value };
-    if (isWhole(this.#origin)) return withValue(scenario, "geo_origin", { alt_m: 0, ...defined(this.#origin) });
+  function withOrigin(scenario, key, value) {
+    origin = { ...origin, [key]: value === "" ? undefined : value };
+    if (isWhole(origin)) return withValue(scenario, "geo_origin", { ...origin, alt_m: origin.alt_m ?? 0 });
     return scenario.geo_origin ? withValue(scenario, "geo_origin", undefined) : scenario;
   }
 
-  #show() {
-    const { scenario } = this.#store;
+  function show() {
+    const { scenario } = store;
     if (!scenario) return;
-    if (scenario.geo_origin) this.#origin = { ...scenario.geo_origin };
-    else if (isWhole(this.#origin)) this.#origin = {};
-    if ((scenario.orbit.speed_mps === undefined) !== this.#rated) {
-      this.#build();
-      return;
+    if (scenario.geo_origin) origin = { ...scenario.geo_origin };
+    else if (isWhole(origin)) origin = {};
+    fields.show(scenario);
+    // of rate and speed, the one that is given
+    const given = RATES.find((path) => valueAt(scenario, path) !== undefined);
+    for (const path of RATES) fields.find((one) => one === path).closest(".field").hidden = given !== undefined && path !== given;
+    for (const [folder, one] of world) {
+      const used = isUsed(scenario, one.ofWorld);
+      if (used && !one.used) folder.open = true;
+      one.used = used;
     }
-    this.#fields.show(scenario);
-    this.#openUsed(scenario);
-    this.#body.show();
-    this.#links.show();
+    body.show();
+    links.show();
   }
 
-  #clear() {
-    this.#fields.unmark();
-    this.#body.fields.unmark();
-    this.#links.showFaults([]);
-    byId("fault-rest").textContent = "";
-  }
-
-  #showFaults({ faults, message }) {
-    this.#fields.unmark();
-    this.#body.fields.unmark();
-    const rest = [];
-    for (const { path, message: text } of this.#links.showFaults(faults)) {
-      const place = this.#placeOf(path);
+  /** Show each fault at its field, and what has none above them. */
+  function showFaults({ faults, message }) {
+    for (const one of all) one.unmark();
+    const others = [];
+    for (const { path, message: text } of links.showFaults(faults)) {
+      const place = placeOf(path);
       if (place) mark(place, text);
-      else rest.push(path ? `${path}: ${text}` : text);
+      else others.push(path ? `${path}: ${text}` : text);
     }
-    byId("fault-rest").textContent = rest.length ? rest.join("; ") : faults.length ? "" : message;
+    rest.textContent = faults.length ? others.join("; ") : message;
   }
 
   /** The input of a fault's path: its own, that of a part of it, or that of the whole team. */
-  #placeOf(path) {
+  function placeOf(path) {
     const ofTeam = path.replaceAll(/\[\d+\]/g, "");
     const tests = [(one) => one === path, (one) => one.startsWith(`${path}[`), (one) => one === ofTeam];
-    for (const test of tests) {
-      const found = this.#fields.find(test) || this.#body.fields.find(test);
-      if (found) return found;
-    }
-    return null;
+    return tests.flatMap((test) => all.map((one) => one.find(test))).find(Boolean);
   }
 }
 
@@ -189,6 +183,18 @@ function isWhole({ lat_deg: latitude, lon_deg: longitude }) {
   return latitude !== undefined && longitude !== undefined;
 }
 
-function defined(values) {
-  return Object.fromEntries(Object.entries(values).filter(([, value]) => value !== undefined));
+/** Whether a scenario has a key of a group; of sensors, any of them. */
+function isUsed(scenario, fields) {
+  const given = (path) => {
+    const [section, key] = path.split(".");
+    const places = section === "sensor" ? [scenario.sensor].flat().map((one) => one[key]) : [valueAt(scenario, path)];
+    return places.some((value) => value !== undefined && value !== null);
+  };
+  return fields.some(({ path }) => given(path));
+}
+
+/** Return the choices of what the filter estimates, and the one taken: a list stays as it is. */
+function estimatesOf(value = "auto") {
+  if (Array.isArray(value)) return [{ ...ESTIMATES, "": value.join(", ") || "none listed" }, ""];
+  return [ESTIMATES, value === "none" ? "none" : "auto"];
 }

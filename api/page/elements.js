@@ -1,20 +1,75 @@
 // Elements made without markup: what users name things never becomes HTML.
 
-/** Return an element: element("p", {class: "hint", onclick: f}, "text", child, ...).
+import { rounded } from "./scenario.js";
+
+/** Return an element: element("p", {class: "hint", onclick: f}, "text", child, ...); lists of children are
+ * taken apart, and what is falsy is left out. The name of one of a drawing begins with "svg:".
  * @param {string} name
  * @param {Record<string, any>} attributes
- * @param {...(Node | string | null | undefined)} children
+ * @param {...any} children
  * @returns {any} */
 export function element(name, attributes = {}, ...children) {
-  const made = document.createElement(name);
+  const made = name.startsWith("svg:") ? document.createElementNS("http://www.w3.org/2000/svg", name.slice(4)) : document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) {
     if (value === undefined || value === null || value === false) continue;
     if (key.startsWith("on")) made.addEventListener(key.slice(2), value);
-    else if (value === true) made.setAttribute(key, "");
-    else made.setAttribute(key, value);
+    else made.setAttribute(key, value === true ? "" : value);
   }
-  made.append(...children.filter((child) => child !== null && child !== undefined));
+  made.append(...present(children));
   return made;
+}
+
+/** Return what there is of some children, in one list. */
+export function present(children) {
+  return children.flat().filter(Boolean);
+}
+
+/** Return a button. */
+export function button(text, onclick, attributes = {}) {
+  return element("button", { type: "button", onclick, ...attributes }, text);
+}
+
+/** Return the place for a fault, read out as it comes. */
+export function alert(id) {
+  return element("p", { class: "fault", role: "alert", id });
+}
+
+/** Return what is folded below a summary. */
+export function folded(summary, ...children) {
+  return element("details", {}, element("summary", {}, summary), ...children);
+}
+
+/** Return a table of rows below the heads of their columns; the first cell of a row is its head. */
+export function table(heads, rows, ...rest) {
+  const row = ([first, ...others]) => element("tr", {}, element("th", { scope: "row" }, first), others.map((one) => element("td", {}, one)));
+  const top = element("tr", {}, heads.map((text) => (text === "" ? element("td") : element("th", { scope: "col" }, text))));
+  return element("table", { class: "losses" }, ...rest, element("thead", {}, top), element("tbody", {}, rows.map(row)));
+}
+
+/** Return the options of a choice, `{ value: text }`. */
+export function options(texts) {
+  return Object.entries(texts).map(([value, text]) => element("option", { value }, text));
+}
+
+/** Show a dialogue, which is gone once it is closed; its heading has the identifier `about` and "-title". */
+export function dialogue(about, title, attributes, ...children) {
+  const id = `${about}-title`;
+  const close = button("×", () => made.close(), { class: "small", "aria-label": "Close" });
+  const head = element("div", { class: "title-row" }, element("h2", { id }, title), close);
+  const made = element("dialog", { "aria-labelledby": id, onclose: () => made.remove(), ...attributes }, head, ...children);
+  document.body.append(made);
+  made.showModal();
+  return made;
+}
+
+/** Call `take` with each file or value that is chosen in an input, which is ready for the next one. */
+export function onceChosen(input, take) {
+  input.addEventListener("change", () => {
+    const chosen = input.files ? input.files[0] : input.value;
+    input.value = "";
+    if (chosen) take(chosen);
+  });
+  return input;
 }
 
 /** Return the element of an identifier, which index.html or a panel has made.
@@ -24,10 +79,10 @@ export function byId(id) {
   return document.getElementById(id);
 }
 
-/** Return a number as people read it: four digits, no exponent where that can be. */
-export function shown(value, unit = "") {
+/** Return a number as people read it: so many digits, no exponent where that can be. */
+export function shown(value, unit = "", digits = 4) {
   if (value === null || value === undefined) return "—";
-  const text = Number(value.toPrecision(4)).toString();
+  const text = rounded(value, digits).toString();
   return unit ? `${text} ${unit}` : text;
 }
 
@@ -66,10 +121,24 @@ export async function attempt(task) {
   }
 }
 
-/** Show what is wrong with an input next to it, in the element of its id and "-fault". */
+/** Do something that may fail, and say so in an element: in the words of `wordsOf(error)`. */
+export async function attemptAt(place, task, wordsOf = (error) => error.message) {
+  place.textContent = "";
+  try {
+    await task();
+  } catch (error) {
+    place.textContent = wordsOf(error);
+  }
+}
+
+/** Show what is wrong with an input in its row, in an element of its id and "-fault", which is made when first needed. */
 export function mark(input, text) {
-  const place = byId(`${input.id}-fault`);
+  const id = `${input.id}-fault`;
+  const place = byId(id) ?? element("p", { class: "fault", id });
   if (place.textContent === text) return;
+  const row = input.closest(".field, .row");
+  if (!place.isConnected) row[row.matches(".field") ? "append" : "after"](place);
+  input.setAttribute("aria-describedby", id);
   place.textContent = text;
   if (text) {
     input.setAttribute("aria-invalid", "true");
@@ -84,9 +153,6 @@ export function mark(input, text) {
 /** Offer a file for saving. */
 export function save(content, name, type) {
   const url = URL.createObjectURL(new Blob([content], { type }));
-  const link = element("a", { href: url, download: name });
-  document.body.append(link);
-  link.click();
-  link.remove();
+  element("a", { href: url, download: name }).click();
   setTimeout(() => URL.revokeObjectURL(url), 10_000);
 }

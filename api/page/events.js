@@ -21,7 +21,7 @@ export async function follow(jobId, { changed, away }) {
       });
       away(false);
       for await (const event of eventsOf(answer.body)) {
-        last = event.id;
+        last = event.id ?? last;
         const job = JSON.parse(event.data);
         changed(job);
         ended = ENDED.includes(job.state);
@@ -47,20 +47,8 @@ async function* eventsOf(stream) {
     const blocks = text.split("\n\n");
     text = blocks.pop() ?? "";
     for (const block of blocks) {
-      const event = fieldsOf(block);
-      if (event.data !== undefined) yield event;
+      const [id, data] = ["id", "data"].map((field) => block.match(new RegExp(`^${field}: ?(.*)$`, "m"))?.[1]);
+      if (data !== undefined) yield { id, data };
     }
   }
-}
-
-/** @returns {Record<string, string>} */
-function fieldsOf(block) {
-  /** @type {Record<string, string>} */
-  const fields = {};
-  for (const line of block.split("\n")) {
-    if (!line || line.startsWith(":")) continue;
-    const at = line.indexOf(":");
-    fields[line.slice(0, at)] = line.slice(at + 1).replace(/^ /, "");
-  }
-  return fields;
 }

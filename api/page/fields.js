@@ -1,6 +1,6 @@
 // Labelled inputs of a scenario's values, and what is wrong with them.
 
-import { element, mark } from "./elements.js";
+import { element, mark, options } from "./elements.js";
 import { scrubbed, stepOf } from "./scrubbing.js";
 import { question } from "./terms.js";
 
@@ -35,12 +35,12 @@ export class Fields {
     this.#store = store;
   }
 
-  /** Return a label, its input and the place for its fault.
+  /** Return a label and its input.
    * @param {Field} given */
   add(given) {
     const { path, label: name, unit, kind, help } = given;
     const id = `field-${(given.id ?? path).replaceAll(/[^a-z0-9]+/gi, "-")}`;
-    const input = element(kind === "choice" ? "select" : "input", { id, title: help, "aria-describedby": `${id}-fault`, ...typed(given) });
+    const input = element(kind === "choice" ? "select" : "input", { id, title: help, ...typed(given) });
     const field = { ...given, input };
     input.addEventListener(kind === "choice" || kind === "name" ? "change" : "input", (event) => {
       const value = read(input, kind);
@@ -54,7 +54,7 @@ export class Fields {
     this.#fields.push(field);
     const label = element("label", { for: id }, name, unit ? element("span", { class: "unit" }, ` (${unit})`) : null);
     if (!kind) scrubbed(label, input);
-    return element("div", { class: kind ? "field wide" : "field" }, element("span", {}, label, question(name)), input, element("p", { class: "fault", id: `${id}-fault` }));
+    return element("div", { class: kind ? "field wide" : "field" }, element("span", {}, label, question(name)), input);
   }
 
   /** Forget all fields: others take their place. */
@@ -75,7 +75,8 @@ export class Fields {
    * @param {any} value */
   #put({ input, kind, unit }, value) {
     const listed = Array.isArray(value) && kind !== "json";
-    const text = value === undefined || value === null || listed ? "" : asText(value);
+    const missing = value === undefined || value === null || listed;
+    const text = missing ? "" : kind === "json" ? JSON.stringify(value) : String(value);
     if (input.value !== text) input.value = text;
     input.placeholder = listed ? "differs" : "";
     if (!kind) input.step = stepOf(input.valueAsNumber, unit);
@@ -84,9 +85,7 @@ export class Fields {
   /** Offer choices, `{ value: text }`, and show which of them is taken. */
   #choose(input, choices, value) {
     const offered = [...input.options].map((one) => one.value).join();
-    if (offered !== Object.keys(choices).join()) {
-      input.replaceChildren(...Object.entries(choices).map(([one, text]) => element("option", { value: one }, text)));
-    }
+    if (offered !== Object.keys(choices).join()) input.replaceChildren(...options(choices));
     input.value = value;
   }
 
@@ -98,10 +97,6 @@ export class Fields {
   find(test) {
     return this.#fields.find((one) => test(one.path))?.input;
   }
-}
-
-function asText(value) {
-  return Array.isArray(value) ? JSON.stringify(value) : String(value);
 }
 
 /** The attributes of an input by its kind. @param {Field} field */

@@ -1,25 +1,19 @@
 // Where another circle or landmark finds room: clear of all that is there, and within reach of the team.
 
-import { decade, landmarksOf, round, vehiclesOf, withLinks, withVehicle } from "./scenario.js";
+import { decade, landmarksOf, mean, round, vehiclesOf, withLinks, withVehicle } from "./scenario.js";
 
 /** Share of the mean radius that is kept where the scenario states no distance; the verdict has the same. */
 const TOO_NEAR = 0.1;
-
 /** Share by which more is kept than is asked for: coordinates are rounded. */
 const SPARE = 0.02;
-
 /** Directions that are tried round each vehicle. */
 const DIRECTIONS = 24;
-
 /** Where, between touching and out of reach, places are tried. */
 const SHARES = [0.6, 0.3, 0.9];
-
 /** Places of the team's own pattern that are tried from each vehicle. */
 const MOST_STEPS = 24;
-
 /** How many times the distance grows by half where nothing near is free. */
 const FARTHER = 12;
-
 /** Points along each side of an area's box that are tried last. */
 const GRID = 40;
 
@@ -58,8 +52,8 @@ export function withMember(scenario, at, like) {
   const changed = withVehicle(scenario, at, like);
   const { links } = changed.formation;
   const all = vehiclesOf(changed);
-  const last = all[all.length - 1];
-  const near = all.slice(0, -1).filter((one) => inReach(one, last)).sort((a, b) => gapBetween(a, last) - gapBetween(b, last));
+  const last = all.pop();
+  const near = all.filter((one) => inReach(one, last)).sort((a, b) => gapBetween(a, last) - gapBetween(b, last));
   return links && near.length ? withLinks(changed, [...links, [near[0].name, last.name]]) : changed;
 }
 
@@ -208,10 +202,6 @@ function reachOf(one, other) {
 
 function away(one, other) {
   return Math.hypot(one.x - other.x, one.y - other.y);
-}
-
-function mean(values) {
-  return values.reduce((sum, one) => sum + one, 0) / values.length;
 }
 
 /** A place as people would type it; one of the team's pattern stays in it. */

@@ -3,7 +3,7 @@
 
 import { shown } from "./elements.js";
 import { circlesOf, poseAt } from "./marks.js";
-import { landmarksOf, withRadius } from "./scenario.js";
+import { landmarksOf, rounded, withRadius } from "./scenario.js";
 import { BODIES } from "./selection.js";
 
 /**
@@ -45,14 +45,9 @@ export function movedTo(scenario, plan, { kind, k }, { x, y }, turned) {
   if (kind in BODIES) return { scenario: BODIES[kind].moved(scenario, k, x, y) };
   const circle = circlesOf(scenario, plan)[k];
   const [east, north] = [x - circle.x, y - circle.y];
-  if (kind === "radius") return { scenario: withRadius(scenario, k, Math.max(tidy(Math.hypot(east, north)), LEAST_RADIUS_M)) };
+  if (kind === "radius") return { scenario: withRadius(scenario, k, Math.max(rounded(Math.hypot(east, north), 3), LEAST_RADIUS_M)) };
   const phase = Math.atan2(north, east) - circle.sense * turned;
   return { scenario, phase: { k, phase_rad: ((phase % TURN) + TURN) % TURN } };
-}
-
-/** A length rounded to three digits. */
-function tidy(value) {
-  return Number(value.toPrecision(3));
 }
 
 function place({ x, y }) {

@@ -1,8 +1,8 @@
 // What the service keeps of one's work: plans, jobs and recordings, listed, opened, renamed, deleted.
 
-import { byId, element, notice, shown } from "./elements.js";
-import { RunningJob } from "./running_job.js";
-import { ask, askJson, patiently, postOnce } from "./service.js";
+import { alert, attemptAt, button, byId, dialogue, element, notice, onceChosen, present, shown, table } from "./elements.js";
+import { jobsAt } from "./jobs.js";
+import { ask, askJson, postOnce } from "./service.js";
 import { JOB_KINDS } from "./tables.js";
 import { tabs } from "./tabs.js";
 
@@ -11,148 +11,132 @@ const ADDRESSED = { design: "design" };
 
 /** The dialogue of what is kept; `open(planId)` opens a plan, `compare(plan)` draws one beside the plan on show. */
 export function offerKeptWork({ open, compare }) {
-  byId("kept").addEventListener("click", () => new KeptWork({ open, compare }));
+  byId("kept").addEventListener("click", () => show(open, compare));
 }
 
-class KeptWork {
-  #list = element("div", { id: "kept-list", role: "tabpanel" });
-  #fault = element("p", { class: "fault", role: "alert" });
-  #running = new RunningJob("replay-job", this.#fault);
-  #outcome = element("div", { role: "status" });
-  #dialogue;
-  #tabs;
-  /** Each kind of work: its title, where it is, and the columns and buttons of a row. */
-  #kinds = {};
+function show(open, compare) {
+  const list = element("div", { class: "tabs", role: "tablist", "aria-label": "Kept work" });
+  const listed = element("div", { id: "kept-list", role: "tabpanel" });
+  const fault = alert();
+  /** the name of the recording that is replayed */
+  let replayed = "";
+  const replays = jobsAt("replay-job", { ended: (job, result) => result && outcomeOf(job, result, replayed) });
+  /** Each kind of work: its title, the columns of a row, and what can be done with it. */
+  const kinds = {
+    plans: {
+      title: "Plans",
+      heads: ["Name", "Verdict", "Error", "Vehicles", "Made"],
+      cells: ({ id, name, go, predicted_rms_m: error, vehicles, parent_id: parent, created_at: made }) => [
+        [act(name || "without a name", () => open(id).then(close)), parent && element("span", { class: "hint block" }, "refined from another plan")],
+        go === null ? "—" : go ? "GO" : "NO-GO",
+        shown(error, "m"),
+        `${vehicles}`,
+        timeOf(made),
+      ],
+      acts: (row) => [act("Compare", () => askJson("GET", `v1/plans/${row.id}`).then(compare).then(close)), rename(row), remove(row)],
+    },
+    jobs: {
+      title: "Jobs",
+      heads: ["Kind", "State", "Begun"],
+      cells: ({ kind, state, created_at: made }) => [JOB_KINDS[kind].title, state, timeOf(made)],
+      acts: (row) => [
+        addressOf(row) && element("a", { href: addressOf(row) }, "Open"),
+        row.result && element("a", { href: row.result, download: `${row.kind}.json` }, "Result"),
+        remove(row),
+      ],
+    },
+    recordings: {
+      title: "Recordings",
+      heads: ["Name", "Robots", "Length", "Sightings", "Sent"],
+      cells: ({ name, robots, duration_s: length, bearings, distances, created_at: sent }) => [
+        name,
+        robots.join(", "),
+        shown(length, "s"),
+        `${bearings + distances}`,
+        timeOf(sent),
+      ],
+      acts: (row) => [act("Replay", (pressed) => replay(row, pressed)), rename(row), remove(row)],
+    },
+  };
+  const dialog = dialogue("kept", "Kept work", { class: "broad" }, list, listed, fault, ...replays.elements);
+  const close = () => dialog.close();
+  const titles = Object.fromEntries(Object.entries(kinds).map(([name, { title }]) => [name, title]));
+  const parts = tabs(list, titles, () => attemptAt(fault, renew), () => "kept-list");
+  parts.show(Object.keys(titles));
 
-  constructor({ open, compare }) {
-    this.#kinds = {
-      plans: {
-        title: "Plans",
-        heads: ["Name", "Verdict", "Error", "Vehicles", "Made"],
-        cells: ({ id, name, go, predicted_rms_m: error, vehicles, parent_id: parent, created_at: made }) => [
-          [this.#act(name || "without a name", () => this.#close(() => open(id))), parent ? element("span", { class: "hint block" }, "refined from another plan") : null],
-          go === null ? "—" : go ? "GO" : "NO-GO",
-          shown(error, "m"),
-          `${vehicles}`,
-          timeOf(made),
-        ],
-        more: (row) => [this.#act("Compare", () => this.#close(async () => compare(await askJson("GET", `v1/plans/${row.id}`)))), this.#rename(row), this.#delete(row)],
-      },
-      jobs: {
-        title: "Jobs",
-        heads: ["Kind", "State", "Begun"],
-        cells: ({ kind, state, created_at: made }) => [JOB_KINDS[kind].title, state, timeOf(made)],
-        more: (row) => [addressOf(row) ? element("a", { href: addressOf(row) }, "Open") : null, row.result ? element("a", { href: row.result, download: `${row.kind}.json` }, "Result") : null, this.#delete(row)],
-      },
-      recordings: {
-        title: "Recordings",
-        heads: ["Name", "Robots", "Length", "Sightings", "Sent"],
-        cells: ({ name, robots, duration_s: length, bearings, distances, created_at: sent }) => [name, robots.join(", "), shown(length, "s"), `${bearings + distances}`, timeOf(sent)],
-        more: (row) => [this.#act("Replay", () => this.#replay(row)), this.#rename(row), this.#delete(row)],
-      },
-    };
-    const list = element("div", { class: "tabs", role: "tablist", "aria-label": "Kept work" });
-    const close = element("button", { type: "button", class: "small", "aria-label": "Close", onclick: () => this.#dialogue.close() }, "×");
-    this.#dialogue = element(
-      "dialog",
-      { class: "broad", "aria-labelledby": "kept-title" },
-      element("div", { class: "title-row" }, element("h2", { id: "kept-title" }, "Kept work"), close),
-      list,
-      this.#list,
-      this.#fault,
-      this.#running.element,
-      this.#outcome,
-    );
-    this.#dialogue.addEventListener("close", () => this.#dialogue.remove());
-    document.body.append(this.#dialogue);
-    const titles = Object.fromEntries(Object.entries(this.#kinds).map(([name, { title }]) => [name, title]));
-    this.#tabs = tabs(list, titles, () => this.#do(() => this.#show()), () => "kept-list");
-    this.#dialogue.showModal();
-    this.#tabs.show(Object.keys(titles));
+  function act(text, task) {
+    return button(text, ({ currentTarget }) => attemptAt(fault, () => task(currentTarget)), { class: "small" });
   }
 
-  /** Show the newest of the kind that is chosen, or those after a page. */
-  async #show(at = `v1/${this.#tabs.current()}?limit=20`, rows = element("tbody", {})) {
-    const kind = this.#tabs.current();
-    const { heads, cells, more } = this.#kinds[kind];
-    this.#list.setAttribute("aria-labelledby", `tab-${kind}`);
+  /** Show the newest of the kind that is chosen. */
+  function renew() {
+    return more(`v1/${parts.current()}?limit=20`, []);
+  }
+
+  /** Show a page of work, below what was listed before it. */
+  async function more(at, before) {
+    const kind = parts.current();
+    const { title, heads, cells, acts } = kinds[kind];
+    listed.setAttribute("aria-labelledby", `tab-${kind}`);
     const { items, next } = await askJson("GET", at);
-    if (kind !== this.#tabs.current()) return;
-    const row = (one) => element("tr", {}, ...cells(one).map((cell) => element("td", {}, ...[cell].flat())), element("td", { class: "row" }, ...more(one)));
-    rows.append(...items.map(row));
-    const head = element("tr", {}, ...heads.map((text) => element("th", { scope: "col" }, text)), element("td", {}));
-    const further = next ? element("button", { type: "button", onclick: () => this.#do(() => this.#show(next.replace(/^\//, ""), rows)) }, "More") : null;
-    const table = element("div", { class: "front", tabindex: "0", role: "region", "aria-label": this.#kinds[kind].title }, element("table", { class: "losses" }, element("thead", {}, head), rows));
-    this.#list.replaceChildren(...[kind === "recordings" ? this.#upload() : null, rows.children.length ? table : element("p", {}, "None is kept."), further].filter((one) => one !== null));
+    if (kind !== parts.current()) return;
+    const all = [...before, ...items];
+    const rows = all.map((one) => [...cells(one), element("div", { class: "row" }, acts(one))]);
+    const kept = element("div", { class: "front", tabindex: "0", role: "region", "aria-label": title }, table([...heads, ""], rows));
+    const further = next && button("More", () => attemptAt(fault, () => more(next.replace(/^\//, ""), all)));
+    listed.replaceChildren(...present([kind === "recordings" && upload(), all.length ? kept : element("p", {}, "None is kept."), further]));
   }
 
-  #act(text, task) {
-    return element("button", { type: "button", class: "small", onclick: () => this.#do(task) }, text);
-  }
-
-  async #do(task) {
-    this.#fault.textContent = "";
-    try {
-      await task();
-    } catch (error) {
-      this.#fault.textContent = error.message;
-    }
-  }
-
-  async #close(task) {
-    await task();
-    this.#dialogue.close();
-  }
-
-  #rename(row) {
-    const at = `v1/${this.#tabs.current()}/${row.id}`;
-    return this.#act("Rename", async () => {
-      const name = prompt("New name", row.name);
-      if (name === null) return;
-      await ask("PATCH", at, { body: JSON.stringify({ name }) });
-      await this.#show();
+  function rename({ id, name }) {
+    const at = `v1/${parts.current()}/${id}`;
+    return act("Rename", async () => {
+      const given = prompt("New name", name);
+      if (given === null) return;
+      await ask("PATCH", at, { body: JSON.stringify({ name: given }) });
+      await renew();
     });
   }
 
-  #delete(row) {
-    const at = `v1/${this.#tabs.current()}/${row.id}`;
-    return this.#act("Delete", async () => {
-      if (!confirm(`Delete ${row.name || row.kind || "this plan"}? This can't be undone.`)) return;
+  function remove({ id, name, kind }) {
+    const at = `v1/${parts.current()}/${id}`;
+    return act("Delete", async () => {
+      if (!confirm(`Delete ${name || kind || "this plan"}? This can't be undone.`)) return;
       await ask("DELETE", at);
-      await this.#show();
+      await renew();
     });
   }
 
-  #upload() {
+  function upload() {
     const file = element("input", { id: "recording-file", class: "unseen", type: "file", accept: ".zip,.tar,.tgz,.gz" });
-    file.addEventListener("change", () =>
-      this.#do(async () => {
-        const [chosen] = file.files;
-        file.value = "";
-        if (!chosen) return;
-        notice(`Sending ${chosen.name} …`);
-        await ask("POST", "v1/recordings", { body: chosen, type: archiveType(chosen.name) });
-        notice(`${chosen.name} is kept.`);
-        await this.#show();
-      }),
-    );
-    return element("p", {}, file, element("label", { class: "button", for: "recording-file" }, "Send a recording …"), element("span", { class: "hint" }, " A zip or tar archive of its folder."));
+    const send = async (chosen) => {
+      notice(`Sending ${chosen.name} …`);
+      await ask("POST", "v1/recordings", { body: chosen, type: archiveType(chosen.name) });
+      notice(`${chosen.name} is kept.`);
+      await renew();
+    };
+    onceChosen(file, (chosen) => attemptAt(fault, () => send(chosen)));
+    const label = element("label", { class: "button", for: "recording-file" }, "Send a recording …");
+    return element("p", {}, file, label, element("span", { class: "hint" }, " A zip or tar archive of its folder."));
   }
 
-  /** Run the filter on a recording; the report says how far off each robot was. */
-  async #replay(row) {
-    this.#outcome.replaceChildren();
-    try {
-      const job = await this.#running.follow(await postOnce(`v1/recordings/${row.id}/replays`, {}), { focus: true });
-      if (job.state === "failed") throw new Error(job.error.detail);
-      if (job.state !== "succeeded") return;
-      const { robots } = await patiently(() => askJson("GET", `v1/jobs/${job.id}/result`));
-      const errors = robots.map(({ name, rms_m: error, rms_sigma_m: sigma }) => element("li", {}, error === null ? `${name}: ${shown(sigma, "m")} by the filter's own sigma; there is no truth` : `${name}: ${shown(error, "m")} RMS`));
-      this.#outcome.replaceChildren(element("p", {}, `Replay of ${row.name}:`), element("ul", {}, ...errors), element("a", { href: `v1/jobs/${job.id}/result`, download: `${row.name}.report.json` }, "Report"));
-    } finally {
-      this.#running.close();
-    }
+  /** Run the filter on a recording. */
+  async function replay({ id, name }, pressed) {
+    replays.clear();
+    const job = await postOnce(`v1/recordings/${id}/replays`, {});
+    replayed = name;
+    await replays.follow(job, pressed);
   }
+}
+
+/** How far off each robot of a recording was, and the report. */
+function outcomeOf({ id }, { robots }, recording) {
+  const words = ({ name, rms_m: error, rms_sigma_m: sigma }) =>
+    error === null ? `${name}: ${shown(sigma, "m")} by the filter's own sigma; there is no truth` : `${name}: ${shown(error, "m")} RMS`;
+  return [
+    element("p", {}, `Replay of ${recording}:`),
+    element("ul", {}, robots.map((one) => element("li", {}, words(one)))),
+    element("a", { href: `v1/jobs/${id}/result`, download: `${recording}.report.json` }, "Report"),
+  ];
 }
 
 /** The address that shows a job with what it is about; null where the page has no place for it. */

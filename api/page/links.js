@@ -1,99 +1,89 @@
 // The pairs to synchronise: listed ones to take out, or those that follow reach.
 
-import { element } from "./elements.js";
+import { alert, button, element, folded } from "./elements.js";
 import { linksPresent, withLinks, withoutLink } from "./scenario.js";
 
 const PLACE = /^formation\.links(?:\[(\d+)\])?/;
+const LISTED = "Only these pairs are synchronised. The tool “Link” adds and removes them on the map. A link out of reach stops the plan until it is taken out.";
 
-/** The part of the form for the links of a store's scenario, folded until one of them is at fault. */
-export class Links {
-  /** the element to put in the form */
-  group = element("details", { class: "links" });
-  #store;
+/** The part of the form for the links of a store's scenario, folded until one of them is at fault.
+ *
+ * Returns the element to put in the form, what shows the links, and what shows the faults of links.
+ */
+export function linksPart(store) {
+  const said = element("p", { class: "hint" });
+  const list = element("ul", { class: "chips", "aria-label": "Links" });
+  const fault = alert();
+  const all = button("", () => change(listed() ? undefined : present()));
+  const group = folded("Links", said, list, fault, all);
+  group.className = "links";
   /** @type {any} */
-  #known = null;
-  #chips = [];
-  #all = element("button", { type: "button", onclick: () => this.#change(this.#listed ? undefined : this.#present) });
-  #said = element("p", { class: "hint" });
-  #list = element("ul", { class: "chips", "aria-label": "Links" });
-  #fault = element("p", { class: "fault", role: "alert" });
-
-  constructor(store) {
-    this.#store = store;
-    this.group.append(element("summary", {}, "Links"), this.#said, this.#list, this.#fault, this.#all);
-  }
+  let known = null;
+  /** @type {any[]} */
+  let chips = [];
+  return { group, show, showFaults };
 
   /** Show the links of the scenario, unless they are on show already. */
-  show() {
-    const { formation } = this.#store.scenario;
-    this.#say();
-    const known = JSON.stringify(formation.links);
-    if (known === this.#known) return;
-    this.#known = known;
-    this.#all.textContent = this.#listed ? "Let links follow reach" : "List them";
-    this.#chips = (formation.links || []).map((pair, k) => this.#chip(pair.join("-"), k));
-    this.#list.replaceChildren(...this.#chips.map((one) => one.item));
-    this.#list.hidden = !this.#chips.length;
-    this.#fault.textContent = "";
+  function show() {
+    const count = listed() ? 0 : present().length;
+    said.textContent = listed() ? LISTED : `Every two vehicles whose circles come within reach are linked, ${count === 1 ? "1 link" : `${count} links`} just now.`;
+    const { links } = store.scenario.formation;
+    if (JSON.stringify(links) === known) return;
+    known = JSON.stringify(links);
+    all.textContent = listed() ? "Let links follow reach" : "List them";
+    chips = (links || []).map((pair, k) => chip(pair.join("-"), k));
+    list.replaceChildren(...chips.map((one) => one.item));
+    list.hidden = !chips.length;
+    fault.textContent = "";
   }
 
   /** Show what is wrong with links, each at its place; returns the faults of anything else. */
-  showFaults(faults) {
+  function showFaults(faults) {
     const messages = new Map();
     const others = [];
-    for (const fault of faults) {
-      const found = PLACE.exec(fault.path || "");
-      if (found) messages.set(this.#chips[found[1]], fault.message);
-      else others.push(fault);
+    for (const one of faults) {
+      const found = PLACE.exec(one.path || "");
+      if (found) messages.set(chips[found[1]], one.message);
+      else others.push(one);
     }
-    for (const chip of this.#chips) put(chip.item, chip.fault, messages.get(chip) || "");
-    this.#fault.textContent = messages.get(undefined) || "";
-    if (messages.size) this.group.open = true;
+    for (const one of chips) put(one, messages.get(one) || "");
+    fault.textContent = messages.get(undefined) || "";
+    if (messages.size) group.open = true;
     return others;
   }
 
-  #say() {
-    this.#said.textContent = this.#listed
-      ? "Only these pairs are synchronised. The tool “Link” adds and removes them on the map. A link out of reach stops the plan until it is taken out."
-      : `Every two vehicles whose circles come within reach are linked, ${count(this.#present.length)} just now.`;
+  function listed() {
+    return Array.isArray(store.scenario.formation.links);
   }
 
-  get #listed() {
-    return Array.isArray(this.#store.scenario.formation.links);
+  function present() {
+    return linksPresent(store.scenario, store.plan);
   }
 
-  get #present() {
-    return linksPresent(this.#store.scenario, this.#store.plan);
-  }
-
-  #chip(name, k) {
-    const fault = element("p", { class: "fault" });
+  function chip(name, k) {
     const label = `Remove ${name}`;
-    const button = element("button", { type: "button", "aria-label": label, title: label, onclick: () => this.#remove(k) });
-    button.append(element("span", { class: "sign", "aria-hidden": "true" }, "×"), element("span", { class: "words" }, label));
-    return { item: element("li", {}, element("span", {}, name), button, fault), button, fault };
+    const wrong = element("p", { class: "fault" });
+    const sign = [element("span", { class: "sign", "aria-hidden": "true" }, "×"), element("span", { class: "words" }, label)];
+    const remover = button(sign, () => remove(k), { "aria-label": label, title: label });
+    return { item: element("li", {}, element("span", {}, name), remover, wrong), remover, wrong };
   }
 
-  #remove(k) {
-    this.#store.edit(withoutLink(this.#store.scenario, k));
-    (this.#chips[k] || this.#chips.at(-1))?.button.focus();
-    if (!this.#chips.length) this.#all.focus();
+  function remove(k) {
+    store.edit(withoutLink(store.scenario, k));
+    (chips[k] || chips.at(-1))?.remover.focus();
+    if (!chips.length) all.focus();
   }
 
-  #change(links) {
-    this.#store.edit(withLinks(this.#store.scenario, links));
-    this.#all.focus();
+  function change(links) {
+    store.edit(withLinks(store.scenario, links));
+    all.focus();
   }
 }
 
-function put(item, fault, text) {
-  if (fault.textContent === text) return;
-  fault.textContent = text;
+function put({ item, wrong }, text) {
+  if (wrong.textContent === text) return;
+  wrong.textContent = text;
   item.classList.toggle("bad", text !== "");
-  if (text) fault.setAttribute("role", "alert");
-  else fault.removeAttribute("role");
-}
-
-function count(links) {
-  return links === 1 ? "1 link" : `${links} links`;
+  if (text) wrong.setAttribute("role", "alert");
+  else wrong.removeAttribute("role");
 }

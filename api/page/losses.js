@@ -1,7 +1,7 @@
 // What if: the plan without each vehicle, sensor and landmark, as the service judges it; and without those
 // that are switched off on the map.
 
-import { byId, element, notice, shown } from "./elements.js";
+import { attemptAt, button, byId, element, folded, notice, shown, table } from "./elements.js";
 import { askJson } from "./service.js";
 
 /** Losses that stand open; the others are folded. */
@@ -12,17 +12,11 @@ const SENSORS = { sensor: "sensor", compass: "compass", distance: "distance sens
 
 /** The panel of losses. `storePlan()` resolves with the identifier of the plan on show. */
 export function offerLosses(store, storePlan) {
-  const fault = element("p", { class: "fault", role: "alert", id: "losses-fault" });
-  const found = element("div", { role: "status", id: "losses-found" });
-  const button = element("button", { type: "button", id: "judge-losses", onclick: judge }, "Judge every loss");
-  byId("losses").append(
-    element("p", { class: "hint" }, "The plan without each vehicle, sensor or landmark, orbits unchanged. Errors are predicted from the initial sigmas on; where something is not observable they keep growing."),
-    button,
-    fault,
-    found,
-  );
+  const [fault, found, judges] = ["losses-fault", "losses-found", "judge-losses"].map(byId);
+  judges.addEventListener("click", judge);
+  const wordsOf = (error) => store.deleted(error) || error.message;
   const clear = () => {
-    button.disabled = store.scenario === null;
+    judges.disabled = store.scenario === null;
     fault.textContent = "";
     found.replaceChildren();
   };
@@ -35,30 +29,30 @@ export function offerLosses(store, storePlan) {
 
   async function judgeWithout(off) {
     try {
-      const lose = new URLSearchParams(off.map((name) => ["lose", name]));
-      const { losses } = await askJson("GET", `v1/plans/${await storePlan()}/what-if?${lose}`);
+      const { losses } = await whatIf(`?${new URLSearchParams(off.map((name) => ["lose", name]))}`);
       store.judgedWithout(off, losses[0]);
     } catch (error) {
-      store.judgedWithout(off, { fault: store.deleted(error) || error.message });
+      store.judgedWithout(off, { fault: wordsOf(error) });
     }
   }
 
   async function judge() {
     const { scenario } = store;
-    fault.textContent = "";
-    button.disabled = true;
-    try {
-      const report = await askJson("GET", `v1/plans/${await storePlan()}/what-if`);
-      if (store.scenario === scenario) {
-        found.replaceChildren(...outcomes(store, report));
-        notice(headline(report));
-      }
-    } catch (error) {
-      if (store.scenario === scenario) fault.textContent = store.deleted(error) || error.message;
-    } finally {
-      button.disabled = store.scenario === null;
-      if (document.activeElement === document.body) button.focus();
-    }
+    const current = () => store.scenario === scenario;
+    judges.disabled = true;
+    const task = async () => {
+      const report = await whatIf("");
+      if (!current()) return;
+      found.replaceChildren(...outcomes(store, report));
+      notice(headline(report));
+    };
+    await attemptAt(fault, task, (error) => (current() ? wordsOf(error) : ""));
+    judges.disabled = store.scenario === null;
+    if (document.activeElement === document.body) judges.focus();
+  }
+
+  async function whatIf(query) {
+    return askJson("GET", `v1/plans/${await storePlan()}/what-if${query}`);
   }
 }
 
@@ -73,14 +67,14 @@ export function lostOf(names) {
 
 /** A button that switches a part off on the map, and on again: several may be off. */
 export function switchOf(store, part) {
-  const button = element("button", { type: "button", class: "small", "data-part": part, onclick: () => store.switchOff(switched(store.off, part)) });
-  label(button, store.off);
-  return button;
+  const made = button("", () => store.switchOff(switched(store.off, part)), { class: "small", "data-part": part });
+  label(made, store.off);
+  return made;
 }
 
-function label(button, off) {
-  const { part } = button.dataset;
-  button.textContent = `Switch ${off.includes(part) ? "on" : "off"} ${lostOf([part])}`;
+function label(made, off) {
+  const { part } = made.dataset;
+  made.textContent = `Switch ${off.includes(part) ? "on" : "off"} ${lostOf([part])}`;
 }
 
 /** The parts that are off once one was switched; a vehicle and a sensor of it take each other's place. */
@@ -91,44 +85,21 @@ export function switched(off, part) {
 }
 
 /** Return how many losses end observability. */
-export function headline({ baseline, losses, critical }) {
+function headline({ baseline, losses, critical }) {
   if (!baseline.observable) return `${losses.length} losses judged; the plan itself is not observable.`;
   return `${critical.length} of ${losses.length} losses end observability.`;
 }
 
 function outcomes(store, report) {
   const rest = report.losses.slice(MOST_OPEN);
-  return [
-    element("p", {}, headline(report)),
-    table(store, [report.baseline, ...report.losses.slice(0, MOST_OPEN)]),
-    rest.length ? element("details", {}, element("summary", {}, `${rest.length} less harmful losses`), table(store, rest)) : "",
-  ];
-}
-
-function table(store, losses) {
-  const heads = ["Lost", "Rank", "Worst error", "Verdict"];
-  return element(
-    "table",
-    { class: "losses" },
-    element("thead", {}, element("tr", {}, ...heads.map((head) => element("th", { scope: "col" }, head)))),
-    element("tbody", {}, ...losses.map((one) => row(store, one))),
-  );
+  const lossesOf = (losses) => table(["Lost", "Rank", "Worst error", "Verdict"], losses.map((one) => row(store, one)));
+  const first = [element("p", {}, headline(report)), lossesOf([report.baseline, ...report.losses.slice(0, MOST_OPEN)])];
+  return rest.length ? [...first, folded(`${rest.length} less harmful losses`, lossesOf(rest))] : first;
 }
 
 function row(store, { lost, rank, state_dim: size, worst_predicted_rms_m: worst, unobservable, extended, verdict: { go } }) {
-  const lostModes = [...unobservable, ...(extended?.undetermined ?? [])].map((mode) => mode.description).join("; ");
-  return element(
-    "tr",
-    {},
-    element(
-      "th",
-      { scope: "row" },
-      lostOf(lost),
-      lostModes ? element("span", { class: "hint block" }, lostModes) : null,
-      ...lost.map((part) => element("span", { class: "block" }, switchOf(store, part))),
-    ),
-    element("td", {}, `${rank} of ${size}`),
-    element("td", {}, shown(worst, "m")),
-    element("td", {}, go ? "GO" : "NO-GO"),
-  );
+  const modes = [...unobservable, ...(extended?.undetermined ?? [])].map((mode) => mode.description).join("; ");
+  const switches = lost.map((part) => element("span", { class: "block" }, switchOf(store, part)));
+  const named = [lostOf(lost), modes && element("span", { class: "hint block" }, modes), ...switches];
+  return [named, `${rank} of ${size}`, shown(worst, "m"), go ? "GO" : "NO-GO"];
 }

@@ -1,8 +1,8 @@
 // A new team: its shape, size, orbits, sensors and landmarks in one dialogue.
 
-import { byId, element } from "./elements.js";
+import { byId, dialogue, options } from "./elements.js";
 import { freeSite } from "./free_space.js";
-import { choice, labelled, number, RequestForm, wide } from "./requests.js";
+import { listed, RequestForm } from "./requests.js";
 import { addLandmark, DIRECTIONS } from "./scenario.js";
 import { SHAPES } from "./tables.js";
 
@@ -22,71 +22,41 @@ export function offerNewTeam(open) {
 }
 
 function show(open) {
-  const fields = {
-    name: element("input", { id: "new-name", value: "my team", "aria-describedby": "new-name-fault" }),
-    shape: choice("new-shape", { ...Object.fromEntries(Object.keys(SHAPES).map((one) => [one, one])), [BY_LINKS]: "given by its links" }),
-    links: element("input", { id: "new-links", value: "v1-v2 v2-v3 v3-v4 v4-v1", "aria-describedby": "new-links-fault" }),
-    count: number("new-count", 4),
-    gap: number("new-gap", 30),
-    radius: number("new-radius", 20),
-    speed: number("new-speed", 4),
-    direction: choice("new-direction", DIRECTIONS),
-    sensor: choice("new-sensor", Object.fromEntries(Object.keys(SENSORS).map((one) => [one, one]))),
-    range: number("new-range", 50),
-    landmarks: number("new-landmarks", 2),
-  };
-  const hint = element("p", { class: "hint" });
-  const laid = [labelled("Vehicles", fields.count), labelled("Gap between circles (m)", fields.gap)];
-  const linked = wide("Links", fields.links);
+  const made = byId("new-team").content.firstElementChild.cloneNode(true);
+  const { shape, direction, sensor, count, gap, links } = made.elements;
+  const hint = made.querySelector(".about-shape");
+  shape.append(...options({ ...Object.fromEntries(Object.keys(SHAPES).map((one) => [one, one])), [BY_LINKS]: "given by its links" }));
+  direction.append(...options(DIRECTIONS));
+  sensor.append(...options(Object.fromEntries(Object.keys(SENSORS).map((one) => [one, one]))));
   const explain = () => {
-    const { value } = fields.shape;
+    const { value } = shape;
     const byLinks = value === BY_LINKS;
     hint.textContent = byLinks ? "Vehicles with a link must meet; centres are found so that they can." : `A ${value}: ${SHAPES[value].replaceAll("`", "")}.`;
-    linked.hidden = !byLinks;
-    for (const row of laid) row.hidden = byLinks;
-    for (const one of [fields.count, fields.gap]) one.disabled = byLinks;
+    links.closest(".field").hidden = !byLinks;
+    for (const one of [count, gap]) one.closest(".field").hidden = one.disabled = byLinks;
   };
-  fields.shape.value = "grid";
-  fields.direction.value = "ccw";
-  fields.shape.addEventListener("change", explain);
+  shape.value = "grid";
+  direction.value = "ccw";
+  shape.addEventListener("change", explain);
   explain();
-  const form = new RequestForm("new", "Create", "Circles at one rate: neighbours lie a gap apart, landmarks go where there is room. All of it can be changed afterwards.", {
-    fields,
-    read: () => Object.fromEntries(Object.entries(fields).map(([key, input]) => [key, input.type === "number" ? input.valueAsNumber : input.value])),
-    rows: [
-      wide("Name", fields.name),
-      wide("Shape", fields.shape),
-      hint,
-      ...laid,
-      linked,
-      labelled("Radius (m)", fields.radius),
-      labelled("Speed (m/s)", fields.speed),
-      wide("Direction", fields.direction),
-      wide("Sensor", fields.sensor),
-      labelled("Range (m)", fields.range),
-      labelled("Landmarks", fields.landmarks),
-    ],
+  const form = new RequestForm("new", made, {
     handIn: async (_form, asked) => {
       try {
         await open(scenarioOf(asked), (scenario) => withLandmarks(scenario, asked.landmarks));
-        dialogue.close();
+        shown.close();
       } catch (error) {
         form.showFault(error);
       }
     },
   });
-  const close = element("button", { type: "button", class: "small", "aria-label": "Close", onclick: () => dialogue.close() }, "×");
-  const dialogue = element("dialog", { "aria-labelledby": "new-title" }, element("div", { class: "title-row" }, element("h2", { id: "new-title" }, "New team"), close), form.element);
-  dialogue.addEventListener("close", () => dialogue.remove());
-  document.body.append(dialogue);
-  dialogue.showModal();
+  const shown = dialogue("new", "New team", {}, made);
 }
 
 function scenarioOf({ name, shape, links, count, gap, radius, speed, direction, sensor, range }) {
   return {
     name,
     orbit: { radius_m: radius, speed_mps: speed, direction },
-    formation: shape === BY_LINKS ? { links: links.split(/[\s,;]+/).filter(Boolean).map((one) => one.split("-")) } : { shape, count, gap_m: gap },
+    formation: shape === BY_LINKS ? { links: listed(links).map((one) => one.split("-")) } : { shape, count, gap_m: gap },
     landmarks_m: [],
     sensor: { range_m: range, ...SENSORS[sensor] },
   };

@@ -1,12 +1,11 @@
 // What is around the map: the bar, the panels beside it, the figures and the player, and how they hear of one another.
 
-import { Charts } from "./charts.js";
+import { offerCharts } from "./charts.js";
 import { offerWaysOn } from "./dead_link.js";
-import { DesignPanel } from "./design.js";
+import { offerDesigns } from "./design.js";
 import { offerDownloads } from "./downloads.js";
-import { Editor } from "./editor.js";
-import { attempt, byId, notice, noticeIsFault, shown } from "./elements.js";
-import { offerParts } from "./inspector.js";
+import { offerEditor } from "./editor.js";
+import { attempt, byId, notice, noticeIsFault, onceChosen, shown } from "./elements.js";
 import { Handles } from "./handles.js";
 import { offerKeptWork } from "./kept_work.js";
 import { offerLosses } from "./losses.js";
@@ -14,21 +13,24 @@ import { offerNaming } from "./naming.js";
 import { offerNewTeam } from "./new_team.js";
 import { FIRST_EXAMPLE } from "./opening.js";
 import { Planner } from "./planner.js";
-import { Player } from "./player.js";
+import { offerPlayer } from "./player.js";
 import { offerLink, storing } from "./sharing.js";
 import { listenForKeys } from "./shortcuts.js";
 import { JOB_KINDS } from "./tables.js";
+import { tabs } from "./tabs.js";
 import { traceErrors } from "./trace.js";
 import { Tools } from "./tools.js";
 import { showVerdicts, wayBack } from "./verdict.js";
-import { Work } from "./work.js";
+import { offerWork } from "./work.js";
+
+const PARTS = { scenario: "Scenario", verdict: "Verdict", run: "Run", design: "Design", export: "Export" };
 
 /** Make all panels; returns what goes on with jobs and designs, and what shows that a link leads nowhere. */
 export function makePanels({ store, map, address, opening }) {
   const storePlan = storing(store, address);
-  const charts = new Charts(store);
-  new Editor(store, storePlan);
-  const player = new Player(store, map, charts);
+  const charts = offerCharts(store);
+  offerEditor(store, storePlan);
+  const player = offerPlayer(store, map, charts);
   byId("ellipses").addEventListener("click", async () => (await import("./ellipses.js")).toggled(store, map));
   showVerdicts(store);
   traceErrors(store, Planner.preview);
@@ -36,8 +38,8 @@ export function makePanels({ store, map, address, opening }) {
   new Handles(store, map.canvas, (grip) => tools.uses(grip));
   listenForKeys(store, tools);
   const parts = offerParts(store);
-  const work = new Work(store, storePlan, { began, changed, ended });
-  const designs = new DesignPanel((plan, name) => attempt(() => opening.formation(plan, name)), (jobId) => name("designed", jobId));
+  const resumeWork = offerWork(store, storePlan, { began, changed, ended });
+  const resumeDesigns = offerDesigns((plan, name) => attempt(() => opening.formation(plan, name)), (jobId) => name("designed", jobId));
   offerNewTeam((scenario, change) => opening.team(scenario, change));
   offerKeptWork({ open: (planId) => opening.plan(planId, { opened: () => address.write() }), compare });
   offerDownloads(store, storePlan);
@@ -123,19 +125,19 @@ export function makePanels({ store, map, address, opening }) {
   /** Go on with a job about the plan on show, or show what it came to. */
   function resumeJob(id) {
     parts.choose("run");
-    return resume(work, id, "followed", { id, ended: false });
+    return resume(resumeWork, id, "followed", { id, ended: false });
   }
 
   function resumeDesign(id, show) {
     if (show) parts.choose("design");
-    return resume(designs, id, "designed", id);
+    return resume(resumeDesigns, id, "designed", id);
   }
 
   /** Go on with a job in its panel; the address names it, unless it is not there. */
   async function resume(panel, jobId, what, value) {
     name(what, value);
     try {
-      await panel.resume(jobId);
+      await panel(jobId);
     } catch (error) {
       name(what, null);
       notice(error.message, { fault: true });
@@ -159,18 +161,26 @@ function figuresOf({ figures }, report) {
   });
 }
 
+/** Let parts be chosen and the sheet be opened; what is selected on the map shows its fields. Returns `{ choose(name) }`. */
+function offerParts(store) {
+  const parts = tabs(byId("parts"), PARTS, (name) => {
+    for (const other of Object.keys(PARTS)) byId(`part-${other}`).hidden = other !== name;
+  }, (name) => `part-${name}`);
+  parts.show(Object.keys(PARTS));
+  const sheet = byId("sheet");
+  sheet.addEventListener("click", () => {
+    const open = sheet.getAttribute("aria-expanded") !== "true";
+    sheet.setAttribute("aria-expanded", open);
+    sheet.textContent = open ? "Map" : "Details";
+  });
+  store.on(["selected"], () => store.selected && parts.choose("scenario"));
+  return parts;
+}
+
 /** The bar above the map, and the messages over it. */
 function offerBar(store, opening) {
-  byId("examples").addEventListener("change", (event) => {
-    const { value } = event.target;
-    if (value) attempt(() => opening.example(value));
-    event.target.value = "";
-  });
-  byId("upload").addEventListener("change", (event) => {
-    const [file] = event.target.files;
-    event.target.value = "";
-    if (file) attempt(() => opening.file(file));
-  });
+  onceChosen(byId("examples"), (name) => attempt(() => opening.example(name)));
+  onceChosen(byId("upload"), (file) => attempt(() => opening.file(file)));
   byId("dismiss").addEventListener("click", () => notice(""));
   byId("undo").addEventListener("click", () => store.undo());
   byId("redo").addEventListener("click", () => store.redo());

@@ -1,7 +1,5 @@
 // Reading and changing a scenario as the service resolves it. Every change returns a new scenario.
 
-const turnOf = { ccw: "ccw", cw: "cw" };
-
 /** What the direction of all is called, by its value. */
 export const DIRECTIONS = { alternate: "neighbours alternate", ccw: "all counter-clockwise", cw: "all clockwise" };
 
@@ -38,14 +36,8 @@ export function sameOrbits(one, other) {
 }
 
 /** Return of a plan's vehicles what the service reads of a plan. */
-export function orbitsOf(plan) {
-  return plan.vehicles.map(({ name, center_m, radius_m, direction, phase_rad }) => ({
-    name,
-    center_m,
-    radius_m,
-    direction,
-    phase_rad,
-  }));
+export function orbitsOf({ vehicles }) {
+  return vehicles.map(({ name, center_m, radius_m, direction, phase_rad }) => ({ name, center_m, radius_m, direction, phase_rad }));
 }
 
 /** Return the orbits of a scenario with the phases of a plan, but one. */
@@ -66,7 +58,7 @@ function orbitsAndMeetings(scenario) {
   const { names: _, ...formation } = scenario.formation;
   const names = namesOf(scenario);
   if (formation.links) formation.links = formation.links.map((link) => link.map((name) => names.indexOf(name)));
-  return { ...without(scenario, LOOSE), formation, landmarks_m: pointsOf(scenario.landmarks_m), sensor };
+  return { ...without(scenario, LOOSE), formation, landmarks_m: Object.values(scenario.landmarks_m), sensor };
 }
 
 function without(values, keys) {
@@ -91,17 +83,15 @@ export function vehiclesOf(scenario, plan) {
     x,
     y,
     radius: each(scenario.orbit.radius_m, k),
-    direction: turnOf[each(scenario.orbit.direction, k)] || (turns ? turns[k] : "ccw"),
+    direction: ["ccw", "cw"].find((one) => one === each(scenario.orbit.direction, k)) ?? turns?.[k] ?? "ccw",
     sensor: each(scenario.sensor, k),
   }));
 }
 
 /** Return {name, x, y} of each landmark. */
-export function landmarksOf(scenario) {
-  const names = Array.isArray(scenario.landmarks_m)
-    ? scenario.landmarks_m.map((_, k) => `L${k + 1}`)
-    : Object.keys(scenario.landmarks_m);
-  return pointsOf(scenario.landmarks_m).map(([x, y], k) => ({ name: names[k], x, y }));
+export function landmarksOf({ landmarks_m: landmarks }) {
+  const nameOf = (key) => (Array.isArray(landmarks) ? `L${Number(key) + 1}` : key);
+  return Object.entries(landmarks).map(([key, [x, y]]) => ({ name: nameOf(key), x, y }));
 }
 
 export function namesOf(scenario) {
@@ -114,16 +104,26 @@ export function valueAt(scenario, path) {
   return path.split(".").reduce((inner, part) => (inner === undefined || inner === null ? undefined : inner[part]), scenario);
 }
 
-/** Return the scenario with a value at a dotted path; undefined takes the key out. */
+/** Return the scenario with a value at a path such as "sensor[2].range_m"; undefined takes the key out. What is one value for
+ * all vehicles becomes a list of them. */
 export function withValue(scenario, path, value) {
   const changed = structuredClone(scenario);
-  const parts = path.split(".");
+  const parts = path.split(/[.[]/).map((part) => (part.endsWith("]") ? Number.parseInt(part, 10) : part));
   const last = parts.pop();
   let inner = changed;
-  for (const part of parts) inner = inner[part] ??= {};
-  if (value === undefined) delete inner[last];
-  else inner[last] = value;
+  for (const [i, part] of parts.entries()) {
+    const within = inner[part];
+    const listed = typeof (parts[i + 1] ?? last) === "number" && !Array.isArray(within);
+    if (listed) inner[part] = namesOf(scenario).map(() => structuredClone(within));
+    inner = inner[part] ??= {};
+  }
+  put(inner, last, value);
   return changed;
+}
+
+function put(values, key, value) {
+  if (value === undefined) delete values[key];
+  else values[key] = value;
 }
 
 /** Return the scenario with a value at a path that may be left out; a section left empty goes too. */
@@ -147,17 +147,10 @@ export function sensorValue(scenario, key) {
   return sensors.every((one) => one[key] === sensors[0][key]) ? sensors[0][key] : undefined;
 }
 
-/** Return the scenario with a key of all sensors changed, or of the one of vehicle k; undefined takes it out. */
-export function withSensor(scenario, key, value, k) {
+/** Return the scenario with a key of all sensors changed; undefined takes it out. */
+export function withSensor(scenario, key, value) {
   const changed = structuredClone(scenario);
-  if (k !== undefined && !Array.isArray(changed.sensor)) {
-    changed.sensor = namesOf(scenario).map(() => structuredClone(changed.sensor));
-  }
-  const chosen = k === undefined ? [changed.sensor].flat() : [changed.sensor[k]];
-  for (const one of chosen) {
-    if (value === undefined) delete one[key];
-    else one[key] = value;
-  }
+  for (const one of [changed.sensor].flat()) put(one, key, value);
   return changed;
 }
 
@@ -177,61 +170,50 @@ export function withLandmarkName(scenario, k, name) {
 }
 
 export function withCenter(scenario, k, x, y) {
-  return withPoint(scenario, "formation.centers_m", k, [x, y]);
+  return withValue(scenario, `formation.centers_m[${k}]`, [x, y]);
 }
 
 export function withLandmark(scenario, k, x, y) {
-  return withPoint(scenario, "landmarks_m", k, [x, y]);
+  const { landmarks_m: landmarks } = scenario;
+  const moved = { ...landmarks, [Object.keys(landmarks)[k]]: [x, y] };
+  return withValue(scenario, "landmarks_m", Array.isArray(landmarks) ? Object.values(moved) : moved);
 }
 
 export function withRadius(scenario, k, radius) {
-  const radii = namesOf(scenario).map((_, i) => each(scenario.orbit.radius_m, i));
-  radii[k] = radius;
-  return withValue(scenario, "orbit.radius_m", radii);
+  return withValue(scenario, `orbit.radius_m[${k}]`, radius);
 }
 
 /** Return the scenario with the sense of one vehicle set, the others' as planned. */
 export function withDirection(scenario, plan, k, direction) {
-  const directions = vehiclesOf(scenario, plan).map((one) => one.direction);
-  directions[k] = direction;
-  return withValue(scenario, "orbit.direction", directions);
+  return withValue(scenario, "orbit.direction", vehiclesOf(scenario, plan).map((one) => one.direction).with(k, direction));
+}
+
+/** What a scenario lists vehicle by vehicle. */
+function listsOf({ formation, orbit, sensor, heading_sigma_rad: compass }) {
+  const { radius_m, direction, desync_rad, speed_mps } = orbit;
+  return [formation.centers_m, formation.names, radius_m, direction, desync_rad, speed_mps, sensor, compass].filter(Array.isArray);
 }
 
 /** Return the scenario with one more vehicle about a centre, like another one: the last where none is named. */
 export function withVehicle(scenario, { x, y }, like = -1) {
   const changed = structuredClone(scenario);
-  const { formation, orbit } = changed;
-  formation.centers_m.push([x, y]);
-  if (formation.names) formation.names.push(free("v", formation.names));
-  for (const part of ["radius_m", "direction", "desync_rad", "speed_mps"]) {
-    if (Array.isArray(orbit[part])) orbit[part].push(orbit[part].at(like));
-  }
-  for (const part of ["sensor", "heading_sigma_rad"]) {
-    if (Array.isArray(changed[part])) changed[part].push(structuredClone(changed[part].at(like)));
-  }
+  for (const list of listsOf(changed)) list.push(structuredClone(list.at(like)));
+  const { centers_m: centers, names } = changed.formation;
+  centers.splice(-1, 1, [x, y]);
+  names?.splice(-1, 1, free("v", scenario.formation.names));
   return changed;
 }
 
 /** Return the scenario without a vehicle, and without its links. */
 export function withoutVehicle(scenario, k) {
   const changed = structuredClone(scenario);
-  const before = namesOf(scenario);
-  const { formation, orbit } = changed;
-  formation.centers_m.splice(k, 1);
-  if (formation.names) formation.names.splice(k, 1);
-  for (const part of ["radius_m", "direction", "desync_rad", "speed_mps"]) {
-    if (Array.isArray(orbit[part])) orbit[part].splice(k, 1);
-  }
-  for (const part of ["sensor", "heading_sigma_rad"]) {
-    if (Array.isArray(changed[part])) changed[part].splice(k, 1);
-  }
-  if (formation.links) {
-    const kept = before.filter((_, i) => i !== k);
-    const renamed = new Map(kept.map((name, i) => [name, namesOf(changed)[i]]));
-    formation.links = formation.links
-      .filter((link) => link.every((name) => renamed.has(name)))
-      .map((link) => link.map((name) => renamed.get(name)));
-  }
+  for (const list of listsOf(changed)) list.splice(k, 1);
+  const { formation } = changed;
+  if (!formation.links) return changed;
+  const kept = namesOf(scenario).toSpliced(k, 1);
+  const now = namesOf(changed);
+  const left = formation.links.filter((link) => link.every((name) => kept.includes(name)));
+  formation.links = left.map((link) => link.map((name) => now[kept.indexOf(name)]));
   return changed;
 }
 
@@ -305,23 +287,22 @@ export function roundBelow(value) {
   return Math.max(...[1, 2, 5].map((one) => one * decade(value)).filter((one) => one <= value));
 }
 
+/** Return the mean of some numbers. */
+export function mean(values) {
+  return values.reduce((sum, one) => sum + one, 0) / values.length;
+}
+
+/** Return a number rounded to so many digits, as people would type it. */
+export function rounded(value, digits) {
+  return Number(value.toPrecision(digits));
+}
+
 export function round(value) {
   return Math.round(value * 1e4) / 1e4;
 }
 
 function each(value, k) {
   return Array.isArray(value) ? value[k] : value;
-}
-
-function pointsOf(points) {
-  return Array.isArray(points) ? points : Object.values(points);
-}
-
-function withPoint(scenario, path, k, point) {
-  const changed = structuredClone(scenario);
-  const points = valueAt(changed, path);
-  points[Array.isArray(points) ? k : Object.keys(points)[k]] = point;
-  return changed;
 }
 
 function free(letter, taken) {

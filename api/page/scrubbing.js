@@ -1,6 +1,6 @@
 // Numbers dragged by their labels, sideways: each pixel is a step.
 
-import { decade } from "./scenario.js";
+import { decade, rounded } from "./scenario.js";
 
 /** What stands for the decade of a zero, by unit; 1 for others. */
 const DECADES = { "°": 100, m: 10, s: 10 };
@@ -8,11 +8,13 @@ const DECADES = { "°": 100, m: 10, s: 10 };
 const STEPS = 10;
 const PIXELS = 100;
 const LONG = 10;
+/** Digits without the noise of the last ones. */
+const DIGITS = 12;
 const TREMOR_PX = 4;
 
 /** Return the step of the arrow keys for a value: a tenth of its decade. */
 export function stepOf(value, unit = "") {
-  return tidied((value ? decade(Math.abs(value)) : (DECADES[unit] ?? 1)) / STEPS);
+  return rounded((value ? decade(Math.abs(value)) : (DECADES[unit] ?? 1)) / STEPS, DIGITS);
 }
 
 /** Let the number of an input be dragged by its label. The edits are one step to undo, and the last one rests. */
@@ -39,7 +41,7 @@ export function scrubbed(label, input) {
     held.value += by * held.step * (event.shiftKey ? LONG : 1);
     held.value = Math.min(Math.max(held.value, min === "" ? -Infinity : Number(min)), max === "" ? Infinity : Number(max));
     held.x = event.clientX;
-    const value = tidied(Math.round(held.value / held.step) * held.step);
+    const value = rounded(Math.round(held.value / held.step) * held.step, DIGITS);
     if (value === input.valueAsNumber) return;
     enter(value, { step: !held.moved });
     held.moved = dragged = true;
@@ -52,9 +54,4 @@ export function scrubbed(label, input) {
   }
   // a click on a label puts the focus on its field, and a keyboard on a phone
   label.addEventListener("click", (event) => dragged && event.preventDefault());
-}
-
-/** A number without the noise of its last digits. */
-function tidied(value) {
-  return Number(value.toPrecision(12));
 }

@@ -26,11 +26,7 @@ export function keepOverReloads(store) {
 
 /** What was kept, `{ state, scenario }`, or null. */
 export function kept() {
-  try {
-    return JSON.parse(sessionStorage.getItem(STORED_KEY) ?? "null");
-  } catch {
-    return null;
-  }
+  return allowed(() => JSON.parse(sessionStorage.getItem(STORED_KEY) ?? "null"));
 }
 
 /** Forget what was kept. */
@@ -39,24 +35,24 @@ export function forget() {
 }
 
 function write(value) {
-  try {
-    if (value) sessionStorage.setItem(STORED_KEY, JSON.stringify(value));
-    else sessionStorage.removeItem(STORED_KEY);
-  } catch {
-    // no room, or not allowed: nothing is kept
-  }
+  allowed(() => (value ? sessionStorage.setItem(STORED_KEY, JSON.stringify(value)) : sessionStorage.removeItem(STORED_KEY)));
 }
 
 /** Whether nobody has done anything on the page in this browser yet. */
 export function isFirstVisit() {
-  try {
-    return localStorage.getItem(VISITED_KEY) === null;
-  } catch {
-    return false;
-  }
+  return allowed(() => localStorage.getItem(VISITED_KEY) === null) ?? false;
 }
 
 /** Keep in mind that there was a visit. */
 export function remember() {
-  localStorage.setItem(VISITED_KEY, "yes");
+  allowed(() => localStorage.setItem(VISITED_KEY, "yes"));
+}
+
+/** What a use of the browser's storage returns; null where there is no room, or no leave. */
+function allowed(use) {
+  try {
+    return use();
+  } catch {
+    return null;
+  }
 }

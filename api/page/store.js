@@ -26,14 +26,11 @@ export class Store extends EventTarget {
   off = [];
   /** what the service finds of the plan without it, `{ fault }` where it refuses; null until it answers @type {any} */
   without = null;
-  /** identifier of the plan as stored; null while it is an edit not yet stored
-   * @type {string | null} */
+  /** identifier of the plan as stored; null while it is an edit not yet stored @type {string | null} */
   planId = null;
-  /** orbits that were given and hold for the scenario: `{ vehicles, origin }`, or null
-   * @type {any} */
+  /** orbits that were given and hold for the scenario: `{ vehicles, origin }`, or null @type {any} */
   given = null;
-  /** identifier of the job whose report is on show, or null
-   * @type {string | null} */
+  /** identifier of the job whose report is on show, or null @type {string | null} */
   report = null;
   /** @type {any} */
   #anchor = null;

@@ -1,7 +1,7 @@
 // The worst predicted error against a number that is being changed, charted below its field.
 
 import { element, shown } from "./elements.js";
-import { sameOrbits, sameScenario } from "./scenario.js";
+import { rounded, sameOrbits, sameScenario } from "./scenario.js";
 import { stepOf } from "./scrubbing.js";
 import { Store } from "./store.js";
 
@@ -98,13 +98,13 @@ export function around(value, points, { min = -Infinity, max = Infinity, unit = 
   const far = [...points.keys()].map((one) => Math.abs(one - value));
   const span = Math.max(...far, 0.3 * Math.abs(value), 3 * stepOf(value, unit));
   const near = (one) => [...points.keys()].some((other) => Math.abs(other - one) < span / 8);
-  return SHARES.map((share) => Number((value + share * span).toPrecision(3))).filter((one) => one > min && one <= max && !near(one));
+  return SHARES.map((share) => rounded(value + share * span, 3)).filter((one) => one > min && one <= max && !near(one));
 }
 
 /** Return a sentence of the error at a value. */
 export function errorAt(value, worst, unit = "") {
   const at = unit ? shown(value, unit) : shown(value);
-  return worst === null || worst === undefined ? `no error known at ${at}` : `${shown(Number(worst.toPrecision(3)), "m")} at ${at}`;
+  return worst === null || worst === undefined ? `no error known at ${at}` : `${shown(worst, "m", 3)} at ${at}`;
 }
 
 /** A chart of errors by value, with the present value marked, and what it shows in words. */
@@ -113,18 +113,18 @@ function chartOf(points, value, unit) {
   const known = sorted.filter(([, worst]) => worst !== null);
   const [x, y] = [scaleOf([value, ...points.keys()], [EDGE, WIDTH - EDGE]), scaleOf(known.map(([, worst]) => worst), [HEIGHT - EDGE, EDGE])];
   const now = points.get(value) ?? null;
-  const marks = known.map(([at, worst]) => drawn("circle", { cx: x(at), cy: y(worst), r: 2.5 }));
+  const marks = known.map(([at, worst]) => element("svg:circle", { cx: x(at), cy: y(worst), r: 2.5 }));
   const [first, last] = [sorted[0], sorted[sorted.length - 1]].map(([at, worst]) => element("span", {}, errorAt(at, worst, unit)));
   const words = `Worst predicted error ${sorted.map(([at, worst]) => errorAt(at, worst, unit)).join("; ")}`;
   return [
     element("p", {}, "Worst predicted error: ", element("strong", {}, errorAt(value, now, unit))),
-    drawn(
-      "svg",
+    element(
+      "svg:svg",
       { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": words },
-      drawn("line", { x1: x(value), x2: x(value), y1: 0, y2: HEIGHT }),
-      drawn("polyline", { points: known.map(([at, worst]) => `${x(at)},${y(worst)}`).join(" ") }),
-      ...marks,
-      ...(now === null ? [] : [drawn("circle", { class: "now", cx: x(value), cy: y(now), r: 5 })]),
+      element("svg:line", { x1: x(value), x2: x(value), y1: 0, y2: HEIGHT }),
+      element("svg:polyline", { points: known.map(([at, worst]) => `${x(at)},${y(worst)}`).join(" ") }),
+      marks,
+      now !== null && element("svg:circle", { class: "now", cx: x(value), cy: y(now), r: 5 }),
     ),
     element("p", { class: "ends" }, first, last),
   ];
@@ -134,12 +134,4 @@ function chartOf(points, value, unit) {
 function scaleOf(numbers, [from, to]) {
   const [least, most] = [Math.min(...numbers), Math.max(...numbers)];
   return (one) => Number((most > least ? from + ((to - from) * (one - least)) / (most - least) : (from + to) / 2).toFixed(1));
-}
-
-/** An element of a drawing. */
-function drawn(name, attributes, ...children) {
-  const made = document.createElementNS("http://www.w3.org/2000/svg", name);
-  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
-  made.append(...children);
-  return made;
 }

@@ -52,7 +52,7 @@ def test_a_server_that_dies_in_mid_job_and_returns_costs_nothing_but_time(
         expect(page.locator("#job-text")).to_contain_text("can't be reached")
         with running(Server(tmp_path / "log", port=first.port, **given)):
             expect(page.locator("#job-text")).to_contain_text("Validation running")
-            expect(page.locator(".outcome")).to_contain_text("of 1500 trials")
+            expect(page.locator("#job-outcome")).to_contain_text("of 1500 trials")
 
 
 def test_a_service_with_keys_asks_for_one(keyless: Visit) -> None:
@@ -179,7 +179,7 @@ def test_a_refined_plan_opens_though_its_parent_was_deleted(
 ) -> None:
     visit.choose(ALTERNATE)
     refine(page)
-    expect(page.locator(".outcome")).to_contain_text("Predicted error")
+    expect(page.locator("#job-outcome")).to_contain_text("Predicted error")
     plan = stored(page, server)
     assert httpx2.delete(f"{server.url}/v1/plans/{plan['parent_id']}").status_code == 204
     visit.expect_complaints("404")

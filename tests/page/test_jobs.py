@@ -40,15 +40,15 @@ def test_refine_compare_validate_and_open_the_link_again(
     refine(page)
     expect(page.locator("#job-text")).to_contain_text(re.compile(r"of \d+ starts"))
     visit.verdict("Observable: rank 18 of 18")
-    expect(page.locator(".outcome")).to_contain_text("Predicted error")
-    expect(page.locator(".outcome")).to_contain_text("Rank 16 → 18")
+    expect(page.locator("#job-outcome")).to_contain_text("Predicted error")
+    expect(page.locator("#job-outcome")).to_contain_text("Rank 16 → 18")
     figures(page)
     expect(page.get_by_role("tab", name="Before and after")).to_have_attribute(
         "aria-selected", "true"
     )
     assert accessibility_faults(page) == []
     validate(page, "40")
-    expect(page.locator(".outcome")).to_contain_text("RMS over the second half of 40 trials")
+    expect(page.locator("#job-outcome")).to_contain_text("RMS over the second half of 40 trials")
     for name in ("Errors over time", "Consistency", "Error found"):
         page.get_by_role("tab", name=name).click()
         assert page.evaluate("document.getElementById('panel-plot').data.length") > 0
@@ -92,7 +92,7 @@ def test_what_refinement_may_move_by_suits_the_team_that_was_opened(
 
 def test_refining_shows_what_it_costs_in_separation(visit: Visit, page: Page) -> None:
     refine(page)
-    reported = page.locator(".outcome .remark")
+    reported = page.locator("#job-outcome .remark")
     expect(reported).to_contain_text(re.compile(r"Least separation 30 → [\d.]+ m"))
     expect(reported).to_contain_text("“Least separation” in the scenario limits this")
     visit.choose("paper-grid-same")
@@ -100,9 +100,9 @@ def test_refining_shows_what_it_costs_in_separation(visit: Visit, page: Page) ->
     page.get_by_label("Least separation").fill("29")
     visit.settle()
     refine(page)
-    expect(page.locator(".outcome")).to_contain_text("Least separation 30 → 29")
+    expect(page.locator("#job-outcome")).to_contain_text("Least separation 30 → 29")
     expect(reported).to_have_count(0)
-    expect(page.locator(".outcome .badge")).to_have_class("badge good")
+    expect(page.locator("#job-outcome .badge")).to_have_class("badge good")
 
 
 def test_a_refined_plan_that_is_not_to_be_flown_is_no_success(visit: Visit, page: Page) -> None:
@@ -114,7 +114,7 @@ def test_a_refined_plan_that_is_not_to_be_flown_is_no_success(visit: Visit, page
     refine(page)
     visit.verdict("✗ NO-GO")
     visit.verdict("Observable: rank 18 of 18")
-    badge = page.locator(".outcome .badge")
+    badge = page.locator("#job-outcome .badge")
     expect(badge).to_contain_text("Predicted error")
     expect(badge).not_to_have_class("badge good")
 
@@ -122,8 +122,8 @@ def test_a_refined_plan_that_is_not_to_be_flown_is_no_success(visit: Visit, page
 def test_a_validation_is_no_proof_where_the_plan_is_unobservable_or_trials_are_few(
     visit: Visit, page: Page
 ) -> None:
-    badge = page.locator(".outcome .badge")
-    outcome = page.locator(".outcome")
+    badge = page.locator("#job-outcome .badge")
+    outcome = page.locator("#job-outcome")
 
     def validated(trials: str) -> None:
         validate(page, trials)
@@ -186,7 +186,7 @@ def test_a_refinement_draws_its_best_plan_so_far_and_ends_with_it(
     assert len(drawn(page, "beside")) == 6
     shown = float(re.findall(r"→ ([\d.]+) m", text.inner_text())[0])
     page.get_by_role("button", name="Finish now").click()
-    expect(page.locator(".outcome")).to_contain_text("Predicted error")
+    expect(page.locator("#job-outcome")).to_contain_text("Predicted error")
     assert drawn(page, "beside") == []
     plan = stored(page, server)
     assert float(f"{plan['predicted_rms_m']['overall']:.4g}") <= shown
@@ -239,12 +239,12 @@ def test_wrong_numbers_of_a_job_are_reported_next_to_their_fields(visit: Visit, 
 def test_a_plan_that_was_deleted_is_stored_anew(visit: Visit, page: Page, server: Server) -> None:
     visit.expect_complaints("404")
     validate(page, "10")
-    expect(page.locator(".outcome")).to_contain_text("of 10 trials")
+    expect(page.locator("#job-outcome")).to_contain_text("of 10 trials")
     httpx2.delete(f"{server.url}/v1/plans/{plan_id_of(page)}")
     page.get_by_role("button", name="Validate").click()
     expect(page.locator("#work")).to_contain_text("was deleted from the service")
     page.get_by_role("button", name="Validate").click()
-    expect(page.locator(".outcome")).to_contain_text("of 10 trials")
+    expect(page.locator("#job-outcome")).to_contain_text("of 10 trials")
 
 
 def test_what_is_edited_while_a_job_runs_stays(visit: Visit, page: Page) -> None:
@@ -255,18 +255,18 @@ def test_what_is_edited_while_a_job_runs_stays(visit: Visit, page: Page) -> None
     visit.settle()
     assert "job=" in page.url
     assert "plan=" not in page.url
-    expect(page.locator(".outcome")).to_contain_text("before your edits")
+    expect(page.locator("#job-outcome")).to_contain_text("before your edits")
     expect(page.get_by_label("Radius of all")).to_have_value("21")
     assert page.url.rpartition("/")[2] == ""
     visit.choose("four-ground-robots")
-    expect(page.locator(".outcome")).to_be_empty()
+    expect(page.locator("#job-outcome")).to_be_empty()
 
 
 def test_a_reload_goes_on_following_the_job(page: Page) -> None:
     validate(page, "1500")
     expect(page.locator("#job-text")).to_contain_text("of 1500 trials")
     page.reload()
-    expect(page.locator(".outcome")).to_contain_text("of 1500 trials")
+    expect(page.locator("#job-outcome")).to_contain_text("of 1500 trials")
 
 
 def fly(page: Page, flights: int, **fields: str) -> None:
@@ -284,7 +284,7 @@ def test_a_flight_shows_what_it_came_to_and_plays_on_the_map(
     page.get_by_label("Duration (s)").fill("40")
     visit.settle()
     fly(page, 4, wind="0.5, -0.25", lose="v6@30", hold="v2@5:3")
-    outcome = page.locator(".outcome")
+    outcome = page.locator("#job-outcome")
     expect(outcome).to_contain_text("RMS over the second half of 4 flights")
     (job,) = httpx2.get(f"{server.url}/v1/jobs?limit=1").json()["items"]
     asked = httpx2.get(f"{server.url}/v1/jobs/{job['id']}").json()["request"]

@@ -234,7 +234,7 @@ def test_back_leads_from_a_refined_plan_to_the_one_before_it(visit: Visit, page:
     visit.choose(ALTERNATE)
     refine(page)
     visit.verdict("Observable: rank 18 of 18")
-    expect(page.locator(".outcome")).to_contain_text("Predicted error")
+    expect(page.locator("#job-outcome")).to_contain_text("Predicted error")
     refined = plan_id_of(page)
     page.go_back()
     visit.verdict("Not observable: rank 16 of 18")
@@ -243,7 +243,7 @@ def test_back_leads_from_a_refined_plan_to_the_one_before_it(visit: Visit, page:
     page.go_forward()
     visit.verdict("Observable: rank 18 of 18")
     assert plan_id_of(page) == refined
-    expect(page.locator(".outcome")).to_contain_text("Predicted error")
+    expect(page.locator("#job-outcome")).to_contain_text("Predicted error")
     page.reload()
-    expect(page.locator(".outcome")).to_contain_text("Predicted error")
+    expect(page.locator("#job-outcome")).to_contain_text("Predicted error")
     expect(phases(page)).to_have_text("refined")

@@ -57,13 +57,13 @@ def test_plans_are_listed_renamed_compared_opened_and_deleted(
 
 def test_jobs_are_listed_opened_and_deleted(visit: Visit, page: Page, server: Server) -> None:
     validate(page, "10")
-    expect(page.locator(".outcome")).to_contain_text("of 10 trials")
+    expect(page.locator("#job-outcome")).to_contain_text("of 10 trials")
     job = httpx2.get(f"{server.url}/v1/jobs").json()["items"][0]["id"]
     row = kept(page, "Jobs").get_by_role("row", name="Validation").first
     expect(row).to_contain_text("succeeded")
     assert f"job={job}" in (row.get_by_role("link", name="Open").get_attribute("href") or "")
     row.get_by_role("link", name="Open").click()
-    expect(page.locator(".outcome")).to_contain_text("of 10 trials")
+    expect(page.locator("#job-outcome")).to_contain_text("of 10 trials")
     page.once("dialog", lambda asked: asked.accept())
     row = kept(page, "Jobs").get_by_role("row", name="Validation").first
     row.get_by_role("button", name="Delete").click()

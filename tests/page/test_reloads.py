@@ -103,13 +103,13 @@ def test_a_reload_shows_the_outcome_of_a_validation_again_with_its_report(
     report = page.get_by_role("button", name="Report", exact=True)
     expect(report).to_be_disabled()
     validate(page, "20")
-    expect(page.locator(".outcome")).to_contain_text("of 20 trials")
+    expect(page.locator("#job-outcome")).to_contain_text("of 20 trials")
     assert "job=" in page.url
     page.reload()
-    expect(page.locator(".outcome")).to_contain_text("of 20 trials")
+    expect(page.locator("#job-outcome")).to_contain_text("of 20 trials")
     expect(page.get_by_role("tab", name="Error found")).to_be_visible()
     # what came of the job is on show again
-    expect(page.locator(".outcome")).to_be_visible()
+    expect(page.locator("#job-outcome")).to_be_visible()
     part(page, "Export")
     with page.expect_download() as waiting:
         report.click()
