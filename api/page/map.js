@@ -270,7 +270,8 @@ export class FormationMap {
   }
 
   #clip([west, south, east, north]) {
-    const ratio = this.#context.canvas.width / this.#frame.clientWidth;
+    const [wide] = this.#map.getSize() ?? [1];
+    const ratio = this.#context.canvas.width / wide;
     const [from, to] = [[west, north], [east, south]].map((one) => this.#map.getPixelFromCoordinate(one).map((value) => Math.round(value * ratio)));
     this.#context.save();
     this.#context.beginPath();
