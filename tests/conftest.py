@@ -10,6 +10,7 @@ from hypothesis import HealthCheck, settings
 
 from syncplan.cli import command_line
 from tests.tools.scenarios import document
+from tests.tools.scheduling import Groups, rank_of
 from tests.tools.serving import Postgres, own_postgres
 
 # The first is for `make check`: the same few cases each time, however busy the machine is.
@@ -29,10 +30,14 @@ settings.load_profile("same-cases")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Keep the tests of a file in one process, and those of the page, which share a browser."""
-    for item in items:
-        together = item.path.parent if item.path.parent.name == "page" else item.path
-        item.add_marker(pytest.mark.xdist_group(str(together)))
+    """Let what takes longest begin first."""
+    items.sort(key=lambda item: rank_of(item.nodeid))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Groups:
+    """Keep together in one process what shares fixtures."""
+    return Groups(config, log)
 
 
 @pytest.fixture
