@@ -36,7 +36,7 @@ from syncplan.runtime.files import as_text
 from tests.tools.briefs import FIELD
 from tests.tools.processes import PATIENCE_S, wait_until
 from tests.tools.scenarios import FILES, document, example, small
-from tests.tools.serving import QUICK, ROOT, Process, Server, settings_of
+from tests.tools.serving import NO_CERTIFICATES, QUICK, ROOT, Process, Server, settings_of
 from tests.tools.wrong_clock import clock_ahead
 
 _GRID = (FILES / "paper-grid-same.yaml").read_text()
@@ -228,7 +228,8 @@ class Site:
 
     def ask(self, method: str, path: str, **options: Any) -> httpx2.Response:
         """Return the answer to a request, whatever its status."""
-        return httpx2.request(method, f"{self.url}{path}", timeout=PATIENCE_S, **options)
+        given = {"timeout": PATIENCE_S, "verify": NO_CERTIFICATES, **options}
+        return httpx2.request(method, f"{self.url}{path}", **given)
 
     def ask_until_up(self, path: str) -> httpx2.Response:
         """Return the answer to a GET, asked again while the server is down."""
@@ -289,7 +290,7 @@ class Site:
             last.update(self.job(job_id))
             return last["state"] in states
 
-        wait_until(there, seconds, lambda: f"{last}\n{self.logs()}")
+        wait_until(there, seconds, lambda: f"{last}\n{self.logs()}", every_s=0.2)
         return last
 
     def see_all_done(self) -> None:
@@ -341,7 +342,7 @@ class Site:
                 left[:] = client.list_workflows(status=["PENDING", "ENQUEUED"])
                 return not left
 
-            wait_until(nothing, otherwise=lambda: f"{left}\n{self.logs()}")
+            wait_until(nothing, otherwise=lambda: f"{left}\n{self.logs()}", every_s=0.2)
 
     @contextlib.contextmanager
     def _dbos(self) -> Iterator[DBOSClient]:
