@@ -1,6 +1,7 @@
 """Fixtures that several test files use, and how many cases properties are tested on."""
 
 import json
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from syncplan.cli import command_line
+from tests.tools.kept_values import FOLDER
 from tests.tools.scenarios import document
 from tests.tools.scheduling import Groups, rank_of
 from tests.tools.serving import Postgres, own_postgres
@@ -38,6 +40,18 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Groups:
     """Keep together in one process what shares fixtures."""
     return Groups(config, log)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def keep_values(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Share what takes long to compute among the processes of this run."""
+    folder = tmp_path_factory.getbasetemp()
+    with pytest.MonkeyPatch.context() as patch:
+        # pytest gives each process a folder in the one of the run
+        shared = folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder
+        (shared / "values").mkdir(exist_ok=True)
+        patch.setenv(FOLDER, str(shared / "values"))
+        yield
 
 
 @pytest.fixture
