@@ -38,8 +38,13 @@ LONGEST = (
     "tests/designs",
     "tests/client",
     "tests/estimation",
+    "tests/refinement",
+    "tests/flight",
+    "tests/planning",
     "tests/cli",
     "tests/service",
+    "tests/landmarks",
+    "tests/observability",
 )
 """Beginnings of names, the longest first: what begins last must not end long after all else."""
 
