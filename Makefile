@@ -1,9 +1,9 @@
 # make demo    set up and run the main job on an example: a plan and its validation
 # make serve   set up and start the service at http://127.0.0.1:8000
 # make check   set up and run formatter check, linter, layers, strict types and tests
-# make check-all    make check, then what takes long: searches with fresh draws, every block of the
-#              documentation, all of the survival tests, the steps of the Dockerfile, somebody else's
-#              vehicles beside the model of flight
+# make check-all    what make check does, with what takes long: searches with fresh draws, every block
+#              of the documentation, all of the survival tests, the steps of the Dockerfile, somebody
+#              else's vehicles beside the model of flight
 # make crosschecks    fly the model beside RotorPy's multirotors and JSBSim's aeroplanes
 # make scripts    the linter, types and unit tests of the web page's scripts
 # make vendor  bundle anew the libraries of the web page, and what pages of figures bring along
