@@ -1,5 +1,6 @@
 """What takes long is computed once for all processes of a run of the tests."""
 
+import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from threading import Barrier
@@ -13,6 +14,8 @@ computed: list[tuple[int, int]] = []
 
 def total(first: int, second: int = 0) -> int:
     computed.append((first, second))
+    # long enough for others to want it meanwhile
+    time.sleep(0.2)
     return first + second
 
 
