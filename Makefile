@@ -1,9 +1,9 @@
 # make demo    set up and run the main job on an example: a plan and its validation
 # make serve   set up and start the service at http://127.0.0.1:8000
 # make check   set up and run formatter check, linter, layers, strict types and tests
-# make check-all    make check, then what takes long: searches with fresh draws, every block of the
-#              documentation, all of the survival tests, the steps of the Dockerfile, somebody else's
-#              vehicles beside the model of flight
+# make check-all    what make check does, with what takes long: searches with fresh draws, every block
+#              of the documentation, all of the survival tests, the steps of the Dockerfile, somebody
+#              else's vehicles beside the model of flight
 # make crosschecks    fly the model beside RotorPy's multirotors and JSBSim's aeroplanes
 # make scripts    the linter, types and unit tests of the web page's scripts
 # make vendor  bundle anew the libraries of the web page, and what pages of figures bring along
@@ -22,9 +22,10 @@ UV     := 'uv>=0.9,<1'
 
 CORES  := $(shell nproc)
 # more processes than there are cores: many tests wait, most of all the long ones
-PYTEST := $(BIN)/python -m pytest --numprocesses
-# what tests/conftest.py groups stays together
-TESTS  := $(PYTEST) $(shell expr $(CORES) + 1) --dist loadgroup
+MORE   := $(shell expr $(CORES) + 1)
+MOST   := $(shell expr 2 \* $(CORES) + 1)
+# on small matrices, a second thread of BLAS costs more than it brings
+PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses
 # the draws of the long searches: other ones each day, a hundred seeds in a row
 SEED   ?= $(shell date +%y%m%d)00
 
@@ -41,7 +42,7 @@ install = sed -n '/^uv==/,/[^\]$$/p' requirements.lock > $(VENV)/uv.lock && \
 	{ $(BIN)/pip install --quiet --require-hashes --requirement requirements.lock && \
 	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable $(1); }
 
-.PHONY: demo serve check scripts vendor check-all fresh-cases crosschecks docs postgresql chromium container-steps benchmarks lock clean
+.PHONY: demo serve check static scripts vendor check-all all-tests crosschecks docs postgresql chromium container-steps benchmarks lock clean
 
 demo: $(VENV)/.run
 	$(BIN)/syncplan plan $(DEMO) --format table
@@ -50,13 +51,14 @@ demo: $(VENV)/.run
 serve: $(VENV)/.api
 	$(BIN)/syncplan serve
 
-check: chromium $(VENV)/.dev
-	@# beside these, the kernels of small teams are compiled, once for all tests
+check: static
+	$(PYTEST) $(MORE) -m "not long"
+
+# all but the tests; beside it, the kernels of small teams are compiled, once for all tests
+static: chromium $(VENV)/.dev
 	$(BIN)/python docker/warm_up.py small & \
 		$(BIN)/ruff format --check . && $(BIN)/ruff check . && $(BIN)/lint-imports && $(BIN)/mypy && \
 		$(MAKE) --no-print-directory scripts && wait $$!
-	@# on small matrices, a second thread of BLAS costs more than it brings
-	OPENBLAS_NUM_THREADS=1 $(TESTS) --no-loadscope-reorder -m "not long"
 
 # the scripts of the web page: linter, types, and tests of what needs no browser
 scripts: $(VENV)/.page
@@ -68,17 +70,16 @@ scripts: $(VENV)/.page
 vendor: $(VENV)/.page
 	cd vendor && $(abspath $(BIN))/node build.mjs
 
-check-all: postgresql $(VENV)/.crosschecks check
-	@# test by test: the survival tests, kept together, would go on long after all others have ended
-	OPENBLAS_NUM_THREADS=1 $(PYTEST) $(shell expr 2 \* $(CORES) + 1) --dist worksteal -m long
-	@# one more than there are cores, as some start services and wait; what each prints stays together
-	OPENBLAS_NUM_THREADS=1 $(MAKE) --no-print-directory --output-sync --jobs $(shell expr $(CORES) + 1) \
-		crosschecks container-steps fresh-cases $(SEARCHES:%=search-%)
+# searches run beside the tests, of which many wait; what each search prints stays together
+check-all: postgresql $(VENV)/.crosschecks static
+	OPENBLAS_NUM_THREADS=1 $(MAKE) --no-print-directory --output-sync --jobs $(MORE) \
+		all-tests container-steps crosschecks $(SEARCHES:%=search-%)
 	@# alone: a process's share of memory grows as others that use the same libraries end
 	$(BIN)/python -m tests.searches.search_requests 300 $(SEED)
 
-fresh-cases:
-	$(BIN)/python -m pytest -m hypothesis --hypothesis-profile=fresh-cases
+# the quick ones and the long ones, with fresh cases of properties; + has their output shown at once
+all-tests:
+	+$(PYTEST) $(MOST) --hypothesis-profile=fresh-cases
 
 # the longest first
 SEARCHES := survival contract upgrade sight-lines equipment clearances refinements robust counterexamples large-ranks phases thrown flights holds windy start-up predictions batch tuning recording losses lost consistency neglect truth designs

@@ -1,6 +1,7 @@
 """Fixtures that several test files use, and how many cases properties are tested on."""
 
 import json
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,9 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from syncplan.cli import command_line
+from tests.tools.kept_values import FOLDER
 from tests.tools.scenarios import document
+from tests.tools.scheduling import Groups, rank_of
 from tests.tools.serving import Postgres, own_postgres
 
 # The first is for `make check`: the same few cases each time, however busy the machine is.
@@ -29,10 +32,26 @@ settings.load_profile("same-cases")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Keep the tests of a file in one process, and those of the page, which share a browser."""
-    for item in items:
-        together = item.path.parent if item.path.parent.name == "page" else item.path
-        item.add_marker(pytest.mark.xdist_group(str(together)))
+    """Let what takes longest begin first."""
+    items.sort(key=lambda item: rank_of(item.nodeid))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Groups:
+    """Keep together in one process what shares fixtures."""
+    return Groups(config, log)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def keep_values(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Share what takes long to compute among the processes of this run."""
+    folder = tmp_path_factory.getbasetemp()
+    with pytest.MonkeyPatch.context() as patch:
+        # pytest gives each process a folder in the one of the run
+        shared = folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder
+        (shared / "values").mkdir(exist_ok=True)
+        patch.setenv(FOLDER, str(shared / "values"))
+        yield
 
 
 @pytest.fixture

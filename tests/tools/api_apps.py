@@ -15,6 +15,7 @@ from api.connections import ConnectionLimits
 from api.metrics import Metrics
 from api.server import LimitedServer
 from tests.tools.processes import PATIENCE_S, wait_until
+from tests.tools.serving import NO_CERTIFICATES
 
 BODY_LIMIT = 1000
 
@@ -57,7 +58,8 @@ def served(app: Any, limits: ConnectionLimits | None = None, **options: Any) -> 
 
 def ask(port: int, method: str, path: str, **options: Any) -> httpx2.Response:
     """Return the answer of a server at `port`; a body in pieces is sent chunked."""
-    with httpx2.Client(base_url=f"http://127.0.0.1:{port}", timeout=PATIENCE_S) as http:
+    url = f"http://127.0.0.1:{port}"
+    with httpx2.Client(base_url=url, timeout=PATIENCE_S, verify=NO_CERTIFICATES) as http:
         # what is accepted is said by those who call
         del http.headers["accept"]
         return http.request(method, path, **options)

@@ -15,7 +15,7 @@ from api.problems import FaultEntry, Problem
 from api.settings import load_settings
 from tests.tools.processes import PATIENCE_S, wait_until
 from tests.tools.scenarios import document
-from tests.tools.serving import Server, open_server
+from tests.tools.serving import NO_CERTIFICATES, Server, open_server
 
 NOBODY = "01a1fd95-df6b-7a20-9383-c20e93a41e86"
 """Identifier of nothing."""
@@ -39,7 +39,9 @@ def serving(folder: Path, owners: str, *arguments: str, **settings: str) -> Iter
 def speaking(server: Server, owner: str) -> httpx2.Client:
     """A connection to a server with an owner's key."""
     headers = {"authorization": f"Bearer {key_of(owner)}"}
-    return httpx2.Client(base_url=server.url, headers=headers, timeout=PATIENCE_S)
+    return httpx2.Client(
+        base_url=server.url, headers=headers, timeout=PATIENCE_S, verify=NO_CERTIFICATES
+    )
 
 
 @cache
@@ -74,7 +76,7 @@ def ended(http: httpx2.Client, at: str) -> dict[str, Any]:
         last.update(http.get(at).json())
         return last["ended_at"] is not None
 
-    wait_until(over)
+    wait_until(over, every_s=0.1)
     return last
 
 

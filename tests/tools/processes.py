@@ -30,13 +30,14 @@ def wait_until(
     condition: Callable[[], bool],
     seconds: float = PATIENCE_S,
     otherwise: Callable[[], str] | None = None,
+    every_s: float = 0.05,
 ) -> None:
-    """Wait for a condition, and fail if it does not come true in time."""
+    """Wait for a condition, looked at every so often; fail if it does not come true in time."""
     deadline = time.monotonic() + seconds
     while not condition():
         problem = otherwise() if otherwise is not None else f"not in {seconds} s"
         assert time.monotonic() < deadline, problem
-        time.sleep(0.05)
+        time.sleep(every_s)
 
 
 def alive(process: int) -> bool:

@@ -28,12 +28,12 @@ from tests.tools.survival import Site, quick, refinement, sweep_of_ranges, valid
 
 __all__ = ["record", "states_of"]
 
-HALF_DONE = {"trials": 4800, "seed": 1}
+HALF_DONE: dict[str, Any] = {"trials": 4800, "seed": 1}
 TOO_LONG = {"scenario": shared_circles(8), "range_m": [50.0], "trials": 1}
 """A sweep whose row takes more than LIMITS allow a part."""
 
 LIMITS = {"SYNCPLAN_JOB_TASK_S": "5"}
-QUEUED = {"trials": 10, "seed": 5}
+QUEUED: dict[str, Any] = {"trials": 10, "seed": 5}
 ASKED = {"x-request-id": "kept"}
 """What problems name is the same whenever they are asked for."""
 

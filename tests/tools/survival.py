@@ -34,9 +34,10 @@ from syncplan.reports.plan_report import plan_document
 from syncplan.reports.validation_report import sweep_document, validation_document
 from syncplan.runtime.files import as_text
 from tests.tools.briefs import FIELD
+from tests.tools.kept_values import once_a_run
 from tests.tools.processes import PATIENCE_S, wait_until
 from tests.tools.scenarios import FILES, document, example, small
-from tests.tools.serving import QUICK, ROOT, Process, Server, settings_of
+from tests.tools.serving import NO_CERTIFICATES, QUICK, ROOT, Process, Server, settings_of
 from tests.tools.wrong_clock import clock_ahead
 
 _GRID = (FILES / "paper-grid-same.yaml").read_text()
@@ -68,7 +69,7 @@ def pair() -> Plan:
     return plan(small(**_PAIR))
 
 
-@lru_cache
+@once_a_run
 def validation(trials: int, seed: int, model: str | None = None) -> Order:
     """Return the order to validate the grid, by a filter that a `model` names or the default."""
     report = validation_document(validate(grid(), trials=trials, seed=seed, model=model))
@@ -76,7 +77,7 @@ def validation(trials: int, seed: int, model: str | None = None) -> Order:
     return Order("validation", body, as_text(report.as_json()))
 
 
-@lru_cache
+@once_a_run
 def flight(trials: int, seed: int, duration_s: float) -> Order:
     """Return the order to fly the grid, in wind, where a vehicle is held and another one lost."""
     hold, lose = f"v2@{0.2 * duration_s:g}:2", f"v6@{0.6 * duration_s:g}"
@@ -100,7 +101,7 @@ def flight(trials: int, seed: int, duration_s: float) -> Order:
     return Order("flight", body, as_text(flight_document(found).as_json()))
 
 
-@lru_cache
+@once_a_run
 def sweep_of_ranges(trials: int, seed: int) -> Order:
     """Return the order to sweep the range of the grid's sensor."""
     ranges = [45.0, 55.0]
@@ -117,7 +118,7 @@ def sweep_of_ranges(trials: int, seed: int) -> Order:
     return Order("sweep", body, expected)
 
 
-@lru_cache
+@once_a_run
 def refinement(seed: int) -> Order:
     """Return the order to refine the pair."""
     body = {"vary": ["phases", "centers"], "starts": 2, "seed": seed}
@@ -125,7 +126,7 @@ def refinement(seed: int) -> Order:
     return Order("refinement", body, as_text(plan_document(better).as_json()))
 
 
-@lru_cache
+@once_a_run
 def designed() -> Order:
     """Return the order to design a pair over a field."""
     body = {**FIELD, "team": {"max": 2}, "landmarks": {"max": 2}}
@@ -228,7 +229,8 @@ class Site:
 
     def ask(self, method: str, path: str, **options: Any) -> httpx2.Response:
         """Return the answer to a request, whatever its status."""
-        return httpx2.request(method, f"{self.url}{path}", timeout=PATIENCE_S, **options)
+        given = {"timeout": PATIENCE_S, "verify": NO_CERTIFICATES, **options}
+        return httpx2.request(method, f"{self.url}{path}", **given)
 
     def ask_until_up(self, path: str) -> httpx2.Response:
         """Return the answer to a GET, asked again while the server is down."""
@@ -289,7 +291,7 @@ class Site:
             last.update(self.job(job_id))
             return last["state"] in states
 
-        wait_until(there, seconds, lambda: f"{last}\n{self.logs()}")
+        wait_until(there, seconds, lambda: f"{last}\n{self.logs()}", every_s=0.2)
         return last
 
     def see_all_done(self) -> None:
@@ -341,7 +343,7 @@ class Site:
                 left[:] = client.list_workflows(status=["PENDING", "ENQUEUED"])
                 return not left
 
-            wait_until(nothing, otherwise=lambda: f"{left}\n{self.logs()}")
+            wait_until(nothing, otherwise=lambda: f"{left}\n{self.logs()}", every_s=0.2)
 
     @contextlib.contextmanager
     def _dbos(self) -> Iterator[DBOSClient]:

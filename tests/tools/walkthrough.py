@@ -108,7 +108,7 @@ class Walk:
         """Start the service, as a reader of `make serve` has done."""
         self._terminal.run("syncplan serve 2> serve.log &")
         url = f"http://127.0.0.1:{self.port}/readyz"
-        wait_until(lambda: self._terminal.run(f"curl -sf {url}")[0] == 0)
+        wait_until(lambda: self._terminal.run(f"curl -sf {url}")[0] == 0, every_s=0.2)
 
     def _environment(self) -> dict[str, str]:
         kept = {k: v for k, v in os.environ.items() if not k.startswith(("SYNCPLAN_", "COLUMNS"))}
