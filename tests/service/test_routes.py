@@ -27,7 +27,7 @@ from tests.tools.api_servers import (
     serving,
     speaking,
 )
-from tests.tools.processes import wait_until
+from tests.tools.processes import PATIENCE_S, wait_until
 from tests.tools.scenarios import BAD_FILES, FILES, document, small
 from tests.tools.serving import Server
 
@@ -420,7 +420,7 @@ def test_a_body_of_another_kind_is_a_415(cat: httpx2.Client) -> None:
 
 
 def test_signs_of_life_and_schemas_need_no_key_and_the_rest_does(server: Server) -> None:
-    with httpx2.Client(base_url=server.url) as stranger:
+    with httpx2.Client(base_url=server.url, timeout=PATIENCE_S) as stranger:
         assert stranger.get("/healthz").json() == {"status": "ok"}
         assert stranger.get("/readyz").json() == {"status": "ok"}
         operations = operations_of(stranger.get("/openapi.json").json())
