@@ -1,6 +1,6 @@
 // What the plan comes to, in words.
 
-import { byId, element, shown } from "./elements.js";
+import { button, byId, element, folded, shown } from "./elements.js";
 import { lostOf } from "./losses.js";
 import { withoutLink, withValue } from "./scenario.js";
 import { explained } from "./terms.js";
@@ -104,7 +104,7 @@ function sentenceOf(plan, quick) {
   const team = count === 1 ? "1 vehicle knows where it is" : `${count} vehicles know where they are`;
   if (go) {
     const known = Object.values(plan.predicted_rms_m.vehicles).filter((one) => one !== null);
-    return quick || !known.length ? team : `${team} to ${shown(Number(Math.max(...known).toPrecision(2)), "m")}`;
+    return quick || !known.length ? team : `${team} to ${shown(Math.max(...known), "m", 2)}`;
   }
   if (!seen.observable) return "not every position and heading can be known";
   const stops = findings.filter((one) => one.level === "stop");
@@ -180,22 +180,9 @@ function table(plan, predicted, [origin, how]) {
     ["Least separation", separation(plan), plan.separation.violations.length ? "closer than required" : ""],
     ["Certificate", certificate.holds ? "holds" : "does not hold", certificate.reason],
   ];
-  return element(
-    "table",
-    { class: "facts" },
-    element(
-      "tbody",
-      {},
-      ...rows.map(([name, value, remark]) =>
-        element(
-          "tr",
-          {},
-          element("th", { scope: "row" }, ...explained(name)),
-          element("td", {}, value, remark ? element("span", { class: "hint block" }, remark) : null),
-        ),
-      ),
-    ),
-  );
+  const row = (/** @type {any[]} */ [name, value, remark]) =>
+    element("tr", {}, element("th", { scope: "row" }, explained(name)), element("td", {}, value, remark && element("span", { class: "hint block" }, remark)));
+  return element("table", { class: "facts" }, element("tbody", {}, rows.map(row)));
 }
 
 /** Errors that the filter does not estimate make it worse than its own prediction. */
@@ -237,10 +224,9 @@ function separation({ separation: least }) {
 
 /** The first of many elements, and the others under "n more": `noun` names one of them. */
 export function firstOpen(all, noun) {
-  const folded = all.slice(MOST_OPEN);
-  if (!folded.length) return all;
-  const summary = element("summary", {}, `${folded.length} more ${noun}${folded.length > 1 ? "s" : ""}`);
-  return [...all.slice(0, MOST_OPEN), element("details", {}, summary, ...folded)];
+  const rest = all.slice(MOST_OPEN);
+  if (!rest.length) return all;
+  return [...all.slice(0, MOST_OPEN), folded(`${rest.length} more ${noun}${rest.length > 1 ? "s" : ""}`, rest)];
 }
 
 /** One finding: its sentence, its cure, and a button where the cure is a change of the scenario. */
@@ -251,8 +237,8 @@ function findingOf(store, { code, level, message, cure: remedy }) {
     "div",
     { class: `finding ${level}`, "data-code": code },
     element("p", {}, element("strong", {}, LEVELS[level]), message),
-    remedy ? element("p", {}, element("strong", {}, "Cure: "), remedy.text) : null,
-    able ? element("button", { type: "button", onclick: () => cure(store, change) }, labelOf(change)) : null,
+    remedy && element("p", {}, element("strong", {}, "Cure: "), remedy.text),
+    able && button(labelOf(change), () => cure(store, change)),
   );
 }
 
@@ -264,7 +250,7 @@ function faultOf(store, { path, message }) {
     "div",
     { class: "finding stop" },
     element("p", {}, element("strong", {}, LEVELS.stop), message),
-    link ? element("button", { type: "button", onclick: () => mend(store, withoutLink(store.scenario, Number(k))) }, `Remove the link ${link}`) : null,
+    link && button(`Remove the link ${link}`, () => mend(store, withoutLink(store.scenario, Number(k)))),
   );
 }
 
