@@ -34,6 +34,7 @@ from tests.tools.terminal import Terminal
 __all__ = ["Block", "Walk", "blocks_of"]
 
 ADDRESS = "127.0.0.1:8000"
+SECOND_PORT = "8001"
 DATABASE = "postgresql://syncplan:PASSWORD@db.example/syncplan"
 NOT_RUN = "data-not-run"
 
@@ -78,6 +79,7 @@ class Walk:
         folder.mkdir(parents=True, exist_ok=True)
         self.folder = folder
         self.port = free_port()
+        self._second_port = free_port()
         self._database = database
         self._likeness = Likeness()
         self._names: dict[str, Any] = {"__name__": "__main__"}
@@ -125,10 +127,11 @@ class Walk:
         }
 
     def _real(self, text: str) -> str:
-        """A page's text with this machine's port and database."""
+        """A page's text with this machine's ports and database."""
         if self._database is not None:
             text = text.replace(DATABASE, self._database)
-        return text.replace(ADDRESS, f"127.0.0.1:{self.port}")
+        text = text.replace(ADDRESS, f"127.0.0.1:{self.port}")
+        return text.replace(SECOND_PORT, str(self._second_port))
 
     # --- console ------------------------------------------------------------------------------
 
