@@ -5,6 +5,8 @@ import { jobsAt } from "./jobs.js";
 import { RequestForm } from "./requests.js";
 import { ask } from "./service.js";
 
+const KIND = "design";
+
 /** The panel of designs; returns what goes on with one by its identifier.
  *
  * `open(plan, name)` shows a formation on the map; `followed(jobId)` is called with the design that the panel shows.
@@ -15,7 +17,7 @@ export function offerDesigns(open, followed) {
   const read = (values) => values[""];
   const front = element("div", { class: "front", role: "region", tabindex: "0", "aria-label": "Teams found" });
   const jobs = jobsAt("design-job", {
-    forms: (handIn) => [new RequestForm("design", byId("design-form"), { read, handIn })],
+    forms: (handIn) => [new RequestForm(KIND, byId("design-form"), { read, handIn })],
     addressOf: () => "v1/designs",
     began: (job) => {
       front.replaceChildren();
@@ -34,7 +36,7 @@ export function offerDesigns(open, followed) {
   byId("design").append(...jobs.elements, front);
   return (jobId) =>
     jobs.resume(jobId, ({ kind, request }) => {
-      if (kind !== "design") throw new Error("The address names a job that is no design.");
+      if (kind !== KIND) throw new Error("The address names a job that is no design.");
       text.value = JSON.stringify(request, null, 1);
     });
 }
