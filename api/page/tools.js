@@ -1,6 +1,6 @@
 // What a click on the map does: select, place, link, draw or measure. One tool is in hand at a time.
 
-import { byId, element, notice, shown } from "./elements.js";
+import { button, byId, notice, shown } from "./elements.js";
 import { toEdges, within } from "./free_space.js";
 import { bodiesOf } from "./grips.js";
 import { mark } from "./looks.js";
@@ -41,8 +41,7 @@ export class Tools {
     this.#map = map;
     map.addLayer(new VectorLayer({ source: this.#drawn, style }));
     for (const [name, [title, key]] of Object.entries(TOOLS)) {
-      const button = element("button", { type: "button", "aria-pressed": name === "select", title: `${title} (${key.toUpperCase()})`, onclick: () => this.take(name) }, title);
-      this.#buttons.set(name, button);
+      this.#buttons.set(name, button(title, () => this.take(name), { "aria-pressed": name === "select", title: `${title} (${key.toUpperCase()})` }));
     }
     byId("tools").append(...this.#buttons.values());
     map.on("singleclick", (event) => this.#click(event));

@@ -1,6 +1,6 @@
 // The first visit in this browser: what this is, an example that moves, and one button.
 
-import { byId, element } from "./elements.js";
+import { button, byId, element } from "./elements.js";
 import { remember } from "./session.js";
 
 /** Greet until the first edit, open or click anywhere; the example on show moves for one period. */
@@ -13,7 +13,7 @@ export function welcome(store, player) {
     "section",
     { class: "card welcome", "aria-label": "Welcome" },
     element("p", {}, "syncplan plans circles on which robots meet at the right moments, so that all of them know where they are."),
-    element("button", { type: "button", class: "primary", onclick: () => byId("new").click() }, "Plan your own team …"),
+    button("Plan your own team …", () => byId("new").click(), { class: "primary" }),
   );
   // what was opened before is the example on show: only what comes is an end
   for (const name of ["opened", "scenario"]) store.addEventListener(name, end);
