@@ -204,7 +204,12 @@ _ODD_CYCLE = {**_SMALL, "formation": {"centers_m": [[0.0, 0.0], [70.0, 0.0], [35
 # --- previews, figures, losses, exports -----------------------------------------------------------
 
 
-_QUICK: JudgementOptions = {"bound": "never", "pilot": False, "single_points": False}
+_QUICK: JudgementOptions = {
+    "bound": "never",
+    "pilot": False,
+    "single_points": False,
+    "connectivity": False,
+}
 """Judgements left out while a user drags, in addition to the bound of the margin."""
 
 

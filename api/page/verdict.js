@@ -155,8 +155,8 @@ function findingsOf(store, quick) {
 function factsOf(store, quick) {
   const { plan, given, lost } = store;
   return [
-    table(plan, quick ? FOLLOWING : plan.predicted_rms_m, phases(plan, given, lost)),
-    element("p", { class: "hint" }, quick ? "Quick preview while you edit: predicted errors, the check of the start and single points of failure follow." : ""),
+    table(plan, quick, phases(plan, given, lost)),
+    element("p", { class: "hint" }, quick ? "Quick preview while you edit: predicted errors, the check of the start, the connectivity period and single points of failure follow." : ""),
   ];
 }
 
@@ -166,8 +166,9 @@ function phases({ synchronisation: { method } }, given, lost) {
   return [kept ? ORIGINS[given?.origin] || ORIGINS[method] : "synchronised", lost ? `Computed anew. ${wayBack(lost)}` : ""];
 }
 
-function table(plan, predicted, [origin, how]) {
+function table(plan, quick, [origin, how]) {
   const { certificate } = plan.observability;
+  const predicted = quick ? FOLLOWING : plan.predicted_rms_m;
   const rows = [
     ["Phases", origin, how],
     ["Predicted RMS error", shown(predicted.overall, "m"), predicted.note],
@@ -175,7 +176,7 @@ function table(plan, predicted, [origin, how]) {
     ...expected(plan),
     ...determined(plan.observability.states ?? []),
     ...errorsOf(plan.predicted_errors ?? []),
-    ["Connectivity period", connectivity(plan), ""],
+    ["Connectivity period", quick ? "—" : connectivity(plan), ""],
     ["Period", shown(plan.period_s, "s"), ""],
     ["Least separation", separation(plan), plan.separation.violations.length ? "closer than required" : ""],
     ["Certificate", certificate.holds ? "holds" : "does not hold", certificate.reason],

@@ -87,8 +87,8 @@ async def create_preview(
         bool,
         Query(
             description="Leave out what takes most of the time: the predicted error with the check "
-            "of the start, the search for single points of failure, and the bound on the links' "
-            "smallest margin; the plan's notes say so"
+            "of the start, single points of failure, the connectivity period (null), and the bound "
+            "on the links' smallest margin"
         ),
     ] = False,
     covariances: Annotated[

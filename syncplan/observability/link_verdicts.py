@@ -12,7 +12,7 @@ import numpy as np
 
 from syncplan.arrays import Array, Index
 from syncplan.observability.rank import Assessment, LinkInformation, counts
-from syncplan.observability.unobservable_modes import lost_bearing
+from syncplan.observability.unobservable_modes import lost_bearings
 from syncplan.orbits.circles import relative_motion, wrap
 from syncplan.orbits.contacts import least_distances, merge_windows
 from syncplan.orbits.team import Team
@@ -71,6 +71,11 @@ def vehicle_verdicts(assessed: Assessment, pairs: Index) -> list[LinkVerdict]:
         )
     }
     least, _ = least_distances(relative_motion(orbits, pairs[:, 0], pairs[:, 1]))
+    between = [link for link in assessed.information if link.b < team.count]
+    bearings = lost_bearings(orbits, between)
+    stretched = {
+        (link.a, link.b) for link, one in zip(between, bearings, strict=True) if one is not None
+    }
     residual = rule_residuals(orbits, pairs)
     tolerance = contact_tolerances(team, pairs)
     found = []
@@ -89,7 +94,9 @@ def vehicle_verdicts(assessed: Assessment, pairs: Index) -> list[LinkVerdict]:
                 backward=backward,
                 rank=min(link.rank, 3) if link else 0,
                 certified=link is not None and counts(link, 3, largest),
-                reason=_why_short_of_three(team, (a, b), link, len(met), largest),
+                reason=_why_short_of_three(
+                    team, (a, b), link, len(met), largest, (a, b) in stretched
+                ),
                 residual=float(residual[k]),
                 tolerance=float(tolerance[k]),
             )
@@ -134,7 +141,12 @@ def _why_unsighted(team: Team, observers: list[int]) -> str:
 
 
 def _why_short_of_three(
-    team: Team, pair: tuple[int, int], link: LinkInformation | None, windows: int, largest: float
+    team: Team,
+    pair: tuple[int, int],
+    link: LinkInformation | None,
+    windows: int,
+    largest: float,
+    stretched: bool,
 ) -> str:
     if link is None:
         return _why_unsighted(team, list(pair)) if windows else "never in contact"
@@ -145,7 +157,7 @@ def _why_short_of_three(
     if link.singular_values[0] == 0.0:
         return "always at the same place: there is no bearing"
     orbits = team.orbits
-    if lost_bearing(orbits, link) is not None:
+    if stretched:
         a, b = link.a, link.b
         together = (
             orbits.senses[a] == orbits.senses[b]

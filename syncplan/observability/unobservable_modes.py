@@ -6,8 +6,9 @@ a stretch along lines of sight that never turn. Any other direction is described
 that move most.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -63,7 +64,7 @@ class _Naming:
 class _Candidate:
     description: str
     vector: Array  # (3 n,) scaled columns
-    cure: str
+    cure: Callable[[], str]
     desync: float = 0.0
 
 
@@ -117,36 +118,32 @@ def name_modes(
     return [_mode(naming, candidate) for candidate in chosen]
 
 
-def lost_bearing(orbits: Orbits, link: LinkInformation) -> float | None:
-    """Return the direction in [0, pi) rad along which a vehicle link's distance is lost.
+def lost_bearings(orbits: Orbits, links: Sequence[LinkInformation]) -> list[float | None]:
+    """Return the direction in [0, pi) rad along which each vehicle link's distance is lost.
 
-    That is the relative translation among the link's null vectors; None if there is none.
+    A link of rank 2 loses one motion besides those of both vehicles together. If that is a relative
+    translation, this is its direction; None if it is a turn, or if the rank is another.
     """
-    scale = float(orbits.radii.mean())
-    null = _null_of(link)
-    ends = [link.a, link.b]
-    pair = (orbits.centers[ends] + orbits.radii[ends, None] * unit(orbits.phases[ends])) / scale
-    shift, turn = np.eye(2), perpendicular(pair)
-    gauge = np.zeros((3, 6))
-    gauge[:2, :2] = gauge[:2, 3:5] = shift
-    gauge[2] = np.r_[turn[0], 1.0, turn[1], 1.0]
-    gauge = np.linalg.qr(gauge.T)[0].T
-    own = null - (null @ gauge.T) @ gauge
-    _, values, vectors = np.linalg.svd(own)
-    if np.sum(values > 1e-3) != 1:
-        return None
-    relative = vectors[0, 3:] - vectors[0, :3]
-    relative[:2] -= perpendicular(pair[1] - pair[0]) * vectors[0, 2]
-    if abs(relative[2]) > 1e-4 * np.hypot(*relative[:2]):
-        return None
-    return float(np.arctan2(relative[1], relative[0]) % np.pi)
-
-
-def _null_of(link: LinkInformation) -> Array:
-    """Orthonormal null vectors (k, 6) of a link's rows, by the link's own rank."""
-    kept = link.directions[: link.rank]
-    _, _, vectors = np.linalg.svd(kept)
-    return vectors[link.rank :]
+    found: list[float | None] = [None] * len(links)
+    short = [k for k, link in enumerate(links) if link.rank == 2]
+    if not short:
+        return found
+    ends = np.array([(links[k].a, links[k].b) for k in short])
+    places = orbits.centers[ends] + orbits.radii[ends, None] * unit(orbits.phases[ends])
+    places /= orbits.radii.mean()
+    turns = perpendicular(places)
+    # two shifts and a turn of both together, then what the sightings hold
+    rows = np.zeros((len(short), 5, 6))
+    rows[:, :2, :2] = rows[:, :2, 3:5] = np.eye(2)
+    rows[:, 2, :2], rows[:, 2, 3:5], rows[:, 2, 2::3] = turns[:, 0], turns[:, 1], 1.0
+    rows[:, 3:] = [links[k].directions[:2] for k in short]
+    lost = np.linalg.qr(rows.transpose(0, 2, 1), mode="complete")[0][:, :, 5]
+    shifts = lost[:, 3:5] - lost[:, :2] - (turns[:, 1] - turns[:, 0]) * lost[:, 2:3]
+    turned = np.abs(lost[:, 5] - lost[:, 2]) > 1e-4 * np.hypot(*shifts.T)
+    bearings = np.arctan2(shifts[:, 1], shifts[:, 0]) % np.pi
+    for k in np.flatnonzero(~turned).tolist():
+        found[short[k]] = float(bearings[k])
+    return found
 
 
 def _candidates(naming: _Naming) -> Iterator[_Candidate]:
@@ -180,7 +177,7 @@ def _free_modes(naming: _Naming, part: list[int]) -> list[_Candidate]:
     who = _who(naming, part)
     compasses = np.isfinite(naming.team.sensors.compass_sigmas[part])
     wanted = "a landmark" if compasses.any() else "two landmarks"
-    cure = _grounding(naming, part, f"sightings of {wanted}")
+    cure = partial(_grounding, naming, part, f"sightings of {wanted}")
     shifts = [
         _Candidate(f"shift of {who} along {axis}", _shift(naming, part, angle), cure)
         for axis, angle in (("x", 0.0), ("y", np.pi / 2.0))
@@ -196,7 +193,7 @@ def _turn_about(naming: _Naming, part: list[int], landmark: int) -> _Candidate:
     return _Candidate(
         f"turn of {_who(naming, part)} about {name}",
         _turn(naming, part, naming.team.landmarks[landmark]),
-        _grounding(naming, part, f"a sighting of a landmark other than {name}", landmark),
+        partial(_grounding, naming, part, f"a sighting of a landmark other than {name}", landmark),
     )
 
 
@@ -206,23 +203,16 @@ _MOST_NAMED = 6
 def _stretches(naming: _Naming, held: dict[int, set[int]]) -> list[_Candidate]:
     """Shifts along lines of sight that never turn, one direction at a time."""
     count = naming.count
-    lost = []
-    for link in naming.links:
-        if link.b < count and link.rank == 2:
-            bearing = lost_bearing(naming.team.orbits, link)
-            if bearing is not None:
-                lost.append((bearing, link))
+    links = [link for link in naming.links if link.b < count]
+    bearings = lost_bearings(naming.team.orbits, links)
+    lost = [(one, link) for one, link in zip(bearings, links, strict=True) if one is not None]
     found = []
     while lost:
         bearing = lost[0][0]
         along = [item for item in lost if _parallel(item[0], bearing)]
         lost = [item for item in lost if not _parallel(item[0], bearing)]
         stretched = {(link.a, link.b) for _, link in along}
-        kept = [
-            (link.a, link.b)
-            for link in naming.links
-            if link.b < count and (link.a, link.b) not in stretched
-        ]
+        kept = [(link.a, link.b) for link in links if (link.a, link.b) not in stretched]
         for part in components(count, kept):
             if not any(held[k] for k in part):
                 found.append(_stretch(naming, part, bearing, [link for _, link in along]))
@@ -242,8 +232,10 @@ def _stretch(
         f"stretch of {pairs or 'links'} along {degrees:.1f} deg: "
         f"{_who(naming, part)} shift{'s' if len(part) == 1 else ''}",
         _shift(naming, part, bearing),
-        f"let the line of sight of {pairs or 'these links'} turn: a small desynchronisation "
-        "by orbit.desync_rad, unequal radii, or refinement",
+        lambda: (
+            f"let the line of sight of {pairs or 'these links'} turn: a small desynchronisation "
+            "by orbit.desync_rad, unequal radii, or refinement"
+        ),
         desync=DESYNC_RAD,
     )
 
@@ -317,8 +309,10 @@ def _joint_mode(naming: _Naming, vector: Array) -> _Candidate:
     return _Candidate(
         f"joint motion: {', '.join(parts)}",
         vector,
-        "more sightings between these vehicles and others: a longer range or window, another "
-        "link, or refinement",
+        lambda: (
+            "more sightings between these vehicles and others: a longer range or window, another "
+            "link, or refinement"
+        ),
     )
 
 
@@ -329,7 +323,7 @@ def _mode(naming: _Naming, candidate: _Candidate) -> UnobservableMode:
         candidate.description,
         tuple(int(k) for k in moving),
         motion,
-        candidate.cure,
+        candidate.cure(),
         candidate.desync,
     )
 

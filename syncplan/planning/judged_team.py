@@ -294,7 +294,7 @@ class JudgedTeam(WithTeam):
     links, incidental_links, landmark_links : verdicts on the listed links that meet, on other
         pairs that meet, and on vehicles with the landmarks they see
     dropped_links : listed links that never meet
-    connectivity_period : s, None if no window of two periods certifies the team
+    connectivity_period : s, None if no window of two periods certifies the team, or if left out
     approach : closest approach of two vehicles; None for one vehicle
     too_close : pairs of vehicles that come nearer than allowed, nearest first
     observability, certificate : over the scenario's window

@@ -110,6 +110,7 @@ class JudgementOptions(TypedDict, total=False):
     steady: bool
     pilot: bool
     single_points: bool
+    connectivity: bool
 
 
 BOUND_WORK_LIMIT = 4e10
@@ -135,15 +136,15 @@ def judge(
     steady: bool = False,
     pilot: bool = True,
     single_points: bool = True,
+    connectivity: bool = True,
     given: Index | None = None,
     found: Synchronisation | None = None,
 ) -> Plan:
     """Return the plan of given orbits; nothing is taken over from their source.
 
-    `bound`, `steady`, `pilot` and `single_points` are those of syncplan.plan. `given` holds the
-    (e, 2) links that the phases were found for, by default those that the scenario lists or its
-    circles allow. `found` is the synchronisation that found the phases, with the reasons for the
-    links it dropped.
+    The options before `given` are those of syncplan.plan. `given` holds the (e, 2) links that the
+    phases were found for, by default those that the scenario lists or its circles allow. `found` is
+    the synchronisation that found the phases, with the reasons for the links it dropped.
     """
     resolved = scenario.resolved()
     team = team_of(resolved, orbits)
@@ -158,6 +159,7 @@ def judge(
         start_up=_start_up(assessed, resolved, along, pilot),
         found=found,
         single_points=single_points,
+        connectivity=connectivity,
     )
 
 
@@ -171,12 +173,13 @@ def judged(
     found: Synchronisation | None = None,
     remainder: bool = False,
     single_points: bool = True,
+    connectivity: bool = True,
 ) -> Plan:
     """Return the plan of an assessed team from its resolved scenario, links and prediction.
 
     `remainder`, for a team after a loss, leaves out the connectivity period and further losses.
     Without `single_points`, losses that end observability are not searched for, as in teams that
-    are too large.
+    are too large; without `connectivity`, the connectivity period is left out alone.
     """
     team, orbits = assessed.team, assessed.team.orbits
     names = scenario.vehicle_names
@@ -194,7 +197,9 @@ def judged(
         incidental_links=tuple(vehicle_verdicts(assessed, as_pairs(unlisted))),
         landmark_links=tuple(landmark_verdicts(assessed)),
         dropped_links=tuple(_unmet(team, listed, met, found)),
-        connectivity_period=None if remainder else connectivity_period(assessed),
+        connectivity_period=connectivity_period(assessed)
+        if connectivity and not remainder
+        else None,
         approach=contacts.closest_approach(orbits),
         too_close=_too_close(orbits, judged_team.separation_limit(scenario)),
         observability=assessed.observability,
@@ -365,6 +370,7 @@ def plan(
     margin_bound: bool = True,
     pilot: bool = True,
     single_points: bool = True,
+    connectivity: bool = True,
 ) -> Plan:
     """Return the plan of a scenario: senses, phases, links and the verdict on observability.
 
@@ -375,7 +381,7 @@ def plan(
     always or never. `steady` adds its periodic limit. `margin_bound` adds the bound on the links'
     smallest margin, which takes most of the time if phases have no closed form. `pilot` runs a few
     trials if the start-up index does not clear the plan. `single_points` finds the single losses
-    that end observability.
+    that end observability, and `connectivity` the connectivity period.
     """
     if bound not in ("auto", "always", "never"):
         raise InputError(f"{bound!r}: must be auto, always or never", key="bound")
@@ -412,6 +418,7 @@ def plan(
         steady=steady,
         pilot=pilot,
         single_points=single_points,
+        connectivity=connectivity,
         given=pairs,
         found=found,
     )

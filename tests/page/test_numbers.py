@@ -34,9 +34,12 @@ def test_a_number_is_dragged_by_its_label_in_one_step_to_undo(visit: Visit, page
     with page.expect_request("**/previews?quick=true**"):
         x, y = scrub(page, "Range", 60.0, release=False)
     expect(field).to_have_value("56")
+    connected = page.locator("#verdict tr", has_text="Connectivity period")
+    expect(connected).to_contain_text("—")
     # a pause: the whole plan follows, and the drag goes on as the same step
     visit.settle()
     expect(page.locator("#verdict tr", has_text="Predicted RMS error")).to_contain_text(" m")
+    expect(connected).to_contain_text(" s")
     page.wait_for_timeout(1100)
     page.mouse.move(x + 20.0, y)
     page.mouse.up()

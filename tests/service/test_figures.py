@@ -124,7 +124,9 @@ def test_a_quick_preview_leaves_out_what_takes_long_and_says_so(ann: httpx2.Clie
     assert any("which losses end observability" in note for note in quick["notes"])
     assert "start_up" in whole
     assert "start_up" not in quick
-    alike = {"observability", "separation", "witness", "connectivity_period_s", "window_bound_m"}
+    assert quick["connectivity_period_s"] is None
+    assert whole["connectivity_period_s"] is not None
+    alike = {"observability", "separation", "witness", "window_bound_m"}
     assert {key: quick[key] for key in alike} == {key: whole[key] for key in alike}
 
 
