@@ -105,14 +105,14 @@ search-consistency:     ARGUMENTS = 20 $(SEED)
 search-clearances:      ARGUMENTS = 6 $(SEED)
 search-refinements:     ARGUMENTS = 6 $(SEED)
 search-phases:          ARGUMENTS = 100 $(SEED)
-search-sight-lines:     ARGUMENTS = 300 $(SEED)
+search-sight-lines:     ARGUMENTS = 150 $(SEED)
 search-contract:        ARGUMENTS = 150 $(SEED)
 search-losses:          ARGUMENTS = 40 $(SEED)
 search-lost:            ARGUMENTS = 8 $(SEED) --trials 30 --slack 0.1
-search-truth:           ARGUMENTS = 2 $(SEED) --trials 60
+search-truth:           ARGUMENTS = 1 $(SEED) --trials 60
 search-counterexamples: ARGUMENTS = 4000 $(SEED)
 search-large-ranks:     ARGUMENTS = 100 $(SEED)
-search-designs:         ARGUMENTS = 3 $(SEED)
+search-designs:         ARGUMENTS = 1 $(SEED)
 
 .PHONY: $(SEARCHES:%=search-%)
 $(SEARCHES:%=search-%): search-%:

@@ -36,7 +36,7 @@ SMALL_JOBS = {
 """Settings under which no job takes long, nor are there too many recordings or wrong keys."""
 
 _CONFIG = Path(__file__).with_name("contract.toml")
-_ARCHIVES = "tests.searches.contract_archives"
+_ARCHIVES = "tests.searches.contract_cases"
 _CASES = re.compile(r"(\d+) generated")
 
 
