@@ -3,8 +3,8 @@
 What the first load brings over the wire, and how long it takes until the map is drawn: with nothing
 cached, with all cached, and over a line of 400 kbit/s with a delay of 400 ms. While a circle is
 dragged: how long after a move the verdict on it is on the screen, how long after the drop that on
-the whole plan, and how long frames take. With `--base PATH` the page of another checkout does the
-same.
+the whole plan, and how long frames take; and the memory that a thousand drags of six vehicles add.
+With `--base PATH` the page of another checkout does the same.
 
     python benchmarks/page.py --base ../before
 """
@@ -31,6 +31,7 @@ TEAMS = {12: 0.1, 50: 0.3, 100: 0.6}
 """Vehicles of the teams, each with the target in s from a move to its verdict."""
 SLOW_LINE = {"latency": 400, "downloadThroughput": 50_000, "uploadThroughput": 50_000}
 """A line of 400 kbit/s; delays in ms, rates in bytes per second."""
+DRAGS = 1000
 _STEP_MS = 33
 _DROPS = 5
 _PATIENCE_MS = 120_000
@@ -124,6 +125,30 @@ def drag(page: Page, count: int, direction: str) -> dict[str, list[float]]:
     }
 
 
+def growth(page: Page, url: str) -> float:
+    """Return the bytes of scripts' memory that many drags of a circle to and fro add."""
+    page.goto(url)
+    page.wait_for_selector(_AT_REST)
+    memory = page.context.new_cdp_session(page)
+    memory.send("HeapProfiler.enable")
+    box = page.locator('#handles button[title="v2"]').bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2.0, box["y"] + box["height"] / 2.0
+    used = []
+    for drags in (DRAGS // 10, DRAGS):
+        for drag in range(drags):
+            way = (0.0, 3.0, 6.0, 8.0) if drag % 2 == 0 else (8.0, 5.0, 2.0, 0.0)
+            page.mouse.move(x + way[0], y)
+            page.mouse.down()
+            for east in way[1:]:
+                page.mouse.move(x + east, y)
+            page.mouse.up()
+        page.wait_for_selector(_AT_REST)
+        memory.send("HeapProfiler.collectGarbage")
+        used.append(memory.send("Runtime.getHeapUsage")["usedSize"])
+    return float(used[1] - used[0])
+
+
 def measured(checkout: Path) -> dict[str, Any]:
     """Return the figures of the page of a checkout."""
     with tempfile.TemporaryDirectory() as folder, chromium() as browser:
@@ -142,7 +167,8 @@ def measured(checkout: Path) -> dict[str, Any]:
                 for count in TEAMS
                 for direction in ("ccw", "alternate")
             }
-    return {"loads": loads, "drags": drags}
+            grown = growth(browser.new_page(), server.url)
+    return {"loads": loads, "drags": drags, "growth": grown}
 
 
 def main(base: Path | None = None) -> dict[str, list[Figure]]:
@@ -174,7 +200,8 @@ def figures_of(side: str, result: dict[str, Any]) -> list[Figure]:
             Figure(f"{name}: drop to whole verdict, median", statistics.median(dropped), "s"),
             Figure(f"{name}: frame, 95 %", _most(frames), "s", 0.02),
         ]
-    return shown
+    added = result["growth"] / 1e6
+    return [*shown, Figure(f"{side}: memory that {DRAGS:,} drags add", added, "MB", 10.0)]
 
 
 def _most(values: list[float]) -> float:

@@ -87,7 +87,7 @@ async def create_preview(
         bool,
         Query(
             description="Leave out what takes most of the time: the predicted error with the check "
-            "of the start, single points of failure, the connectivity period (null), and the bound "
+            "of the start, single points of failure, the connectivity period, and the bound "
             "on the links' smallest margin"
         ),
     ] = False,
