@@ -67,6 +67,8 @@ export function offerDownloads(store, storePlan) {
     save(file, `${nameOf(store)}-${format.value}.zip`, "application/zip");
     const texts = JSON.parse(answer.headers.get("Syncplan-Notes") || "[]");
     notes.replaceChildren(...texts.map((note) => element("p", { class: "remark" }, note)));
+    // not below the notice
+    notes.scrollIntoView({ block: "center" });
     notice(`Exported, ${shown(file.size / 1024)} KiB. The file that ends in .sync.json says how vehicles join their circles.`);
   }
 

@@ -47,6 +47,27 @@ def test_a_confirmation_is_seen_wherever_one_has_scrolled(
         expect(dismiss).to_be_hidden()
 
 
+def test_what_goes_with_an_export_is_not_below_its_confirmation(tabs: Tabs, server: Server) -> None:
+    with visiting(tabs, server.url, size=PHONE) as visit:
+        page = visit.page
+        visit.verdict("GO")
+        sheet(page)
+        part(page, "Export")
+        page.get_by_label("Latitude (°)").fill("47.4")
+        page.get_by_label("Longitude (°)").fill("8.5")
+        page.get_by_label("Longitude (°)").press("Tab")
+        visit.settle()
+        with page.expect_download():
+            page.locator("#downloads").get_by_role("button", name="Export").click()
+        expect(page.locator("#notice")).to_contain_text("Exported")
+        note = page.locator("#export-notes").bounding_box()
+        toast = page.locator(".toast").bounding_box()
+        assert note is not None
+        assert toast is not None
+        assert note["height"] > 0.0
+        assert note["y"] + note["height"] <= toast["y"]
+
+
 def test_a_confirmation_goes_with_the_next_edit_and_a_fault_stays_until_it_is_mended(
     visit: Visit, page: Page
 ) -> None:
