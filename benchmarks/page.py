@@ -100,9 +100,7 @@ def drag(page: Page, count: int, direction: str) -> dict[str, list[float]]:
     page.locator("#map-name", has_text=scenario["name"]).wait_for()
     page.wait_for_selector(_AT_REST)
     page.evaluate("performance.clearMeasures()")
-    box = page.locator('#handles button[title="v6"]').bounding_box()
-    assert box is not None
-    x, y = box["x"] + box["width"] / 2.0, box["y"] + box["height"] / 2.0
+    x, y = _middle(page, "v6")
     page.evaluate(_FRAMES)
     for drop in range(_DROPS):
         page.mouse.move(x, y)
@@ -131,9 +129,7 @@ def growth(page: Page, url: str) -> float:
     page.wait_for_selector(_AT_REST)
     memory = page.context.new_cdp_session(page)
     memory.send("HeapProfiler.enable")
-    box = page.locator('#handles button[title="v2"]').bounding_box()
-    assert box is not None
-    x, y = box["x"] + box["width"] / 2.0, box["y"] + box["height"] / 2.0
+    x, y = _middle(page, "v2")
     used = []
     for drags in (DRAGS // 10, DRAGS):
         for drag in range(drags):
@@ -147,6 +143,13 @@ def growth(page: Page, url: str) -> float:
         memory.send("HeapProfiler.collectGarbage")
         used.append(memory.send("Runtime.getHeapUsage")["usedSize"])
     return float(used[1] - used[0])
+
+
+def _middle(page: Page, vehicle: str) -> tuple[float, float]:
+    """Return where on the screen the handle of a vehicle's circle lies."""
+    box = page.locator(f'#handles button[title="{vehicle}"]').bounding_box()
+    assert box is not None
+    return box["x"] + box["width"] / 2.0, box["y"] + box["height"] / 2.0
 
 
 def measured(checkout: Path) -> dict[str, Any]:

@@ -87,8 +87,8 @@ async def create_preview(
         bool,
         Query(
             description="Leave out what takes most of the time: the predicted error with the check "
-            "of the start, single points of failure, the connectivity period, and the bound "
-            "on the links' smallest margin"
+            "of the start, the search for single points of failure, and the bound on the links' "
+            "smallest margin, as the plan's notes say; and the connectivity period"
         ),
     ] = False,
     covariances: Annotated[

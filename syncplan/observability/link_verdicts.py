@@ -71,10 +71,10 @@ def vehicle_verdicts(assessed: Assessment, pairs: Index) -> list[LinkVerdict]:
         )
     }
     least, _ = least_distances(relative_motion(orbits, pairs[:, 0], pairs[:, 1]))
-    between = [link for link in assessed.information if link.b < team.count]
-    bearings = lost_bearings(orbits, between)
+    links = [sighted[a, b] for a, b in pairs.tolist() if (a, b) in sighted]
+    bearings = lost_bearings(orbits, links)
     stretched = {
-        (link.a, link.b) for link, one in zip(between, bearings, strict=True) if one is not None
+        (link.a, link.b) for link, one in zip(links, bearings, strict=True) if one is not None
     }
     residual = rule_residuals(orbits, pairs)
     tolerance = contact_tolerances(team, pairs)

@@ -185,7 +185,7 @@ class _Study:
         scenario = scenario_after(self.plan.scenario, loss)
         pairs = listed_pairs(scenario, left.team)
         prediction = self._predicted(left, assessed)
-        found = judged(assessed, scenario, pairs, prediction, remainder=True)
+        found = judged(assessed, scenario, pairs, prediction, remainder=True, connectivity=False)
         return _judged_as(found, names_of(loss, self.plan.scenario))
 
     def _predicted(self, left: Remainder, assessed: Assessment) -> Prediction:

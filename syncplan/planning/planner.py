@@ -177,9 +177,9 @@ def judged(
 ) -> Plan:
     """Return the plan of an assessed team from its resolved scenario, links and prediction.
 
-    `remainder`, for a team after a loss, leaves out the connectivity period and further losses.
-    Without `single_points`, losses that end observability are not searched for, as in teams that
-    are too large; without `connectivity`, the connectivity period is left out alone.
+    `remainder`, for a team after a loss, leaves out further losses. Without `single_points`, losses
+    that end observability are not searched for, as in teams that are too large; without
+    `connectivity`, the connectivity period is left out.
     """
     team, orbits = assessed.team, assessed.team.orbits
     names = scenario.vehicle_names
@@ -197,9 +197,7 @@ def judged(
         incidental_links=tuple(vehicle_verdicts(assessed, as_pairs(unlisted))),
         landmark_links=tuple(landmark_verdicts(assessed)),
         dropped_links=tuple(_unmet(team, listed, met, found)),
-        connectivity_period=connectivity_period(assessed)
-        if connectivity and not remainder
-        else None,
+        connectivity_period=connectivity_period(assessed) if connectivity else None,
         approach=contacts.closest_approach(orbits),
         too_close=_too_close(orbits, judged_team.separation_limit(scenario)),
         observability=assessed.observability,

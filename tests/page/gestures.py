@@ -177,6 +177,13 @@ def download(page: Page, button: str) -> Download:
     return waiting.value
 
 
+def place_on_earth(page: Page) -> None:
+    """State where the origin lies, which missions need."""
+    page.get_by_label("Latitude (°)").fill("47.4")
+    page.get_by_label("Longitude (°)").fill("8.5")
+    page.keyboard.press("Tab")
+
+
 def downloaded(page: Page) -> dict[str, Any]:
     """The scenario as the page saves it."""
     found: dict[str, Any] = json.loads(saved(download(page, "Scenario")))

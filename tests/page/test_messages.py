@@ -7,7 +7,7 @@ import httpx2
 import pytest
 from playwright.sync_api import Page, Route, expect
 
-from tests.page.gestures import copied, drag, part, plan_id_of, sheet
+from tests.page.gestures import copied, drag, part, place_on_earth, plan_id_of, sheet
 from tests.tools.browsing import DESKTOP, PHONE, Tabs, Visit, accessibility_faults, visiting
 from tests.tools.scenarios import document
 from tests.tools.serving import Server
@@ -53,9 +53,7 @@ def test_what_goes_with_an_export_is_not_below_its_confirmation(tabs: Tabs, serv
         visit.verdict("GO")
         sheet(page)
         part(page, "Export")
-        page.get_by_label("Latitude (°)").fill("47.4")
-        page.get_by_label("Longitude (°)").fill("8.5")
-        page.get_by_label("Longitude (°)").press("Tab")
+        place_on_earth(page)
         visit.settle()
         with page.expect_download():
             page.locator("#downloads").get_by_role("button", name="Export").click()

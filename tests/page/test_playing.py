@@ -16,6 +16,7 @@ from tests.page.gestures import (
     drawn,
     figures,
     part,
+    place_on_earth,
     saved,
     sidecar_of,
     stored,
@@ -154,9 +155,7 @@ def test_plans_and_exports_are_saved_and_an_export_says_what_it_lacks(
     page.get_by_label("Format", exact=True).select_option("qgc")
     button = page.locator("#downloads").get_by_role("button", name="Export")
     expect(button).to_be_disabled()
-    page.get_by_label("Latitude (°)").fill("47.4")
-    page.get_by_label("Longitude (°)").fill("8.5")
-    page.keyboard.press("Tab")
+    place_on_earth(page)
     expect(button).to_be_enabled()
     visit.settle()
     assert sum(name.endswith(".plan") for name in unzipped(download(page, "Export"))) == 6

@@ -17,6 +17,7 @@ from tests.page.gestures import (
     opened,
     part,
     phases,
+    place_on_earth,
     sheet,
     unzipped,
     view,
@@ -55,9 +56,7 @@ def test_a_team_of_ones_own_comes_from_the_first_screen_to_a_mission_in_nine_act
         visit.verdict("rank 12 of 12")
         sheet(page)
         part(page, "Export")
-        page.get_by_label("Latitude (°)").fill("47.4")
-        page.get_by_label("Longitude (°)").fill("8.5")
-        page.get_by_label("Longitude (°)").press("Tab")
+        place_on_earth(page)
         files = unzipped(download(page, "Export"))
         assert sum(name.endswith(".plan") for name in files) == 4
 

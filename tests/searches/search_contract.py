@@ -36,7 +36,7 @@ SMALL_JOBS = {
 """Settings under which no job takes long, nor are there too many recordings or wrong keys."""
 
 _CONFIG = Path(__file__).with_name("contract.toml")
-_ARCHIVES = "tests.searches.contract_cases"
+_HOOKS = "tests.searches.contract_cases"
 _CASES = re.compile(r"(\d+) generated")
 
 
@@ -56,7 +56,7 @@ def search(url: str, cases: int, seed: int) -> bool:
         text=True,
         check=False,
         cwd=ROOT,
-        env={**os.environ, "SCHEMATHESIS_HOOKS": _ARCHIVES},
+        env={**os.environ, "SCHEMATHESIS_HOOKS": _HOOKS},
     )
     counted = _CASES.search(done.stdout)
     passed = done.returncode == 0
