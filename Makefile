@@ -1,9 +1,10 @@
 # make demo    set up and run the main job on an example: a plan and its validation
 # make serve   set up and start the service at http://127.0.0.1:8000
 # make check   set up and run formatter check, linter, layers, strict types and tests
-# make check-all    what make check does, with what takes long: searches with fresh draws, every block
-#              of the documentation, all of the survival tests, the steps of the Dockerfile, somebody
-#              else's vehicles beside the model of flight
+# make check-fixed  what make check does, with what takes long: searches, every block of the
+#              documentation, all of the survival tests, the steps of the Dockerfile, somebody else's
+#              vehicles beside the model of flight; all that is drawn is the same each time
+# make check-all    the same with fresh draws
 # make crosschecks    fly the model beside RotorPy's multirotors and JSBSim's aeroplanes
 # make scripts    the linter, types and unit tests of the web page's scripts
 # make vendor  bundle anew the libraries of the web page, and what pages of figures bring along
@@ -26,8 +27,9 @@ MORE   := $(shell expr $(CORES) + 1)
 MOST   := $(shell expr 2 \* $(CORES) + 1)
 # on small matrices, a second thread of BLAS costs more than it brings
 PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses
-# the draws of the long searches: other ones each day, a hundred seeds in a row
-SEED   ?= $(shell date +%y%m%d)00
+# what is drawn: the same each time, or for `make check-all` fresh, a hundred seeds a day in a row
+SEED   ?= 26112700
+PROPERTIES ?= same-cases
 
 export PIP_DISABLE_PIP_VERSION_CHECK = 1
 # the checks start hundreds of processes: each would compile all modules anew
@@ -42,7 +44,7 @@ install = sed -n '/^uv==/,/[^\]$$/p' requirements.lock > $(VENV)/uv.lock && \
 	{ $(BIN)/pip install --quiet --require-hashes --requirement requirements.lock && \
 	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable $(1); }
 
-.PHONY: demo serve check static scripts vendor check-all all-tests crosschecks docs postgresql chromium container-steps benchmarks lock clean
+.PHONY: demo serve check static scripts vendor check-all check-fixed all-tests crosschecks docs postgresql chromium container-steps benchmarks lock clean
 
 demo: $(VENV)/.run
 	$(BIN)/syncplan plan $(DEMO) --format table
@@ -70,16 +72,19 @@ scripts: $(VENV)/.page
 vendor: $(VENV)/.page
 	cd vendor && $(abspath $(BIN))/node build.mjs
 
+check-all:
+	$(MAKE) --no-print-directory check-fixed SEED=$$(date +%y%m%d)00 PROPERTIES=fresh-cases
+
 # searches run beside the tests, of which many wait; what each search prints stays together
-check-all: postgresql $(VENV)/.crosschecks static
+check-fixed: postgresql $(VENV)/.crosschecks static
 	OPENBLAS_NUM_THREADS=1 $(MAKE) --no-print-directory --output-sync --jobs $(MORE) \
 		all-tests container-steps crosschecks $(SEARCHES:%=search-%)
 	@# alone: a process's share of memory grows as others that use the same libraries end
 	$(BIN)/python -m tests.searches.search_requests 300 $(SEED)
 
-# the quick ones and the long ones, with fresh cases of properties; + has their output shown at once
+# the quick ones and the long ones; + has their output shown at once
 all-tests:
-	+$(PYTEST) $(MOST) --hypothesis-profile=fresh-cases
+	+$(PYTEST) $(MOST) --hypothesis-profile=$(PROPERTIES)
 
 # the longest first
 SEARCHES := survival contract upgrade sight-lines equipment clearances refinements robust counterexamples large-ranks phases thrown flights holds windy start-up predictions batch tuning recording losses lost consistency neglect truth designs

@@ -15,7 +15,7 @@ from tests.tools.scenarios import document
 from tests.tools.scheduling import Groups, rank_of
 from tests.tools.serving import Postgres, own_postgres
 
-# The first is for `make check`: the same few cases each time, however busy the machine is.
+# The first is for `make check` and continuous integration: the same few cases each time.
 # `make check-all` chooses the second: fresh cases, and many of them. What they find is written
 # above the test as an explicit @example, so that both have it from then on.
 for name, examples, same in (("same-cases", 25, True), ("fresh-cases", 150, False)):
