@@ -1,10 +1,10 @@
 # make demo    set up and run the main job on an example: a plan and its validation
 # make serve   set up and start the service at http://127.0.0.1:8000
-# make check   set up and run formatter check, linter, layers, strict types and tests
-# make check-fixed  what make check does, with what takes long: searches, every block of the
-#              documentation, all of the survival tests, the steps of the Dockerfile, somebody else's
-#              vehicles beside the model of flight; all that is drawn is the same each time
-# make check-all    the same with fresh draws
+# make check   set up and run formatter check, linter, layers, strict types and all quick tests
+# make check-library, make check-service    the same with the tests of one side alone
+# make check-long   what continuous integration has beside that: long tests, searches, the steps of the
+#              Dockerfile, somebody else's vehicles beside the model of flight; draws are fixed
+# make check-all    all of it with fresh draws, and every block of the documentation
 # make crosschecks    fly the model beside RotorPy's multirotors and JSBSim's aeroplanes
 # make scripts    the linter, types and unit tests of the web page's scripts
 # make vendor  bundle anew the libraries of the web page, and what pages of figures bring along
@@ -21,15 +21,15 @@ DEMO   ?= examples/scenarios/paper-grid-same.yaml
 
 UV     := 'uv>=0.9,<1'
 
-CORES  := $(shell nproc)
-# more processes than there are cores: many tests wait, most of all the long ones
-MORE   := $(shell expr $(CORES) + 1)
-MOST   := $(shell expr 2 \* $(CORES) + 1)
+# many tests wait: more processes than there are cores
+MORE   := $(shell expr $$(nproc) + 1)
 # on small matrices, a second thread of BLAS costs more than it brings
-PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses
-# what is drawn: the same each time, or for `make check-all` fresh, a hundred seeds a day in a row
-SEED   ?= 26112700
-PROPERTIES ?= same-cases
+TESTS  := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m
+PYTEST := $(TESTS) pytest --numprocesses $(MORE)
+QUICK  := -m "not long and not documented"
+SERVICE := tests/service tests/attacks tests/client tests/page
+# for how long fresh cases of searches are drawn
+MINUTES ?= 40
 
 export PIP_DISABLE_PIP_VERSION_CHECK = 1
 # the checks start hundreds of processes: each would compile all modules anew
@@ -44,7 +44,9 @@ install = sed -n '/^uv==/,/[^\]$$/p' requirements.lock > $(VENV)/uv.lock && \
 	{ $(BIN)/pip install --quiet --require-hashes --requirement requirements.lock && \
 	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable $(1); }
 
-.PHONY: demo serve check static scripts vendor check-all check-fixed all-tests crosschecks docs postgresql chromium container-steps benchmarks lock clean
+.PHONY: demo serve check check-library check-service static scripts vendor \
+	check-long long-tests fixed-searches check-all all-tests fresh-searches crosschecks docs \
+	postgresql chromium container-steps benchmarks lock clean
 
 demo: $(VENV)/.run
 	$(BIN)/syncplan plan $(DEMO) --format table
@@ -54,7 +56,13 @@ serve: $(VENV)/.api
 	$(BIN)/syncplan serve
 
 check: static
-	$(PYTEST) $(MORE) -m "not long"
+	$(PYTEST) $(QUICK)
+
+check-library: static
+	$(PYTEST) $(QUICK) $(SERVICE:%=--ignore=%)
+
+check-service: static
+	$(PYTEST) $(QUICK) $(SERVICE)
 
 # all but the tests; beside it, the kernels of small teams are compiled, once for all tests
 static: chromium $(VENV)/.dev
@@ -72,56 +80,28 @@ scripts: $(VENV)/.page
 vendor: $(VENV)/.page
 	cd vendor && $(abspath $(BIN))/node build.mjs
 
-check-all:
-	$(MAKE) --no-print-directory check-fixed SEED=$$(date +%y%m%d)00 PROPERTIES=fresh-cases
-
-# searches run beside the tests, of which many wait; what each search prints stays together
-check-fixed: postgresql $(VENV)/.crosschecks static
-	OPENBLAS_NUM_THREADS=1 $(MAKE) --no-print-directory --output-sync --jobs $(MORE) \
-		all-tests container-steps crosschecks $(SEARCHES:%=search-%)
+# side by side, as many of them wait; what each prints stays together, but + prints at once
+SIDE    = $(MAKE) --no-print-directory --output-sync --jobs 4 container-steps crosschecks
+check-long: postgresql $(VENV)/.crosschecks
+	$(SIDE) long-tests fixed-searches
 	@# alone: a process's share of memory grows as others that use the same libraries end
-	$(BIN)/python -m tests.searches.search_requests 300 $(SEED)
+	$(TESTS) tests.searches requests
 
-# the quick ones and the long ones; + has their output shown at once
+long-tests:
+	+$(PYTEST) -m "long and not documented"
+
+fixed-searches:
+	+$(TESTS) tests.searches
+
+check-all: postgresql $(VENV)/.crosschecks static
+	$(SIDE) all-tests fresh-searches
+	$(TESTS) tests.searches requests --minutes 3
+
 all-tests:
-	+$(PYTEST) $(MOST) --hypothesis-profile=$(PROPERTIES)
+	+$(PYTEST) --hypothesis-profile=fresh-cases
 
-# the longest first
-SEARCHES := survival contract upgrade sight-lines equipment clearances refinements robust counterexamples large-ranks phases thrown flights holds windy start-up predictions batch tuning recording losses lost consistency neglect truth designs
-
-search-survival:        ARGUMENTS = 1 $(SEED)
-search-upgrade:         ARGUMENTS = 1 $(SEED)
-search-equipment:       ARGUMENTS = 1 $(SEED)
-# fixed draws: of those of 26112600, 98.65 % are found again, as many as where nothing is thrown
-search-thrown:          ARGUMENTS = 40 26112500
-search-robust:          ARGUMENTS = 24 $(SEED)
-search-start-up:        ARGUMENTS = 40 $(SEED) --trials 100 --missed 0.4 --wrong 0.2
-search-tuning:          ARGUMENTS = first-half
-search-predictions:     ARGUMENTS = 16 $(SEED) --trials 100 --median 0.06 --ninety 0.15
-search-neglect:         ARGUMENTS = 12 $(SEED) --most 0.2
-search-batch:           ARGUMENTS = 3 $(SEED)
-search-flights:         ARGUMENTS = 32 $(SEED) --draws 2 --losses 32 \
-                        --teams 'same,side camera' --spare 1 --alike 0.1 --threads 1
-search-holds:           ARGUMENTS = 6 $(SEED)
-# fixed draws: of 24 teams a day, two may lose more than 5 % of their flights, as those of 26112500 do
-search-windy:           ARGUMENTS = 24 0 --most 1
-search-recording:       ARGUMENTS = 2
-search-consistency:     ARGUMENTS = 20 $(SEED)
-search-clearances:      ARGUMENTS = 6 $(SEED)
-search-refinements:     ARGUMENTS = 6 $(SEED)
-search-phases:          ARGUMENTS = 100 $(SEED)
-search-sight-lines:     ARGUMENTS = 150 $(SEED)
-search-contract:        ARGUMENTS = 150 $(SEED)
-search-losses:          ARGUMENTS = 40 $(SEED)
-search-lost:            ARGUMENTS = 8 $(SEED) --trials 30 --slack 0.1
-search-truth:           ARGUMENTS = 1 $(SEED) --trials 60
-search-counterexamples: ARGUMENTS = 4000 $(SEED)
-search-large-ranks:     ARGUMENTS = 100 $(SEED)
-search-designs:         ARGUMENTS = 1 $(SEED)
-
-.PHONY: $(SEARCHES:%=search-%)
-$(SEARCHES:%=search-%): search-%:
-	$(BIN)/python -m tests.searches.search_$(subst -,_,$*) $(ARGUMENTS)
+fresh-searches:
+	+$(TESTS) tests.searches --minutes $(MINUTES)
 
 # the simple model of flight beside somebody else's vehicles, in wind and gusts. Two trials, the same
 # each day: one by one they may differ by half, where a vehicle sees another a sample later

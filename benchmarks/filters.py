@@ -1,7 +1,7 @@
 """How long a trial takes with each filter, beside the extended Kalman filter.
 
 Processor time on one thread of the same trials by every filter of the table, in turns, over drawn
-scenarios of `tests/searches/search_lost.py`: certified teams of 2 to 8 vehicles from starts known
+scenarios of `tests/searches/lost.py`: certified teams of 2 to 8 vehicles from starts known
 to 15 m and 0.3 rad. What a robust trial takes depends on how hard its start is to find, so the
 median over scenarios is shown, and the 90th percentile.
 
@@ -23,7 +23,7 @@ from syncplan.estimation.montecarlo import run_trials
 from syncplan.estimation.trial_readings import possible_sightings
 from syncplan.orbits.sightings import steps_within
 from syncplan.scenario.filters import FILTERS
-from tests.searches.search_lost import draw_plan, started
+from tests.searches.lost import draw_plan, started
 
 DRAWS, SEED, TRIALS, ROUNDS = 20, 0, 48, 2
 SIGMA_M = 15.0
@@ -38,7 +38,7 @@ def main(draws: int = DRAWS, rounds: int = ROUNDS) -> dict[str, Array]:
     """Return s a trial by filter, (draws,) each, the least of the rounds."""
     least = {name: np.full(draws, np.inf) for name in FILTERS}
     for number in range(draws):
-        made = draw_plan(number, SEED)
+        made = draw_plan(number)
         steps = steps_within(made.scenario.duration_s, made.sensors.sample_time)
         seen = possible_sightings(made.team, made.windows, steps)
         # the very first round compiles

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.tools.scheduling import APART, LONGEST, group_of, rank_of
+from tests.tools.scheduling import APART, LONGEST, SERVED, group_of, rank_of
 from tests.tools.serving import ROOT, environment
 
 CONFTEST = """
@@ -50,7 +50,7 @@ def test_the_tests_of_a_file_run_in_one_process_and_files_in_order(tmp_path: Pat
 
 
 def test_what_is_named_to_come_first_or_apart_is_there() -> None:
-    for named in (*APART, *LONGEST):
+    for named in (*APART, *LONGEST, *(f"tests/service/test_{name}.py" for name in SERVED)):
         path, _, test = named.partition("::")
         assert (ROOT / path).exists(), named
         assert not test or f"def {test.partition('[')[0]}(" in (ROOT / path).read_text(), named
@@ -65,6 +65,8 @@ def test_the_page_has_two_browsers_and_other_files_keep_together() -> None:
     assert 0.3 < page.count(page[0]) / len(page) < 0.7
     one, other = "tests/client/test_client.py::test_a", "tests/client/test_client.py::test_b[1]"
     assert group_of(one) == group_of(other) == "tests/client/test_client.py"
+    served = {group_of(f"tests/service/test_{name}.py::test_x") for name in SERVED}
+    assert len(served) == 1
     alone = f"{APART[0]}::test_x[1]"
     assert group_of(alone) == alone
     assert rank_of("tests/reports/test_x.py::test_x") == len(LONGEST)

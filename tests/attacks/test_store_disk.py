@@ -3,7 +3,6 @@
 import contextlib
 import time
 from pathlib import Path
-from typing import Literal
 
 import httpx2
 import psycopg
@@ -85,22 +84,16 @@ def test_readiness_says_that_postgresql_is_read_only(tmp_path: Path, postgres: P
         see_all_served(site)
 
 
-@pytest.mark.parametrize(("ended", "worker"), [("killed", "--worker"), ("stopped", "--no-worker")])
-def test_a_restart_on_a_full_disk_serves_what_is_stored(
-    tmp_path: Path, ended: Literal["killed", "stopped"], worker: str
-) -> None:
+def test_a_restart_on_a_full_disk_serves_what_is_stored(tmp_path: Path) -> None:
     with small_disk() as disk, quick(tmp_path, SYNCPLAN_DATA_DIR=str(disk / "data")) as site:
         server = site.serve()
         plan_id = site.hand_in_plan()
         site.hand_in(validation(10, 0), plan_id)
-        if ended == "killed":
-            site.kill(server)
-        else:
-            assert server.stop() == 0
+        site.kill(server)
         ballast = fill(disk)
         port = free_port()
         site.url = f"http://127.0.0.1:{port}"
-        site.begin("serve", worker, "--port", str(port))
+        site.begin("serve", "--port", str(port))
 
         def answers() -> bool:
             with contextlib.suppress(httpx2.TransportError):
@@ -110,8 +103,6 @@ def test_a_restart_on_a_full_disk_serves_what_is_stored(
         wait_until(answers, otherwise=site.logs)
         see_only_reads_served(site, plan_id, 507)
         ballast.unlink()
-        if worker == "--no-worker":
-            site.work()
         see_all_served(site)
 
 

@@ -1,4 +1,7 @@
-"""Five hundred followers of a job: memory alone, and no one else waits for them."""
+"""Five hundred followers of a job: memory alone, and no one else waits for them.
+
+A key that has leaked is withdrawn while the service runs, and its streams end.
+"""
 
 import time
 from collections.abc import Iterator
@@ -11,8 +14,8 @@ import pytest
 
 from api.storage.database import open_database
 from api.storage.job_records import change
-from tests.tools.api_servers import key_of, problem, serving, speaking
-from tests.tools.processes import memory, wait_until, worked
+from tests.tools.api_servers import key_of, serving, speaking
+from tests.tools.processes import PATIENCE_S, memory, wait_until, worked
 from tests.tools.raw_connections import answered, crowd_of, read_until, request_of
 from tests.tools.scenarios import document
 from tests.tools.serving import Server
@@ -21,12 +24,32 @@ FOLLOWERS = 500
 CHECKS = 30
 STEPS = 20
 ROOM = {"SYNCPLAN_MAX_STREAMS": "2000", "SYNCPLAN_MAX_QUEUED_JOBS": "100"}
+OLD, NEW, OTHER = "old-0123456789abcdef", "new-0123456789abcdef", key_of("bob")
+
+pytestmark = pytest.mark.long
+
+
+def listed(path: Path, *entries: str) -> None:
+    """Put keys in the place of those that are there, as a whole."""
+    beside = path.with_name("next")
+    beside.write_text("\n".join(("# owners", *entries)))
+    beside.chmod(0o600)
+    beside.replace(path)
 
 
 @pytest.fixture(scope="module")
-def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A file with the key of one more owner."""
+    path = tmp_path_factory.mktemp("keys") / "keys"
+    listed(path, f"eve:{OLD}")
+    return path
+
+
+@pytest.fixture(scope="module")
+def server(keys: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     """A server that does no jobs."""
-    with serving(tmp_path_factory.mktemp("site"), "ann bob", "--no-worker", **ROOM) as one:
+    given = {**ROOM, "SYNCPLAN_API_KEYS_FILE": str(keys)}
+    with serving(tmp_path_factory.mktemp("site"), "ann bob", "--no-worker", **given) as one:
         yield one
 
 
@@ -53,7 +76,7 @@ def queued(http: httpx2.Client) -> str:
 def healthy(server: Server) -> float:
     """Return the least time in s of some health checks: other work on the machine adds to it."""
     times = []
-    with httpx2.Client(base_url=server.url, timeout=300.0) as http:
+    with httpx2.Client(base_url=server.url, timeout=PATIENCE_S) as http:
         for _ in range(CHECKS):
             began = time.perf_counter()
             assert http.get("/healthz").status_code == 200
@@ -64,12 +87,11 @@ def healthy(server: Server) -> float:
 @contextmanager
 def following(server: Server, number: int, path: str, owner: str) -> Iterator[list[socket]]:
     """Connections on which a stream has begun, or another answer is there."""
-    with crowd_of(server, number, request_of(path, key_of(owner))) as crowd:
+    with crowd_of(server.port, number, request_of(path, key_of(owner))) as crowd:
         wait_until(lambda: answered(crowd) == number)
         yield crowd
 
 
-@pytest.mark.long
 def test_every_follower_gets_every_event_and_memory_is_given_back(
     server: Server, ann: httpx2.Client, job: str
 ) -> None:
@@ -100,28 +122,6 @@ def test_every_follower_gets_every_event_and_memory_is_given_back(
     database.close()
 
 
-@pytest.mark.long
-def test_an_owner_has_so_many_streams_and_takes_none_from_others(
-    tmp_path: Path,
-) -> None:
-    with (
-        serving(tmp_path, "ann bob", "--no-worker", SYNCPLAN_MAX_STREAMS="3") as server,
-        speaking(server, "ann") as ann,
-        speaking(server, "bob") as bob,
-    ):
-        at = f"/v1/jobs/{queued(ann)}/events"
-        with following(server, 3, at, "ann"):
-            refused = problem(ann.get(at), 429)
-            assert refused.detail.startswith("you have 3 event streams open, the most allowed")
-            with following(server, 1, f"/v1/jobs/{queued(bob)}/events", "bob") as his:
-                assert b"200 OK" in read_until(his[0], b"event: job")
-        # a place is free as soon as somebody leaves
-        with following(server, 1, at, "ann") as streams:
-            assert b"200 OK" in read_until(streams[0], b"event: job")
-        assert server.stop() == 0
-
-
-@pytest.mark.long
 def test_followers_cost_no_processor_time_and_health_is_answered_as_ever(
     server: Server, job: str
 ) -> None:
@@ -140,3 +140,48 @@ def test_followers_cost_no_processor_time_and_health_is_answered_as_ever(
     print(f"reads {reads:.2f} s, followers {followed:.2f} s; alone {alone}, beside {beside}")
     assert followed < 2.5 * reads
     assert beside < 6.0 * max(alone, healthy(server))
+
+
+def test_a_key_is_changed_without_downtime_and_the_old_one_ends_with_its_streams(
+    server: Server, keys: Path
+) -> None:
+    with httpx2.Client(base_url=server.url, timeout=PATIENCE_S) as http:
+
+        def status(key: str) -> int:
+            return http.get("/v1/plans", headers={"authorization": f"Bearer {key}"}).status_code
+
+        def job_of(key: str) -> str:
+            headers = {"authorization": f"Bearer {key}"}
+            plan = http.post("/v1/plans", json=document(), headers=headers).json()["id"]
+            at = http.post(f"/v1/plans/{plan}/validations", json={}, headers=headers)
+            return str(at.headers["location"])
+
+        def log() -> str:
+            return server.log.read_text()
+
+        hers, his = job_of(OLD), job_of(OTHER)
+        with (
+            crowd_of(server.port, 3, request_of(f"{hers}/events", OLD)) as old,
+            crowd_of(server.port, 1, request_of(f"{his}/events", OTHER)) as other,
+        ):
+            for one in (*old, *other):
+                read_until(one, b"event: job")
+            listed(keys, f"eve:{OLD}", f"eve:{NEW}")
+            wait_until(lambda: status(NEW) == 200)
+            assert status(OLD) == status(OTHER) == 200
+            with crowd_of(server.port, 1, request_of(f"{hers}/events", NEW)) as new:
+                read_until(new[0], b"event: job")
+                listed(keys, f"eve:{NEW}")
+                for one in old:
+                    assert read_until(one, b"0\r\n\r\n").endswith(b"0\r\n\r\n")
+                assert status(OLD) == 401
+                assert status(NEW) == status(OTHER) == 200
+                # the streams of other keys go on
+                for job, key, stream in ((hers, NEW, new), (his, OTHER, other)):
+                    headers = {"authorization": f"Bearer {key}"}
+                    http.post(f"{job}/cancel", headers=headers).raise_for_status()
+                    assert b"cancelled" in read_until(stream[0], b"cancelled")
+        # nobody is locked out by a slip of the pen
+        listed(keys, "eve")
+        wait_until(lambda: status(NEW) == 200 and "the keys of before stay" in log())
+        assert NEW not in log()

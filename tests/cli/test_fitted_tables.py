@@ -110,13 +110,6 @@ def test_a_plan_shows_speeds_and_a_pipe_takes_all_columns(
     assert "not shown" not in out
 
 
-def test_rows_beyond_the_limit_are_counted_below(run: Any, written: Any) -> None:
-    formation = {"shape": "line", "count": 42, "spacing_m": 70}
-    scenario = written(formation=formation, duration_s=10)
-    out = run("plan", scenario, "--bound", "never", "--format", "table")[1]
-    assert "... and 2 more rows (see the JSON)" in out
-
-
 def test_meetings_beyond_the_limit_are_counted_with_those_of_landmarks(
     run: Any, written: Any
 ) -> None:

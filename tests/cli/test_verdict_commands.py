@@ -2,7 +2,6 @@
 
 import html
 import json
-import math
 from pathlib import Path
 from typing import Any
 
@@ -103,29 +102,3 @@ def test_a_plan_file_is_judged_again_with_its_own_orbits(
     err = refused("plan", str(plan_file))
     assert err.count("\n") == 2
     assert f"{plan_file}: vehicles[0].position_m: [19.1067, 5.9104]: follows from center_m" in err
-    for key in ("position_m", "heading_rad"):
-        del first["vehicles"][0][key]
-    plan_file.write_text(json.dumps(first))
-    again = json.loads(printed("plan", str(plan_file)))
-    assert again["vehicles"][0]["phase_rad"] == 1.0
-    assert again["vehicles"][0]["position_m"] == pytest.approx(
-        [20.0 * math.cos(1.0), 20.0 * math.sin(1.0)]
-    )
-    assert again["synchronisation"]["method"] == "given"
-    assert again["links"][0]["phase_residual_rad"] != first["links"][0]["phase_residual_rad"]
-
-
-def test_what_is_neither_plan_nor_scenario_is_called_by_its_name(
-    run: Any, refused: Any, tmp_path: Path
-) -> None:
-    report, swept, folder = (tmp_path / name for name in ("report.json", "sweep.json", "files"))
-    short = ("--trials", "2", "--duration", "2")
-    assert run("validate", GRID, *short, "-o", str(report))[0] == 0
-    assert run("sweep", GRID, "--range", "50", *short, "-o", str(swept))[0] == 0
-    assert run("export", GRID, "--format", "csv", "-o", str(folder))[0] == 0
-    (sidecar,) = folder.glob("*.sync.json")
-    assert "is the sidecar of an export" in run("plan", str(sidecar))[2]
-    for given, called in ((report, "a validation report"), (swept, "a report of a sweep")):
-        for command in (("plan",), ("validate",), ("place",), ("plot", GRID, "--compare")):
-            err = refused(*command, str(given))
-            assert f"{given}: is {called} where a scenario or a plan is wanted; give the" in err

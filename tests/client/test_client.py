@@ -150,7 +150,6 @@ def test_a_refinement_is_the_librarys_and_names_its_parent(
 @pytest.mark.parametrize(
     ("kind", "options"),
     [
-        ("validate", {"trials": 50, "seed": 5}),
         ("validate", {"trials": 20, "seed": 1, "duration": 50.0, "with_series": True}),
         ("validate", {"trials": 20, "filter": "paper", "substeps": 3, "gate_probability": 0.99}),
         (

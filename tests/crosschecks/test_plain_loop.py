@@ -18,7 +18,7 @@ LAG = 0.17
 
 @pytest.mark.parametrize("readings", READINGS)
 def test_the_loop_with_unicycles_flies_what_the_kernels_fly(readings: str) -> None:
-    course = replace(COURSES["grid"], duration=25.0)
+    course = replace(COURSES["grid"], duration=8.0)
     run = run_of(
         course, course.plan(), Flying("gusts", readings, LAG, course.duration, TRIALS, seed=3)
     )

@@ -2,6 +2,8 @@
 
 import os
 import signal
+import sys
+from collections.abc import Iterator
 
 import pytest
 
@@ -12,25 +14,42 @@ from syncplan.designs.ladder import DesignState
 from syncplan.designs.purchases import offers_for
 from syncplan.errors import InputError
 from syncplan.planning.plan_files import loaded_from, plan_of
+from syncplan.refinement import exact_search
 from syncplan.reports.design_report import design_document
 from syncplan.runtime.files import as_text
 from syncplan.runtime.task_crew import EarlierSearch
+from syncplan.scenario.brief import Brief
 from tests.tools.briefs import brief, broken
 
 
-@pytest.fixture(autouse=True)
-def _short(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ladder, "EVALUATIONS", {"quick": 240})
-    monkeypatch.setattr(judgement, "TRIALS", 10)
+@pytest.fixture(scope="module", autouse=True)
+def _short() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ladder, "EVALUATIONS", {"quick": 240})
+        patch.setattr(judgement, "TRIALS", 10)
+        patch.setattr(exact_search, "_MOST_LOOKS", 10)
+        patch.setattr(designer, "offers_for", lambda *given: offers_for(*given)[:2])
+        yield
 
 
-def _text(found: Design) -> str:
-    return as_text(design_document(found).as_json())
+Kept = dict[int, bytes]
+Searched = tuple[Design, list[DesignState], Kept]
 
 
-def test_a_winner_holds_its_brief_on_any_number_of_processes() -> None:
-    given, seen = brief(), list[DesignState]()
-    found = design(given, workers=1, progress=seen.append)
+def _searched(given: Brief, workers: int, known: Kept) -> Searched:
+    """A design, the states that it reported, and the searches that it kept."""
+    states, kept = list[DesignState](), Kept()
+    earlier = EarlierSearch(known, keep=kept.__setitem__)
+    return design(given, workers=workers, progress=states.append, earlier=earlier), states, kept
+
+
+@pytest.fixture(scope="module")
+def met() -> Searched:
+    return _searched(brief(), 1, {})
+
+
+def test_a_winner_holds_its_brief(met: Searched) -> None:
+    found, seen, _ = met
     # two cells, each searched in both senses and then on from the best
     states = [(one.doing, one.done, one.total, len(one.front)) for one in seen]
     alone, onward = "searching each team", "searching on from the neighbours"
@@ -40,12 +59,10 @@ def test_a_winner_holds_its_brief_on_any_number_of_processes() -> None:
     ]
     told = [one.doing.partition(" ")[0] for one in seen[8:]]
     assert told[-3:] == ["refining", "validating", "flying"]
-    assert found.status == "met"
-    assert found.binding == ""
-    assert found.purchases == ()
+    assert (found.status, found.binding, found.purchases) == ("met", "", ())
     best = found.best
     assert best is not None
-    assert broken(given, best.plan) == []
+    assert broken(found.brief, best.plan) == []
     assert best.plan.verdict.go
     assert best.worst <= 2.0 * 0.95
     assert best.validation is not None
@@ -55,30 +72,23 @@ def test_a_winner_holds_its_brief_on_any_number_of_processes() -> None:
     # no cheaper cell nearly met the need and was passed over
     cheaper = [one for one in found.front if one.cost < best.start.cost]
     assert all(one.found.value > designer.NEARLY * 1.9 for one in cheaper)
-    assert _text(design(given, workers=2)) == _text(found)
 
 
-def test_kept_searches_are_not_repeated_and_give_the_same_design(
-    monkeypatch: pytest.MonkeyPatch,
+def test_kept_searches_are_not_repeated_and_give_the_same_design_on_two_processes(
+    met: Searched,
 ) -> None:
-    given = brief(need={"worst_rms_m": 0.9})
-    kept: dict[int, bytes] = {}
-    whole = design(given, workers=1, earlier=EarlierSearch(keep=kept.__setitem__))
-    assert len(kept) >= 6
-    half = dict(list(kept.items())[: len(kept) // 2])
-    made: list[int] = []
-    resumed = design(
-        given,
-        workers=1,
-        earlier=EarlierSearch(half, keep=lambda number, _data: made.append(number)),
-    )
-    assert _text(resumed) == _text(whole)
-    assert set(made) == kept.keys() - half.keys()
+    whole, _, kept = met
+    assert sorted(kept) == list(range(6))
+    resumed, _, made = _searched(brief(), 2, {k: kept[k] for k in range(3)})
+    texts = [as_text(design_document(found).as_json()) for found in (whole, resumed)]
+    assert texts[0] == texts[1]
+    assert made == {k: kept[k] for k in range(3, 6)}
 
 
 @pytest.mark.parametrize("moment", ["searching on", "refining", "validating"])
-def test_ctrl_c_ends_a_design_with_the_best_so_far(moment: str) -> None:
+def test_ctrl_c_ends_a_design_with_the_best_so_far(moment: str, met: Searched) -> None:
     told: list[str] = []
+    _, _, kept = met
 
     def progress(state: DesignState) -> None:
         if told or state.doing.startswith(moment):
@@ -86,7 +96,8 @@ def test_ctrl_c_ends_a_design_with_the_best_so_far(moment: str) -> None:
         if len(told) == 1:
             os.kill(os.getpid(), signal.SIGINT)
 
-    found = design(brief(), workers=1, progress=progress)
+    earlier = EarlierSearch({k: kept[k] for k in range(4)})
+    found = design(brief(), workers=1, progress=progress, earlier=earlier)
     assert (found.status, found.binding, found.cut_short) == ("not_found", "time", True)
     assert found.best is not None
     assert found.best.plan.verdict.go
@@ -94,15 +105,12 @@ def test_ctrl_c_ends_a_design_with_the_best_so_far(moment: str) -> None:
     assert len(told) == 1
 
 
-def test_a_need_that_no_team_meets_names_the_error_and_what_would_help(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(
-        "syncplan.designs.designer.offers_for", lambda *given: offers_for(*given)[:2]
-    )
-    found = design(brief(need={"worst_rms_m": 0.02}, team={"min": 2, "max": 2}), workers=2)
-    assert found.status == "not_found"
-    assert found.binding == "error"
+def test_a_need_that_no_team_meets_names_the_error_and_what_would_help() -> None:
+    purpose = {"keep": {"count": 2, "spread_m": 60.0}}
+    need = {"worst_rms_m": 0.02}
+    given = brief(need=need, team={"min": 2, "max": 2}, purpose=purpose)
+    found = design(given, workers=1)
+    assert (found.status, found.binding) == ("not_found", "error")
     assert found.best is not None
     assert found.best.validation is None
     worst = [one.worst for one in found.purchases]
@@ -150,9 +158,8 @@ def test_an_impossible_brief_is_not_searched() -> None:
 
 def test_a_purpose_that_no_formation_serves_binds() -> None:
     # not enough vehicles, though not provably
-    found = design(
-        brief(team={"max": 2}, purpose={"cover": {"share": 0.95, "swath_m": 40.0}}), workers=1
-    )
+    cover = {"share": 0.95, "swath_m": 40.0}
+    found = design(brief(team={"max": 2}, purpose={"cover": cover}), workers=1)
     assert (found.status, found.binding) == ("not_found", "area")
     assert found.best is None
     assert all(not one.found.fits for one in found.front)
@@ -172,8 +179,6 @@ def test_no_process_is_refused(workers: int) -> None:
 
 
 def test_without_cma_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    import sys
-
     monkeypatch.setitem(sys.modules, "cma", None)
     with pytest.raises(InputError, match=r"syncplan\[design\]"):
         design(brief(), workers=1)

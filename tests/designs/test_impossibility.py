@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from syncplan.arrays import Array
+from syncplan.designs.candidates import Cell, Space
 from syncplan.designs.impossibility import proof_against
 from syncplan.scenario.areas import Area
 from syncplan.scenario.brief import Brief
@@ -38,13 +39,13 @@ def test_a_planted_impossibility_is_proven_and_no_formation_contradicts_it(
     if kind == "rank":
         assert not _observable_somewhere(given)
     else:
-        assert not _fits_somewhere(given, 4000, np.random.default_rng(1))
+        assert not _fits_somewhere(given, 500, np.random.default_rng(1))
 
 
 def test_what_a_formation_serves_is_never_proven_impossible() -> None:
     generator = np.random.default_rng(2)
     served = 0
-    for _ in range(300):
+    for _ in range(150):
         radius = float(generator.uniform(5.0, 60.0))
         purposes: list[dict[str, Any]] = [
             {"cover": {"share": float(generator.uniform(0.1, 0.9)),
@@ -60,7 +61,7 @@ def test_what_a_formation_serves_is_never_proven_impossible() -> None:
         if _fits_somewhere(given, 40, generator):
             served += 1
             assert proof_against(given) is None
-    assert served > 40
+    assert served > 20
 
 
 def _circles(given: Brief, generator: np.random.Generator) -> tuple[Array, Array]:
@@ -93,21 +94,11 @@ def _fits_somewhere(given: Brief, draws: int, generator: np.random.Generator) ->
 
 def _observable_somewhere(given: Brief) -> bool:
     """Whether some drawn formation is observable with all landmarks that may be."""
-    from syncplan.designs.candidates import Cell, Space
-
     easy = brief(
-        **{
-            key: value
-            for key, value in given.model_dump(exclude_none=True).items()
-            if key in ("landmarks", "heading_sigma_rad")
-        },
+        **given.model_dump(include={"landmarks", "heading_sigma_rad"}, exclude_none=True),
         purpose={"keep": {"count": 1, "spread_m": 1.0}},
         sensor={"range_m": 500.0},
     )
     space = Space(easy, Cell(3, easy.landmarks.most))
-    generator = np.random.default_rng(3)
-    for _ in range(20):
-        made = space.plan(generator.uniform(0.0, 1.0, space.size))
-        if made.observable:
-            return True
-    return False
+    points = np.random.default_rng(3).uniform(0.0, 1.0, (20, space.size))
+    return any(space.plan(point).observable for point in points)

@@ -1,8 +1,7 @@
 """Every example runs, and one number of each is pinned."""
 
 import importlib
-import subprocess
-import sys
+import runpy
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -124,14 +123,18 @@ def _falls_and_compares(rows: Any) -> bool:
     return bool(falls and near and always)
 
 
-REFINING = {
+LONG = {
     "camera_team_refined",
     "crooked_line_refined",
     "degenerate_grid_refined",
     "service_client",
+    "team_in_processes",
     "team_placed",
 }
-"""Examples that search for ten seconds and more."""
+"""Examples that compute for ten seconds and more."""
+
+TRIALS = {"degenerate_grid_cured": 50, "noise_free_convergence": 50, "rate_sweep": 50}
+"""Trials that show as much as the 200 of the examples."""
 
 
 def test_every_example_is_pinned() -> None:
@@ -139,21 +142,17 @@ def test_every_example_is_pinned() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(one, marks=pytest.mark.long) if one in REFINING else one for one in FOUND]
+    "name", [pytest.param(one, marks=pytest.mark.long) if one in LONG else one for one in FOUND]
 )
 def test_the_example_reaches_its_number(name: str) -> None:
-    assert PINS[name](importlib.import_module(f"examples.{name}").main())
+    main = importlib.import_module(f"examples.{name}").main
+    assert PINS[name](main(trials=TRIALS[name]) if name in TRIALS else main())
 
 
 @pytest.mark.parametrize("name", ["landmark_bridge", "alternating_shortens_meetings"])
-def test_examples_print_when_run(name: str) -> None:
-    done = subprocess.run(
-        [sys.executable, ROOT / "examples" / f"{name}.py"],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert len(done.stdout) > 50
+def test_examples_print_when_run(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    runpy.run_path(str(ROOT / "examples" / f"{name}.py"), run_name="__main__")
+    assert len(capsys.readouterr().out) > 50
 
 
 def test_the_bound_is_reached_where_the_filter_is_nearly_linear() -> None:

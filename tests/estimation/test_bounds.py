@@ -46,9 +46,7 @@ def test_without_motion_noise_the_posterior_tends_to_the_window_bound(grid: Plan
     variance = np.diag(np.linalg.inv(dense.T @ dense)).reshape(6, 3)[:, :2].sum(axis=1)
     np.testing.assert_allclose(window, 20.0 * np.sqrt(variance), rtol=1e-8)
     run = posterior_bound(
-        replace(grid.team, noise=still),
-        grid.windows,
-        steps * grid.sensors.sample_time,
+        replace(grid.team, noise=still), grid.windows, steps * grid.sensors.sample_time
     )
     # the last sample is a hundredth of a second short of a whole period, back at the start
     np.testing.assert_allclose(np.sqrt(run.position_variance[-1]), window, rtol=1e-3)

@@ -36,7 +36,7 @@ def _estimating(team: Team, names: tuple[str, ...]) -> Team:
 def test_the_true_error_equals_that_of_the_filters_own_recursion(
     grid: Plan, names: tuple[str, ...]
 ) -> None:
-    team, steps = _estimating(grid.team, names), 300
+    team, steps = _estimating(grid.team, names), 120
     found = expected_errors(team, grid.windows, steps * 0.1)
     own, whole, n = layout_of(team), layout_of(team, ALL), team.count
     covariances = dense_true_covariances(team, own, whole, steps)
@@ -54,9 +54,7 @@ def test_the_true_error_equals_that_of_the_filters_own_recursion(
     [ErrorSigmas({"speed_scale": 0.02, "turn_rate_bias": 0.005}), ErrorSigmas({"wind": 0.05})],
     ids=["scale and bias", "wind"],
 )
-def test_trials_of_a_filter_that_neglects_errors_find_what_is_expected(
-    errors: ErrorSigmas,
-) -> None:
+def test_trials_of_a_filter_that_neglects_errors_find_what_is_expected(errors: ErrorSigmas) -> None:
     sigma = {"position_m": 2.0, "heading_rad": 0.05}
     made = plan(changed("paper-grid-same", initial_sigma=sigma), bound="never")
     team = replace(made.team, errors=errors)

@@ -67,7 +67,7 @@ def test_equal_samples_have_an_interval_of_no_width() -> None:
     assert interval_of_mean(np.zeros(20)) == (0.0, 0.0)
 
 
-@pytest.mark.parametrize("count", [10, 30, 200])
+@pytest.mark.parametrize("count", [10, 200])
 def test_the_interval_of_skewed_samples_misses_their_mean_as_often_as_said(count: int) -> None:
     drawn = np.random.default_rng(8).gamma(9.0, 1.0 / 9.0, (1000, count))
     ends = np.array([interval_of_mean(one) for one in drawn])

@@ -157,21 +157,6 @@ def test_a_sighting_reads_what_is_there_when_the_observers_clock_shows_its_stamp
     assert known < 0.02 < 0.2 < unknown
 
 
-@pytest.mark.parametrize("wind", [(0.0, 0.0), (1.5, -0.7)])
-def test_the_velocity_through_the_air_is_that_over_ground_less_the_wind(
-    wind: tuple[float, float],
-) -> None:
-    orbits = a_team(()).orbits
-    flown = motion_in_air(orbits, 1e-3, 2000, np.reshape(wind, (1, 1, 2, 1)))
-    ahead = heading(orbits, 1e-3 * np.arange(2001))
-    ground = orbits.speeds[:, None] * np.stack([np.cos(ahead), np.sin(ahead)], axis=-1)
-    air = ground - wind
-    off = wrap(flown.headings[..., 0] - np.arctan2(air[..., 1], air[..., 0]))
-    np.testing.assert_allclose(off, 0.0, atol=1e-6)
-    middle = np.hypot(*np.moveaxis(0.5 * (air[1:] + air[:-1]), -1, 0))
-    np.testing.assert_allclose(flown.speeds[..., 0], middle, rtol=1e-6)
-
-
 @pytest.mark.parametrize("most", [0.2, 6.0])
 def test_motion_through_the_air_is_that_of_its_formulas(most: float) -> None:
     orbits, time, steps = a_team(()).orbits, 0.1, 150
@@ -201,16 +186,6 @@ def test_a_series_has_the_variances_of_a_filter_that_stops_there() -> None:
         present = np.einsum("kkl->k", state[1])
         series_then = whole.statistics.series[step, :, VARIANCE]
         np.testing.assert_allclose(series_then, present, rtol=1e-9)
-
-
-def test_a_series_leaves_the_figures_of_trials_as_they_are() -> None:
-    team = a_team(ALL)
-    seen = possible_sightings(team, find_windows(team), 60)
-    plain, kept = (
-        run_trials(team, seen, 60, FilterOptions(trials=5, seed=2, with_series=on), threads=1)
-        for on in (False, True)
-    )
-    assert bytes_of(replace(kept, branches=())) == bytes_of(replace(plain, branches=()))
 
 
 def test_errors_are_drawn_with_their_sigmas_and_gusts_with_their_correlation() -> None:

@@ -13,10 +13,7 @@ from syncplan.planning import planner
 from syncplan.planning.planner import Plan, plan
 from tests.tools.scenarios import example, small
 
-BIASES = {
-    "speed_scale_sigma": 0.02,
-    "turn_rate_bias_sigma_rad_s": 0.005,
-}
+BIASES = {"speed_scale_sigma": 0.02, "turn_rate_bias_sigma_rad_s": 0.005}
 
 
 def _grid(count: int, **keys: Any) -> dict[str, Any]:
@@ -40,15 +37,15 @@ CASES = {
 }
 
 
-def _system(made: Plan) -> ReferredSystem:
+def _system(made: Plan, duration: float) -> ReferredSystem:
     team = made.team
-    steps = round(made.scenario.duration_s / team.sensors.sample_time)
+    steps = round(duration / team.sensors.sample_time)
     return ReferredSystem.along(team, made.windows, steps, layout_of(team))
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_lumps_of_one_sample_leave_out_nothing(name: str) -> None:
-    system = _system(CASES[name]())
+    system = _system(CASES[name](), 40.0)
     exact, found = system.bound(system.start), lumps._bound(system, system.start, 1)
     np.testing.assert_allclose(found.position_variance, exact.position_variance, rtol=1e-4)
     np.testing.assert_allclose(found.heading_variance, exact.heading_variance, rtol=1e-4)
@@ -71,7 +68,7 @@ def test_the_error_of_lumps_is_below_its_estimate(name: str) -> None:
 
 
 def test_rows_of_a_pair_are_lumped_within_a_contact_and_keep_their_information() -> None:
-    system = _system(plan(_grid(10), bound="never"))
+    system = _system(plan(_grid(10), bound="never"), 100.0)
     run = lumps.lumped(system.run, 19, 1e9)
     assert len(run.rows.entries) < len(system.run.rows.entries) / 5
 

@@ -22,7 +22,7 @@ from syncplan.orbits.sightings import Sightings, sample_sightings
 from syncplan.orbits.team import Team
 from syncplan.planning.planner import Plan, plan
 from tests.estimation.test_filter import filtered
-from tests.searches.search_consistency import believing
+from tests.searches.consistency import believing
 from tests.tools.filter_scenes import scene_of
 from tests.tools.scenarios import example
 
@@ -72,9 +72,7 @@ def run() -> MonteCarloResult:
     return flown(paper_grid(60), 150, 5, with_series=True, threads=1)
 
 
-def test_the_same_seed_gives_the_same_bytes_on_any_number_of_threads(
-    run: MonteCarloResult,
-) -> None:
+def test_the_same_seed_gives_the_same_bytes_on_any_number_of_threads(run: MonteCarloResult) -> None:
     again = flown(paper_grid(60), 150, 5, with_series=True, threads=3)
     assert bytes_of(again) == bytes_of(run)
 
@@ -217,13 +215,7 @@ def test_progress_counts_up_to_the_number_of_trials() -> None:
 
 
 @pytest.mark.parametrize(
-    ("key", "value"),
-    [
-        ("steps", 0),
-        ("threads", 0),
-        ("first_trial", 8),
-        ("first_trial", -16),
-    ],
+    ("key", "value"), [("steps", 0), ("threads", 0), ("first_trial", 8), ("first_trial", -16)]
 )
 def test_arguments_out_of_range_are_named(key: str, value: Any) -> None:
     team, sightings, steps = paper_grid(5)

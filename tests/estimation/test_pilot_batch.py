@@ -138,11 +138,8 @@ def test_second_order_noise_is_that_of_the_compiled_filter(
             assert found[lane, k] == pytest.approx(expected, rel=1e-9)
 
 
-@pytest.mark.parametrize(("position", "heading"), [(15.0, 0.3), (30.0, 0.6)])
-def test_it_finds_what_the_robust_filter_finds_where_the_extended_one_is_lost(
-    position: float, heading: float
-) -> None:
-    start = {"position_m": position, "heading_rad": heading}
+def test_it_finds_what_the_robust_filter_finds_where_the_extended_one_is_lost() -> None:
+    start = {"position_m": 30.0, "heading_rad": 0.6}
     made = plan(changed("paper-grid-same", initial_sigma=start), pilot=False)
     length = 5.0 * made.orbits.period
     bound = posterior_bound(made.team, made.windows, length).rms_second_half()

@@ -25,7 +25,7 @@ from syncplan.recordings.log import Log, RobotLog
 from syncplan.recordings.recording_formats import load_log
 from syncplan.reports.replay_report import ReplayDocument, replay_document
 from tests.tools.recorded_bags import write_bag
-from tests.tools.recordings import Recipe, write_csv, write_recording
+from tests.tools.recordings import Recipe, refusal_of, write_csv, write_recording
 
 ODD = Recipe(jitter=0.8, speed_sigma=0.1, turn_rate_sigma=0.02, bearing_sigma=0.02, wild=0.01)
 
@@ -124,9 +124,8 @@ def test_the_run_lasts_while_all_robots_have_odometry(known: Log, start: Array) 
         replay(replace(short, robots=(first, second, apart)), start="given", start_poses=start)
 
 
-@pytest.mark.parametrize("has_truth", [False, True])
-def test_fitted_sigmas_begin_the_rest_where_the_filter_was(known: Log, has_truth: bool) -> None:
-    log = known if has_truth else without(known)
+def test_fitted_sigmas_begin_the_rest_where_the_filter_was(known: Log) -> None:
+    log = without(known)
     start = true_poses(known, clock_of(known, 0.05))[0]
     # where robots turn evenly, nothing but a start well known shows a delay
     noise = Noise(0.1, 0.22, 0.01, 0.01)
@@ -153,28 +152,29 @@ def test_fitted_sigmas_begin_the_rest_where_the_filter_was(known: Log, has_truth
     assert np.hypot(*(start - truth[0])[:, :2].T).min() > 5.0
     assert np.hypot(*(replayed.estimates[-1] - truth[-1])[:, :2].T).max() < 0.5
     document = replay_document(replayed)
+    assert tuning.accepted
+    assert document.filter.bearing_sigma_rad == tuning.after.bearing_sigma
     assert document.filter.position_sigma_m == replayed.noise.position_sigma
+    fitted_to = "fitted to the first 13.0 s, without truth; figures are of the rest"
+    assert any(fitted_to in note for note in document.notes)
     assert "the rest starts where the filter was at the end" in "; ".join(document.notes)
 
 
 # --- what is refused ------------------------------------------------------------------------------
 
 
-def test_starts_about_the_truth_are_refused(known: Log, tmp_path: Path, run: Any) -> None:
+def test_starts_about_the_truth_are_refused(known: Log, tmp_path: Path, refused: Any) -> None:
     folder = write_csv(without(known), tmp_path / "odd")
     assert not (folder / "truth.csv").exists()
     for kind in ("truth", "prior"):
         for tune in (False, True):
-            with pytest.raises(InputError) as refused:
+            with pytest.raises(InputError) as refusal:
                 replay(without(known), start=kind, tune=tune)
-            assert str(refused.value).startswith(f"start: {kind!r} {REFUSAL}")
+            assert str(refusal.value).startswith(f"start: {kind!r} {REFUSAL}")
         for words in ([], ["--tune"]):
-            status, out, err = run("replay", str(folder), "--start", kind, *words)
-            assert (status, out, err.count("\n")) == (2, "", 1)
+            err = refused("replay", str(folder), "--start", kind, *words)
             assert f"--start: {kind!r} {REFUSAL} (--start given --start-poses ...)" in err
-    status, _, err = run("replay", str(folder))
-    assert (status, err.count("\n")) == (2, 1)
-    assert "--start: 'truth' needs the truth" in err
+    assert "--start: 'truth' needs the truth" in refused("replay", str(folder))
 
 
 def test_figures_of_errors_are_not_to_be_had(found: Replay) -> None:
@@ -183,13 +183,12 @@ def test_figures_of_errors_are_not_to_be_had(found: Replay) -> None:
             getattr(found, name)
 
 
-def test_truth_is_of_all_robots_or_of_none(tmp_path: Path, run: Any) -> None:
+def test_truth_is_of_all_robots_or_of_none(tmp_path: Path) -> None:
     folder = write_recording(tmp_path / "recording", ODD, seed=2)
     assert load_log(folder).has_truth
     (folder / "Robot2_Groundtruth.dat").unlink()
-    status, _, err = run("replay", str(folder))
-    assert (status, err.count("\n")) == (2, 1)
-    assert "Robot2_Groundtruth.dat: is missing, but others have truth; add it, or remove" in err
+    problem = "Robot2_Groundtruth.dat: is missing, but others have truth; add it, or remove"
+    assert problem in refusal_of(folder)
     for k in (1, 3):
         (folder / f"Robot{k}_Groundtruth.dat").unlink()
     log = load_log(folder)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from syncplan.errors import Fault, InputError
+from syncplan.errors import InputError
 from syncplan.estimation.trials import pack, unpack
 from syncplan.planning.planner import plan
 from syncplan.planning.validation import conclude, run_part, trial_run, validate
@@ -46,7 +46,3 @@ def test_every_fault_of_a_scenario_is_listed_with_its_key_and_value() -> None:
     assert {one.key: one.value for one in faults}["orbit.radius_m"] == "-1.0"
     assert len(faults) >= 3
     assert f"and {len(faults) - 1} more" in str(caught.value)
-
-
-def test_an_error_of_one_fault_lists_that_one() -> None:
-    assert InputError("is missing", key="orbit").faults == (Fault("orbit", "is missing"),)

@@ -82,9 +82,7 @@ def test_the_second_half_of_the_series_is_what_the_trials_say(
         (found.error, estimates),
     ):
         np.testing.assert_allclose(
-            np.mean(series[late] ** 2, axis=0)[stayed],
-            squares.mean(axis=0)[stayed],
-            rtol=1e-9,
+            np.mean(series[late] ** 2, axis=0)[stayed], squares.mean(axis=0)[stayed], rtol=1e-9
         )
 
 

@@ -3,6 +3,7 @@
 import io
 import json
 from dataclasses import replace
+from functools import cache
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,7 @@ from tests.tools.scenarios import example, small
 TEAMS = ("paper-grid-same", "mixed-radii-camera", "five-ring", "triangle-lattice")
 
 
+@cache
 def _without_landmarks(name: str) -> Plan:
     return plan(example(name).model_copy(update={"landmarks_m": []}), bound="never")
 
@@ -44,6 +46,12 @@ def _scattered(made: Plan, count: int, seed: int) -> Array:
     return np.random.default_rng(seed).uniform(low, high, (count, 2))
 
 
+def _surveyed(name: str, count: int, seed: int) -> tuple[Plan, Array]:
+    """The plan of an example without landmarks, and sites for some."""
+    made = _without_landmarks(name)
+    return made, _scattered(made, count, seed)
+
+
 def _worst(made: Plan, places: Array) -> float:
     """Worst vehicle's window bound in m by the code that judges plans; infinite if undetermined."""
     team = replace(made.team, landmarks=np.concatenate([made.landmarks, places]))
@@ -51,17 +59,10 @@ def _worst(made: Plan, places: Array) -> float:
     return float("inf") if np.isnan(bound).any() else float(bound.max())
 
 
-def _exhaustive(made: Plan, places: Array, choose: int) -> float:
-    subsets = combinations(range(len(places)), choose)
-    return min(_worst(made, places[list(subset)]) for subset in subsets)
-
-
-@pytest.mark.parametrize("team", TEAMS)
-@pytest.mark.parametrize("seed", [2, 5])
+@pytest.mark.parametrize(("team", "seed"), [("mixed-radii-camera", 5), ("five-ring", 2)])
 def test_rounding_and_swaps_equal_exhaustive_search_on_8_choose_3(team: str, seed: int) -> None:
-    made = _without_landmarks(team)
-    places = _scattered(made, 8, seed)
-    best = _exhaustive(made, places, 3)
+    made, places = _surveyed(team, 8, seed)
+    best = min(_worst(made, places[list(subset)]) for subset in combinations(range(8), 3))
     found = choose_landmarks(made, places, 3, exhaustive=False, bound="never")
     assert found.value == pytest.approx(best, rel=1e-7)
     assert found.bound <= best
@@ -72,8 +73,7 @@ def test_rounding_and_swaps_equal_exhaustive_search_on_8_choose_3(team: str, see
 
 
 def test_the_value_is_the_judged_plans_own() -> None:
-    made = _without_landmarks("paper-grid-same")
-    places = _scattered(made, 8, 4)
+    made, places = _surveyed("paper-grid-same", 8, 4)
     found = choose_landmarks(made, places, 3, bound="never")
     assert found.value == pytest.approx(_worst(made, places[list(found.chosen)]), rel=1e-12)
     assert not made.observable
@@ -85,17 +85,15 @@ def test_the_value_is_the_judged_plans_own() -> None:
 
 
 def test_landmarks_given_by_name_are_chosen_as_sites_at_their_places_are() -> None:
-    bare = _without_landmarks("paper-grid-same")
-    places = _scattered(bare, 6, 4)
+    bare, places = _surveyed("paper-grid-same", 6, 4)
     sites = {f"S{k + 1}": (float(x), float(y)) for k, (x, y) in enumerate(places)}
     everywhere = {**sites, "kept": (190.0, 0.0)}
     scenario = bare.scenario.model_copy(update={"landmarks_m": everywhere})
     found = choose_landmarks(scenario, ["S2", "S5", "S1"], 2, bound="never")
     rest = {name: at for name, at in everywhere.items() if name not in found.names}
     without = bare.scenario.model_copy(update={"landmarks_m": rest})
-    expected = choose_landmarks(
-        without, {name: sites[name] for name in found.names}, 2, bound="never"
-    )
+    named = {name: sites[name] for name in found.names}
+    expected = choose_landmarks(without, named, 2, bound="never")
     assert found.names == ("S2", "S5", "S1")
     assert (found.chosen, found.value) == (expected.chosen, expected.value)
     chosen = [found.names[k] for k in found.chosen]
@@ -104,8 +102,7 @@ def test_landmarks_given_by_name_are_chosen_as_sites_at_their_places_are() -> No
         choose_landmarks(scenario, ["S1", "S9"], 1)
 
 
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("choose", [1, 3, 5])
+@pytest.mark.parametrize(("seed", "choose"), [(0, 1), (1, 3), (2, 5), (3, 3)])
 def test_no_choice_lies_below_the_relaxations_bound(seed: int, choose: int) -> None:
     made = plan(example(TEAMS[seed]), bound="never")
     places = _scattered(made, 6, 10 + seed)
@@ -118,8 +115,7 @@ def test_no_choice_lies_below_the_relaxations_bound(seed: int, choose: int) -> N
 def test_the_bound_holds_however_poor_the_solvers_multipliers(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    made = _without_landmarks("five-ring")
-    information = candidate_information(made, _scattered(made, 8, 1))
+    information = candidate_information(*_surveyed("five-ring", 8, 1))
     good = relax(information, 3).ceiling
     generator = np.random.default_rng(0)
 
@@ -134,8 +130,7 @@ def test_the_bound_holds_however_poor_the_solvers_multipliers(
 def test_cutting_planes_reach_the_semidefinite_programs_optimum() -> None:
     """In coordinates that whiten the information: without, Clarabel is 15 % off."""
     cp: Any = pytest.importorskip("cvxpy")
-    made = _without_landmarks("paper-grid-same")
-    information = candidate_information(made, _scattered(made, 8, 1))
+    information = candidate_information(*_surveyed("paper-grid-same", 8, 1))
     everything = information.rows(np.ones(8))
     white = np.linalg.inv(np.linalg.cholesky(everything.T @ everything))
     grams = [rows.T @ rows for rows in map(information.rows, [np.zeros(8), *np.eye(8)])]
@@ -154,8 +149,7 @@ def test_cutting_planes_reach_the_semidefinite_programs_optimum() -> None:
 
 @pytest.mark.parametrize("team", TEAMS)
 def test_cuts_are_tangent_to_the_window_bound_by_finite_differences(team: str) -> None:
-    made = _without_landmarks(team)
-    information = candidate_information(made, _scattered(made, 12, 3))
+    information = candidate_information(*_surveyed(team, 12, 3))
     shares = np.random.default_rng(5).uniform(0.3, 0.9, 12)
     at = evaluate(information, shares)
     worst = int(np.argmin(at.precision))
@@ -171,8 +165,7 @@ def test_cuts_are_tangent_to_the_window_bound_by_finite_differences(team: str) -
 
 
 def test_cuts_at_a_singular_choice_lie_above_every_other() -> None:
-    made = _without_landmarks("five-ring")
-    information = candidate_information(made, _scattered(made, 8, 1))
+    information = candidate_information(*_surveyed("five-ring", 8, 1))
     at = evaluate(information, np.zeros(8))
     assert at.least == 0.0
     assert at.rank < 15
@@ -200,8 +193,7 @@ def test_a_site_that_no_vehicle_sees_is_not_chosen_where_others_help() -> None:
 
 
 def test_choosing_all_candidates_closes_the_gap() -> None:
-    made = _without_landmarks("paper-grid-same")
-    found = choose_landmarks(made, _scattered(made, 6, 8), 6, bound="never")
+    found = choose_landmarks(*_surveyed("paper-grid-same", 6, 8), 6, bound="never")
     assert found.chosen == tuple(range(6))
     assert found.gap == pytest.approx(0.0, abs=1e-4)
     assert found.proven
@@ -211,8 +203,7 @@ def test_no_swap_of_one_site_improves_a_choice_too_large_to_prove(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("syncplan.landmarks.site_search.MOST_LISTED", 500)
-    made = _without_landmarks("paper-grid-same")
-    places = _scattered(made, 40, 2)
+    made, places = _surveyed("paper-grid-same", 40, 2)
     found = choose_landmarks(made, places, 8, bound="never")
     information = candidate_information(made, places)
     assert not found.proven
@@ -232,13 +223,11 @@ def test_sites_with_nothing_to_add_to_an_unseen_vehicle_are_refused_in_words() -
 
 
 def test_the_same_seed_gives_the_same_choice_and_any_seed_the_same_proven_value() -> None:
-    made = _without_landmarks("triangle-lattice")
-    places = _scattered(made, 14, 9)
+    made, places = _surveyed("five-ring", 8, 9)
     first, again, other = (
         choose_landmarks(made, places, 3, seed=seed, bound="never") for seed in (3, 3, 4)
     )
-    assert first.chosen == again.chosen
-    assert first.value == again.value
+    assert (first.chosen, first.value) == (again.chosen, again.value)
     assert first.bound == again.bound
     np.testing.assert_array_equal(first.shares, again.shares)
     assert first.proven
@@ -250,8 +239,7 @@ def test_a_scenario_serves_as_well_as_its_plan() -> None:
     places = np.array([[-50.0, 0.0], [-50.0, 70.0], [70.0, 120.0]])
     by_scenario = choose_landmarks(scenario, places, 1)
     by_plan = choose_landmarks(plan(scenario), places, 1)
-    assert by_scenario.chosen == by_plan.chosen
-    assert by_scenario.value == by_plan.value
+    assert (by_scenario.chosen, by_scenario.value) == (by_plan.chosen, by_plan.value)
     assert by_scenario.plan.prediction.rms is not None
     assert by_scenario.plan.synchronisation is not None
 
@@ -300,8 +288,7 @@ def test_candidates_out_of_everyones_reach_are_no_solution_and_the_lack_is_named
 
 
 def test_too_few_sites_for_observability_are_no_solution() -> None:
-    made = _without_landmarks("five-ring")
-    places = _scattered(made, 8, 1)
+    made, places = _surveyed("five-ring", 8, 1)
     assert np.isfinite(choose_landmarks(made, places, 3, bound="never").value)
     with pytest.raises(NoSolutionError, match=r"any 1 of 8 candidates leave rank 14 of 15: turn"):
         choose_landmarks(made, places, 1, bound="never")
@@ -353,8 +340,7 @@ def test_named_candidates_takes_arrays_among_names() -> None:
 
 @pytest.fixture(scope="module")
 def choice() -> SiteChoice:
-    made = _without_landmarks("paper-grid-same")
-    return choose_landmarks(made, _scattered(made, 8, 4), 3)
+    return choose_landmarks(*_surveyed("paper-grid-same", 8, 4), 3)
 
 
 def test_the_document_carries_the_choice_and_a_scenario_that_plans_to_its_value(
@@ -367,9 +353,7 @@ def test_the_document_carries_the_choice_and_a_scenario_that_plans_to_its_value(
     assert all(vehicle["before_m"] is None for vehicle in values["window_bounds"])
     assert sum(site["share"] for site in values["candidates"]) == pytest.approx(3.0)
     assert max(vehicle["after_m"] for vehicle in values["window_bounds"]) == values["value_m"]
-    again = plan(
-        Scenario.model_validate_json(json.dumps(values["plan"]["scenario"])), bound="never"
-    )
+    again = plan(values["plan"]["scenario"], bound="never")
     assert np.max(again.prediction.window) == pytest.approx(choice.value, rel=1e-9)
 
 

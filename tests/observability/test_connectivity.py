@@ -54,7 +54,7 @@ def _window_by_window(assessed: Assessment) -> float | None:
 
 
 @pytest.mark.parametrize("draw", [draw_team, draw_equipped_team])
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(6))
 def test_the_connectivity_period_is_the_longest_of_all_shortest_windows(
     seed: int, draw: Callable[[np.random.Generator], Team]
 ) -> None:

@@ -9,7 +9,12 @@ import numpy as np
 import pytest
 
 from syncplan.arrays import Array
-from syncplan.observability.error_modes import ExtendedObservability, assess_extended, judge_errors
+from syncplan.observability.error_modes import (
+    ErrorMode,
+    ExtendedObservability,
+    assess_extended,
+    judge_errors,
+)
 from syncplan.observability.rank import Assessment, assess_team
 from syncplan.observability.referred_rows import dense_rows, state_rows
 from syncplan.observability.spectrum import RANK_TOLERANCE
@@ -20,15 +25,15 @@ from syncplan.planning.planner import Plan, judge, plan
 from syncplan.reports.plan_report import plan_document
 from syncplan.scenario.specification import Scenario
 from tests.tools.draws import draw_equipped_team
-from tests.tools.scenarios import changed, circling, findings_of, planned, small
+from tests.tools.scenarios import changed, circling, findings_of, planned
 
 REFINED = Path(__file__).parents[1] / "data" / "refined-alternate-grid.json"
 
 SIGMAS = {
-    "wind": {"wind": {"sigma_mps": 1.0}},
-    "speed_scale": {"motion": {"speed_scale_sigma": 0.02}},
-    "turn_rate_bias": {"motion": {"turn_rate_bias_sigma_rad_s": 0.005}},
-    "bearing_bias": {"sensor": {"bearing_bias_sigma_rad": 0.02}},
+    "wind": ("wind", "sigma_mps", 1.0),
+    "speed_scale": ("motion", "speed_scale_sigma", 0.02),
+    "turn_rate_bias": ("motion", "turn_rate_bias_sigma_rad_s", 0.005),
+    "bearing_bias": ("sensor", "bearing_bias_sigma_rad", 0.02),
 }
 
 ALTERNATING = "speed scales of v1, v3 and v5 against v2, v4 and v6, with a turn of the team"
@@ -36,11 +41,9 @@ ALTERNATING = "speed scales of v1, v3 and v5 against v2, v4 and v6, with a turn 
 
 def _grid(name: str, *kinds: str, **keys: object) -> Scenario:
     """The example with errors of these kinds as states."""
-    sections = [section for kind in kinds for section in SIGMAS[kind]]
-    given = {
-        section: {k: v for kind in kinds for k, v in SIGMAS[kind].get(section, {}).items()}
-        for section in sections
-    }
+    given: dict[str, dict[str, float]] = {}
+    for section, key, sigma in map(SIGMAS.__getitem__, kinds):
+        given.setdefault(section, {})[key] = sigma
     return changed(name, **given, **keys)
 
 
@@ -67,6 +70,11 @@ def _extended(made: Plan) -> ExtendedObservability:
     assert made.error_verdict is not None
     assert made.error_verdict.extended is not None
     return made.error_verdict.extended
+
+
+def _modes(made: Plan) -> tuple[ErrorMode, ...]:
+    assert made.error_verdict is not None
+    return made.error_verdict.modes
 
 
 @pytest.mark.parametrize("formation", ["paper-grid-same", "refined"])
@@ -154,19 +162,16 @@ def test_without_landmarks_nobody_can_detect_the_wind() -> None:
         "shift of everything along x",
         "shift of everything along y",
     ]
-    assert made.error_verdict is not None
-    assert [one.description for one in made.error_verdict.modes] == ["wind x", "wind y"]
-    assert not any(one.moves_poses for one in made.error_verdict.modes)
+    assert [one.description for one in _modes(made)] == ["wind x", "wind y"]
+    assert not any(one.moves_poses for one in _modes(made))
 
 
 def test_without_landmarks_nobody_can_detect_that_all_is_larger() -> None:
     # circles grow with the speed scales, and the distances between them
     orbit = circling(first_phase_rad=0.7)
     formation = {"centers_m": [[0.0, 0.0], [70.0, 0.0], [30.0, 64.0]]}
-    scenario = small(formation=formation, orbit=orbit, motion={"speed_scale_sigma": 0.02})
-    made = plan(scenario, bound="never")
-    assert made.error_verdict is not None
-    (mode,) = made.error_verdict.modes
+    made = planned(formation=formation, orbit=orbit, motion={"speed_scale_sigma": 0.02})
+    (mode,) = _modes(made)
     assert mode.description == "speed scales of v1, v2 and v3, with a stretch of the team"
     assert mode.moves_poses
     assert "compass" not in mode.cure
@@ -174,19 +179,15 @@ def test_without_landmarks_nobody_can_detect_that_all_is_larger() -> None:
 
 def test_errors_that_trade_against_each_other_are_named_together() -> None:
     two = [{"range_m": 50.0, "bearing_bias_sigma_rad": 0.02}] * 2
-    made = planned(sensor=two)
-    assert made.error_verdict is not None
-    (mode,) = made.error_verdict.modes
+    (mode,) = _modes(planned(sensor=two))
     assert mode.description == "bearing biases of v1 against v2, with motions of the team"
-    alone = small(
+    alone = planned(
         formation={"centers_m": [[0.0, 0.0]]},
         landmarks_m=[[35.0, 10.0]],
         motion={"turn_rate_bias_sigma_rad_s": 0.005},
         wind={"sigma_mps": 1.0},
     )
-    found = plan(alone, bound="never").error_verdict
-    assert found is not None
-    (mode,) = found.modes
+    (mode,) = _modes(alone)
     assert mode.description == "wind x, wind y, and turn rate bias of v1, with a shift of v1"
     assert mode.states == ("wind x", "wind y", "turn rate bias of v1")
 

@@ -12,8 +12,8 @@ from syncplan.observability.spectrum import DENSE_STATES
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.team import Team, team_of
 from syncplan.planning.planner import plan
-from syncplan.scenario.loading import scenario_from
-from tests.searches.search_large_ranks import EVERY_KIND, assessed_by, differences, drawn
+from tests.searches.large_ranks import EVERY_KIND, assessed_by, differences, draw_large
+from tests.tools.scenarios import circling, small
 
 UNTIED = 26112896
 """Draw in which states shared by all are the only tie of a part to those eliminated around it."""
@@ -29,43 +29,42 @@ def _formation(shape: str, count: int, direction: str) -> Team:
         formation = {"shape": shape, "count": count, "spacing_m": 70.0}
         if shape == "grid":
             formation["columns"] = int(np.sqrt(count))
-    scenario = {
-        "orbit": {"radius_m": 20.0, "angular_rate_rad_s": 0.2, "direction": direction},
-        "formation": formation,
-        "landmarks_m": [[-40.0, 0.0], [-40.0, 70.0]],
-        "sensor": {"range_m": 50.0, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1},
-        "duration_s": 40.0,
-    }
+    scenario = small(
+        orbit=circling(direction=direction),
+        formation=formation,
+        landmarks_m=[[-40.0, 0.0], [-40.0, 70.0]],
+        duration_s=40.0,
+    )
     if shape in ("grid", "line"):
         return plan(scenario, bound="never", single_points=False).team
     # phases of other graphs take a search: any will do
-    resolved, generator = scenario_from(scenario).resolved(), np.random.default_rng(4)
+    resolved, generator = scenario.resolved(), np.random.default_rng(4)
     senses = generator.choice([-1.0, 1.0], count) if direction == "alternate" else np.ones(count)
     phases = generator.uniform(0.0, 2.0 * np.pi, count)
     centers = np.array(resolved.centers, dtype=float)
     return team_of(resolved, Orbits(centers, np.full(count, 20.0), senses, phases, 0.2))
 
 
-@pytest.mark.parametrize("direction", ["ccw", "alternate"])
-@pytest.mark.parametrize("shape", ["grid", "hex", "line", "graph"])
-def test_formations_of_a_hundred_have_the_dense_rank_and_motions(
-    shape: str, direction: str
+@pytest.mark.parametrize("count", [100, pytest.param(400, marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    ("shape", "direction"),
+    [
+        ("grid", "ccw"),
+        ("grid", "alternate"),
+        ("hex", "ccw"),
+        ("line", "alternate"),
+        ("graph", "alternate"),
+    ],
+)
+def test_formations_of_hundreds_have_the_dense_rank_and_motions(
+    shape: str, direction: str, count: int
 ) -> None:
-    assert differences(_formation(shape, 100, direction)) == []
+    assert differences(_formation(shape, count, direction)) == []
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("direction", ["ccw", "alternate"])
-@pytest.mark.parametrize("shape", ["grid", "hex", "line", "graph"])
-def test_formations_of_four_hundred_have_the_dense_rank_and_motions(
-    shape: str, direction: str
-) -> None:
-    assert differences(_formation(shape, 400, direction)) == []
-
-
-@pytest.mark.parametrize("number", [*range(40), UNTIED])
+@pytest.mark.parametrize("number", [*range(14), UNTIED])
 def test_drawn_teams_have_the_dense_rank_and_motions(number: int) -> None:
-    assert differences(drawn(number)) == []
+    assert differences(draw_large(number)) == []
 
 
 def test_an_alternating_grid_of_many_loses_a_stretch_of_each_row_and_column() -> None:

@@ -20,11 +20,10 @@ from syncplan.observability.referred_rows import dense_rows, state_rows
 from syncplan.observability.spectrum import RANK_TOLERANCE
 from syncplan.observability.unobservable_modes import name_modes
 from syncplan.orbits.error_states import layout_of
-from syncplan.orbits.team import Sensors, Team
+from syncplan.orbits.team import Team
 from syncplan.planning.planner import Plan, judge, plan
 from syncplan.reports.plan_report import plan_document
 from tests.tools.draws import draw_equipped_team, draw_team, sightings_of
-from tests.tools.measurement_graphs import union_over
 from tests.tools.scenarios import circling, example, planned
 
 RANKS = {
@@ -42,7 +41,7 @@ RANKS = {
 
 @pytest.fixture(scope="module")
 def plans() -> dict[str, Plan]:
-    return {name: plan(example(name)) for name in RANKS}
+    return {name: plan(example(name), bound="never") for name in RANKS}
 
 
 @pytest.mark.parametrize("name", RANKS)
@@ -71,13 +70,19 @@ def test_reducing_each_link_leaves_the_singular_values_alone(seed: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("draw", "draws"), [(draw_team, 1500), (draw_equipped_team, 600)], ids=["plain", "equipped"]
+    ("draw", "draws", "degenerate"),
+    [
+        # of the last, the weakest link passes at 1e-6 of its own largest singular value
+        (draw_team, 400, [638, 651, 685, 792, 1091, 1165, 1195, 1024639]),
+        (draw_equipped_team, 200, [225, 253, 447]),
+    ],
+    ids=["plain", "equipped"],
 )
 def test_no_certificate_holds_without_full_rank(
-    draw: Callable[[np.random.Generator], Team], draws: int
+    draw: Callable[[np.random.Generator], Team], draws: int, degenerate: list[int]
 ) -> None:
     held = near = 0
-    for number in range(draws):
+    for number in [*range(draws), *degenerate]:
         team = draw(np.random.default_rng(number))
         assessed = assess_team(team, team.orbits.period)
         verdict = assessed.observability
@@ -86,15 +91,7 @@ def test_no_certificate_holds_without_full_rank(
             near += verdict.singular_values[-1] < 1e-4 * verdict.singular_values[0]
             assert verdict.observable, number
     assert held > 0.4 * draws
-    assert near > 0.0012 * draws, "the draws no longer come close to degenerate"
-
-
-def test_a_counterexample_to_one_tolerance_for_each_link_alone_is_not_certified() -> None:
-    # the weakest link passes at 1e-6 of its own largest singular value, the team's rank falls short
-    team = draw_team(np.random.default_rng(1024639))
-    assessed = assess_team(team, team.orbits.period)
-    assert not assessed.observability.observable
-    assert not assessed.certificate.holds
+    assert near > 2, "the draws no longer come close to degenerate"
 
 
 def test_mirror_motion_leaves_the_range_of_a_link_unobserved(plans: dict[str, Plan]) -> None:
@@ -171,13 +168,6 @@ def test_a_team_without_landmarks_shifts_and_turns(plans: dict[str, Plan]) -> No
     ]
 
 
-def test_a_lone_vehicle_with_two_landmarks_is_certified() -> None:
-    made = planned(formation={"centers_m": [[0, 0]]}, landmarks_m=[[30, 0], [0, 30]])
-    assert made.observable
-    assert made.certificate.holds
-    assert made.approach is None
-
-
 def test_a_vehicle_that_sees_nothing_has_rank_zero() -> None:
     made = planned(formation={"centers_m": [[0, 0]]})
     assert made.observability.rank == 0
@@ -190,6 +180,8 @@ def test_landmarks_nearly_at_one_place_count_as_one() -> None:
     assert not near.certificate.holds
     far = planned(formation={"centers_m": [[0, 0]]}, landmarks_m=[[30, 0], [30, 4 * apart]])
     assert far.certificate.holds
+    assert far.observable
+    assert far.approach is None
 
 
 def test_the_witness_carries_the_certificate(plans: dict[str, Plan]) -> None:
@@ -200,49 +192,6 @@ def test_the_witness_carries_the_certificate(plans: dict[str, Plan]) -> None:
             assert len(tree.vehicle_links) == len(tree.vehicles) - 1
             assert set(tree.vehicle_links) <= strong
             assert len({landmark for _, landmark in tree.landmark_links}) == 2
-
-
-def test_the_rpmg_switches_and_its_union_grows(plans: dict[str, Plan]) -> None:
-    made = plans["paper-grid-same"]
-    period = made.orbits.period
-    at_start = union_over(made.windows, period, 0.0, 0.0)
-    whole = union_over(made.windows, period, 0.0, period)
-    assert set(at_start.edges) < set(whole.edges)
-    assert whole.number_of_edges() == 16
-    later = union_over(made.windows, period, 10.0, 0.0)
-    assert set(later.edges) != set(at_start.edges)
-
-
-def test_more_samples_in_a_period_raise_the_information_not_a_faster_team() -> None:
-    # design.md 2.6: per period the log-determinant falls as the rate rises
-    values = []
-    for rate in (0.2, 0.4, 1.0):
-        scenario = example("paper-grid-same")
-        orbit = scenario.orbit.model_copy(update={"angular_rate_rad_s": rate})
-        made = plan(scenario.model_copy(update={"orbit": orbit}))
-        values.append(2.0 * np.sum(np.log(made.observability.singular_values)))
-    assert values[0] > values[1] > values[2]
-
-
-def test_coarse_sensors_do_not_change_a_rank_but_their_sigma_scales_the_values() -> None:
-    scenario = example("paper-grid-same")
-    one = plan(scenario).observability.singular_values
-    sensor = scenario.sensor.model_copy(update={"bearing_sigma_rad": 0.2})  # type: ignore[union-attr]
-    two = plan(scenario.model_copy(update={"sensor": sensor})).observability.singular_values
-    np.testing.assert_allclose(one, 2.0 * two, rtol=1e-10)
-
-
-def test_a_sensor_can_be_given_for_each_vehicle() -> None:
-    made = planned(
-        sensor=[
-            {"range_m": 50.0, "fov_deg": 150.0},
-            {"range_m": 31.0, "bearing_sigma_rad": 0.2},
-        ]
-    )
-    assert isinstance(made.sensors, Sensors)
-    np.testing.assert_allclose(made.sensors.ranges, [50.0, 31.0])
-    assert made.links[0].forward.size != 0
-    assert made.links[0].contact >= float(np.sum(np.diff(made.links[0].backward)))
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -274,12 +223,6 @@ def test_the_cure_states_how_far_out_of_range_the_nearest_landmark_is() -> None:
     assert all("v1 passes L1 at 15 m" in item.cure for item in inside.unobservable)
 
 
-def test_a_stretch_names_no_vehicle_that_a_landmark_holds() -> None:
-    made = plan(example("crooked-line-alternate"))
-    for item in made.unobservable:
-        assert 5 not in item.vehicles
-
-
 def test_the_two_landmarks_of_a_witness_are_distinct() -> None:
     near = 0.01 * DISTINCT_LANDMARKS * 20.0
     made = planned(
@@ -292,8 +235,8 @@ def test_the_two_landmarks_of_a_witness_are_distinct() -> None:
     assert np.hypot(*(places[0] - places[1])) > DISTINCT_LANDMARKS * 20.0
 
 
-def test_the_gap_is_the_ratio_round_the_rank() -> None:
-    verdict = plan(example("paper-grid-alternate")).observability
+def test_the_gap_is_the_ratio_round_the_rank(plans: dict[str, Plan]) -> None:
+    verdict = plans["paper-grid-alternate"].observability
     values = verdict.singular_values
     assert verdict.gap == pytest.approx(values[15] / values[16])
 
@@ -306,20 +249,20 @@ def test_the_window_holds_the_samples_before_its_end() -> None:
     assert "fewer" not in two.links[0].reason
 
 
+TOUCHING, NEAR_ONE = [[0, 0], [40, 0]], [[30, 10], [-30, 5]]
+SLOWER = circling(angular_rate_rad_s=2.0 * np.pi / 30.0)
+
+
 @pytest.mark.parametrize(
     ("centers", "orbit", "landmarks"),
     [
         # the circles touch, and both vehicles are there at time 0
         *(
-            ([[0, 0], [40, 0]], circling(first_phase_rad=phase), [[30, 10], [-30, 5]])
+            (TOUCHING, circling(first_phase_rad=phase), NEAR_ONE)
             for phase in (0.0, 1e-12, 1e-9, 1e-7, 1e-4)
         ),
         # a landmark on the path
-        (
-            [[0, 0], [70, 0]],
-            circling(angular_rate_rad_s=2.0 * np.pi / 30.0),
-            [[0, 20], [90, 0], [-30, 0]],
-        ),
+        ([[0, 0], [70, 0]], SLOWER, [[0, 20], [90, 0], [-30, 0]]),
     ],
 )
 def test_a_pass_at_no_distance_does_not_drown_the_other_sightings(
@@ -328,10 +271,3 @@ def test_a_pass_at_no_distance_does_not_drown_the_other_sightings(
     made = planned(formation={"centers_m": centers}, orbit=orbit, landmarks_m=landmarks)
     assert made.observability.rank == 6
     assert made.certificate.holds
-
-
-def test_a_team_that_certifies_only_over_more_than_two_periods_has_no_connectivity_period() -> None:
-    slow = {"range_m": 50.0, "sample_time_s": 26.0}
-    made = planned(sensor=slow, window_s=2000.0, landmarks_m=[[-40, 0], [-40, 30]])
-    if made.connectivity_period is not None:
-        assert made.connectivity_period <= 2.0 * made.orbits.period + 26.0

@@ -88,13 +88,8 @@ def test_a_recording_says_when_its_team_was_observable(log: Log) -> None:
         """Neither sees nor is seen: no robot sees robot 2 from 30 s to 55 s, nor it anybody."""
         away = (robot.times > begin + 30.0) & (robot.times < begin + 55.0)
         kept = ~(away & ((robot.subjects == 2) | (robot.subject == 2)))
-        return replace(
-            robot,
-            times=robot.times[kept],
-            subjects=robot.subjects[kept],
-            bearings=robot.bearings[kept],
-            ranges=robot.ranges[kept],
-        )
+        columns = ("times", "subjects", "bearings", "ranges")
+        return replace(robot, **{name: getattr(robot, name)[kept] for name in columns})
 
     replayed = replay(replace(log, robots=tuple(map(blind, log.robots))), window=16.0)
     seen = replayed.seen

@@ -31,20 +31,14 @@ def _pair(
     view: float = 2.0 * np.pi,
     boresight: float = 0.0,
 ) -> Team:
-    orbits = Orbits(
-        np.array([[0.0, 0.0], [distance, 0.0]]),
-        np.array(radii),
-        np.array(senses),
-        np.array(phases),
-        rate=1.0,
-    )
-    sensors = Sensors(
-        np.full(2, reach), np.full(2, view), np.full(2, boresight), np.full(2, 0.1), 0.1
-    )
+    centers = np.array([[0.0, 0.0], [distance, 0.0]])
+    orbits = Orbits(centers, np.array(radii), np.array(senses), np.array(phases), rate=1.0)
+    ranges, views, boresights, sigmas = np.full((2, 4), [reach, view, boresight, 0.1]).T
+    sensors = Sensors(ranges, views, boresights, sigmas, sample_time=0.1)
     return Team(orbits, np.array([[3.0, 4.0]]), sensors, NOISE)
 
 
-@pytest.mark.parametrize("senses", [(1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)])
+@pytest.mark.parametrize("senses", [(1.0, -1.0), (-1.0, -1.0)])
 @pytest.mark.parametrize("reach", [29.9, 30.1, 60.0, 109.9, 110.1, 500.0])
 @pytest.mark.parametrize("view", [2.0 * np.pi, 0.2, np.pi, 5.5])
 def test_near_tangent_permanent_and_absent_contact(
@@ -59,13 +53,6 @@ def test_concentric_circles(senses: tuple[float, float]) -> None:
     for view in (2.0 * np.pi, 0.4, 4.0):
         team = _pair(0.0, (20.0, 35.0), senses, reach=30.0, view=view, boresight=1.0)
         assert compare(team).mismatches == ()
-
-
-def test_permanent_contact_is_one_window_of_a_period() -> None:
-    team = _pair(70.0, reach=500.0)
-    windows = find_windows(team)
-    for pair in range(len(windows.observers)):
-        np.testing.assert_allclose(windows.of(pair), [[0.0, team.orbits.period]])
 
 
 def test_contact_exactly_at_the_range_limit_all_the_time_counts() -> None:
@@ -89,22 +76,15 @@ def test_same_sense_range_windows_have_their_closed_form() -> None:
 def test_the_spatial_index_finds_the_same_pairs_as_all_pairs() -> None:
     generator = np.random.default_rng(5)
     count = 700
-    orbits = Orbits(
-        generator.uniform(0.0, 900.0, (count, 2)),
-        generator.uniform(1.0, 30.0, count),
-        np.ones(count),
-        np.zeros(count),
-        1.0,
-    )
+    places, radii = generator.uniform(0.0, 900.0, (count, 2)), generator.uniform(1.0, 30.0, count)
+    orbits = Orbits(places, radii, np.ones(count), np.zeros(count), 1.0)
     landmarks = generator.uniform(0.0, 900.0, (20, 2))
     reach = generator.uniform(5.0, 60.0, count)
     a, b = reachable_pairs(orbits, reach, landmarks)
-    centers = np.concatenate([orbits.centers, landmarks])
-    radii = np.concatenate([orbits.radii, np.zeros(20)])
-    distance = np.hypot(*(centers[None] - centers[:count, None]).transpose(2, 0, 1))
-    gap = np.maximum(
-        distance - orbits.radii[:, None] - radii, abs(orbits.radii[:, None] - radii) - distance
-    )
+    centers, all_radii = np.concatenate([places, landmarks]), np.append(radii, np.zeros(20))
+    distance = np.hypot(*(centers[None] - places[:, None]).transpose(2, 0, 1))
+    own = radii[:, None]
+    gap = np.maximum(distance - own - all_radii, abs(own - all_radii) - distance)
     gap[np.arange(count), np.arange(count)] = np.inf
     expected = np.argwhere(gap <= reach[:, None])
     np.testing.assert_array_equal(np.column_stack([a, b]), expected)
@@ -144,18 +124,14 @@ def test_sightings_are_the_samples_inside_windows(seed: int) -> None:
     team = draw_obstructed(np.random.default_rng(seed))
     windows, period, steps = find_windows(team), team.orbits.period, 400
     sightings = sample_sightings(windows, period, team.sensors, 1, steps)
-    columns = (sightings.steps, sightings.observers, sightings.targets)
-    taken = set(zip(*(one.tolist() for one in columns), strict=True))
-    assert len(taken) == len(sightings.steps)
     time = np.arange(1, steps + 1) * team.sensors.sample_time
     for pair, (a, b) in enumerate(zip(windows.observers, windows.targets, strict=True)):
         inside = covered(windows.of(pair), time % period, period)
-        edges = np.unique(windows.of(pair) % period)
-        for k in range(steps):
-            since = (time[k] - edges + 1e-9) % period
-            if len(edges) and since.min() < 2e-9:
-                continue
-            assert ((k + 1, int(a), int(b)) in taken) == bool(inside[k])
+        since = (time[:, None] - windows.of(pair).ravel() + 1e-9) % period
+        clear = since.min(axis=1, initial=np.inf) >= 2e-9
+        taken = sightings.steps[(sightings.observers == a) & (sightings.targets == b)]
+        times_taken = np.bincount(taken, minlength=steps + 1)[1:]
+        np.testing.assert_array_equal(times_taken[clear], inside[clear])
 
 
 def test_a_pair_exactly_at_reach_is_found_in_large_teams_too() -> None:

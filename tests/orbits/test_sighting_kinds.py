@@ -1,5 +1,6 @@
 """Kinds of sighting against finite differences."""
 
+from collections.abc import Callable
 from dataclasses import fields, replace
 
 import numpy as np
@@ -9,7 +10,7 @@ from syncplan.estimation.correction_kernels import sight_poses
 from syncplan.observability.referred_rows import sighting_rows
 from syncplan.orbits.circles import wrap
 from syncplan.orbits.contacts import find_windows
-from syncplan.orbits.sighting_kinds import BEARING, COMPASS, DISTANCE, SIGHTING_KINDS, place_of
+from syncplan.orbits.sighting_kinds import COMPASS, DISTANCE, SIGHTING_KINDS, place_of
 from syncplan.orbits.sightings import sample_sightings
 from tests.tools.draws import draw_team, sightings_of
 from tests.tools.inner_kernels import called_alone
@@ -52,32 +53,23 @@ def test_each_sighting_is_of_a_kind_that_its_observers_sensor_measures() -> None
     np.testing.assert_array_equal(order, np.arange(len(order)))
 
 
-def test_a_slow_camera_sees_at_multiples_of_its_interval_and_a_compass_at_all_samples() -> None:
+@pytest.mark.parametrize("compass_every", [1, 7])
+def test_slow_sensors_see_at_multiples_of_their_intervals(compass_every: int) -> None:
     team = draw_team(np.random.default_rng(3))
     every = np.arange(team.count) + 1
-    slow = replace(team.sensors, every=every, compass_sigmas=np.array(0.1)).only(every - 1)
+    compasses = replace(team.sensors, compass_sigmas=np.array(0.1))
+    slow = replace(compasses, every=every, compass_every=np.array(compass_every)).only(every - 1)
     windows, period = find_windows(team), team.orbits.period
     seen = sample_sightings(windows, period, slow, 1, 60)
     full = sample_sightings(windows, period, team.sensors, 1, 60)
     ready = full.steps % every[full.observers] == 0
-    of_others = seen.kinds == place_of(BEARING)
-    assert 0 < ready.sum() < len(ready)
-    np.testing.assert_array_equal(seen.steps[of_others], full.steps[ready])
-    np.testing.assert_array_equal(seen.targets[of_others], full.targets[ready])
-    assert np.sum(~of_others) == 60 * team.count
-
-
-def test_a_slow_compass_is_read_at_multiples_of_its_interval() -> None:
-    team = draw_team(np.random.default_rng(3))
-    sensors = replace(team.sensors, compass_sigmas=np.array(0.1), compass_every=np.array(7))
-    slow = sensors.only(np.arange(team.count))
-    windows, period = find_windows(team), team.orbits.period
-    seen = sample_sightings(windows, period, slow, 1, 60)
     own = seen.kinds == place_of(COMPASS)
-    assert np.unique(seen.steps[own]).tolist() == list(range(7, 61, 7))
-    full = sample_sightings(windows, period, team.sensors, 1, 60)
-    np.testing.assert_array_equal(seen.steps[~own], full.steps)
-    np.testing.assert_allclose(slow.compass_sigmas_each_sample, 0.1 * np.sqrt(7.0))
+    assert 0 < ready.sum() < len(ready)
+    np.testing.assert_array_equal(seen.steps[~own], full.steps[ready])
+    np.testing.assert_array_equal(seen.targets[~own], full.targets[ready])
+    read = np.arange(compass_every, 61, compass_every)
+    np.testing.assert_array_equal(seen.steps[own], np.repeat(read, team.count))
+    np.testing.assert_allclose(slow.compass_sigmas_each_sample, 0.1 * np.sqrt(compass_every))
 
 
 def test_a_sighting_made_with_some_probability_counts_as_that_share_of_one() -> None:
@@ -91,14 +83,21 @@ def test_a_sighting_made_with_some_probability_counts_as_that_share_of_one() -> 
     np.testing.assert_allclose(sighting_rows(missed, seen), rows * share[:, None], rtol=1e-14)
 
 
+@pytest.fixture(scope="module")
+def compiled() -> Callable[..., None]:
+    return called_alone(sight_poses)
+
+
 @pytest.mark.parametrize("name", SIGHTING_KINDS)
 @pytest.mark.parametrize("target", [1, 2])
-def test_the_compiled_filter_has_every_kind(name: str, target: int) -> None:
+def test_the_compiled_filter_has_every_kind(
+    name: str, target: int, compiled: Callable[..., None]
+) -> None:
     kind, random = SIGHTING_KINDS[name], np.random.default_rng(1)
     lanes, landmarks = 5, np.array([[3.0, -4.0]])
     x, measured = random.normal(size=(2, 3, lanes)), random.normal(size=lanes)
     row, innovation = np.full((3, lanes), np.nan), np.full(lanes, np.nan)
-    called_alone(sight_poses)(
+    compiled(
         place_of(kind),
         x.reshape(6, lanes),
         0,

@@ -17,15 +17,8 @@ def _from_roots(roots: list[float]) -> np.ndarray:
     """Coefficients of the product of sin((tau - r) / 2) over four given roots."""
     samples = np.arange(8) * np.pi / 4.0
     values = np.prod([np.sin((samples - root) / 2.0) for root in roots], axis=0)
-    basis = np.column_stack(
-        [
-            np.ones(8),
-            np.cos(samples),
-            np.sin(samples),
-            np.cos(2.0 * samples),
-            np.sin(2.0 * samples),
-        ]
-    )
+    waves = [part(k * samples) for k in (1, 2) for part in (np.cos, np.sin)]
+    basis = np.column_stack([np.ones(8), *waves])
     return np.asarray(np.linalg.lstsq(basis, values, rcond=None)[0][None])
 
 

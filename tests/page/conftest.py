@@ -32,9 +32,13 @@ def tabs() -> Iterator[Tabs]:
 
 
 @pytest.fixture(scope="package")
-def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    """A service that asks nobody for a key, its filter's kernels compiled."""
-    with open_server(tmp_path_factory.mktemp("page")) as one:
+def server(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Server]:
+    """A service that asks nobody for a key; it works on jobs where long tests want some."""
+    wanted = any(item.get_closest_marker("long") for item in request.session.items)
+    arguments = () if wanted else ("--no-worker",)
+    with open_server(tmp_path_factory.mktemp("page"), *arguments) as one:
         yield one
 
 

@@ -7,33 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import httpx2
-from playwright.sync_api import Download, Locator, Page, Route, expect
+from playwright.sync_api import Download, FloatRect, Locator, Page, Route, expect
 
 from tests.tools.serving import Server
 
-__all__ = [
-    "DRAWN",
-    "copied",
-    "download",
-    "downloaded",
-    "drag",
-    "drawn",
-    "figures",
-    "handle",
-    "on_screen",
-    "opened",
-    "part",
-    "phases",
-    "plan_id_of",
-    "refine",
-    "saved",
-    "sheet",
-    "sidecar_of",
-    "stored",
-    "unzipped",
-    "validate",
-    "view",
-]
+Place = tuple[float, float]
 
 
 def view(page: Page) -> list[float]:
@@ -43,7 +21,7 @@ def view(page: Page) -> list[float]:
     return found
 
 
-def on_screen(page: Page, x: float, y: float) -> tuple[float, float]:
+def on_screen(page: Page, x: float, y: float) -> Place:
     """Where a place of the scenario is on the screen."""
     script = """([x, y]) => {
         const frame = document.getElementById('map-plot');
@@ -77,17 +55,34 @@ def handle(page: Page, name: str) -> Locator:
     return page.locator(f'#handles button[title="{name}"]')
 
 
-def drag(page: Page, name: str, by: tuple[float, float]) -> None:
+def box_of(mark: Locator) -> FloatRect:
+    """Where something is on the screen."""
+    box = mark.bounding_box()
+    assert box is not None
+    return box
+
+
+def middle(mark: Locator) -> Place:
+    """The middle of something on the screen."""
+    box = box_of(mark)
+    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+
+def pull(page: Page, start: Place, *stops: Place, release: bool = True) -> None:
+    """Press the mouse at a place of the screen and move it by way of others to the last."""
+    page.mouse.move(*start)
+    page.mouse.down()
+    for stop in stops:
+        page.mouse.move(*stop, steps=4)
+    if release:
+        page.mouse.up()
+
+
+def drag(page: Page, name: str, by: Place) -> None:
     """Drag a circle or a landmark by so many pixels, from the middle of the window."""
     handle(page, name).evaluate("one => one.scrollIntoView({ block: 'center' })")
-    box = handle(page, name).bounding_box()
-    assert box is not None
-    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
-    page.mouse.move(x, y)
-    page.mouse.down()
-    for share in (0.25, 0.5, 0.75, 1.0):
-        page.mouse.move(x + share * by[0], y + share * by[1])
-    page.mouse.up()
+    x, y = middle(handle(page, name))
+    pull(page, (x, y), (x + by[0], y + by[1]))
 
 
 def saved(download: Download) -> bytes:

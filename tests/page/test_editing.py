@@ -1,26 +1,22 @@
 """A scenario opened and changed on the page, by mouse, by keyboard and on a phone."""
 
 import re
-from typing import Any
 
-import httpx2
 import pytest
 from playwright.sync_api import Page, Route, expect
 
 from syncplan.planning.planner import plan
 from syncplan.scenario.loading import load_scenario
-from tests.page.gestures import downloaded, drag, drawn, handle, opened, view
+from tests.page.gestures import downloaded, drag, drawn, handle, middle, opened, pull, view
 from tests.tools.browsing import Visit, accessibility_faults
 from tests.tools.scenarios import BAD_FILES, FILES, circling, document
-from tests.tools.serving import Server
 
 ALTERNATE = "paper-grid-alternate"
 SAME = "paper-grid-same"
 
 
-def test_a_lost_motion_is_drawn_and_its_cure_reported_and_cures_it(
-    visit: Visit, page: Page
-) -> None:
+def test_a_lost_motion_is_drawn_and_its_cure_reported_and_cures_it(visit: Visit) -> None:
+    page = visit.page
     visit.choose(ALTERNATE)
     visit.verdict("Not observable: rank 16 of 18")
     finding = page.locator(".finding.stop").first
@@ -58,43 +54,8 @@ def test_a_cure_is_reported_in_words_and_has_a_button(visit: Visit, page: Page) 
     expect(page.get_by_role("button", name="Desynchronise by 0.2")).to_have_count(0)
 
 
-def test_vehicles_nearer_than_asked_for_are_reported_in_a_line_of_their_own(
-    visit: Visit, page: Page
-) -> None:
-    reported = page.locator(".finding[data-code=vehicles-too-close]")
-    expect(reported).to_have_count(0)
-    page.get_by_label("Least separation").fill("95")
-    visit.verdict("rank 18 of 18")
-    expect(reported.first).to_contain_text("below min_separation_m 95")
-    expect(reported.last).to_contain_text("more pairs of vehicles come below min_separation_m 95")
-    expect(page.locator("#badge")).to_have_class("badge bad")
-    expect(page.locator("#badge")).to_contain_text("✗ NO-GO")
-    assert accessibility_faults(page) == []
-    page.get_by_label("Least separation").fill("10")
-    expect(reported).to_have_count(0)
-
-
-def test_a_landmark_moves_by_mouse_and_the_view_stays_while_it_does(
-    visit: Visit, page: Page
-) -> None:
-    before = view(page)
-    box = handle(page, "L1").bounding_box()
-    assert box is not None
-    page.mouse.move(box["x"] + 15, box["y"] + 15)
-    page.mouse.down()
-    page.mouse.move(box["x"] + 35, box["y"] - 25)
-    page.mouse.move(box["x"] + 45, box["y"] - 45)
-    visit.settle()
-    page.mouse.up()
-    visit.settle()
-    assert view(page) == before
-    assert float(page.get_by_label("East (m)", exact=True).input_value()) > 190.0
-    assert float(page.get_by_label("North (m)", exact=True).input_value()) > 0.0
-
-
-def test_a_quick_plan_says_what_follows_until_the_whole_one_is_there(
-    visit: Visit, page: Page
-) -> None:
+def test_a_quick_plan_says_what_follows_until_the_whole_one_is_there(visit: Visit) -> None:
+    page = visit.page
     predicted = page.locator("#verdict tr", has_text="Predicted RMS error").locator("td")
     left_out = page.locator('[data-code="bound-missing"]')
     whole, held = re.compile(r"/previews\?quick=false"), list[Route]()
@@ -112,9 +73,8 @@ def test_a_quick_plan_says_what_follows_until_the_whole_one_is_there(
     expect(predicted).not_to_contain_text("follows")
 
 
-def test_the_map_shows_all_of_what_was_opened_and_no_more_than_that(
-    visit: Visit, page: Page
-) -> None:
+def test_the_map_shows_all_of_what_was_opened_and_no_more_than_that(visit: Visit) -> None:
+    page = visit.page
     for name in ("mixed-radii-camera", SAME, "mixed-radii-camera"):
         visit.choose(name)
         orbits = plan(load_scenario(FILES / f"{name}.yaml")).orbits
@@ -148,9 +108,8 @@ def test_everything_can_be_done_by_keyboard(visit: Visit, page: Page) -> None:
     expect(page.locator("#moment-text")).not_to_have_text("0 s")
 
 
-def test_senses_radii_ranges_and_fields_of_view_of_one_vehicle_and_of_all(
-    visit: Visit, page: Page
-) -> None:
+def test_senses_radii_ranges_and_fields_of_view_of_one_vehicle_and_of_all(visit: Visit) -> None:
+    page = visit.page
     visit.choose(ALTERNATE)
     page.get_by_label("Direction", exact=True).select_option("ccw")
     visit.verdict("Observable: rank 18 of 18")
@@ -161,8 +120,7 @@ def test_senses_radii_ranges_and_fields_of_view_of_one_vehicle_and_of_all(
     page.get_by_label("Radius (m)", exact=True).fill("17")
     expect(page.get_by_label("Radius of all")).to_have_attribute("placeholder", "differs")
     page.get_by_label("Its field of view").fill("200")
-    page.get_by_label("Range (m)", exact=True).fill("60")
-    visit.settle()
+    visit.fill("Range (m)", "60", exact=True)
     scenario = downloaded(page)
     assert scenario["orbit"]["radius_m"] == [20.0, 17, 20.0, 20.0, 20.0, 20.0]
     assert scenario["orbit"]["direction"] == ["ccw", "cw", "ccw", "ccw", "ccw", "ccw"]
@@ -171,7 +129,12 @@ def test_senses_radii_ranges_and_fields_of_view_of_one_vehicle_and_of_all(
 
 
 @pytest.mark.quick
-def test_vehicles_and_landmarks_come_and_go(visit: Visit, page: Page) -> None:
+def test_vehicles_and_landmarks_come_and_go_and_an_unsteady_click_moves_nothing(
+    visit: Visit, page: Page
+) -> None:
+    drag(page, "v2", (2.0, -1.0))
+    expect(page.get_by_label("Centre east")).to_have_value("70")
+    expect(page.get_by_role("button", name="Undo")).to_have_attribute("aria-disabled", "true")
     page.get_by_role("button", name="Add vehicle").click()
     visit.verdict("rank 21 of 21")
     page.get_by_role("button", name="Add landmark").click()
@@ -231,32 +194,15 @@ def test_a_number_half_typed_leaves_no_verdict_that_looks_current(visit: Visit, 
     visit.verdict("Observable: rank 18 of 18")
 
 
-@pytest.mark.parametrize("name", ["misspelt-key", "not-yaml", "nan-rate"])
-def test_a_bad_file_is_refused_in_words(visit: Visit, page: Page, name: str) -> None:
+def test_a_bad_file_is_refused_in_words(visit: Visit, page: Page) -> None:
     visit.expect_complaints("422")
-    page.get_by_label("Open a file").set_input_files(BAD_FILES / f"{name}.yaml")
     reported = page.locator("#notice.bad")
-    expect(reported).not_to_be_empty()
-    assert "Traceback" not in (reported.text_content() or "")
-    visit.verdict("Observable: rank 18 of 18")
-
-
-def test_a_file_of_a_scenario_or_of_a_plan_opens(visit: Visit, page: Page, server: Server) -> None:
-    page.get_by_label("Open a file").set_input_files(FILES / "four-ground-robots.yaml")
-    visit.verdict("Observable: rank 12 of 12")
-    body = (FILES / f"{ALTERNATE}.yaml").read_bytes()
-    yaml = {"content-type": "application/yaml"}
-    plan = httpx2.post(f"{server.url}/v1/plans", content=body, headers=yaml).content
-    upload: Any = {"name": "plan.json", "mimeType": "application/json", "buffer": plan}
-    page.get_by_label("Open a file").set_input_files(upload)
-    visit.verdict("Not observable: rank 16 of 18")
-
-
-@pytest.mark.quick
-def test_a_click_by_an_unsteady_hand_chooses_and_moves_nothing(page: Page) -> None:
-    drag(page, "v2", (2.0, -1.0))
-    expect(page.get_by_label("Centre east")).to_have_value("70")
-    expect(page.get_by_role("button", name="Undo")).to_have_attribute("aria-disabled", "true")
+    for name in ("misspelt-key", "not-yaml", "nan-rate"):
+        page.get_by_label("Open a file").set_input_files(BAD_FILES / f"{name}.yaml")
+        expect(reported).not_to_be_empty()
+        assert "Traceback" not in (reported.text_content() or "")
+        visit.verdict("Observable: rank 18 of 18")
+        page.get_by_role("button", name="Dismiss the message").click()
 
 
 def test_a_field_that_is_typed_anew_moves_nothing_meanwhile(visit: Visit, page: Page) -> None:
@@ -264,8 +210,7 @@ def test_a_field_that_is_typed_anew_moves_nothing_meanwhile(visit: Visit, page: 
     page.get_by_label("Centre east").fill("")
     page.wait_for_timeout(600)
     visit.doubt("unfinished field: ✓ GO: 6 vehicles know where they are to 1.9 m")
-    page.get_by_label("Centre east").fill("141")
-    visit.settle()
+    visit.fill("Centre east", "141")
     visit.verdict("Observable: rank 18 of 18")
     expect(handle(page, "v4")).to_have_attribute("aria-label", "Circle of v4, centre at 141, 70 m")
 
@@ -286,15 +231,11 @@ def test_what_is_typed_at_one_go_is_one_step_to_undo(visit: Visit, page: Page) -
 def test_escape_takes_a_drag_back(visit: Visit, page: Page) -> None:
     # on its way v4 may lose the link it needs, if a preview is as quick as that
     visit.expect_complaints("422")
-    box = handle(page, "v4").bounding_box()
-    assert box is not None
-    page.mouse.move(box["x"] + 15, box["y"] + 15)
-    page.mouse.down()
-    page.mouse.move(box["x"] + 40, box["y"] + 40)
-    page.mouse.move(box["x"] + 60, box["y"] + 60)
+    x, y = middle(handle(page, "v4"))
+    pull(page, (x, y), (x + 45, y + 45), release=False)
     expect(handle(page, "v4")).not_to_have_attribute("aria-label", re.compile("140, 70 m"))
     page.keyboard.press("Escape")
-    page.mouse.move(box["x"] + 90, box["y"] + 60)
+    page.mouse.move(x + 75, y + 45)
     page.mouse.up()
     visit.settle()
     expect(handle(page, "v4")).to_have_attribute("aria-label", re.compile("140, 70 m"))
@@ -329,7 +270,6 @@ def test_keys_undo_and_redo_and_arrows_in_a_row_are_one_step(visit: Visit, page:
     expect(moved).to_have_attribute("aria-label", raised)
 
 
-@pytest.mark.quick
 def test_the_chosen_one_of_two_on_one_place_lies_above(page: Page) -> None:
     opened(
         page,
@@ -352,13 +292,11 @@ def test_half_an_origin_is_no_fault_and_its_altitude_stays(visit: Visit, page: P
     latitude = page.get_by_label("Latitude of the origin")
     altitude.fill("412")
     latitude.fill("47.4")
-    page.get_by_label("Radius of all").fill("21")
-    visit.settle()
+    visit.fill("Radius of all", "21")
     expect(page.locator("#notice.bad")).to_have_count(0)
     expect(latitude).to_have_value("47.4")
     assert "geo_origin" not in downloaded(page)
-    page.get_by_label("Longitude of the origin").fill("8.5")
-    visit.settle()
+    visit.fill("Longitude of the origin", "8.5")
     assert downloaded(page)["geo_origin"] == {"lat_deg": 47.4, "lon_deg": 8.5, "alt_m": 412}
     latitude.fill("")
     visit.settle()
@@ -378,31 +316,26 @@ def test_vehicles_named_by_numbers_keep_their_order(visit: Visit, page: Page) ->
         formation={"centers_m": {"10": [0.0, 0.0], "2": [65.0, 0.0]}},
     )
     opened(page, scenario)
-    page.get_by_label("Least separation").fill("5")
-    visit.settle()
+    visit.fill("Least separation", "5")
     found = downloaded(page)
     assert found["formation"]["names"] == ["10", "2"]
     assert found["formation"]["centers_m"] == [[0, 0], [65, 0]]
     assert found["orbit"]["radius_m"] == [20, 15]
 
 
-def test_a_window_that_was_given_stays_and_one_of_a_period_follows_it(
-    visit: Visit, page: Page
-) -> None:
+def test_a_window_that_was_given_stays_and_one_of_a_period_follows_it(visit: Visit) -> None:
+    page = visit.page
     for window, kept in ((60.0, 60), (None, None)):
         scenario = document(name=f"window {window}")
         if window is not None:
             scenario["window_s"] = window
         opened(page, scenario)
-        page.get_by_label("Angular rate").fill("0.25")
-        visit.settle()
+        visit.fill("Angular rate", "0.25")
         assert downloaded(page).get("window_s") == kept
 
 
-@pytest.mark.quick
-def test_undo_goes_back_over_an_opened_file_with_the_fields_it_needs(
-    visit: Visit, page: Page
-) -> None:
+def test_undo_goes_back_over_an_opened_file_with_the_fields_it_needs(visit: Visit) -> None:
+    page = visit.page
     page.get_by_label("Open a file").set_input_files(FILES / "four-ground-robots.yaml")
     visit.verdict("rank 12 of 12")
     expect(page.get_by_label("Speed (m/s)")).to_have_value("0.4")

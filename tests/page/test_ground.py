@@ -9,7 +9,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import httpx2
-from playwright.sync_api import Page, expect
+from playwright.sync_api import expect
 from pymap3d import enu2geodetic
 
 from api.routes.page_routes import Tiles, edition, policy
@@ -31,9 +31,8 @@ def place(x: float, y: float) -> tuple[float, float]:
     return float(lat), float(lon)
 
 
-def test_a_map_with_an_origin_has_a_graticule_and_the_pointer_a_place(
-    visit: Visit, page: Page
-) -> None:
+def test_a_map_with_an_origin_has_a_graticule_and_the_pointer_a_place(visit: Visit) -> None:
+    page = visit.page
     page.mouse.move(*on_screen(page, 20.0, 30.0))
     expect(page.locator("#pointer")).to_have_text(re.compile(r"^-?[\d.]+, -?[\d.]+ m$"))
     assert drawn(page, "graticule") == []
@@ -104,7 +103,10 @@ def test_tiles_that_an_operator_sets_lie_below_a_placed_formation(
     with (
         tile_server() as (template, asked),
         open_server(
-            tmp_path, SYNCPLAN_TILES=template, SYNCPLAN_TILES_ATTRIBUTION="© Tiles Example"
+            tmp_path,
+            "--no-worker",
+            SYNCPLAN_TILES=template,
+            SYNCPLAN_TILES_ATTRIBUTION="© Tiles Example",
         ) as server,
         visiting(tabs, server.url) as visit,
     ):

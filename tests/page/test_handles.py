@@ -4,21 +4,17 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.page.gestures import drag, drawn, handle, on_screen, view
-from tests.tools.browsing import DESKTOP, PHONE, Tabs, Visit, visiting
-from tests.tools.serving import Server
+from tests.page.gestures import box_of, drag, drawn, handle, middle, on_screen, pull, view
+from tests.tools.browsing import DESKTOP, PHONE, Visit
 
 
 def _middle(page: Page, name: str) -> tuple[float, float]:
-    box = handle(page, name).bounding_box()
-    assert box is not None
-    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    return middle(handle(page, name))
 
 
 def _is_within(page: Page, name: str) -> bool:
     """Whether the middle of a handle lies on the map."""
-    box = page.locator("#map-plot").bounding_box()
-    assert box is not None
+    box = box_of(page.locator("#map-plot"))
     x, y = _middle(page, name)
     inside = -1.0 <= x - box["x"] <= box["width"] + 1.0
     return bool(inside and -1.0 <= y - box["y"] <= box["height"] + 1.0)
@@ -37,48 +33,31 @@ def _center(page: Page) -> tuple[float, float]:
     return float(east.input_value()), float(north.input_value())
 
 
-@pytest.mark.parametrize("by", [(600.0, 300.0), (-500.0, -400.0), (0.0, 2000.0)])
-def test_a_circle_that_is_dragged_beyond_the_map_stops_at_its_edge(
-    visit: Visit, page: Page, by: tuple[float, float]
-) -> None:
+def test_a_circle_that_is_dragged_beyond_the_map_stops_at_its_edge(visit: Visit) -> None:
+    page = visit.page
     visit.expect_complaints("422")
     before = view(page)
-    x, y = _middle(page, "v3")
-    page.mouse.move(x, y)
-    page.mouse.down()
-    page.mouse.move(x + 0.5 * by[0], y + 0.5 * by[1])
-    page.mouse.move(x + by[0], y + by[1])
-    assert _is_within(page, "v3")
-    page.mouse.up()
-    visit.settle()
-    # its circle is where it was left, though links do not reach that far
-    assert _circle(page, "v3") == pytest.approx(_center(page), abs=1e-6)
-    assert _middle(page, "v3") == pytest.approx(on_screen(page, *_center(page)), abs=1.5)
-    assert view(page) == before
-    page.get_by_role("button", name="Undo").click()
-    visit.verdict("Observable: rank 18 of 18")
-    assert _circle(page, "v3") == pytest.approx((140.0, 0.0), abs=1e-6)
+    for by in ((600.0, 300.0), (-500.0, -400.0), (0.0, 2000.0)):
+        x, y = _middle(page, "v3")
+        pull(page, (x, y), (x + by[0], y + by[1]), release=False)
+        assert _is_within(page, "v3")
+        page.mouse.up()
+        visit.settle()
+        # its circle is where it was left, though links do not reach that far
+        assert _circle(page, "v3") == pytest.approx(_center(page), abs=1e-6)
+        assert _middle(page, "v3") == pytest.approx(on_screen(page, *_center(page)), abs=1.5)
+        assert view(page) == before
+        page.get_by_role("button", name="Undo").click()
+        visit.verdict("Observable: rank 18 of 18")
+        assert _circle(page, "v3") == pytest.approx((140.0, 0.0), abs=1e-6)
 
 
-@pytest.mark.quick
-def test_a_landmark_that_is_dragged_beyond_the_map_stops_at_its_edge(
-    visit: Visit, page: Page
-) -> None:
-    _, _, east, _ = view(page)
-    drag(page, "L1", (900.0, 0.0))
-    visit.settle()
-    assert float(page.get_by_label("East (m)", exact=True).input_value()) <= east + 0.5
-    assert _is_within(page, "L1")
-
-
-def test_a_place_beyond_the_map_is_marked_at_its_edge_until_all_is_shown(
-    visit: Visit, page: Page
-) -> None:
+def test_a_place_beyond_the_map_is_marked_at_its_edge_until_all_is_shown(visit: Visit) -> None:
+    page = visit.page
     visit.expect_complaints("422")
     before = view(page)
     handle(page, "v3").click()
-    page.get_by_label("Centre east").fill("600")
-    visit.settle()
+    visit.fill("Centre east", "600")
     assert view(page) == before
     assert _is_within(page, "v3")
     expect(handle(page, "v3")).to_contain_class("away")
@@ -97,7 +76,7 @@ def test_keys_move_a_circle_and_the_next_one_is_a_key_away(visit: Visit, page: P
     for _ in range(2):
         page.keyboard.press("PageDown")
     expect(handle(page, "v3")).to_be_focused()
-    for _ in range(30):
+    for _ in range(15):
         page.keyboard.press("Shift+ArrowDown")
     assert _is_within(page, "v3")
     expect(handle(page, "v3")).to_be_focused()
@@ -106,7 +85,7 @@ def test_keys_move_a_circle_and_the_next_one_is_a_key_away(visit: Visit, page: P
 
 
 @pytest.mark.quick
-def test_the_view_is_zoomed_and_panned_and_stays_where_it_was_left(
+def test_the_view_is_zoomed_and_panned_and_stays_where_it_was_left_and_limits_a_drag(
     visit: Visit, page: Page
 ) -> None:
     whole = view(page)
@@ -121,28 +100,24 @@ def test_the_view_is_zoomed_and_panned_and_stays_where_it_was_left(
     near = view(page)
     # what lay under the pointer lies there still
     assert on_screen(page, 70.0, 0.0) == pytest.approx((x, y), abs=2.0)
-    page.get_by_label("Radius of all").fill("19")
-    visit.settle()
+    visit.fill("Radius of all", "19")
     assert view(page) == near
-    page.mouse.move(x + 40.0, y + 60.0)
-    page.mouse.down()
-    page.mouse.move(x + 90.0, y + 60.0, steps=4)
-    page.mouse.up()
+    pull(page, (x + 40.0, y + 60.0), (x + 90.0, y + 60.0))
     page.wait_for_timeout(500)
     assert view(page)[0] < near[0]
     page.get_by_role("button", name="Fit").click()
     assert view(page) == pytest.approx(whole, abs=3.0)
+    # what is dragged stops at its edge
+    limit = view(page)[2]
+    drag(page, "L1", (900.0, 0.0))
+    visit.settle()
+    assert 190.0 < float(page.get_by_label("East (m)", exact=True).input_value()) <= limit + 0.5
+    assert _is_within(page, "L1")
 
 
-@pytest.mark.parametrize("size", [DESKTOP, (900, 900), (720, 450), PHONE])
-def test_handles_stay_on_their_circles_when_the_window_changes(
-    tabs: Tabs, server: Server, size: tuple[int, int]
-) -> None:
+def test_handles_stay_on_their_circles_when_the_window_changes(visit: Visit, page: Page) -> None:
     places = {"v1": (0.0, 0.0), "v4": (140.0, 70.0), "L1": (190.0, 0.0)}
-    with visiting(tabs, server.url, size=DESKTOP) as visit:
-        page = visit.page
-        visit.verdict("Observable")
-        width, height = size
+    for width, height in ((900, 900), (720, 450), PHONE, DESKTOP):
         page.set_viewport_size({"width": width, "height": height})
         page.wait_for_timeout(400)
         for name, place in places.items():

@@ -19,7 +19,7 @@ ALTERNATE = "paper-grid-alternate"
 @pytest.fixture(scope="module")
 def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     """A server that wants a key."""
-    with serving(tmp_path_factory.mktemp("guarded"), "ann bob") as one:
+    with serving(tmp_path_factory.mktemp("guarded"), "ann bob", "--no-worker") as one:
         yield one
 
 
@@ -46,13 +46,13 @@ def test_a_server_that_dies_in_mid_job_and_returns_costs_nothing_but_time(
         page = visit.page
         visit.expect_complaints("net::ERR", "503")
         visit.verdict("Observable")
-        validate(page, "1500")
+        validate(page, "500")
         expect(page.locator("#work progress")).not_to_have_attribute("value", "0")
         first.kill()
         expect(page.locator("#job-text")).to_contain_text("can't be reached")
         with running(Server(tmp_path / "log", port=first.port, **given)):
             expect(page.locator("#job-text")).to_contain_text("Validation running")
-            expect(page.locator("#job-outcome")).to_contain_text("of 1500 trials")
+            expect(page.locator("#job-outcome")).to_contain_text("of 500 trials")
 
 
 def test_a_service_with_keys_asks_for_one(keyless: Visit) -> None:
@@ -143,9 +143,8 @@ def test_of_two_that_are_opened_at_once_the_later_one_stays(visit: Visit, page: 
     visit.verdict("rank 12 of 12")
 
 
-def test_an_edit_while_the_service_is_away_is_planned_once_it_is_back(
-    visit: Visit, page: Page
-) -> None:
+def test_an_edit_while_the_service_is_away_is_planned_once_it_is_back(visit: Visit) -> None:
+    page = visit.page
     visit.expect_complaints("net::ERR")
     visit.choose(ALTERNATE)
     visit.verdict("Not observable: rank 16 of 18")
@@ -193,8 +192,7 @@ def test_a_refined_plan_opens_though_its_parent_was_deleted(
 
 def test_the_focus_stays_where_it_was_over_undo_and_cancel(visit: Visit, page: Page) -> None:
     undo = page.get_by_role("button", name="Undo")
-    page.get_by_label("Radius of all").fill("21")
-    visit.settle()
+    visit.fill("Radius of all", "21")
     undo.focus()
     page.keyboard.press("Enter")
     visit.settle()

@@ -66,9 +66,8 @@ def test_refine_compare_validate_and_open_the_link_again(
         assert plan_id_of(again.page) == plan["id"]
 
 
-def test_what_refinement_may_move_by_suits_the_team_that_was_opened(
-    visit: Visit, page: Page
-) -> None:
+def test_what_refinement_may_move_by_suits_the_team_that_was_opened(visit: Visit) -> None:
+    page = visit.page
     box = page.get_by_label("How far a centre may move each way, in m")
     least, most = (page.get_by_label(f"{which} radius in m") for which in ("Least", "Largest"))
 
@@ -97,8 +96,7 @@ def test_refining_shows_what_it_costs_in_separation(visit: Visit, page: Page) ->
     expect(reported).to_contain_text("“Least separation” in the scenario limits this")
     visit.choose("paper-grid-same")
     part(page, "Scenario")
-    page.get_by_label("Least separation").fill("29")
-    visit.settle()
+    visit.fill("Least separation", "29")
     refine(page)
     expect(page.locator("#job-outcome")).to_contain_text("Least separation 30 → 29")
     expect(reported).to_have_count(0)
@@ -151,17 +149,6 @@ def test_a_validation_is_no_proof_where_the_plan_is_unobservable_or_trials_are_f
     assert accessibility_faults(page) == []
 
 
-def test_a_job_can_be_cancelled(page: Page, server: Server) -> None:
-    validate(page, "100000")
-    expect(page.locator("#job-text")).to_contain_text("of 100000 trials")
-    expect(page.get_by_role("button", name="Refine")).to_be_disabled()
-    page.get_by_role("button", name="Cancel").click()
-    expect(page.locator("#notice")).to_have_text("Validation cancelled.")
-    expect(page.get_by_role("button", name="Validate")).to_be_enabled()
-    found = httpx2.get(f"{server.url}/v1/jobs").json()["items"][0]
-    assert found["state"] == "cancelled"
-
-
 def test_a_refinement_draws_its_best_plan_so_far_and_ends_with_it(
     visit: Visit, page: Page, server: Server
 ) -> None:
@@ -193,7 +180,9 @@ def test_a_refinement_draws_its_best_plan_so_far_and_ends_with_it(
     assert drawn(page, "circle") != before
 
 
-def test_a_refinement_that_is_cancelled_leaves_the_plan_alone_on_the_map(page: Page) -> None:
+def test_a_refinement_that_is_cancelled_leaves_the_plan_alone_on_the_map(
+    page: Page, server: Server
+) -> None:
     page.route(
         "**/refinements",
         lambda route: route.continue_(post_data='{"starts": 1000, "time_limit_s": 600}'),
@@ -201,9 +190,13 @@ def test_a_refinement_that_is_cancelled_leaves_the_plan_alone_on_the_map(page: P
     part(page, "Run")
     page.get_by_role("button", name="Refine").click()
     expect(page.locator("#job-text")).to_contain_text("best so far")
+    expect(page.get_by_role("button", name="Validate")).to_be_disabled()
     page.get_by_role("button", name="Cancel").click()
     expect(page.locator("#notice")).to_have_text("Refinement cancelled.")
+    expect(page.get_by_role("button", name="Validate")).to_be_enabled()
     assert drawn(page, "beside") == []
+    found = httpx2.get(f"{server.url}/v1/jobs").json()["items"][0]
+    assert found["state"] == "cancelled"
 
 
 def test_a_validation_fills_its_figures_as_trials_are_finished(visit: Visit, page: Page) -> None:
@@ -251,8 +244,7 @@ def test_what_is_edited_while_a_job_runs_stays(visit: Visit, page: Page) -> None
     validate(page, "1500")
     expect(page.locator("#job-text")).to_contain_text("of 1500 trials")
     part(page, "Scenario")
-    page.get_by_label("Radius of all").fill("21")
-    visit.settle()
+    visit.fill("Radius of all", "21")
     assert "job=" in page.url
     assert "plan=" not in page.url
     expect(page.locator("#job-outcome")).to_contain_text("before your edits")
@@ -260,13 +252,6 @@ def test_what_is_edited_while_a_job_runs_stays(visit: Visit, page: Page) -> None
     assert page.url.rpartition("/")[2] == ""
     visit.choose("four-ground-robots")
     expect(page.locator("#job-outcome")).to_be_empty()
-
-
-def test_a_reload_goes_on_following_the_job(page: Page) -> None:
-    validate(page, "1500")
-    expect(page.locator("#job-text")).to_contain_text("of 1500 trials")
-    page.reload()
-    expect(page.locator("#job-outcome")).to_contain_text("of 1500 trials")
 
 
 def fly(page: Page, flights: int, **fields: str) -> None:
@@ -281,8 +266,7 @@ def fly(page: Page, flights: int, **fields: str) -> None:
 def test_a_flight_shows_what_it_came_to_and_plays_on_the_map(
     visit: Visit, page: Page, server: Server
 ) -> None:
-    page.get_by_label("Duration (s)").fill("40")
-    visit.settle()
+    visit.fill("Duration (s)", "40")
     fly(page, 4, wind="0.5, -0.25", lose="v6@30", hold="v2@5:3")
     outcome = page.locator("#job-outcome")
     expect(outcome).to_contain_text("RMS over the second half of 4 flights")
@@ -328,9 +312,8 @@ def test_a_flight_shows_what_it_came_to_and_plays_on_the_map(
     expect(played).to_be_hidden()
 
 
-def test_an_event_that_can_not_happen_is_reported_next_to_its_field(
-    visit: Visit, page: Page
-) -> None:
+def test_an_event_that_can_not_happen_is_reported_next_to_its_field(visit: Visit) -> None:
+    page = visit.page
     visit.expect_complaints("422")
     fly(page, 2, lose="v9@30")
     expect(page.locator("#fly-lose-fault")).to_contain_text("is neither a vehicle")

@@ -9,6 +9,7 @@ import httpx2
 import pytest
 from playwright.sync_api import Page, Route, expect
 
+from syncplan.reports.plan_report import plan_document
 from tests.page.gestures import (
     copied,
     download,
@@ -24,7 +25,7 @@ from tests.page.gestures import (
 from tests.tools.api_servers import done
 from tests.tools.browsing import Tabs, Visit, visiting
 from tests.tools.processes import PATIENCE_S
-from tests.tools.scenarios import FILES
+from tests.tools.scenarios import FILES, planned
 from tests.tools.serving import Server
 
 Tree = dict[str, Any]
@@ -77,15 +78,13 @@ def test_an_edit_that_moves_nothing_keeps_a_refined_plan(
     at_refined: Visit, server: Server, refined: Tree
 ) -> None:
     page = at_refined.page
-    page.get_by_label("Name", exact=True).fill("another name")
-    at_refined.settle()
+    at_refined.fill("Name", "another name", exact=True)
     expect(phases(page)).to_have_text("refined")
     expect(predicted(page)).to_contain_text(error_of(refined))
     assert "plan=" not in page.url
     page.locator("summary", has_text="Noise").click()
     page.get_by_label("Bearing sigma").fill("0.02")
-    page.get_by_label("Initial position sigma").fill("3")
-    at_refined.settle()
+    at_refined.fill("Initial position sigma", "3")
     expect(phases(page)).to_have_text("refined")
     expect(predicted(page)).not_to_contain_text(error_of(refined))
     copied(page)
@@ -95,14 +94,35 @@ def test_an_edit_that_moves_nothing_keeps_a_refined_plan(
     assert kept["scenario"]["name"] == "another name"
 
 
-def test_a_value_typed_again_is_the_plan_that_was_stored(at_refined: Visit, refined: Tree) -> None:
+def test_what_is_typed_again_or_put_back_by_hand_is_the_refined_plan_again(
+    at_refined: Visit, refined: Tree
+) -> None:
     page = at_refined.page
-    field = page.get_by_label("Duration")
-    field.press("ControlOrMeta+A")
+    page.get_by_label("Duration").press("ControlOrMeta+A")
     page.keyboard.type(f"{refined['scenario']['duration_s']:g}")
     at_refined.settle()
     assert plan_id_of(page) == refined["id"]
     expect(predicted(page)).to_contain_text(error_of(refined))
+    handle(page, "v2").click()
+    north = page.get_by_label("Centre north")
+    before = north.input_value()
+    north.fill("1")
+    expect(phases(page)).to_contain_text("synchronised")
+    north.fill(before)
+    expect(phases(page)).to_have_text("refined")
+    at_refined.settle()
+    assert plan_id_of(page) == refined["id"]
+
+
+def test_a_new_name_keeps_refined_phases(at_refined: Visit) -> None:
+    page = at_refined.page
+    handle(page, "v2").press("F2")
+    page.keyboard.type("leader")
+    page.keyboard.press("Enter")
+    expect(handle(page, "leader")).to_be_visible()
+    at_refined.settle()
+    expect(phases(page)).to_have_text("refined")
+    at_refined.verdict("rank 18 of 18")
 
 
 def test_undo_and_redo_bring_a_refined_plan_back_under_its_address(
@@ -118,8 +138,7 @@ def test_undo_and_redo_bring_a_refined_plan_back_under_its_address(
     expect(phases(page)).to_contain_text("synchronised")
     expect(phases(page)).to_contain_text("Undo brings the refined plan back")
     expect(predicted(page)).not_to_contain_text(error_of(refined))
-    page.get_by_label("Name", exact=True).fill("still reported")
-    at_refined.settle()
+    at_refined.fill("Name", "still reported", exact=True)
     expect(phases(page)).to_contain_text("Undo brings the refined plan back")
     assert "plan=" not in page.url
     for _ in range(2):
@@ -142,8 +161,7 @@ def test_a_figure_that_arrives_while_figures_open_is_drawn(at_refined: Visit) ->
     held: dict[str, Route] = {}
     for name in ("comparison", "timeline"):
         page.route(f"**/figures/{name}?*", partial(held.__setitem__, name))
-    page.get_by_label("Name", exact=True).fill("another name")
-    at_refined.settle()
+    at_refined.fill("Name", "another name", exact=True)
     with page.expect_request("**/figures/comparison?*"):
         page.get_by_role("button", name="Undo").click()
     with page.expect_request("**/figures/timeline?*"):
@@ -152,21 +170,6 @@ def test_a_figure_that_arrives_while_figures_open_is_drawn(at_refined: Visit) ->
     expect(page.get_by_role("tab", name="Before and after")).to_be_visible()
     held["timeline"].continue_()
     page.locator("#panel-plot .main-svg").first.wait_for()
-
-
-def test_what_is_put_back_by_hand_is_the_refined_plan_again(
-    at_refined: Visit, refined: Tree
-) -> None:
-    page = at_refined.page
-    handle(page, "v2").click()
-    north = page.get_by_label("Centre north")
-    before = north.input_value()
-    north.fill("1")
-    expect(phases(page)).to_contain_text("synchronised")
-    north.fill(before)
-    expect(phases(page)).to_have_text("refined")
-    at_refined.settle()
-    assert plan_id_of(page) == refined["id"]
 
 
 def test_an_export_after_its_origin_was_entered_is_of_the_refined_plan(
@@ -210,11 +213,11 @@ def test_a_plan_file_opens_as_that_plan_and_is_stored_as_that(
 
 @pytest.mark.quick
 def test_a_fault_in_a_plan_file_is_reported_by_its_path(
-    visit: Visit, page: Page, refined: Tree, tmp_path: Path
+    visit: Visit, page: Page, tmp_path: Path
 ) -> None:
     visit.expect_complaints("422")
     file = tmp_path / "bad.plan.json"
-    broken = json.loads(json.dumps(refined))
+    broken = plan_document(planned()).as_json()
     broken["vehicles"][1]["phase_rad"] = "north"
     file.write_text(json.dumps(broken))
     page.get_by_label("Open a file").set_input_files(file)

@@ -7,6 +7,7 @@ from playwright.sync_api import Page, expect
 
 from tests.page.gestures import drawn, part, plan_id_of, validate
 from tests.tools.browsing import Visit, accessibility_faults
+from tests.tools.processes import wait_until
 from tests.tools.record_examples import RECORDED
 from tests.tools.recordings import zipped
 from tests.tools.scenarios import document
@@ -32,26 +33,24 @@ def test_plans_are_listed_renamed_compared_opened_and_deleted(
     row = dialogue.get_by_role("row", name="kept pair").first
     expect(row).to_contain_text("GO")
     assert accessibility_faults(page) == []
-    page.once("dialog", lambda asked: asked.accept("another name"))
+    page.once("dialog", lambda asked: asked.accept("renamed pair"))
     row.get_by_role("button", name="Rename").click()
-    renamed = dialogue.get_by_role("row", name="another name").first
+    renamed = dialogue.get_by_role("row", name="renamed pair").first
     expect(renamed).to_be_visible()
     found = httpx2.get(f"{server.url}/v1/plans/{made['id']}").json()
-    assert found["scenario"]["name"] == "another name"
+    assert found["scenario"]["name"] == "renamed pair"
     renamed.get_by_role("button", name="Compare").click()
-    expect(page.locator("#notice")).to_contain_text("Dashed: another name, predicted")
+    expect(page.locator("#notice")).to_contain_text("Dashed: renamed pair, predicted")
     assert len(drawn(page, "beside")) == 2
-    kept(page, "Plans").get_by_role("button", name="another name").first.click()
+    kept(page, "Plans").get_by_role("button", name="renamed pair").first.click()
     visit.verdict("rank 6 of 6")
     assert plan_id_of(page) == made["id"]
     assert drawn(page, "beside") == []
-    dialogue = kept(page, "Plans")
-    before = dialogue.get_by_role("row", name="another name").count()
+    row = kept(page, "Plans").get_by_role("row", name="renamed pair")
+    expect(row).to_have_count(1)
     page.once("dialog", lambda asked: asked.accept())
-    dialogue.get_by_role("row", name="another name").first.get_by_role(
-        "button", name="Delete"
-    ).click()
-    expect(dialogue.get_by_role("row", name="another name")).to_have_count(before - 1)
+    row.get_by_role("button", name="Delete").click()
+    expect(row).to_have_count(0)
     assert httpx2.get(f"{server.url}/v1/plans/{made['id']}").status_code == 404
 
 
@@ -68,8 +67,7 @@ def test_jobs_are_listed_opened_and_deleted(visit: Visit, page: Page, server: Se
     row = kept(page, "Jobs").get_by_role("row", name="Validation").first
     row.get_by_role("button", name="Delete").click()
     expect(page.get_by_role("dialog").locator("tbody, p").first).to_be_visible()
-    page.wait_for_timeout(300)
-    assert httpx2.get(f"{server.url}/v1/jobs/{job}").status_code == 404
+    wait_until(lambda: httpx2.get(f"{server.url}/v1/jobs/{job}").status_code == 404)
 
 
 def test_a_recording_is_sent_replayed_and_deleted(visit: Visit, page: Page, server: Server) -> None:

@@ -2,7 +2,7 @@
 
 from playwright.sync_api import Page, expect
 
-from tests.page.gestures import downloaded, drag
+from tests.page.gestures import downloaded, drag, drawn
 from tests.tools.browsing import Visit, accessibility_faults
 
 ALTERNATE = "paper-grid-alternate"
@@ -12,9 +12,8 @@ def _links(page: Page) -> list[str]:
     return page.get_by_role("list", name="Links").get_by_role("listitem").all_inner_texts()
 
 
-def test_a_link_dragged_out_of_reach_is_reported_in_its_group_and_cured_there(
-    visit: Visit, page: Page
-) -> None:
+def test_a_link_dragged_out_of_reach_is_reported_in_its_group_and_cured_there(visit: Visit) -> None:
+    page = visit.page
     visit.expect_complaints("422")
     visit.choose(ALTERNATE)
     group = page.locator("details.links")
@@ -27,6 +26,10 @@ def test_a_link_dragged_out_of_reach_is_reported_in_its_group_and_cured_there(
     expect(reported.first).to_contain_text("out of the sensors' range of 50 m")
     expect(reported.first.get_by_role("alert")).to_be_visible()
     expect(page.locator("#fault-rest")).to_be_empty()
+    # it turns red on the map, too, and is a finding with its cure
+    assert [one for one in drawn(page, "link") if one["rank"] == 0]
+    finding = page.locator("#findings .finding.stop").first
+    expect(finding).to_contain_text("out of the sensors' range")
     assert accessibility_faults(page) == []
     page.get_by_role("button", name="Remove v2-v3").focus()
     page.keyboard.press("Enter")
@@ -34,8 +37,9 @@ def test_a_link_dragged_out_of_reach_is_reported_in_its_group_and_cured_there(
     # the next link has its place, and the focus with it
     expect(page.get_by_role("button", name="Remove v3-v4")).to_be_focused()
     expect(reported).to_contain_text("v3-v4")
-    page.keyboard.press("Enter")
+    finding.get_by_role("button", name="Remove the link").click()
     visit.verdict("of 18")
+    assert [one for one in drawn(page, "link") if one["rank"] == 0] == []
     visit.settle()
     expect(reported).to_have_count(0)
     expect(page.locator("#notice.bad")).to_have_count(0)

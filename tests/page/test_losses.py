@@ -25,8 +25,7 @@ def test_losses_are_judged_shown_and_forgotten_with_the_scenario(visit: Visit, p
     expect(found).to_contain_text("sensor of v3")
     assert accessibility_faults(page) == []
     part(page, "Scenario")
-    page.get_by_label("Radius of all").fill("21")
-    visit.settle()
+    visit.fill("Radius of all", "21")
     expect(found).to_be_empty()
 
 
@@ -35,9 +34,8 @@ def _off(page: Page, kind: str, by: str) -> set[str]:
     return {one[by] for one in drawn(page, kind) if one.get("off")}
 
 
-def test_parts_are_switched_off_on_the_map_together_and_judged_without_them(
-    visit: Visit, page: Page
-) -> None:
+def test_parts_are_switched_off_on_the_map_together_and_judged_without_them(visit: Visit) -> None:
+    page = visit.page
     visit.choose("paper-grid-same")
     badge = page.locator("#badge")
     handle(page, "v1").press("Enter")
@@ -72,9 +70,8 @@ def test_parts_are_switched_off_on_the_map_together_and_judged_without_them(
     assert drawn(page, "motion") == []
 
 
-def test_a_row_of_losses_switches_its_part_off_and_an_edit_ends_that(
-    visit: Visit, page: Page
-) -> None:
+def test_a_row_of_losses_switches_its_part_off_and_an_edit_ends_that(visit: Visit) -> None:
+    page = visit.page
     visit.choose("paper-grid-same")
     part(page, "Verdict")
     page.get_by_role("button", name="Judge every loss").click()
@@ -85,8 +82,7 @@ def test_a_row_of_losses_switches_its_part_off_and_an_edit_ends_that(
     switch = page.locator("#losses-found").get_by_role("button", name="Switch on v4", exact=True)
     expect(switch).to_be_focused()
     part(page, "Scenario")
-    page.get_by_label("Radius of all").fill("21")
-    visit.settle()
+    visit.fill("Radius of all", "21")
     expect(badge).not_to_contain_text("Without")
     expect(page.get_by_role("button", name="Switch all on")).to_be_hidden()
     assert _off(page, "circle", "body") == set()

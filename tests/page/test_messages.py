@@ -7,8 +7,16 @@ import httpx2
 import pytest
 from playwright.sync_api import Page, Route, expect
 
-from tests.page.gestures import copied, drag, part, place_on_earth, plan_id_of, sheet
-from tests.tools.browsing import DESKTOP, PHONE, Tabs, Visit, accessibility_faults, visiting
+from tests.page.gestures import box_of, copied, drag, part, place_on_earth, plan_id_of, sheet
+from tests.tools.browsing import (
+    DESKTOP,
+    PHONE,
+    Tabs,
+    Visit,
+    accessibility_faults,
+    faults_by_day_and_night,
+    visiting,
+)
 from tests.tools.scenarios import document
 from tests.tools.serving import Server
 
@@ -36,10 +44,8 @@ def test_a_confirmation_is_seen_wherever_one_has_scrolled(
         expect(reported).to_have_attribute("aria-live", "polite")
         assert accessibility_faults(page) == []
         # the last thing on the page is not covered
-        footer = page.get_by_role("link", name="OpenAPI document").bounding_box()
-        toast = page.locator(".toast").bounding_box()
-        assert footer is not None
-        assert toast is not None
+        footer = box_of(page.get_by_role("link", name="OpenAPI document"))
+        toast = box_of(page.locator(".toast"))
         assert footer["y"] + footer["height"] <= toast["y"]
         dismiss = page.get_by_role("button", name="Dismiss the message")
         dismiss.press("Enter")
@@ -58,10 +64,7 @@ def test_what_goes_with_an_export_is_not_below_its_confirmation(tabs: Tabs, serv
         with page.expect_download():
             page.locator("#downloads").get_by_role("button", name="Export").click()
         expect(page.locator("#notice")).to_contain_text("Exported")
-        note = page.locator("#export-notes").bounding_box()
-        toast = page.locator(".toast").bounding_box()
-        assert note is not None
-        assert toast is not None
+        note, toast = box_of(page.locator("#export-notes")), box_of(page.locator(".toast"))
         assert note["height"] > 0.0
         assert note["y"] + note["height"] <= toast["y"]
 
@@ -78,33 +81,15 @@ def test_a_confirmation_goes_with_the_next_edit_and_a_fault_stays_until_it_is_me
     page.get_by_label("Duration").fill("-1")
     expect(page.locator("#notice.bad")).to_contain_text("duration_s")
     visit.settle()
-    page.get_by_label("Name", exact=True).fill("still at fault")
-    visit.settle()
+    visit.fill("Name", "still at fault", exact=True)
     expect(page.locator("#notice.bad")).to_contain_text("duration_s")
     page.get_by_label("Duration").fill("220")
     expect(reported).to_be_empty()
 
 
-@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
-@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
-def test_a_link_to_no_plan_says_so_and_leads_on(
-    tabs: Tabs, server: Server, size: tuple[int, int], dark: bool
-) -> None:
-    with visiting(tabs, f"{server.url}/?plan={GONE}", size=size, dark=dark) as visit:
-        page = visit.page
-        visit.expect_complaints("404")
-        card = page.get_by_role("main", name="This link leads to no plan")
-        expect(card).to_contain_text(NO_PLAN)
-        expect(page.locator("#workspace")).to_be_hidden()
-        expect(page.get_by_role("heading", name="This link leads to no plan")).to_be_focused()
-        # nothing was being edited
-        expect(card.get_by_role("button")).to_have_text(["Open the example grid", "New …"])
-        assert accessibility_faults(page) == []
-        card.get_by_role("button", name="New …").press("Enter")
-        page.get_by_role("button", name="Create").click()
-        visit.verdict("✓ GO")
-        expect(card).to_be_hidden()
-        assert "plan=" not in page.url
+def _new_team(page: Page) -> None:
+    page.locator("#dead-new").press("Enter")
+    page.get_by_role("button", name="Create").click()
 
 
 def _open_example(page: Page) -> None:
@@ -115,23 +100,33 @@ def _choose_example(page: Page) -> None:
     page.get_by_label("Start from an example").select_option("paper-grid-same")
 
 
-@pytest.mark.parametrize("way", [_open_example, _choose_example])
-def test_a_link_to_no_plan_leads_to_an_example(
-    tabs: Tabs, server: Server, way: Callable[[Page], None]
+@pytest.mark.parametrize(
+    ("way", "size"), [(_new_team, PHONE), (_open_example, DESKTOP), (_choose_example, DESKTOP)]
+)
+def test_a_link_to_no_plan_says_so_and_leads_on(
+    tabs: Tabs, server: Server, way: Callable[[Page], None], size: tuple[int, int]
 ) -> None:
-    with visiting(tabs, f"{server.url}/?plan={GONE}") as visit:
+    with visiting(tabs, f"{server.url}/?plan={GONE}", size=size) as visit:
+        page = visit.page
         visit.expect_complaints("404")
-        way(visit.page)
-        visit.verdict("Observable: rank 18 of 18")
-        expect(visit.page.locator("#dead-link")).to_be_hidden()
+        card = page.get_by_role("main", name="This link leads to no plan")
+        expect(card).to_contain_text(NO_PLAN)
+        expect(page.locator("#workspace")).to_be_hidden()
+        expect(page.get_by_role("heading", name="This link leads to no plan")).to_be_focused()
+        # nothing was being edited
+        expect(card.get_by_role("button")).to_have_text(["Open the example grid", "New …"])
+        assert faults_by_day_and_night(page) == []
+        way(page)
+        visit.verdict("✓ GO")
+        expect(card).to_be_hidden()
+        assert "plan=" not in page.url
 
 
 def test_a_link_to_no_plan_leads_back_to_what_was_being_edited(
     visit: Visit, page: Page, server: Server
 ) -> None:
     visit.expect_complaints("404")
-    page.get_by_label("Name", exact=True).fill("mine")
-    visit.settle()
+    visit.fill("Name", "mine", exact=True)
     page.goto(f"{server.url}/?plan={GONE}")
     page.get_by_role("button", name="Continue what was being edited").click()
     expect(page.locator("#map-name")).to_have_text("mine")

@@ -6,7 +6,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from syncplan.terms import TERMS
-from tests.page.gestures import downloaded, handle, part, phases, refine, sheet
+from tests.page.gestures import box_of, downloaded, handle, part, pull, sheet
 from tests.tools.browsing import PHONE, Tabs, Visit, accessibility_faults, visiting
 from tests.tools.serving import Server
 
@@ -17,15 +17,9 @@ def scrub(page: Page, label: str, by: float, *, release: bool = True) -> tuple[f
     """Drag a field by its label, so many pixels to the right; return where the drag ends."""
     place = page.locator("#editor label", has_text=label).first
     place.scroll_into_view_if_needed()
-    box = place.bounding_box()
-    assert box is not None
+    box = box_of(place)
     x, y = box["x"] + box["width"] / 4.0, box["y"] + box["height"] / 2.0
-    page.mouse.move(x, y)
-    page.mouse.down()
-    for share in (0.25, 0.5, 0.75, 1.0):
-        page.mouse.move(x + share * by, y)
-    if release:
-        page.mouse.up()
+    pull(page, (x, y), (x + by, y), release=release)
     return x + by, y
 
 
@@ -58,8 +52,7 @@ def test_a_finger_drags_a_number_and_puts_no_keyboard_up(tabs: Tabs, server: Ser
         sheet(page)
         label = page.locator("#editor label", has_text="Bearing sigma")
         label.scroll_into_view_if_needed()
-        box = label.bounding_box()
-        assert box is not None
+        box = box_of(label)
         finger = page.context.new_cdp_session(page)
         for kind, by in (("touchStart", 0.0), ("touchMove", 20.0), ("touchMove", 40.0)):
             at = {"x": box["x"] + 10.0 + by, "y": box["y"] + box["height"] / 2.0}
@@ -88,9 +81,8 @@ def test_shift_drags_ten_times_as_far_and_limits_hold(visit: Visit, page: Page) 
     visit.settle()
 
 
-def test_a_click_on_a_label_goes_to_its_field_and_arrow_keys_step_it(
-    visit: Visit, page: Page
-) -> None:
+def test_a_click_on_a_label_goes_to_its_field_and_arrow_keys_step_it(visit: Visit) -> None:
+    page = visit.page
     for name, before, after in (("Angular rate (rad/s)", "0.2", "0.21"), (RANGE, "50", "51")):
         field = page.get_by_label(name, exact=True)
         page.locator("label", has_text=name).first.click()
@@ -102,9 +94,8 @@ def test_a_click_on_a_label_goes_to_its_field_and_arrow_keys_step_it(
     assert accessibility_faults(page) == []
 
 
-def test_the_worst_error_is_charted_below_the_field_until_another_is_edited(
-    visit: Visit, page: Page
-) -> None:
+def test_the_worst_error_is_charted_below_the_field_until_another_is_edited(visit: Visit) -> None:
+    page = visit.page
     chart = page.locator("#editor .trace")
     expect(chart).to_have_count(0)
     x, y = scrub(page, "Bearing sigma", 50.0, release=False)
@@ -128,8 +119,7 @@ def test_the_worst_error_is_charted_below_the_field_until_another_is_edited(
     page.get_by_label("Boresight (°)", exact=True).press("ArrowUp")
     expect(box.locator(".trace")).to_have_count(0)
     expect(page.locator(".field", has_text="Boresight").locator(".trace")).to_have_count(1)
-    page.get_by_label("Least separation").fill("12")
-    visit.settle()
+    visit.fill("Least separation", "12")
     expect(chart).to_have_count(0)
 
 
@@ -157,8 +147,7 @@ def test_terms_explain_themselves_where_they_stand(visit: Visit, page: Page) -> 
     field = page.locator(".field", has_text="Desynchronise by")
     field.get_by_role("button", name="What is “desynchronise”?").press("Enter")
     expect(note).to_have_text(TERMS["desynchronisation"].meaning)
-    box = note.bounding_box()
-    assert box is not None
+    box = box_of(note)
     assert box["x"] >= 0.0
     assert box["x"] + box["width"] <= 1440.0
     assert accessibility_faults(page) == []
@@ -237,16 +226,3 @@ def test_names_are_edited_in_place(visit: Visit, page: Page) -> None:
     assert list(scenario["landmarks_m"]) == ["mast", "L2"]
     assert scenario["formation"]["names"][:3] == ["v1", "leader", "v3"]
     assert accessibility_faults(page) == []
-
-
-def test_a_new_name_keeps_refined_phases(visit: Visit, page: Page) -> None:
-    refine(page)
-    expect(phases(page)).to_contain_text("refined")
-    part(page, "Scenario")
-    handle(page, "v2").press("F2")
-    page.keyboard.type("leader")
-    page.keyboard.press("Enter")
-    visit.settle()
-    part(page, "Verdict")
-    expect(phases(page)).to_have_text("refined")
-    visit.verdict("rank 18 of 18")

@@ -11,13 +11,14 @@ from playwright.sync_api import Page, expect
 
 from api.routes import page_routes
 from syncplan.exporting.formats import FORMATS
-from tests.page.gestures import figures, handle, part, sheet
+from tests.page.gestures import box_of, figures, handle, part, sheet
 from tests.tools.browsing import (
     DESKTOP,
     PHONE,
     Tabs,
     Visit,
     accessibility_faults,
+    faults_by_day_and_night,
     launched,
     visiting,
 )
@@ -25,47 +26,42 @@ from tests.tools.scenarios import FILES
 from tests.tools.serving import Server
 
 ALTERNATE = "paper-grid-alternate"
+PAGE = Path(page_routes.__file__).parents[1] / "page"
 
 
 @pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
-@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
 def test_the_page_has_no_accessibility_faults(
-    tabs: Tabs, server: Server, size: tuple[int, int], dark: bool
+    tabs: Tabs, server: Server, size: tuple[int, int]
 ) -> None:
-    with visiting(tabs, server.url, size=size, dark=dark) as visit:
+    with visiting(tabs, server.url, size=size) as visit:
+        page = visit.page
         visit.choose(ALTERNATE)
-        handle(visit.page, "v2").click()
-        sheet(visit.page)
-        for summary in visit.page.locator("summary").all():
+        handle(page, "v2").click()
+        sheet(page)
+        for summary in page.locator("summary").all():
             if summary.is_visible():
                 summary.click()
         for name in ("Verdict", "Run", "Design", "Export", "Scenario"):
-            part(visit.page, name)
-            assert accessibility_faults(visit.page) == []
-        figures(visit.page)
+            part(page, name)
+            assert faults_by_day_and_night(page) == []
+        figures(page)
         for name in ("Singular values", "Predicted error"):
-            visit.page.get_by_role("tab", name=name).click()
-            assert accessibility_faults(visit.page) == []
-        visit.page.get_by_role("button", name="New").click()
-        assert accessibility_faults(visit.page) == []
+            page.get_by_role("tab", name=name).click()
+            assert faults_by_day_and_night(page) == []
+        page.get_by_role("button", name="New").click()
+        assert faults_by_day_and_night(page) == []
 
 
-def test_the_page_fits_a_phone(tabs: Tabs, server: Server) -> None:
-    with visiting(tabs, server.url, size=PHONE, touch=True) as visit:
-        visit.choose(ALTERNATE)
-        wide = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
-        assert visit.page.evaluate(wide) <= 0
-        handle(visit.page, "v2").tap()
-        sheet(visit.page)
-        expect(visit.page.get_by_label("Centre east")).to_have_value("70")
-
-
-def test_a_phone_keeps_the_verdict_in_sight(tabs: Tabs, server: Server) -> None:
+def test_the_page_fits_a_phone_and_keeps_the_verdict_in_sight(tabs: Tabs, server: Server) -> None:
     with visiting(tabs, server.url, size=PHONE, touch=True) as visit:
         page = visit.page
         visit.choose(ALTERNATE)
+        wide = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+        assert page.evaluate(wide) <= 0
+        handle(page, "v2").tap()
         badge = page.locator("#badge")
         sheet(page)
+        expect(page.get_by_label("Centre east")).to_have_value("70")
         page.get_by_label("Sample time").scroll_into_view_if_needed()
         expect(badge).to_be_in_viewport(ratio=1.0)
         expect(badge).to_have_class("badge bad")
@@ -127,34 +123,26 @@ def test_letters_of_double_size_find_room(
         for name in ("Centre east", "Angular rate", "Trials"):
             part(page, "Run" if name == "Trials" else "Scenario")
             assert _cut(page) == []
-            box = page.get_by_label(name).bounding_box()
-            label = page.locator("label", has_text=name).bounding_box()
-            assert box is not None
-            assert label is not None
+            expect(page.get_by_label(name)).to_be_visible()
             # a label beside its field has room for words
-            assert label["width"] > 150
+            assert box_of(page.locator("label", has_text=name))["width"] > 150
         assert accessibility_faults(page) == []
 
 
-def test_numbers_and_their_units_stay_on_one_line(visit: Visit) -> None:
-    part(visit.page, "Run")
-    amounts = visit.page.locator(".amount")
+def test_numbers_and_their_units_stay_on_one_line_and_figures_follow_the_theme(
+    visit: Visit, page: Page
+) -> None:
+    part(page, "Run")
+    amounts = page.locator(".amount")
     expect(amounts).to_have_count(2)
     for amount in amounts.all():
-        box = amount.bounding_box()
-        assert box is not None
-        assert box["height"] < 40
-    assert _cut(visit.page) == []
-
-
-def test_figures_follow_the_theme(visit: Visit) -> None:
-    figures(visit.page)
-    words = visit.page.locator("#panel-plot .xtitle")
-    expect(words).to_have_css("fill", "rgb(27, 27, 31)")
-    visit.page.emulate_media(color_scheme="dark")
-    expect(words).to_have_css("fill", "rgb(236, 236, 240)")
-    visit.page.emulate_media(color_scheme="light")
-    expect(words).to_have_css("fill", "rgb(27, 27, 31)")
+        assert box_of(amount)["height"] < 40
+    assert _cut(page) == []
+    figures(page)
+    words = page.locator("#panel-plot .xtitle")
+    for dark in (False, True, False):
+        page.emulate_media(color_scheme="dark" if dark else "light")
+        expect(words).to_have_css("fill", "rgb(236, 236, 240)" if dark else "rgb(27, 27, 31)")
 
 
 @pytest.mark.quick
@@ -212,33 +200,26 @@ def test_what_the_page_names_is_kept_until_another_edition(server: Server) -> No
 
 
 @pytest.mark.quick
-def test_the_first_example_comes_with_the_page(visit: Visit) -> None:
-    loaded = visit.page.evaluate("performance.getEntriesByType('resource').map(one => one.name)")
+def test_the_first_example_comes_with_the_page_and_the_window_never_scrolls(visit: Visit) -> None:
+    page = visit.page
+    loaded = page.evaluate("performance.getEntriesByType('resource').map(one => one.name)")
     assert [one for one in loaded if "yaml" in one] == []
-    within = visit.page.locator("#paper-grid-same").text_content()
+    within = page.locator("#paper-grid-same").text_content()
     assert within == (FILES / "paper-grid-same.yaml").read_text()
-
-
-PAGE = Path(page_routes.__file__).parents[1] / "page"
-
-
-@pytest.mark.quick
-def test_the_window_itself_never_scrolls(visit: Visit) -> None:
     taller = "document.documentElement.scrollHeight - innerHeight"
-    assert visit.page.evaluate(taller) == 0
-    handle(visit.page, "v3").click()
-    expect(visit.page.get_by_label("Centre east")).to_be_visible()
-    assert visit.page.evaluate(taller) == 0
+    assert page.evaluate(taller) == 0
+    handle(page, "v3").click()
+    expect(page.get_by_label("Centre east")).to_be_visible()
+    assert page.evaluate(taller) == 0
 
 
 @pytest.mark.quick
-def test_the_preloads_are_the_modules_that_the_page_imports(server: Server) -> None:
+def test_the_preloads_are_the_modules_that_the_page_imports() -> None:
     index = (PAGE / "index.html").read_text()
     preloads = re.findall(r'rel="modulepreload" href="assets/([\w./-]+)"', index)
     modules = re.findall(r'<script type="module" src="assets/([\w./]+)"', index)
     for name in modules:
-        text = httpx2.get(f"{server.url}/assets/{name}").text
-        imported = re.findall(r'\bfrom ?"\./([\w./-]+)"', text)
+        imported = re.findall(r'\bfrom ?"\./([\w./-]+)"', (PAGE / name).read_text())
         found = [str(PurePosixPath(name).parent / one) for one in imported]
         modules += [one for one in found if one not in modules]
     assert sorted(["opening.js", "main.js", *preloads]) == sorted(modules)

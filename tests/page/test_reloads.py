@@ -24,16 +24,6 @@ from tests.tools.serving import Server
 ALTERNATE = "paper-grid-alternate"
 
 
-def test_a_reload_goes_on_with_what_was_being_edited(visit: Visit, page: Page) -> None:
-    visit.choose(ALTERNATE)
-    page.get_by_label("Desynchronise by").fill("0.2")
-    visit.verdict("Observable: rank 18 of 18")
-    page.reload()
-    visit.verdict("Observable: rank 18 of 18")
-    expect(page.locator("#map-name")).to_have_text(ALTERNATE)
-    expect(page.get_by_label("Desynchronise by")).to_have_value("0.2")
-
-
 def test_a_reload_goes_on_with_a_fault_and_undo_leads_out_of_it(visit: Visit, page: Page) -> None:
     visit.expect_complaints("422")
     visit.choose(ALTERNATE)
@@ -58,8 +48,7 @@ def test_a_reload_keeps_phases_that_were_given_and_the_way_back_to_them(
         one["phase_rad"] = phase
     opened(page, {**plan, "name": "of a file"})
     expect(phases(page)).to_have_text("from a file")
-    page.get_by_label("Name", exact=True).fill("mine")
-    visit.settle()
+    visit.fill("Name", "mine", exact=True)
     page.reload()
     expect(page.locator("#map-name")).to_have_text("mine")
     expect(phases(page)).to_have_text("from a file")
@@ -77,15 +66,13 @@ def test_an_address_that_names_a_plan_comes_before_what_was_edited(
     visit: Visit, page: Page, server: Server
 ) -> None:
     plan = httpx2.post(f"{server.url}/v1/plans", json=document(name="named")).json()
-    page.get_by_label("Name", exact=True).fill("edited")
-    visit.settle()
+    visit.fill("Name", "edited", exact=True)
     page.goto(f"{server.url}/?plan={plan['id']}")
     expect(page.locator("#map-name")).to_have_text("named")
 
 
-def test_what_the_tab_kept_and_can_not_be_planned_any_more_is_forgotten(
-    visit: Visit, page: Page
-) -> None:
+def test_what_the_tab_kept_and_can_not_be_planned_any_more_is_forgotten(visit: Visit) -> None:
+    page = visit.page
     visit.expect_complaints("422")
     kept = {"state": {"scenario": {"orbit": 1}, "anchor": {"scenario": {}, "planId": None}}}
     page.add_init_script(f"sessionStorage.setItem('syncplan-edit', '{json.dumps(kept)}')")
@@ -136,7 +123,6 @@ def test_a_link_names_the_plan_alone_and_says_that_it_was_copied(
     expect(page.locator("#notice")).to_have_text("Validation cancelled.")
 
 
-@pytest.mark.quick
 def test_a_link_is_of_the_plan_that_was_stored_though_it_was_edited_meanwhile(
     page: Page, server: Server
 ) -> None:
@@ -155,28 +141,22 @@ def test_a_link_is_of_the_plan_that_was_stored_though_it_was_edited_meanwhile(
 
 
 @pytest.mark.quick
-def test_two_quick_presses_store_one_plan(visit: Visit, page: Page, server: Server) -> None:
+def test_the_link_is_to_one_plan_and_to_another_once_that_was_deleted(
+    visit: Visit, page: Page, server: Server
+) -> None:
+    visit.expect_complaints("404")
     before = len(httpx2.get(f"{server.url}/v1/plans?limit=200").json()["items"])
+    # two quick presses
     page.evaluate("for (let k = 0; k < 2; k += 1) document.getElementById('share').click()")
     expect(page.locator("#notice")).to_contain_text("Link copied")
     visit.settle()
     assert len(httpx2.get(f"{server.url}/v1/plans?limit=200").json()["items"]) == before + 1
-
-
-@pytest.mark.quick
-def test_a_link_that_can_not_be_copied_is_shown_to_be_taken(page: Page) -> None:
-    page.evaluate("() => { navigator.clipboard.writeText = () => Promise.reject('denied') }")
-    page.get_by_role("button", name="Copy link").click()
-    expect(page.locator("#notice")).to_contain_text("Link to this plan: http")
-
-
-@pytest.mark.quick
-def test_a_link_to_a_plan_that_was_deleted_is_to_one_stored_anew(
-    visit: Visit, page: Page, server: Server
-) -> None:
-    visit.expect_complaints("404")
-    gone = copied(page)
+    gone = plan_id_of(page)
     assert httpx2.delete(f"{server.url}/v1/plans/{gone}").status_code == 204
     page.get_by_role("button", name="Dismiss the message").click()
     assert copied(page) != gone
     assert stored(page, server)["id"] == plan_id_of(page)
+    # one that can't be copied is shown
+    page.evaluate("() => { navigator.clipboard.writeText = () => Promise.reject('denied') }")
+    page.get_by_role("button", name="Copy link").click()
+    expect(page.locator("#notice")).to_contain_text("Link to this plan: http")

@@ -13,11 +13,13 @@ from tests.page.gestures import (
     drag,
     drawn,
     handle,
+    middle,
     on_screen,
     opened,
     part,
     phases,
     place_on_earth,
+    pull,
     sheet,
     unzipped,
     view,
@@ -84,9 +86,8 @@ def test_a_team_of_ones_own_comes_to_a_mission_by_keyboard_alone(visit: Visit, p
     assert sum(name.endswith(".plan") for name in unzipped(waiting.value)) == 4
 
 
-def test_what_is_wrong_with_a_new_team_is_reported_in_its_dialogue(
-    visit: Visit, page: Page
-) -> None:
+def test_what_is_wrong_with_a_new_team_is_reported_in_its_dialogue(visit: Visit) -> None:
+    page = visit.page
     visit.expect_complaints("422")
     page.get_by_role("button", name="New").click()
     dialogue = page.get_by_role("dialog")
@@ -138,9 +139,8 @@ def test_the_best_of_the_selected_landmarks_are_kept(visit: Visit, page: Page) -
 
 
 @pytest.mark.quick
-def test_the_radius_and_the_phase_of_the_selected_vehicle_are_dragged(
-    visit: Visit, page: Page
-) -> None:
+def test_the_radius_and_the_phase_of_the_selected_vehicle_are_dragged(visit: Visit) -> None:
+    page = visit.page
     handle(page, "v2").click()
     radius = handle(page, "radius of v2")
     expect(radius).to_have_attribute("aria-label", "Radius of v2, 20 m")
@@ -151,13 +151,7 @@ def test_the_radius_and_the_phase_of_the_selected_vehicle_are_dragged(
     assert radii[1] > 22
     page.get_by_role("button", name="Undo").click()
     expect(radius).to_have_attribute("aria-label", "Radius of v2, 20 m")
-    x, y = on_screen(page, 70.0, 20.0)
-    box = handle(page, "phase of v2").bounding_box()
-    assert box is not None
-    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
-    page.mouse.down()
-    page.mouse.move(x, y, steps=4)
-    page.mouse.up()
+    pull(page, middle(handle(page, "phase of v2")), on_screen(page, 70.0, 20.0))
     expect(handle(page, "phase of v2")).to_have_attribute("aria-label", "Phase of v2, 90°")
     expect(phases(page)).to_contain_text("set by hand")
     visit.settle()
@@ -202,10 +196,7 @@ def test_several_are_selected_moved_copied_aligned_and_removed(visit: Visit, pag
 
 def test_a_box_with_shift_selects_all_within(visit: Visit, page: Page) -> None:
     page.keyboard.down("Shift")
-    page.mouse.move(*on_screen(page, 45.0, 95.0))
-    page.mouse.down()
-    page.mouse.move(*on_screen(page, 160.0, 45.0), steps=5)
-    page.mouse.up()
+    pull(page, on_screen(page, 45.0, 95.0), on_screen(page, 160.0, 45.0))
     page.keyboard.up("Shift")
     expect(page.locator("#notice")).to_have_text("2 selected.")
     for name, pressed in (("v4", "true"), ("v5", "true"), ("v2", "false")):
@@ -243,21 +234,6 @@ def test_links_are_drawn_and_removed_by_two_clicks(visit: Visit, page: Page) -> 
     assert downloaded(page)["formation"]["links"][-1] == ["v1", "v2"]
 
 
-def test_a_link_out_of_reach_turns_red_is_reported_and_taken_out(visit: Visit, page: Page) -> None:
-    visit.expect_complaints("422")
-    drag(page, "v3", (150.0, 120.0))
-    visit.doubt("Before the fault")
-    lost = [one for one in drawn(page, "link") if one["rank"] == 0]
-    assert lost
-    finding = page.locator("#findings .finding.stop").first
-    expect(finding).to_contain_text("out of the sensors' range")
-    while (button := page.get_by_role("button", name="Remove the link").first).is_visible():
-        button.click()
-        visit.settle()
-    visit.verdict("GO")
-    assert [one for one in drawn(page, "link") if one["rank"] == 0] == []
-
-
 def test_polygons_are_drawn_changed_and_removed(visit: Visit, page: Page) -> None:
     take(page, "Obstacle")
     corners = [(85.0, 25.0), (125.0, 25.0), (125.0, 45.0), (85.0, 45.0)]
@@ -269,10 +245,7 @@ def test_polygons_are_drawn_changed_and_removed(visit: Visit, page: Page) -> Non
     assert len(found) == 1
     assert all(min(math.dist(one, corner) for one in found[0]) < 1.5 for corner in corners)
     expect(page.locator("#map")).to_have_attribute("data-tool", "select")
-    page.mouse.move(*on_screen(page, 125.0, 45.0))
-    page.mouse.down()
-    page.mouse.move(*on_screen(page, 115.0, 50.0), steps=4)
-    page.mouse.up()
+    pull(page, on_screen(page, 125.0, 45.0), on_screen(page, 115.0, 50.0))
     visit.settle()
     changed = downloaded(page)["obstacles_m"][0]
     assert min(math.dist(one, (115.0, 50.0)) for one in changed) < 1.5

@@ -27,25 +27,21 @@ def test_fields_of_the_world_are_folded_until_used(visit: Visit, page: Page) -> 
     visit.choose("paper-grid-same")
     expect(page.get_by_label("Wind sigma")).to_be_hidden()
     page.locator("summary", has_text="Wind or current").click()
-    page.get_by_label("Wind sigma").fill("1")
-    visit.settle()
+    visit.fill("Wind sigma", "1")
     visit.verdict("Observable: rank 18 of 18")
     expect(page.locator("#workspace")).to_contain_text("Predicted error, wind x")
-    page.get_by_label("Wind sigma").fill("")
-    visit.settle()
+    visit.fill("Wind sigma", "")
     assert "wind" not in downloaded(page)
     page.locator("summary", has_text="Errors of motion readings").click()
-    page.get_by_label("Position random walk").fill("0.03")
-    visit.settle()
+    visit.fill("Position random walk", "0.03")
     motion = downloaded(page)["motion"]
     assert motion["position_random_walk_m_sqrt_s"] == 0.03
     assert "speed_sigma_mps" not in motion
     assert accessibility_faults(page) == []
 
 
-def test_a_scenario_of_the_world_opens_its_groups_and_keeps_its_keys(
-    visit: Visit, page: Page
-) -> None:
+def test_a_scenario_of_the_world_opens_its_groups_and_keeps_its_keys(visit: Visit) -> None:
+    page = visit.page
     opened(page, WORLD)
     visit.settle()
     visit.verdict("Observable: rank 6 of 6")
@@ -56,8 +52,7 @@ def test_a_scenario_of_the_world_opens_its_groups_and_keeps_its_keys(
     ):
         expect(page.get_by_label(label)).to_have_value(value)
     expect(page.get_by_label("Compass sigma")).to_have_attribute("placeholder", "differs")
-    page.get_by_label("Radius of all").fill("21")
-    visit.settle()
+    visit.fill("Radius of all", "21")
     kept = downloaded(page)
     assert kept["wind"]["sigma_mps"] == 0.5
     for key in ("heading_sigma_rad", "filter", "obstacles_m", "truth"):
@@ -69,8 +64,7 @@ def test_a_scenario_of_the_world_opens_its_groups_and_keeps_its_keys(
     visit.settle()
     assert downloaded(page)["obstacles_m"] == [[[35, 200], [40, 200], [40, 220]]]
     expect(page.get_by_text("is no JSON yet")).to_have_count(0)
-    page.get_by_label("Keys that are true instead").fill('{"wind": {"sigma_mps": 2}}')
-    visit.settle()
+    visit.fill("Keys that are true instead", '{"wind": {"sigma_mps": 2}}')
     assert downloaded(page)["truth"] == {"wind": {"sigma_mps": 2}}
     page.get_by_label("Estimated errors").select_option("none")
     visit.settle()

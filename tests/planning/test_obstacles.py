@@ -110,7 +110,7 @@ def test_phases_are_chosen_for_where_the_wall_ends(direction: str) -> None:
     judged = made(orbit=orbit, obstacles_m=[wall])
     (link,) = judged.links
     most = 0.0
-    for phase in np.linspace(0.0, 2.0 * np.pi, 361):
+    for phase in np.linspace(0.0, 2.0 * np.pi, 121):
         orbits = replace(judged.orbits, phases=np.array([judged.orbits.phases[0], phase]))
         windows = find_windows(judged.team.on(orbits), (np.array([0]), np.array([1])))
         most = max(most, float(np.sum(windows.ends - windows.starts)))

@@ -85,7 +85,12 @@ def test_a_start_warns_where_its_sigma_is_over_the_room_of_the_nearest(plan: Pla
     for sigma, warned in ((0.99 * enough, False), (1.01 * enough, True)):
         start = {"position_m": sigma, "heading_rad": turn}
         judged = in_wind(plan, {}, initial_sigma=start)
-        assert bool(findings_of(judged, "start-uncertain")) == warned
+        found = findings_of(judged, "start-uncertain")
+        assert len(found) == warned
+        for one in found:
+            assert one.level == "warning"
+            assert one.cure is not None
+            assert "fly" in one.cure.text
         assert findings_of(replace(judged, flight=WELL), "start-uncertain") == []
     # what is to be kept apart is no room
     judged = in_wind(plan, {}, initial_sigma=start, min_separation_m=1.0)

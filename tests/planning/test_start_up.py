@@ -1,6 +1,7 @@
 """The finding on the start: index, pilot, cure, and what a refinement makes worse."""
 
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -31,9 +32,15 @@ def grid(
     return changed(name, initial_sigma=start, filter={"kind": filter_})
 
 
+@cache
+def uncertain_for(filter_: str) -> Plan:
+    """The plan of the uncertain start for a filter."""
+    return plan(grid(filter_=filter_))
+
+
 @pytest.fixture(scope="module")
 def uncertain() -> Plan:
-    return plan(grid())
+    return uncertain_for("ekf")
 
 
 def found(judged: Plan, code: str = "start-up") -> list[PlanFinding]:
@@ -82,7 +89,7 @@ def test_the_cure_of_an_uncertain_start_clears_it(uncertain: Plan) -> None:
 
 @pytest.mark.parametrize("asked", ["auto", "robust"])
 def test_the_robust_filter_is_not_warned_of_where_the_extended_one_is(asked: str) -> None:
-    made = plan(grid(filter_=asked))
+    made = uncertain_for(asked)
     start = start_of(made)
     assert start.filter == "robust"
     assert trials_of(made).pilot
@@ -92,7 +99,8 @@ def test_the_robust_filter_is_not_warned_of_where_the_extended_one_is(asked: str
 
 
 def test_the_pilot_is_of_the_filter_that_is_asked_for() -> None:
-    worst = {name: start_of(plan(grid(filter_=name))) for name in ("ekf", "second-order", "robust")}
+    names = ("ekf", "second-order", "robust")
+    worst = {name: start_of(uncertain_for(name)) for name in names}
     assert [start.filter for start in worst.values()] == list(worst)
     assert worst["ekf"].worst_ratio > 2.0 * worst["second-order"].worst_ratio
     assert worst["second-order"].worst_ratio > 1.2 * worst["robust"].worst_ratio
@@ -215,7 +223,7 @@ def ratios(judged: Plan, ratio: float) -> StartUp:
 
 @pytest.fixture(scope="module")
 def refined() -> Plan:
-    return refine(plan(grid(5.0, 0.1)), vary=["phases"], starts=1, workers=1, time_limit_s=20.0)
+    return refine(plan(grid(5.0, 0.1)), vary=["phases"], starts=1, workers=1, time_limit_s=0.01)
 
 
 @pytest.mark.parametrize(

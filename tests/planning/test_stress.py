@@ -38,7 +38,8 @@ def test_each_stated_sigma_is_doubled_for_each_vehicle_that_has_one() -> None:
 
 
 def test_all_sigmas_doubled_are_expected_to_double_the_error() -> None:
-    made = plan(changed("paper-grid-same", heading_sigma_rad=0.1, **EVERYTHING), bound="always")
+    keys = {**EVERYTHING, "heading_sigma_rad": 0.1, "duration_s": 100.0}
+    made = plan(changed("triangle-alternate", **keys), bound="always", pilot=False)
     true = in_world(made, stress_worlds(made.scenario)[ALL_SIGMAS]).true_team
     found = expected_errors(made.team, made.windows, made.scenario.duration_s, true=true)
     assert made.prediction.rms is not None
@@ -54,7 +55,7 @@ def test_more_sightings_missed_than_stated_are_known_to_the_filter() -> None:
 
 
 def test_the_report_has_the_most_harmful_world_first() -> None:
-    made = plan(changed("paper-grid-same", duration_s=40.0), bound="always", pilot=False)
+    made = plan(changed("triangle-alternate", duration_s=40.0), bound="always", pilot=False)
     test = stressed(made, trials=8, seed=2, filter="ekf")
     report = stress_document(test)
     assert report.stress is not None

@@ -11,15 +11,18 @@ from plotly.graph_objects import Figure
 from syncplan import figures
 from syncplan.errors import InputError
 from syncplan.flight.flying import Flight
+from syncplan.planning.validation import Validation
 from syncplan.plotting.figure_style import PLAIN, FigureStyle
 from syncplan.plotting.figures import first_figure, specs_of
 from syncplan.plotting.flight_figures import MOST_VEHICLES, flight_errors_spec
 from syncplan.plotting.flight_tracks_figure import SIGMAS, flight_tracks_spec
 from syncplan.reports.flight_report import FlightDocument, flight_document
 from syncplan.reports.flight_series import FlightOverTime
-from tests.tools.figure_parts import note_of, trace_of
+from syncplan.reports.validation_report import ValidationDocument
+from tests.tools.figure_parts import note_of, spec_of, trace_of
 from tests.tools.flown import LOST_AT, short_flight
 
+RUN_NAMES = ["accuracy", "errors", "consistency"]
 NAMES = ["tracks", "tracking", "phases", "separation", "meetings", "events"]
 
 
@@ -29,31 +32,34 @@ def flight() -> Flight:
 
 
 @pytest.fixture(scope="module")
-def report(flight: Flight) -> FlightDocument:
+def flown(flight: Flight) -> FlightDocument:
     return flight_document(flight)
 
 
 @pytest.fixture(scope="module")
-def series(report: FlightDocument) -> FlightOverTime:
-    assert report.series is not None
-    return report.series
+def series(flown: FlightDocument) -> FlightOverTime:
+    assert flown.series is not None
+    return flown.series
 
 
-def test_a_flight_and_its_report_give_the_same_figures(
-    flight: Flight, report: FlightDocument
+def test_a_run_and_its_report_give_the_same_figures(
+    run_with_series: Validation, report: ValidationDocument, flight: Flight, flown: FlightDocument
 ) -> None:
-    read_back = FlightDocument.model_validate(json.loads(json.dumps(report.as_json())))
-    one, two, three = (json.dumps(specs_of(subject)) for subject in (flight, report, read_back))
-    assert one == two == three
-    assert list(specs_of(report)) == NAMES
-    assert first_figure(report) == "tracks"
-    for name, figure in figures.figures_of(report, theme="dark").items():
-        assert figure.to_json(), name
+    subjects = ((run_with_series, report, RUN_NAMES), (flight, flown, NAMES))
+    for subject, document, names in subjects:
+        read_back = type(document).model_validate(json.loads(json.dumps(document.as_json())))
+        one, two, three = (json.dumps(specs_of(of)) for of in (subject, document, read_back))
+        assert one == two == three
+        drawn = figures.figures_of(document, theme="dark")
+        assert list(drawn) == list(specs_of(document)) == names
+        for name, figure in drawn.items():
+            assert figure.to_json(), name
+    assert first_figure(flown) == "tracks"
 
 
 @pytest.mark.parametrize("width", [240, 400, 1200])
-def test_legends_have_an_entry_once_and_texts_fit(report: FlightDocument, width: int) -> None:
-    for name, spec in specs_of(report, style=FigureStyle(width=width)).items():
+def test_legends_have_an_entry_once_and_texts_fit(flown: FlightDocument, width: int) -> None:
+    for name, spec in specs_of(flown, style=FigureStyle(width=width)).items():
         shown = [t for t in spec["data"] if t.get("showlegend", True) and t.get("name")]
         assert len({trace["name"] for trace in shown}) == len(shown), name
         texts = [spec["layout"]["title"]["text"], spec["layout"]["title"]["subtitle"]["text"]]
@@ -65,14 +71,14 @@ def test_legends_have_an_entry_once_and_texts_fit(report: FlightDocument, width:
             assert 0.5 * 13.0 * len(title) <= width - 68, name
 
 
-def test_texts_break_lines_and_hold_no_other_markup(report: FlightDocument) -> None:
-    named = report.model_copy(update={"name": "<b>&"})
+def test_texts_break_lines_and_hold_no_other_markup(flown: FlightDocument) -> None:
+    named = flown.model_copy(update={"name": "<b>&"})
     tags = re.findall(r"</?\w[^<>]*>", json.dumps(specs_of(named)))
     assert set(tags) <= {"<br>", "<extra>", "</extra>"}
 
 
-def test_without_series_figures_over_time_say_how_to_get_them(report: FlightDocument) -> None:
-    without = report.model_copy(update={"series": None, "events": []})
+def test_without_series_figures_over_time_say_how_to_get_them(flown: FlightDocument) -> None:
+    without = flown.model_copy(update={"series": None, "events": []})
     assert list(specs_of(without)) == ["separation", "meetings"]
     for name in ("tracks", "tracking", "phases"):
         with pytest.raises(InputError, match="--series"):
@@ -92,9 +98,9 @@ def _split(trace: dict[str, Any]) -> list[np.ndarray]:
 
 
 def test_paths_are_those_of_the_first_trial_the_last_turn_apart(
-    report: FlightDocument, series: FlightOverTime
+    flown: FlightDocument, series: FlightOverTime
 ) -> None:
-    spec = specs_of(report, ["tracks"])["tracks"]
+    spec = spec_of(flown, "tracks")
     period = series.ground.period_s
     times = np.array(series.track_time_s)
     for uid, x, y in (
@@ -118,19 +124,19 @@ def test_paths_are_those_of_the_first_trial_the_last_turn_apart(
 
 
 def test_a_flight_of_one_turn_has_no_earlier_ones(
-    report: FlightDocument, series: FlightOverTime
+    flown: FlightDocument, series: FlightOverTime
 ) -> None:
     ground = series.ground.model_copy(update={"period_s": 1000.0})
-    slow = report.model_copy(update={"series": series.model_copy(update={"ground": ground})})
-    uids = {trace["uid"] for trace in specs_of(slow, ["tracks"])["tracks"]["data"]}
+    slow = flown.model_copy(update={"series": series.model_copy(update={"ground": ground})})
+    uids = {trace["uid"] for trace in spec_of(slow, "tracks")["data"]}
     assert {"true", "estimated", "ellipses"} <= uids
     assert not any(uid.endswith("-earlier") for uid in uids)
 
 
 def test_rims_of_ellipses_are_three_sigma_from_the_estimate(
-    flight: Flight, report: FlightDocument, series: FlightOverTime
+    flight: Flight, flown: FlightDocument, series: FlightOverTime
 ) -> None:
-    spec = specs_of(report, ["tracks"])["tracks"]
+    spec = spec_of(flown, "tracks")
     rims = [_split(trace_of(spec, uid)) for uid in ("ellipses-earlier", "ellipses")]
     kept = flight.result.tracks[0].covariances
     solid = []
@@ -149,24 +155,24 @@ def test_rims_of_ellipses_are_three_sigma_from_the_estimate(
 
 
 def test_tracks_that_go_astray_leave_the_map_and_the_note_says_so(
-    report: FlightDocument, series: FlightOverTime
+    flown: FlightDocument, series: FlightOverTime
 ) -> None:
-    near = specs_of(report, ["tracks"])["tracks"]
+    near = spec_of(flown, "tracks")
     assert "tracks leave the map" not in note_of(near)
     first = series.tracks[0]
     away = first.vehicles[0].model_copy(update={"true_x_m": [9000.0] * len(series.track_time_s)})
     track = first.model_copy(update={"vehicles": [away, *first.vehicles[1:]]})
     tracks = series.model_copy(update={"tracks": [track, *series.tracks[1:]]})
-    astray = report.model_copy(update={"series": tracks})
-    far = specs_of(astray, ["tracks"])["tracks"]
+    astray = flown.model_copy(update={"series": tracks})
+    far = spec_of(astray, "tracks")
     assert "tracks leave the map" in note_of(far)
     assert far["layout"]["xaxis"]["range"][1] < 2.0 * near["layout"]["xaxis"]["range"][1]
 
 
 def test_what_is_lost_or_held_is_marked_where_it_was(
-    report: FlightDocument, series: FlightOverTime
+    flown: FlightDocument, series: FlightOverTime
 ) -> None:
-    spec = specs_of(report, ["tracks"])["tracks"]
+    spec = spec_of(flown, "tracks")
     for uid, name, time in (("loss", "v6", LOST_AT), ("hold", "v2", 12.0)):
         vehicle = next(one for one in series.tracks[0].vehicles if one.name == name)
         known = [k for k, x in enumerate(vehicle.true_x_m) if x is not None]
@@ -175,9 +181,9 @@ def test_what_is_lost_or_held_is_marked_where_it_was(
         assert trace_of(spec, uid)["y"] == pytest.approx([vehicle.true_y_m[before]], abs=1e-3)
 
 
-def test_curves_over_time_are_the_reports(report: FlightDocument, series: FlightOverTime) -> None:
-    errors, phases = (specs_of(report, [name])[name] for name in ("tracking", "phases"))
-    by_name = {one.name: one for one in report.vehicles}
+def test_curves_over_time_are_the_reports(flown: FlightDocument, series: FlightOverTime) -> None:
+    errors, phases = (spec_of(flown, name) for name in ("tracking", "phases"))
+    by_name = {one.name: one for one in flown.vehicles}
     for one in series.vehicles:
         for spec, key, values in (
             (errors, "sigma", one.sigma_m),
@@ -190,30 +196,28 @@ def test_curves_over_time_are_the_reports(report: FlightDocument, series: Flight
             assert drawn["x"] == series.time_s
             expected, shown = (np.array(v, dtype=float) for v in (values, drawn["y"]))
             np.testing.assert_allclose(shown, expected, atol=1e-5)
-        flown = by_name[one.name]
+        vehicle = by_name[one.name]
         level = trace_of(phases, f"tolerance-{one.name}")["y"]
-        assert level == pytest.approx([flown.phase_tolerance_s] * 2, abs=1e-5)
-        if flown.errors is not None and flown.phase_error_s is not None:
+        assert level == pytest.approx([vehicle.phase_tolerance_s] * 2, abs=1e-5)
+        if vehicle.errors is not None and vehicle.phase_error_s is not None:
             level = trace_of(errors, f"predicted-{one.name}")["y"]
-            assert level == pytest.approx([flown.errors.predicted_rms_m] * 2, abs=1e-5)
+            assert level == pytest.approx([vehicle.errors.predicted_rms_m] * 2, abs=1e-5)
             level = trace_of(phases, f"worst-{one.name}")["y"]
-            assert level == pytest.approx([flown.phase_error_s.worst] * 2, abs=1e-5)
+            assert level == pytest.approx([vehicle.phase_error_s.worst] * 2, abs=1e-5)
 
 
-def test_errors_in_flight_have_marks_that_stand_apart(report: FlightDocument) -> None:
-    spec = specs_of(report, ["tracking"])["tracking"]
+def test_errors_in_flight_have_marks_that_stand_apart(flown: FlightDocument) -> None:
+    spec = spec_of(flown, "tracking")
     marks = [trace_of(spec, f"marks-{key}-v1") for key in ("sigma", "error", "bound", "tracking")]
     times = [time for one in marks for time in one["x"]]
     assert len(set(times)) == len(times) == 16
     assert len({one["marker"]["symbol"] for one in marks}) == 4
-    assert not [
-        one for one in specs_of(report, ["phases"])["phases"]["data"] if "marks" in one["uid"]
-    ]
+    assert not [one for one in spec_of(flown, "phases")["data"] if "marks" in one["uid"]]
 
 
-def test_axes_over_time_hold_all_that_is_drawn_and_are_marked(report: FlightDocument) -> None:
+def test_axes_over_time_hold_all_that_is_drawn_and_are_marked(flown: FlightDocument) -> None:
     for name in ("tracking", "phases"):
-        spec = specs_of(report, [name])[name]
+        spec = spec_of(flown, name)
         every = [v for t in spec["data"] for v in t.get("y", []) if v is not None]
         for key, axis in spec["layout"].items():
             if key.startswith("yaxis"):
@@ -224,9 +228,9 @@ def test_axes_over_time_hold_all_that_is_drawn_and_are_marked(report: FlightDocu
                 assert axis["ticktext"] == [f"{mark:g}" for mark in axis["tickvals"]]
 
 
-def test_events_are_on_every_axis_of_time(report: FlightDocument) -> None:
+def test_events_are_on_every_axis_of_time(flown: FlightDocument) -> None:
     for name in ("tracking", "phases"):
-        spec = specs_of(report, [name])[name]
+        spec = spec_of(flown, name)
         shapes = spec["layout"]["shapes"]
         panels = {trace["xaxis"] for trace in spec["data"] if "xaxis" in trace}
         for axis in panels:
@@ -237,15 +241,15 @@ def test_events_are_on_every_axis_of_time(report: FlightDocument) -> None:
 
 
 def test_of_a_large_team_those_furthest_off_the_plan_are_drawn(
-    report: FlightDocument, series: FlightOverTime
+    flown: FlightDocument, series: FlightOverTime
 ) -> None:
     def thrice(of: Any) -> dict[str, Any]:
         named = [(one, f"{one.name}{letter}") for letter in "abc" for one in of.vehicles]
         return {"vehicles": [one.model_copy(update={"name": name}) for one, name in named]}
 
     team = series.model_copy(update=thrice(series))
-    many = report.model_copy(update={**thrice(report), "series": team})
-    spec = specs_of(many, ["tracking"])["tracking"]
+    many = flown.model_copy(update={**thrice(flown), "series": team})
+    spec = spec_of(many, "tracking")
     drawn = {t["uid"].removeprefix("error-") for t in spec["data"] if t["uid"].startswith("error-")}
     off = {one.name: one.errors.tracking_rms_m for one in many.vehicles if one.errors is not None}
     least = min(off[name] for name in drawn)
@@ -254,41 +258,39 @@ def test_of_a_large_team_those_furthest_off_the_plan_are_drawn(
     assert f"the {MOST_VEHICLES} worst of 18 vehicles" in note_of(spec)
 
 
-def test_least_separations_rise_to_all_trials(report: FlightDocument) -> None:
-    found = report.least_separation_m
+def test_least_separations_rise_to_all_trials(flown: FlightDocument) -> None:
+    found = flown.least_separation_m
     assert found is not None
-    spec = specs_of(report, ["separation"])["separation"]
+    spec = spec_of(flown, "separation")
     curve = trace_of(spec, "trials")
     assert (curve["y"][0], curve["y"][-1]) == (0.0, 100.0)
     np.testing.assert_allclose(curve["x"], found.quantiles, atol=1e-4)
     assert trace_of(spec, "planned")["x"] == pytest.approx([found.planned] * 2, abs=1e-4)
     assert trace_of(spec, "asked")["x"] == [22.0, 22.0]
     assert spec["layout"]["xaxis"]["range"][1] > found.planned
-    alone = specs_of(report.model_copy(update={"least_separation_m": None}), ["separation"])
+    alone = specs_of(flown.model_copy(update={"least_separation_m": None}), ["separation"])
     assert alone["separation"]["data"] == []
 
 
-def test_meetings_that_were_missed_are_hatched_and_on_top(report: FlightDocument) -> None:
+def test_meetings_that_were_missed_are_hatched_and_on_top(flown: FlightDocument) -> None:
     links = [
         one.model_copy(update={"kept_share": 0.5 if k == 2 else 1.0})
-        for k, one in enumerate(report.links)
+        for k, one in enumerate(flown.links)
     ]
-    spec = specs_of(report.model_copy(update={"links": links}), ["meetings"])["meetings"]
+    spec = spec_of(flown.model_copy(update={"links": links}), "meetings")
     missed, kept = trace_of(spec, "missed"), trace_of(spec, "kept")
     assert missed["y"] == ["-".join(links[2].between)]
     assert missed["x"] == [50.0]
     assert missed["marker"]["pattern"]["shape"]
     assert set(kept["x"]) == {100.0}
     assert spec["layout"]["yaxis"]["categoryarray"][0] == missed["y"][0]
-    none = specs_of(report.model_copy(update={"links": []}), ["meetings"])["meetings"]
+    none = spec_of(flown.model_copy(update={"links": []}), "meetings")
     assert "no meeting" in none["layout"]["annotations"][0]["text"]
 
 
-def test_rows_of_events_last_as_long_as_they_do(report: FlightDocument) -> None:
-    hold = report.events[0].model_copy(update={"settled_s": 9.0})
-    spec = specs_of(report.model_copy(update={"events": [hold, report.events[1]]}), ["events"])[
-        "events"
-    ]
+def test_rows_of_events_last_as_long_as_they_do(flown: FlightDocument) -> None:
+    hold = flown.events[0].model_copy(update={"settled_s": 9.0})
+    spec = spec_of(flown.model_copy(update={"events": [hold, flown.events[1]]}), "events")
     loss, held, settling = (trace_of(spec, uid) for uid in ("loss", "hold", "settling"))
     assert (loss["y"], loss["base"], loss["x"]) == (["v6"], [LOST_AT], [48.0 - LOST_AT])
     assert (held["y"], held["base"], held["x"]) == (["v2"], [12.0], [6.0])

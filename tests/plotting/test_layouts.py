@@ -20,7 +20,7 @@ from syncplan.plotting.figures import specs_of
 from syncplan.plotting.links import body_names
 from syncplan.plotting.series_figures import errors_spec
 from syncplan.reports.validation_report import ValidationDocument, validation_document
-from tests.tools.figure_parts import note_of
+from tests.tools.figure_parts import note_of, spec_of
 from tests.tools.scenarios import example, small
 
 LEAST_LABEL_PX = 11.0
@@ -35,12 +35,6 @@ def alternating() -> Plan:
 def large() -> Plan:
     shape = {"shape": "grid", "count": 100, "columns": 10, "spacing_m": 70.0}
     return plan(small(formation=shape, landmarks_m=[[-40.0, 0.0], [-40.0, 60.0]]), bound="never")
-
-
-@pytest.fixture(scope="module")
-def report() -> ValidationDocument:
-    run = validate(example("paper-grid-same"), trials=20, seed=1, duration=100.0, with_series=True)
-    return validation_document(run)
 
 
 @settings(max_examples=25, deadline=None)
@@ -105,7 +99,7 @@ def test_title_note_and_legend_can_be_left_out_with_their_room(
 
 def test_a_note_without_a_title_stands_in_its_place(alternating: Plan) -> None:
     whole, note, title = (
-        specs_of(alternating, ["formation"], style=style)["formation"]["layout"]
+        spec_of(alternating, "formation", style=style)["layout"]
         for style in (PLAIN, FigureStyle(title=False), FigureStyle(subtitle=False))
     )
     said = whole["title"]["subtitle"]
@@ -117,7 +111,7 @@ def test_a_note_without_a_title_stands_in_its_place(alternating: Plan) -> None:
 
 
 def test_a_height_is_kept_or_refused(alternating: Plan) -> None:
-    spec = specs_of(alternating, ["formation"], style=FigureStyle(height=700))["formation"]
+    spec = spec_of(alternating, "formation", style=FigureStyle(height=700))
     assert spec["layout"]["height"] == 700
     with pytest.raises(InputError, match="leave no room for the plot; at this width it needs"):
         specs_of(alternating, ["formation"], style=FigureStyle(height=170))
@@ -143,7 +137,7 @@ def test_an_unknown_theme_is_refused() -> None:
 
 def test_text_is_scaled_and_lines_are_not(alternating: Plan) -> None:
     one, two = (
-        specs_of(alternating, ["spectrum"], style=FigureStyle(font_scale=scale))["spectrum"]
+        spec_of(alternating, "spectrum", style=FigureStyle(font_scale=scale))
         for scale in (1.0, 2.0)
     )
     for key in ("title", "legend"):
@@ -181,7 +175,7 @@ def _label_spacing(spec: dict[str, Any]) -> float:
 def test_the_timeline_of_a_hundred_has_a_readable_row_for_each_vehicle(
     large: Plan, width: int
 ) -> None:
-    spec = specs_of(large, ["timeline"], style=FigureStyle(width=width))["timeline"]
+    spec = spec_of(large, "timeline", style=FigureStyle(width=width))
     assert spec["layout"]["yaxis"]["ticktext"] == large.scenario.vehicle_names
     assert _label_spacing(spec) >= LEAST_LABEL_PX
     assert spec["layout"]["height"] < 2000
@@ -189,7 +183,7 @@ def test_the_timeline_of_a_hundred_has_a_readable_row_for_each_vehicle(
 
 def test_of_many_rows_every_few_have_a_label() -> None:
     shape = {"shape": "line", "count": 240, "spacing_m": 70.0}
-    spec = specs_of(plan(small(formation=shape), bound="never"), ["timeline"])["timeline"]
+    spec = spec_of(plan(small(formation=shape), bound="never"), "timeline")
     assert len(spec["layout"]["yaxis"]["ticktext"]) < 200
     assert _label_spacing(spec) >= LEAST_LABEL_PX
     assert spec["layout"]["height"] < 2200
@@ -224,14 +218,14 @@ def test_a_timeline_keeps_the_vehicles_with_the_least_contact_and_says_so(
     for one in rows_of(large):
         seen = float(np.diff(one.windows).sum())
         contact[one.observer] = contact.get(one.observer, 0.0) + seen
-    assert "least contact" not in note_of(specs_of(large, ["timeline"])["timeline"])
+    assert "least contact" not in note_of(spec_of(large, "timeline"))
     monkeypatch.setattr("syncplan.plotting.contact_figures.MOST_ROWS", 5)
     lanes, labels = lanes_of(large, body_names(large))
     kept = {lane.sighting.observer for lane in lanes}
     assert [f"v{k + 1}" for k in sorted(kept)] == labels
     assert len(kept) == 5
     assert max(contact[k] for k in kept) <= min(contact[k] for k in contact if k not in kept)
-    note = note_of(specs_of(large, ["timeline"])["timeline"])
+    note = note_of(spec_of(large, "timeline"))
     assert note.endswith(f"rows are the 5 of {len(contact)} vehicles with the least contact")
 
 
@@ -331,7 +325,7 @@ def test_bars_too_thin_for_their_patterns_become_marks() -> None:
     run = validate(team, trials=2, seed=1, duration=2.0)
     few = validate(small(), trials=2, seed=1, duration=2.0)
     for subject, bars in ((run, False), (few, True)):
-        spec = specs_of(subject, ["accuracy"], style=FigureStyle(width=400))["accuracy"]
+        spec = spec_of(subject, "accuracy", style=FigureStyle(width=400))
         assert any(trace["type"] == "bar" for trace in spec["data"]) == bars
-    marks = specs_of(run, ["accuracy"], style=FigureStyle(width=400))["accuracy"]["data"]
+    marks = spec_of(run, "accuracy", style=FigureStyle(width=400))["data"]
     assert len({trace["marker"]["symbol"] for trace in marks}) == len(marks)

@@ -18,7 +18,7 @@ from syncplan.plotting.figure_style import PLAIN, FigureStyle
 from syncplan.plotting.figures import specs_of
 from syncplan.plotting.links import DROPPED, link_ends, standing_of
 from syncplan.plotting.maps import view_of
-from tests.tools.figure_parts import note_of, trace_of, turns_of
+from tests.tools.figure_parts import note_of, spec_of, trace_of, turns_of
 from tests.tools.image_browser import needs_browser
 from tests.tools.scenarios import example, small
 
@@ -64,7 +64,7 @@ def _link_lines(spec: dict[str, Any]) -> list[np.ndarray]:
 
 
 def test_links_end_at_the_rims_of_their_circles(team: Plan) -> None:
-    spec = specs_of(team, ["formation"])["formation"]
+    spec = spec_of(team, "formation")
     lines = _link_lines(spec)
     bodies = np.concatenate([team.orbits.centers, team.landmarks.reshape(-1, 2)])
     reach = np.concatenate([team.orbits.radii, np.zeros(len(team.landmarks))])
@@ -103,7 +103,7 @@ def test_ends_lie_on_both_rims_however_two_circles_lie(
 
 @pytest.mark.parametrize("style", STYLES, ids=["wide", "column", "large text"])
 def test_no_link_strikes_through_a_name(team: Plan, style: FigureStyle) -> None:
-    spec = specs_of(team, ["formation"], style=style)["formation"]
+    spec = spec_of(team, "formation", style=style)
     scale = view_of(style, team).scale
     along = np.linspace(0.0, 1.0, 801)[:, None]
     lines = _link_lines(spec)
@@ -121,7 +121,7 @@ def test_no_link_strikes_through_a_name(team: Plan, style: FigureStyle) -> None:
 
 
 def test_names_fit_their_circles_where_there_is_room(team: Plan) -> None:
-    spec = specs_of(team, ["formation"])["formation"]
+    spec = spec_of(team, "formation")
     names, scale = trace_of(spec, "names"), view_of(PLAIN, team).scale
     for text, size in zip(names["text"], names["textfont"]["size"], strict=True):
         assert 7.0 <= size <= 13.0
@@ -130,7 +130,7 @@ def test_names_fit_their_circles_where_there_is_room(team: Plan) -> None:
 
 def test_a_landmark_s_name_stands_where_no_link_comes_from() -> None:
     made = _wide_range(landmarks_m=[[35.0, 40.0], [35.0, -40.0]])
-    spec = specs_of(made, ["formation"])["formation"]
+    spec = spec_of(made, "formation")
     above, below = trace_of(spec, "landmarks")["textposition"]
     assert above.startswith("top")
     assert below.startswith("bottom")
@@ -140,7 +140,7 @@ def test_lines_of_many_vehicles_are_thinner() -> None:
     widths = {}
     for count in (6, 100):
         shape = {"shape": "grid", "count": count, "columns": 10, "spacing_m": 70.0}
-        spec = specs_of(plan(small(formation=shape), bound="never"), ["formation"])["formation"]
+        spec = spec_of(plan(small(formation=shape), bound="never"), "formation")
         widths[count] = {
             trace["uid"]: trace["line"]["width"]
             for trace in spec["data"]
@@ -157,12 +157,12 @@ def test_links_are_thinner_where_each_vehicle_has_many() -> None:
         sensor = {"range_m": reach, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1}
         shape = {"shape": "grid", "count": 12, "columns": 4, "spacing_m": 70.0}
         made = plan(small(formation=shape, sensor=sensor), bound="never")
-        spec = specs_of(made, ["formation"])["formation"]
+        spec = spec_of(made, "formation")
         widths.append(trace_of(spec, "link-certified")["line"]["width"])
     assert 0.5 < widths[1] < widths[0]
 
 
-def test_areas_are_on_every_map() -> None:
+def test_areas_are_on_every_map_at_one_scale() -> None:
     zone = [[30.0, 35.0], [40.0, 35.0], [35.0, 45.0]]
     shelf = [[60.0, -45.0], [80.0, -45.0], [80.0, -40.0]]
     walls = [zone, shelf]
@@ -171,6 +171,8 @@ def test_areas_are_on_every_map() -> None:
     )
     specs = specs_of(made, ["formation", "animation", "comparison"], after=made)
     for name, spec in specs.items():
+        scale = (spec["layout"]["yaxis"][key] for key in ("scaleanchor", "scaleratio"))
+        assert tuple(scale) == ("x", 1)
         area, kept_out = trace_of(spec, "area"), trace_of(spec, "keep-out")
         drawn = np.column_stack([area["x"][:4], area["y"][:4]]).astype(float)
         np.testing.assert_allclose(drawn, AREA, err_msg=name)
@@ -189,14 +191,14 @@ def test_a_comparison_shows_and_says_which_vehicles_turn_round() -> None:
     before = plan(small(formation=ROW), bound="never")
     senses = np.array([1.0, -1.0, 1.0, 1.0])
     after = plan_of(Loaded(before.scenario, replace(before.orbits, senses=senses)))
-    spec = specs_of(before, ["comparison"], after=after)["comparison"]
+    spec = spec_of(before, "comparison", after=after)
     for side, one in (("before", before), ("after", after)):
         heads = trace_of(spec, f"heads-{side}")
         arm = np.column_stack([heads["x"], heads["y"]]) - one.orbits.centers
         np.testing.assert_allclose(np.hypot(*arm.T), one.orbits.radii, atol=0.01)
         np.testing.assert_array_equal(turns_of(heads, one.orbits.centers), one.orbits.senses)
     assert note_of(spec).endswith("v2 changes direction")
-    same = specs_of(before, ["comparison"], after=before)["comparison"]
+    same = spec_of(before, "comparison", after=before)
     assert note_of(same).endswith("all keep their direction")
 
 
@@ -225,28 +227,30 @@ def test_ranks_and_kinds_of_links_differ_in_more_than_width_and_colour() -> None
 def test_an_incidental_link_has_its_mark_in_the_middle() -> None:
     made = plan(small(formation=ROW), bound="never")
     other = replace(made, links=made.links[1:], incidental_links=made.links[:1])
-    spec = specs_of(other, ["formation"])["formation"]
+    spec = spec_of(other, "formation")
     (trace,) = (one for one in spec["data"] if one.get("uid", "").startswith("incidental"))
     assert trace["marker"]["symbol"] == "circle-open"
     assert [size > 0.0 for size in trace["marker"]["size"]] == [False, True, False, False]
     assert trace["x"][1] == pytest.approx(0.5 * (trace["x"][0] + trace["x"][2]))
 
 
+@pytest.mark.long
 @needs_browser
-@pytest.mark.parametrize("size", [(400, None), (500, 900)])
-def test_circles_are_round(size: tuple[int, int | None]) -> None:
-    style = FigureStyle(width=size[0], height=size[1])
+def test_circles_are_round() -> None:
     made = plan(example("paper-grid-same"), bound="never")
-    specs = specs_of(made, ["formation"], style=style)
-    svg = figure_images(specs, "svg", style)["formation"].decode("utf-8")
-    # from the circles' trace to the next one
-    drawn = svg.split("tracecircles-ccw")[1].split('class="trace scatter')[0]
-    lines = re.findall(r'class="js-line"[^>]*? d="([^"]+)"', drawn)
-    circles = [np.array(re.findall(r"-?[\d.]+", line), dtype=float) for line in lines]
-    assert len(circles) == made.orbits.count
-    for one in circles:
-        wide, tall = np.ptp(one.reshape(-1, 2), axis=0)
-        assert wide == pytest.approx(tall, rel=0.01)
+    specs = {
+        str(height): spec_of(made, "formation", style=FigureStyle(width=500, height=height))
+        for height in (None, 900)
+    }
+    for image in figure_images(specs, "svg", FigureStyle(width=500)).values():
+        # from the circles' trace to the next one
+        drawn = image.decode("utf-8").split("tracecircles-ccw")[1].split('class="trace scatter')[0]
+        lines = re.findall(r'class="js-line"[^>]*? d="([^"]+)"', drawn)
+        circles = [np.array(re.findall(r"-?[\d.]+", line), dtype=float) for line in lines]
+        assert len(circles) == made.orbits.count
+        for one in circles:
+            wide, tall = np.ptp(one.reshape(-1, 2), axis=0)
+            assert wide == pytest.approx(tall, rel=0.01)
 
 
 def test_maps_of_many_vehicles_leave_details_to_the_hover_texts(

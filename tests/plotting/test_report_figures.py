@@ -24,34 +24,12 @@ from syncplan.reports.validation_report import (
     sweep_document,
     validation_document,
 )
-from tests.tools.figure_parts import note_of, trace_of
+from tests.tools.figure_parts import note_of, spec_of, trace_of
 from tests.tools.scenarios import example, small
 
 
-@pytest.fixture(scope="module")
-def flown() -> Validation:
-    return validate(example("paper-grid-same"), trials=20, seed=1, duration=50.0, with_series=True)
-
-
-@pytest.fixture(scope="module")
-def report(flown: Validation) -> ValidationDocument:
-    return validation_document(flown)
-
-
-def test_a_validation_and_its_report_give_the_same_figures(
-    flown: Validation, report: ValidationDocument
-) -> None:
-    read_back = ValidationDocument.model_validate(json.loads(json.dumps(report.as_json())))
-    one, two, three = (json.dumps(specs_of(subject)) for subject in (flown, report, read_back))
-    assert one == two == three
-    assert list(specs_of(report)) == ["accuracy", "errors", "consistency"]
-    for name, spec in specs_of(report).items():
-        assert Figure(spec).to_json(), name
-    assert set(figures.figures_of(report)) == {"accuracy", "errors", "consistency"}
-
-
 def test_bars_are_the_errors_found_and_predicted(report: ValidationDocument) -> None:
-    spec = specs_of(report, ["accuracy"])["accuracy"]
+    spec = spec_of(report, "accuracy")
     for uid, key in (
         ("late", "rms_second_half_m"),
         ("whole", "rms_m"),
@@ -70,15 +48,15 @@ def test_a_report_without_a_prediction_has_no_bars_of_it(report: ValidationDocum
     values = report.as_json()
     for figure in [*values["vehicles"], values["overall"]]:
         figure["predicted_rms_m"] = figure["rms_over_predicted"] = None
-    spec = specs_of(ValidationDocument.model_validate(values), ["accuracy"])["accuracy"]
+    spec = spec_of(ValidationDocument.model_validate(values), "accuracy")
     assert [trace["uid"] for trace in spec["data"]] == ["late", "whole", "median"]
 
 
 def test_the_band_is_three_sigma_of_each_axis_about_zero(
-    flown: Validation, report: ValidationDocument
+    run_with_series: Validation, report: ValidationDocument
 ) -> None:
-    kept = series(flown.result)
-    spec = specs_of(report, ["errors"])["errors"]
+    kept = series(run_with_series.result)
+    spec = spec_of(report, "errors")
     # small multiples have half as many points
     every = -(-2 * len(kept.position_rms) // MOST_POINTS)
     for k, vehicle in enumerate(report.vehicles):
@@ -94,23 +72,25 @@ def test_the_band_is_three_sigma_of_each_axis_about_zero(
     assert "mean error of 20 trials" in note_of(spec)
 
 
-def test_axes_of_the_series_make_up_the_position(flown: Validation) -> None:
-    kept = series(flown.result)
+def test_axes_of_the_series_make_up_the_position(run_with_series: Validation) -> None:
+    kept = series(run_with_series.result)
     whole = np.hypot(kept.axis_rms[..., 0], kept.axis_rms[..., 1])
     np.testing.assert_allclose(whole, kept.position_rms, rtol=1e-12)
     whole = np.hypot(kept.axis_sigma[..., 0], kept.axis_sigma[..., 1])
     np.testing.assert_allclose(whole, kept.position_sigma, rtol=1e-12)
     # at time 0 each axis has the initial sigma
-    np.testing.assert_allclose(kept.axis_sigma[0], flown.plan.noise.position_sigma, rtol=1e-12)
+    np.testing.assert_allclose(
+        kept.axis_sigma[0], run_with_series.plan.noise.position_sigma, rtol=1e-12
+    )
     # over the run, axis by axis, they come to the totals of the trials
     totals = np.sqrt(np.mean(kept.axis_rms[1:] ** 2, axis=0))
-    np.testing.assert_allclose(totals[:, 0], flown.accuracy.x, rtol=1e-9)
-    np.testing.assert_allclose(totals[:, 1], flown.accuracy.y, rtol=1e-9)
+    np.testing.assert_allclose(totals[:, 0], run_with_series.accuracy.x, rtol=1e-9)
+    np.testing.assert_allclose(totals[:, 1], run_with_series.accuracy.y, rtol=1e-9)
 
 
 def test_a_single_trial_shows_its_error_and_no_spread() -> None:
     one = validate(small(landmarks_m=[[35, 9]]), trials=1, duration=5.0, with_series=True)
-    spec = specs_of(one, ["errors"])["errors"]
+    spec = spec_of(one, "errors")
     assert {trace["uid"].split("-")[0] for trace in spec["data"]} == {"band", "mean"}
     assert trace_of(spec, "mean-v1-0")["name"] == "error"
     final = one.result.final_errors[0, 0]
@@ -121,7 +101,7 @@ def test_a_single_trial_shows_its_error_and_no_spread() -> None:
 def test_of_a_large_team_the_worst_are_drawn_or_those_named() -> None:
     shape = {"shape": "grid", "count": 20, "columns": 5, "spacing_m": 70.0}
     run = validate(small(formation=shape), trials=4, duration=2.0, with_series=True)
-    spec = specs_of(run, ["errors"])["errors"]
+    spec = spec_of(run, "errors")
     drawn = {trace["uid"].split("-")[1] for trace in spec["data"]}
     order = np.argsort(-run.accuracy.position, kind="stable")[:MOST_VEHICLES]
     assert drawn == {f"v{k + 1}" for k in order}
@@ -140,7 +120,7 @@ def test_a_report_without_series_says_how_to_get_one(report: ValidationDocument)
 
 
 def test_consistency_shows_value_band_and_verdict(report: ValidationDocument) -> None:
-    spec = specs_of(report, ["consistency"])["consistency"]
+    spec = spec_of(report, "consistency")
     for name, figure in (("ANEES", report.anees), ("NIS", report.nis)):
         assert figure.band is not None
         np.testing.assert_allclose(trace_of(spec, f"{name}-band")["x"], figure.band)
@@ -157,7 +137,7 @@ def test_consistency_shows_value_band_and_verdict(report: ValidationDocument) ->
 def test_a_dishonest_filter_is_reported_by_symbol_and_words(report: ValidationDocument) -> None:
     wrong = report.anees.model_copy(update={"value": 3.0, "verdict": "optimistic"})
     bad = report.model_copy(update={"anees": wrong})
-    spec = specs_of(bad, ["consistency"])["consistency"]
+    spec = spec_of(bad, "consistency")
     assert trace_of(spec, "ANEES-value")["marker"]["symbol"] == "triangle-right"
     low, high = spec["layout"]["xaxis"]["range"]
     assert low < 1.0
@@ -166,7 +146,7 @@ def test_a_dishonest_filter_is_reported_by_symbol_and_words(report: ValidationDo
 
 def test_a_single_trial_has_a_value_and_no_interval() -> None:
     one = validate(small(landmarks_m=[[35, 9]]), trials=1, duration=5.0)
-    spec = specs_of(one, ["consistency"])["consistency"]
+    spec = spec_of(one, "consistency")
     assert "ANEES-band" not in {trace["uid"] for trace in spec["data"]}
     assert trace_of(spec, "ANEES-value")["x"] == [one.anees.value]
     texts = [note["text"] for note in spec["layout"]["annotations"]]
@@ -181,15 +161,15 @@ def test_a_report_of_an_earlier_version_keeps_its_band(report: ValidationDocumen
         for key in ("median_rms_second_half_m", "share_over_3_predicted"):
             del figure[key]
     old = ValidationDocument.model_validate(values)
-    spec = specs_of(old, ["consistency"])["consistency"]
+    spec = spec_of(old, "consistency")
     assert trace_of(spec, "ANEES-band")["name"] == "95 % band"
-    accuracy = specs_of(old, ["accuracy"])["accuracy"]
+    accuracy = spec_of(old, "accuracy")
     assert "median" not in {trace["uid"] for trace in accuracy["data"]}
 
 
 def test_a_run_without_bearings_has_nothing_to_judge() -> None:
     lonely = small(formation={"centers_m": [[0.0, 0.0], [500.0, 0.0]]})
-    alone = specs_of(validate(lonely, trials=2, duration=2.0), ["consistency"])["consistency"]
+    alone = spec_of(validate(lonely, trials=2, duration=2.0), "consistency")
     assert any("nothing to judge" in note["text"] for note in alone["layout"]["annotations"])
     assert Figure(alone).to_json()
 
@@ -211,7 +191,7 @@ def swept() -> SweepReport:
 
 
 def test_sweep_curves_run_over_the_values_in_order(swept: SweepReport) -> None:
-    spec = specs_of(swept)["sweep"]
+    spec = spec_of(swept, "sweep")
     by_value = {row.value: row for row in swept.rows[:2]}
     curve = trace_of(spec, "x")
     assert curve["x"] == [0.2, 0.4]
@@ -228,9 +208,9 @@ def test_sweep_curves_run_over_the_values_in_order(swept: SweepReport) -> None:
 
 def test_a_row_that_is_not_observable_is_crossed_out(swept: SweepReport) -> None:
     lost = swept.rows[0].model_copy(update={"rank": 5})
-    spec = specs_of(SweepReport(swept=swept.swept, rows=[lost, *swept.rows[1:]]))["sweep"]
+    spec = spec_of(SweepReport(swept=swept.swept, rows=[lost, *swept.rows[1:]]), "sweep")
     assert trace_of(spec, "unobservable")["x"] == [0.4]
-    assert all(trace["uid"] != "unobservable" for trace in specs_of(swept)["sweep"]["data"])
+    assert all(trace["uid"] != "unobservable" for trace in spec_of(swept, "sweep")["data"])
 
 
 def test_texts_break_lines_and_hold_no_other_markup(
@@ -242,14 +222,14 @@ def test_texts_break_lines_and_hold_no_other_markup(
         assert set(tags) <= {"<br>", "<extra>", "</extra>"}
 
 
-def test_a_report_is_not_compared_with_a_plan(flown: Validation) -> None:
+def test_a_report_is_not_compared_with_a_plan(run_with_series: Validation) -> None:
     with pytest.raises(InputError, match="only a plan"):
-        specs_of(flown, after=flown.plan)
+        specs_of(run_with_series, after=run_with_series.plan)
 
 
 def test_losses_are_bars_and_those_that_end_observability_grow_beyond_the_axis() -> None:
     document = what_if_document(what_if(example("paper-grid-same")))
-    spec = specs_of(document)["losses"]
+    spec = spec_of(document, "losses")
     ends, stays = trace_of(spec, "ends"), trace_of(spec, "stays")
     assert set(ends["y"]) == {"v3", "v4", "sensor of v3", "sensor of v4", "L1", "L2"}
     assert ends["marker"]["pattern"]["shape"]
@@ -270,20 +250,21 @@ def test_losses_are_bars_and_those_that_end_observability_grow_beyond_the_axis()
 
 
 def test_the_errors_of_a_plan_that_is_not_observable_grow_with_nothing_lost() -> None:
-    spec = specs_of(what_if(example("paper-grid-alternate")))["losses"]
+    spec = spec_of(what_if(example("paper-grid-alternate")), "losses")
     assert {trace["uid"] for trace in spec["data"]} == {"ends", "growing"}
     assert spec["layout"]["xaxis"]["showticklabels"] is False
 
 
 def test_without_predicted_errors_the_figure_of_losses_says_why() -> None:
-    spec = specs_of(what_if(small(), bound="never"))["losses"]
+    spec = spec_of(what_if(small(), bound="never"), "losses")
     assert spec["data"] == []
     assert "not asked for" in spec["layout"]["annotations"][0]["text"]
 
 
 def test_of_many_losses_the_most_harmful_are_drawn() -> None:
-    found = what_if(example("paper-grid-same"), losses=2)
-    spec = specs_of(found)["losses"]
+    row = {"shape": "line", "count": 4, "spacing_m": 70.0}
+    team = small(formation=row, landmarks_m=[[30.0, 20.0], [40.0, -20.0]])
+    spec = spec_of(what_if(team, losses=2), "losses")
     assert len(spec["layout"]["yaxis"]["categoryarray"]) == 30
     assert len(trace_of(spec, "baseline")["y"]) == 30
     assert "the 30 most harmful are shown" in note_of(spec)

@@ -10,8 +10,9 @@ from syncplan.planning.validation import validate
 from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.figures import specs_of
 from syncplan.plotting.series_figures import MOST_STATES
+from syncplan.reports.run_figures import StateErrorSeries
 from syncplan.reports.validation_report import ValidationDocument, validation_document
-from tests.tools.figure_parts import trace_of
+from tests.tools.figure_parts import spec_of, trace_of
 from tests.tools.scenarios import small
 
 
@@ -27,20 +28,26 @@ def _of(report: ValidationDocument, **changes: object) -> ValidationDocument:
     return report.model_copy(update={"series": series})
 
 
+def states_of(report: ValidationDocument) -> list[StateErrorSeries]:
+    """The further states of a report."""
+    assert report.series is not None
+    assert report.series.errors is not None
+    return report.series.errors
+
+
 def _drawn(report: ValidationDocument, **style: Any) -> dict[str, Any]:
-    return specs_of(report, ["states"], style=FigureStyle(**style))["states"]
+    return spec_of(report, "states", style=FigureStyle(**style))
 
 
 def test_each_state_has_a_panel_with_what_was_found_and_predicted(
     report: ValidationDocument,
 ) -> None:
     assert report.series is not None
-    assert report.series.errors is not None
     assert list(specs_of(report)) == ["accuracy", "errors", "states", "consistency"]
     curves = {one["uid"]: one for one in _drawn(report)["data"]}
     lines = [uid for uid, one in curves.items() if one["mode"] == "lines"]
-    assert len(lines) == 3 * len(report.series.errors)
-    for state in report.series.errors:
+    assert len(lines) == 3 * len(states_of(report))
+    for state in states_of(report):
         assert state.predicted is not None
         for key, values in (("rms", state.rms), ("sigma", state.sigma)):
             assert curves[f"{key}-{state.state}"]["y"] == pytest.approx(values, rel=1e-3)
@@ -52,14 +59,12 @@ def test_each_state_has_a_panel_with_what_was_found_and_predicted(
 
 
 def test_curves_that_coincide_have_marks_apart(report: ValidationDocument) -> None:
-    assert report.series is not None
-    assert report.series.errors is not None
     same = [
         one.model_copy(update={"predicted": one.sigma, "rms": one.sigma})
-        for one in report.series.errors
+        for one in states_of(report)
     ]
     shown = _drawn(_of(report, errors=same))
-    first = report.series.errors[0].state
+    first = same[0].state
     marks = {k: trace_of(shown, f"marks-{k}-{first}") for k in ("sigma", "rms", "predicted")}
     times = [time for one in marks.values() for time in one["x"]]
     assert len(set(times)) == len(times) == 3 * 4
@@ -78,7 +83,7 @@ def test_curves_that_coincide_have_marks_apart(report: ValidationDocument) -> No
         assert (entry["marker"], entry["line"]) == (one["marker"], line["line"])
         assert entry["legendgroup"] == one["legendgroup"] == line["legendgroup"]
     assert len({one["marker"]["symbol"] for one in marks.values()}) == 3
-    assert shown["layout"]["xaxis"]["range"] == [report.series.time_s[0], report.series.time_s[-1]]
+    assert shown["layout"]["xaxis"]["range"] == [0.0, 20.0]
 
 
 def test_the_lowest_panel_of_each_column_has_the_times(report: ValidationDocument) -> None:
@@ -91,9 +96,7 @@ def test_the_lowest_panel_of_each_column_has_the_times(report: ValidationDocumen
 
 
 def test_of_many_states_the_least_known_of_each_kind_are_drawn(report: ValidationDocument) -> None:
-    assert report.series is not None
-    assert report.series.errors is not None
-    wind, _, scale, _ = report.series.errors
+    wind, _, scale, _ = states_of(report)
     many = [
         scale.model_copy(
             update={"state": f"speed scale of v{k}", "rms": (0.01 * k * np.ones(5)).tolist()}
@@ -108,9 +111,7 @@ def test_of_many_states_the_least_known_of_each_kind_are_drawn(report: Validatio
 
 
 def test_without_a_bound_none_is_drawn(report: ValidationDocument) -> None:
-    assert report.series is not None
-    assert report.series.errors is not None
-    unknown = [one.model_copy(update={"predicted": None}) for one in report.series.errors]
+    unknown = [one.model_copy(update={"predicted": None}) for one in states_of(report)]
     curves = _drawn(_of(report, errors=unknown))["data"]
     assert {one["uid"].split("-")[0] for one in curves if "xaxis" in one} == {
         "sigma",

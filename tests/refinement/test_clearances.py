@@ -1,6 +1,7 @@
 """Refinement keeps clear of landmarks and keep-outs, on the side where its start has them."""
 
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import casadi as ca
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 from syncplan.arrays import Array
 from syncplan.orbits.circles import position
 from syncplan.orbits.contacts import landmark_gaps
-from syncplan.planning.judged_team import landmark_limit
+from syncplan.planning.judged_team import PlanFinding, landmark_limit
 from syncplan.planning.plan_files import loaded_from, plan_of
 from syncplan.planning.planner import Plan
 from syncplan.refinement.constraints import (
@@ -23,12 +24,13 @@ from syncplan.refinement.constraints import (
     sides_of,
 )
 from syncplan.refinement.problem import Freedom, RefineProblem, circles_of
-from syncplan.refinement.problem_setup import problem_of
-from syncplan.refinement.refiner import options_for, refine
+from syncplan.refinement.refiner import refine
 from syncplan.reports.plan_report import plan_document
 from syncplan.scenario.areas import Area
 from tests.tools.scenarios import planned
-from tests.tools.smooth_problems import record_of
+from tests.tools.smooth_problems import posed, record_of
+
+pytestmark = pytest.mark.usefixtures("short_exact_search")
 
 INSTANTS = 20_000
 SENSED = [[0.0, 45.0], [70.0, -40.0]]
@@ -42,10 +44,6 @@ def made(**changes: Any) -> Plan:
     return planned(**{"landmarks_m": SENSED, "duration_s": 60.0, **changes})
 
 
-def posed(given_plan: Plan, **options: Any) -> RefineProblem:
-    return problem_of(given_plan, options_for(given_plan.scenario, None, options))
-
-
 def nearest(judged: Plan) -> float:
     """The least distance of any vehicle from any landmark, at many instants."""
     where = position(judged.orbits, np.linspace(0.0, judged.orbits.period, INSTANTS))
@@ -56,8 +54,8 @@ def asked(judged: Plan) -> float:
     return landmark_limit(judged.scenario).least(judged.orbits.radii)
 
 
-def findings(judged: Plan) -> dict[str, str]:
-    return {one.code: one.message for one in judged.verdict.findings}
+def findings(judged: Plan) -> dict[str, PlanFinding]:
+    return {one.code: one for one in judged.verdict.findings}
 
 
 def reread(made_plan: Plan) -> Plan:
@@ -105,9 +103,9 @@ def test_phases_alone_move_no_path_and_the_finding_says_so() -> None:
     refined = refine(near, starts=1, workers=1, objective="logdet", vary=["phases"])
     assert record_of(refined).improved
     assert not record_of(refined).cleared
-    (reported,) = (one for one in refined.verdict.stops if one.code == "landmark-too-close")
-    assert reported.cure is not None
-    assert "phases alone, which moves no path" in reported.cure.text
+    cure = findings(refined)["landmark-too-close"].cure
+    assert cure is not None
+    assert "phases alone, which moves no path" in cure.text
     assert findings(reread(refined)) == findings(refined)
     np.testing.assert_array_equal(refined.orbits.centers, near.orbits.centers)
 
@@ -115,9 +113,9 @@ def test_phases_alone_move_no_path_and_the_finding_says_so() -> None:
 def test_a_landmark_that_bounds_leave_no_way_to_clear_is_not_come_nearer_to() -> None:
     near = made(landmarks_m=[*SENSED, [0.0, -20.5]], landmark_clearance_m=4.0)
     refined = refine(near, starts=1, workers=1, objective="logdet", center_box_m=1.0)
-    (reported,) = (one for one in refined.verdict.stops if one.code == "landmark-too-close")
-    assert reported.cure is not None
-    assert "refinement could not clear it" in reported.cure.text
+    cure = findings(refined)["landmark-too-close"].cure
+    assert cure is not None
+    assert "refinement could not clear it" in cure.text
     assert nearest(near) < nearest(refined) < 4.0
 
 
@@ -129,10 +127,8 @@ def test_a_plan_that_orbits_an_obstacle_is_refined_and_still_does(area: Any) -> 
     assert record_of(refined).improved
     assert "in-keep-out" not in findings(refined)
     obstacle = Area(None, (np.array(SQUARE),))
-    assert obstacle.goes_round(0, refined.orbits.centers, refined.orbits.radii).tolist() == [
-        True,
-        False,
-    ]
+    round_it = obstacle.goes_round(0, refined.orbits.centers, refined.orbits.radii)
+    assert round_it.tolist() == [True, False]
 
 
 def test_a_path_through_a_keep_out_is_moved_off_it() -> None:
@@ -146,22 +142,9 @@ def test_a_path_through_a_keep_out_is_moved_off_it() -> None:
 # --- the solver's copy ----------------------------------------------------------------------------
 
 
-def seen(problem: RefineProblem, circles: Array) -> tuple[Array, Array]:
-    """Values of landmarks kept, then least value of each vehicle over the edges of areas."""
-    expression, sides = ca.MX.sym("X", 4, problem.orbits.count), ca.MX.sym("s", side_count(problem))
-    rows = [
-        landmark_clearances(problem, expression, sides).values,
-        area_clearances(problem, expression, sides).values,
-    ]
-    scaled = circles.copy()
-    scaled[:3] /= problem.scale
-    values = ca.Function("c", [expression, sides], rows)(scaled, sides_of(problem, circles))
-    landmarks, edges = (np.array(one).ravel() for one in values)
-    return landmarks, edges.reshape(-1, problem.orbits.count).min(axis=0) * problem.scale
-
-
-@given(st.lists(LENGTHS, min_size=6, max_size=6))
-def test_the_solver_sees_the_clearances_that_the_exact_code_finds(shifts: list[float]) -> None:
+@cache
+def obstructed() -> tuple[RefineProblem, ca.Function]:
+    """A problem with obstacles, and clearances from landmarks and areas as the solver sees them."""
     corner = [[12.0, 15.0], [30.0, 12.0], [24.0, 31.0]]
     problem = posed(
         made(
@@ -173,10 +156,27 @@ def test_the_solver_sees_the_clearances_that_the_exact_code_finds(shifts: list[f
         vary=["phases", "centers", "radii"],
         radius_m=[5.0, 60.0],
     )
+    symbols = [ca.MX.sym("X", 4, problem.orbits.count), ca.MX.sym("s", side_count(problem))]
+    rows = [of(problem, *symbols).values for of in (landmark_clearances, area_clearances)]
+    return problem, ca.Function("c", symbols, rows)
+
+
+def seen(circles: Array) -> tuple[Array, Array]:
+    """Values of landmarks kept, then least value of each vehicle over the edges of areas."""
+    problem, clearances = obstructed()
+    scaled = circles.copy()
+    scaled[:3] /= problem.scale
+    landmarks, edges = map(np.array, clearances(scaled, sides_of(problem, circles)))
+    return landmarks.ravel(), edges.reshape(-1, problem.orbits.count).min(axis=0) * problem.scale
+
+
+@given(st.lists(LENGTHS, min_size=6, max_size=6))
+def test_the_solver_sees_the_clearances_that_the_exact_code_finds(shifts: list[float]) -> None:
+    problem, _ = obstructed()
     circles = circles_of(problem.orbits)
     circles[:2] += np.reshape(shifts[:4], (2, 2))
     circles[2] += np.abs(shifts[4:]) / 2.0
-    landmarks, edges = seen(problem, circles)
+    landmarks, edges = seen(circles)
     exact = landmark_gaps(circles[:2].T, circles[2], problem.landmarks)
     # the solver keeps a ten-thousandth more than is asked
     wanted = exact[tuple(kept_landmarks(problem).T)] / (4.0 * (1.0 + 1e-4))

@@ -11,20 +11,20 @@ from syncplan.refinement.refiner import refine
 from tests.tools.scenarios import small
 from tests.tools.smooth_problems import record_of
 
+pytestmark = pytest.mark.usefixtures("short_exact_search")
+
 PERIOD_S = 2.0 * np.pi / 0.2
-FAR = {"centers_m": [[0.0, 0.0], [500.0, 0.0]]}
+NOTHING_SEEN = {"formation": {"centers_m": [[0.0, 0.0], [500.0, 0.0]]}, "landmarks_m": None}
 SHARED = {"centers_m": [[0.0, 0.0], [0.0, 0.0]]}
 LANDMARKS = [[0.0, 45.0], [70.0, -40.0]]
 
 THIN: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "one vehicle": ({"formation": {"centers_m": [[0.0, 0.0]]}}, {}),
     "nothing to vary": ({"formation": {"centers_m": [[0.0, 0.0]]}}, {"vary": ["phases"]}),
-    "nothing seen": ({"formation": FAR, "landmarks_m": None}, {}),
-    "nothing seen, trace": ({"formation": FAR, "landmarks_m": None}, {"objective": "trace"}),
-    "nothing seen, eigenvalue": (
-        {"formation": FAR, "landmarks_m": None},
-        {"objective": "min_eigenvalue"},
-    ),
+    **{
+        f"nothing seen, {objective}": (NOTHING_SEEN, {"objective": objective})
+        for objective in ("predicted_rms", "trace", "min_eigenvalue")
+    },
     "no landmarks": ({"landmarks_m": None}, {"objective": "logdet"}),
     "one orbit for all": ({"formation": SHARED}, {"objective": "logdet"}),
     "few samples a turn": (
@@ -35,13 +35,6 @@ THIN: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "a box of no size": ({}, {"vary": ["centers"], "center_box_m": 1e-9}),
     "radii held fast": ({}, {"vary": ["radii"], "radius_m": [20.0, 20.0]}),
 }
-
-
-@pytest.fixture(autouse=True)
-def short_exact_search(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Few measurements: nothing here is about how good a plan the exact search finds."""
-    monkeypatch.setattr("syncplan.refinement.exact_search._MOST_LOOKS", 40)
-    monkeypatch.setattr("syncplan.refinement.exact_search._MOST_RUNS", 30)
 
 
 def _given(**changes: Any) -> Plan:
@@ -77,18 +70,6 @@ def test_named_vehicles_keep_their_names() -> None:
     refined = refine(given, starts=1, workers=1, objective="logdet")
     assert record_of(refined).improved
     assert refined.scenario.vehicle_names == ["ann", "bob"]
-
-
-def test_processes_and_repetition_change_nothing() -> None:
-    given = _given()
-    first, again, apart = (
-        refine(given, starts=2, workers=workers, objective="min_eigenvalue")
-        for workers in (1, 1, 2)
-    )
-    for other in (again, apart):
-        assert other.orbits.phases.tobytes() == first.orbits.phases.tobytes()
-        assert other.orbits.centers.tobytes() == first.orbits.centers.tobytes()
-        assert other.refinement == first.refinement
 
 
 AREA = [[-40.0, -40.0], [130.0, -40.0], [130.0, 60.0], [-40.0, 60.0]]

@@ -1,5 +1,6 @@
 """Refinements of plans with a purpose: what circles are flown for is kept, or reached."""
 
+from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
@@ -10,10 +11,11 @@ from syncplan.arrays import Array
 from syncplan.planning.planner import Plan, judge, plan
 from syncplan.refinement.constraints import purpose_served
 from syncplan.refinement.problem import RefineProblem, circles_of
-from syncplan.refinement.problem_setup import problem_of
-from syncplan.refinement.refiner import options_for, refine
-from syncplan.scenario.purposes import PurposeMeasure
+from syncplan.refinement.refiner import refine
 from tests.tools.scenarios import circling, small
+from tests.tools.smooth_problems import posed
+
+pytestmark = pytest.mark.usefixtures("short_exact_search")
 
 PURPOSES: dict[str, dict[str, Any]] = {
     "cover": {"cover": {"share": 0.44, "swath_m": 24.0}},
@@ -22,7 +24,7 @@ PURPOSES: dict[str, dict[str, Any]] = {
 }
 
 
-def made(purpose: dict[str, Any], gap: float = 70.0) -> Plan:
+def made(purpose: dict[str, Any] | None, gap: float = 70.0) -> Plan:
     """A pair far enough apart to serve a purpose; it would see more from nearer."""
     return plan(
         small(
@@ -46,19 +48,20 @@ def worst(judged: Plan) -> float:
     return float(judged.prediction.rms.max())
 
 
-def posed(judged: Plan) -> tuple[RefineProblem, PurposeMeasure]:
-    problem = problem_of(judged, options_for(judged.scenario, None, {"center_box_m": 8.0}))
-    assert problem.purpose is not None
-    return problem, problem.purpose
-
-
 def room(judged: Plan) -> float:
-    _, measure = posed(judged)
-    return measure.room(judged.orbits.centers, judged.orbits.radii)
+    purpose = posed(judged).purpose
+    assert purpose is not None
+    return purpose.room(judged.orbits.centers, judged.orbits.radii)
+
+
+@pytest.fixture(scope="module")
+def free(short_exact_search: None) -> Plan:
+    """Refined for nothing but errors."""
+    return refined(made(None))
 
 
 @pytest.mark.parametrize("purpose", PURPOSES.values(), ids=PURPOSES.keys())
-def test_a_refined_plan_serves_its_purpose_still(purpose: dict[str, Any]) -> None:
+def test_a_refined_plan_serves_its_purpose_still(purpose: dict[str, Any], free: Plan) -> None:
     given = made(purpose)
     assert given.verdict.go
     better = refined(given)
@@ -66,7 +69,6 @@ def test_a_refined_plan_serves_its_purpose_still(purpose: dict[str, Any]) -> Non
     assert room(better) >= 0.0
     assert worst(better) < 0.97 * worst(given)
     # for nothing but errors, the circles would leave it
-    free = refined(plan(given.scenario.following(purpose=None)))
     assert worst(free) < worst(better)
     judged = judge(given.scenario, free.orbits, bound="never")
     assert [one.code for one in judged.verdict.stops] == ["purpose-missed"]
@@ -91,23 +93,26 @@ def test_a_purpose_that_is_missed_is_reached_first(purpose: dict[str, Any], gap:
 # --- the solver's copy ----------------------------------------------------------------------------
 
 
-def seen(problem: RefineProblem, circles: Array) -> Array:
-    """What the solver sees beyond what it needs."""
+def solvers_view(problem: RefineProblem) -> Callable[[Array], Array]:
+    """What the solver sees of circles beyond what it needs."""
     expression = ca.MX.sym("X", 4, problem.orbits.count)
     limits = purpose_served(problem, expression)
-    scaled = circles / np.array([[problem.scale]] * 3 + [[1.0]])
-    return np.array(ca.Function("c", [expression], [limits.values])(scaled)).ravel() - limits.lower
+    values = ca.Function("c", [expression], [limits.values])
+    scale = np.array([[problem.scale]] * 3 + [[1.0]])
+    return lambda circles: np.array(values(circles / scale)).ravel() - limits.lower
 
 
 @pytest.mark.parametrize("purpose", PURPOSES.values(), ids=PURPOSES.keys())
 def test_the_solver_sees_the_purpose_as_the_exact_code_does(purpose: dict[str, Any]) -> None:
-    problem, measure = posed(made(purpose))
-    generator, rooms = np.random.default_rng(3), []
+    problem = posed(made(purpose), center_box_m=8.0)
+    measure = problem.purpose
+    assert measure is not None
+    generator, rooms, seen = np.random.default_rng(3), [], solvers_view(problem)
     for _ in range(60):
         circles = circles_of(problem.orbits)
         circles[:3] += generator.uniform(-4.0, 4.0, (3, 2))
         exact = measure.room(circles[:2].T, circles[2])
-        found = float(seen(problem, circles).min())
+        found = float(seen(circles).min())
         rooms.append(exact)
         if "cover" in purpose:
             # less what is covered in addition

@@ -6,13 +6,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from syncplan.planning.planner import judge, plan
+from syncplan.planning.planner import judge
 from syncplan.refinement.nlp import nlp_of
-from syncplan.refinement.problem import RefineProblem, circles_of
-from syncplan.refinement.problem_setup import problem_of
-from syncplan.refinement.refiner import options_for
-from tests.tools.scenarios import small
-from tests.tools.smooth_problems import MIXED, STAGE, assert_slopes, exact_rms, smooth_rms_of
+from syncplan.refinement.problem import RefineProblem
+from tests.tools.scenarios import planned, small
+from tests.tools.smooth_problems import (
+    MIXED,
+    STAGE,
+    assert_slopes,
+    exact_rms,
+    point_near,
+    posed,
+    smooth_rms_of,
+)
 
 NOISE = {"speed_sigma_mps": 0.1, "turn_rate_sigma_rad_s": 0.01}
 
@@ -35,10 +41,9 @@ def _problem(sensor: dict[str, Any], changes: dict[str, Any], **refine: Any) -> 
         for reach, view in ((50.0, 200.0), (42.0, 300.0), (55.0, 360.0))
     ]
     keys: dict[str, Any] = {**MIXED, "duration_s": 120.0}
-    orbits = plan(small(**keys, sensor=[{**one, "fov_deg": 360.0} for one in sensors])).orbits
+    orbits = planned(**keys, sensor=[{**one, "fov_deg": 360.0} for one in sensors]).orbits
     scenario = small(**keys, **changes, sensor=[{**one, **sensor} for one in sensors])
-    given = judge(scenario, orbits, bound="never")
-    return problem_of(given, options_for(scenario, None, refine))
+    return posed(judge(scenario, orbits, bound="never"), **refine)
 
 
 CASES: dict[str, tuple[dict[str, Any], dict[str, Any], float]] = {
@@ -70,9 +75,7 @@ def test_the_gradient_with_all_errors_is_that_of_finite_differences() -> None:
     free = {"vary": ["phases", "centers", "radii"], "radius_m": [10.0, 30.0]}
     problem = _problem(BIASED | WALKING, ALL, objective="predicted_rms", **free)
     nlp = nlp_of(replace(problem, duration=40.0), STAGE)
-    circles = circles_of(problem.orbits)
-    at, sides = nlp.variables_of(circles), nlp.sides_of(circles)
-    at = at + 0.02 * np.random.default_rng(0).uniform(-1.0, 1.0, len(at))
+    at, sides = point_near(nlp, problem)
     assert nlp.gradient is not None
     value, slope = nlp.gradient(at, sides)
     np.testing.assert_allclose(float(value), float(nlp.values(at, sides)[0]), rtol=1e-14)

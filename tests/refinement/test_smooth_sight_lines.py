@@ -14,12 +14,20 @@ from syncplan.refinement.ipopt import StagedSolver
 from syncplan.refinement.measures import measure
 from syncplan.refinement.nlp import nlp_of
 from syncplan.refinement.problem import RefineProblem, circles_of, orbits_of
-from syncplan.refinement.problem_setup import problem_of
-from syncplan.refinement.refiner import options_for, refine
+from syncplan.refinement.refiner import refine
 from syncplan.refinement.smooth_sightings import ConvexPiece, convex_pieces, sight_gap
 from tests.tools.phase_teams import meet_when_shifted
 from tests.tools.scenarios import circling, planned, small
-from tests.tools.smooth_problems import STAGE, assert_slopes, exact_information, information_errors
+from tests.tools.smooth_problems import (
+    STAGE,
+    assert_slopes,
+    exact_information,
+    information_errors,
+    point_near,
+    posed,
+)
+
+pytestmark = pytest.mark.usefixtures("short_exact_search")
 
 TRIANGLE = np.array([[1.0, 0.0], [4.0, 1.0], [2.0, 3.0]])
 DENTED = np.array([[0.0, 0.0], [6.0, 0.0], [6.0, 5.0], [3.0, 1.5], [0.0, 5.0]])
@@ -65,7 +73,7 @@ SHELF = [[23.0, -9.0], [26.0, -9.0], [25.0, 4.0], [23.0, 2.0]]
 NOTCHED = [[-4.0, 22.0], [4.0, 22.0], [4.0, 30.0], [0.0, 25.0], [-4.0, 30.0]]
 
 
-def _problem(**changes: Any) -> RefineProblem:
+def _problem() -> RefineProblem:
     keys: dict[str, Any] = {
         "orbit": circling(
             radius_m=[20.0, 17.0, 23.0], direction=["ccw", "cw", "ccw"], desync_rad=[0.0, 0.3, -0.2]
@@ -77,8 +85,7 @@ def _problem(**changes: Any) -> RefineProblem:
         "min_separation_m": 1.0,
         "duration_s": 60.0,
     }
-    given = planned(**{**keys, **changes})
-    return problem_of(given, options_for(given.scenario, None, {"objective": "logdet"}))
+    return posed(planned(**keys), objective="logdet")
 
 
 def test_the_information_among_obstacles_approaches_the_exact_one() -> None:
@@ -92,9 +99,8 @@ def test_the_information_among_obstacles_approaches_the_exact_one() -> None:
 
 def test_contacts_among_obstacles_have_the_jacobian_of_finite_differences() -> None:
     problem = _problem()
-    nlp, circles = nlp_of(problem, STAGE), circles_of(problem.orbits)
-    at, sides = nlp.variables_of(circles), nlp.sides_of(circles)
-    at = at + 0.02 * np.random.default_rng(0).uniform(-1.0, 1.0, len(at))
+    nlp = nlp_of(problem, STAGE)
+    at, sides = point_near(nlp, problem)
     _, jacobian = nlp.jacobian(at, sides)
     assert_slopes(jacobian, lambda moved: nlp.values(moved, sides)[1], at)
 
@@ -121,7 +127,7 @@ def _walled(**refine_keys: Any) -> Plan:
 def test_the_solver_sees_the_way_round_a_shelf() -> None:
     # where the shelf stands, without the search by the exact measure, and without drawn starts
     before = _walled()
-    problem = problem_of(before, options_for(before.scenario, None, {}))
+    problem = posed(before)
     run = StagedSolver(problem).solve(circles_of(before.orbits))
     found = measure(problem, orbits_of(run.candidates[-1], before.orbits))
     assert found.figures.rank == 6
@@ -137,7 +143,4 @@ def test_a_shelf_in_the_way_is_planned_round() -> None:
     assert after.observable
     assert not after.dropped_links
     assert meet_when_shifted(after, 0.0)
-    problem = problem_of(before, options_for(before.scenario, None, {}))
-    found = measure(problem, after.orbits)
-    assert not found.violations(measure(problem, before.orbits))
-    assert found.shortfall == 0.0
+    assert measure(posed(before), after.orbits).shortfall == 0.0

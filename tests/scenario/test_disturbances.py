@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from syncplan.errors import InputError
 from syncplan.orbits.team import sensors_of, team_of
 from syncplan.planning.planner import plan
 from syncplan.scenario.loading import scenario_from
@@ -38,74 +37,6 @@ def test_a_walk_stands_in_place_of_the_default_of_the_sigma_alone() -> None:
     motion = small(motion={"position_random_walk_m_sqrt_s": 0.03}).motion
     assert motion.speed_sigma_mps is None
     assert motion.turn_rate_sigma_rad_s == 0.01
-
-
-@pytest.mark.parametrize(
-    ("sections", "key", "remedy"),
-    [
-        (
-            {"motion": {"turn_rate_sigma_rad_s": 0.1, "angle_random_walk_rad_sqrt_s": 0.03}},
-            "motion.angle_random_walk_rad_sqrt_s",
-            "one of the two",
-        ),
-        ({"sensor": {"interval_s": 0.05}}, "sensor.interval_s", "multiple of sample_time_s"),
-        ({"sensor": {"detection_probability": 0.0}}, "sensor.detection_probability", "greater"),
-        ({"sensor": {"detection_probability": 1.1}}, "sensor.detection_probability", "less"),
-        ({"sensor": {"range_sigma_m": 0.0}}, "sensor.range_sigma_m", "0.000001"),
-        (
-            {"sensor": {"bearing_walk": {"sigma_rad": 0.1, "time_s": 0.0}}},
-            "sensor.bearing_walk.time_s",
-            "0.001",
-        ),
-        (
-            {"filter": {"estimate": ["bearing_walk"]}},
-            "filter.estimate[0]",
-            "give sensor.bearing_walk.sigma_rad",
-        ),
-        ({"heading_interval_s": 0.5}, "heading_interval_s", "heading_sigma_rad is given"),
-        (
-            {"heading_sigma_rad": 0.1, "heading_interval_s": 0.25},
-            "heading_interval_s",
-            "multiple of sample_time_s, 0.1 s",
-        ),
-        ({"heading_sigma_rad": [0.1] * 3}, "heading_sigma_rad", "2 vehicles"),
-        ({"wind": {"sigma": 1.0}}, "wind.sigma", "sigma_mps"),
-        ({"wind": {"gust_time_s": 0.0}}, "wind.gust_time_s", "0.001"),
-        ({"filter": {"estimate": "wind"}}, "filter.estimate", "or a list of wind, speed_scale"),
-        ({"filter": {"estimate": None}}, "filter.estimate", "must be auto, all, none or a list"),
-        ({"filter": {"estimate": ["gusts", "winds"]}}, "filter.estimate[1]", "must be one of wind"),
-        ({"filter": {"estimate": [["wind"]]}}, "filter.estimate[0]", "must be one of wind"),
-        ({"wind": 3}, "wind", "must be a section of keys"),
-        ({"obstacles_m": [[[0, 0, 0]]]}, "obstacles_m[0][0]", "at most 2 items, not 3"),
-        (
-            {"filter": {"estimate": ["speed_scale"]}, "wind": {"sigma_mps": 1.0}},
-            "filter.estimate[0]",
-            "give motion.speed_scale_sigma",
-        ),
-        (
-            {"filter": {"estimate": ["wind", "wind"]}, "wind": {"sigma_mps": 1.0}},
-            "filter.estimate",
-            "twice",
-        ),
-        ({"obstacles_m": [[[0, 0], [1, 0]]]}, "obstacles_m[0]", "corners"),
-        ({"obstacles_m": POLYGON}, "obstacles_m", "is one polygon; give a list"),
-        ({"keep_out_m": POLYGON}, "keep_out_m", "is one polygon; give a list"),
-        ({"obstacles_m": [POLYGON] * 334}, "obstacles_m", "1002 corners in all, more than 1000"),
-        (
-            {"obstacles_m": [POLYGON, [[0, 0], [2, 2], [2, 0], [0, 2]]]},
-            "obstacles_m[1]",
-            "cross",
-        ),
-    ],
-)
-def test_a_key_that_cannot_be_meant_is_refused_by_name(
-    sections: dict[str, Any], key: str, remedy: str
-) -> None:
-    with pytest.raises(InputError) as caught:
-        scenario_from(_keys(**sections), source="test")
-    assert caught.value.key == key
-    assert remedy in str(caught.value)
-    assert "\n" not in str(caught.value)
 
 
 def test_the_filter_estimates_what_has_a_sigma_unless_options_say_otherwise() -> None:

@@ -36,23 +36,6 @@ def _refused(values: dict[str, Any]) -> InputError:
     return caught.value
 
 
-@pytest.mark.parametrize(
-    ("purpose", "key", "remedy"),
-    [
-        ({"cover": {"share": 0.5, "swath_m": 10.0}}, "area_m", "is missing: purpose.cover"),
-        ({"keep": {"count": 3, "spread_m": 10.0}}, "purpose.keep.count", "number of vehicles, 2"),
-        ({"within_m": 3.0}, "purpose.cover", "give cover, visit_m or keep"),
-    ],
-)
-def test_a_purpose_that_nothing_can_serve_is_refused(
-    purpose: dict[str, Any], key: str, remedy: str
-) -> None:
-    with pytest.raises(InputError) as caught:
-        small(purpose=purpose)
-    assert caught.value.key == key
-    assert remedy in str(caught.value)
-
-
 @pytest.mark.parametrize("path", sorted(FILES.glob("*.yaml")), ids=lambda path: path.stem)
 def test_the_example_files_load_and_are_as_the_schema_says(path: Path) -> None:
     scenario = load_scenario(path)
@@ -160,10 +143,10 @@ def test_files_that_are_no_scenario_say_what_they_are(
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("first", [0, 999, 1000, 299_999])
+@pytest.mark.parametrize("first", [0, 999, 1000, 49_999])
 def test_of_many_wrong_values_the_first_ones_are_reported_by_their_places(first: int) -> None:
-    landmarks = [[0.0, float(k)] for k in range(300_000)]
-    wrong = [{"}": 0}] * (300_000 - first)
+    landmarks = [[0.0, float(k)] for k in range(50_000)]
+    wrong = [{"}": 0}] * (50_000 - first)
     values = document(landmarks_m=[*landmarks[:first], *wrong])
     with pytest.raises(InputError, match=rf"landmarks_m\[{first}\]: .*must be a pair") as caught:
         scenario_from(values)
@@ -172,7 +155,7 @@ def test_of_many_wrong_values_the_first_ones_are_reported_by_their_places(first:
 
 
 def test_of_many_wrong_names_the_first_ones_are_reported() -> None:
-    values = document(landmarks_m={f"L{k}": 0 for k in range(300_000)})
+    values = document(landmarks_m={f"L{k}": 0 for k in range(50_000)})
     with pytest.raises(InputError, match=r"landmarks_m.L0: .*and 999 more"):
         scenario_from(values)
 
@@ -196,110 +179,6 @@ def test_a_number_must_be_a_sensible_number(key: str, value: object) -> None:
     assert error.key.startswith(key)
 
 
-@pytest.mark.parametrize(
-    ("changes", "key", "reported"),
-    [
-        ({"formation": {"centers_m": []}}, "formation.centers_m", "empty"),
-        ({"formation": {}}, "formation.centers_m", "missing"),
-        ({"formation": {"shape": "ring", "count": 3}}, "formation.spacing_m", "missing"),
-        ({"formation": {"shape": "blob", "count": 3, "spacing_m": 7}}, "formation.shape", "blob"),
-        (
-            {"formation": {"centers_m": [[0, 0]], "shape": "ring"}},
-            "formation.shape",
-            "one of the two",
-        ),
-        ({"formation": {"centers_m": [[0, 0, 0]]}}, "formation.centers_m[0]", "at most 2"),
-        (
-            {"formation": {"centers_m": [[0, 0], [70, 0]], "links": [["v1", "v1"]]}},
-            "formation.links[0]",
-            "itself",
-        ),
-        (
-            {"formation": {"centers_m": [[0, 0], [70, 0]], "links": [["v1", "v2"], ["v2", "v1"]]}},
-            "formation.links[1]",
-            "twice",
-        ),
-        (
-            {"formation": {"centers_m": [[0, 0], [70, 0]], "names": ["a", "a"]}},
-            "formation.names",
-            "twice",
-        ),
-        ({"formation": {"centers_m": [[0, 0], [70, 0]], "names": ["a"]}}, "formation.names", "1"),
-        ({"landmarks_m": {"v1": [1, 2]}}, "landmarks_m", "twice"),
-        ({"landmarks_m": [[5, 5], [9, 9], [5, 5]]}, "landmarks_m", "L1 and L3"),
-        ({"sensor": [{"range_m": 5}]}, "sensor", "2 vehicles"),
-        (
-            {"sensor": [{"range_m": 50}, {"range_m": 50, "sample_time_s": 0.2}]},
-            "sensor",
-            "common sample_time_s",
-        ),
-        ({"duration_s": 1e9}, "duration_s", "samples"),
-        ({"duration_s": 0.01}, "duration_s", "sample_time_s"),
-        ({"window_s": 1e9}, "window_s", "samples"),
-        (
-            {"orbit": {"radius_m": 20, "angular_rate_rad_s": 1e-5}, "window_s": 60},
-            "orbit",
-            "a period of",
-        ),
-        (
-            {"duration_s": 1e7, "window_s": 100, "sensor": {"range_m": 50, "sample_time_s": 100}},
-            "duration_s",
-            "periods",
-        ),
-        (
-            {"formation": {"shape": "line", "count": 4, "spacing_m": 5e6}},
-            "formation.spacing_m",
-            "at 1.5e+07 m",
-        ),
-        ({"orbit": {"radius_m": 1e-300, "speed_mps": 1}}, "orbit.radius_m", "at least 1e-06"),
-        ({"name": "two\nlines"}, "name", "two"),
-        ({"landmarks_m": {"a\nb": [1, 2]}}, "landmarks_m.a\nb", "pattern"),
-        (
-            {"formation": {"shape": "grid", "count": 4, "columns": 10**30}},
-            "formation.columns",
-            "less",
-        ),
-        ({"start_time": "2026-W20-1T09+00:00"}, "start_time", "RFC 3339"),
-        ({"start_time": "yesterday"}, "start_time", "RFC 3339"),
-        ({"start_time": "\ud800"}, "start_time", "RFC 3339"),
-        ({"start_time": "2026-05-01T09:00:00"}, "start_time", "time zone"),
-        (
-            {"orbit": {"radius_m": [20, 10], "speed_mps": 4}},
-            "orbit.speed_mps",
-            "one common rate",
-        ),
-        ({"orbit": {"radius_m": 20}}, "orbit.angular_rate_rad_s", "speed_mps"),
-        (
-            {"orbit": {"radius_m": 20, "speed_mps": 4, "direction": ["ccw", "alternate"]}},
-            "orbit.direction",
-            "stands alone",
-        ),
-        ({"orbit": {"radius_m": [20, 20, 20], "speed_mps": 4}}, "orbit.radius_m", "3 values"),
-        (
-            {"formation": {"shape": "line", "count": 10_001, "spacing_m": 70}},
-            "formation.count",
-            "10001 vehicles are more than the limit of 10000; raise it with --max-vehicles",
-        ),
-        (
-            {"orbit": {"radius_m": [], "speed_mps": []}},
-            "orbit.speed_mps",
-            "has 0 values for 0 radii",
-        ),
-        (
-            {"formation": {"links": [["v1", "v2"]], "names": []}, "sensor": []},
-            "formation.names",
-            "empty",
-        ),
-    ],
-)
-def test_rules_across_keys_are_reported_with_their_key(
-    changes: dict[str, Any], key: str, reported: str
-) -> None:
-    error = _refused(document(**changes))
-    assert error.key == key
-    assert reported in str(error)
-
-
 def test_the_limit_on_vehicles_can_be_raised() -> None:
     many = document(formation={"shape": "line", "count": 10_001, "spacing_m": 70, "links": []})
     many["duration_s"] = 100.0
@@ -314,10 +193,7 @@ def test_a_speed_gives_the_rate() -> None:
 
 def test_names_come_from_mappings_or_lists() -> None:
     named = small(
-        formation={
-            "centers_m": {"alpha": [0, 0], "bravo": [70, 0]},
-            "links": [["bravo", "alpha"]],
-        },
+        formation={"centers_m": {"alpha": [0, 0], "bravo": [70, 0]}, "links": [["bravo", "alpha"]]},
         landmarks_m={"mast": [100, 0]},
     )
     assert named.vehicle_names == ["alpha", "bravo"]

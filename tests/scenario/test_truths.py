@@ -1,10 +1,5 @@
 """The truth: keys of the simulated world in place of the scenario's own."""
 
-from typing import Any
-
-import pytest
-
-from syncplan.errors import InputError
 from syncplan.scenario.dotted_keys import numeric_keys, with_number
 from syncplan.scenario.truths import changed_keys, with_truth
 from tests.tools.scenarios import document, small
@@ -42,25 +37,6 @@ def test_a_truth_stays_with_a_scenario_that_is_resolved_and_written() -> None:
 def test_a_random_walk_takes_the_place_of_the_sigma_of_each_reading() -> None:
     true = small(truth={"motion": {"position_random_walk_m_sqrt_s": 0.5}}).in_truth
     assert true.motion.speed_sigma(0.25) == 1.0
-
-
-@pytest.mark.parametrize(
-    ("truth", "message"),
-    [
-        ({"orbit": {}}, "truth.orbit: unknown key; allowed: sensor"),
-        ({"filter": {}}, "truth.filter: unknown key"),
-        ({"sensor": {"sample_time_s": 0.2}}, "truth.sensor.sample_time_s: unknown key"),
-        ({"wind": {"gust_sigma_mps": -1.0}}, "truth.wind.gust_sigma_mps: -1.0: must be greater"),
-        ({"sensor": {"interval_s": 0.25}}, "truth.sensor.interval_s: 0.25: is not a multiple"),
-        ({"sensor": [{"range_m": 40.0}]}, "truth.sensor: has 1 values for 2 vehicles"),
-        ({"sensor": {"range_sigma_m": 0.3}}, "truth.sensor.range_sigma_m: the scenario has no"),
-        ({"heading_sigma_rad": 0.1}, "truth.heading_sigma_rad: the scenario has no"),
-        ({"false_bearings": 1.0}, "truth.false_bearings: 1.0: must be less"),
-    ],
-)
-def test_a_truth_that_can_not_be_is_refused_by_its_key(truth: dict[str, Any], message: str) -> None:
-    with pytest.raises(InputError, match=message.replace(".", r"\.")):
-        small(truth=truth)
 
 
 def test_keys_of_the_world_are_numbers_of_the_scenario_too() -> None:

@@ -1,6 +1,6 @@
 """What schemathesis sends: archives where the document asks for them, and edge cases once.
 
-Loaded by schemathesis; see tests/searches/search_contract.py. Of itself it can send no archive. A
+Loaded by schemathesis; see tests/searches/contract.py. Of itself it can send no archive. A
 third are recordings, whole; a third are cut off; the others are any bytes.
 """
 

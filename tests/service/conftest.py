@@ -1,12 +1,18 @@
-"""A service in its own processes, one for all modules that ask for it, and empty databases."""
+"""A service in its own processes, one for all modules that ask for it, and empty databases.
 
+Also child processes that are none.
+"""
+
+import threading
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import httpx2
 import pytest
 from sqlalchemy import Connection
 
+from api.computing.child import Child, ChildGoneError
 from api.storage.database import Database, open_database
 from tests.tools.api_servers import serving, speaking
 from tests.tools.serving import Server
@@ -14,8 +20,9 @@ from tests.tools.serving import Server
 
 @pytest.fixture(scope="session")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    """A service that does its jobs, with two owners and one whose plans are counted."""
-    with serving(tmp_path_factory.mktemp("service"), "ann bob lea") as one:
+    """A service that does its jobs; the plans of lea are counted, and the recordings of rex."""
+    limits = {"SYNCPLAN_RECORDING_LIMIT_BYTES": "2000000", "SYNCPLAN_MAX_RECORDINGS": "5"}
+    with serving(tmp_path_factory.mktemp("service"), "ann bob lea rex", **limits) as one:
         yield one
 
 
@@ -39,3 +46,42 @@ def connection(database: Database) -> Iterator[Connection]:
     """A transaction in the empty database, kept where the test passes."""
     with database.writing() as opened:
         yield opened
+
+
+class Hollow(Child):
+    """A child without a process: a task named "long" ends when it is killed, any other at once."""
+
+    begun: list["Hollow"]
+
+    def __init__(self, **_: object) -> None:
+        self.begun.append(self)
+        self.growth = 0
+        self.killed = False
+        self.pid = 0
+        self._killed = threading.Event()
+
+    def wait_until_ready(self) -> None:
+        """Be ready."""
+
+    def call(self, task: str, *_: Any, **__: Any) -> Any:
+        """Return the task, or wait until the child is killed."""
+        if task == "long":
+            self._killed.wait()
+            raise ChildGoneError
+        return task
+
+    def kill(self) -> None:
+        """End the task at work."""
+        self.killed = True
+        self._killed.set()
+
+    def end(self) -> None:
+        """Free nothing."""
+
+
+@pytest.fixture
+def hollow(monkeypatch: pytest.MonkeyPatch) -> list[Hollow]:
+    """Let pools begin children without processes; returns those that have begun."""
+    monkeypatch.setattr(Hollow, "begun", [], raising=False)
+    monkeypatch.setattr("api.computing.pool.Child", Hollow)
+    return Hollow.begun

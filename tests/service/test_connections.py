@@ -97,6 +97,13 @@ def test_limits_follow_from_settings_and_descriptors(
     assert (limits.total, limits.per_address) == (total, per_address)
 
 
+def test_times_of_connections_are_those_of_the_settings() -> None:
+    names = ("head", "body", "answer", "idle")
+    given = {f"{name}_timeout_s": float(k) for k, name in enumerate(names, 1)}
+    limits = limits_of_connections(load_settings(**given), 1024)
+    assert [getattr(limits, f"{name}_s") for name in names] == [1.0, 2.0, 3.0, 4.0]
+
+
 @pytest.fixture
 def restored() -> Iterator[None]:
     before = resource.getrlimit(resource.RLIMIT_NOFILE)

@@ -32,10 +32,11 @@ def _events(http: httpx2.Client, job: str) -> list[JobEvent]:
 
 
 def test_a_design_is_the_librarys_and_its_events_carry_the_front(ann: httpx2.Client) -> None:
-    job = _handed_in(ann, "/v1/designs", FIELD)
+    job = _handed_in(ann, "/v1/designs", {**FIELD, "team": {"max": 2}})
     assert done(ann, job)["progress"] == {"done": 6, "total": 6}
     result = ann.get(f"{job}/result").text
-    assert result == as_text(design_document(design(brief())).as_json())
+    here = design(brief(team={"max": 2}), workers=1)
+    assert result == as_text(design_document(here).as_json())
     shown = [one for one in _events(ann, job) if one.front]
     assert shown[0].doing == "searching each team"
     last = shown[-1].front

@@ -6,7 +6,6 @@ import json
 import re
 import sqlite3
 import zipfile
-from pathlib import Path
 from typing import Any, get_args
 
 import httpx2
@@ -28,9 +27,9 @@ from syncplan.reports.validation_report import validation_document
 from syncplan.scenario.loading import scenario_from
 from tests.service.test_requests import LIMITS
 from tests.tools.api_servers import done, faults_of, planned, problem
-from tests.tools.processes import PATIENCE_S, wait_until
+from tests.tools.processes import wait_until
 from tests.tools.scenarios import document, example, small
-from tests.tools.serving import open_server
+from tests.tools.serving import Server
 
 ORIGIN = {"lat_deg": 47.4, "lon_deg": 8.5, "alt_m": 410.0}
 SEEN = {"geo_origin": ORIGIN, "landmarks_m": [[0.0, 60.0], [70.0, 60.0]]}
@@ -67,13 +66,11 @@ def test_a_preview_is_the_plan_and_its_figures_and_is_kept_nowhere(ann: httpx2.C
     assert "location" not in answer.headers
 
 
-def test_a_preview_waits_for_nobody_who_writes(tmp_path: Path) -> None:
-    with open_server(tmp_path) as server:
-        [database] = tmp_path.rglob("syncplan.db")
-        with contextlib.closing(sqlite3.connect(database, isolation_level=None)) as other:
-            other.execute("BEGIN IMMEDIATE")
-            answer = httpx2.post(f"{server.url}/v1/previews", json=document(), timeout=PATIENCE_S)
-    assert answer.status_code == 200
+def test_a_preview_waits_for_nobody_who_writes(ann: httpx2.Client, server: Server) -> None:
+    database = server.log.parent / "data" / "syncplan.db"
+    with contextlib.closing(sqlite3.connect(database, isolation_level=None)) as other:
+        other.execute("BEGIN IMMEDIATE")
+        assert ann.post("/v1/previews", json=document()).status_code == 200
 
 
 @pytest.mark.long

@@ -81,15 +81,13 @@ async def all_numbers(watch: JobWatch, job_id: str, seen: int = 0) -> list[int]:
     return [number async for number in numbers(watch, job_id, seen)]
 
 
-@pytest.mark.parametrize("seen", [0, 1, 7, 249, 250, 251, 252, 9_999])
-def test_a_follower_gets_what_came_after_the_event_it_names(
-    database: Database, job: str, seen: int
-) -> None:
+def test_a_follower_gets_what_came_after_the_event_it_names(database: Database, job: str) -> None:
     changed(database, job, 5 * MOST_RECENT)
     ended(database, job)
 
     async def test(watch: JobWatch) -> None:
-        assert await all_numbers(watch, job, seen) == list(range(seen + 1, 5 * MOST_RECENT + 3))
+        for seen in (0, 1, 7, 249, 250, 251, 252, 9_999):
+            assert await all_numbers(watch, job, seen) == list(range(seen + 1, 5 * MOST_RECENT + 3))
 
     run(database, test)
 

@@ -23,7 +23,7 @@ from syncplan.runtime.files import as_text
 from syncplan.scenario.loading import scenario_from
 from tests.tools.api_servers import faults_of, key_of
 from tests.tools.processes import PATIENCE_S
-from tests.tools.scenarios import document, example, small
+from tests.tools.scenarios import document, small
 from tests.tools.serving import Server
 
 Tree = dict[str, Any]
@@ -173,7 +173,7 @@ def test_a_plan_of_a_team_that_is_too_large_is_refused() -> None:
 
 
 def test_the_client_keeps_a_plan_with_its_phases(server: Server) -> None:
-    better = syncplan.refine(example("paper-grid-alternate"), starts=1, seed=1)
+    better = plan_of(loaded_from(given()))
     with Client(server.url, key_of("ann"), timeout_s=PATIENCE_S) as client:
         kept = client.plan(better)
         assert kept.document["synchronisation"]["method"] == "given"

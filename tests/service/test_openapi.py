@@ -224,6 +224,14 @@ def _bodies(path: str) -> st.SearchStrategy[Any]:
     return SCHEMA[path]["POST"].as_strategy()
 
 
+def test_a_preview_takes_what_a_plan_does() -> None:
+    one, other = (BY_NAME[name]["requestBody"] for name in ("createPlan", "previewScenario"))
+    assert (
+        one["content"]["application/json"]["schema"]
+        == (other["content"]["application/json"]["schema"])
+    )
+
+
 def _faults_of(model: type[BaseModel], body: object) -> list[Any]:
     try:
         model.model_validate(body)
@@ -242,7 +250,6 @@ def _beyond_a_schema(fault: Any) -> bool:
     ("path", "model"),
     [
         ("/v1/plans", None),
-        ("/v1/previews", None),
         ("/v1/plans/{plan_id}/refinements", RefinementRequest),
         ("/v1/plans/{plan_id}/validations", ValidationRequest),
         ("/v1/plans/{plan_id}/flights", FlightRequest),
@@ -258,7 +265,7 @@ def test_what_the_schema_allows_breaks_no_rule_about_a_single_key(
 
     @given(case=_bodies(path))
     @settings(
-        max_examples=60,
+        max_examples=30,
         derandomize=True,
         database=None,
         deadline=None,
@@ -274,4 +281,4 @@ def test_what_the_schema_allows_breaks_no_rule_about_a_single_key(
 
     check()
     assert set(seen) == ({"PlanFile", "Scenario"} if model is None else {model.__name__})
-    assert min(seen.values()) > (3 if model is None else 20)
+    assert min(seen.values()) > (1 if model is None else 10)

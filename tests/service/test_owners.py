@@ -44,10 +44,16 @@ def ended(ann: httpx2.Client) -> str:
     return at
 
 
-@pytest.fixture
+def begun(http: httpx2.Client) -> str:
+    """Return the identifier of a new refinement that goes on for minutes."""
+    at: str = http.post(f"/v1/plans/{plan_of(http)}/refinements", json=LONG).json()["id"]
+    return at
+
+
+@pytest.fixture(scope="module")
 def running(ann: httpx2.Client) -> Iterator[str]:
-    """A refinement of Ann's that goes on until the test has ended."""
-    at: str = ann.post(f"/v1/plans/{plan_of(ann)}/refinements", json=LONG).json()["id"]
+    """A refinement of Ann's that goes on until the tests have ended."""
+    at = begun(ann)
     yield at
     ann.post(f"/v1/jobs/{at}/cancel")
 
@@ -115,8 +121,8 @@ def test_what_is_anothers_is_not_there(
     mine = {"plan_id": plan, "job_id": ended, "recording_id": recording}
     if (method, path) == ("DELETE", "/v1/jobs/{job_id}"):
         # the others need the finished one
-        ann.post(f"/v1/jobs/{running}/cancel")
-        mine["job_id"] = running
+        mine["job_id"] = begun(ann)
+        ann.post(f"/v1/jobs/{mine['job_id']}/cancel")
     answer = ask(ann, method, path, mine, **sent)
     assert answer.status_code in (
         {409} if path.endswith(("/cancel", "/finish")) else {200, 202, 204}
@@ -166,7 +172,7 @@ POSTS = [(method, path) for method, path in OPERATIONS if method == "POST"]
 
 @pytest.mark.parametrize(("method", "path"), POSTS)
 def test_an_idempotency_key_is_its_owners(
-    ann: httpx2.Client, bob: httpx2.Client, running: str, method: str, path: str
+    ann: httpx2.Client, bob: httpx2.Client, method: str, path: str
 ) -> None:
     """The same request under the same key: Bob never gets the answer that Ann got."""
     bodies = {
@@ -178,7 +184,8 @@ def test_an_idempotency_key_is_its_owners(
     }
     body = bodies.get(path, {})
     headers = {"idempotency-key": f"shared-{path}".replace("{", "").replace("}", "")}
-    identifiers = {"plan_id": plan_of(ann), "job_id": running, "recording_id": recorded(ann)}
+    job = begun(ann) if "{job_id}" in path else NOBODY
+    identifiers = {"plan_id": plan_of(ann), "job_id": job, "recording_id": recorded(ann)}
     sent: dict[str, Any] = {"json": body}
     if path == "/v1/recordings":
         sent, headers = {"content": ARCHIVE}, {**headers, "content-type": "application/zip"}

@@ -3,7 +3,6 @@
 import asyncio
 import contextlib
 import json
-import time
 from concurrent.futures import Future
 from typing import Any
 from unittest.mock import Mock
@@ -57,24 +56,22 @@ def test_attempts_deaths_and_seconds_of_a_part_add_up(connection: Connection) ->
     assert part_records.begin_part(connection, job_id, BEGINNING, VERSION) == PartHistory(2, 1, 2.5)
 
 
+@pytest.mark.usefixtures("hollow")
 def test_a_database_that_is_away_adds_nothing_to_what_a_part_took(database: Database) -> None:
     with database.writing() as connection:
         job_id = begun(connection)
         part_records.begin_part(connection, job_id, BEGINNING, VERSION)
-    pool = Pool(1, background=False)
-    try:
-        pool.call("ready")
-        part = WatchedPart(job_id, BEGINNING, pool.submit("ready"))
-        assert part.ticket is not None
-        part.ticket.future.result()
-    finally:
-        pool.close()
-    time.sleep(1.0)
-    part.note(database, over=True)
+    with contextlib.closing(Pool(1, background=False)) as pool:
+        ticket = pool.submit("ready")
+        ticket.future.result()
+    assert ticket.ended is not None
+    # it has run for half a second, and is noted much later
+    ticket.began, ticket.ended = 1.0, 1.5
+    WatchedPart(job_id, BEGINNING, ticket).note(database, over=True)
     with database.writing() as connection:
         history = part_records.begin_part(connection, job_id, BEGINNING, VERSION)
     assert history is not None
-    assert 0.0 < history.computed_s < 1.0
+    assert history.computed_s == 0.5
 
 
 @pytest.mark.parametrize(

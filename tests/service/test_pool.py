@@ -28,6 +28,7 @@ from api.jobs.workflows import batches_of
 from api.service import limits_of
 from api.settings import load_settings
 from syncplan.estimation.trials import CHUNK_TRIALS
+from tests.service.conftest import Hollow
 from tests.tools.processes import PATIENCE_S, command, family, wait_until
 from tests.tools.scenarios import FILES, shared_circles
 
@@ -103,49 +104,26 @@ def test_a_child_inherits_no_secret_and_no_file_but_its_pipe(
 ) -> None:
     for name in ("SYNCPLAN_DATA_DIR", "PGPASSFILE", "OTEL_EXPORTER", "AWS_SECRET_ACCESS_KEY"):
         monkeypatch.setenv(name, "not-for-children")
-    with (tmp_path / "kept").open("w") as kept, own_pool(background=False) as pool:
+    with (tmp_path / "kept").open("w") as kept:
         os.set_inheritable(kept.fileno(), True)
-        child = at_work(pool).child
-        assert child is not None
+        child = Child(background=False)
         process = Path(f"/proc/{child.pid}")
+        # its program has begun, and opens and closes nothing while it is looked at
+        wait_until(lambda: bool((process / "environ").read_bytes()))
+        os.kill(child.pid, signal.SIGSTOP)
+        wait_until(lambda: ") T " in (process / "stat").read_text())
         files = [os.readlink(one) for one in (process / "fd").iterdir()]
         environment = (process / "environ").read_text()
+        child.end()
     assert "not-for-children" not in environment
     assert f"\0PATH={os.environ['PATH']}\0" in f"\0{environment}\0"
     assert kept.name not in files
     assert sum(one.startswith("socket:") for one in files) == 1
 
 
-@pytest.mark.long
-def test_depth_counts_tasks_owners_and_children() -> None:
-    with own_pool() as one:
-        wait_until(lambda: one.depth().started == 1)
-        running = at_work(one, "ann")
-        for owner in ("ann", "ann", "bob"):
-            one.submit(*LONG, owner=owner)
-        depth = one.depth()
-        # ann has a process; for bob, an extra one may have begun
-        assert depth.running + depth.waiting == 4
-        assert depth.owners in (1, 2)
-        assert 0.0 < depth.oldest_s < PATIENCE_S
-        running.cancel()
-        wait_until(lambda: one.depth().started > depth.started)
-    assert one.depth().waiting == 0
-
-
 def test_a_fault_of_a_task_is_no_error_that_clients_hear_of(pool: Pool) -> None:
     with pytest.raises(TaskFailedError, match="Traceback"):
         pool.call("made_plan", None, "json", LIMITS, False)
-
-
-@pytest.mark.long
-def test_a_task_given_up_stops_at_once_or_is_never_begun(pool: Pool) -> None:
-    first, second = at_work(pool), pool.submit(*LONG)
-    second.cancel()
-    first.cancel()
-    for ticket in (first, second):
-        with pytest.raises(GivenUpError):
-            end_of(ticket)
 
 
 @pytest.mark.long
@@ -175,138 +153,6 @@ def test_a_task_whose_process_dies_is_done_by_another(pool: Pool) -> None:
     assert end_of(ticket)
 
 
-def test_a_task_whose_process_dies_each_time_is_given_back(monkeypatch: pytest.MonkeyPatch) -> None:
-    def gone(self: Child, *_: object, **__: object) -> None:
-        raise ChildGoneError("killed")
-
-    monkeypatch.setattr(Child, "call", gone)
-    with own_pool(background=False) as pool, pytest.raises(ChildGoneError):
-        pool.call(*SHORT)
-
-
-def test_more_tasks_than_may_wait_are_refused() -> None:
-    with own_pool(most_waiting=1) as pool:
-        tickets = [at_work(pool), pool.submit(*LONG)]
-        with pytest.raises(PoolFullError):
-            pool.submit(*LONG)
-    for ticket in tickets:
-        with pytest.raises(GivenUpError):
-            end_of(ticket)
-
-
-@pytest.mark.parametrize(
-    ("trials", "seconds"), [(1, 0.001), (200, 0.002), (100_000, 0.002), (5000, 3.0), (47, 0.5)]
-)
-def test_batches_cover_each_run_once_in_whole_chunks(trials: int, seconds: float) -> None:
-    batches = batches_of([(trials, seconds), (trials, 2 * seconds)], 7.0, 2)
-    for run in (0, 1):
-        own = [batch for batch in batches if batch.run == run]
-        assert own[0].first_trial == 0
-        assert all(one.first_trial % CHUNK_TRIALS == 0 and one.trials > 0 for one in own)
-        assert all(a.first_trial + a.trials == b.first_trial for a, b in pairwise(own))
-        assert own[-1].first_trial + own[-1].trials == trials
-
-
-def test_batches_take_about_what_they_should_and_keep_all_processes_at_work() -> None:
-    assert all(5.0 < 0.002 * one.trials < 10.0 for one in batches_of([(100_000, 0.002)], 7.0, 2))
-    assert len(batches_of([(2000, 0.002)], 7.0, 2)) == 2
-    assert len(batches_of([(200, 0.002)], 7.0, 2)) == 1
-    # no process waits for a last batch of another
-    for processes in (1, 2, 3, 8):
-        for trials in range(5_000, 60_000, 1_700):
-            assert len(batches_of([(trials, 0.002)], 7.0, processes)) % processes == 0, trials
-
-
-def test_a_pool_outlives_a_system_without_room_for_a_process(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    begin = Child.__init__
-    refused: list[int] = []
-
-    def refuse_twice(self: Child, **asked: Any) -> None:
-        if len(refused) < 2:
-            refused.append(1)
-            raise OSError(12, "Cannot allocate memory")
-        begin(self, **asked)
-
-    monkeypatch.setattr(Child, "__init__", refuse_twice)
-    with own_pool(background=False) as pool:
-        assert pool.call(*SHORT) == MADE
-    assert len(refused) == 2
-
-
-def test_a_caller_who_went_away_harms_nobody(pool: Pool) -> None:
-    first = pool.submit(*LONG)
-    waiting = pool.submit(*SHORT)
-    assert waiting.future.cancel()
-    first.cancel()
-    first.future.exception(timeout=PATIENCE_S)
-
-
-def test_a_pool_closes_though_a_caller_went_away_and_starts_no_process() -> None:
-    with own_pool() as pool:
-        running = at_work(pool)
-        waiting = [pool.submit(*SHORT) for _ in range(2)]
-        waiting[0].future.cancel()
-    for ticket in (running, waiting[1]):
-        with pytest.raises(GivenUpError):
-            end_of(ticket)
-    assert pool.depth().started == 1
-
-
-@pytest.mark.long
-def test_a_task_that_waited_too_long_for_its_turn_is_refused(pool: Pool) -> None:
-    first = at_work(pool)
-    waiting = pool.submit(*SHORT, deadline_s=0.2)
-    with pytest.raises(PoolFullError):
-        end_of(waiting)
-    # it did not wait for its turn
-    assert begun(first)
-    assert pool.depth().waiting == 0
-    first.cancel()
-
-
-@pytest.mark.long
-def test_a_task_past_its_deadline_is_not_begun_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    begun: list[str] = []
-
-    def die(self: Child, task: str, **_: Any) -> None:
-        begun.append(task)
-        time.sleep(0.5)
-        raise ChildGoneError
-
-    with own_pool(background=False) as pool:
-        pool.call("ready")
-        monkeypatch.setattr(Child, "call", die)
-        with pytest.raises(TooSlowError):
-            end_of(pool.submit("late", deadline_s=0.3))
-        with pytest.raises(ChildGoneError):
-            end_of(pool.submit("other", retries=0))
-    assert begun == ["late", "other"]
-
-
-def test_deadlines_hold_though_the_system_has_no_room_for_a_thread(
-    pool: Pool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    begin = threading.Thread.start
-    refused: list[str] = []
-
-    def refuse(self: threading.Thread) -> None:
-        if self.name == "child-extra":
-            refused.append(self.name)
-            raise RuntimeError("can't start new thread")
-        begin(self)
-
-    monkeypatch.setattr(threading.Thread, "start", refuse)
-    long = pool.submit(*LONG, owner="busy")
-    other = pool.submit(*SHORT, owner="other", deadline_s=2.5)
-    with pytest.raises(PoolFullError):
-        end_of(other)
-    assert 1 <= len(refused) <= 2
-    assert pool.depth().processes == 1
-    long.cancel()
-
-
 def test_a_task_that_a_caller_leaves_may_nearly_finish_and_keeps_its_process(pool: Pool) -> None:
     before = pool.depth().started
     tickets = [pool.submit(*SHORT) for _ in range(20)]
@@ -322,30 +168,6 @@ def test_a_long_task_that_a_caller_leaves_is_killed(pool: Pool) -> None:
     ticket = at_work(pool)
     ticket.cancel(spare=True)
     wait_until(lambda: not begun(ticket))
-
-
-@pytest.mark.long
-def test_long_tasks_of_one_owner_never_block_another(pool: Pool) -> None:
-    long = [at_work(pool, "busy"), *(pool.submit(*LONG, owner="busy") for _ in range(2))]
-    assert end_of(pool.submit(*SHORT, owner="other")) == MADE
-    assert begun(long[0])
-    assert not begun(long[1])
-    # the extra process ends once it is idle
-    wait_until(lambda: pool.depth().processes == 1)
-    for ticket in reversed(long):
-        ticket.cancel()
-
-
-def test_a_full_queue_makes_room_for_an_owner_with_less_in_it() -> None:
-    with own_pool(most_waiting=3, most_of_owner=4) as pool:
-        at_work(pool, "busy")
-        tickets = [pool.submit(*LONG, owner="busy") for _ in range(3)]
-        with pytest.raises(OwnerBusyError):
-            pool.submit(*LONG, owner="busy")
-        other = pool.submit(*LONG, owner="other")
-        with pytest.raises(PoolFullError):
-            end_of(tickets[-1])
-        assert not other.future.done()
 
 
 def test_a_task_that_is_asked_to_end_ends_by_itself() -> None:
@@ -392,3 +214,199 @@ def test_a_child_stays_though_tasks_load_libraries() -> None:
         for _ in range(2):
             pool.call("made_plan", body, "json", LIMITS, False)
         assert pool.depth().started == 1
+
+
+# --- queues and deadlines, of children without processes ------------------------------------------
+
+
+@pytest.fixture
+def narrow(hollow: list[Hollow]) -> Iterator[Pool]:
+    """A pool of one such child, with room for three tasks that wait and four of an owner."""
+    with own_pool(most_waiting=3, most_of_owner=4) as made:
+        wait_until(lambda: made.depth().started == len(hollow) == 1)
+        yield made
+
+
+def held(pool: Pool, owner: str = "") -> Ticket:
+    """Submit a task that goes on until its child is killed, and wait until a child is at it."""
+    ticket = pool.submit("long", owner=owner)
+    wait_until(lambda: begun(ticket))
+    return ticket
+
+
+def test_depth_counts_tasks_owners_and_children(narrow: Pool) -> None:
+    running = held(narrow, "ann")
+    for owner in ("ann", "ann", "bob"):
+        narrow.submit("long", owner=owner)
+    depth = narrow.depth()
+    # ann has a process; for bob, an extra one may have begun
+    assert depth.running + depth.waiting == 4
+    assert depth.owners in (1, 2)
+    assert 0.0 < depth.oldest_s < PATIENCE_S
+    running.cancel()
+    wait_until(lambda: narrow.depth().started > depth.started)
+    narrow.close()
+    assert narrow.depth().waiting == 0
+
+
+def test_a_task_whose_process_dies_each_time_is_given_back(
+    narrow: Pool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried: list[Hollow] = []
+
+    def gone(self: Hollow, *_: object, **__: object) -> None:
+        tried.append(self)
+        raise ChildGoneError("killed")
+
+    monkeypatch.setattr(Hollow, "call", gone)
+    with pytest.raises(ChildGoneError):
+        narrow.call("short")
+    assert len(set(tried)) == len(tried) == 2
+
+
+@pytest.mark.usefixtures("hollow")
+def test_more_tasks_than_may_wait_are_refused() -> None:
+    with own_pool(most_waiting=1) as pool:
+        tickets = [held(pool), pool.submit("long")]
+        with pytest.raises(PoolFullError):
+            pool.submit("long")
+    for ticket in tickets:
+        with pytest.raises(GivenUpError):
+            end_of(ticket)
+
+
+def test_a_pool_outlives_a_system_without_room_for_a_process(
+    hollow: list[Hollow], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begin = Hollow.__init__
+    refused: list[int] = []
+
+    def refuse_twice(self: Hollow, **asked: Any) -> None:
+        if len(refused) < 2:
+            refused.append(1)
+            raise OSError(12, "Cannot allocate memory")
+        begin(self, **asked)
+
+    monkeypatch.setattr(Hollow, "__init__", refuse_twice)
+    with own_pool() as pool:
+        assert pool.call("short") == "short"
+    assert (len(refused), len(hollow)) == (2, 1)
+
+
+def test_a_caller_who_went_away_harms_nobody(narrow: Pool) -> None:
+    first = held(narrow)
+    waiting = narrow.submit("short")
+    assert waiting.future.cancel()
+    first.cancel()
+    with pytest.raises(GivenUpError):
+        end_of(first)
+    assert narrow.call("short") == "short"
+
+
+def test_a_pool_closes_though_a_caller_went_away_and_starts_no_process(narrow: Pool) -> None:
+    running = held(narrow)
+    waiting = [narrow.submit("short") for _ in range(2)]
+    waiting[0].future.cancel()
+    narrow.close()
+    for ticket in (running, waiting[1]):
+        with pytest.raises(GivenUpError):
+            end_of(ticket)
+    assert narrow.depth().started == 1
+
+
+def test_a_task_that_waited_too_long_for_its_turn_is_refused(narrow: Pool) -> None:
+    first = held(narrow)
+    waiting = narrow.submit("short", deadline_s=0.2)
+    with pytest.raises(PoolFullError):
+        end_of(waiting)
+    # it did not wait for its turn
+    assert begun(first)
+    assert narrow.depth().waiting == 0
+
+
+def test_a_task_past_its_deadline_is_not_begun_again(
+    narrow: Pool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried: list[str] = []
+
+    def die(self: Hollow, task: str, **_: Any) -> None:
+        tried.append(task)
+        time.sleep(0.5)
+        raise ChildGoneError
+
+    monkeypatch.setattr(Hollow, "call", die)
+    with pytest.raises(TooSlowError):
+        end_of(narrow.submit("late", deadline_s=0.3))
+    with pytest.raises(ChildGoneError):
+        end_of(narrow.submit("other", retries=0))
+    assert tried == ["late", "other"]
+
+
+def test_deadlines_hold_though_the_system_has_no_room_for_a_thread(
+    narrow: Pool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begin = threading.Thread.start
+    refused: list[str] = []
+
+    def refuse(self: threading.Thread) -> None:
+        if self.name == "child-extra":
+            refused.append(self.name)
+            raise RuntimeError("can't start new thread")
+        begin(self)
+
+    monkeypatch.setattr(threading.Thread, "start", refuse)
+    held(narrow, "busy")
+    other = narrow.submit("short", owner="other", deadline_s=2.5)
+    with pytest.raises(PoolFullError):
+        end_of(other)
+    assert 1 <= len(refused) <= 2
+    assert narrow.depth().processes == 1
+
+
+def test_long_tasks_of_one_owner_never_block_another(
+    narrow: Pool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("api.computing.pool._IDLE_S", 0.2)
+    long = [held(narrow, "busy"), *(narrow.submit("long", owner="busy") for _ in range(2))]
+    assert end_of(narrow.submit("short", owner="other")) == "short"
+    assert begun(long[0])
+    assert not begun(long[1])
+    # the extra process ends once it is idle
+    wait_until(lambda: narrow.depth().processes == 1)
+
+
+def test_a_full_queue_makes_room_for_an_owner_with_less_in_it(narrow: Pool) -> None:
+    held(narrow, "busy")
+    tickets = [narrow.submit("long", owner="busy") for _ in range(3)]
+    with pytest.raises(OwnerBusyError):
+        narrow.submit("long", owner="busy")
+    other = narrow.submit("long", owner="other")
+    with pytest.raises(PoolFullError):
+        end_of(tickets[-1])
+    assert not other.future.done()
+
+
+# --- batches --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("trials", "seconds"), [(1, 0.001), (200, 0.002), (100_000, 0.002), (5000, 3.0), (47, 0.5)]
+)
+def test_batches_cover_each_run_once_in_whole_chunks(trials: int, seconds: float) -> None:
+    batches = batches_of([(trials, seconds), (trials, 2 * seconds)], 7.0, 2)
+    for run in (0, 1):
+        own = [batch for batch in batches if batch.run == run]
+        assert own[0].first_trial == 0
+        assert all(one.first_trial % CHUNK_TRIALS == 0 and one.trials > 0 for one in own)
+        assert all(a.first_trial + a.trials == b.first_trial for a, b in pairwise(own))
+        assert own[-1].first_trial + own[-1].trials == trials
+
+
+def test_batches_take_about_what_they_should_and_keep_all_processes_at_work() -> None:
+    assert all(5.0 < 0.002 * one.trials < 10.0 for one in batches_of([(100_000, 0.002)], 7.0, 2))
+    assert len(batches_of([(2000, 0.002)], 7.0, 2)) == 2
+    assert len(batches_of([(200, 0.002)], 7.0, 2)) == 1
+    # no process waits for a last batch of another
+    for processes in (1, 2, 3, 8):
+        for trials in range(5_000, 60_000, 1_700):
+            assert len(batches_of([(trials, 0.002)], 7.0, processes)) % processes == 0, trials

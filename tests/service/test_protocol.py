@@ -2,9 +2,11 @@
 
 import asyncio
 import contextlib
+import itertools
 import json
 import logging
 import socket
+import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -15,9 +17,15 @@ from api.connections import ConnectionLimits
 from api.protocol import LARGEST_HEAD_BYTES
 from tests.tools.api_apps import bare_app, served
 from tests.tools.processes import PATIENCE_S, wait_until
+from tests.tools.raw_connections import crowd_of, holds, said_to
 
 HOST = b"Host: here\r\n"
 GET = b"GET / HTTP/1.1\r\n" + HOST + b"\r\n"
+SLOW = b"POST / HTTP/1.1\r\n" + HOST + b"Content-Length: 9\r\n\r\n{"
+"""A body of which nothing more comes."""
+
+LARGE = 2**24
+"""Bytes that no socket holds for a client that does not read."""
 
 
 def _app() -> FastAPI:
@@ -34,6 +42,10 @@ def _app() -> FastAPI:
     @app.post("/refused")
     async def refused() -> Response:
         return Response(status_code=403)
+
+    @app.get("/large")
+    def large() -> Response:
+        return Response(bytes(LARGE))
 
     @app.post("/headers")
     async def names(request: Request) -> list[str]:
@@ -192,7 +204,7 @@ def hurried() -> Iterator[int]:
         (b"G", [408]),
         (GET, [200]),
         (GET + b"GET", [200]),
-        (b"POST / HTTP/1.1\r\n" + HOST + b"Content-Length: 9\r\n\r\n{", [408]),
+        (SLOW, [408]),
         (b"POST /refused HTTP/1.1\r\n" + HOST + b"Content-Length: 9\r\n\r\n{", [403]),
     ],
 )
@@ -200,6 +212,42 @@ def test_what_does_not_come_in_time_is_answered_once(
     hurried: int, sent: bytes, statuses: list[int]
 ) -> None:
     assert _statuses(_said(hurried, sent)) == statuses
+
+
+@pytest.mark.parametrize(
+    "begun",
+    [GET[:-2] + b"X: ", b"POST / HTTP/1.1\r\n" + HOST + b"Content-Length: 999\r\n\r\n"],
+    ids=["head", "body"],
+)
+def test_a_byte_now_and_then_gains_no_time(hurried: int, begun: bytes) -> None:
+    drops = itertools.repeat(b"y", 400)
+
+    def dripping() -> Iterator[bytes]:
+        yield begun
+        for drop in drops:
+            time.sleep(0.02)
+            yield drop
+
+    assert said_to(hurried, dripping()).status == 408
+    assert next(drops, None) is not None
+
+
+def test_a_client_that_does_not_read_is_cut_off() -> None:
+    with _limited(answer_s=0.2) as number, socket.socket() as connection:
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        connection.connect(("127.0.0.1", number))
+        connection.sendall(b"GET /large HTTP/1.1\r\n" + HOST + b"\r\n")
+        own = connection.getsockname()[1]
+        wait_until(lambda: holds(number, own))
+        wait_until(lambda: not holds(number, own))
+
+
+def test_slow_bodies_do_not_hold_up_the_end(caplog: pytest.LogCaptureFixture) -> None:
+    with contextlib.ExitStack() as held, _limited() as number:
+        held.enter_context(crowd_of(number, 5, SLOW))
+        # whoever came before has been read
+        assert _statuses(_said(number, GET, answers=1)) == [200]
+    assert "graceful shutdown exceeded" not in caplog.text
 
 
 def test_a_head_that_comes_later_has_its_own_time() -> None:
@@ -226,7 +274,9 @@ def test_the_reserve_answers_probes_and_closes() -> None:
         said = asked(b"/")
         assert _problem(said)["status"] == 503
         assert b"retry-after: 1" in said
-        assert _statuses(_said(number, b"")) == [503]
+        # of a body that does not end, no more is awaited
+        for silent in (b"", SLOW):
+            assert _statuses(_said(number, silent)) == [503]
 
 
 def test_what_waits_behind_an_answer_ends_with_the_nonsense_after_it(

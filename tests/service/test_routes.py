@@ -1,5 +1,6 @@
 """Every route over HTTP: statuses, headers, pages, conditions, repeated requests, limits."""
 
+import contextlib
 import json
 import re
 from collections.abc import Iterator
@@ -9,7 +10,11 @@ from typing import Any
 import httpx2
 import pytest
 
+from api.jobs.queue import VERSION
 from api.responses import Job, StoredPlan
+from api.storage.database import open_database
+from api.storage.job_records import start_job
+from api.storage.part_records import BEGINNING, add_seconds, begin_part
 from syncplan.planning.variations import stressed
 from syncplan.reports.validation_report import stress_document
 from syncplan.runtime.files import as_text
@@ -46,9 +51,11 @@ def idle(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
         "SYNCPLAN_MAX_REFINE_S": "30",
         "SYNCPLAN_MAX_SWEEP_VALUES": "3",
         "SYNCPLAN_MAX_QUEUED_JOBS": "3",
+        "SYNCPLAN_MAX_JOB_SECONDS": "60",
+        "SYNCPLAN_MAX_STREAMS": "1",
     }
     folder = tmp_path_factory.mktemp("idle")
-    with serving(folder, "cat dan eve fay", "--no-worker", **limits) as one:
+    with serving(folder, "cat dan eve fay gus", "--no-worker", **limits) as one:
         yield one
 
 
@@ -299,9 +306,7 @@ def test_a_stress_test_leaves_the_report_of_the_library_to_the_byte(ann: httpx2.
     assert ann.get(f"{at}/result").text == as_text(stress_document(test).as_json())
 
 
-def test_a_refinement_leaves_its_owner_a_plan_that_names_its_parent(
-    ann: httpx2.Client, server: Server
-) -> None:
+def test_a_refinement_leaves_its_owner_a_plan_that_names_its_parent(ann: httpx2.Client) -> None:
     plan = planned(ann, landmarks_m=LANDMARKS)["id"]
     options = {"starts": 1, "objective": "logdet", "time_limit_s": 20}
     at = ann.post(f"/v1/plans/{plan}/refinements", json=options).headers["location"]
@@ -313,9 +318,6 @@ def test_a_refinement_leaves_its_owner_a_plan_that_names_its_parent(
     assert result.headers["content-location"] == f"/v1/plans/{job.result_plan_id}"
     assert stored.json()["parent_id"] == plan
     problem(ann.get(f"{at}/trials"), 409)
-    with speaking(server, "bob") as bob:
-        problem(bob.get(f"/v1/plans/{job.result_plan_id}"), 404)
-        problem(bob.delete(f"/v1/plans/{job.result_plan_id}"), 404)
     assert ann.delete(f"/v1/plans/{job.result_plan_id}").status_code == 204
     problem(ann.get(f"{at}/result"), 404)
 
@@ -359,6 +361,25 @@ def test_too_many_jobs_are_refused_until_one_has_ended(idle: Server) -> None:
         problem(eve.post(path), 429)
 
 
+def test_an_owner_whose_seconds_of_a_day_are_spent_is_refused_and_others_are_not(
+    idle: Server, cat: httpx2.Client
+) -> None:
+    with speaking(idle, "gus") as gus:
+        paths = [f"/v1/plans/{planned(one)['id']}/validations" for one in (gus, cat)]
+        job = gus.post(paths[0]).json()["id"]
+        url = f"sqlite:///{idle.log.parent}/data/syncplan.db"
+        with contextlib.closing(open_database(url)) as database, database.writing() as connection:
+            start_job(connection, job, VERSION)
+            begin_part(connection, job, BEGINNING, VERSION)
+            add_seconds(connection, job, BEGINNING, 61.0)
+        refused = gus.post(paths[0])
+        assert "the most allowed is 60 s" in problem(refused, 429).detail
+        assert int(refused.headers["retry-after"]) > 0
+        other = cat.post(paths[1])
+        assert other.status_code == 202
+        cat.post(f"{other.headers['location']}/cancel")
+
+
 # --- events -------------------------------------------------------------------------------------
 
 
@@ -386,6 +407,8 @@ def test_events_come_when_they_happen_and_streams_are_counted(
         events = events_of(answer)
         assert next(events) == Event(1, "queued", 0)
         assert "\nsyncplan_streams 1.0\n" in cat.get("/metrics").text
+        refused = problem(cat.get(f"{queued}/events"), 429)
+        assert refused.detail.startswith("you have 1 event streams open, the most allowed")
         cat.post(f"{queued}/cancel")
         assert list(events) == [Event(2, "cancelled", 0)]
     wait_until(lambda: "\nsyncplan_streams 0.0\n" in cat.get("/metrics").text)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
 
+import httpx2
 import pytest
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
@@ -180,6 +181,24 @@ def test_a_request_with_a_key_is_its_owners_and_any_other_a_401_problem() -> Non
     assert client.get("/me", headers={"Authorization": f"Bearer {LAB}"}).json() == "lab"
     assert client.get("/me", headers={"Authorization": f"bearer {OPS}"}).json() == "ops"
     assert _client(load_settings()).get("/me").json() == "local"
+
+
+def test_wrong_keys_are_throttled_and_logged_with_their_address(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    client = _client(_settings(max_refused_keys=5))
+
+    def answer(key: str) -> httpx2.Response:
+        return client.get("/me", headers={"Authorization": f"Bearer {key}"})
+
+    assert answer(OPS).status_code == 200
+    answers = [answer(f"guess-{number:020d}") for number in range(7)]
+    assert [one.status_code for one in answers] == [401] * 5 + [429] * 2
+    assert int(answers[-1].headers["retry-after"]) >= 1
+    # who was at work here before is not stopped by that, and who is new has to wait
+    assert (answer(OPS).status_code, answer(LAB).status_code) == (200, 429)
+    refused = [one for one in caplog.records if one.getMessage() == "key refused"]
+    assert [vars(one)["address"] for one in refused] == ["testclient"] * 5
 
 
 def test_this_machine_needs_no_key() -> None:

@@ -1,6 +1,5 @@
 """What the service keeps: plans as their bytes, jobs that end once, events without gaps."""
 
-import contextlib
 import json
 import re
 import time
@@ -28,7 +27,6 @@ from api.storage.database import (
 from api.storage.migrations import NEWEST
 from syncplan.errors import InputError
 from syncplan.runtime.files import as_text
-from tests.tools.kept_databases import restore_sqlite
 
 MADE = PlanText('{\n "version": "1"\n}\n', "survey", 6, True, 1.5)
 BATCHES = [Batch(0, 0, 32), Batch(0, 32, 8)]
@@ -283,16 +281,6 @@ def test_a_newer_database_is_opened_as_it_is_or_refused(
     with again.reading() as connection:
         assert dict(connection.execute(select(tables.schema_version)).mappings().one()) == newer
     again.close()
-
-
-def test_a_database_of_version_1_is_brought_up_to_date(tmp_path: Path) -> None:
-    restore_sqlite(tmp_path / "syncplan.db")
-    for _ in range(2):
-        opened = open_database(f"sqlite:///{tmp_path / 'syncplan.db'}")
-        with contextlib.closing(opened), opened.reading() as connection:
-            assert (
-                connection.execute(select(tables.schema_version.c.version)).scalar_one() == NEWEST
-            )
 
 
 def test_a_file_that_is_no_database_is_refused_in_one_line(tmp_path: Path) -> None:

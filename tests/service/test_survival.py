@@ -1,21 +1,17 @@
-"""Jobs that survive: processes killed, stopped and frozen, the database away.
+"""Jobs that survive: processes stopped and frozen, the database away.
 
-Real servers, real workers and a real PostgreSQL. tests.searches.search_survival kills
+Real servers, real workers and a real PostgreSQL. tests.searches.survival kills
 servers, workers and children at random moments.
 """
 
-import random
 import signal
-import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
-from itertools import count
 from pathlib import Path
 from typing import Any, Literal
 
 import pytest
 
-import syncplan
 from tests.tools.api_servers import problem
 from tests.tools.busy_children import at_work, busy, on_duty
 from tests.tools.processes import PATIENCE_S, wait_until
@@ -27,38 +23,6 @@ pytestmark = pytest.mark.long
 
 LONG = 100_000
 """Trials of a validation that takes minutes."""
-
-# --- killed -------------------------------------------------------------------------------------
-
-
-def test_a_client_that_asks_again_gets_each_plan_and_job_once(tmp_path: Path) -> None:
-    moments = random.Random("again True")
-    with quick(tmp_path) as site:
-        server = site.serve()
-        over = threading.Event()
-
-        def hand_in(seed: int) -> int:
-            with syncplan.Client(site.url, patience_s=PATIENCE_S) as client:
-                for number in count():
-                    made = client.plan(example("paper-grid-same"))
-                    job = client.validate(made, trials=10, seed=seed)
-                    site.plans[made.id] = site.ask_until_up(f"/v1/plans/{made.id}").text
-                    site.jobs[job.id] = validation(10, seed)
-                    if over.is_set():
-                        return number + 1
-            raise AssertionError
-
-        with ThreadPoolExecutor() as pool:
-            clients = [pool.submit(hand_in, seed) for seed in range(2)]
-            for _ in range(2):
-                time.sleep(moments.uniform(0.2, 1.5))
-                site.kill(server)
-                server = site.serve()
-            over.set()
-            handed_in = sum(client.result(timeout=PATIENCE_S) for client in clients)
-        assert site.count("plans") == site.count("jobs") == handed_in
-        site.see_all_done()
-
 
 # --- stopped ------------------------------------------------------------------------------------
 
@@ -141,13 +105,10 @@ def test_a_cancelled_job_stops_long_before_its_end_and_stays_cancelled(tmp_path:
 def test_processes_that_start_on_nothing_at_the_same_moment_all_come_up(
     address: str | None, tmp_path: Path
 ) -> None:
-    with quick(tmp_path, address) as site, quick(tmp_path, address) as other:
+    with quick(tmp_path, address) as site:
         with ThreadPoolExecutor() as pool:
-            started = [pool.submit(one.serve, "--no-worker") for one in (site, other)] + [
-                pool.submit(site.work)
-            ]
-            for one in started:
-                one.result(timeout=PATIENCE_S)
+            for begun in (pool.submit(site.serve, "--no-worker"), pool.submit(site.work)):
+                begun.result(timeout=PATIENCE_S)
         site.hand_in(validation(10, 0))
         site.see_all_done()
 

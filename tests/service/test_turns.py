@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from api.computing.child import Child
 from api.computing.pool import Pool
 from api.computing.turns import Turns
+from tests.service.conftest import Hollow
 from tests.tools.processes import PATIENCE_S
 
 OWNERS = ["a", "b", "c", "d"]
@@ -108,22 +108,13 @@ def test_a_full_queue_loses_the_newest_task_of_the_longest(own: int, displaced: 
 
 
 def test_owners_whose_short_tasks_take_turns_need_no_extra_process(
-    monkeypatch: pytest.MonkeyPatch,
+    hollow: list[Hollow], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    begun: list[Child] = []
-
-    def begin(self: Child, **_: object) -> None:
-        begun.append(self)
-        self.killed, self.growth = False, 0
-
-    monkeypatch.setattr(Child, "__init__", begin)
-    monkeypatch.setattr(Child, "wait_until_ready", lambda self: None)
-    monkeypatch.setattr(Child, "call", lambda *_, **__: time.sleep(0.01))
-    monkeypatch.setattr(Child, "end", lambda self: None)
+    monkeypatch.setattr(Hollow, "call", lambda *_, **__: time.sleep(0.01))
     pool = Pool(1, background=False)
     # the last ones wait longer than an owner that is blocked would
     tickets = [pool.submit("short", owner=owner) for _ in range(150) for owner in ("ann", "eve")]
     for ticket in tickets:
         ticket.future.result(timeout=PATIENCE_S)
     pool.close()
-    assert len(begun) == 1
+    assert len(hollow) == 1

@@ -3,6 +3,7 @@
 import contextlib
 import re
 import sqlite3
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from unittest.mock import Mock
@@ -18,6 +19,7 @@ from api.problems import Unavailable
 from api.routes.service_routes import readyz
 from api.storage.database import Database
 from api.storage.job_records import NewJob, add_job, end_job
+from tests.service.conftest import Hollow
 from tests.tools.api_servers import done, key_of, planned, problem, serving, speaking
 from tests.tools.processes import wait_until
 from tests.tools.serving import QUICK, Process, free_port, running, settings_of
@@ -101,13 +103,19 @@ def test_a_worker_without_a_heartbeat_is_not_ready(
     wait_until(lambda: ready(worker))
 
 
-def test_a_service_whose_processes_are_starting_is_not_ready() -> None:
+def test_a_service_whose_processes_are_starting_is_not_ready(
+    hollow: list[Hollow], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loaded = threading.Event()
+    monkeypatch.setattr(Hollow, "wait_until_ready", lambda _: loaded.wait())
     pool = Pool(1, background=False)
     service = Mock(pool=pool, heartbeat=None)
     service.settings.dead_after_s = 1.0
     with contextlib.closing(pool):
+        wait_until(lambda: bool(hollow))
         with pytest.raises(Unavailable, match="starting"):
             readyz(service)
+        loaded.set()
         wait_until(lambda: pool.ready)
         assert readyz(service).status == "ok"
 

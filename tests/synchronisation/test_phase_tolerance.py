@@ -12,32 +12,24 @@ from syncplan.synchronisation.contact_tables import separation_tolerances
 PAIR = np.array([[0, 1]])
 RADII = st.floats(5.0, 40.0)
 PHASES = st.floats(-3.0, 3.0)
+SENSES = st.sampled_from([-1.0, 1.0])
 
 
 def pair(
     distance: float, radii: tuple[float, float], sense: float, phases: tuple[float, float]
 ) -> Orbits:
     """Two circles beside each other along x, the first counter-clockwise."""
-    return Orbits(
-        np.array([[0.0, 0.0], [distance, 0.0]]),
-        np.array(radii),
-        np.array([1.0, sense]),
-        np.array(phases),
-        0.2,
-    )
+    centers = np.array([[0.0, 0.0], [distance, 0.0]])
+    return Orbits(centers, np.array(radii), np.array([1.0, sense]), np.array(phases), 0.2)
 
 
 def apart_when_shifted(orbits: Orbits, shifts: np.ndarray) -> np.ndarray:
     """Least distance over a turn with the second phase shifted, one by one."""
     count = len(shifts)
-    phases = np.column_stack([np.full(count, orbits.phases[0]), orbits.phases[1] + shifts])
-    many = Orbits(
-        np.tile(orbits.centers, (count, 1)),
-        np.tile(orbits.radii, count),
-        np.tile(orbits.senses, count),
-        phases.ravel(),
-        orbits.rate,
-    )
+    phases = orbits.phases + np.outer(shifts, [0.0, 1.0])
+    centers = np.tile(orbits.centers, (count, 1))
+    radii, senses = np.tile(orbits.radii, count), np.tile(orbits.senses, count)
+    many = Orbits(centers, radii, senses, phases.ravel(), orbits.rate)
     first = 2 * np.arange(count)
     return least_distances(relative_motion(many, first, first + 1))[0]
 
@@ -79,7 +71,7 @@ def test_turning_the_same_way_the_tolerance_is_an_arccosine(
         assert tolerance >= least_shift(nearly, other - one) - 2e-3
 
 
-@given(st.floats(5.0, 70.0), RADII, RADII, PHASES, PHASES, st.sampled_from([-1.0, 1.0]))
+@given(st.floats(5.0, 70.0), RADII, RADII, PHASES, PHASES, SENSES)
 def test_without_a_distance_it_is_the_shift_at_which_they_collide(
     distance: float, ra: float, rb: float, one: float, other: float, sense: float
 ) -> None:
@@ -96,15 +88,7 @@ def test_without_a_distance_it_is_the_shift_at_which_they_collide(
     assert separation_tolerances(orbits, PAIR, 0.0)[0] == pytest.approx(expected, abs=2e-3)
 
 
-@given(
-    st.floats(1.0, 80.0),
-    RADII,
-    RADII,
-    PHASES,
-    PHASES,
-    st.sampled_from([-1.0, 1.0]),
-    st.floats(0.5, 15.0),
-)
+@given(st.floats(1.0, 80.0), RADII, RADII, PHASES, PHASES, SENSES, st.floats(0.5, 15.0))
 def test_no_smaller_shift_brings_them_too_near(
     distance: float, ra: float, rb: float, one: float, other: float, sense: float, asked: float
 ) -> None:

@@ -3,29 +3,28 @@
 import numpy as np
 import pytest
 from hypothesis import example as known
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from syncplan.orbits.contacts import closest_approach, find_windows
-from syncplan.planning.planner import plan
+from syncplan.planning.planner import Plan, plan
 from syncplan.reports.plan_report import PlanDocument, plan_document
-from syncplan.scenario.specification import Scenario
 from syncplan.synchronisation.contact_tables import contact_of_pairs, tabulated_contact
 from syncplan.synchronisation.difference_tables import most_served
 from syncplan.synchronisation.phase_rules import residuals, rules_of
 from syncplan.synchronisation.phases import synchronise
-from tests.searches.search_phases import graph_share, margin_shortfall, tree_share
+from tests.searches.phases import graph_share, margin_shortfall, tree_share
 from tests.tools.obstructed import covered
 from tests.tools.phase_teams import cameras, contact_curves, draw_seeing, team_of
-from tests.tools.scenarios import example, planned, small
+from tests.tools.scenarios import example, planned
 
 EQUILATERAL = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, np.sqrt(0.75)]])
 ALL = np.array([[0, 1], [1, 2], [0, 2]])
 
 
-def _camera_pair(**sensor: float) -> Scenario:
+def _camera_pair(**sensor: float) -> Plan:
     """Two vehicles that look to their left, and past each other where they come nearest."""
-    return small(
+    return planned(
         formation={"centers_m": [[0, 0], [52, 0]]},
         landmarks_m=[[0, 28], [0, -28]],
         sensor={"range_m": 41.0, "fov_deg": 110.0, "boresight_deg": 80.0, **sensor},
@@ -33,7 +32,7 @@ def _camera_pair(**sensor: float) -> Scenario:
 
 
 def test_a_camera_pair_meets_every_turn_though_not_where_it_comes_nearest() -> None:
-    made = plan(_camera_pair())
+    made = _camera_pair()
     assert not made.dropped_links
     (link,) = made.links
     assert abs(link.residual) > 1.0
@@ -44,7 +43,7 @@ def test_a_camera_pair_meets_every_turn_though_not_where_it_comes_nearest() -> N
 
 
 def test_a_pair_that_no_phases_let_see_each_other_says_so() -> None:
-    made = plan(_camera_pair(fov_deg=60.0, boresight_deg=90.0))
+    made = _camera_pair(fov_deg=60.0, boresight_deg=90.0)
     assert not made.links
     (lost,) = made.dropped_links
     assert lost.reason.startswith("at no phases does either vehicle")
@@ -69,7 +68,7 @@ def test_links_that_exclude_each_other_are_served_one_by_one() -> None:
 
 def test_an_all_round_view_leaves_the_phases_as_they_are() -> None:
     for name in ("five-ring", "triangle-alternate", "paper-grid-same"):
-        made = plan(example(name))
+        made = plan(example(name), bound="never")
         orbits = made.orbits
         pairs = np.array([(link.a, link.b) for link in made.links])
         first = made.scenario.orbit.first_phase_rad
@@ -128,6 +127,7 @@ def test_the_contact_of_a_residual_is_what_sampled_windows_hold(seed: int) -> No
     assert at * table.attainable[0] == pytest.approx(seen.mean(), abs=2e-3)
 
 
+@settings(max_examples=settings().max_examples // 2)
 @given(st.integers(0, 2**32 - 1))
 @known(443913051)  # equal circles in step, at the edge of range
 def test_a_tree_has_nine_tenths_of_the_contact_of_every_link(seed: int) -> None:
@@ -139,13 +139,13 @@ def test_links_just_below_the_floor_count_in_part_and_a_conflict_counts_against_
     np.testing.assert_allclose(most_served(0.2, 0.1)(worth), [2.0, 0.5, 0.0, -np.inf], atol=1e-12)
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(6))
 def test_linked_teams_see_as_much_as_brute_force_finds(seed: int) -> None:
     share = graph_share(np.random.default_rng([7, seed]))
     assert share is None or share >= 0.95
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(6))
 def test_margins_that_keep_a_separation_reach_brute_force(seed: int) -> None:
     short = margin_shortfall(np.random.default_rng([7, seed]))
     assert short is None or short <= 0.01
@@ -187,7 +187,7 @@ def test_a_ring_of_six_cameras_shares_what_can_be_seen() -> None:
 
 
 def test_a_link_without_a_contact_share_still_loads() -> None:
-    document = plan_document(plan(_camera_pair()))
+    document = plan_document(_camera_pair())
     share = document.links[0].contact_share
     assert share is not None
     assert 0.97 < share <= 1.0

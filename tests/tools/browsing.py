@@ -6,9 +6,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
-from urllib.parse import urljoin
 
-from axe_playwright_python.sync_playwright import Axe
+from axe_playwright_python.base import AXE_SCRIPT
 from playwright.sync_api import (
     Browser,
     BrowserType,
@@ -30,6 +29,7 @@ __all__ = [
     "Visit",
     "accessibility_faults",
     "chromium",
+    "faults_by_day_and_night",
     "launched",
     "visiting",
 ]
@@ -40,6 +40,7 @@ PHONE = (390, 844)
 _PROGRAMS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 _HEARD = ("error", "warning")
 _PATIENCE_MS = 1000.0 * PATIENCE_S
+_FORGET = "addEventListener('pagehide', () => { localStorage.clear(); sessionStorage.clear(); })"
 
 
 @contextmanager
@@ -106,6 +107,11 @@ class Visit:
         expect(self.page.locator("#map-name")).to_have_text(example)
         self.settle()
 
+    def fill(self, label: str, value: str, *, exact: bool = False) -> None:
+        """Fill a field and wait until what follows is planned."""
+        self.page.get_by_label(label, exact=exact).fill(value)
+        self.settle()
+
     def settle(self) -> None:
         """Wait until nothing is being planned any more."""
         self._await(self.page.locator("#workspace[aria-busy=false]"))
@@ -145,14 +151,11 @@ class Tabs:
         return context.new_page()
 
     def give_back(self, page: Page, touch: bool) -> None:
-        """Let a tab forget what was done in it, or close it where that fails."""
+        """Have a tab forget what was done in it as it is left, or close it where that fails."""
         try:
             page.unroute_all()
-            # the page itself keeps what was edited when it is left. Not about:blank: for another
-            # origin the browser starts a process that has compiled nothing
-            page.goto(urljoin(page.url, "/healthz"))
-            page.evaluate("localStorage.clear(), sessionStorage.clear()")
-            page.context.new_cdp_session(page).send("Page.resetNavigationHistory")
+            # after the page itself, which keeps what was edited
+            page.evaluate(_FORGET)
         except BrowserError:
             page.context.close()
         else:
@@ -200,6 +203,7 @@ def visiting(
         page.on(event, hearing)
     try:
         page.goto(address)
+        page.context.new_cdp_session(page).send("Page.resetNavigationHistory")
         # what is around the map comes after it
         page.locator("#new:enabled").wait_for(state="attached")
         yield visit
@@ -212,10 +216,26 @@ def visiting(
     tabs.give_back(page, touch)
 
 
-def accessibility_faults(page: Page) -> list[str]:
-    """Return what axe finds wrong with a page, one line for each fault."""
-    found = Axe().run(page)
+def accessibility_faults(page: Page, *rules: str) -> list[str]:
+    """Return what axe finds wrong with a page by some of its rules or by all, a line for each.
+
+    A page's style sheets are the same as long as it is open: they are read once.
+    """
+    first = not page.evaluate("'axe' in window")
+    if first:
+        page.evaluate(AXE_SCRIPT)
+    options = {"resultTypes": ["violations"], "preload": first}
+    found = page.evaluate("axe.run", options | ({"runOnly": [*rules]} if rules else {}))
     return [
         f"{fault['id']}: {fault['help']}: {[node['html'][:160] for node in fault['nodes']]}"
-        for fault in found.response["violations"]
+        for fault in found["violations"]
     ]
+
+
+def faults_by_day_and_night(page: Page) -> list[str]:
+    """Return what axe finds wrong with a page, in the dark with its colours alone."""
+    found = accessibility_faults(page)
+    page.emulate_media(color_scheme="dark")
+    found += accessibility_faults(page, "color-contrast")
+    page.emulate_media(color_scheme="light")
+    return found

@@ -5,8 +5,14 @@ from typing import Any
 import numpy as np
 
 from syncplan.arrays import Array
+from syncplan.plotting.figures import Subject, specs_of
 
-__all__ = ["note_of", "trace_of", "turns_of"]
+__all__ = ["note_of", "spec_of", "trace_of", "turns_of"]
+
+
+def spec_of(subject: Subject, name: str, **given: Any) -> dict[str, Any]:
+    """Return one figure of a subject as Plotly's plain values; `given` as for specs_of."""
+    return specs_of(subject, [name], **given)[name]
 
 
 def trace_of(spec: dict[str, Any], uid: str) -> dict[str, Any]:

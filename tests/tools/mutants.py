@@ -1,12 +1,13 @@
 """Mutants: one operator, number or condition of the code changed, and whether the tests notice.
 
-    python -m tests.tools.mutants syncplan --number 400 --seed 1
+    python -m tests.tools.mutants
     python -m tests.tools.mutants api --number 100 --seed 1 --checkout ../before
 
-Prints each mutant with the test that killed it, or as a survivor, and the share that was killed.
-The same seed draws the same mutants of the same code. A mutant is killed where `make check`'s tests
-fail, those of its own package first, or take longer than --timeout s; with --own, where those of
-its package do. Its copy of the checkout is thrown away; the interpreter is the one that runs this.
+Prints each mutant with the test that killed it, or as a survivor, and the share that was killed
+with its 95 % interval. The same seed draws the same mutants of the same code. A mutant is killed
+where `make check`'s tests fail, those of its own package first, or take longer than --timeout s;
+with --own, where those of its package do. Its copy of the checkout is thrown away; the interpreter
+is the one that runs this.
 """
 
 import argparse
@@ -21,6 +22,8 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
+
+from scipy.stats import binomtest
 
 __all__ = ["Mutant", "main", "mutants_of"]
 
@@ -87,64 +90,79 @@ def mutants_of(path: Path) -> Iterator[Mutant]:
             yield Mutant(path, begin, end, f"(not ({source[begin:end].decode()}))")
 
 
-def killer_of(mutant: Mutant, copy: Path, timeout_s: float, own_only: bool) -> str:
+def killer_of(mutant: Mutant, copy: Path, given: argparse.Namespace) -> str:
     """Return the test that kills a mutant, "" for none; the file is as before afterwards."""
     path = copy / mutant.path
     before = path.read_bytes()
     path.write_bytes(before[: mutant.begin] + mutant.new.encode() + before[mutant.end :])
-    own = copy / "tests" / ("service" if mutant.path.parts[0] == "api" else mutant.path.parts[1])
-    places = [str(own)] if own.is_dir() else []
-    if not (own_only and places):
-        places.append("tests")
-    command = [sys.executable, "-m", "pytest", "-qx", "-m", "not long", "-p", "no:cacheprovider"]
+    package = "service" if mutant.path.parts[0] == "api" else mutant.path.parts[1]
+    own = [f"tests/{package}"] if (copy / "tests" / package).is_dir() else []
+    try:
+        for places in [own, [] if own and given.own else ["tests"]]:
+            if places and (killer := _failure(places, copy, given)):
+                return killer
+    finally:
+        path.write_bytes(before)
+    return ""
+
+
+def _failure(places: list[str], copy: Path, given: argparse.Namespace) -> str:
+    """Return the first test that fails, "" for none."""
     try:
         done = subprocess.run(
-            [*command, *places],
+            [
+                *(sys.executable, "-m", "pytest", "-qx", "-p", "no:cacheprovider", *places),
+                *("-m", "not long and not documented", "--numprocesses", str(given.processes)),
+            ],
             cwd=copy,
             env={**os.environ, "PYTHONPATH": str(copy), "OPENBLAS_NUM_THREADS": "1"},
             capture_output=True,
             text=True,
-            timeout=timeout_s,
+            timeout=given.timeout,
         )
     except subprocess.TimeoutExpired:
         return "timeout"
-    finally:
-        path.write_bytes(before)
     failed = re.search(r"^(?:FAILED|ERROR) (.*?)(?: - |$)", done.stdout, re.MULTILINE)
     return "" if done.returncode == 0 else failed[1] if failed else "no test could be run"
 
 
 def main() -> None:
-    """Print the mutants of a folder and what became of each."""
+    """Print mutants and what became of each."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
-    parser.add_argument("folder", help="syncplan or api")
-    parser.add_argument("--number", type=int, default=400)
+    parser.add_argument("folders", nargs="*", default=["syncplan", "api"])
+    parser.add_argument("--number", type=int, default=24)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--timeout", type=float, default=1800.0)
     parser.add_argument("--own", action="store_true", help="only the tests of a mutant's package")
+    parser.add_argument("--processes", type=int, default=3, help="of the tests")
     parser.add_argument("--checkout", type=Path, default=Path())
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / "checkout"
         unneeded = shutil.ignore_patterns(".git", ".venv", "build", "__pycache__", ".*_cache")
         shutil.copytree(given.checkout, copy, ignore=unneeded)
-        found = [
-            one._replace(path=path.relative_to(copy))
-            for path in sorted((copy / given.folder).rglob("*.py"))
-            for one in mutants_of(path)
+        mutants = [
+            mutant._replace(path=path.relative_to(copy))
+            for folder in given.folders
+            for path in sorted((copy / folder).rglob("*.py"))
+            for mutant in mutants_of(path)
         ]
-        drawn = random.Random(given.seed).sample(found, min(given.number, len(found)))
+        drawn = random.Random(given.seed).sample(mutants, min(given.number, len(mutants)))
         killed = 0
         for number, mutant in enumerate(drawn, 1):
             source = (copy / mutant.path).read_bytes()
             line = source.count(b"\n", 0, mutant.begin) + 1
             old = source[mutant.begin : mutant.end].decode().strip()
-            killer = killer_of(mutant, copy, given.timeout, given.own)
+            killer = killer_of(mutant, copy, given)
             killed += bool(killer)
             fate = f"killed by {killer}" if killer else "SURVIVED"
             print(f"{mutant.path}:{line}: {old} -> {mutant.new.strip()}: {fate}", flush=True)
             print(f"{killed} of {number} killed", file=sys.stderr, end="\r", flush=True)
-        print(f"{killed} of {len(drawn)} mutants killed, of {len(found)} that there are")
+        interval = binomtest(killed, len(drawn)).proportion_ci(method="wilson")
+        print(
+            f"{killed} of {len(drawn)} mutants killed ({interval.low:.0%} to {interval.high:.0%}), "
+            f"of {len(mutants)} that there are"
+        )
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from tests.tools.processes import PATIENCE_S
-from tests.tools.serving import Server
 
 __all__ = [
     "Said",
@@ -44,17 +43,17 @@ def request_of(path: str, key: str, document: Mapping[str, Any] | None = None) -
     return head.encode() + body
 
 
-def connected(server: Server) -> socket.socket:
-    """Return a connection to a server."""
-    return socket.create_connection(("127.0.0.1", server.port), timeout=PATIENCE_S)
+def connected(port: int) -> socket.socket:
+    """Return a connection to a port of this machine."""
+    return socket.create_connection(("127.0.0.1", port), timeout=PATIENCE_S)
 
 
-def said_to(server: Server, sent: Iterable[bytes]) -> Said:
-    """Return what a server says to these bytes until it closes the connection.
+def said_to(port: int, sent: Iterable[bytes]) -> Said:
+    """Return what the server at a port says to these bytes until it closes the connection.
 
     Nothing more is sent once an answer is there.
     """
-    with connected(server) as connection:
+    with connected(port) as connection:
         with contextlib.suppress(ConnectionError):
             for piece in sent:
                 connection.sendall(piece)
@@ -68,12 +67,12 @@ def said_to(server: Server, sent: Iterable[bytes]) -> Said:
 
 
 @contextlib.contextmanager
-def crowd_of(server: Server, number: int, greeting: bytes = b"") -> Iterator[list[socket.socket]]:
+def crowd_of(port: int, number: int, greeting: bytes = b"") -> Iterator[list[socket.socket]]:
     """So many connections that say the same and no more, closed at the end."""
     with contextlib.ExitStack() as all_of_them:
         crowd = []
         for _ in range(number):
-            one = all_of_them.enter_context(connected(server))
+            one = all_of_them.enter_context(connected(port))
             with contextlib.suppress(ConnectionError):
                 one.sendall(greeting)
             crowd.append(one)
@@ -96,9 +95,9 @@ def read_until(connection: socket.socket, wanted: bytes) -> bytes:
     return text
 
 
-def holds(server: Server, port: int) -> bool:
+def holds(server_port: int, port: int) -> bool:
     """Return whether a process holds the server's end of the connection from a port."""
-    ends = f"0100007F:{server.port:04X} 0100007F:{port:04X}"
+    ends = f"0100007F:{server_port:04X} 0100007F:{port:04X}"
     rows = (line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:])
     # what was closed while it had bytes to send goes on without a process, its inode being 0
     return any(" ".join(row[1:3]) == ends and row[9] != "0" for row in rows)

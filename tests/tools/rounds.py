@@ -1,36 +1,34 @@
-"""Rounds of a search in which processes are killed: one site after the other, on two databases."""
+"""Rounds of a search in which processes are killed, on two databases in turn."""
 
+import contextlib
 import tempfile
-from collections.abc import Callable
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from tests.tools.serving import own_postgres
 from tests.tools.survival import Site, quick
 
-__all__ = ["Round", "lost_in"]
-
-Round = tuple[str, Callable[[Site], str]]
-"""What is done to a site, in words, and what does it; that returns how it went, or fails."""
+__all__ = ["database_of", "print_rounds", "site_of"]
 
 
-def lost_in(rounds: int, round_of: Callable[[int], Round], **settings: str) -> list[str]:
-    """Play rounds, on SQLite and on PostgreSQL in turn; return those in which something was lost.
+def database_of(number: int) -> str:
+    """Return the database of a round: SQLite for an even number, PostgreSQL for an odd one."""
+    return ("SQLite", "PostgreSQL")[number % 2]
 
-    `round_of` makes the round of a number once that has its turn; prints each as it ends.
-    """
-    failures: list[str] = []
-    with own_postgres() as postgres, tempfile.TemporaryDirectory() as folder:
-        for number in range(rounds):
-            kind = ("SQLite", "PostgreSQL")[number % 2]
-            done, play = round_of(number)
-            reported = f"{number}: {kind}, {done}"
-            address = postgres.new_database() if kind == "PostgreSQL" else None
-            try:
-                with quick(Path(folder) / str(number), address, **settings) as site:
-                    outcome = play(site)
-            except Exception as error:
-                failures.append(reported)
-                outcome = f"{type(error).__name__}: {error}"
-            print(f"{reported}: {outcome}", flush=True)
-    print(f"{rounds} rounds, {len(failures)} with a loss {failures}")
-    return failures
+
+@contextlib.contextmanager
+def site_of(number: int, **settings: str) -> Iterator[Site]:
+    """Yield the site of a round, on a database of its own."""
+    with contextlib.ExitStack() as stack:
+        folder = stack.enter_context(tempfile.TemporaryDirectory())
+        address = None
+        if database_of(number) == "PostgreSQL":
+            address = stack.enter_context(own_postgres()).new_database()
+        yield stack.enter_context(quick(Path(folder), address, **settings))
+
+
+def print_rounds(rounds: Mapping[int, str], chance: float) -> list[str]:
+    """Print how rounds went; each is judged by itself."""
+    for number, outcome in rounds.items():
+        print(f"{number}: {database_of(number)}, {outcome}")
+    return []

@@ -25,6 +25,13 @@ PAGE = "tests/page"
 FIRST_WINDOW = ("adding", "editing", "handles", "kept_phases", "page", "reloads", "tools")
 """Files of the page that share one browser and one service; the others share another pair."""
 
+SERVICE = "tests/service"
+SERVED = (
+    *("dashboard", "design_jobs", "figures", "given_plans", "kept_work", "owners", "recordings"),
+    "routes",
+)
+"""Files that share a service."""
+
 LONGEST = (
     "tests/refinement/test_optimum.py",
     "tests/documentation/test_examples.py::test_the_example_reaches_its_number[service_client]",
@@ -70,8 +77,11 @@ def group_of(nodeid: str) -> str:
     if nodeid.startswith(APART):
         return nodeid
     file = PurePosixPath(nodeid.partition("::")[0])
+    name = file.stem.removeprefix("test_")
     if str(file.parent) == PAGE:
-        return f"{PAGE} {file.stem.removeprefix('test_') in FIRST_WINDOW}"
+        return f"{PAGE} {name in FIRST_WINDOW}"
+    if str(file.parent) == SERVICE and name in SERVED:
+        return SERVICE
     return str(file)
 
 

@@ -15,7 +15,10 @@ from syncplan.orbits.sightings import sightings_over
 from syncplan.orbits.team import Team
 from syncplan.planning.plan_records import RefinementRecord
 from syncplan.planning.planner import Plan
+from syncplan.refinement.nlp import StageNlp
 from syncplan.refinement.problem import RefineProblem, Stage, circles_of, samples_of
+from syncplan.refinement.problem_setup import problem_of
+from syncplan.refinement.refiner import options_for
 from syncplan.refinement.smooth_bound import coarse_run, smooth_rms
 from syncplan.refinement.smooth_team import SmoothTeam
 
@@ -42,6 +45,21 @@ def record_of(refined: Plan) -> RefinementRecord:
     """Return the record of a plan that was refined."""
     assert refined.refinement is not None
     return refined.refinement
+
+
+def posed(given: Plan, **options: Any) -> RefineProblem:
+    """Return the problem of refining a plan."""
+    return problem_of(given, options_for(given.scenario, None, options))
+
+
+def point_near(nlp: StageNlp, problem: RefineProblem) -> tuple[Array, Array]:
+    """Return variables near the plan, away from symmetry, and the plan's sides."""
+    generator = np.random.default_rng(0)
+    circles = circles_of(problem.orbits)
+    sides = nlp.sides_of(circles)
+    circles[:3] += 0.05 * problem.scale * generator.uniform(-1.0, 1.0, circles[:3].shape)
+    circles[3] += 0.2 * generator.uniform(-1.0, 1.0, problem.orbits.count)
+    return nlp.variables_of(circles), sides
 
 
 def scaled_circles(problem: RefineProblem, circles: Array | None = None) -> Array:

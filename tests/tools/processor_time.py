@@ -1,0 +1,51 @@
+"""Plugin for pytest: where the processor time of a run goes, by folder, file and test.
+
+    python -m pytest -p tests.tools.processor_time --numprocesses 3 -m "not long"
+
+Times are of the process and of its children that have ended, so that servers and browsers count
+where they end.
+"""
+
+import os
+from collections import Counter
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+SHOWN = 50
+
+_spent: dict[str, Any] = {"folder": Counter(), "file": Counter(), "test": Counter()}
+_before = 0.0
+
+
+def pytest_runtest_logstart() -> None:
+    """Begin to count."""
+    global _before
+    _before = sum(os.times()[:4])
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_makereport() -> Iterator[None]:
+    """Note in a report how long its phase took: set-up with fixtures, the test, tear-down."""
+    global _before
+    outcome: Any = yield
+    now = sum(os.times()[:4])
+    outcome.get_result().processor_s = now - _before
+    _before = now
+
+
+def pytest_runtest_logreport(report: Any) -> None:
+    """Add up what reports say, those of other processes too."""
+    file, _, _ = report.nodeid.partition("::")
+    parts = {"folder": "/".join(file.split("/")[:2]), "file": file, "test": report.nodeid}
+    for kind, name in parts.items():
+        _spent[kind][name] += getattr(report, "processor_s", 0.0)
+
+
+def pytest_terminal_summary(terminalreporter: Any) -> None:
+    """Print what took longest."""
+    for kind, spent in _spent.items():
+        terminalreporter.section(f"processor time by {kind}, {spent.total():.0f} s in all")
+        for name, seconds in spent.most_common(SHOWN):
+            terminalreporter.write_line(f"{seconds:8.2f} s  {name}")
