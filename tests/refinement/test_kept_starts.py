@@ -1,21 +1,30 @@
 """A refinement that is interrupted and goes on comes to what one comes to that never was."""
 
 import json
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
 
 from syncplan.planning.planner import Plan, plan
+from syncplan.refinement import exact_search
 from syncplan.refinement.refiner import BetterPlan, refine
 from syncplan.reports.plan_report import plan_document
 from syncplan.runtime.files import as_text
 from syncplan.runtime.task_crew import EarlierSearch
 from tests.tools.scenarios import small
 
-pytestmark = pytest.mark.usefixtures("short_exact_search")
-
 STARTS = 2
 SEARCH: Any = {"vary": ["phases", "centers"], "starts": STARTS, "seed": 1}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def mostly_random_moves() -> Iterator[None]:
+    """An exact search of a round of patterns, then random moves."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(exact_search, "_FIRST_STEP", exact_search._LEAST_STEP)
+        patch.setattr(exact_search, "_MOST_LOOKS", 60)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +33,7 @@ def pair() -> Plan:
 
 
 @pytest.fixture(scope="module")
-def whole(short_exact_search: None, pair: Plan) -> tuple[str, dict[int, bytes]]:
+def whole(pair: Plan) -> tuple[str, dict[int, bytes]]:
     """The document of a search that is never interrupted, and what it keeps."""
     return searched(pair, {})
 

@@ -7,7 +7,6 @@ import pytest
 
 from syncplan.arrays import Array
 from syncplan.planning.planner import plan
-from syncplan.refinement import exact_search
 from syncplan.refinement.measures import Measurement, measure
 from syncplan.refinement.problem import circles_of, orbits_of
 from syncplan.refinement.refiner import refine
@@ -35,16 +34,11 @@ GRID = 180
 ZOOMS, ZOOMED, NARROWER = 3, 9, 5.0
 
 
-@pytest.fixture(autouse=True)
-def a_third_of_the_exact_search(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(exact_search, "_MOST_LOOKS", 200)
-
-
 @pytest.mark.long
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_no_phases_on_a_fine_grid_are_better_than_the_refined_ones(name: str) -> None:
     given = plan(
-        small(**{"landmarks_m": LANDMARKS, "sensor": SENSOR, "duration_s": 45.0, **SCENARIOS[name]})
+        small(**{"landmarks_m": LANDMARKS, "sensor": SENSOR, "duration_s": 90.0, **SCENARIOS[name]})
     )
     problem = posed(given, vary=["phases"])
     before = measure(problem, given.orbits)
