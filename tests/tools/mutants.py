@@ -112,7 +112,7 @@ def _failure(places: list[str], copy: Path, given: argparse.Namespace) -> str:
         done = subprocess.run(
             [
                 *(sys.executable, "-m", "pytest", "-qx", "-p", "no:cacheprovider", *places),
-                *("-m", "not long and not documented", "--numprocesses", str(given.processes)),
+                *("-m", given.marks, "--numprocesses", str(given.processes)),
             ],
             cwd=copy,
             env={**os.environ, "PYTHONPATH": str(copy), "OPENBLAS_NUM_THREADS": "1"},
@@ -134,6 +134,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--timeout", type=float, default=1800.0)
     parser.add_argument("--own", action="store_true", help="only the tests of a mutant's package")
+    parser.add_argument("--marks", default="not long and not documented")
     parser.add_argument("--processes", type=int, default=3, help="of the tests")
     parser.add_argument("--checkout", type=Path, default=Path())
     given = parser.parse_args()
@@ -141,6 +142,8 @@ def main() -> None:
         copy = Path(folder) / "checkout"
         unneeded = shutil.ignore_patterns(".git", ".venv", "build", "__pycache__", ".*_cache")
         shutil.copytree(given.checkout, copy, ignore=unneeded)
+        if wrong := _failure(["--collect-only", "tests"], copy, given):
+            sys.exit(f"the checkout's tests can't be collected without a mutant: {wrong}")
         mutants = [
             mutant._replace(path=path.relative_to(copy))
             for folder in given.folders
