@@ -21,12 +21,12 @@ DEMO   ?= examples/scenarios/paper-grid-same.yaml
 
 UV     := 'uv>=0.9,<1'
 
-# many tests wait: more processes than there are cores
-MORE   := $(shell expr $$(nproc) + 1)
 # on small matrices, a second thread of BLAS costs more than it brings
 TESTS  := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m
-PYTEST := $(TESTS) pytest --numprocesses $(MORE)
-QUICK  := -m "not long and not documented"
+PYTEST := $(TESTS) pytest --numprocesses
+QUICK  := $(shell nproc) -m "not long and not documented"
+# many of the others wait: more processes than there are cores
+MORE   := $(shell expr $$(nproc) + 1)
 SERVICE := tests/service tests/attacks tests/client tests/page
 # for how long fresh cases of searches are drawn
 MINUTES ?= 40
@@ -88,7 +88,7 @@ check-long: postgresql $(VENV)/.crosschecks
 	$(TESTS) tests.searches requests
 
 long-tests:
-	+$(PYTEST) -m "long and not documented"
+	+$(PYTEST) $(MORE) -m "long and not documented"
 
 fixed-searches:
 	+$(TESTS) tests.searches
@@ -98,7 +98,7 @@ check-all: postgresql $(VENV)/.crosschecks static
 	$(TESTS) tests.searches requests --minutes 3
 
 all-tests:
-	+$(PYTEST) --hypothesis-profile=fresh-cases
+	+$(PYTEST) $(MORE) --hypothesis-profile=fresh-cases
 
 fresh-searches:
 	+$(TESTS) tests.searches --minutes $(MINUTES)

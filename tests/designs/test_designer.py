@@ -25,7 +25,7 @@ from tests.tools.briefs import brief, broken
 @pytest.fixture(scope="module", autouse=True)
 def _short() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ladder, "EVALUATIONS", {"quick": 240})
+        patch.setattr(ladder, "EVALUATIONS", {"quick": 120})
         patch.setattr(judgement, "TRIALS", 10)
         patch.setattr(exact_search, "_MOST_LOOKS", 10)
         patch.setattr(designer, "offers_for", lambda *given: offers_for(*given)[:2])

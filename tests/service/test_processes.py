@@ -208,6 +208,7 @@ def test_connections_that_stay_are_spread_evenly(pair: Server) -> None:
     assert sum(taken) == 8
 
 
+@pytest.mark.long
 def test_plans_and_jobs_are_those_of_one_service(pair: Server) -> None:
     with speaking(pair, "ann") as http:
         plan = f"/v1/plans/{planned(http)['id']}"
@@ -246,6 +247,7 @@ def test_when_asked_to_end_the_service_ends_in_order_and_leaves_nothing(tmp_path
         assert server.log.read_text().count("Application shutdown complete") == 2
 
 
+@pytest.mark.long
 def test_a_service_whose_supervisor_is_killed_leaves_nothing(pair: Server) -> None:
     everyone = family(pair.popen.pid)
     assert len(everyone) >= 5

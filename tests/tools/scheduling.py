@@ -11,7 +11,6 @@ __all__ = ["Groups", "group_of", "rank_of"]
 APART = (
     "tests/attacks/test_store_disk.py",
     "tests/crosschecks/test_others.py",
-    "tests/designs/test_designer.py",
     "tests/documentation/test_docs.py::test_a_page_does_what_it_says",
     "tests/documentation/test_examples.py",
     "tests/observability/test_large_ranks.py",
