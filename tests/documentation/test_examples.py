@@ -123,7 +123,7 @@ def _falls_and_compares(rows: Any) -> bool:
     return bool(falls and near and always)
 
 
-LONG = {
+DOCUMENTED = {
     "camera_team_refined",
     "crooked_line_refined",
     "degenerate_grid_refined",
@@ -142,7 +142,8 @@ def test_every_example_is_pinned() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(one, marks=pytest.mark.long) if one in LONG else one for one in FOUND]
+    "name",
+    [pytest.param(one, marks=[pytest.mark.documented] * (one in DOCUMENTED)) for one in FOUND],
 )
 def test_the_example_reaches_its_number(name: str) -> None:
     main = importlib.import_module(f"examples.{name}").main

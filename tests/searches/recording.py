@@ -99,4 +99,4 @@ def judge(cases: Mapping[int, tuple[float, ...]], chance: float) -> list[str]:
     return []
 
 
-SEARCH = Search(draw, judge, draws=2 * len(CASES))
+SEARCH = Search(draw, judge, draws=len(CASES))
