@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import syncplan
 from benchmarks import Figure, print_figures
 from syncplan.flight.flying import flight_run
-from tests.flight.test_navigator import flown, sensed
+from tests.flight.test_navigator import lanes_of, sensed
 
 MOST_STEP = 50e-6
 """s, of a step with `ekf`."""
@@ -38,7 +38,7 @@ def main() -> dict[str, float]:
     found = {}
     for what, (name, late) in KINDS.items():
         run = flight_run(plan, filter=name, late=late, duration=100.0, trials=1)
-        readings = list(sensed(flown(run), late))
+        readings = list(sensed(lanes_of(run), late))
         navigator = syncplan.Navigator(plan, filter=name, late=late)
         times = []
         for read in readings:

@@ -1,4 +1,4 @@
-"""Without a key: connections by the thousand, silent or slow."""
+"""Without a key: silent connections by the thousand. Slow ones are in `tests.service`."""
 
 import contextlib
 import resource
@@ -7,32 +7,15 @@ from collections.abc import Iterator
 import httpx2
 import pytest
 
-from tests.tools.api_servers import key_of, serving, speaking
+from tests.tools.api_servers import serving, speaking
 from tests.tools.processes import PATIENCE_S, memory_given_back, wait_until
 from tests.tools.raw_connections import connected, crowd_of, said_to
 from tests.tools.serving import Server
 
 SILENT = 1100
-"""More than a process may open files where nothing else is set."""
+"""More than the connections that the server takes, and those of its reserve."""
 
-SLOW = 1000
 HEALTH = b"GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n"
-SLOW_BODY = (
-    b"POST /v1/plans HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
-    + f"Authorization: Bearer {key_of('ann')}\r\n".encode()
-    + b"Content-Length: 100\r\n\r\n{"
-)
-
-
-@contextlib.contextmanager
-def _files(number: int) -> Iterator[None]:
-    """Let what is started meanwhile open so many files, unless it asks for more."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    resource.setrlimit(resource.RLIMIT_NOFILE, (number, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
 
 
 @pytest.fixture(scope="module")
@@ -44,10 +27,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
         "SYNCPLAN_HEAD_TIMEOUT_S": f"{PATIENCE_S:g}",
         "SYNCPLAN_BODY_TIMEOUT_S": f"{PATIENCE_S:g}",
     }
-    with contextlib.ExitStack() as at_the_end:
-        with _files(1024):
-            folder = tmp_path_factory.mktemp("crowd")
-            one = at_the_end.enter_context(serving(folder, "ann", "--no-worker", **given))
+    with serving(tmp_path_factory.mktemp("crowd"), "ann", "--no-worker", **given) as one:
         yield one
 
 
@@ -88,21 +68,6 @@ def test_without_file_descriptors_it_goes_on(server: Server) -> None:
     resource.prlimit(server.popen.pid, resource.RLIMIT_NOFILE, (150, hard))
     with crowd_of(server.port, 400):
         wait_until(lambda: "no connection can be taken" in server.log.read_text())
-    wait_until(lambda: _lives(server))
+    wait_until(lambda: speaks(server))
     assert server.log.read_text().count("no connection can be taken") < 10
     resource.prlimit(server.popen.pid, resource.RLIMIT_NOFILE, (soft, hard))
-
-
-@pytest.mark.long
-def test_slow_bodies_do_not_hold_up_the_end(server: Server) -> None:
-    with crowd_of(server.port, SLOW, SLOW_BODY):
-        _health(server)
-        assert server.stop() == 0
-    assert "graceful shutdown exceeded" not in server.log.read_text()
-
-
-def _lives(server: Server) -> bool:
-    with contextlib.suppress(OSError, AssertionError):
-        _health(server)
-        return True
-    return False

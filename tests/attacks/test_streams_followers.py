@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from socket import socket
+from typing import Any
 
 import httpx2
 import pytest
@@ -147,17 +148,16 @@ def test_a_key_is_changed_without_downtime_and_the_old_one_ends_with_its_streams
 ) -> None:
     with httpx2.Client(base_url=server.url, timeout=PATIENCE_S) as http:
 
+        def asked(method: str, path: str, key: str, **options: Any) -> httpx2.Response:
+            headers = {"authorization": f"Bearer {key}"}
+            return http.request(method, path, headers=headers, **options)
+
         def status(key: str) -> int:
-            return http.get("/v1/plans", headers={"authorization": f"Bearer {key}"}).status_code
+            return asked("GET", "/v1/plans", key).status_code
 
         def job_of(key: str) -> str:
-            headers = {"authorization": f"Bearer {key}"}
-            plan = http.post("/v1/plans", json=document(), headers=headers).json()["id"]
-            at = http.post(f"/v1/plans/{plan}/validations", json={}, headers=headers)
-            return str(at.headers["location"])
-
-        def log() -> str:
-            return server.log.read_text()
+            plan = asked("POST", "/v1/plans", key, json=document()).headers["location"]
+            return str(asked("POST", f"{plan}/validations", key).headers["location"])
 
         hers, his = job_of(OLD), job_of(OTHER)
         with (
@@ -178,10 +178,10 @@ def test_a_key_is_changed_without_downtime_and_the_old_one_ends_with_its_streams
                 assert status(NEW) == status(OTHER) == 200
                 # the streams of other keys go on
                 for job, key, stream in ((hers, NEW, new), (his, OTHER, other)):
-                    headers = {"authorization": f"Bearer {key}"}
-                    http.post(f"{job}/cancel", headers=headers).raise_for_status()
+                    asked("POST", f"{job}/cancel", key).raise_for_status()
                     assert b"cancelled" in read_until(stream[0], b"cancelled")
         # nobody is locked out by a slip of the pen
         listed(keys, "eve")
-        wait_until(lambda: status(NEW) == 200 and "the keys of before stay" in log())
-        assert NEW not in log()
+        said = "the keys of before stay"
+        wait_until(lambda: status(NEW) == 200 and said in server.log.read_text())
+        assert NEW not in server.log.read_text()

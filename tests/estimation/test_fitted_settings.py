@@ -25,7 +25,7 @@ from syncplan.recordings.log import Log, RobotLog
 from syncplan.recordings.recording_formats import load_log
 from syncplan.reports.replay_report import ReplayDocument, replay_document
 from tests.searches.tuning import compared
-from tests.tools.recordings import Recipe, part_of, write_csv, write_recording
+from tests.tools.recordings import Recipe, part_of, with_robots, write_csv, write_recording
 
 RECIPE = Recipe(duration=120.0, period=0.1, speed_sigma=0.3, turn_rate_sigma=0.05)
 FIT: dict[str, Any] = {
@@ -56,7 +56,7 @@ def lasting(tmp_path_factory: pytest.TempPathFactory) -> Log:
         errors = 0.05 * random.standard_normal((block[-1] + 1, 10))
         return replace(robot, bearings=robot.bearings + errors[block, robot.subjects % 10])
 
-    return replace(log, robots=tuple(off(robot) for robot in log.robots))
+    return with_robots(log, off)
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +74,7 @@ def walking(tmp_path_factory: pytest.TempPathFactory) -> Log:
             errors[k + 1] = kept * errors[k] + np.sqrt(1.0 - kept**2) * errors[k + 1]
         return replace(robot, bearings=robot.bearings + errors[row])
 
-    return replace(log, robots=tuple(off(robot) for robot in log.robots))
+    return with_robots(log, off)
 
 
 def settings(bearing_sigma: float, speed_sigma: float = 0.3, **others: Any) -> ReplaySettings:
@@ -110,9 +110,7 @@ def test_every_sighting_is_withheld_once(white: Log) -> None:
 
 
 def test_a_withheld_sighting_teaches_the_filter_nothing(white: Log) -> None:
-    shifted = replace(
-        white, robots=tuple(replace(one, bearings=one.bearings + 0.01) for one in white.robots)
-    )
+    shifted = with_robots(white, lambda one: replace(one, bearings=one.bearings + 0.01))
     blind = []
     for log in (white, shifted):
         run = run_of(log, settings(0.05), EKF)
@@ -268,6 +266,7 @@ def test_lasting_errors_are_named_in_place_of_smaller_sigmas(white: Log, lasting
     assert any("their sigma may be less than 0.2 rad" in n for n in replay_document(wide).notes)
 
 
+@pytest.mark.long
 def test_a_fit_to_real_robots_does_no_harm(real: Log) -> None:
     """A part where settings that were fitted would do harm; all splits: tests.searches.tuning."""
     split = compared(part_of(real, 0.75, 0.9), [7, 15], distances=True)

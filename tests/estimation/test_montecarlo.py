@@ -1,4 +1,4 @@
-"""Monte Carlo runs: reproducible to the byte, true to their definitions, honest about sigma."""
+"""Monte Carlo runs: reproducible to the byte, also in parts, and honest about sigma."""
 
 from collections.abc import Callable
 from dataclasses import fields, replace
@@ -11,20 +11,22 @@ import pytest
 
 from syncplan.errors import InputError
 from syncplan.estimation import montecarlo
-from syncplan.estimation.consistency import anees, coverage, nis
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.montecarlo import StoppedError, run_trials
 from syncplan.estimation.trial_readings import TrialReadings
-from syncplan.estimation.trials import MonteCarloResult, accuracy, merge, series
+from syncplan.estimation.trials import MonteCarloResult, accuracy, merge, pack, series, unpack
 from syncplan.orbits.error_states import layout_of
 from syncplan.orbits.noise import Noise
 from syncplan.orbits.sightings import Sightings, sample_sightings
 from syncplan.orbits.team import Team
 from syncplan.planning.planner import Plan, plan
+from syncplan.planning.validation import conclude, run_part, trial_run, validate
+from syncplan.reports.validation_report import validation_document
+from syncplan.runtime.files import as_text
 from tests.estimation.test_filter import filtered
 from tests.searches.consistency import believing
 from tests.tools.filter_scenes import scene_of
-from tests.tools.scenarios import example
+from tests.tools.scenarios import example, small
 
 Scene = tuple[Team, Sightings, int]
 
@@ -159,21 +161,6 @@ def test_a_run_without_series_says_so() -> None:
         series(flown(paper_grid(5), 3, 1))
 
 
-def test_with_precise_bearings_the_filter_is_consistent() -> None:
-    noise = Noise(0.1, 0.01, position_sigma=0.5, heading_sigma=0.1)
-    result = flown(paper_grid(600, bearing_sigma=0.01, noise=noise), 300, 2)
-    judged = anees(result.nees, 18)
-    assert judged.verdict == "consistent"
-    assert judged.band[0] < judged.value < judged.band[1]
-    assert (judged.count, judged.basis) == (300, "trials")
-    assert judged.band[1] - judged.band[0] < 0.08
-    innovations = nis(result.nis_sums, result.accepted)
-    assert innovations.value == pytest.approx(1.0, abs=0.01)
-    assert innovations.value == result.nis_sums.sum() / result.accepted.sum()
-    share = coverage(result.covered, result.coverage_samples)
-    assert share.mean() == pytest.approx(0.9973, abs=0.001)
-
-
 def test_sigmas_that_are_all_believed_too_small_scale_nees_and_leave_the_errors() -> None:
     scene = paper_grid(120)
     team, sightings, steps = scene
@@ -246,3 +233,43 @@ def test_without_motion_noise_nothing_breaks() -> None:
     result = flown(paper_grid(300, bearing_sigma=0.01, noise=still), 16, 1)
     assert np.all(result.nees_samples == 30)
     assert np.abs(result.final_errors).max() < 0.5
+
+
+# --- parts that are kept as bytes -----------------------------------------------------------------
+
+
+@pytest.mark.parametrize("with_series", [False, True])
+def test_a_run_in_parts_gives_the_report_of_the_whole_to_the_byte(with_series: bool) -> None:
+    flown = plan(example("biased-grid"))
+    whole = validate(flown, trials=70, seed=3, duration=20.0, with_series=with_series)
+    run = trial_run(flown, trials=70, seed=3, duration=20.0, with_series=with_series)
+    cuts = [(0, 16), (16, 48), (64, 6)]
+    parts = [unpack(pack(run_part(run, first, count, threads=1))) for first, count in cuts]
+    reports = [as_text(validation_document(one).as_json()) for one in (whole, conclude(run, parts))]
+    assert reports[0] == reports[1]
+
+
+def test_a_missing_part_is_refused() -> None:
+    run = trial_run(example("paper-grid-same"), trials=32, duration=2.0)
+    part = run_part(run, 0, 16)
+    with pytest.raises(InputError, match="16 from 0 on given, of 32"):
+        conclude(run, [part])
+
+
+@pytest.mark.parametrize("data", [b"", b"nothing", b"PK\x03\x04 an archive cut short"])
+def test_bytes_that_are_no_part_are_refused(data: bytes) -> None:
+    with pytest.raises(InputError, match="not a part of a run"):
+        unpack(data)
+
+
+def test_every_fault_of_a_scenario_is_listed_with_its_key_and_value() -> None:
+    orbit = {"radius_m": -1.0, "direction": "up", "angular_rate_rad_s": 0.2, "colour": 3}
+    with pytest.raises(InputError) as caught:
+        small(orbit=orbit)
+    faults = caught.value.faults
+    assert [(one.key, one.value) for one in faults if "unknown" in one.problem] == [
+        ("orbit.colour", "")
+    ]
+    assert {one.key: one.value for one in faults}["orbit.radius_m"] == "-1.0"
+    assert len(faults) >= 3
+    assert f"and {len(faults) - 1} more" in str(caught.value)

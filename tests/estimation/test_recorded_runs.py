@@ -1,7 +1,5 @@
-"""Recordings at their own times: delays, distances, lasting errors, starts, progress."""
+"""Recordings at their own times: delays, distances, lasting errors, starts, one step at a time."""
 
-import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,19 +10,21 @@ import pytest
 from syncplan.cli.arguments import poses_of
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import FilterOptions
+from syncplan.estimation.online_filter import OnlineFilter
 from syncplan.estimation.recorded_readings import clock_of, true_poses
 from syncplan.estimation.recorded_run import filtered, run_of
 from syncplan.estimation.replay_results import Replay
 from syncplan.estimation.replay_settings import ReplaySettings
 from syncplan.estimation.replay_tuning import MOST_RUNS, tuned
-from syncplan.estimation.replays import OPTIONS, replay
+from syncplan.estimation.replays import OPTIONS, online_filter_of, replay, steps_of
 from syncplan.estimation.trials import series
+from syncplan.orbits.circles import wrap
 from syncplan.orbits.noise import Noise
 from syncplan.recordings.log import Log, RobotLog
 from syncplan.recordings.recording_formats import load_log
 from syncplan.reports.replay_report import replay_document
 from tests.searches.recording import after_a_minute
-from tests.tools.recordings import Recipe, write_recording
+from tests.tools.recordings import Recipe, with_robots, write_recording
 
 ODD = Recipe(jitter=0.8, speed_sigma=0.1, turn_rate_sigma=0.02, bearing_sigma=0.02)
 SIGMAS: dict[str, Any] = {
@@ -39,10 +39,6 @@ SIGMAS: dict[str, Any] = {
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Log:
     return load_log(write_recording(tmp_path_factory.mktemp("odd") / "recording", ODD, seed=2))
-
-
-def changed(log: Log, change: Callable[[RobotLog], RobotLog]) -> Log:
-    return replace(log, robots=tuple(change(robot) for robot in log.robots))
 
 
 def position_of(found: Replay) -> float:
@@ -63,12 +59,12 @@ def test_distances_count_where_they_are_recorded(log: Log) -> None:
     assert document.distances is not None
     assert document.distances.used == distances.used
     assert document.filter.range_sigma_m == 0.05
-    unmeasured = changed(log, lambda one: replace(one, ranges=np.full(len(one.times), np.nan)))
+    unmeasured = with_robots(log, lambda one: replace(one, ranges=np.full(len(one.times), np.nan)))
     bearings = replay(unmeasured, **SIGMAS)
     assert position_of(bearings) == position_of(without)
     document = replay_document(bearings)
     assert (document.distances, document.filter.range_sigma_m) == (None, None)
-    blind = changed(log, lambda one: replace(one, bearings=np.full(len(one.times), np.nan)))
+    blind = with_robots(log, lambda one: replace(one, bearings=np.full(len(one.times), np.nan)))
     only = replay(blind, **SIGMAS)
     assert only.bearings.used == 0 < only.counts["distance"].used
     assert position_of(only) < 2.0 * position_of(without)
@@ -82,7 +78,7 @@ def test_lasting_errors_are_found(log: Log) -> None:
             bearings=robot.bearings + 0.05,
         )
 
-    bent, sigmas = changed(log, worn), {"speed_scale": 0.1, "turn_rate_bias": 0.05}
+    bent, sigmas = with_robots(log, worn), {"speed_scale": 0.1, "turn_rate_bias": 0.05}
     states = {f"{name}_sigma": sigma for name, sigma in sigmas.items()}
     given = {**SIGMAS, **states, "bearing_bias_sigma": 0.1}
     found = replay(bent, **given)
@@ -120,22 +116,13 @@ def test_a_start_drawn_about_the_truth_is_found_again(log: Log) -> None:
     assert (sure.noise.position_sigma, sure.noise.heading_sigma) == (5.0, 0.5)
 
 
-def test_a_start_that_is_given_is_taken(log: Log, tmp_path: Path, printed: Any) -> None:
+def test_a_start_that_is_given_is_taken(log: Log) -> None:
     truth = true_poses(log, clock_of(log, 0.05))[0]
     off = np.add(truth, [0.3, -0.4, 0.05])
     given: dict[str, Any] = {"start": "given", "start_poses": off, "with_series": True}
     found = series(replay(log, **given).result)
     np.testing.assert_allclose(found.mean_errors[0], np.tile([0.3, -0.4, 0.05], (3, 1)))
     np.testing.assert_allclose(found.position_sigma[0], np.sqrt(2.0))
-    folder = write_recording(tmp_path / "recording", ODD, seed=2)
-    text = ";".join(",".join(repr(float(value)) for value in pose) for pose in off)
-    listed = tmp_path / "start.txt"
-    listed.write_text("# x y heading\n" + text.replace(";", "\n"))
-    for option in (text, str(listed)):
-        words = ("--start", "given", "--start-poses", option, "--series")
-        shown = json.loads(printed("replay", str(folder), *words))
-        assert shown["filter"]["start"] == "given"
-        assert shown["series"]["vehicles"][1]["rms_m"][0] == pytest.approx(0.5)
 
 
 def test_starts_that_can_not_be_are_refused(log: Log, tmp_path: Path) -> None:
@@ -197,7 +184,7 @@ def test_sigmas_and_delay_are_found_without_truth(long: Log) -> None:
         bearing_sigma=0.01, noise=Noise(1.0, 0.3, 0.01, 0.01), speed_scale_sigma=0.0
     )
     # where robots truly are does not count, but for the start
-    found = tuned(changed(changed(long, late), _truth_moved), wrong, OPTIONS)
+    found = tuned(with_robots(with_robots(long, late), _truth_moved), wrong, OPTIONS)
     after = found.after
     assert after.delay == pytest.approx(0.17, abs=0.02)
     assert after.bearing_sigma == pytest.approx(0.05, rel=0.15)
@@ -226,7 +213,7 @@ def test_sigmas_grow_where_errors_of_sightings_last(long: Log) -> None:
         own = 0.1 * random.standard_normal(len(robot.times))
         return replace(robot, ranges=robot.ranges + same + own)
 
-    found = tuned(changed(long, lasting), ReplaySettings(delay=0.1, sample_time=0.1), OPTIONS)
+    found = tuned(with_robots(long, lasting), ReplaySettings(delay=0.1, sample_time=0.1), OPTIONS)
     assert found.range_growth > 2.0
     assert found.after.range_sigma > 0.3
 
@@ -252,3 +239,62 @@ def test_a_far_start_is_found_among_wild_readings(
     given["with_series"] = True
     known = after_a_minute(replay(real, **given))
     assert after_a_minute(replay(real, start="prior", seed=seed, **given)) < times * known
+
+
+# --- one step at a time ---------------------------------------------------------------------------
+
+WILD = replace(ODD, duration=80.0, wild=0.01)
+UNSURE = {**SIGMAS, "noise": Noise(0.1, 0.02, 2.0, 0.2), "start": "prior", "sample_time": 0.5}
+
+
+@pytest.fixture(scope="module")
+def wild(tmp_path_factory: pytest.TempPathFactory) -> Log:
+    return load_log(write_recording(tmp_path_factory.mktemp("wild") / "recording", WILD, seed=5))
+
+
+@pytest.mark.parametrize(
+    ("filter_", "scale"), [("ekf", 0.0), ("second-order", 0.01), ("robust", 0.0), ("robust", 0.01)]
+)
+def test_stepped_through_a_recording_it_finds_what_a_replay_finds(
+    wild: Log, filter_: str, scale: float
+) -> None:
+    """From a start that is thrown off, so that `robust` has to look for it for a minute."""
+    settings = ReplaySettings(**{**UNSURE, "speed_scale_sigma": scale})
+    options = FilterOptions(
+        trials=1, filter=filter_, gate_probability=0.999, with_series=True, seed=3
+    )
+    run = run_of(wild, settings, options)
+    whole = filtered(run, options)
+    online = online_filter_of(run, options)
+    compared = 0
+    for step in steps_of(run):
+        online.step(step.speeds, step.turn_rates, step.arrived, step.span)
+        if step.sample >= 0:
+            off = online.poses - whole.estimates[step.sample]
+            off[:, 2] = wrap(off[:, 2])
+            assert np.abs(off).max() < 1e-7
+            compared += 1
+    assert compared == run.clock.samples
+    np.testing.assert_allclose(online.errors, whole.errors, rtol=0.0, atol=1e-9)
+    sigmas = np.sqrt(np.diag(online.covariance))[3 * len(wild.robots) :]
+    np.testing.assert_allclose(sigmas, whole.error_sigmas, rtol=1e-7)
+    assert online.counts["accepted"] == whole.result.accepted[0]
+    assert online.time == pytest.approx(float(run.setup.spans.sum()))
+
+
+def test_robust_is_restored_in_the_middle_of_its_search(wild: Log) -> None:
+    settings = ReplaySettings(**{**UNSURE, "speed_scale_sigma": 0.05})
+    options = FilterOptions(trials=1, filter="robust", gate_probability=0.999, seed=3)
+    run = run_of(wild, settings, options)
+    first, steps = online_filter_of(run, options), list(steps_of(run))
+    second: OnlineFilter | None = None
+    for k, step in enumerate(steps):
+        first.step(step.speeds, step.turn_rates, step.arrived, step.span)
+        if second is not None:
+            second.step(step.speeds, step.turn_rates, step.arrived, step.span)
+        elif k == len(steps) // 3:
+            second = online_filter_of(run, options)
+            second.memory = {name: one.copy() for name, one in first.memory.items()}
+    assert second is not None
+    np.testing.assert_array_equal(second.poses, first.poses)
+    np.testing.assert_array_equal(second.covariance, first.covariance)

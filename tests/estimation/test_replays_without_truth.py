@@ -25,7 +25,7 @@ from syncplan.recordings.log import Log, RobotLog
 from syncplan.recordings.recording_formats import load_log
 from syncplan.reports.replay_report import ReplayDocument, replay_document
 from tests.tools.recorded_bags import write_bag
-from tests.tools.recordings import Recipe, refusal_of, write_csv, write_recording
+from tests.tools.recordings import Recipe, refusal_of, with_robots, write_csv, write_recording
 
 ODD = Recipe(jitter=0.8, speed_sigma=0.1, turn_rate_sigma=0.02, bearing_sigma=0.02, wild=0.01)
 
@@ -49,7 +49,7 @@ def known(tmp_path_factory: pytest.TempPathFactory) -> Log:
         odometry = np.concatenate([ends[0], within, ends[1]])
         return replace(robot, odometry=odometry, truth=true[true[:, 0] < end + 0.005])
 
-    return replace(log, robots=tuple(map(cut, log.robots)))
+    return with_robots(log, cut)
 
 
 @pytest.fixture(scope="module")
@@ -65,8 +65,7 @@ def found(known: Log, start: Array) -> Replay:
 
 
 def without(log: Log) -> Log:
-    robots = tuple(replace(robot, truth=np.zeros((0, 4))) for robot in log.robots)
-    return replace(log, robots=robots)
+    return with_robots(log, lambda robot: replace(robot, truth=np.zeros((0, 4))))
 
 
 def text_of(poses: Array) -> str:
@@ -202,21 +201,20 @@ def test_truth_is_of_all_robots_or_of_none(tmp_path: Path) -> None:
 def test_every_layout_is_replayed(
     known: Log, start: Array, found: Replay, tmp_path: Path, run: Any, printed: Any
 ) -> None:
-    csv, bag = (write(without(known), tmp_path / "odd") for write in (write_csv, _bag))
-    words = ("--start", "given", "--start-poses", text_of(start), "--landmarks", "6,7", "--series")
+    csv = write_csv(without(known), tmp_path / "odd")
+    bag = write_bag(without(known), tmp_path / "bag" / "odd")
+    listed = tmp_path / "start.txt"
+    listed.write_text("# x y heading\n" + text_of(start).replace(";", "\n"))
+    words = ("--start", "given", "--landmarks", "6,7", "--series", "--start-poses")
     wanted = json.loads(json.dumps(replay_document(found).as_json()))
-    status, out, err = run("replay", str(csv), *words)
+    status, out, err = run("replay", str(csv), *words, str(listed))
     assert status == 0
     shown = json.loads(out)
     assert shown == {**wanted, "landmarks": ["6", "7"]}
     assert "the recording has no truth: errors, ANEES and coverage are not known" in err
-    of_bag = json.loads(printed("replay", str(bag), *words))
+    of_bag = json.loads(printed("replay", str(bag), *words, text_of(start)))
     assert of_bag["nis"]["value"] == pytest.approx(wanted["nis"]["value"], rel=1e-6)
     assert of_bag["readings"] == wanted["readings"]
-
-
-def _bag(log: Log, folder: Path) -> Path:
-    return write_bag(log, folder.with_name("bag") / folder.name)
 
 
 def test_what_takes_truth_is_null_and_sigmas_take_its_place(known: Log, found: Replay) -> None:
@@ -270,9 +268,7 @@ def test_at_a_terminal_estimates_take_the_place_of_errors(
     known: Log, start: Array, tmp_path: Path, printed: Any
 ) -> None:
     folder = write_csv(without(known), tmp_path / "odd")
-    listed = tmp_path / "start.txt"
-    listed.write_text(text_of(start).replace(";", "\n"))
-    words = ("--start", "given", "--start-poses", str(listed), "--format", "table")
+    words = ("--start", "given", "--start-poses", text_of(start), "--format", "table")
     out = printed("replay", str(folder), *words)
     assert "odd: a recording of 39 s; no truth, so errors are not known" in out
     assert "estimate at the end in m, and the filter's own sigmas" in out

@@ -16,7 +16,7 @@ from syncplan.estimation.trials import MonteCarloResult
 from syncplan.planning.planner import plan
 from syncplan.planning.validation import validate
 from syncplan.scenario.loading import load_scenario
-from tests.searches.thrown import FAR, THROWS, WITHIN, throw, throw_off
+from tests.searches.thrown import WITHIN, throw_off
 from tests.tools.filter_scenes import scene_of
 from tests.tools.scenarios import example
 
@@ -37,17 +37,6 @@ def flown(steps: int, trials: int, **changes: object) -> MonteCarloResult:
 def test_a_team_thrown_off_in_mid_run_is_found_within_two_periods(number: int) -> None:
     for name, thrown in throw_off(number, trials=3).items():
         assert np.all(thrown.after <= WITHIN), name
-
-
-def test_throws_are_as_far_as_they_say() -> None:
-    generator = np.random.default_rng(0)
-    moved = {name: throw(name, 3, 5, generator) for name in THROWS}
-    for name, off in moved.items():
-        places = np.hypot(off[:, 0], off[:, 1])
-        np.testing.assert_allclose(places.max(axis=0), FAR)
-        assert np.sum(places > 0.0) == (5 if name == "one" else 15)
-        assert np.all(off[:, 2] == 0.0) == (name != "turned")
-    np.testing.assert_array_equal(moved["together"][0], moved["together"][2])
 
 
 def test_a_run_shorter_than_a_period_is_the_second_order_filters() -> None:

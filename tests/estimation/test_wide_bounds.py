@@ -1,4 +1,4 @@
-"""Bounds with further states against dense recursions in each moment's own state."""
+"""Bounds with further states, estimated or not, against dense recursions in their own states."""
 
 from dataclasses import replace
 from typing import Any
@@ -14,19 +14,22 @@ from syncplan.estimation.bounds import (
     posterior_bound,
     steady_bound,
 )
-from syncplan.estimation.covariances import variances_along
+from syncplan.estimation.considered_errors import expected_errors, neglected_errors
+from syncplan.estimation.covariances import Foreseen, variances_along
 from syncplan.estimation.referred_system import ReferredSystem
+from syncplan.estimation.start_up_index import index_of_run, lines_of_sight, second_order_terms
 from syncplan.orbits.circles import position
 from syncplan.orbits.error_states import ERROR_STATES, layout_of
-from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
-from syncplan.orbits.sightings import Loss, remainder_of
+from syncplan.orbits.sighting_kinds import COMPASS, SIGHTING_KINDS, place_of
+from syncplan.orbits.sightings import Loss, Sightings, remainder_of
 from syncplan.orbits.team import Team
 from syncplan.planning.planner import Plan, plan
-from tests.tools.dense_models import dense_covariances, dense_run, start_of
+from tests.tools.dense_models import dense_covariances, dense_run, dense_true_covariances, start_of
 from tests.tools.scenarios import EVERYTHING, changed, circling, example, small
 
 SCALES_AND_BIASES = {"speed_scale_sigma": 0.02, "turn_rate_bias_sigma_rad_s": 0.005}
-STATES = [(), *((name,) for name in ERROR_STATES), tuple(ERROR_STATES)]
+ALL = tuple(ERROR_STATES)
+STATES = [(), *((name,) for name in ERROR_STATES), ALL]
 
 
 def plan_of_changed(name: str, **keys: Any) -> Plan:
@@ -82,7 +85,7 @@ def _assert_bound_of_the_model(team: Team, made: Plan, steps: int) -> None:
         assert found.errors is None
 
 
-@pytest.mark.parametrize("names", [(), tuple(ERROR_STATES)], ids=["poses", "every error"])
+@pytest.mark.parametrize("names", [(), ALL], ids=["poses", "every error"])
 def test_covariances_of_positions_equal_the_recursion_of_the_filters_model(
     grid: Plan, names: tuple[str, ...]
 ) -> None:
@@ -108,7 +111,7 @@ def test_the_covariance_at_the_start_of_a_run_is_left_as_it_is(grid: Plan) -> No
 def test_many_samples_are_as_good_as_few_at_once(
     grid: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    team = _estimating(grid.team, tuple(ERROR_STATES))
+    team = _estimating(grid.team, ALL)
     whole = posterior_bound(team, grid.windows, 15.0, start_up=True)
     monkeypatch.setattr(covariances, "_ELEMENTS_AT_ONCE", 900.0)
     parts = posterior_bound(team, grid.windows, 15.0, start_up=True)
@@ -116,16 +119,7 @@ def test_many_samples_are_as_good_as_few_at_once(
     assert parts.start_up == whole.start_up
 
 
-def test_scales_and_biases_as_states_raise_the_bound_of_the_grid_as_found_before() -> None:
-    # design.md, 6.2: 1.40 to 1.88 m in an independent prototype
-    made = plan_of_changed("paper-grid-same", motion=SCALES_AND_BIASES, duration_s=200.0)
-    found = posterior_bound(made.team, made.windows, 200.0).rms_second_half()
-    assert np.sqrt(np.mean(found**2)) == pytest.approx(1.88, abs=0.005)
-
-
-@pytest.mark.parametrize(
-    ("keys", "names"), [({}, ()), (EVERYTHING, ()), (EVERYTHING, tuple(ERROR_STATES))]
-)
+@pytest.mark.parametrize(("keys", "names"), [({}, ()), (EVERYTHING, ()), (EVERYTHING, ALL)])
 def test_the_start_up_index_is_that_of_the_filters_model(
     keys: dict[str, Any], names: tuple[str, ...]
 ) -> None:
@@ -163,6 +157,8 @@ def test_the_start_up_index_is_that_of_the_filters_model(
                 if value > best:
                     best, where = value, (a, b, time)
             P = P - np.outer(u, u) / (h @ u + 1.0)
+    # with its index, the bound is the same
+    np.testing.assert_allclose(found.heading_variance[-1], np.diag(P)[2 : 3 * team.count : 3])
     assert found.start_up is not None
     assert found.start_up.value == pytest.approx(best, rel=1e-8)
     assert (found.start_up.observer, found.start_up.target) == where[:2]
@@ -180,7 +176,7 @@ def test_a_long_run_settles_at_the_steady_bound_with_sightings_now_and_then() ->
     np.testing.assert_allclose(settled, steady_bound(team, made.windows), rtol=1e-4)
 
 
-@pytest.mark.parametrize("names", [(), tuple(ERROR_STATES)])
+@pytest.mark.parametrize("names", [(), ALL])
 @pytest.mark.parametrize("loss", [Loss(vehicles=(1,)), Loss(sensors=(2,)), Loss(landmarks=(0,))])
 def test_bounds_after_losses_are_those_of_the_team_that_is_left(
     grid: Plan, loss: Loss, names: tuple[str, ...]
@@ -196,7 +192,7 @@ def test_bounds_after_losses_are_those_of_the_team_that_is_left(
         assert found.errors.shape[1] == len(layout_of(left.team).sigmas)
 
 
-@pytest.mark.parametrize("names", [("bearing_bias",), tuple(ERROR_STATES)])
+@pytest.mark.parametrize("names", [("bearing_bias",), ALL])
 def test_vehicles_without_an_error_have_no_state_of_it(grid: Plan, names: tuple[str, ...]) -> None:
     biases = np.array([0.0, 0.02, 0.0, 0.0, 0.05, 0.0])
     sensors = replace(grid.team.sensors, bearing_bias_sigmas=biases)
@@ -264,7 +260,7 @@ def test_poses_that_are_not_determined_have_no_steady_bound_with_errors_either()
 def test_a_run_goes_on_from_its_end_with_time_0_moved_there(coarse: Plan) -> None:
     samples, period = 32, coarse.orbits.period
     even = replace(coarse.sensors, sample_time=period / samples)
-    team = replace(_estimating(coarse.team, tuple(ERROR_STATES)), sensors=even)
+    team = replace(_estimating(coarse.team, ALL), sensors=even)
     layout = layout_of(team)
     twice = posterior_bound(team, coarse.windows, 2.0 * period)
     system = ReferredSystem.along(team, coarse.windows, samples, layout)
@@ -273,3 +269,52 @@ def test_a_run_goes_on_from_its_end_with_time_0_moved_there(coarse: Plan) -> Non
     second = system.bound(moved @ last @ moved.T)
     _assert_close(second.position_variance, twice.position_variance[samples:])
     _assert_close(second.heading_variance, twice.heading_variance[samples:])
+
+
+# --- the start-up index ---------------------------------------------------------------------------
+
+
+def _seen(team: Team, observers: list[int], targets: list[int], step: int) -> Sightings:
+    number = np.full(len(observers), step)
+    return Sightings(number, np.array(observers), np.array(targets), np.zeros_like(number))
+
+
+def test_a_compass_leaves_nothing_out() -> None:
+    team = plan(small(heading_sigma_rad=0.1), bound="never").team
+    seen = Sightings(*np.array([[3], [1], [1], [place_of(COMPASS)]]))
+    functions, sizes = second_order_terms(team, seen, 20.0)
+    np.testing.assert_array_equal(functions, 0.0)
+    foreseen = Foreseen(np.ones((3, 1)), np.ones(1))
+    assert index_of_run(team, seen, sizes, foreseen).value == 0.0
+
+
+def test_a_landmark_on_the_path_leaves_the_index_finite() -> None:
+    made = plan(small(landmarks_m=[[20.005, 0.0], [0.0, 45.0]]), bound="never")
+    start = replace(made.orbits, phases=np.zeros(2))
+    found = posterior_bound(made.team.on(start), made.windows, 40.0, start_up=True).start_up
+    assert found is not None
+    assert 0.0 < found.value < 1e9
+    through = _seen(made.team.on(start), [0], [2], step=0)
+    np.testing.assert_array_equal(lines_of_sight(made.team.on(start), through, 20.0)[0], 0.0)
+
+
+# --- errors that are not estimated ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "names", [(), ("wind",), ("speed_scale", "gusts"), ALL], ids=lambda names: "-".join(names)
+)
+def test_the_true_error_equals_that_of_the_filters_own_recursion(
+    grid: Plan, names: tuple[str, ...]
+) -> None:
+    team, steps = _estimating(grid.team, names), 120
+    found = expected_errors(team, grid.windows, steps * 0.1)
+    own, whole, n = layout_of(team), layout_of(team, ALL), team.count
+    covariances = dense_true_covariances(team, own, whole, steps)
+    variances = np.array([np.diag(C) for C in covariances])
+    poses = variances[:, : 3 * n].reshape(-1, n, 3)
+    np.testing.assert_allclose(found.position_variance, poses[..., :2].sum(axis=-1), rtol=1e-9)
+    np.testing.assert_allclose(found.heading_variance, poses[..., 2], rtol=1e-9)
+    assert found.errors is not None
+    np.testing.assert_allclose(found.errors, variances[:, 3 * n :], rtol=1e-8, atol=1e-15)
+    assert neglected_errors(team) == tuple(name for name in whole.names if name not in names)

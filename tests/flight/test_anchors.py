@@ -1,7 +1,6 @@
 """Anchors: a tree of largest least slack; circles that move to them."""
 
 from itertools import product
-from typing import Any
 
 import numpy as np
 import pytest
@@ -138,98 +137,29 @@ def test_circles_come_no_nearer_than_the_asked_separation() -> None:
     np.testing.assert_allclose(wide.furthest[vehicles], 0.85 * gap)
 
 
-class Seeking:
-    """A team whose circles move; `P` is the covariance, `step` the time."""
+def test_a_vehicle_that_was_not_seen_for_longer_than_a_period_goes_furthest() -> None:
+    """Without an anchor it is on its own circle; `test_closed_loop` has what else moves one."""
+    run, _ = _grid()
+    contact, states = run.team.setup.contact, run.team.filter_setup().states
+    bodies = contact.anchors.bodies.tolist()
+    leaf = next(i for i in range(6) if i not in bodies and 0 <= bodies[i] < 6)
+    work, sure = correction_of(states, 20, 1), np.zeros((20, 20, 1))
+    moved, seen = np.zeros((6, 2, 1)), np.zeros((6, 1), dtype=np.int64)
 
-    def __init__(self) -> None:
-        self.run, self.anchors = _grid()
-        self.contact: Contact = self.run.team.setup.contact
-        self.states = self.run.team.filter_setup().states
-        self.P = np.zeros((20, 20, 1))
-        self.moved, self.seen = np.zeros((6, 2, 1)), np.zeros((6, 1), dtype=np.int64)
-        self.sought = np.zeros((6, 1), dtype=np.int64)
+    def look(step: int, contact: Contact = contact) -> Array:
+        sought = np.zeros_like(seen)
+        move_circles(contact, states, sure, step, seen, moved, sought, work, LANES)
+        return moved[..., 0].copy()
 
-    def know(self, vehicle: int, sigma: float) -> None:
-        """Let a vehicle's place be known to so many m."""
-        self.P[3 * vehicle, 3 * vehicle] = self.P[3 * vehicle + 1, 3 * vehicle + 1] = sigma**2
-
-    def look(self, step: int = 10) -> Array:
-        """(n, 2) m, by how much circles are moved."""
-        work, moved = correction_of(self.states, 20, 1), self.moved
-        move_circles(
-            self.contact, self.states, self.P, step, self.seen, moved, self.sought, work, LANES
-        )
-        return self.moved[..., 0].copy()
-
-    def leaf(self) -> int:
-        """A vehicle that is anchored in a vehicle, and anchors none."""
-        anchors = self.contact.anchors.bodies.tolist()
-        return next(i for i in range(6) if i not in anchors and 0 <= anchors[i] < 6)
-
-
-def test_a_circle_moves_to_its_anchor_by_what_is_not_sure() -> None:
-    """Four standard deviations, less the slack; back when a sighting has shown where it is."""
-    found = Seeking()
-    leaf = found.leaf()
-    slack = found.contact.anchors.slacks[leaf]
-    found.know(leaf, (slack + 3.0) / 4.0)
-    moved = found.look()
-    np.testing.assert_allclose(moved[leaf], 3.0 * found.contact.anchors.toward[leaf])
-    assert np.all(np.delete(moved, leaf, axis=0) == 0.0)
-    away = found.run.plan.orbits.centers
-    anchor = int(found.contact.anchors.bodies[leaf])
-    nearer = np.hypot(*(away[anchor] - away[leaf] - moved[leaf]))
-    assert nearer == pytest.approx(np.hypot(*(away[anchor] - away[leaf])) - 3.0)
-    assert found.sought[leaf, 0] == found.contact.look_every
-    found.know(leaf, slack / 4.0)
-    np.testing.assert_allclose(found.look(), 0.0, atol=1e-9)
-
-
-def test_a_vehicle_that_was_not_seen_for_a_period_goes_furthest() -> None:
-    found = Seeking()
-    leaf = found.leaf()
-    patience = found.contact.patience
-    assert patience == 315
-    assert np.all(found.look(patience) == 0.0)
-    moved = found.look(patience + 1)
-    assert np.hypot(
-        *(moved[leaf] - moved[int(found.contact.anchors.bodies[leaf])])
-    ) == pytest.approx(found.contact.anchors.furthest[leaf])
-    found.seen[:] = patience
-    assert np.all(found.look(patience + 1) == 0.0)
-
-
-def test_after_a_loss_anchors_are_of_what_is_left() -> None:
-    run = flight_run(
-        plan(example("windy-grid"), bound="never", pilot=False),
-        duration=60.0,
-        lose=("v3@20", "L2@30"),
+    assert contact.patience == 315
+    assert np.all(look(315) == 0.0)
+    own = look(316)
+    assert np.hypot(*(own[leaf] - own[bodies[leaf]])) == pytest.approx(
+        contact.anchors.furthest[leaf]
     )
-    before, first, both = (run.team.setup_from(step).contact for step in (199, 200, 300))
-    assert before.anchors.bodies.tolist() == run.team.setup.contact.anchors.bodies.tolist()
-    assert 2 in before.anchors.bodies
-    assert 2 not in first.anchors.bodies
-    assert first.anchors.bodies[2] == -1
-    assert 6 not in first.anchors.bodies
-    assert 7 in first.anchors.bodies
-    assert both.anchors.bodies.max() < 6
-
-
-def test_in_open_loop_no_circle_moves() -> None:
-    made = plan(example("windy-grid"), bound="never", pilot=False)
-    run = flight_run(made, duration=60.0, guidance="none")
-    assert len(run.team.setup.contact.anchors.order) == 0
-
-
-def test_a_vehicle_without_an_anchor_is_on_its_own_circle() -> None:
-    found = Seeking()
-    found.moved[:] = 5.0
-    found.contact = _without_anchor(found.contact, found.leaf())
-    assert np.all(found.look() == 0.0)
-
-
-def _without_anchor(contact: Contact, vehicle: int) -> Contact:
-    """Take a vehicle's anchor away."""
-    anchors: Any = contact.anchors.bodies.copy()
-    anchors[vehicle] = -1
-    return contact._replace(anchors=contact.anchors._replace(bodies=anchors))
+    seen[:] = 315
+    assert np.all(look(316) == 0.0)
+    moved[:], alone = 5.0, contact.anchors.bodies.copy()
+    alone[leaf] = -1
+    lone = contact._replace(anchors=contact.anchors._replace(bodies=alone))
+    assert np.all(look(316, lone) == 0.0)

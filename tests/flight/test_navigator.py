@@ -15,7 +15,7 @@ from syncplan.flight.navigator import Navigator
 from syncplan.flight.onboard_data import Sensed, TimedSighting
 from syncplan.orbits.circles import heading, position
 from syncplan.planning.planner import Plan
-from tests.tools.flown_trials import lanes_begun
+from tests.tools.flown_trials import flown_of
 from tests.tools.scenarios import example
 
 WINDY = "examples/scenarios/windy-grid.yaml"
@@ -27,11 +27,9 @@ def plan() -> Plan:
     return syncplan.plan(syncplan.load_scenario(WINDY), pilot=False)
 
 
-def flown(run: FlightRun) -> FlownLanes:
+def lanes_of(run: FlightRun) -> FlownLanes:
     """The first trial of a flight, flown."""
-    lanes = lanes_begun(run.team, range(1))
-    lanes.advance(run.team.steps)
-    return lanes
+    return flown_of(run, range(1)).lanes
 
 
 def sensed(lanes: FlownLanes, late: int = 0) -> Iterator[Sensed]:
@@ -64,7 +62,7 @@ def test_it_commands_and_estimates_as_a_flight_does(
     run = flight_run(
         plan, guidance=guidance, filter=filter_, late=late, duration=SECONDS, seed=4, trials=1
     )
-    lanes = flown(run)
+    lanes = lanes_of(run)
     navigator = Navigator(plan, guidance=guidance, filter=filter_, late=late, seed=4)
     off = 0.0
     for k, read in enumerate(sensed(lanes, late)):
@@ -84,9 +82,12 @@ def test_it_commands_and_estimates_as_a_flight_does(
 def test_one_that_is_restored_goes_on_to_the_same_bytes(
     plan: Plan, guidance: str, filter_: str
 ) -> None:
+    """The robust filter looks back at where it began, which is elsewhere."""
     run = flight_run(plan, filter=filter_, duration=SECONDS, late=2, trials=1)
-    readings = list(sensed(flown(run), late=2))
-    first = Navigator(plan, guidance=guidance, filter=filter_, late=2)
+    readings = list(sensed(lanes_of(run), late=2))
+    assert len(readings) > plan.orbits.period / plan.sensors.sample_time
+    start = np.column_stack([position(plan.orbits, 0.0), heading(plan.orbits, 0.0)])
+    first = Navigator(plan, guidance=guidance, filter=filter_, late=2, start=start + 1.5)
     for read in readings[:200]:
         first.step(read)
     second = Navigator(plan, guidance=guidance, filter=filter_, late=2)
@@ -102,28 +103,13 @@ def test_one_that_is_restored_goes_on_to_the_same_bytes(
 def test_late_sightings_are_waited_for_as_in_a_flight() -> None:
     """A camera that has seen nobody for a period looks for its anchor until a sighting arrives."""
     run = flight_run(example("camera-pair"), late=300, duration=70.0, trials=1)
-    lanes, navigator = flown(run), Navigator(example("camera-pair"), late=300)
+    lanes, navigator = lanes_of(run), Navigator(example("camera-pair"), late=300)
     assert lanes.flown.sought.any()
     for k, read in enumerate(sensed(lanes, 300)):
         if k >= 300:
             given = lanes.readings.speeds[k, :, 0]
             np.testing.assert_allclose(navigator.command.speeds, given, rtol=0.0, atol=1e-9)
         navigator.step(read)
-
-
-def test_one_that_began_elsewhere_is_restored_whole(plan: Plan) -> None:
-    """The robust filter looks back at where it began."""
-    period = round(plan.orbits.period / plan.sensors.sample_time)
-    run = flight_run(plan, filter="robust", duration=1.2 * plan.orbits.period, trials=1)
-    readings = list(sensed(flown(run)))
-    start = np.column_stack([position(plan.orbits, 0.0), heading(plan.orbits, 0.0)])
-    first, second = Navigator(plan, start=start + 1.5), Navigator(plan)
-    for read in readings[: period // 2]:
-        first.step(read)
-    second.restore(first.save())
-    for read in readings[period // 2 :]:
-        a, b = first.step(read), second.step(read)
-    np.testing.assert_array_equal(b[0].poses, a[0].poses)
 
 
 def test_a_state_of_another_plan_or_of_other_options_is_refused_and_changes_nothing(
@@ -165,7 +151,7 @@ def test_readings_that_are_missing_are_taken_to_be_the_commands(plan: Plan) -> N
 
 
 def test_the_order_in_which_sightings_arrive_does_not_matter(plan: Plan) -> None:
-    readings = list(sensed(flown(flight_run(plan, filter="ekf", duration=10.0, trials=1))))
+    readings = list(sensed(lanes_of(flight_run(plan, filter="ekf", duration=10.0, trials=1))))
     one, other = Navigator(plan, filter="ekf"), Navigator(plan, filter="ekf")
     for read in readings:
         one.step(read)

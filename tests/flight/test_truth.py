@@ -1,4 +1,4 @@
-"""Who truly sees whom: vehicles that follow the plan see what the plan says."""
+"""Who truly sees whom: vehicles that follow the plan see what it says; what is drawn by keys."""
 
 from typing import Any
 
@@ -8,10 +8,12 @@ import pytest
 from syncplan.estimation.drawn_errors import DrawnErrors
 from syncplan.flight import truth
 from syncplan.flight.flight_setup import Eyes
+from syncplan.flight.keyed_noise import Word, key_of, uniform, words_at
 from syncplan.orbits.circles import position
 from syncplan.orbits.sight_lines import crosses_interior
 from syncplan.orbits.sightings import sample_sightings
 from syncplan.planning.planner import plan
+from tests.tools import plain_truth
 from tests.tools.flown_trials import FlownTrials, flown
 from tests.tools.inner_kernels import called_alone
 from tests.tools.plain_truth import Sighting
@@ -137,3 +139,26 @@ def _behind(*obstacles: np.ndarray[Any, np.dtype[np.float64]]) -> Eyes:
         corners=corners,
         first_corner=np.cumsum([0, *(len(one) for one in obstacles)]),
     )
+
+
+# --- random numbers by key ------------------------------------------------------------------------
+
+
+def _counters(generator: np.random.Generator) -> list[tuple[int, int, int]]:
+    few = [(1, 0, 0), (1, 0, 1), (1, 1, 0), (2**31, 999, 1200)]
+    return few + [tuple(int(n) for n in generator.integers(1, 5000, 3)) for _ in range(50)]  # type: ignore[misc]
+
+
+@pytest.mark.parametrize(("seed", "trial"), [(0, 0), (7, 3), (2**63 - 1, 999_999)])
+def test_words_are_those_of_numpys_philox(seed: int, trial: int) -> None:
+    key = key_of(seed, trial)
+    for counter in _counters(np.random.default_rng(1)):
+        found = [int(word) for word in words_at(key, *counter)]
+        assert found == plain_truth.words(key, *counter)
+
+
+def test_uniform_numbers_are_never_0_or_1() -> None:
+    number = called_alone(uniform)
+    least, most = number(Word(0)), number(Word(2**64 - 1))
+    assert 0.0 < least < 1e-15
+    assert 1.0 - 1e-15 < most < 1.0

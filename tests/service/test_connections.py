@@ -2,6 +2,7 @@
 
 import resource
 from collections.abc import Iterator
+from unittest.mock import Mock
 
 import pytest
 
@@ -15,28 +16,21 @@ from api.connections import (
 from api.settings import load_settings
 
 
-class _Client:
+def _client(network: str = "here", engaged: bool = False) -> Mock:
     """A guest that notes whether it was turned away."""
-
-    def __init__(self, network: str = "here", engaged: bool = False) -> None:
-        self.network = network
-        self.engaged = engaged
-        self.turned_away = False
-
-    def turn_away(self) -> None:
-        self.turned_away = True
+    return Mock(network=network, engaged=engaged)
 
 
-def _full(total: int = 3, per_address: int = 3) -> tuple[Connections, list[_Client]]:
+def _full(total: int = 3, per_address: int = 3) -> tuple[Connections, list[Mock]]:
     connections = Connections(ConnectionLimits(total=total, per_address=per_address))
-    guests = [_Client() for _ in range(min(total, per_address))]
+    guests = [_client() for _ in range(min(total, per_address))]
     assert all(map(connections.enter, guests))
     return connections, guests
 
 
 def test_beyond_all_there_is_the_reserve_until_somebody_leaves() -> None:
     connections, guests = _full(total=3)
-    late = _Client("elsewhere")
+    late = _client("elsewhere")
     assert not connections.enter(late)
     assert not connections.promote(late)
     connections.leave(guests[0])
@@ -47,34 +41,34 @@ def test_beyond_all_there_is_the_reserve_until_somebody_leaves() -> None:
 
 def test_an_address_has_a_share_and_others_the_rest() -> None:
     connections, guests = _full(total=5, per_address=2)
-    assert not connections.enter(_Client())
-    assert connections.enter(_Client("elsewhere"))
+    assert not connections.enter(_client())
+    assert connections.enter(_client("elsewhere"))
     connections.leave(guests[0])
-    assert connections.enter(_Client())
+    assert connections.enter(_client())
 
 
 def test_a_full_reserve_turns_away_the_oldest_that_waits() -> None:
     connections, _ = _full()
-    busy, *silent = [_Client("elsewhere", engaged=k == 0) for k in range(LARGEST_RESERVE)]
+    busy, *silent = [_client("elsewhere", engaged=k == 0) for k in range(LARGEST_RESERVE)]
     assert not any(map(connections.enter, (busy, *silent)))
-    assert not connections.enter(_Client("elsewhere"))
-    assert [one.turned_away for one in (busy, *silent[:2])] == [False, True, False]
+    assert not connections.enter(_client("elsewhere"))
+    assert [one.turn_away.call_count for one in (busy, *silent[:2])] == [0, 1, 0]
     assert connections.number == 3 + LARGEST_RESERVE
 
 
 def test_a_reserve_where_all_are_being_answered_turns_away_who_comes() -> None:
     connections, _ = _full()
-    busy = [_Client("elsewhere", engaged=True) for _ in range(LARGEST_RESERVE)]
-    late = _Client("elsewhere")
+    busy = [_client("elsewhere", engaged=True) for _ in range(LARGEST_RESERVE)]
+    late = _client("elsewhere")
     assert not any(map(connections.enter, (*busy, late)))
-    assert late.turned_away
-    assert not any(one.turned_away for one in busy)
+    late.turn_away.assert_called()
+    assert not any(one.turn_away.called for one in busy)
     assert connections.number == 3 + LARGEST_RESERVE
 
 
 def test_whoever_leaves_twice_is_counted_once() -> None:
     connections, guests = _full()
-    for one in (*guests, *guests, _Client()):
+    for one in (*guests, *guests, _client()):
         connections.leave(one)
     assert connections.number == 0
 

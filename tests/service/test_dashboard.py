@@ -14,8 +14,9 @@ from sqlalchemy import update
 from api.jobs.queue import JobQueue
 from api.metrics import METRICS, MetricEntry
 from api.readings import job_readings
-from api.storage import executors, job_records
+from api.storage import executors
 from api.storage.database import Database
+from api.storage.job_records import NewJob, add_job
 from api.storage.tables import earlier, jobs
 from tests.tools.processes import PATIENCE_S
 from tests.tools.serving import ROOT
@@ -114,16 +115,11 @@ def test_what_waits_is_counted_with_its_age(database: Database) -> None:
         with database.writing() as connection:
             executors.beat(connection, "one", "1+2")
             for kind in ("sweep", "validation"):
-                row = job_records.add_job(
-                    connection, "ann", job_records.NewJob(kind, "{}", 1, None, None)
-                )
+                row = add_job(connection, "ann", NewJob(kind, "{}", 1, None, None))
                 queue.add_job(connection, row.id, "ann")
                 # an hour ago, by its row and as a worker finds it
-                connection.execute(
-                    update(jobs)
-                    .where(jobs.c.id == row.id)
-                    .values(created_at=earlier(row.created_at, 3600.0))
-                )
+                change = update(jobs).where(jobs.c.id == row.id)
+                connection.execute(change.values(created_at=earlier(row.created_at, 3600.0)))
         found = readings()
     assert found["syncplan_jobs"]["queued",] == 2
     assert found["syncplan_jobs"]["running",] == 0

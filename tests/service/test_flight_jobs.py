@@ -82,7 +82,6 @@ def test_a_flight_is_asked_for_with_the_defaults_of_the_library() -> None:
     [
         ({"lose": ["v9@10"]}, "lose", "'v9': is neither a vehicle (v1, v2, v3"),
         ({"lose": ["v1@30"], "duration_s": 20}, "lose", "which is from 0 to 20 s"),
-        ({"hold": ["v9@3:4"]}, "hold", "v9@3:4: no vehicle is named v9"),
         ({"hold": ["v1@190:20"]}, "hold", "v1@190:20: ends at 210 s, after the flight of 200 s"),
         ({"late": 200, "duration_s": 20}, "late", "200 given, the flight has 200 samples"),
         ({"outliers": 0.6, "mistaken": 0.4}, "outliers", "together with mistaken"),

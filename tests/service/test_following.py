@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import AsyncGenerator, Awaitable, Callable
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from sqlalchemy import delete, event
@@ -173,14 +174,11 @@ def test_followers_stay_while_the_database_is_away(
 def test_a_fault_of_the_reader_ends_streams_and_the_next_follower_has_a_new_one(
     database: Database, job: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    def faulty(*_: object) -> None:
-        raise KeyError("no such key")
-
     async def test(watch: JobWatch) -> None:
         stream = numbers(watch, job)
         assert await anext(stream) == 1
         with monkeypatch.context() as broken:
-            broken.setattr(following, "heads_of", faulty)
+            broken.setattr(following, "heads_of", Mock(side_effect=KeyError("no such key")))
             assert [number async for number in stream] == []
         assert await anext(numbers(watch, job)) == 1
 

@@ -23,12 +23,11 @@ from syncplan.runtime.files import as_text
 from syncplan.scenario.loading import scenario_from
 from tests.tools.api_servers import faults_of, key_of
 from tests.tools.processes import PATIENCE_S
-from tests.tools.scenarios import document, small
+from tests.tools.scenarios import LANDMARKS, document, small
 from tests.tools.serving import Server
 
 Tree = dict[str, Any]
 
-LANDMARKS = [[190.0, 0.0], [190.0, 70.0]]
 PATHS = ["/v1/plans", "/v1/previews?figure=formation"]
 
 
@@ -71,10 +70,7 @@ def test_a_plan_that_was_given_is_kept_and_drawn_and_exported_with_its_phases(
 ) -> None:
     answer = ann.post("/v1/plans", json=given())
     at = answer.headers["location"]
-    kept = ann.get(at)
-    assert kept.content == answer.content
-    assert kept.headers["etag"] == answer.headers["etag"]
-    assert kept.json()["parent_id"] is None
+    assert answer.json()["parent_id"] is None
     assert ann.get(f"{at}/figures/timeline").status_code == 200
     assert ann.get(f"{at}/exports/csv?force=true").status_code == 200
     assert ann.post(f"{at}/refinements", json={"starts": 1}).status_code == 202
@@ -101,11 +97,6 @@ def test_the_bytes_of_a_scenarios_plan_are_those_of_the_library(ann: httpx2.Clie
     answer = ann.post("/v1/plans", json=document(landmarks_m=LANDMARKS))
     text = as_text(plan_document(syncplan.plan(small(landmarks_m=LANDMARKS))).as_json())
     assert answer.text.endswith(text[1:])
-
-
-def test_the_steady_error_of_a_plan_is_computed_where_it_is_asked_for(ann: httpx2.Client) -> None:
-    assert judged(ann, "/v1/plans", given())["steady_rms_m"] is None
-    assert judged(ann, "/v1/plans?steady=true", given())["steady_rms_m"] is not None
 
 
 def test_a_plan_may_be_yaml_and_have_other_phases_by_a_turn(ann: httpx2.Client) -> None:

@@ -6,6 +6,7 @@ import sqlite3
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from unittest.mock import Mock
 
 import pytest
 from sqlalchemy import Connection
@@ -81,19 +82,10 @@ def test_who_asks_while_the_thread_is_busy_waits_for_the_next_round_not_for_a_th
 
 
 def test_what_fails_for_a_group_fails_for_all_of_it_and_for_nobody_after_it() -> None:
-    failing = [True]
-
-    def answered(questions: Sequence[int]) -> list[int | Exception]:
-        if failing.pop():
-            raise OSError("away")
-        return list(questions)
-
     async def ask(thread: GroupThread[int, int]) -> list[int | BaseException]:
-        found = await asked(thread, 0, 1)
-        failing.append(False)
-        return [*found, *await asked(thread, 2)]
+        return [*await asked(thread, 0, 1), *await asked(thread, 2)]
 
-    with group_thread(answered) as thread:
+    with group_thread(Mock(side_effect=[OSError("away"), [2]])) as thread:
         found = asyncio.run(ask(thread))
     assert [type(one) for one in found] == [OSError, OSError, int]
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 from dbos import DBOSClient
@@ -320,9 +321,6 @@ def test_the_newest_version_that_lives_begins_jobs(bench: Bench) -> None:
 def test_old_jobs_and_answers_are_swept_with_their_workflows_and_no_others(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def killed(*_: object) -> None:
-        raise KeyboardInterrupt
-
     old, waiting = bench.job(), bench.job()
     with bench.database.writing() as connection:
         keep_answer(connection, "ann", "key", Answer("digest", 201, {}, ""))
@@ -341,7 +339,7 @@ def test_old_jobs_and_answers_are_swept_with_their_workflows_and_no_others(
     bench.look(LOOKS)
     # one that is cut short is made up for by the next
     with monkeypatch.context() as patched:
-        patched.setattr(bench.client, "delete_workflows", killed)
+        patched.setattr(bench.client, "delete_workflows", Mock(side_effect=KeyboardInterrupt))
         with pytest.raises(KeyboardInterrupt):
             bench.look(10)
     bench.look(10)

@@ -1,7 +1,5 @@
 """Work that is kept: plans renamed, jobs deleted."""
 
-from collections.abc import Iterator
-
 import httpx2
 import pytest
 from sqlalchemy import Connection, select
@@ -10,23 +8,13 @@ from api.following import FollowedJob, events_after, heads_of
 from api.job_kinds.job_kind import JobReport
 from api.storage import job_records, part_records, tables
 from tests.tools.api_servers import done, faults_of, planned, problem
-
-LANDMARKS = [[190.0, 0.0], [190.0, 70.0]]
-LONG = {"trials": 100_000}
+from tests.tools.scenarios import LANDMARKS
 
 
 @pytest.fixture
 def plan(ann: httpx2.Client) -> str:
     """Path of a plan named before."""
     return f"/v1/plans/{planned(ann, name='before', landmarks_m=LANDMARKS)['id']}"
-
-
-@pytest.fixture
-def running(ann: httpx2.Client, plan: str) -> Iterator[str]:
-    """Path of a job that goes on until the test has ended."""
-    at = ann.post(f"{plan}/validations", json=LONG).headers["location"]
-    yield at
-    ann.post(f"{at}/cancel")
 
 
 # --- plans ----------------------------------------------------------------------------------------
@@ -95,7 +83,8 @@ def test_a_deleted_job_leaves_the_plan_that_it_made(ann: httpx2.Client, plan: st
     assert ann.get(f"/v1/plans/{made}").status_code == 200
 
 
-def test_a_job_is_deleted_once_it_has_ended(ann: httpx2.Client, running: str) -> None:
+def test_a_job_is_deleted_once_it_has_ended(ann: httpx2.Client, plan: str) -> None:
+    running = ann.post(f"{plan}/validations", json={"trials": 100_000}).headers["location"]
     assert "cancel it first" in problem(ann.delete(running), 409).detail
     assert ann.post(f"{running}/cancel").status_code == 200
     assert ann.delete(running).status_code == 204

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import MagicMock, Mock
 
 import pytest
 from dbos._logger import init_logger
@@ -24,6 +25,7 @@ from api.answering import Answering
 from api.logs import REQUEST_ID, JsonLines, configure_logs
 from api.metrics import Metrics
 from tests.tools.api_apps import ask, bare_app, served
+from tests.tools.api_servers import problem
 from tests.tools.processes import wait_until
 
 Lines = Callable[[], list[dict[str, Any]]]
@@ -156,19 +158,15 @@ def test_a_trace_stays_on_its_line(lines: Lines) -> None:
     assert line["exception"].endswith("ValueError: broken")
 
 
-class Unprintable:
-    """Something that can't be shown."""
-
-    def __str__(self) -> str:
-        raise ValueError
-
+UNPRINTABLE = MagicMock(__str__=Mock(side_effect=ValueError))
+"""Something that can't be shown."""
 
 HOLDS_ITSELF: list[object] = []
 HOLDS_ITSELF.append(HOLDS_ITSELF)
 
 
 @pytest.mark.parametrize(
-    "value", [float("nan"), {(1, 2): 3}, Unprintable(), "\ud800\n\u2028", b"\xff", HOLDS_ITSELF]
+    "value", [float("nan"), {(1, 2): 3}, UNPRINTABLE, "\ud800\n\u2028", b"\xff", HOLDS_ITSELF]
 )
 def test_whatever_a_line_holds_it_is_json(value: object) -> None:
     record = logging.makeLogRecord({"msg": "%s %s", "args": (1,), "value": value})
@@ -256,7 +254,11 @@ def test_a_crash_is_one_trace_and_one_line_under_one_id(lines: Lines) -> None:
         lines()
         answer = ask(port, "GET", "/v1/crash")
         found = lines()
+    problem(answer, 500)
+    assert "connection" not in answer.headers
     trace, request = found
+    assert trace["logger"] == "api.problems"
+    assert "asked to the log alone" not in answer.text
     assert trace["request_id"] == request["request_id"] == answer.headers["x-request-id"]
     assert "asked to the log alone" in trace["exception"]
     assert (request["status"], request["level"]) == (500, "warning")

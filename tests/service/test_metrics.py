@@ -5,6 +5,7 @@ import threading
 import time
 from types import SimpleNamespace
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from fastapi import APIRouter, FastAPI
@@ -32,11 +33,11 @@ def _samples(metrics: Metrics) -> Samples:
     }
 
 
-def _requests(metrics: Metrics) -> dict[tuple[str, ...], float]:
+def _counts(metrics: Metrics, kind: str = "requests") -> dict[tuple[str, ...], float]:
     return {
         tuple(value for _, value in labels): number
         for (name, labels), number in _samples(metrics).items()
-        if name == "syncplan_http_requests_total"
+        if name == f"syncplan_http_{kind}_total"
     }
 
 
@@ -52,37 +53,49 @@ def _app(metrics: Metrics) -> FastAPI:
     def crash() -> None:
         raise RuntimeError
 
+    @router.get("/busy")
+    def busy() -> None:
+        raise TooManyRequests("wait", retry_after_s=1)
+
     app.include_router(router, prefix="/v1")
     return app
 
 
-def test_requests_count_by_method_route_and_status() -> None:
+def test_requests_and_refusals_are_counted_apart() -> None:
     metrics, other = Metrics(), Metrics()
     client = TestClient(_app(metrics))
     began = time.monotonic()
     # this one is in flight, and none when all are answered
     assert client.get("/v1/plans/1").json() == 1
     took = time.monotonic() - began
-    for path in ("/v1/plans/2", "/v1/plans/x", "/v1/crash", "/nothing", "/else", "/v1"):
-        client.get(path)
+    for path in ("plans/2", "plans/x", "crash", "busy", "busy", "nothing", "else", ""):
+        client.get(f"/v1/{path}")
     client.post("/v1/plans/1")
     # what a client invents is one label
     client.request("BREW", "/nothing")
     client.request("MILK", "/nothing")
-    assert _requests(metrics) == {
+    assert _counts(metrics) == {
         ("GET", "/v1/plans/{plan_id}", "200"): 2,
         ("GET", "/v1/plans/{plan_id}", "422"): 1,
         ("GET", "/v1/crash", "500"): 1,
+        ("GET", "/v1/busy", "429"): 2,
         ("POST", "/v1/plans/{plan_id}", "405"): 1,
         ("GET", "none", "404"): 3,
         ("other", "none", "404"): 2,
+    }
+    assert _counts(metrics, "refusals") == {
+        ("invalid-request", "422"): 1,
+        ("internal", "500"): 1,
+        ("not-found", "404"): 5,
+        ("too-many-requests", "429"): 2,
+        ("method-not-allowed", "405"): 1,
     }
     samples = _samples(metrics)
     labels = (("method", "GET"), ("route", "/v1/plans/{plan_id}"), ("status", "200"))
     assert samples["syncplan_http_request_duration_seconds_count", labels] == 2
     assert 0 < samples["syncplan_http_request_duration_seconds_sum", labels] < took + 1.0
     assert samples["syncplan_http_requests_in_flight", ()] == 0
-    assert not _requests(other)
+    assert not _counts(other)
 
 
 def test_a_request_that_gets_no_answer_is_counted() -> None:
@@ -100,22 +113,17 @@ def test_a_request_that_gets_no_answer_is_counted() -> None:
 
     with pytest.raises(asyncio.CancelledError):
         asyncio.run(call())
-    assert _requests(metrics) == {("GET", "/", "unanswered"): 1}
+    assert _counts(metrics) == {("GET", "/", "unanswered"): 1}
     assert _samples(metrics)["syncplan_http_requests_in_flight", ()] == 0
 
 
 def test_sources_are_read_at_each_scrape_and_not_before() -> None:
     metrics = Metrics()
     jobs: dict[tuple[str, ...], float] = {("queued",): 2}
-    reads: list[int] = []
-
-    def source() -> Readings:
-        reads.append(1)
-        return {"syncplan_jobs": jobs}
-
+    source = Mock(return_value={"syncplan_jobs": jobs})
     metrics.watch(source)
     metrics.watch(lambda: {"syncplan_processes_busy": {(): 3}})
-    assert reads == []
+    source.assert_not_called()
     samples = _samples(metrics)
     assert samples["syncplan_jobs", (("state", "queued"),)] == 2
     assert samples["syncplan_processes_busy", ()] == 3
@@ -127,10 +135,7 @@ def test_sources_are_read_at_each_scrape_and_not_before() -> None:
 
 def test_a_source_that_fails_leaves_the_others(caplog: pytest.LogCaptureFixture) -> None:
     metrics = Metrics()
-
-    def gone() -> Readings:
-        raise ConnectionError("the database is gone")
-
+    gone = Mock(side_effect=ConnectionError("the database is gone"))
     metrics.watch(gone, lambda: {"syncplan_processes_busy": {(): 1}})
     names = {name for name, _ in _samples(metrics)}
     assert "syncplan_processes_busy" in names
@@ -139,19 +144,13 @@ def test_a_source_that_fails_leaves_the_others(caplog: pytest.LogCaptureFixture)
 
 
 def test_scrapes_read_a_source_once_a_second() -> None:
-    now, read = [0.0], 0
-
-    def source() -> Readings:
-        nonlocal read
-        read += 1
-        if read == 2:
-            raise ConnectionError("away")
-        return {"syncplan_processes_busy": {(): read}}
-
+    clock = Mock()
+    first, third = ({"syncplan_processes_busy": {(): number}} for number in (1, 3))
+    source = Mock(side_effect=[first, ConnectionError("away"), third])
     metrics = Metrics()
-    metrics.watch(Cached(source, kept_s=1.0, clock=lambda: now[0]))
+    metrics.watch(Cached(source, kept_s=1.0, clock=clock))
     seen = []
-    for now[0] in (100.0, 100.9, 101.0, 101.9, 102.0):
+    for clock.return_value in (100.0, 100.9, 101.0, 101.9, 102.0):
         seen.append(_samples(metrics).get(("syncplan_processes_busy", ())))
     assert seen == [1, 1, None, None, 3]
 
@@ -175,32 +174,6 @@ def test_scrapes_do_not_wait_for_one_that_hangs() -> None:
     goes_on.set()
     first.join()
     assert cached() == {"syncplan_processes_busy": {(): 6}}
-
-
-def test_refusals_count_by_status_and_reason() -> None:
-    metrics = Metrics()
-    app = _app(metrics)
-
-    @app.get("/busy")
-    def busy() -> None:
-        raise TooManyRequests("wait", retry_after_s=1)
-
-    client = TestClient(app)
-    for path in ("/v1/plans/1", "/v1/plans/x", "/v1/crash", "/nothing", "/busy", "/busy"):
-        client.get(path)
-    client.post("/busy")
-    found = {
-        (labels[1][1], labels[0][1]): number
-        for (name, labels), number in _samples(metrics).items()
-        if name == "syncplan_http_refusals_total"
-    }
-    assert found == {
-        ("422", "invalid-request"): 1,
-        ("500", "internal"): 1,
-        ("404", "not-found"): 1,
-        ("429", "too-many-requests"): 2,
-        ("405", "method-not-allowed"): 1,
-    }
 
 
 def test_jobs_count_by_kind_and_outcome() -> None:

@@ -19,9 +19,6 @@ def _app() -> FastAPI:
     def plan(medium: Annotated[str, Depends(accepts(PLAN, EVENTS))]) -> str:
         return medium
 
-    @app.get("/events", dependencies=[Depends(accepts(EVENTS))])
-    def events() -> None: ...
-
     @app.post("/body")
     async def body(
         request: Request, kind: Annotated[Literal["json", "yaml"], Depends(body_kind)]
@@ -41,17 +38,10 @@ def client() -> TestClient:
     ("header", "medium"),
     [
         # excluded: a problem
-        *(
-            (header, None)
-            for header in (
-                "text/html",
-                "image/*",
-                "application/xml, text/html;q=0.9",
-                "application/json;q=0, text/event-stream;q=0.000",
-                "*/*;q=0",
-                "application/*;q=0, text/html",
-            )
-        ),
+        ("text/html", None),
+        ("application/json;q=0, text/event-stream;q=0.000", None),
+        ("*/*;q=0", None),
+        ("application/*;q=0, text/html", None),
         ("application/json", PLAN),
         ("APPLICATION/JSON; charset=utf-8", PLAN),
         ("text/event-stream", EVENTS),
@@ -59,16 +49,12 @@ def client() -> TestClient:
         ("text/*", EVENTS),
         ("application/json;q=0.5, text/*;q=0.8", EVENTS),
         ("application/json;q=0, */*", EVENTS),
-        ("text/event-stream;q=0, */*;q=0.1", PLAN),
         ("application/*;q=0.2, application/json;q=0.9, text/event-stream;q=0.5", PLAN),
         ("text/html, */*;q=0.001", PLAN),
-        ("", PLAN),
         (" , ,", PLAN),
         # what can't be read accepts everything
-        ("json", PLAN),
         ("*/json", PLAN),
         ("text/html;q=2", PLAN),
-        ("text/html;q=x", PLAN),
         ("text/html;;q=0.1;=", PLAN),
         ("text/html, */", PLAN),
         ("t\u00e9xt/html", PLAN),
@@ -97,15 +83,9 @@ def test_several_headers_count_as_one_and_none_accepts_everything(client: TestCl
         assert ask(port, "POST", "/body", content=iter([b"{}"])).status_code == 415
 
 
-def test_a_dependency_without_a_result_serves_as_well(client: TestClient) -> None:
-    assert client.get("/events", headers={"accept": "text/event-stream"}).status_code == 200
-    assert client.get("/events", headers={"accept": "application/json"}).status_code == 406
-
-
 @pytest.mark.parametrize(
     ("given", "kind"),
     [
-        ("application/json", "json"),
         ("Application/JSON; Charset=UTF-8", "json"),
         ('application/json;charset="utf-8"', "json"),
         ("application/json; charset=us-ascii; version=1", "json"),
@@ -129,11 +109,8 @@ def test_json_and_yaml_are_known_by_their_types(client: TestClient, given: str, 
         "application/+json",
         "application/a b+json",
         "image/svg+json",
-        "multipart/form-data; boundary=x",
         "application/json; charset=latin-1",
         "application/json; charset=",
-        "text/yaml; charset=utf-16",
-        "application",
         ";",
     ],
 )

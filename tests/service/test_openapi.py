@@ -223,7 +223,8 @@ def test_the_schema_of_sweeps_wants_exactly_one_key(swept: Tree, valid: bool) ->
 
 def _bodies(path: str) -> st.SearchStrategy[Any]:
     """Bodies that the document's schema of a POST allows."""
-    return _schema()[path]["POST"].as_strategy()
+    bodies: st.SearchStrategy[Any] = _schema()[path]["POST"].as_strategy()
+    return bodies
 
 
 def test_a_preview_takes_what_a_plan_does() -> None:

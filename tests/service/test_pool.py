@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock, create_autospec
 
 import pytest
 
@@ -82,13 +83,6 @@ def begun(ticket: Ticket) -> bool:
     return ticket.child is not None
 
 
-def at_work(pool: Pool, owner: str = "") -> Ticket:
-    """Submit a long task and wait until a process is at it."""
-    ticket = pool.submit(*LONG, owner=owner)
-    wait_until(lambda: begun(ticket))
-    return ticket
-
-
 def processes_of(parent: int) -> list[int]:
     """Processes of the pools of a process."""
     return [one for one in family(parent)[1:] if "api.computing.child" in command(one)]
@@ -138,9 +132,7 @@ def test_a_task_that_takes_too_long_is_stopped(pool: Pool) -> None:
 
 @pytest.mark.long
 def test_no_task_gets_the_answer_of_one_that_nobody_heard_out(pool: Pool) -> None:
-    def refuse(done: object) -> None:
-        raise ValueError("not heard out")
-
+    refuse = Mock(side_effect=ValueError("not heard out"))
     with pytest.raises(ValueError, match="not heard out"):
         end_of(pool.submit(*LONG, progress=refuse))
 
@@ -165,7 +157,8 @@ def test_a_task_that_a_caller_leaves_may_nearly_finish_and_keeps_its_process(poo
 
 
 def test_a_long_task_that_a_caller_leaves_is_killed(pool: Pool) -> None:
-    ticket = at_work(pool)
+    ticket = pool.submit(*LONG)
+    wait_until(lambda: begun(ticket))
     ticket.cancel(spare=True)
     wait_until(lambda: not begun(ticket))
 
@@ -252,16 +245,11 @@ def test_depth_counts_tasks_owners_and_children(narrow: Pool) -> None:
 def test_a_task_whose_process_dies_each_time_is_given_back(
     narrow: Pool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    tried: list[Hollow] = []
-
-    def gone(self: Hollow, *_: object, **__: object) -> None:
-        tried.append(self)
-        raise ChildGoneError("killed")
-
+    gone = create_autospec(Hollow.call, side_effect=ChildGoneError("killed"))
     monkeypatch.setattr(Hollow, "call", gone)
     with pytest.raises(ChildGoneError):
         narrow.call("short")
-    assert len(set(tried)) == len(tried) == 2
+    assert len({tried.args[0] for tried in gone.call_args_list}) == gone.call_count == 2
 
 
 @pytest.mark.usefixtures("hollow")

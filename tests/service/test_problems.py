@@ -6,10 +6,11 @@ import logging
 import sqlite3
 from collections.abc import Iterable, Iterator
 from typing import Annotated, Any
+from unittest.mock import Mock
 
 import httpx2
 import pytest
-from fastapi import APIRouter, Body, FastAPI, Query, Request
+from fastapi import APIRouter, Body, FastAPI, Request
 from fastapi.responses import StreamingResponse
 from fastapi.testclient import TestClient
 from pydantic import BaseModel
@@ -62,17 +63,11 @@ RAISED: dict[str, tuple[Exception, int]] = {
     "file": (OSError(errno.ENOENT, SECRET), 500),
     "gone": (ClientDisconnect(), 400),
     "runtime": (RuntimeError(SECRET), 500),
-    "recursion": (RecursionError(SECRET), 500),
     "group": (ExceptionGroup(SECRET, [ValueError(SECRET)]), 500),
     "teapot": (HTTPException(418, "short and stout", {"x-spout": "left"}), 418),
     "not-found": (problems.NotFound("no plan has the id 7"), 404),
-    "conflict": (problems.Conflict("the job has ended"), 409),
-    "precondition": (problems.PreconditionFailed("the plan is another"), 412),
     "many": (problems.TooManyRequests("20 jobs are unfinished", retry_after_s=1.2), 429),
     "unavailable": (problems.Unavailable("starting", retry_after_s=0.0), 503),
-    "reused": (problems.KeyReused("the key was used for another request"), 422),
-    "unauthorized": (problems.Unauthorized(), 401),
-    "storage": (problems.StorageFull(), 507),
     "work": (problems.TooMuchWork("1e6: at most 100", path="trials", value=10**6), 422),
 }
 
@@ -105,12 +100,10 @@ def _app() -> FastAPI:
         raise RAISED[name][0]
 
     @router.post("/numbers")
-    def numbers(given: Given, limit: Annotated[int, Query(ge=1)] = 1) -> int:
-        return limit
+    def numbers(given: Given) -> None: ...
 
     @router.get("/numbers")
-    def no_numbers() -> list[int]:
-        return []
+    def no_numbers() -> None: ...
 
     @router.post("/raw")
     async def raw(request: Request) -> int:
@@ -260,18 +253,6 @@ def test_a_body_of_just_the_limit_is_read(port: int) -> None:
         assert (answer.status_code, answer.content) == (200, b"1000")
 
 
-def test_a_crash_is_a_500_problem_and_the_log_has_its_trace_once(
-    port: int, caplog: pytest.LogCaptureFixture
-) -> None:
-    answer = ask(port, "GET", "/v1/raise/runtime")
-    _check(answer, 500)
-    assert "Traceback" not in answer.text
-    traces = [record for record in caplog.records if record.exc_info]
-    assert [record.name for record in traces] == ["api.problems"]
-    assert SECRET in str(traces[0].exc_info)
-    assert "connection" not in answer.headers
-
-
 def test_trouble_of_the_database_is_one_line_and_what_is_raised_on_purpose_none(
     client: TestClient, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -299,14 +280,7 @@ def test_an_answer_that_breaks_off_is_cut_and_its_trace_is_logged_once(
 
 def test_what_fails_outside_the_guard_is_a_problem_too() -> None:
     app = _app()
-
-    class Broken:
-        def __init__(self, app: Any) -> None: ...
-
-        async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
-            raise RuntimeError(SECRET)
-
-    app.add_middleware(Broken)
+    app.add_middleware(Mock(return_value=Mock(side_effect=RuntimeError(SECRET))))
     response = TestClient(app, raise_server_exceptions=False).get("/v1/numbers")
     assert response.status_code == 500
     assert response.headers["content-type"] == "application/problem+json"

@@ -7,6 +7,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from sqlalchemy import Connection, create_engine, event, insert, select, update
@@ -37,15 +38,10 @@ def wrong_clock(monkeypatch: pytest.MonkeyPatch) -> None:
     """This process's clock, eight days ahead."""
     ahead = 8 * 86400
     real, real_ns = time.time, time.time_ns
-
-    class Ahead(datetime):
-        @classmethod
-        def now(cls, tz: Any = None) -> Any:
-            return datetime.fromtimestamp(real() + ahead, tz)
-
     monkeypatch.setattr(time, "time", lambda: real() + ahead)
     monkeypatch.setattr(time, "time_ns", lambda: real_ns() + ahead * 10**9)
-    monkeypatch.setattr("api.storage.tables.datetime", Ahead)
+    wrong = Mock(wraps=datetime, now=lambda tz=None: datetime.fromtimestamp(time.time(), tz))
+    monkeypatch.setattr("api.storage.tables.datetime", wrong)
 
 
 def job(connection: Connection, owner: str = "ann", work: int = 40) -> str:
@@ -291,28 +287,19 @@ def test_a_file_that_is_no_database_is_refused_in_one_line(tmp_path: Path) -> No
 
 
 def test_waiting_for_the_database_ends_when_it_is_back_and_not_before() -> None:
-    calls = []
-
-    def away_twice() -> str:
-        calls.append(1)
-        if len(calls) < 3:
-            raise OperationalError("select", {}, Exception("connection refused"))
-        return "back"
-
-    assert patiently(away_twice) == "back"
-    assert len(calls) == 3
+    away = OperationalError("select", {}, Exception("connection refused"))
+    asked = Mock(side_effect=[away, away, "back"])
+    assert patiently(asked) == "back"
+    assert asked.call_count == 3
 
 
 def test_waiting_is_only_for_the_database_and_not_for_mistakes(database: Database) -> None:
-    def broken() -> None:
-        raise ValueError("no database")
-
     def mistaken() -> None:
         with database.reading() as connection:
             connection.exec_driver_sql("SELECT 1 FROM nowhere")
 
     with pytest.raises(ValueError, match="no database"):
-        patiently(broken)
+        patiently(Mock(side_effect=ValueError("no database")))
     with pytest.raises(OperationalError, match="no such table"):
         patiently(mistaken)
 

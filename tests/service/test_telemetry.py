@@ -2,7 +2,7 @@
 
 import importlib.util
 import os
-from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from fastapi import FastAPI
@@ -20,11 +20,8 @@ class Reported(Exception):  # noqa: N818
     """A request reached the telemetry."""
 
 
-class Tracers(trace.TracerProvider):
-    """A provider that shows when it is asked."""
-
-    def get_tracer(self, *_: Any, **__: Any) -> trace.Tracer:
-        raise Reported
+TRACERS = Mock(spec=trace.TracerProvider, get_tracer=Mock(side_effect=Reported))
+"""A provider that shows when it is asked."""
 
 
 def _client(app: FastAPI, path: str) -> TestClient:
@@ -34,20 +31,11 @@ def _client(app: FastAPI, path: str) -> TestClient:
     return TestClient(app)
 
 
-def _find(*missing: str) -> Any:
-    def find_spec(name: str) -> object:
-        if name in missing:
-            raise ModuleNotFoundError(name)
-        return object()
-
-    return find_spec
-
-
 def test_telemetry_is_off_by_default(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("FASTAPI_OTEL_AUTO_CONFIGURE", "true")
     options = telemetry_options(load_settings())
     assert not any(options.values())
-    app = FastAPI(telemetry={**options, "tracer_provider": Tracers()})
+    app = FastAPI(telemetry={**options, "tracer_provider": TRACERS})
     assert _client(app, "/v1").get("/v1").status_code == 200
 
 
@@ -55,7 +43,12 @@ def test_telemetry_is_off_by_default(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_missing_exporter_is_reported_with_its_remedy(
     monkeypatch: pytest.MonkeyPatch, missing: tuple[str, ...]
 ) -> None:
-    monkeypatch.setattr(importlib.util, "find_spec", _find(*missing))
+    def find_spec(name: str) -> object:
+        if name in missing:
+            raise ModuleNotFoundError(name)
+        return object()
+
+    monkeypatch.setattr(importlib.util, "find_spec", find_spec)
     with pytest.raises(InputError) as caught:
         telemetry_options(load_settings(telemetry=True))
     text = str(caught.value)
@@ -87,21 +80,21 @@ def test_a_worker_without_an_endpoint_says_so_unless_traces_are_switched_off(
     warned: bool,
 ) -> None:
     settings = load_settings(telemetry=True)
-    monkeypatch.setattr(importlib.util, "find_spec", _find())
+    monkeypatch.setattr(importlib.util, "find_spec", Mock())
     monkeypatch.setattr(os, "environ", given)
     export_spans(settings)()
     assert ("OTEL_EXPORTER_OTLP_ENDPOINT is not set" in caplog.text) is warned
 
 
 def test_telemetry_sees_requests_but_no_probes(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(importlib.util, "find_spec", _find())
+    monkeypatch.setattr(importlib.util, "find_spec", Mock())
     monkeypatch.setenv(TIMEOUT, "1")
     options = telemetry_options(load_settings(telemetry=True))
     assert options["auto_configure"]
     app = FastAPI(
         telemetry={
             **options,
-            "tracer_provider": Tracers(),
+            "tracer_provider": TRACERS,
             "meter_provider": metrics.NoOpMeterProvider(),
         }
     )

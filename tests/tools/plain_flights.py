@@ -47,6 +47,7 @@ class PlainFlight:
     nees : (steps + 1,) e' P^-1 e of the poses of vehicles that are there
     bounds : (steps + 1, n) m^2, the bound's variance of the place
     moved : (steps + 1, n, 2) m, of circles
+    sought : (n,) number of steps with a shift of its own
     there : (steps + 1, n) whether a vehicle takes part
     """
 
@@ -57,6 +58,7 @@ class PlainFlight:
     nees: Array
     bounds: Array
     moved: Array
+    sought: Array
     there: Array
 
     @property
@@ -119,6 +121,7 @@ def fly_plainly(run: FlightRun, trial: int) -> PlainFlight:
         np.array(nees),
         _bounds(run, truth, trues),
         np.array(moved),
+        loop.sought,
         there.astype(float),
     )
 
@@ -132,7 +135,7 @@ class PlainLoop:
         none = np.zeros(len(self.setup.states.variances))
         self.state = np.concatenate([planned(self.team).ravel(), none])
         self.P = covariance_at_start(self.setup)
-        self.moved = np.zeros((self.team.count, 2))
+        self.moved, self.sought = np.zeros((self.team.count, 2)), np.zeros(self.team.count)
         self.anchors: Anchors = anchors_of(self.team, run.team.windows, run.limits.separation)
         self.at = 0
 
@@ -142,8 +145,9 @@ class PlainLoop:
         self._correct(truth.sightings[self.at])
         self.lose(truth)
         samples = self.team.orbits.period / self.team.sensors.sample_time
-        if self.at % max(1, round(samples / LOOKS_IN_PERIOD)) == 0:
-            self._move_circles(truth)
+        every = max(1, round(samples / LOOKS_IN_PERIOD))
+        if self.at % every == 0:
+            self._move_circles(truth, every)
 
     def _predict(self, truth: PlainTruth) -> None:
         """Take in the motion readings of a sample."""
@@ -205,8 +209,8 @@ class PlainLoop:
         free = FlightLimits(-endless, endless, endless, 0.0)
         return tracking_commands(orbits, free, gains, step * time, poses, winds)
 
-    def _move_circles(self, truth: PlainTruth) -> None:
-        """Move circles to their anchors by what is not known for sure."""
+    def _move_circles(self, truth: PlainTruth, every: int) -> None:
+        """Move circles to their anchors by what is not known for sure, for so many steps."""
         if self.run.options.guidance == "none":
             return
         found, n, time = self.anchors, self.team.count, self.team.sensors.sample_time
@@ -222,6 +226,7 @@ class PlainLoop:
             if self.at - truth.last_seen(i, self.at) > patience:
                 by = found.furthest[i]
             self.moved[i] += by * found.toward[i]
+            self.sought[i] += every * (by > 0.0)
 
     def _ahead(self, i: int) -> Array:
         """(2, 3n + e): how a place half a period ahead hangs on the states now."""

@@ -3,7 +3,8 @@
 import io
 import tarfile
 import zipfile
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -117,6 +118,11 @@ def write_csv(log: Log, folder: Path) -> Path:
     return folder
 
 
+def with_robots(log: Log, change: Callable[[RobotLog], RobotLog]) -> Log:
+    """Return a recording whose robots are changed one by one."""
+    return replace(log, robots=tuple(map(change, log.robots)))
+
+
 def part_of(log: Log, begin: float, end: float) -> Log:
     """Return a recording from one share of the time that its truth covers to another."""
     first = max(robot.truth[0, 0] for robot in log.robots)
@@ -135,7 +141,7 @@ def part_of(log: Log, begin: float, end: float) -> Log:
             ranges=robot.ranges[seen],
         )
 
-    return replace(log, robots=tuple(within(robot) for robot in log.robots))
+    return with_robots(log, within)
 
 
 def _between(rows: np.ndarray, low: float, high: float) -> np.ndarray:
@@ -156,6 +162,18 @@ def refusal_of(path: Path) -> str:
     with pytest.raises(InputError) as refusal:
         load_log(path)
     return str(refusal.value)
+
+
+def assert_same(one: Log, other: Log) -> None:
+    """Compare all that two recordings hold."""
+    assert (one.name, one.landmark_names) == (other.name, other.landmark_names)
+    np.testing.assert_array_equal(one.landmarks, other.landmarks)
+    np.testing.assert_array_equal(one.landmark_subjects, other.landmark_subjects)
+    for first, second in zip(one.robots, other.robots, strict=True):
+        for field in fields(first):
+            np.testing.assert_array_equal(
+                getattr(first, field.name), getattr(second, field.name), strict=True
+            )
 
 
 def zipped(files: dict[str, bytes]) -> bytes:

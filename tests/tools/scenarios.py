@@ -10,6 +10,8 @@ from syncplan.scenario.specification import Scenario
 
 FILES = Path(__file__).parents[2] / "examples" / "scenarios"
 BAD_FILES = FILES / "bad"
+LANDMARKS = [[190.0, 0.0], [190.0, 70.0]]
+"""Two landmarks that the second vehicle of a small scenario sees, and none too near."""
 
 
 def example(name: str) -> Scenario:
@@ -51,7 +53,7 @@ def shared_circles(per_circle: int) -> dict[str, Any]:
     centres = [[0, 0], [70, 0], [140, 0], [140, 70], [70, 70], [0, 70]]
     return document(
         formation={"centers_m": [centre for centre in centres for _ in range(per_circle)]},
-        landmarks_m=[[190.0, 0.0], [190.0, 70.0]],
+        landmarks_m=LANDMARKS,
         duration_s=200.0,
     )
 
