@@ -13,6 +13,7 @@ from typing import Any, get_args
 
 import pytest
 
+import syncplan
 from syncplan.cli import command_line
 from syncplan.cli.document_table import DOCUMENTS
 from syncplan.cli.plan_commands import VARIABLES
@@ -20,11 +21,13 @@ from syncplan.errors import InputError
 from syncplan.estimation.lane_filter import LaneFilter
 from syncplan.exporting.format_table import ALL, FORMATS
 from syncplan.plotting.figure_table import FIGURES
-from syncplan.scenario.loading import load_scenario
+from syncplan.reports.plan_report import plan_document
+from syncplan.reports.validation_report import validation_document
+from syncplan.runtime.files import as_text
 from syncplan.scenario.models import Variable
 from syncplan.scenario.objectives import OBJECTIVES
 from tests.tools.processes import PATIENCE_S
-from tests.tools.scenarios import BAD_FILES, FILES
+from tests.tools.scenarios import BAD_FILES, FILES, circling
 
 GRID = str(FILES / "paper-grid-same.yaml")
 BRIDGE = str(FILES / "landmark-bridge.yaml")
@@ -48,22 +51,18 @@ def _in_bash(command: str, **options: Any) -> subprocess.CompletedProcess[str]:
 def test_plan_writes_json_to_standard_output_and_nothing_else(run: Any) -> None:
     status, out, err = run("plan", GRID)
     assert status == 0
-    plan = json.loads(out)
-    assert err.splitlines() == [f"syncplan: {note}" for note in plan["notes"]]
-    assert plan["observability"]["rank"] == 18
-    assert [v["name"] for v in plan["vehicles"]] == [f"v{k}" for k in range(1, 7)]
-    assert plan["vehicles"][0]["phase_rad"] == 0.3
-    assert plan["scenario"]["formation"]["centers_m"][1] == [70.0, 0.0]
+    assert err.splitlines() == [f"syncplan: {note}" for note in json.loads(out)["notes"]]
+    assert out == as_text(plan_document(syncplan.plan(GRID)).as_json())
 
 
 def test_a_plan_file_and_its_scenario_validate_to_the_same_bytes(
     printed: Any, plan_file: Path
 ) -> None:
     short = ("--trials", "4", "--seed", "3", "--duration", "5")
-    one, two = (printed("validate", subject, *short) for subject in (str(plan_file), GRID))
-    assert one == two
-    report = json.loads(one)
-    assert (report["trials"], report["seed"], report["duration_s"]) == (4, 3, 5.0)
+    flown = syncplan.validate(GRID, trials=4, seed=3, duration=5.0)
+    for subject in (str(plan_file), GRID):
+        out = printed("validate", subject, *short)
+        assert out == as_text(validation_document(flown).as_json())
 
 
 def test_the_number_of_threads_does_not_change_a_byte(run: Any) -> None:
@@ -104,20 +103,6 @@ def test_validation_of_an_unobservable_plan_says_so_in_plain_words(run: Any) -> 
     _, out, err = run("validate", BRIDGE, "--trials", "4", "--duration", "20")
     assert "NOT observable" in err
     assert any("turn of v2 about L2" in note for note in json.loads(out)["notes"])
-
-
-@pytest.mark.parametrize("path", sorted(BAD_FILES.iterdir()), ids=lambda path: path.stem)
-def test_bad_files_exit_with_2_and_a_line_for_each_fault(path: Path, refused: Any) -> None:
-    err = refused("plan", str(path))
-    with pytest.raises(InputError) as caught:
-        load_scenario(path)
-    lines = err.splitlines()
-    assert len(lines) == len(caught.value.faults)
-    for line, one in zip(lines, caught.value.faults, strict=True):
-        assert line.startswith(f"syncplan: {path}: {one.key}")
-        assert one.problem in line
-        assert "more" not in line
-    assert "Traceback" not in err
 
 
 @pytest.mark.parametrize(("wrong", "counted"), [(1, None), (10, None), (11, 1), (16, 6), (30, 20)])
@@ -291,24 +276,26 @@ def test_the_version_is_printed(printed: Any) -> None:
     assert printed("--version").startswith("syncplan ")
 
 
+HEAVY = ("scipy", "numba", "cvxpy", "networkx")
 SERVICE = ("dbos", "fastapi", "httpx2", "psycopg", "sqlalchemy", "starlette", "uvicorn")
 
 
 @pytest.mark.parametrize(
     ("command", "loads", "others"),
     [
-        ("--help", "typer", {"numpy", "pydantic"}),
-        (f"plan {GRID}", "numpy", {"numpy.random", *SERVICE}),
+        ("--help", "typer", {"numpy", "pydantic", *HEAVY}),
+        (f"plan {GRID}", "numpy", {"numpy.random", *HEAVY, *SERVICE}),
+        (f"plot {GRID}", "numpy", {"plotly", *SERVICE}),
     ],
 )
-def test_help_and_ordinary_plans_load_no_heavy_package(
+def test_commands_load_no_package_that_they_can_do_without(
     command: str, loads: str, others: set[str]
 ) -> None:
     done = _in_bash(f"{sys.executable} -X importtime -m syncplan {command}")
     assert done.returncode == 0
     loaded = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
     assert loads in loaded
-    assert not loaded & {"scipy", "numba", "cvxpy", "networkx", *others}
+    assert not loaded & others
 
 
 @pytest.mark.parametrize(
@@ -400,12 +387,50 @@ def test_a_duration_of_endless_periods_is_refused(refused: Any, written: Any) ->
     assert "--duration: 1e+07 s holds more than 20000 periods" in err
 
 
-def test_rounding_errors_are_shown_as_zero(tmp_path: Path, printed: Any) -> None:
-    scenario = tmp_path / "mirror.yaml"
-    scenario.write_text(
-        "orbit: {radius_m: 20, angular_rate_rad_s: 0.2, direction: alternate}\n"
-        "formation: {centers_m: [[0, 0], [70, 0]]}\nsensor: {range_m: 50}\n"
-    )
-    shown = printed("plan", str(scenario), "--format", "table")
+def test_rounding_errors_are_shown_as_zero(printed: Any, written: Any) -> None:
+    mirror = written(orbit=circling(direction="alternate"))
+    shown = printed("plan", mirror, "--format", "table")
     assert " 50, 0 " in shown
     assert "e-1" not in shown
+
+
+# --- the first line -------------------------------------------------------------------------------
+
+
+SLOW = ("numba", "casadi", "scipy", "numpy", "rich", "syncplan.planning.planner")
+
+CODE = f"""
+import io, os, sys
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+    def write(self, text):
+        loaded = [name for name in {SLOW} if name in sys.modules]
+        os.write(1, f"{{text}}{{loaded}}".encode())
+        os._exit(0)
+
+sys.stderr = Terminal()
+from syncplan.cli.command_line import main
+main(sys.argv[1:])
+"""
+
+
+@pytest.mark.parametrize(
+    ("command", "run"), [("validate", "trials"), ("fly", "flights"), ("refine", "the search")]
+)
+def test_a_first_line_comes_before_what_takes_long(command: str, run: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", CODE, command, GRID],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=True,
+    )
+    assert done.stdout == f"syncplan: reading {GRID}, preparing {run} ...\n[]"
+
+
+def test_a_pipe_gets_no_such_line(run: Any) -> None:
+    _, _, err = run("validate", GRID, "--trials", "1", "--duration", "2")
+    assert "preparing" not in err

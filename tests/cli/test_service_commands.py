@@ -15,24 +15,9 @@ import httpx2
 import pytest
 import sqlalchemy
 
-from syncplan import load_scenario, plan, validate
-from syncplan.planning.plan_files import load, plan_of
-from syncplan.reports.plan_report import plan_document
-from syncplan.reports.validation_report import validation_document
-from syncplan.runtime.files import as_text
-from tests.tools.api_servers import done
 from tests.tools.processes import PATIENCE_S, alive, family, wait_until
 from tests.tools.scenarios import FILES
-from tests.tools.serving import (
-    ROOT,
-    Process,
-    Server,
-    environment,
-    free_port,
-    open_server,
-    running,
-    settings_of,
-)
+from tests.tools.serving import ROOT, Process, Server, environment, free_port, running, settings_of
 
 GRID = FILES / "paper-grid-same.yaml"
 KEY = "0123456789abcdef"
@@ -273,62 +258,3 @@ def working(http: httpx2.Client, job_id: str) -> bool:
 def niceness_of_children(process: int) -> set[int]:
     """How far the processes that came of one yield to others."""
     return {os.getpriority(os.PRIO_PROCESS, one) for one in family(process)[1:]}
-
-
-# --- the same bytes everywhere ------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    """One server for the tests that compare."""
-    with open_server(tmp_path_factory.mktemp("serve")) as one:
-        yield one
-
-
-@pytest.mark.parametrize(
-    ("name", "syntax", "trials"),
-    [("paper-grid-alternate", "yaml", 100), ("mixed-radii-camera", "json", 60)],
-)
-@pytest.mark.long
-def test_library_command_line_and_service_give_the_same_bytes(
-    tmp_path: Path, run: Any, server: Server, name: str, syntax: str, trials: int
-) -> None:
-    file = FILES / f"{name}.yaml"
-    scenario = load_scenario(file)
-    made = plan(scenario)
-    planned = as_text(plan_document(made).as_json())
-    flown = as_text(validation_document(validate(made, trials=trials, seed=7)).as_json())
-
-    plan_file, report_file = tmp_path / "plan.json", tmp_path / "report.json"
-    assert run("plan", str(file), "-o", str(plan_file))[0] == 0
-    options = ("--trials", str(trials), "--seed", "7")
-    assert run("validate", str(plan_file), *options, "-o", str(report_file))[0] == 0
-    assert plan_file.read_text() == planned
-    assert report_file.read_text() == flown
-
-    body = file.read_bytes()
-    if syntax == "json":
-        body = json.dumps(scenario.model_dump(mode="json", exclude_none=True)).encode()
-    with httpx2.Client(base_url=server.url, timeout=PATIENCE_S) as http:
-        answer = http.post(
-            "/v1/plans", content=body, headers={"content-type": f"application/{syntax}"}
-        )
-        stored = http.get(answer.headers["location"])
-        assert stored.content == answer.content
-        assert without_additions(stored.text) == planned
-        url = f"/v1/plans/{stored.json()['id']}/validations"
-        job = http.post(url, json={"trials": trials, "seed": 7}).headers["location"]
-        done(http, job)
-        assert http.get(f"{job}/result").text == flown
-    # a plan of the service is a plan for the command line
-    from_service = tmp_path / "stored.json"
-    from_service.write_text(stored.text)
-    assert plan_of(load(from_service)).orbits.phases.tolist() == made.orbits.phases.tolist()
-
-
-def without_additions(text: str) -> str:
-    """The text of a stored plan without what was added when it was stored, bytes untouched."""
-    opening, *lines = text.split("\n")
-    keys = [line.split('"')[1] for line in lines[:3]]
-    assert (opening, keys) == ("{", ["id", "created_at", "parent_id"])
-    return "\n".join([opening, *lines[3:]])

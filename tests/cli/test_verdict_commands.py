@@ -102,3 +102,26 @@ def test_a_plan_file_is_judged_again_with_its_own_orbits(
     err = refused("plan", str(plan_file))
     assert err.count("\n") == 2
     assert f"{plan_file}: vehicles[0].position_m: [19.1067, 5.9104]: follows from center_m" in err
+
+
+# --- scenarios on which verdicts once were wrong --------------------------------------------------
+
+
+HARD = Path(__file__).parents[1] / "data" / "hard"
+
+
+@pytest.mark.parametrize(
+    "command", [("plan",), ("validate", "--trials", "2")], ids=lambda command: command[0]
+)
+def test_wind_faster_than_the_vehicles_is_no_go(run: Any, command: tuple[str, ...]) -> None:
+    name, *options = command
+    file = str(HARD / "wind-faster-than-vehicles.json")
+    status, _, err = run(name, file, *options, "--require-go")
+    assert status == 3
+    assert "NO-GO: 1 reason: over-limit (--require-go)" in err
+
+
+def test_calm_examples_carry_no_warning_of_wind_or_room(printed: Any) -> None:
+    for name in ("paper-grid-same", "windy-grid", "triangle-lattice"):
+        found = json.loads(printed("plan", str(FILES / f"{name}.yaml")))["verdict"]["findings"]
+        assert [one["code"] for one in found if one["level"] == "warning"] == []

@@ -3,7 +3,6 @@
 The packages that simulate them are no dependencies of syncplan: tests/crosschecks/requirements.txt.
 
 plants            what every plant offers
-unicycle_team     the simple model of flight as a plant
 multirotor_lanes  RotorPy's multirotor for many vehicles at once
 velocity_loop     from air speed and turn rate to thrust and attitude
 rotorpy_team      multirotors of RotorPy

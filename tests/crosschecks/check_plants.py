@@ -1,7 +1,7 @@
 """Check the simple model of flight against somebody else's vehicles, under the same noise.
 
     python -m tests.crosschecks.check_plants [TRIALS [SEED]] [--plants NAME ...]
-        [--courses NAME ...] [--air NAME ...] [--readings NAME ...] [--duration S]
+        [--courses NAME ...] [--air NAME ...] [--readings NAME ...]
 
 Part of `make check-all`. A plan is flown in closed loop twice under the same noise, for more than
 a period: by the simple model of syncplan.flight, and by a plant. Fails where errors differ by more
@@ -30,14 +30,13 @@ HELD_TO = "measured"
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """Which flights are compared, and how many trials of each; for how many s, if not all."""
+    """Which flights are compared, and how many trials of each."""
 
     trials: int
     seed: int
     courses: Sequence[str]
     airs: Sequence[str]
     readings: Sequence[str]
-    duration: float | None
 
 
 def check(name: str, wanted: Wanted) -> bool:
@@ -48,8 +47,7 @@ def check(name: str, wanted: Wanted) -> bool:
         made = COURSES[course].plan()
         print(f"{name} on {course}, the simple model first\n{HEAD}", flush=True)
         for air, readings in product(wanted.airs, wanted.readings):
-            duration = wanted.duration or COURSES[course].duration
-            how = Flying(air, readings, known.lag, duration, wanted.trials, wanted.seed)
+            how = Flying(air, readings, known.lag, wanted.trials, wanted.seed)
             run, begun = run_of(COURSES[course], made, how), time.monotonic()
             model = summary_of_kernels(flown_of(run, range(wanted.trials)))
             flight = fly(run, wanted.trials, make)
@@ -76,7 +74,6 @@ def _arguments() -> tuple[list[str], Wanted]:
     said.add_argument("--courses", nargs="+", choices=list(COURSES), default=list(COURSES))
     said.add_argument("--air", dest="airs", nargs="+", choices=AIRS, default=AIRS)
     said.add_argument("--readings", nargs="+", choices=READINGS, default=READINGS)
-    said.add_argument("--duration", type=float)
     given = vars(said.parse_args())
     return given.pop("plants"), Wanted(**given)
 

@@ -1,9 +1,8 @@
 """Vehicles of any plant that steer by what the filter of `tests.tools.plain_flights` estimates.
 
-What a trial is drawn is that of syncplan.flight, so that `fly`, this loop with unicycles and this
-loop with somebody else's vehicles fly under the same noise. That of a bearing is a function of
-trial, step, observer and target: two plants that see different things still read the same noise
-where both see the same.
+What a trial is drawn is that of syncplan.flight, so that `fly` and this loop with somebody
+else's vehicles fly under the same noise. That of a bearing is a function of trial, step, observer
+and target: two plants that see different things still read the same noise where both see the same.
 """
 
 from dataclasses import dataclass

@@ -58,12 +58,11 @@ COURSES: Mapping[str, Course] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class Flying:
-    """How a course is flown: air and readings by name, s of lag, s, and the noise."""
+    """How a course is flown: air and readings by name, s of lag, and the noise."""
 
     air: str
     readings: str
     lag: float
-    duration: float
     trials: int
     seed: int
 
@@ -75,5 +74,5 @@ def run_of(course: Course, made: Plan, how: Flying) -> FlightRun:
     scenario = scenario_from({**keys, "motion": motion, "wind": course.blows(how.air)})
     disturbed = judge(scenario, made.orbits, bound="never", pilot=False, single_points=False)
     return flight_run(
-        disturbed, trials=how.trials, seed=how.seed, duration=how.duration, filter="ekf"
+        disturbed, trials=how.trials, seed=how.seed, duration=course.duration, filter="ekf"
     )

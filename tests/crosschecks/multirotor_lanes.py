@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from syncplan.arrays import Array
 
@@ -110,17 +111,7 @@ def multirotors_of(vehicle: Any) -> Multirotors:
 
 def attitude_of(quaternions: Array) -> Array:
     """Return the matrices (k, 3, 3) that turn body axes to the world's, of any norm."""
-    x, y, z, w = (quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)).T
-    R = np.empty((len(quaternions), 3, 3))
-    R[:, 0, 0], R[:, 1, 1], R[:, 2, 2] = (
-        1.0 - 2.0 * (y * y + z * z),
-        1.0 - 2.0 * (x * x + z * z),
-        1.0 - 2.0 * (x * x + y * y),
-    )
-    R[:, 0, 1], R[:, 1, 0] = 2.0 * (x * y - z * w), 2.0 * (x * y + z * w)
-    R[:, 0, 2], R[:, 2, 0] = 2.0 * (x * z + y * w), 2.0 * (x * z - y * w)
-    R[:, 1, 2], R[:, 2, 1] = 2.0 * (y * z - x * w), 2.0 * (y * z + x * w)
-    return R
+    return np.asarray(Rotation.from_quat(quaternions).as_matrix())
 
 
 def _turning(quaternions: Array, rates: Array) -> Array:

@@ -1,7 +1,7 @@
 """How a plant answers commands: systematic errors on circles, and the lag of a first-order model.
 
 A plant flies a straight or a circle until it is steady, then the command of speed or turn rate
-takes a step. The lag is that with which `unicycle_team.Response` comes nearest, by least squares of
+takes a step. The lag is that with which a first-order response comes nearest, by least squares of
 the means over samples.
 """
 
@@ -12,7 +12,6 @@ from scipy.optimize import minimize_scalar
 
 from syncplan.arrays import Array
 from tests.crosschecks.plants import MakePlant
-from tests.crosschecks.unicycle_team import Response
 
 SPEED, TURN_RATE = 0, 1
 """Columns of commands."""
@@ -34,22 +33,6 @@ class Step:
     def column(self) -> int:
         """Which command takes the step."""
         return SPEED if self.before[SPEED] != self.after[SPEED] else TURN_RATE
-
-
-@dataclass(frozen=True, slots=True)
-class StepResponse:
-    """What a plant made of a step.
-
-    Attributes
-    ----------
-    lag : s, of the nearest first-order response
-    misfit : rms of what differs from it, as a share of the step
-    overshoot : as a share of the step
-    """
-
-    lag: float
-    misfit: float
-    overshoot: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,8 +58,12 @@ def flown(make: MakePlant, commands: Array, wind: Array, time: float) -> tuple[A
     return np.array(done), np.array(poses)
 
 
-def answer_to(make: MakePlant, step: Step, time: float) -> StepResponse:
-    """Return what a plant makes of a step in still air."""
+def lag_of(make: MakePlant, step: Step, time: float) -> float:
+    """Return the lag in s of the first-order response nearest to a plant's, in still air.
+
+    The mean over sample k of a response to a step of 1 is 1 - (1 - e^(-T / lag)) e^(-k T / lag)
+    lag / T.
+    """
     settle, watched = round(step.settle / time), round(step.watched / time)
     commands = np.repeat([step.before, step.after], [settle, watched], axis=0)
     found = flown(make, commands, np.zeros(2), time)[0][settle:, step.column]
@@ -84,12 +71,11 @@ def answer_to(make: MakePlant, step: Step, time: float) -> StepResponse:
     share = (found - low) / (high - low)
 
     def misfit(lag: float) -> float:
-        modelled = Response(np.zeros((1, 2)), lag, time)
-        shares = [modelled.follow(np.ones((1, 2)))[0, 0] for _ in range(watched)]
+        left = np.exp(-time / lag)
+        shares = 1.0 - (1.0 - left) * lag / time * left ** np.arange(watched)
         return float(np.sqrt(np.mean(np.square(share - shares))))
 
-    best = minimize_scalar(misfit, bounds=(1e-3, step.watched), method="bounded")
-    return StepResponse(float(best.x), float(best.fun), float(share.max() - 1.0))
+    return float(minimize_scalar(misfit, bounds=(1e-3, step.watched), method="bounded").x)
 
 
 def steady_errors(

@@ -167,9 +167,9 @@ def test_a_purpose_that_no_formation_serves_binds() -> None:
 
 def test_a_sample_time_too_short_for_the_largest_circle_is_refused_before_the_search() -> None:
     sensor = {"range_m": 90.0, "bearing_sigma_rad": 0.03, "sample_time_s": 0.002}
-    with pytest.raises(InputError, match="10 periods of the largest circle: 75") as refused:
+    words = "10 periods of the largest circle: 75"
+    with pytest.raises(InputError, match=rf"^sensor\.sample_time_s: .*{words}"):
         design(brief(sensor=sensor))
-    assert refused.value.key == "sensor.sample_time_s"
 
 
 @pytest.mark.parametrize("workers", [0, -1])

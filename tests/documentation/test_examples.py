@@ -3,7 +3,6 @@
 import importlib
 import runpy
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,8 +11,8 @@ import pytest
 import syncplan
 from syncplan.reports.validation_report import validation_document
 from tests.tools.scenarios import changed
+from tests.tools.serving import ROOT
 
-ROOT = Path(__file__).parents[2]
 FOUND = sorted(
     path.stem for path in (ROOT / "examples").glob("*.py") if not path.stem.startswith("_")
 )

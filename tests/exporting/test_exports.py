@@ -8,7 +8,7 @@ import re
 import sys
 import zipfile
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import jsonschema_rs
 import numpy as np
@@ -18,7 +18,6 @@ from hypothesis import strategies as st
 
 import syncplan
 from syncplan.cli import command_line
-from syncplan.cli.export_commands import FormatName
 from syncplan.errors import InputError
 from syncplan.exporting.exported_files import LONGEST_BYTES, file_names, file_title, ros_names
 from syncplan.exporting.formats import ALL, FORMATS, ExportOptions, as_archive, export, write_files
@@ -93,9 +92,8 @@ def test_an_unknown_format_is_refused() -> None:
     ],
 )
 def test_options_out_of_range_are_refused_by_name(options: Any, key: str) -> None:
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(InputError, match=f"^{key}: "):
         ExportOptions(**options)
-    assert caught.value.key == key
 
 
 def test_a_flight_of_too_many_turns_is_refused() -> None:
@@ -230,14 +228,9 @@ def test_the_sidecar_says_who_meets_whom_and_when() -> None:
     }
 
 
-def test_the_time_lost_is_made_up_as_the_sidecar_says() -> None:
-    reported = _sidecar("csv")
-    (rule,) = [step for step in reported["procedure"] if "late by s seconds" in step]
+def test_the_sidecar_says_how_time_that_was_lost_is_made_up() -> None:
+    (rule,) = [step for step in _sidecar("csv")["procedure"] if "late by s seconds" in step]
     assert "speed_mps period_s / (period_s - s)" in rule
-    period, late = reported["period_s"], 3.0
-    length = reported["vehicles"][0]["speed_mps"] * period
-    faster = reported["vehicles"][0]["speed_mps"] * period / (period - late)
-    assert length / faster == pytest.approx(period - late)
 
 
 @pytest.mark.parametrize(
@@ -356,10 +349,6 @@ def test_a_folder_that_cannot_be_made_is_refused(tmp_path: Path) -> None:
     (tmp_path / "taken").write_text("")
     with pytest.raises(InputError, match="can't be made a folder"):
         write_files(export(mixed_team(), "kml"), tmp_path / "taken")
-
-
-def test_the_command_knows_the_formats_of_the_table() -> None:
-    assert get_args(FormatName) == (*FORMATS, ALL)
 
 
 def test_the_command_writes_what_the_library_makes(

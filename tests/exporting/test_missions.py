@@ -1,7 +1,9 @@
-"""Missions: read back by pymavlink, and flown on paper, they are the plan's circles in time."""
+"""Missions: read by pymavlink and MAVSDK, flown on paper, they are the plan's circles in time."""
 
 import json
 import math
+import socket
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +18,7 @@ from syncplan.exporting.mission_routes import px4_corner_speed, snapped_radii
 from syncplan.orbits.circles import position
 from syncplan.planning.planner import Plan
 from tests.tools.exported import ORIGIN, contents, mixed_team, sidecar_of, team, to_plane
-from tests.tools.fake_vehicle import stored_loiter
+from tests.tools.fake_vehicle import ACCEPTED, flying, stored_loiter
 from tests.tools.scenarios import circling
 
 WAYPOINT, LOITER_TURNS, DELAY, CHANGE_SPEED = 16, 18, 93, 178
@@ -41,16 +43,20 @@ def loaded(path: Path, text: bytes) -> list[Any]:
 def flown_circle(items: list[Any], time: Any, origin: dict[str, float] = ORIGIN) -> Any:
     """Where a vehicle is that flies the last item from the waypoint before it, as MAVLink says.
 
-    A positive radius is clockwise; the speed is that of the change of speed before.
+    The speed is that of the change of speed before.
     """
     speed = next(item for item in items if item.command == CHANGE_SPEED).param2
     entry, circle = items[2], items[-1]
     assert (entry.command, circle.command) == (WAYPOINT, LOITER_TURNS)
     center = to_plane([circle.x, circle.y], origin)
     start = to_plane([entry.x, entry.y], origin) - center
-    turned = -np.sign(circle.param3) * speed / abs(circle.param3) * np.asarray(time)
-    angle = math.atan2(start[1], start[0]) + turned
-    return center + abs(circle.param3) * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    return circled(center, start, circle.param3, speed, time)
+
+
+def circled(center: Any, start: Any, radius: float, speed: float, time: Any) -> Any:
+    """Where a vehicle is that turns about a centre from a place; positive radii are clockwise."""
+    angle = math.atan2(start[1], start[0]) - speed / radius * np.asarray(time)
+    return center + abs(radius) * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
 
 def flown_legs(items: list[Any], time: Any) -> Any:
@@ -234,9 +240,8 @@ def test_circles_that_loiter_turns_cannot_hold_are_refused(
         orbit={"radius_m": radius, "angular_rate_rad_s": 0.01, "direction": "ccw"},
         formation={"centers_m": [[0, 0]]},
     )
-    with pytest.raises(InputError, match=words) as caught:
+    with pytest.raises(InputError, match=rf"^orbit\.radius_m: .*{words}"):
         export(plan, "qgc", ExportOptions(force=True, **options))
-    assert caught.value.key == "orbit.radius_m"
     assert export(plan, "qgc", ExportOptions(waypoints=True, force=True)).files
 
 
@@ -251,17 +256,14 @@ def test_more_turns_than_a_byte_holds_become_several_items(tmp_path: Path) -> No
 def test_long_missions_of_waypoints_are_reported_or_refused() -> None:
     many = export(mixed_team(), "qgc", ExportOptions(waypoints=True, turns=50))
     assert any("items: some autopilots hold fewer" in note for note in many.notes)
-    with pytest.raises(InputError, match="65,535") as caught:
+    with pytest.raises(InputError, match=r"^sagitta_m: .*65,535"):
         export(mixed_team(), "qgc", ExportOptions(waypoints=True, turns=9000, sagitta_m=0.5))
-    assert caught.value.key == "sagitta_m"
 
 
 @pytest.mark.parametrize("name", [name for name, one in FORMATS.items() if one.on_earth])
 def test_a_scenario_without_a_geo_origin_is_refused_where_it_is_needed(name: str) -> None:
-    with pytest.raises(InputError, match=r"geo_origin: is missing.*lat_deg") as caught:
+    with pytest.raises(InputError, match=r"^geo_origin: is missing[^\n]*lat_deg[^\n]*$"):
         export(team(geo_origin=None), name)
-    assert caught.value.key == "geo_origin"
-    assert "\n" not in str(caught.value)
 
 
 def test_far_from_the_origin_the_reader_is_warned_and_further_refused() -> None:
@@ -304,15 +306,6 @@ def test_copters_wait_at_the_entry_for_the_first_whole_second_of_the_plan(waypoi
 def test_a_wait_that_goes_past_midnight_is_for_the_next_day() -> None:
     wait = items_of(plan=team(start_time="2026-05-01T23:59:59.5Z"))[2]
     assert wait["params"][:4] == [-1.0, 0.0, 0.0, 0.0]
-
-
-@pytest.mark.parametrize(
-    "options",
-    [{"plan": team(start_time=None)}, {"vehicle": "fixed_wing"}, {"autopilot": "px4"}],
-    ids=["no start_time", "a plane", "px4"],
-)
-def test_others_do_not_wait(options: Any) -> None:
-    assert DELAY not in {item["command"] for item in items_of(**options)}
 
 
 def test_the_rate_of_each_copter_has_the_sign_of_its_radius() -> None:
@@ -393,3 +386,83 @@ def test_vehicles_fly_one_above_the_other_where_that_is_asked_for() -> None:
     for k, text in enumerate(contents(export(mixed_team(), "qgc", options), ".plan").values()):
         items = json.loads(text)["mission"]["items"]
         assert [one["Altitude"] for one in items if "Altitude" in one] == [40.0 + 5.0 * k] * 2
+
+
+# --- a small vehicle flies them -------------------------------------------------------------------
+
+
+def _free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+@pytest.fixture
+def ground() -> Iterator[tuple[Any, int]]:
+    """A ground station of MAVSDK's, and the port of loopback that it listens to."""
+    mavsdk = pytest.importorskip("mavsdk", reason="this platform has no MAVSDK")
+    port = _free_port()
+    kind = mavsdk.ComponentType.GROUND_STATION
+    station = mavsdk.Mavsdk(mavsdk.Configuration.create_with_component_type(kind))
+    assert station.add_any_connection(f"udpin://127.0.0.1:{port}") == 0
+    try:
+        yield station, port
+    finally:
+        station.destroy()
+
+
+def _uploaded(ground: tuple[Any, int], autopilot: str, plan_file: Path) -> Any:
+    """The vehicle after MAVSDK has imported the plan and sent it."""
+    from mavsdk.plugins.mission_raw import MissionRaw
+
+    station, port = ground
+    with flying(port, autopilot) as vehicle:
+        system = station.first_autopilot(20.0)
+        assert system is not None
+        missions = MissionRaw(system)
+        read = missions.import_qgroundcontrol_mission(str(plan_file))
+        assert not read.geofence_items
+        assert not read.rally_items
+        missions.upload_mission(read.mission_items)
+    assert vehicle.answer == ACCEPTED
+    return vehicle
+
+
+@pytest.mark.parametrize("k", [0, 1], ids=["ccw", "cw"])
+def test_an_ardupilot_keeps_turns_that_are_the_plans(
+    k: int, ground: tuple[Any, int], tmp_path: Path
+) -> None:
+    plan = mixed_team()
+    made = export(plan, "qgc")
+    path = tmp_path / "mission.plan"
+    path.write_bytes(list(contents(made, ".plan").values())[k])
+    vehicle = _uploaded(ground, "ardupilot", path)
+    home, speed, entry, wait, circle = vehicle.items
+    assert [one.command for one in vehicle.items] == [16, CHANGE_SPEED, WAYPOINT, 93, LOITER_TURNS]
+    assert (wait.param1, wait.param2, wait.param3, wait.param4) == (-1, 9, 0, 1)
+    assert np.allclose(to_plane([home.x / 1e7, home.y / 1e7]), 0.0, atol=0.02)
+    kept = stored_loiter(circle.param1, circle.param3)
+    assert kept.ccw == (plan.orbits.senses[k] > 0)
+    assert (kept.turns, kept.radius) == (4, plan.orbits.radii[k])
+    center = to_plane([circle.x / 1e7, circle.y / 1e7])
+    start = to_plane([entry.x / 1e7, entry.y / 1e7]) - center
+    time = np.linspace(0.0, 100.0, 101)
+    radius = -kept.radius if kept.ccw else kept.radius
+    flown = circled(center, start, radius, speed.param2, time)
+    assert furthest(flown, plan, k, time) < 0.05
+
+
+def test_a_px4_keeps_waypoints(ground: tuple[Any, int], tmp_path: Path) -> None:
+    plan = mixed_team()
+    path = tmp_path / "mission.plan"
+    made = export(plan, "qgc", ExportOptions(autopilot="px4"))
+    path.write_bytes(contents(made, "left.plan")["team-left.plan"])
+    vehicle = _uploaded(ground, "px4", path)
+    speed, *corners = vehicle.items
+    points = to_plane([[one.x / 1e7, one.y / 1e7] for one in corners])
+    # each corner is reached when the plan is there
+    legs = np.hypot(*np.diff(points, axis=0).T)
+    time = np.concatenate([[0.0], np.cumsum(legs)]) / speed.param2
+    assert time[-1] >= 100.0
+    assert np.hypot(*(points - position(plan.orbits, time)[:, 0]).T).max() < 0.1
+    assert np.isnan([one.param4 for one in corners]).all()

@@ -253,9 +253,8 @@ def _pair() -> Scenario:
 
 @pytest.mark.parametrize("choose", [0, -1, 3])
 def test_a_number_of_sites_out_of_range_is_refused(choose: int) -> None:
-    with pytest.raises(InputError, match="from 1 to the number of candidates, 2") as caught:
+    with pytest.raises(InputError, match=r"^choose: .*from 1 to the number of candidates, 2"):
         choose_landmarks(_pair(), np.array([[1.0, 2.0], [3.0, 4.0]]), choose)
-    assert caught.value.key == "choose"
 
 
 @pytest.mark.parametrize(
@@ -275,9 +274,8 @@ def test_a_number_of_sites_out_of_range_is_refused(choose: int) -> None:
 def test_unusable_candidates_are_refused_by_name(
     candidates: dict[str, Point] | Array, problem: str
 ) -> None:
-    with pytest.raises(InputError, match=problem) as caught:
+    with pytest.raises(InputError, match=f"^candidates_m.*{problem}"):
         choose_landmarks(_pair(), candidates, 1)
-    assert caught.value.key.startswith("candidates_m")
 
 
 def test_candidates_out_of_everyones_reach_are_no_solution_and_the_lack_is_named() -> None:

@@ -1,9 +1,7 @@
 """Rank with errors as states: known ranks, dense algebra, and words for what is lost."""
 
-import json
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,16 +16,13 @@ from syncplan.observability.error_modes import (
 from syncplan.observability.rank import Assessment, assess_team
 from syncplan.observability.referred_rows import dense_rows, state_rows
 from syncplan.observability.spectrum import RANK_TOLERANCE
-from syncplan.orbits.circles import Orbits
 from syncplan.orbits.error_states import ERROR_STATES
 from syncplan.planning import planner
-from syncplan.planning.planner import Plan, judge, plan
+from syncplan.planning.planner import Plan, plan
 from syncplan.reports.plan_report import plan_document
 from syncplan.scenario.specification import Scenario
 from tests.tools.draws import draw_equipped_team
 from tests.tools.scenarios import changed, circling, findings_of, planned
-
-REFINED = Path(__file__).parents[1] / "data" / "refined-alternate-grid.json"
 
 SIGMAS = {
     "wind": ("wind", "sigma_mps", 1.0),
@@ -47,22 +42,7 @@ def _grid(name: str, *kinds: str, **keys: object) -> Scenario:
     return changed(name, **given, **keys)
 
 
-def _refined_orbits() -> Orbits:
-    """As `syncplan refine examples/scenarios/paper-grid-alternate.yaml` finds them, rounded."""
-    kept = json.loads(REFINED.read_text())
-    return Orbits(
-        centers=np.array(kept["centers_m"]),
-        radii=np.array(kept["radii_m"]),
-        senses=np.array(kept["senses"]),
-        phases=np.array(kept["phases_rad"]),
-        rate=kept["rate_rad_s"],
-    )
-
-
 def _planned(formation: str, *kinds: str, **keys: object) -> Plan:
-    if formation == "refined":
-        scenario = _grid("paper-grid-alternate", *kinds, **keys)
-        return judge(scenario, _refined_orbits(), bound="never")
     return plan(_grid(formation, *kinds, **keys), bound="never")
 
 
@@ -77,7 +57,9 @@ def _modes(made: Plan) -> tuple[ErrorMode, ...]:
     return made.error_verdict.modes
 
 
-@pytest.mark.parametrize("formation", ["paper-grid-same", "refined"])
+@pytest.mark.parametrize(
+    ("formation", "desync"), [("paper-grid-same", 0.0), ("paper-grid-alternate", 0.2)]
+)
 @pytest.mark.parametrize(
     ("kinds", "number"),
     [
@@ -88,9 +70,9 @@ def _modes(made: Plan) -> tuple[ErrorMode, ...]:
     ],
 )
 def test_wind_and_biases_are_determined_in_one_window(
-    formation: str, kinds: tuple[str, ...], number: int
+    formation: str, desync: float, kinds: tuple[str, ...], number: int
 ) -> None:
-    made = _planned(formation, *kinds)
+    made = _planned(formation, *kinds, orbit={"desync_rad": desync})
     found = _extended(made)
     assert (found.rank, found.state_dim) == (18 + number, 18 + number)
     assert found.poses_determined
@@ -129,9 +111,15 @@ def test_speed_scale_is_one_short_on_the_grid_of_one_sense(more: tuple[str, ...]
     assert made.verdict.go
 
 
-@pytest.mark.parametrize("keys", [{"heading_sigma_rad": 0.05}, {}])
-def test_what_cures_the_speed_scales_does(keys: dict[str, object]) -> None:
-    made = _planned("paper-grid-same" if keys else "refined", "speed_scale", **keys)
+@pytest.mark.parametrize(
+    ("formation", "keys"),
+    [
+        ("paper-grid-same", {"heading_sigma_rad": 0.05}),
+        ("paper-grid-alternate", {"orbit": {"desync_rad": 0.2}}),
+    ],
+)
+def test_what_cures_the_speed_scales_does(formation: str, keys: dict[str, object]) -> None:
+    made = _planned(formation, "speed_scale", **keys)
     found = _extended(made)
     assert (found.rank, found.state_dim) == (24, 24)
     assert not findings_of(made, "needs-prior")

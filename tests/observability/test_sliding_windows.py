@@ -1,6 +1,7 @@
-"""Rank over sliding windows: that of plans on circles, and of recordings."""
+"""Rank over sliding windows of plans and recordings; the connectivity period."""
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,13 +11,31 @@ import pytest
 import syncplan
 from syncplan.arrays import Array
 from syncplan.estimation.replays import replay
-from syncplan.observability.rank import assess, assess_team, link_information
-from syncplan.observability.sliding_windows import WatchedTeam, judged_windows, undetermined
+from syncplan.observability.rank import (
+    LINK_TOLERANCE,
+    Assessment,
+    assess,
+    assess_team,
+    certify,
+    link_information,
+)
+from syncplan.observability.sliding_windows import (
+    SEARCHED_PERIODS,
+    WatchedTeam,
+    _clearly_certified,
+    _Starts,
+    connectivity_period,
+    judged_windows,
+    undetermined,
+)
 from syncplan.orbits.circles import position
 from syncplan.orbits.sighting_kinds import sigmas_by_kind
+from syncplan.orbits.sightings import Sightings, sample_sightings, steps_within
+from syncplan.orbits.team import Team
 from syncplan.recordings.log import Log, RobotLog
 from syncplan.recordings.recording_formats import load_log
 from syncplan.reports.replay_report import replay_document
+from tests.tools.draws import draw_equipped_team, draw_team
 from tests.tools.recordings import Recipe, write_recording
 from tests.tools.scenarios import example
 
@@ -123,3 +142,71 @@ def test_without_landmarks_a_team_is_never_observable(
     out = printed("replay", str(folder), "--window-s", "8", "--format", "table")
     assert "observable over the last 8 s during" in " ".join(out.split())
     assert "--window-s: -1 given" in refused("replay", str(folder), "--window-s", "-1")
+
+
+# --- the connectivity period ----------------------------------------------------------------------
+
+
+SAMPLES = 14
+
+
+def _coarse(team: Team) -> Assessment:
+    """The team with few samples a period, which do not divide it, over one period."""
+    rare = replace(team.sensors, sample_time=team.orbits.period / (SAMPLES - 0.3))
+    return assess_team(replace(team, sensors=rare), team.orbits.period)
+
+
+def _window_by_window(assessed: Assessment) -> float | None:
+    """The longest of all starts' shortest windows that certify, each grown sample by sample."""
+    team, windows, verdict = assessed.team, assessed.windows, assessed.observability
+    orbits, sensors = team.orbits, team.sensors
+    samples = steps_within(orbits.period, sensors.sample_time) + 1
+    last = (1 + SEARCHED_PERIODS) * samples
+    seen = sample_sightings(windows, orbits.period, sensors, 0, last)
+    worst = 0
+    for start in range(samples):
+        for end in range(start, last + 1):
+            inside = (seen.steps >= start) & (seen.steps <= end)
+            part = Sightings(*(getattr(seen, field.name)[inside] for field in fields(seen)))
+            links = link_information(team, part)
+            if certify(team, verdict, links).holds:
+                worst = max(worst, end - start + 1)
+                break
+        else:
+            return None
+    return None if worst > SEARCHED_PERIODS * samples else worst * sensors.sample_time
+
+
+@pytest.mark.parametrize("draw", [draw_team, draw_equipped_team])
+@pytest.mark.parametrize("seed", range(6))
+def test_the_connectivity_period_is_the_longest_of_all_shortest_windows(
+    seed: int, draw: Callable[[np.random.Generator], Team]
+) -> None:
+    generator = np.random.default_rng(seed)
+    found = 0
+    while found < 2:
+        assessed = _coarse(draw(generator))
+        ours = connectivity_period(assessed)
+        assert ours == pytest.approx(_window_by_window(assessed))
+        found += ours is not None
+
+
+@pytest.mark.parametrize("needed", [2, 3])
+def test_rank_beyond_doubt_is_rank_by_singular_values(needed: int) -> None:
+    generator = np.random.default_rng(needed)
+    length, windows = 5, 4000
+    rows = generator.normal(size=(windows * length, 6))
+    # windows from well conditioned to degenerate, and from weak to strong
+    share = 10.0 ** generator.uniform(-9.0, 0.0, (windows, 1, 1))
+    blocks = rows.reshape(windows, length, 6)
+    blocks[:, :, needed - 1 :] *= share
+    blocks *= 10.0 ** generator.uniform(-6.0, 2.0, (windows, 1, 1))
+    first = length * np.arange(windows)
+    starts = _Starts(rows, np.arange(windows), first, np.full(windows, length), first * 0 + needed)
+    squares = np.cumsum(np.concatenate([[0.0], np.sum(rows**2, axis=1)]))
+    values = np.linalg.svd(blocks, compute_uv=False)
+    for largest in (1e-3, 1.0, 1e3):
+        clear = _clearly_certified(starts, squares, np.full(windows, length), largest)
+        counted = values[:, needed - 1] > LINK_TOLERANCE * np.maximum(values[:, 0], largest)
+        assert not np.any(clear & ~counted)
+        assert clear.sum() > 0.4 * counted.sum()

@@ -1,4 +1,4 @@
-"""Kinds of sighting against finite differences."""
+"""Kinds of sighting against finite differences, and the order of states of lasting errors."""
 
 from collections.abc import Callable
 from dataclasses import fields, replace
@@ -10,6 +10,8 @@ from syncplan.estimation.correction_kernels import sight_poses
 from syncplan.observability.referred_rows import sighting_rows
 from syncplan.orbits.circles import wrap
 from syncplan.orbits.contacts import find_windows
+from syncplan.orbits.error_states import ERROR_STATES, layout_of
+from syncplan.orbits.noise import ErrorSigmas
 from syncplan.orbits.sighting_kinds import COMPASS, DISTANCE, SIGHTING_KINDS, place_of
 from syncplan.orbits.sightings import sample_sightings
 from tests.tools.draws import draw_team, sightings_of
@@ -97,18 +99,8 @@ def test_the_compiled_filter_has_every_kind(
     lanes, landmarks = 5, np.array([[3.0, -4.0]])
     x, measured = random.normal(size=(2, 3, lanes)), random.normal(size=lanes)
     row, innovation = np.full((3, lanes), np.nan), np.full(lanes, np.nan)
-    compiled(
-        place_of(kind),
-        x.reshape(6, lanes),
-        0,
-        target,
-        2,
-        landmarks,
-        measured,
-        row,
-        innovation,
-        np.zeros(lanes, dtype=np.int8),
-    )
+    seen = (place_of(kind), x.reshape(6, lanes), 0, target, 2, landmarks, measured)
+    compiled(*seen, row, innovation, np.zeros(lanes, dtype=np.int8))
     there = x[1, :2] if target == 1 else landmarks[0][:, None]
     q = there - x[0, :2]
     np.testing.assert_allclose(row[:2], -kind.slopes(q, np.ones(lanes)), rtol=1e-12)
@@ -117,3 +109,35 @@ def test_the_compiled_filter_has_every_kind(
     if kind.unit == "rad":
         expected = wrap(expected)
     np.testing.assert_allclose(innovation, expected, atol=1e-12)
+
+
+# --- errors that last -----------------------------------------------------------------------------
+
+
+CONSTANT = [name for name, state in ERROR_STATES.items() if state.constant]
+
+
+def test_states_follow_the_poses_in_the_order_of_the_table() -> None:
+    team = draw_team(np.random.default_rng(2))
+    n = team.count
+    odd = np.arange(n) % 2 == 1
+    sensors = replace(
+        team.sensors,
+        bearing_bias_sigmas=np.where(odd, 0.02, 0.0),
+        bearing_walk_sigmas=np.where(odd, 0.0, 0.03),
+    )
+    errors = ErrorSigmas(dict.fromkeys(ERROR_STATES, 0.1), estimated=tuple(ERROR_STATES))
+    team = replace(team, sensors=sensors, errors=errors)
+    layout = layout_of(team)
+    changing = [name for name in ERROR_STATES if name not in CONSTANT]
+    assert layout.names == (*CONSTANT, *changing)
+    labels = layout.labels([f"v{k + 1}" for k in range(n)])
+    assert labels[:4] == ["wind x", "wind y", "speed scale of v1", "speed scale of v2"]
+    walking = [label for label in labels if label.startswith("bearing walk")]
+    assert walking == [f"bearing walk of v{k + 1}" for k in range(n) if not k % 2]
+    assert labels[-len(walking) :] == walking
+    assert labels[-len(walking) - 2 :][:2] == [f"gusts x of v{n}", f"gusts y of v{n}"]
+    biased = [label for label in labels if label.startswith("bearing bias")]
+    assert biased == [f"bearing bias of v{k + 1}" for k in range(n) if k % 2]
+    assert layout.size == 3 * n + len(labels) == 3 * n + 2 + 2 * n + n + n + 2 * n
+    assert layout_of(team, ["wind"]).size == 3 * n + 2

@@ -14,11 +14,10 @@ from tests.tools.serving import Server
 Place = tuple[float, float]
 
 
-def view(page: Page) -> list[float]:
+def view(page: Page) -> Any:
     """The map's view: west, south, east and north in m."""
     script = "(map => map.getView().calculateExtent(map.getSize()))"
-    found: list[float] = page.evaluate(f"{script}(document.getElementById('map-plot').map)")
-    return found
+    return page.evaluate(f"{script}(document.getElementById('map-plot').map)")
 
 
 def on_screen(page: Page, x: float, y: float) -> Place:
@@ -42,12 +41,11 @@ DRAWN = """kind => document.getElementById('map-plot').map.getLayers().getArray(
 """The marks of a kind on the map, with their coordinates."""
 
 
-def drawn(page: Page, kind: str) -> list[dict[str, Any]]:
+def drawn(page: Page, kind: str) -> Any:
     """The marks of a kind that are drawn on the map, with their coordinates `at` in m."""
     # what changed is drawn with the next frame
     page.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
-    found: list[dict[str, Any]] = page.evaluate(DRAWN, kind)
-    return found
+    return page.evaluate(DRAWN, kind)
 
 
 def handle(page: Page, name: str) -> Locator:
@@ -109,10 +107,9 @@ def copied(page: Page) -> str:
     return plan_id_of(page)
 
 
-def stored(page: Page, server: Server) -> dict[str, Any]:
+def stored(page: Page, server: Server) -> Any:
     """The plan in the page's address, as the service keeps it."""
-    found: dict[str, Any] = httpx2.get(f"{server.url}/v1/plans/{plan_id_of(page)}").json()
-    return found
+    return httpx2.get(f"{server.url}/v1/plans/{plan_id_of(page)}").json()
 
 
 def part(page: Page, name: str) -> None:
@@ -179,10 +176,9 @@ def place_on_earth(page: Page) -> None:
     page.keyboard.press("Tab")
 
 
-def downloaded(page: Page) -> dict[str, Any]:
+def downloaded(page: Page) -> Any:
     """The scenario as the page saves it."""
-    found: dict[str, Any] = json.loads(saved(download(page, "Scenario")))
-    return found
+    return json.loads(saved(download(page, "Scenario")))
 
 
 def unzipped(archive: Download) -> dict[str, bytes]:
@@ -191,9 +187,7 @@ def unzipped(archive: Download) -> dict[str, bytes]:
         return {name: files.read(name) for name in files.namelist()}
 
 
-def sidecar_of(archive: Download) -> dict[str, Any]:
+def sidecar_of(archive: Download) -> Any:
     """The sidecar of an exported archive."""
     files = unzipped(archive)
-    name = next(name for name in files if name.endswith(".sync.json"))
-    found: dict[str, Any] = json.loads(files[name])
-    return found
+    return json.loads(next(files[name] for name in files if name.endswith(".sync.json")))

@@ -12,7 +12,7 @@ import pytest
 import shapely
 from playwright.sync_api import Page, expect
 
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.planner import plan
 from syncplan.scenario.loading import scenario_from
 from tests.page.gestures import downloaded, handle, opened
 from tests.tools.browsing import Visit, accessibility_faults
@@ -29,20 +29,11 @@ FREE_SPACE = ROOT / "api" / "page" / "free_space.js"
 Tree = dict[str, Any]
 
 
-def _made(page: Page) -> tuple[Tree, Plan]:
-    """The scenario on show and its plan, in which nothing may be in the way of a circle."""
-    scenario = downloaded(page)
-    made = plan(scenario_from(scenario), bound="never")
-    assert BLOCKING.isdisjoint(one.code for one in made.verdict.findings)
-    return scenario, made
-
-
-def test_vehicles_that_are_added_lie_in_free_space_and_are_selected(visit: Visit) -> None:
-    page = visit.page
+def test_what_is_added_lies_in_free_space_and_is_selected(visit: Visit, page: Page) -> None:
     for changes in (
-        {"landmarks_m": [[190.0, 0.0], [35.0, 60.0]]},
         {"area_m": AREA, "keep_out_m": KEPT, "min_separation_m": 6.0},
         {"formation": {"centers_m": [[0.0, 0.0]]}},
+        {"landmarks_m": [[190.0, 0.0], [35.0, 60.0]]},
     ):
         opened(page, given := document(name=" and ".join(changes), **changes))
         before = len(given["formation"]["centers_m"])
@@ -53,16 +44,24 @@ def test_vehicles_that_are_added_lie_in_free_space_and_are_selected(visit: Visit
             expect(handle(page, f"v{k + 1}")).to_have_attribute("aria-pressed", "true")
             expect(page.locator("#notice")).to_contain_text(f"v{k + 1} added at")
             visit.settle()
-        scenario, made = _made(page)
+        landmarks = len(given.get("landmarks_m", []))
+        for k in range(landmarks, landmarks + 3):
+            page.get_by_role("button", name="Add landmark").click()
+            expect(page.locator("#chosen")).to_have_value(f"landmark {k}")
+            visit.settle()
+        scenario = downloaded(page)
+        made = plan(scenario_from(scenario), bound="never")
+        assert BLOCKING.isdisjoint(one.code for one in made.verdict.findings)
         assert len(scenario["formation"]["centers_m"]) == before + 3
-        # nobody is out of everybody's reach, and the links follow
+        assert len(scenario["landmarks_m"]) == landmarks + 3
+        # nobody is out of everybody's reach, the links follow, and each new landmark is seen
         assert {k for one in made.links for k in (one.a, one.b)} == set(range(before + 3))
+        seen = {one.b - made.orbits.count for one in made.landmark_links}
+        assert set(range(landmarks, landmarks + 3)) <= seen
     assert accessibility_faults(page) == []
 
 
-def test_a_vehicle_that_is_added_to_listed_links_is_linked_and_the_team_stays_a_go(
-    visit: Visit, page: Page
-) -> None:
+def test_a_vehicle_added_to_listed_links_is_linked_to_a_go(visit: Visit, page: Page) -> None:
     page.get_by_role("button", name="Add vehicle").click()
     visit.verdict("✓ GO")
     visit.verdict("Observable: rank 21 of 21")
@@ -80,18 +79,6 @@ def test_where_there_is_no_room_none_is_added_and_the_page_says_so(page: Page) -
     page.get_by_role("button", name="Add vehicle").click()
     expect(page.locator("#notice.bad")).to_contain_text("There is no room for another circle")
     assert len(downloaded(page)["formation"]["centers_m"]) == 2
-
-
-def test_landmarks_that_are_added_keep_clear_of_the_circles_and_are_selected(visit: Visit) -> None:
-    page = visit.page
-    for k in range(2, 5):
-        page.get_by_role("button", name="Add landmark").click()
-        expect(page.locator("#chosen")).to_have_value(f"landmark {k}")
-        visit.settle()
-    scenario, made = _made(page)
-    assert len(scenario["landmarks_m"]) == 5
-    # each is seen
-    assert {one.b - made.orbits.count for one in made.landmark_links} >= {2, 3, 4}
 
 
 def _drawn(generator: np.random.Generator) -> Tree:
@@ -118,29 +105,21 @@ def _drawn(generator: np.random.Generator) -> Tree:
     }
 
 
-def _free(scenarios: list[Tree], what: str) -> list[dict[str, float] | None]:
+def _free(scenarios: list[Tree], what: str) -> Any:
     """What a function of the page's module finds for scenarios."""
     script = f"""
         import {{ readFileSync }} from "node:fs";
         import {{ {what} }} from "{FREE_SPACE.as_uri()}";
         const found = JSON.parse(readFileSync(0, "utf8")).map({what});
         process.stdout.write(JSON.stringify(found));"""
-    found: list[dict[str, float] | None] = json.loads(
-        subprocess.run(
-            [NODE, "--input-type=module", "--eval", script],
-            input=json.dumps(scenarios).encode(),
-            check=True,
-            stdout=subprocess.PIPE,
-        ).stdout
-    )
-    return found
+    command = [NODE, "--input-type=module", "--eval", script]
+    return json.loads(subprocess.check_output(command, input=json.dumps(scenarios).encode()))
 
 
 @pytest.mark.quick
 def test_free_centres_of_drawn_teams_are_clear_of_everything_and_within_reach() -> None:
     generator = np.random.default_rng(13)
     drawn = [_drawn(generator) for _ in range(60)]
-    reached = 0
     for scenario, place in zip(drawn, _free(drawn, "freeCenter"), strict=True):
         assert place is not None
         at = (place["x"], place["y"])
@@ -153,8 +132,7 @@ def test_free_centres_of_drawn_teams_are_clear_of_everything_and_within_reach() 
         disc = shapely.Point(at).buffer(radius)
         assert shapely.Polygon(scenario["area_m"]).covers(disc)
         assert not any(shapely.Polygon(one).intersects(disc) for one in scenario["keep_out_m"])
-        reached += min(gaps) <= scenario["sensor"]["range_m"]
-    assert reached == len(drawn)
+        assert min(gaps) <= scenario["sensor"]["range_m"]
 
 
 @pytest.mark.quick

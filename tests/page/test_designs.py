@@ -42,8 +42,13 @@ def test_a_design_shows_its_front_and_opens_any_team(visit: Visit, page: Page) -
     visit.verdict("Observable: rank 6 of 6")
 
 
-def test_a_bad_brief_is_refused_beside_its_text(visit: Visit, page: Page) -> None:
+def test_example_briefs_fill_the_text_and_a_bad_one_is_refused(visit: Visit, page: Page) -> None:
     visit.expect_complaints("422")
+    part(page, "Design")
+    for name in ("multirotors-over-a-field", "rovers-between-shelves"):
+        page.get_by_label("Example brief").select_option(name)
+        title = re.compile(f"name: {name.replace('-', ' ')}")
+        expect(page.get_by_label("Brief (YAML or JSON)")).to_have_value(title)
     _handed_in(page, "need: {worst_rms_m: -1}")
     fault = page.locator("#design form .fault").last
     expect(fault).to_contain_text("need.worst_rms_m")
@@ -57,11 +62,3 @@ def test_a_design_that_is_to_finish_opens_the_best_it_has(visit: Visit, page: Pa
     panel.get_by_role("button", name="Finish now").click()
     expect(panel.get_by_text("ended early")).to_be_visible(timeout=180_000)
     assert accessibility_faults(page) == []
-
-
-def test_the_example_briefs_are_there(visit: Visit, page: Page) -> None:
-    part(page, "Design")
-    for name in ("multirotors-over-a-field", "rovers-between-shelves"):
-        page.get_by_label("Example brief").select_option(name)
-        title = re.compile(f"name: {name.replace('-', ' ')}")
-        expect(page.get_by_label("Brief (YAML or JSON)")).to_have_value(title)

@@ -3,7 +3,7 @@
 from typing import Any
 
 import numpy as np
-from playwright.sync_api import Page, Request, expect
+from playwright.sync_api import Page, expect
 
 import syncplan
 from syncplan.planning.planner import Plan
@@ -32,15 +32,9 @@ def _expected(made: Plan, time: float) -> np.ndarray:
     return np.array(of_one).reshape(-1, 2, 2)
 
 
-def test_error_ellipses_are_the_library_s_at_the_moment_shown_and_at_either_size(
-    visit: Visit, page: Page
-) -> None:
+def test_ellipses_are_the_library_s_at_each_moment_and_size(visit: Visit, page: Page) -> None:
     asked: list[str] = []
-
-    def hear(request: Request) -> None:
-        asked.append(f"{request.method} {request.url.split('/v1/')[-1]}")
-
-    page.on("request", hear)
+    page.on("request", lambda one: asked.append(f"{one.method} {one.url.split('/v1/')[-1]}"))
     made = syncplan.plan(example("paper-grid-same"))
     names = made.scenario.vehicle_names
     toggle = page.get_by_role("button", name="Error ellipses")
@@ -68,9 +62,7 @@ def test_error_ellipses_are_the_library_s_at_the_moment_shown_and_at_either_size
     assert any(one.startswith("GET plans/") and one.endswith("/covariances") for one in asked)
 
 
-def test_ellipses_of_a_plan_that_an_edit_overtook_are_gone_until_those_of_the_next_come(
-    visit: Visit, page: Page
-) -> None:
+def test_ellipses_follow_edits_and_say_where_they_keep_growing(visit: Visit, page: Page) -> None:
     page.get_by_role("button", name="Error ellipses").click()
     size = page.get_by_label("Size of the error ellipses")
     expect(size).to_be_visible()
@@ -83,10 +75,6 @@ def test_ellipses_of_a_plan_that_an_edit_overtook_are_gone_until_those_of_the_ne
     after = drawn(page, "ellipse")
     assert len(after) == len(before)
     assert after[0]["at"] != before[0]["at"]
-
-
-def test_ellipses_of_what_can_t_be_known_are_said_to_keep_growing(visit: Visit, page: Page) -> None:
-    page.get_by_role("button", name="Error ellipses").click()
     visit.choose("paper-grid-alternate")
     expect(page.locator("#ellipses-text")).to_contain_text("they keep growing")
     assert len(drawn(page, "ellipse")) == 6

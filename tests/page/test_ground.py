@@ -1,15 +1,12 @@
 """The earth below the map: a graticule, the place of the pointer, tiles that an operator sets."""
 
 import base64
+import math
 import re
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import httpx2
-from playwright.sync_api import expect
+from playwright.sync_api import Page, Route, expect
 from pymap3d import enu2geodetic
 
 from api.routes.page_routes import Tiles, edition, policy
@@ -31,8 +28,7 @@ def place(x: float, y: float) -> tuple[float, float]:
     return float(lat), float(lon)
 
 
-def test_a_map_with_an_origin_has_a_graticule_and_the_pointer_a_place(visit: Visit) -> None:
-    page = visit.page
+def test_an_origin_brings_a_graticule_and_places_the_pointer(visit: Visit, page: Page) -> None:
     page.mouse.move(*on_screen(page, 20.0, 30.0))
     expect(page.locator("#pointer")).to_have_text(re.compile(r"^-?[\d.]+, -?[\d.]+ m$"))
     assert drawn(page, "graticule") == []
@@ -64,55 +60,30 @@ def test_a_map_with_an_origin_has_a_graticule_and_the_pointer_a_place(visit: Vis
     wait_until(lambda: not drawn(page, "graticule"))
 
 
-@contextmanager
-def tile_server() -> Iterator[tuple[str, list[str]]]:
-    """A server of tiles: the template of their addresses, and the paths that were asked for."""
-    asked: list[str] = []
-
-    class Handler(BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            asked.append(self.path)
-            self.send_response(200)
-            self.send_header("Content-Type", "image/gif")
-            self.end_headers()
-            self.wfile.write(PIXEL)
-
-        def log_message(self, *_: object) -> None:
-            """Say nothing."""
-
-    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    try:
-        yield f"http://127.0.0.1:{server.server_port}/{{z}}/{{x}}/{{y}}.gif", asked
-    finally:
-        server.shutdown()
-        server.server_close()
-
-
 def tile_of(lat: float, lon: float, zoom: int) -> tuple[float, float]:
     """Number of the tile with a place, from west and from north."""
-    from math import asinh, pi, radians, tan
-
     count = 2**zoom
-    return (lon + 180) / 360 * count, (1 - asinh(tan(radians(lat))) / pi) / 2 * count
+    down = (1 - math.asinh(math.tan(math.radians(lat))) / math.pi) / 2
+    return (lon + 180) / 360 * count, down * count
 
 
-def test_tiles_that_an_operator_sets_lie_below_a_placed_formation(
-    tabs: Tabs, tmp_path: Path
-) -> None:
+def test_tiles_of_the_operator_lie_below_a_placed_team(tabs: Tabs, tmp_path: Path) -> None:
+    elsewhere = "http://127.0.0.2:9"
+    tiles = Tiles(f"{elsewhere}/{{z}}/{{x}}/{{y}}.gif", "© Tiles Example")
+    settings = {"SYNCPLAN_TILES": tiles.url, "SYNCPLAN_TILES_ATTRIBUTION": tiles.attribution}
+    asked: list[str] = []
+
+    def answer_tile(route: Route) -> None:
+        asked.append(route.request.url.removeprefix(elsewhere))
+        route.fulfill(body=PIXEL, content_type="image/gif")
+
     with (
-        tile_server() as (template, asked),
-        open_server(
-            tmp_path,
-            "--no-worker",
-            SYNCPLAN_TILES=template,
-            SYNCPLAN_TILES_ATTRIBUTION="© Tiles Example",
-        ) as server,
+        open_server(tmp_path, "--no-worker", **settings) as server,
         visiting(tabs, server.url) as visit,
     ):
-        elsewhere = template.removesuffix("/{z}/{x}/{y}.gif")
         visit.expect_complaints(f"asked elsewhere: {elsewhere}/")
         page = visit.page
+        page.route(f"{elsewhere}/**", answer_tile)
         visit.verdict("Observable")
         assert asked == []
         opened(page, PLACED)
@@ -129,5 +100,5 @@ def test_tiles_that_an_operator_sets_lie_below_a_placed_formation(
         assert f"img-src 'self' data: blob: {elsewhere};" in sent
         assert sent.replace(f" {elsewhere}", "") == policy()
         # what it names is kept by browsers: it is of this edition, tiles and all
-        assert f'"assets/{edition(Tiles(template, "© Tiles Example"))}/main.js"' in answer.text
+        assert f'"assets/{edition(tiles)}/main.js"' in answer.text
         assert accessibility_faults(page) == []

@@ -33,8 +33,7 @@ def _center(page: Page) -> tuple[float, float]:
     return float(east.input_value()), float(north.input_value())
 
 
-def test_a_circle_that_is_dragged_beyond_the_map_stops_at_its_edge(visit: Visit) -> None:
-    page = visit.page
+def test_a_circle_dragged_beyond_the_map_stops_at_its_edge(visit: Visit, page: Page) -> None:
     visit.expect_complaints("422")
     before = view(page)
     for by in ((600.0, 300.0), (-500.0, -400.0), (0.0, 2000.0)):
@@ -52,8 +51,7 @@ def test_a_circle_that_is_dragged_beyond_the_map_stops_at_its_edge(visit: Visit)
         assert _circle(page, "v3") == pytest.approx((140.0, 0.0), abs=1e-6)
 
 
-def test_a_place_beyond_the_map_is_marked_at_its_edge_until_all_is_shown(visit: Visit) -> None:
-    page = visit.page
+def test_a_place_beyond_the_map_is_marked_at_its_edge(visit: Visit, page: Page) -> None:
     visit.expect_complaints("422")
     before = view(page)
     handle(page, "v3").click()
@@ -85,9 +83,7 @@ def test_keys_move_a_circle_and_the_next_one_is_a_key_away(visit: Visit, page: P
 
 
 @pytest.mark.quick
-def test_the_view_is_zoomed_and_panned_and_stays_where_it_was_left_and_limits_a_drag(
-    visit: Visit, page: Page
-) -> None:
+def test_the_view_is_zoomed_panned_and_kept_and_limits_a_drag(visit: Visit, page: Page) -> None:
     whole = view(page)
     x, y = on_screen(page, 70.0, 0.0)
     page.mouse.move(x, y)

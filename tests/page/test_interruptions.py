@@ -4,11 +4,10 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-import httpx2
 import pytest
 from playwright.sync_api import Page, Route, expect
 
-from tests.page.gestures import copied, figures, part, refine, stored, validate
+from tests.page.gestures import copied, part, validate
 from tests.tools.api_servers import key_of, serving, speaking
 from tests.tools.browsing import Tabs, Visit, accessibility_faults, visiting
 from tests.tools.serving import QUICK, Server, running, settings_of
@@ -37,9 +36,7 @@ def enter_key(page: Page, key: str) -> None:
     page.keyboard.press("Enter")
 
 
-def test_a_server_that_dies_in_mid_job_and_returns_costs_nothing_but_time(
-    tabs: Tabs, tmp_path: Path
-) -> None:
+def test_a_server_that_dies_in_mid_job_costs_only_time(tabs: Tabs, tmp_path: Path) -> None:
     given = {**settings_of(tmp_path / "data"), **QUICK}
     first = Server(tmp_path / "log", port=None, **given)
     with running(first), visiting(tabs, first.url) as visit:
@@ -55,8 +52,8 @@ def test_a_server_that_dies_in_mid_job_and_returns_costs_nothing_but_time(
             expect(page.locator("#job-outcome")).to_contain_text("of 500 trials")
 
 
-def test_a_service_with_keys_asks_for_one(keyless: Visit) -> None:
-    page = keyless.page
+def test_a_service_with_keys_asks_for_one_and_refuses_others_at_its_field(keyless: Visit) -> None:
+    page, key = keyless.page, key_of("ann")
     field = page.get_by_label("API key")
     expect(field).to_be_focused()
     expect(page.locator("#notice")).to_have_text(re.compile("^This service needs a key"))
@@ -64,39 +61,36 @@ def test_a_service_with_keys_asks_for_one(keyless: Visit) -> None:
     expect(page.locator("body")).not_to_contain_text("Authorization")
     expect(page.get_by_role("button", name="Change key")).to_be_hidden()
     assert accessibility_faults(page) == []
-    field.fill("wrong")
-    page.keyboard.press("Enter")
-    expect(page.locator("#key-fault")).to_contain_text("not known")
-    field.fill(key_of("ann"))
-    page.keyboard.press("Enter")
-    keyless.verdict("Observable: rank 18 of 18")
-    expect(page.locator("#key-form")).to_be_hidden()
-    expect(page.locator("#notice")).to_be_empty()
-
-
-def test_a_key_with_a_character_that_nobody_sees_is_refused_at_its_field(keyless: Visit) -> None:
-    page = keyless.page
-    key = key_of("ann")
     for wrong, reported in (
+        ("wrong", "not known"),
         (f"{key[:3]}\u200b{key[3:]}", "character 4 is U+200B"),
         ("", "Enter the key"),
         ("two words", "character 4 is U+0020"),
     ):
         enter_key(page, wrong)
         expect(page.locator("#key-fault")).to_contain_text(reported)
-        expect(page.get_by_label("API key")).to_have_attribute("aria-invalid", "true")
+        expect(field).to_have_attribute("aria-invalid", "true")
     assert accessibility_faults(page) == []
     enter_key(page, f"  {key}\n")
     keyless.verdict("Observable: rank 18 of 18")
+    expect(page.locator("#key-form")).to_be_hidden()
+    expect(page.locator("#notice")).to_be_empty()
 
 
-def test_a_key_can_be_changed_and_others_plans_look_like_none(
-    keyless: Visit, guarded: Server
-) -> None:
+def test_a_key_is_changed_and_hides_others_plans(keyless: Visit, guarded: Server) -> None:
     keyless.expect_complaints("401", "404", "422")
     page = keyless.page
     enter_key(page, key_of("ann"))
+    # an edit that waits for a key is not lost
+    keyless.choose(ALTERNATE)
+    page.evaluate("sessionStorage.clear()")
+    page.get_by_label("Desynchronise by").fill("0.2")
+    expect(page.get_by_label("API key")).to_be_focused()
+    keyless.doubt("Waiting for a key")
+    enter_key(page, key_of("ann"))
     keyless.verdict("Observable: rank 18 of 18")
+    expect(page.locator("#map-name")).to_have_text(ALTERNATE)
+    expect(page.get_by_label("Desynchronise by")).to_have_value("0.2")
     copied(page)
     change = page.get_by_role("button", name="Change key")
     change.click()
@@ -118,17 +112,6 @@ def test_a_key_can_be_changed_and_others_plans_look_like_none(
         )
 
 
-def test_while_a_request_is_tried_again_the_page_says_so(visit: Visit, page: Page) -> None:
-    visit.expect_complaints("net::ERR")
-    page.route("**/v1/plans", lambda route: route.abort())
-    page.get_by_role("button", name="Copy link").click()
-    reported = page.locator("#notice.bad")
-    expect(reported).to_have_text("the service can't be reached; trying again …")
-    page.unroute("**/v1/plans")
-    expect(page.locator("#notice")).to_contain_text("Link copied")
-    expect(reported).to_have_count(0)
-
-
 def test_of_two_that_are_opened_at_once_the_later_one_stays(visit: Visit, page: Page) -> None:
     held: list[Route] = []
     page.route(f"**/examples/{ALTERNATE}.yaml", lambda route: held.append(route))
@@ -143,51 +126,26 @@ def test_of_two_that_are_opened_at_once_the_later_one_stays(visit: Visit, page: 
     visit.verdict("rank 12 of 12")
 
 
-def test_an_edit_while_the_service_is_away_is_planned_once_it_is_back(visit: Visit) -> None:
-    page = visit.page
+def test_requests_and_edits_wait_until_the_service_is_back(visit: Visit, page: Page) -> None:
     visit.expect_complaints("net::ERR")
     visit.choose(ALTERNATE)
     visit.verdict("Not observable: rank 16 of 18")
     page.route("**/v1/**", lambda route: route.abort())
     page.get_by_label("Desynchronise by").fill("0.2")
-    expect(page.locator("#notice.bad")).to_contain_text("can't be reached")
+    reported = page.locator("#notice.bad")
+    expect(reported).to_contain_text("can't be reached")
     visit.doubt("Waiting for the service; before your edits: ✗ NO-GO")
     expect(page.locator("#verdict")).to_contain_text("of the scenario before your edits")
     page.unroute("**/v1/**")
     visit.verdict("Observable: rank 18 of 18")
-    expect(page.locator("#notice.bad")).to_have_count(0)
+    expect(reported).to_have_count(0)
     expect(page.get_by_label("Desynchronise by")).to_have_value("0.2")
-
-
-def test_an_edit_that_waits_for_a_key_is_not_lost(keyless: Visit) -> None:
-    page = keyless.page
-    enter_key(page, key_of("ann"))
-    keyless.choose(ALTERNATE)
-    page.evaluate("sessionStorage.clear()")
-    page.get_by_label("Desynchronise by").fill("0.2")
-    expect(page.get_by_label("API key")).to_be_focused()
-    keyless.doubt("Waiting for a key")
-    enter_key(page, key_of("ann"))
-    keyless.verdict("Observable: rank 18 of 18")
-    expect(page.locator("#map-name")).to_have_text(ALTERNATE)
-    expect(page.get_by_label("Desynchronise by")).to_have_value("0.2")
-
-
-def test_a_refined_plan_opens_though_its_parent_was_deleted(
-    visit: Visit, page: Page, server: Server
-) -> None:
-    visit.choose(ALTERNATE)
-    refine(page)
-    expect(page.locator("#job-outcome")).to_contain_text("Predicted error")
-    plan = stored(page, server)
-    assert httpx2.delete(f"{server.url}/v1/plans/{plan['parent_id']}").status_code == 204
-    visit.expect_complaints("404")
-    page.reload()
-    visit.verdict("Observable: rank 18 of 18")
-    figures(page)
-    expect(page.get_by_role("tab", name="Refinement")).to_be_visible()
-    expect(page.get_by_role("tab", name="Before and after")).to_be_hidden()
-    expect(page.locator("#notice.bad")).to_have_count(0)
+    page.route("**/v1/plans", lambda route: route.abort())
+    page.get_by_role("button", name="Copy link").click()
+    expect(reported).to_have_text("the service can't be reached; trying again …")
+    page.unroute("**/v1/plans")
+    expect(page.locator("#notice")).to_contain_text("Link copied")
+    expect(reported).to_have_count(0)
 
 
 def test_the_focus_stays_where_it_was_over_undo_and_cancel(visit: Visit, page: Page) -> None:

@@ -10,7 +10,6 @@ from playwright.sync_api import Page, Route, expect
 from syncplan.scenario.loading import load_scenario
 from tests.page.gestures import (
     DRAWN,
-    copied,
     drawn,
     figures,
     opened,
@@ -20,7 +19,7 @@ from tests.page.gestures import (
     stored,
     validate,
 )
-from tests.tools.browsing import Tabs, Visit, accessibility_faults, visiting
+from tests.tools.browsing import Visit, accessibility_faults
 from tests.tools.scenarios import FILES, document
 from tests.tools.serving import Server
 
@@ -33,9 +32,7 @@ def _past_a_mast(name: str) -> dict[str, Any]:
     return {**scenario, "name": "mast", "landmarks_m": [[190.0, 0.0], [190.0, 70.0], [-21.0, 0.0]]}
 
 
-def test_refine_compare_validate_and_open_the_link_again(
-    visit: Visit, page: Page, tabs: Tabs, server: Server
-) -> None:
+def test_refine_compare_and_validate(visit: Visit, page: Page) -> None:
     visit.choose(ALTERNATE)
     refine(page)
     expect(page.locator("#job-text")).to_contain_text(re.compile(r"of \d+ starts"))
@@ -53,21 +50,9 @@ def test_refine_compare_validate_and_open_the_link_again(
         page.get_by_role("tab", name=name).click()
         assert page.evaluate("document.getElementById('panel-plot').data.length") > 0
     assert accessibility_faults(page) == []
-    plan = stored(page, server)
-    assert copied(page) == plan["id"]
-    link = page.evaluate("navigator.clipboard.readText()")
-    assert link == f"{server.url}/?plan={plan['id']}"
-    with visiting(tabs, link) as again:
-        again.verdict("Observable: rank 18 of 18")
-        error = f"{plan['predicted_rms_m']['overall']:.4g}".rstrip("0")
-        expect(again.page.locator("#verdict")).to_contain_text(f"{error} m")
-        figures(again.page)
-        expect(again.page.get_by_role("tab", name="Before and after")).to_be_visible()
-        assert plan_id_of(again.page) == plan["id"]
 
 
-def test_what_refinement_may_move_by_suits_the_team_that_was_opened(visit: Visit) -> None:
-    page = visit.page
+def test_what_refinement_may_move_by_suits_the_opened_team(visit: Visit, page: Page) -> None:
     box = page.get_by_label("How far a centre may move each way, in m")
     least, most = (page.get_by_label(f"{which} radius in m") for which in ("Least", "Largest"))
 
@@ -117,9 +102,7 @@ def test_a_refined_plan_that_is_not_to_be_flown_is_no_success(visit: Visit, page
     expect(badge).not_to_have_class("badge good")
 
 
-def test_a_validation_is_no_proof_where_the_plan_is_unobservable_or_trials_are_few(
-    visit: Visit, page: Page
-) -> None:
+def test_a_validation_of_few_trials_or_a_bad_plan_is_no_proof(visit: Visit, page: Page) -> None:
     badge = page.locator("#job-outcome .badge")
     outcome = page.locator("#job-outcome")
 
@@ -149,9 +132,7 @@ def test_a_validation_is_no_proof_where_the_plan_is_unobservable_or_trials_are_f
     assert accessibility_faults(page) == []
 
 
-def test_a_refinement_draws_its_best_plan_so_far_and_ends_with_it(
-    visit: Visit, page: Page, server: Server
-) -> None:
+def test_a_refinement_draws_its_best_plan_until_it_ends(page: Page, server: Server) -> None:
     def unhurried(route: Route) -> None:
         asked = json.loads(route.request.post_data or "{}")
         route.continue_(post_data=json.dumps({**asked, "starts": 1000, "time_limit_s": 600.0}))
@@ -177,29 +158,22 @@ def test_a_refinement_draws_its_best_plan_so_far_and_ends_with_it(
     assert drawn(page, "beside") == []
     plan = stored(page, server)
     assert float(f"{plan['predicted_rms_m']['overall']:.4g}") <= shown
-    assert drawn(page, "circle") != before
-
-
-def test_a_refinement_that_is_cancelled_leaves_the_plan_alone_on_the_map(
-    page: Page, server: Server
-) -> None:
-    page.route(
-        "**/refinements",
-        lambda route: route.continue_(post_data='{"starts": 1000, "time_limit_s": 600}'),
-    )
-    part(page, "Run")
+    refined = drawn(page, "circle")
+    assert refined != before
+    # one that is cancelled leaves the plan alone on the map
+    validate = page.get_by_role("button", name="Validate")
     page.get_by_role("button", name="Refine").click()
-    expect(page.locator("#job-text")).to_contain_text("best so far")
-    expect(page.get_by_role("button", name="Validate")).to_be_disabled()
+    expect(text).to_contain_text("best so far")
+    expect(validate).to_be_disabled()
     page.get_by_role("button", name="Cancel").click()
     expect(page.locator("#notice")).to_have_text("Refinement cancelled.")
-    expect(page.get_by_role("button", name="Validate")).to_be_enabled()
+    expect(validate).to_be_enabled()
     assert drawn(page, "beside") == []
-    found = httpx2.get(f"{server.url}/v1/jobs").json()["items"][0]
-    assert found["state"] == "cancelled"
+    assert drawn(page, "circle") == refined
+    assert httpx2.get(f"{server.url}/v1/jobs").json()["items"][0]["state"] == "cancelled"
 
 
-def test_a_validation_fills_its_figures_as_trials_are_finished(visit: Visit, page: Page) -> None:
+def test_a_validation_fills_its_figures(visit: Visit, page: Page, server: Server) -> None:
     # a figure that is asked for while the job ends is refused
     visit.expect_complaints("409")
     validate(page, "100000")
@@ -212,21 +186,12 @@ def test_a_validation_fills_its_figures_as_trials_are_finished(visit: Visit, pag
     # the chosen figure stays when more trials come
     assert page.get_by_role("tab", name="Errors over time").get_attribute("aria-selected") == "true"
     assert accessibility_faults(page) == []
+    page.get_by_role("button", name="Copy link").click()
+    link = f"{server.url}/?plan={plan_id_of(page)}"
+    expect(page.locator("#notice")).to_have_text(f"Link copied: {link}")
+    assert page.evaluate("navigator.clipboard.readText()") == link
     page.get_by_role("button", name="Cancel").click()
     expect(page.locator("#notice")).to_have_text("Validation cancelled.")
-
-
-def test_wrong_numbers_of_a_job_are_reported_next_to_their_fields(visit: Visit, page: Page) -> None:
-    visit.expect_complaints("422")
-    validate(page, "0")
-    reported = page.locator("#validate-trials-fault")
-    expect(reported).to_have_text("must be greater than or equal to 1")
-    expect(page.get_by_label("Trials")).to_have_attribute("aria-invalid", "true")
-    page.get_by_label("Time limit (s)").fill("")
-    page.get_by_role("button", name="Refine").click()
-    expect(page.locator("#refine-time-fault")).to_contain_text("is missing")
-    expect(page.get_by_label("Time limit (s)")).to_be_focused()
-    assert accessibility_faults(page) == []
 
 
 def test_a_plan_that_was_deleted_is_stored_anew(visit: Visit, page: Page, server: Server) -> None:
@@ -263,9 +228,7 @@ def fly(page: Page, flights: int, **fields: str) -> None:
     page.get_by_role("button", name="Fly").click()
 
 
-def test_a_flight_shows_what_it_came_to_and_plays_on_the_map(
-    visit: Visit, page: Page, server: Server
-) -> None:
+def test_a_flight_is_summed_up_and_played(visit: Visit, page: Page, server: Server) -> None:
     visit.fill("Duration (s)", "40")
     fly(page, 4, wind="0.5, -0.25", lose="v6@30", hold="v2@5:3")
     outcome = page.locator("#job-outcome")
@@ -312,9 +275,16 @@ def test_a_flight_shows_what_it_came_to_and_plays_on_the_map(
     expect(played).to_be_hidden()
 
 
-def test_an_event_that_can_not_happen_is_reported_next_to_its_field(visit: Visit) -> None:
-    page = visit.page
+def test_what_a_job_can_not_do_is_reported_next_to_its_field(visit: Visit, page: Page) -> None:
     visit.expect_complaints("422")
+    validate(page, "0")
+    reported = page.locator("#validate-trials-fault")
+    expect(reported).to_have_text("must be greater than or equal to 1")
+    expect(page.get_by_label("Trials")).to_have_attribute("aria-invalid", "true")
+    page.get_by_label("Time limit (s)").fill("")
+    page.get_by_role("button", name="Refine").click()
+    expect(page.locator("#refine-time-fault")).to_contain_text("is missing")
+    expect(page.get_by_label("Time limit (s)")).to_be_focused()
     fly(page, 2, lose="v9@30")
     expect(page.locator("#fly-lose-fault")).to_contain_text("is neither a vehicle")
     fly(page, 2, lose="", hold="v2@-1:3")

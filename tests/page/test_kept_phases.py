@@ -60,8 +60,7 @@ def at_refined(tabs: Tabs, server: Server, refined: Tree) -> Any:
 
 def error_of(plan: Tree) -> str:
     """The predicted error of a plan as the page shows it."""
-    shown = f"{plan['predicted_rms_m']['overall']:.4g}"
-    return f"{shown.rstrip('0') if '.' in shown else shown} m"
+    return f"{plan['predicted_rms_m']['overall']:.4g} m"
 
 
 def predicted(page: Page) -> Any:
@@ -82,6 +81,26 @@ def test_an_edit_that_moves_nothing_keeps_a_refined_plan(
     expect(phases(page)).to_have_text("refined")
     expect(predicted(page)).to_contain_text(error_of(refined))
     assert "plan=" not in page.url
+    # half an origin waits for its other half
+    page.locator("summary", has_text="Place and time").click()
+    page.get_by_label("Latitude of the origin").fill("47.1")
+    expect(phases(page)).to_have_text("refined")
+    page.get_by_label("Longitude of the origin").fill("8.5")
+    at_refined.verdict("Observable: rank 18 of 18")
+    at_refined.settle()
+    expect(predicted(page)).to_contain_text(error_of(refined))
+    archive = download(page, "Export")
+    assert "qgc" in archive.suggested_filename
+    exported = stored(page, server)
+    assert phases_of(exported) == phases_of(refined)
+    assert exported["predicted_rms_m"] == refined["predicted_rms_m"]
+    assert sidecar_of(archive)["vehicles"]
+    handle(page, "v2").press("F2")
+    page.keyboard.type("leader")
+    page.keyboard.press("Enter")
+    expect(handle(page, "leader")).to_be_visible()
+    at_refined.settle()
+    expect(phases(page)).to_have_text("refined")
     page.locator("summary", has_text="Noise").click()
     page.get_by_label("Bearing sigma").fill("0.02")
     at_refined.fill("Initial position sigma", "3")
@@ -89,14 +108,12 @@ def test_an_edit_that_moves_nothing_keeps_a_refined_plan(
     expect(predicted(page)).not_to_contain_text(error_of(refined))
     copied(page)
     kept = stored(page, server)
-    assert kept["id"] != refined["id"]
+    assert kept["id"] not in (refined["id"], exported["id"])
     assert phases_of(kept) == phases_of(refined)
     assert kept["scenario"]["name"] == "another name"
 
 
-def test_what_is_typed_again_or_put_back_by_hand_is_the_refined_plan_again(
-    at_refined: Visit, refined: Tree
-) -> None:
+def test_what_is_put_back_is_the_refined_plan_again(at_refined: Visit, refined: Tree) -> None:
     page = at_refined.page
     page.get_by_label("Duration").press("ControlOrMeta+A")
     page.keyboard.type(f"{refined['scenario']['duration_s']:g}")
@@ -114,20 +131,7 @@ def test_what_is_typed_again_or_put_back_by_hand_is_the_refined_plan_again(
     assert plan_id_of(page) == refined["id"]
 
 
-def test_a_new_name_keeps_refined_phases(at_refined: Visit) -> None:
-    page = at_refined.page
-    handle(page, "v2").press("F2")
-    page.keyboard.type("leader")
-    page.keyboard.press("Enter")
-    expect(handle(page, "leader")).to_be_visible()
-    at_refined.settle()
-    expect(phases(page)).to_have_text("refined")
-    at_refined.verdict("rank 18 of 18")
-
-
-def test_undo_and_redo_bring_a_refined_plan_back_under_its_address(
-    at_refined: Visit, refined: Tree
-) -> None:
+def test_undo_brings_a_refined_plan_and_its_address_back(at_refined: Visit, refined: Tree) -> None:
     page = at_refined.page
     handle(page, "v2").click()
     east = page.get_by_label("Centre east")
@@ -172,31 +176,14 @@ def test_a_figure_that_arrives_while_figures_open_is_drawn(at_refined: Visit) ->
     page.locator("#panel-plot .main-svg").first.wait_for()
 
 
-def test_an_export_after_its_origin_was_entered_is_of_the_refined_plan(
-    at_refined: Visit, server: Server, refined: Tree
+def test_a_plan_file_has_the_phases_that_a_scenario_file_lacks(
+    at_refined: Visit, server: Server, refined: Tree, tmp_path: Path
 ) -> None:
     page = at_refined.page
-    page.locator("summary", has_text="Place and time").click()
-    page.get_by_label("Latitude of the origin").fill("47.1")
-    # half an origin waits for its other half
-    expect(phases(page)).to_have_text("refined")
-    page.get_by_label("Longitude of the origin").fill("8.5")
-    at_refined.verdict("Observable: rank 18 of 18")
-    at_refined.settle()
-    expect(predicted(page)).to_contain_text(error_of(refined))
-    archive = download(page, "Export")
-    assert "qgc" in archive.suggested_filename
-    exported = stored(page, server)
-    assert phases_of(exported) == phases_of(refined)
-    assert exported["predicted_rms_m"] == refined["predicted_rms_m"]
-    assert sidecar_of(archive)["vehicles"]
-
-
-def test_a_plan_file_opens_as_that_plan_and_is_stored_as_that(
-    page: Page, server: Server, refined: Tree, tmp_path: Path
-) -> None:
+    downloaded(page)
+    expect(page.locator("#notice")).to_contain_text("its phases are computed anew")
     file = tmp_path / "given.plan.json"
-    file.write_text(json.dumps(refined))
+    download(page, "Plan").save_as(file)
     page.get_by_label("Open a file").set_input_files(file)
     expect(phases(page)).to_have_text("from a file")
     expect(predicted(page)).to_contain_text(error_of(refined))
@@ -204,17 +191,14 @@ def test_a_plan_file_opens_as_that_plan_and_is_stored_as_that(
     page.get_by_label("Moment in the period").press("ArrowRight")
     expect(page.locator("#moment-text")).not_to_have_text("0 s")
     copied(page)
-    kept = stored(page, server)
-    assert phases_of(kept) == phases_of(refined)
+    assert phases_of(stored(page, server)) == phases_of(refined)
     page.reload()
     expect(phases(page)).to_have_text("as given")
     expect(predicted(page)).to_contain_text(error_of(refined))
 
 
 @pytest.mark.quick
-def test_a_fault_in_a_plan_file_is_reported_by_its_path(
-    visit: Visit, page: Page, tmp_path: Path
-) -> None:
+def test_a_fault_in_a_plan_file_has_a_path(visit: Visit, page: Page, tmp_path: Path) -> None:
     visit.expect_complaints("422")
     file = tmp_path / "bad.plan.json"
     broken = plan_document(planned()).as_json()
@@ -225,15 +209,7 @@ def test_a_fault_in_a_plan_file_is_reported_by_its_path(
     visit.verdict("Observable: rank 18 of 18")
 
 
-def test_the_scenario_of_a_refined_plan_is_said_to_lack_its_phases(at_refined: Visit) -> None:
-    page = at_refined.page
-    downloaded(page)
-    expect(page.locator("#notice")).to_contain_text("its phases are computed anew")
-    page.get_by_label("Open a file").set_input_files(download(page, "Plan").path())
-    expect(phases(page)).to_have_text("from a file")
-
-
-def test_back_leads_from_a_refined_plan_to_the_one_before_it(visit: Visit, page: Page) -> None:
+def test_back_leads_from_a_refined_plan(visit: Visit, page: Page, server: Server) -> None:
     visit.choose(ALTERNATE)
     refine(page)
     visit.verdict("Observable: rank 18 of 18")
@@ -250,3 +226,13 @@ def test_back_leads_from_a_refined_plan_to_the_one_before_it(visit: Visit, page:
     page.reload()
     expect(page.locator("#job-outcome")).to_contain_text("Predicted error")
     expect(phases(page)).to_have_text("refined")
+    # without its parent it opens as well
+    parent = stored(page, server)["parent_id"]
+    assert httpx2.delete(f"{server.url}/v1/plans/{parent}").status_code == 204
+    visit.expect_complaints("404")
+    page.reload()
+    visit.verdict("Observable: rank 18 of 18")
+    figures(page)
+    expect(page.get_by_role("tab", name="Refinement")).to_be_visible()
+    expect(page.get_by_role("tab", name="Before and after")).to_be_hidden()
+    expect(page.locator("#notice.bad")).to_have_count(0)

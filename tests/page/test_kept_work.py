@@ -24,9 +24,7 @@ def kept(page: Page, kind: str) -> Any:
     return page.get_by_role("dialog")
 
 
-def test_plans_are_listed_renamed_compared_opened_and_deleted(
-    visit: Visit, page: Page, server: Server
-) -> None:
+def test_plans_are_listed_and_dealt_with(visit: Visit, page: Page, server: Server) -> None:
     team = document(name="kept pair", landmarks_m=[[35.0, 40.0], [35.0, -40.0]])
     made = httpx2.post(f"{server.url}/v1/plans", json=team).json()
     dialogue = kept(page, "Plans")

@@ -12,8 +12,7 @@ def _links(page: Page) -> list[str]:
     return page.get_by_role("list", name="Links").get_by_role("listitem").all_inner_texts()
 
 
-def test_a_link_dragged_out_of_reach_is_reported_in_its_group_and_cured_there(visit: Visit) -> None:
-    page = visit.page
+def test_a_link_out_of_reach_is_reported_and_cured_in_its_group(visit: Visit, page: Page) -> None:
     visit.expect_complaints("422")
     visit.choose(ALTERNATE)
     group = page.locator("details.links")

@@ -10,6 +10,11 @@ from tests.tools.browsing import Visit, accessibility_faults
 from tests.tools.scenarios import example
 
 
+def _off(page: Page, kind: str, by: str) -> set[str]:
+    """What of a kind is drawn as switched off."""
+    return {one[by] for one in drawn(page, kind) if one.get("off")}
+
+
 def test_losses_are_judged_shown_and_forgotten_with_the_scenario(visit: Visit, page: Page) -> None:
     visit.choose("paper-grid-same")
     visit.settle()
@@ -24,18 +29,21 @@ def test_losses_are_judged_shown_and_forgotten_with_the_scenario(visit: Visit, p
     expect(rows.nth(2)).to_contain_text("NO-GO")
     expect(found).to_contain_text("sensor of v3")
     assert accessibility_faults(page) == []
+    # a row switches its part off, and an edit ends that
+    found.get_by_role("button", name="Switch off v4", exact=True).click()
+    badge = page.locator("#badge")
+    expect(badge).to_contain_text("Without v4: ✗ NO-GO, rank")
+    assert _off(page, "circle", "body") == {"v4"}
+    expect(found.get_by_role("button", name="Switch on v4", exact=True)).to_be_focused()
     part(page, "Scenario")
     visit.fill("Radius of all", "21")
     expect(found).to_be_empty()
+    expect(badge).not_to_contain_text("Without")
+    expect(page.get_by_role("button", name="Switch all on")).to_be_hidden()
+    assert _off(page, "circle", "body") == set()
 
 
-def _off(page: Page, kind: str, by: str) -> set[str]:
-    """What of a kind is drawn as switched off."""
-    return {one[by] for one in drawn(page, kind) if one.get("off")}
-
-
-def test_parts_are_switched_off_on_the_map_together_and_judged_without_them(visit: Visit) -> None:
-    page = visit.page
+def test_the_team_is_judged_without_parts_switched_off(visit: Visit, page: Page) -> None:
     visit.choose("paper-grid-same")
     badge = page.locator("#badge")
     handle(page, "v1").press("Enter")
@@ -68,31 +76,9 @@ def test_parts_are_switched_off_on_the_map_together_and_judged_without_them(visi
     expect(page.get_by_role("button", name="Switch off L1")).to_be_visible()
     assert _off(page, "circle", "body") == set()
     assert drawn(page, "motion") == []
-
-
-def test_a_row_of_losses_switches_its_part_off_and_an_edit_ends_that(visit: Visit) -> None:
-    page = visit.page
-    visit.choose("paper-grid-same")
-    part(page, "Verdict")
-    page.get_by_role("button", name="Judge every loss").click()
-    page.locator("#losses-found").get_by_role("button", name="Switch off v4", exact=True).click()
-    badge = page.locator("#badge")
-    expect(badge).to_contain_text("Without v4: ✗ NO-GO, rank")
-    assert _off(page, "circle", "body") == {"v4"}
-    switch = page.locator("#losses-found").get_by_role("button", name="Switch on v4", exact=True)
-    expect(switch).to_be_focused()
-    part(page, "Scenario")
-    visit.fill("Radius of all", "21")
-    expect(badge).not_to_contain_text("Without")
-    expect(page.get_by_role("button", name="Switch all on")).to_be_hidden()
-    assert _off(page, "circle", "body") == set()
-
-
-def test_what_can_t_be_judged_without_is_said(visit: Visit, page: Page) -> None:
-    visit.choose("paper-grid-same")
+    # what can't be judged without is said
     visit.expect_complaints("422")
-    picker = page.get_by_label("Vehicle or landmark", exact=True)
     for k in range(6):
         picker.select_option(f"vehicle {k}")
         page.get_by_role("button", name=f"Switch off v{k + 1}", exact=True).click()
-    expect(page.locator("#badge")).to_contain_text("leaves no vehicle")
+    expect(badge).to_contain_text("leaves no vehicle")

@@ -7,7 +7,16 @@ import httpx2
 import pytest
 from playwright.sync_api import Page, Route, expect
 
-from tests.page.gestures import box_of, copied, drag, part, place_on_earth, plan_id_of, sheet
+from tests.page.gestures import (
+    box_of,
+    copied,
+    download,
+    drag,
+    part,
+    place_on_earth,
+    plan_id_of,
+    sheet,
+)
 from tests.tools.browsing import (
     DESKTOP,
     PHONE,
@@ -33,11 +42,16 @@ def test_a_confirmation_is_seen_wherever_one_has_scrolled(
         visit.verdict("GO")
         sheet(page)
         part(page, "Export")
-        page.get_by_label("Format", exact=True).select_option("csv")
-        with page.expect_download():
-            page.locator("#downloads").get_by_role("button", name="Export").click()
+        place_on_earth(page)
+        visit.settle()
+        download(page, "Export")
         reported = page.locator("#notice")
         expect(reported).to_contain_text("Exported")
+        # what goes with it is not below its confirmation
+        note, toast = box_of(page.locator("#export-notes")), box_of(page.locator(".toast"))
+        assert note["height"] > 0.0
+        if size == PHONE:
+            assert note["y"] + note["height"] <= toast["y"]
         for place in (0, 10_000):
             page.evaluate("y => document.querySelector('.inspector').scrollTo(0, y)", place)
             expect(reported).to_be_in_viewport(ratio=1.0)
@@ -53,25 +67,7 @@ def test_a_confirmation_is_seen_wherever_one_has_scrolled(
         expect(dismiss).to_be_hidden()
 
 
-def test_what_goes_with_an_export_is_not_below_its_confirmation(tabs: Tabs, server: Server) -> None:
-    with visiting(tabs, server.url, size=PHONE) as visit:
-        page = visit.page
-        visit.verdict("GO")
-        sheet(page)
-        part(page, "Export")
-        place_on_earth(page)
-        visit.settle()
-        with page.expect_download():
-            page.locator("#downloads").get_by_role("button", name="Export").click()
-        expect(page.locator("#notice")).to_contain_text("Exported")
-        note, toast = box_of(page.locator("#export-notes")), box_of(page.locator(".toast"))
-        assert note["height"] > 0.0
-        assert note["y"] + note["height"] <= toast["y"]
-
-
-def test_a_confirmation_goes_with_the_next_edit_and_a_fault_stays_until_it_is_mended(
-    visit: Visit, page: Page
-) -> None:
+def test_a_confirmation_goes_with_an_edit_and_a_fault_when_mended(visit: Visit, page: Page) -> None:
     visit.expect_complaints("422")
     page.get_by_role("button", name="Copy link").click()
     reported = page.locator("#notice")
@@ -122,21 +118,14 @@ def test_a_link_to_no_plan_says_so_and_leads_on(
         assert "plan=" not in page.url
 
 
-def test_a_link_to_no_plan_leads_back_to_what_was_being_edited(
-    visit: Visit, page: Page, server: Server
-) -> None:
+def test_no_plan_leads_back_to_what_was_edited(visit: Visit, page: Page, server: Server) -> None:
     visit.expect_complaints("404")
     visit.fill("Name", "mine", exact=True)
     page.goto(f"{server.url}/?plan={GONE}")
     page.get_by_role("button", name="Continue what was being edited").click()
     expect(page.locator("#map-name")).to_have_text("mine")
     visit.verdict("Observable: rank 18 of 18")
-
-
-def test_back_to_a_plan_that_was_deleted_keeps_the_one_on_show(
-    visit: Visit, page: Page, server: Server
-) -> None:
-    visit.expect_complaints("404")
+    # Back to a plan that was deleted keeps the one on show
     kept = copied(page)
     page.evaluate(f"history.pushState(null, '', '?plan={GONE}')")
     page.evaluate(f"history.pushState(null, '', '?plan={kept}')")
@@ -146,9 +135,7 @@ def test_back_to_a_plan_that_was_deleted_keeps_the_one_on_show(
     assert plan_id_of(page) == kept
 
 
-def test_the_badge_of_a_plan_from_before_there_were_verdicts_is_the_verdicts(
-    tabs: Tabs, server: Server
-) -> None:
+def test_a_plan_stored_without_a_verdict_is_judged_anew(tabs: Tabs, server: Server) -> None:
     def without_verdict(route: Route) -> None:
         answer = route.fetch()
         plan = answer.json()
@@ -156,7 +143,7 @@ def test_the_badge_of_a_plan_from_before_there_were_verdicts_is_the_verdicts(
         route.fulfill(response=answer, body=json.dumps(plan))
 
     # rank and separation are as they should be, and v1 passes a landmark at a metre
-    scenario = document(landmarks_m=[[35.0, 40.0], [-21.0, 0.0]])
+    scenario = document(name="named", landmarks_m=[[35.0, 40.0], [-21.0, 0.0]])
     plan = httpx2.post(f"{server.url}/v1/plans", json=scenario).json()
     assert plan["observability"]["observable"]
     stops = [one for one in plan["verdict"]["findings"] if one["level"] == "stop"]
@@ -164,16 +151,17 @@ def test_the_badge_of_a_plan_from_before_there_were_verdicts_is_the_verdicts(
     with visiting(tabs, server.url) as visit:
         page = visit.page
         page.route(f"**/v1/plans/{plan['id']}", without_verdict)
+        # an address that names a plan comes before what was edited
+        visit.fill("Name", "edited", exact=True)
         page.goto(f"{server.url}/?plan={plan['id']}")
+        expect(page.locator("#map-name")).to_have_text("named")
         visit.verdict("✗ NO-GO")
         visit.verdict("Observable: rank 6 of 6")
         expect(page.locator("#badge")).to_have_class("badge bad")
         expect(page.locator("#findings")).to_contain_text("v1 passes L2 at 1 m")
 
 
-def test_while_a_scenario_is_at_fault_no_findings_are_said_to_go_with_its_files(
-    visit: Visit, page: Page
-) -> None:
+def test_no_findings_go_with_the_files_of_a_scenario_at_fault(visit: Visit, page: Page) -> None:
     visit.expect_complaints("422")
     visit.choose("paper-grid-alternate")
     found = page.locator("#export-findings")

@@ -2,8 +2,8 @@
 
 import hashlib
 import re
-from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
+from typing import Any
 
 import httpx2
 import pytest
@@ -27,20 +27,18 @@ from tests.tools.serving import Server
 
 ALTERNATE = "paper-grid-alternate"
 PAGE = Path(page_routes.__file__).parents[1] / "page"
+UNFOLD = "all => all.forEach(one => one.checkVisibility() && one.click())"
+"""Opens what is folded away."""
 
 
 @pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
-def test_the_page_has_no_accessibility_faults(
-    tabs: Tabs, server: Server, size: tuple[int, int]
-) -> None:
+def test_all_parts_are_accessible(tabs: Tabs, server: Server, size: tuple[int, int]) -> None:
     with visiting(tabs, server.url, size=size) as visit:
         page = visit.page
         visit.choose(ALTERNATE)
         handle(page, "v2").click()
         sheet(page)
-        for summary in page.locator("summary").all():
-            if summary.is_visible():
-                summary.click()
+        page.locator("summary").evaluate_all(UNFOLD)
         for name in ("Verdict", "Run", "Design", "Export", "Scenario"):
             part(page, name)
             assert faults_by_day_and_night(page) == []
@@ -83,9 +81,9 @@ def test_the_page_fits_a_phone_and_keeps_the_verdict_in_sight(tabs: Tabs, server
             assert over == []
 
 
-def _cut(page: Page) -> list[str]:
+def _cut(page: Page) -> Any:
     """What sticks out of its part of the page and can't be scrolled to."""
-    found: list[str] = page.evaluate(
+    return page.evaluate(
         """[...document.querySelectorAll('.inspector *, .bar *, .player *')].filter(one => {
             const box = one.getBoundingClientRect();
             const around = one.closest('.inspector, .bar, .player').getBoundingClientRect();
@@ -94,31 +92,22 @@ def _cut(page: Page) -> list[str]:
                 && (box.right > around.right + 1 || box.left < around.left - 1);
         }).map(one => one.outerHTML.slice(0, 100))"""
     )
-    return found
-
-
-@pytest.fixture(scope="module")
-def tabs_of_double_size(tabs: Tabs) -> Iterator[Tabs]:
-    """Tabs of a browser whose user likes letters large."""
-    options = "--blink-settings=defaultFontSize=32"
-    with launched(tabs.browser.browser_type, options) as browser:
-        yield Tabs(browser)
 
 
 @pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
-def test_letters_of_double_size_find_room(
-    tabs_of_double_size: Tabs, server: Server, size: tuple[int, int]
-) -> None:
-    with visiting(tabs_of_double_size, server.url, size=size) as visit:
+def test_large_letters_find_room(tabs: Tabs, server: Server, size: tuple[int, int]) -> None:
+    large = "--blink-settings=defaultFontSize=32"
+    with (
+        launched(tabs.browser.browser_type, large) as browser,
+        visiting(Tabs(browser), server.url, size=size) as visit,
+    ):
         page = visit.page
         visit.choose(ALTERNATE)
         handle(page, "v2").click()
         sheet(page)
         body = "parseFloat(getComputedStyle(document.body).fontSize)"
         assert page.evaluate(body) == pytest.approx(30.0)
-        for summary in page.locator("summary").all():
-            if summary.is_visible():
-                summary.click()
+        page.locator("summary").evaluate_all(UNFOLD)
         assert _cut(page) == []
         for name in ("Centre east", "Angular rate", "Trials"):
             part(page, "Run" if name == "Trials" else "Scenario")
@@ -129,9 +118,7 @@ def test_letters_of_double_size_find_room(
         assert accessibility_faults(page) == []
 
 
-def test_numbers_and_their_units_stay_on_one_line_and_figures_follow_the_theme(
-    visit: Visit, page: Page
-) -> None:
+def test_units_stay_beside_numbers_and_figures_follow_the_theme(visit: Visit, page: Page) -> None:
     part(page, "Run")
     amounts = page.locator(".amount")
     expect(amounts).to_have_count(2)
@@ -200,8 +187,7 @@ def test_what_the_page_names_is_kept_until_another_edition(server: Server) -> No
 
 
 @pytest.mark.quick
-def test_the_first_example_comes_with_the_page_and_the_window_never_scrolls(visit: Visit) -> None:
-    page = visit.page
+def test_the_first_example_is_within_the_page_that_never_scrolls(visit: Visit, page: Page) -> None:
     loaded = page.evaluate("performance.getEntriesByType('resource').map(one => one.name)")
     assert [one for one in loaded if "yaml" in one] == []
     within = page.locator("#paper-grid-same").text_content()
@@ -235,15 +221,9 @@ def test_the_libraries_of_the_page_are_as_they_were_bundled() -> None:
         assert hashlib.sha256((vendored / name).read_bytes()).hexdigest() == digest, name
 
 
-def test_the_page_offers_every_format_of_exports_and_only_examples_there_are(
-    visit: Visit, server: Server
-) -> None:
-    def values(chosen: str) -> list[str]:
-        return [
-            one
-            for one in visit.page.eval_on_selector_all(chosen, "a => a.map(o => o.value)")
-            if one
-        ]
+def test_every_format_and_only_examples_there_are_are_offered(visit: Visit, server: Server) -> None:
+    def values(chosen: str) -> Any:
+        return visit.page.eval_on_selector_all(chosen, "a => a.map(o => o.value).filter(Boolean)")
 
     assert values("#format option") == list(FORMATS)
     for name in values("#examples option"):

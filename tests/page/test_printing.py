@@ -61,9 +61,7 @@ def test_a_report_prints_on_one_sheet(count: int, changes: dict[str, Any], tabs:
     page.close()
 
 
-def test_the_page_opens_the_report_of_the_plan_on_show_in_a_tab(
-    visit: Visit, page: Page, server: Server
-) -> None:
+def test_the_report_of_a_plan_opens_in_a_tab(visit: Visit, page: Page, server: Server) -> None:
     opened(page, grid(12, geo_origin=TROUBLED["geo_origin"]))
     visit.settle()
     part(page, "Export")

@@ -37,9 +37,7 @@ def test_a_reload_goes_on_with_a_fault_and_undo_leads_out_of_it(visit: Visit, pa
     visit.verdict("Not observable: rank 16 of 18")
 
 
-def test_a_reload_keeps_phases_that_were_given_and_the_way_back_to_them(
-    visit: Visit, page: Page, server: Server
-) -> None:
+def test_a_reload_keeps_given_phases(visit: Visit, page: Page, server: Server) -> None:
     plan = httpx2.post(f"{server.url}/v1/plans", json=document(name="of a file")).json()
     for one, phase in zip(plan["vehicles"], (0.25, 2.5), strict=True):
         # where it is at time 0 and its speed follow from these
@@ -62,17 +60,7 @@ def test_a_reload_keeps_phases_that_were_given_and_the_way_back_to_them(
     expect(phases(page)).to_have_text("from a file")
 
 
-def test_an_address_that_names_a_plan_comes_before_what_was_edited(
-    visit: Visit, page: Page, server: Server
-) -> None:
-    plan = httpx2.post(f"{server.url}/v1/plans", json=document(name="named")).json()
-    visit.fill("Name", "edited", exact=True)
-    page.goto(f"{server.url}/?plan={plan['id']}")
-    expect(page.locator("#map-name")).to_have_text("named")
-
-
-def test_what_the_tab_kept_and_can_not_be_planned_any_more_is_forgotten(visit: Visit) -> None:
-    page = visit.page
+def test_what_a_tab_kept_and_can_t_be_planned_is_forgotten(visit: Visit, page: Page) -> None:
     visit.expect_complaints("422")
     kept = {"state": {"scenario": {"orbit": 1}, "anchor": {"scenario": {}, "planId": None}}}
     page.add_init_script(f"sessionStorage.setItem('syncplan-edit', '{json.dumps(kept)}')")
@@ -83,9 +71,7 @@ def test_what_the_tab_kept_and_can_not_be_planned_any_more_is_forgotten(visit: V
     page.close()
 
 
-def test_a_reload_shows_the_outcome_of_a_validation_again_with_its_report(
-    page: Page, server: Server
-) -> None:
+def test_a_reload_shows_a_validation_and_its_report_again(page: Page, server: Server) -> None:
     part(page, "Export")
     report = page.get_by_role("button", name="Report", exact=True)
     expect(report).to_be_disabled()
@@ -110,22 +96,7 @@ def test_a_reload_shows_the_outcome_of_a_validation_again_with_its_report(
     assert page.url.rpartition("/")[2] == ""
 
 
-def test_a_link_names_the_plan_alone_and_says_that_it_was_copied(
-    page: Page, server: Server
-) -> None:
-    validate(page, "50000")
-    expect(page.locator("#job-text")).to_contain_text("of 50000 trials")
-    page.get_by_role("button", name="Copy link").click()
-    link = f"{server.url}/?plan={plan_id_of(page)}"
-    expect(page.locator("#notice")).to_have_text(f"Link copied: {link}")
-    assert page.evaluate("navigator.clipboard.readText()") == link
-    page.get_by_role("button", name="Cancel").click()
-    expect(page.locator("#notice")).to_have_text("Validation cancelled.")
-
-
-def test_a_link_is_of_the_plan_that_was_stored_though_it_was_edited_meanwhile(
-    page: Page, server: Server
-) -> None:
+def test_a_link_is_of_the_plan_that_an_edit_overtook(page: Page, server: Server) -> None:
     held: list[Route] = []
     page.route("**/v1/plans", lambda route: held.append(route))
     page.get_by_role("button", name="Copy link").click()
@@ -141,9 +112,7 @@ def test_a_link_is_of_the_plan_that_was_stored_though_it_was_edited_meanwhile(
 
 
 @pytest.mark.quick
-def test_the_link_is_to_one_plan_and_to_another_once_that_was_deleted(
-    visit: Visit, page: Page, server: Server
-) -> None:
+def test_the_link_is_to_one_plan_until_deleted(visit: Visit, page: Page, server: Server) -> None:
     visit.expect_complaints("404")
     before = len(httpx2.get(f"{server.url}/v1/plans?limit=200").json()["items"])
     # two quick presses

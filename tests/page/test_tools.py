@@ -43,9 +43,7 @@ def take(page: Page, tool: str) -> None:
 
 
 @pytest.mark.parametrize("size", [DESKTOP, TABLET, PHONE], ids=["desktop", "tablet", "phone"])
-def test_a_team_of_ones_own_comes_from_the_first_screen_to_a_mission_in_nine_actions(
-    tabs: Tabs, server: Server, size: tuple[int, int]
-) -> None:
+def test_a_new_team_comes_to_a_mission(tabs: Tabs, server: Server, size: tuple[int, int]) -> None:
     with visiting(tabs, server.url, size=size) as visit:
         page = visit.page
         visit.verdict("GO")
@@ -86,34 +84,31 @@ def test_a_team_of_ones_own_comes_to_a_mission_by_keyboard_alone(visit: Visit, p
     assert sum(name.endswith(".plan") for name in unzipped(waiting.value)) == 4
 
 
-def test_what_is_wrong_with_a_new_team_is_reported_in_its_dialogue(visit: Visit) -> None:
-    page = visit.page
+def test_a_new_team_may_be_given_by_links_and_its_faults_are_said(visit: Visit, page: Page) -> None:
     visit.expect_complaints("422")
-    page.get_by_role("button", name="New").click()
+    new, create = (page.get_by_role("button", name=name) for name in ("New", "Create"))
+    new.click()
     dialogue = page.get_by_role("dialog")
-    page.get_by_role("spinbutton", name="Vehicles").fill("0")
-    page.get_by_role("button", name="Create").click()
+    vehicles = page.get_by_role("spinbutton", name="Vehicles")
+    vehicles.fill("0")
+    create.click()
     expect(dialogue).to_contain_text("formation.count")
-    page.get_by_role("spinbutton", name="Vehicles").fill("")
-    page.get_by_role("button", name="Create").click()
+    vehicles.fill("")
+    create.click()
     expect(page.locator("#new-count-fault")).to_contain_text("is missing")
     page.keyboard.press("Escape")
     expect(dialogue).to_have_count(0)
     visit.verdict("Observable: rank 18 of 18")
-
-
-def test_a_new_team_may_be_given_by_its_links_alone(visit: Visit, page: Page) -> None:
-    visit.expect_complaints("422")
-    page.get_by_role("button", name="New").click()
+    new.click()
     page.get_by_label("Shape").select_option(label="given by its links")
-    expect(page.get_by_role("spinbutton", name="Vehicles")).to_be_hidden()
+    expect(vehicles).to_be_hidden()
     links = page.locator("#new-links")
     links.fill("v1-v2 v2")
-    page.get_by_role("button", name="Create").click()
-    expect(page.get_by_role("dialog")).to_contain_text("links")
+    create.click()
+    expect(dialogue).to_contain_text("links")
     links.fill("v1-v2, v2-v3, v3-v4, v4-v5, v5-v1")
     assert accessibility_faults(page) == []
-    page.get_by_role("button", name="Create").click()
+    create.click()
     visit.verdict("rank 15 of 15")
     made = downloaded(page)["formation"]
     assert made["links"] == [["v1", "v2"], ["v2", "v3"], ["v3", "v4"], ["v4", "v5"], ["v5", "v1"]]
@@ -139,8 +134,7 @@ def test_the_best_of_the_selected_landmarks_are_kept(visit: Visit, page: Page) -
 
 
 @pytest.mark.quick
-def test_the_radius_and_the_phase_of_the_selected_vehicle_are_dragged(visit: Visit) -> None:
-    page = visit.page
+def test_radius_and_phase_of_the_selected_vehicle_are_dragged(visit: Visit, page: Page) -> None:
     handle(page, "v2").click()
     radius = handle(page, "radius of v2")
     expect(radius).to_have_attribute("aria-label", "Radius of v2, 20 m")
@@ -194,17 +188,23 @@ def test_several_are_selected_moved_copied_aligned_and_removed(visit: Visit, pag
     assert downloaded(page) == before
 
 
-def test_a_box_with_shift_selects_all_within(visit: Visit, page: Page) -> None:
+def test_tools_measure_place_and_link_by_clicks_and_a_box_selects(visit: Visit, page: Page) -> None:
+    # a box with Shift
     page.keyboard.down("Shift")
     pull(page, on_screen(page, 45.0, 95.0), on_screen(page, 160.0, 45.0))
     page.keyboard.up("Shift")
     expect(page.locator("#notice")).to_have_text("2 selected.")
     for name, pressed in (("v4", "true"), ("v5", "true"), ("v2", "false")):
         expect(handle(page, name)).to_have_attribute("aria-pressed", pressed)
-
-
-def test_vehicles_and_landmarks_are_placed_by_a_click(visit: Visit, page: Page) -> None:
-    before = view(page)
+    scenario, before, words = downloaded(page), view(page), page.locator("#tool-help")
+    take(page, "Ruler")
+    click(page, 20.0, 35.0)
+    page.wait_for_timeout(300)
+    click(page, 120.0, 35.0)
+    expect(words).to_contain_text(" m")
+    length = float((words.text_content() or "0").split()[0])
+    assert length == pytest.approx(100.0, abs=1.0)
+    assert downloaded(page) == scenario
     take(page, "Vehicle")
     click(page, 70.0, 35.0)
     expect(handle(page, "v7")).to_have_attribute("aria-pressed", "true")
@@ -218,16 +218,13 @@ def test_vehicles_and_landmarks_are_placed_by_a_click(visit: Visit, page: Page) 
     assert view(page) == before
     page.keyboard.press("Escape")
     expect(page.locator("#map")).to_have_attribute("data-tool", "select")
-
-
-def test_links_are_drawn_and_removed_by_two_clicks(visit: Visit, page: Page) -> None:
+    # two clicks remove a link; the keyboard draws it again
     take(page, "Link")
     handle(page, "v1").click()
-    expect(page.locator("#tool-help")).to_contain_text("From v1")
+    expect(words).to_contain_text("From v1")
     handle(page, "v2").click()
     visit.settle()
     assert ["v1", "v2"] not in downloaded(page)["formation"]["links"]
-    # by keyboard as well
     handle(page, "v1").press("Enter")
     handle(page, "v2").press("Enter")
     visit.settle()
@@ -255,14 +252,3 @@ def test_polygons_are_drawn_changed_and_removed(visit: Visit, page: Page) -> Non
     page.get_by_role("button", name="Remove", exact=True).click()
     visit.settle()
     assert "obstacles_m" not in downloaded(page)
-
-
-def test_the_ruler_measures(visit: Visit, page: Page) -> None:
-    take(page, "Ruler")
-    click(page, 20.0, 35.0)
-    page.wait_for_timeout(300)
-    click(page, 120.0, 35.0)
-    expect(page.locator("#tool-help")).to_contain_text(" m")
-    length = float((page.locator("#tool-help").text_content() or "0").split()[0])
-    assert length == pytest.approx(100.0, abs=1.0)
-    assert downloaded(page)["name"] == "paper-grid-same"

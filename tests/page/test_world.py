@@ -40,8 +40,7 @@ def test_fields_of_the_world_are_folded_until_used(visit: Visit, page: Page) -> 
     assert accessibility_faults(page) == []
 
 
-def test_a_scenario_of_the_world_opens_its_groups_and_keeps_its_keys(visit: Visit) -> None:
-    page = visit.page
+def test_a_scenario_of_the_world_opens_its_groups_and_is_kept(visit: Visit, page: Page) -> None:
     opened(page, WORLD)
     visit.settle()
     visit.verdict("Observable: rank 6 of 6")

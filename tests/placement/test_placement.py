@@ -87,34 +87,22 @@ GRAPHS = {
     "path": path(9),
     **{f"ring of {count}": ring(count) for count in (3, 4, 5, 7, 12)},
     "grid 3 x 3": shape_edges("grid", 9, 3),
+    "grid 5 x 5": shape_edges("grid", 25, 5),
     # so many that only the pairs nearby are used
     "grid 7 x 7": shape_edges("grid", 49, 7),
     "hex patch": shape_edges("hex", 14, 4),
     "star of 5": star(5),
     "star of 6": star(6),
-    "tree": tree(12, 0),
+    **{f"tree {seed}": tree(12, seed) for seed in (0, 2, 3, 4, 5)},
 }
 
 
 @pytest.mark.parametrize("name", GRAPHS)
-def test_a_graph_that_can_be_drawn_is_drawn(name: str) -> None:
-    assert_drawn(place(linked(GRAPHS[name])), GRAPHS[name], 50.0)
-
-
-@pytest.mark.parametrize("name", ["ring of 12", "grid 3 x 3", "hex patch", "star of 6", "tree"])
-def test_a_graph_is_drawn_where_circles_are_large_and_the_range_is_short(name: str) -> None:
-    placement = place(linked(GRAPHS[name], radius=50.0, sensed=10.0))
-    assert_drawn(placement, GRAPHS[name], 10.0)
-
-
-@pytest.mark.parametrize(
-    ("radius", "sensed", "seeds"), [(20.0, 50.0, (2, 3)), (50.0, 10.0, (4, 5))]
-)
-def test_random_trees_and_a_grid_are_drawn_at_any_range(
-    radius: float, sensed: float, seeds: tuple[int, int]
+@pytest.mark.parametrize(("radius", "sensed"), [(20.0, 50.0), (50.0, 10.0)])
+def test_a_graph_that_can_be_drawn_is_drawn_at_any_range(
+    name: str, radius: float, sensed: float
 ) -> None:
-    for edges in [*(tree(12, seed) for seed in seeds), shape_edges("grid", 25, 5)]:
-        assert_drawn(place(linked(edges, radius, sensed)), edges, sensed)
+    assert_drawn(place(linked(GRAPHS[name], radius, sensed)), GRAPHS[name], sensed)
 
 
 def test_unequal_circles_and_ranges_are_drawn_each_by_its_own() -> None:
@@ -194,13 +182,10 @@ def test_centres_that_are_given_are_not_placed() -> None:
         place(small(formation={"shape": "ring", "count": 3, "spacing_m": 70.0}))
 
 
-@pytest.mark.parametrize(
-    ("options", "key"), [({"margin": 50.0}, "margin"), ({"starts": 0}, "starts")]
-)
-def test_options_out_of_range_are_refused(options: dict[str, Any], key: str) -> None:
-    with pytest.raises(InputError) as caught:
+@pytest.mark.parametrize("options", [{"margin": 50.0}, {"starts": 0}])
+def test_options_out_of_range_are_refused(options: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match=f"^{next(iter(options))}: "):
         place(linked(path(2)), **options)
-    assert caught.value.key == key
 
 
 def test_the_margin_is_what_refinement_will_keep() -> None:

@@ -13,8 +13,7 @@ from syncplan.estimation.consistency import TOLERANCE
 from syncplan.planning.validation import Validation, validate
 from syncplan.reports.run_figures import Spread, interval_words, spread_figures, verdict_words
 from syncplan.reports.validation_report import ValidationDocument, validation_document
-from syncplan.scenario.loading import scenario_from
-from tests.tools.scenarios import example
+from tests.tools.scenarios import changed, example
 
 
 def _spread(value: float | None, band: tuple[float, float] | None = None, **keys: Any) -> Spread:
@@ -25,9 +24,8 @@ def _spread(value: float | None, band: tuple[float, float] | None = None, **keys
 @pytest.fixture(scope="module")
 def far_off() -> Validation:
     """Five vehicles whose start is known to 10 m alone: some trials are lost."""
-    document = example("five-ring").model_dump(exclude_none=True)
-    document["initial_sigma"] = {"position_m": 10.0, "heading_rad": 0.2}
-    return validate(scenario_from(document), trials=64, seed=2, filter="ekf")
+    start = {"position_m": 10.0, "heading_rad": 0.2}
+    return validate(changed("five-ring", initial_sigma=start), trials=64, seed=2, filter="ekf")
 
 
 def test_words_say_what_the_interval_rests_on_and_why_there_is_none() -> None:
@@ -112,11 +110,11 @@ def test_a_single_trial_is_not_called_consistent() -> None:
 
 def test_sigmas_of_an_unobservable_plan_hold_while_the_start_is_known_well() -> None:
     """And the note says when: it is not the missing rank alone that makes them wrong."""
-    document = example("paper-grid-alternate").model_dump(exclude_none=True)
     verdicts = {}
     for sigma in (1.0, 20.0):
-        document["initial_sigma"] = {"position_m": sigma, "heading_rad": 0.02 * sigma}
-        report = validation_document(validate(scenario_from(document), trials=60, seed=3))
+        start = {"position_m": sigma, "heading_rad": 0.02 * sigma}
+        scenario = changed("paper-grid-alternate", initial_sigma=start)
+        report = validation_document(validate(scenario, trials=60, seed=3))
         verdicts[sigma] = report.anees.verdict
         assert "they hold where initial_sigma is true, small against" in report.notes[0]
         assert ("Here they do not hold" in report.notes[0]) == (sigma == 20.0)

@@ -1,21 +1,25 @@
-"""Plan files: read back as they were written, and refused where they contradict themselves."""
+"""Plan files, read back as they were written or refused, and what else stands for a plan."""
 
 import copy
 import json
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+import syncplan
 from syncplan.errors import InputError
 from syncplan.planning.plan_files import loaded_from, plan_of
 from syncplan.planning.planner import Plan, plan
 from syncplan.refinement.refiner import refine
 from syncplan.reports.plan_report import plan_document
+from syncplan.runtime.files import as_text
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.other_documents import OTHER_DOCUMENTS
-from tests.tools.scenarios import document, example, small
+from tests.tools.scenarios import circling, document, example, small
 
 Tree = dict[str, Any]
 
@@ -172,10 +176,71 @@ def test_other_documents_are_called_by_their_names(name: str) -> None:
 
 def test_a_shape_beyond_the_usual_limit_is_planned_where_it_was_let_in() -> None:
     shape = {"shape": "grid", "count": 10_001, "columns": 50, "spacing_m": 70.0}
-    with pytest.raises(InputError, match=r"formation\.count: 10001 vehicles are more than"):
-        small(formation=shape)
     loaded = scenario_from(document(formation=shape, duration_s=10.0), max_vehicles=10_001)
     resolved = loaded.resolved()
     assert resolved.centers == loaded.centers
     assert resolved.formation.shape is None
     assert len(resolved.vehicle_names) == 10_001
+
+
+# --- what stands for a plan -----------------------------------------------------------------------
+
+
+MAPPING = small().model_dump(mode="json", exclude_none=True)
+
+
+@pytest.fixture
+def scenario_file(tmp_path: Path) -> Path:
+    path = tmp_path / "scenario.json"
+    path.write_text(as_text(MAPPING))
+    return path
+
+
+@pytest.fixture
+def plan_file(tmp_path: Path) -> Path:
+    path = tmp_path / "plan.json"
+    syncplan.plan(small()).save(path)
+    return path
+
+
+def same(one: Plan, other: Plan) -> bool:
+    return one.scenario == other.scenario and bool(
+        np.array_equal(one.orbits.phases, other.orbits.phases)
+    )
+
+
+def test_a_scenario_is_planned_from_its_file_or_its_keys(scenario_file: Path) -> None:
+    made = syncplan.plan(small())
+    for given in (scenario_file, str(scenario_file), MAPPING):
+        assert same(syncplan.plan(given), made)
+
+
+def test_what_takes_a_plan_takes_files_and_mappings(scenario_file: Path, plan_file: Path) -> None:
+    expected = syncplan.validate(small(), trials=2, duration=10.0).accuracy.late_position
+    for given in (scenario_file, str(plan_file), MAPPING, syncplan.load_plan(plan_file)):
+        found = syncplan.validate(given, trials=2, duration=10.0).accuracy.late_position
+        assert np.array_equal(found, expected)
+
+
+def test_a_plan_read_keeps_orbits_that_planning_would_not_find(tmp_path: Path) -> None:
+    orbit = circling(desync_rad=[0.0, 0.3])
+    made = syncplan.plan(small(orbit=orbit))
+    made.save(tmp_path / "plan.json")
+    assert same(syncplan.load_plan(tmp_path / "plan.json"), made)
+
+
+@pytest.mark.parametrize("given", [3, None, ["plan.json"]])
+def test_anything_else_is_refused_by_its_kind(given: Any) -> None:
+    kind = type(given).__name__
+    for call in (syncplan.plan, syncplan.validate, syncplan.refine):
+        with pytest.raises(syncplan.InputError, match=f"is a {kind}; give a"):
+            call(given)
+
+
+def test_a_plan_where_a_scenario_is_wanted_and_the_reverse_say_what_reads_them(
+    scenario_file: Path, plan_file: Path
+) -> None:
+    with pytest.raises(syncplan.InputError, match=r"is already a plan; syncplan\.load_plan"):
+        syncplan.plan(plan_file)
+    with pytest.raises(syncplan.InputError, match=r"is a scenario, not a plan; syncplan\.plan"):
+        syncplan.load_plan(scenario_file)

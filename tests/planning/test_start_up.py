@@ -1,4 +1,4 @@
-"""The finding on the start: index, pilot, cure, and what a refinement makes worse."""
+"""The finding on the start: index, pilot, cure, refinements that make it worse, filter."""
 
 from dataclasses import replace
 from functools import cache
@@ -7,12 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+import syncplan
+from syncplan.errors import InputError
+from syncplan.estimation.filter_options import FilterOptions
 from syncplan.planning import start_up
 from syncplan.planning.judged_team import PlanFinding
 from syncplan.planning.plan_files import loaded_from, plan_of
 from syncplan.planning.planner import Plan, plan
 from syncplan.planning.start_up import CLEARING_INDEX, SAFE_RATIO, InputStart, StartTrials, StartUp
-from syncplan.planning.validation import validate
+from syncplan.planning.validation import choose_filter, validate
+from syncplan.planning.variations import sweep
 from syncplan.refinement.refiner import refine
 from syncplan.reports.plan_report import plan_document
 from syncplan.reports.validation_report import validation_document
@@ -170,12 +174,6 @@ def test_a_plan_that_predicts_nothing_says_nothing_of_its_start(bound: Any) -> N
     assert found(made) == []
 
 
-def test_the_same_plan_is_judged_the_same_again(uncertain: Plan) -> None:
-    again = plan(grid())
-    assert found(again) == found(uncertain)
-    np.testing.assert_array_equal(trials_of(uncertain).found, trials_of(again).found)
-
-
 def test_a_validation_speaks_of_its_own_trials(uncertain: Plan) -> None:
     flown = validate(plan(grid(), pilot=False), trials=32, seed=5, threads=1, filter="ekf")
     findings = validation_document(flown).verdict
@@ -270,3 +268,41 @@ def test_a_plan_read_back_says_the_same_of_its_start_word_for_word(
     assert kept.refinement is not None
     assert kept.refinement.start_before == record.start_before
     assert found(replace(kept, start_up=worse.start_up), "start-up-worse") == [reported]
+
+
+# --- which filter runs ----------------------------------------------------------------------------
+
+
+def test_a_known_start_is_left_to_the_extended_filter() -> None:
+    choice = choose_filter(syncplan.plan(example("paper-grid-same")), FilterOptions())
+    assert choice.name == "ekf"
+    assert choice.reason.startswith("start-up index 0.")
+
+
+def test_a_start_that_the_index_does_not_clear_calls_for_the_robust_filter() -> None:
+    lost = changed("paper-grid-same", initial_sigma={"position_m": 15.0, "heading_rad": 0.3})
+    done = syncplan.validate(lost, trials=16, duration=70.0)
+    assert done.filter == "robust"
+    assert "over the 0.45" in done.chosen_because
+    assert done.judged_from == pytest.approx(31.5)
+
+
+def test_the_scenario_and_then_the_option_decide() -> None:
+    asked = changed("paper-grid-same", filter={"kind": "second-order"})
+    plan = syncplan.plan(asked)
+    assert choose_filter(plan, FilterOptions()).name == "second-order"
+    assert choose_filter(plan, FilterOptions(filter="paper")).name == "paper"
+
+
+def test_rows_of_a_sweep_have_one_filter() -> None:
+    lost = changed("paper-grid-same", initial_sigma={"position_m": 15.0, "heading_rad": 0.3})
+    rows = sweep(lost, "range", [50.0, 60.0], trials=1, duration=2.0)
+    assert {row.validation.filter for row in rows} == {"ekf"}
+
+
+@pytest.mark.parametrize(("former", "now"), [("arc", "ekf"), ("euler", "paper")])
+def test_former_names_are_understood(former: str, now: str) -> None:
+    assert FilterOptions(model=former).filter == now
+    assert FilterOptions.of_request({"model": former}).filter == now
+    with pytest.raises(InputError, match="leave model out"):
+        FilterOptions(model=former, filter="robust")

@@ -3,7 +3,6 @@
 import json
 import math
 from dataclasses import replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,7 @@ from syncplan.plotting.figure_table import FIGURES
 from syncplan.plotting.figures import specs_of
 from syncplan.plotting.formation_figures import FRAMES, live, verdict_words
 from syncplan.scenario.objectives import OBJECTIVES, Figures
-from tests.tools.figure_parts import note_of, spec_of, trace_of, turns_of
+from tests.tools.figure_parts import lines_of, note_of, spec_of, trace_of, turns_of
 from tests.tools.measurement_graphs import union_over
 from tests.tools.scenarios import circling, example, small
 
@@ -35,29 +34,23 @@ def made(request: pytest.FixtureRequest) -> Plan:
     return plan(example(request.param))
 
 
-def _polylines(trace: dict[str, Any]) -> list[np.ndarray]:
-    """The lines of a trace, cut at its gaps."""
-    gaps = [-1, *(k for k, x in enumerate(trace["x"]) if x is None)]
-    assert trace["x"][-1] is None
-    return [
-        np.column_stack([trace["x"][a + 1 : b], trace["y"][a + 1 : b]]).astype(float)
-        for a, b in pairwise(gaps)
-    ]
-
-
 def _formation(made: Plan) -> dict[str, Any]:
     return spec_of(made, "formation")
 
 
-def test_circles_drawn_lie_on_the_circles_of_the_plan(made: Plan) -> None:
+def test_circles_drawn_lie_on_the_circles_of_the_plan_and_their_heads_turn_as_they_do(
+    made: Plan,
+) -> None:
     spec = _formation(made)
     for key, sense in (("ccw", 1.0), ("cw", -1.0)):
         chosen = np.flatnonzero(made.orbits.senses == sense)
         if not len(chosen):
             assert all(trace["uid"] != f"circles-{key}" for trace in spec["data"])
             continue
-        lines = _polylines(trace_of(spec, f"circles-{key}"))
+        lines = lines_of(trace_of(spec, f"circles-{key}"))
         assert len(lines) == len(chosen)
+        turns = turns_of(trace_of(spec, f"heads-{key}"), made.orbits.centers[chosen])
+        assert (turns == sense).all()
         for k, line in zip(chosen, lines, strict=True):
             away = np.hypot(*(line - made.orbits.centers[k]).T)
             np.testing.assert_allclose(away, made.orbits.radii[k], atol=0.02)
@@ -79,16 +72,6 @@ def test_vehicles_stand_where_they_start_and_point_where_they_fly(made: Plan) ->
     step = position(made.orbits, 1e-4) - position(made.orbits, 0.0)
     step /= np.hypot(*step.T)[:, None]
     np.testing.assert_allclose(ahead, step, atol=0.01)
-
-
-def test_heads_on_circles_turn_with_the_sense(made: Plan) -> None:
-    spec = _formation(made)
-    for key, sense in (("ccw", 1.0), ("cw", -1.0)):
-        chosen = made.orbits.senses == sense
-        if not chosen.any():
-            continue
-        turns = turns_of(trace_of(spec, f"heads-{key}"), made.orbits.centers[chosen])
-        assert (turns == sense).all()
 
 
 def test_every_meeting_is_drawn_once_by_what_it_is_worth(made: Plan) -> None:
@@ -113,7 +96,7 @@ def test_link_lines_run_along_the_line_of_centres(made: Plan) -> None:
         if not trace["uid"].startswith(("link-", "landmark-rank", "landmark-cert")):
             continue
         reported = [text for text in trace["text"] if text]
-        for text, line in zip(reported, _polylines(trace), strict=True):
+        for text, line in zip(reported, lines_of(trace), strict=True):
             a, b = text[: text.index(",")].split("-")
             along = places[b] - places[a]
             off = (line - places[a]) @ perpendicular(along) / np.hypot(*along)
@@ -125,14 +108,18 @@ def test_link_lines_run_along_the_line_of_centres(made: Plan) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["paper-grid-alternate", "crooked-line-alternate", "landmark-bridge"]
+    "name", ["paper-grid-alternate", "crooked-line-alternate", "landmark-bridge", "paper-grid-same"]
 )
 def test_arrows_are_the_motions_that_no_sighting_can_detect(name: str) -> None:
     made = plan(example(name))
+    spec = _formation(made)
+    assert verdict_words(made) in note_of(spec)
+    arrows = [trace for trace in spec["data"] if trace["uid"].startswith("motion")]
+    assert len(arrows) == len(made.unobservable)
+    assert bool(arrows) == (name != "paper-grid-same")
     start = position(made.orbits, 0.0)
-    assert made.unobservable
     for number, motion in enumerate(made.unobservable):
-        lines = _polylines(trace_of(spec_of(made, "formation"), f"motion-{number}"))
+        lines = lines_of(trace_of(spec, f"motion-{number}"))
         assert len(lines) == len(motion.vehicles)
         drawn = np.zeros((made.orbits.count, 2))
         longest = max(float(np.hypot(*(line[-1] - line[0]))) for line in lines)
@@ -140,13 +127,6 @@ def test_arrows_are_the_motions_that_no_sighting_can_detect(name: str) -> None:
             np.testing.assert_allclose(line[0], start[k], atol=0.02)
             drawn[k] = (line[-1] - line[0]) / longest
         np.testing.assert_allclose(drawn, motion.motion[:, :2], atol=2e-3)
-
-
-def test_a_plan_that_is_observable_has_no_arrows() -> None:
-    made = plan(example("paper-grid-same"))
-    spec = _formation(made)
-    assert verdict_words(made) in note_of(spec)
-    assert not [trace for trace in spec["data"] if trace["uid"].startswith("motion")]
 
 
 def test_bars_are_the_directed_windows_cut_at_the_period(made: Plan) -> None:
@@ -223,12 +203,6 @@ def test_predicted_errors_are_those_of_the_plan(made: Plan) -> None:
     if not np.isnan(made.prediction.window).all():
         window = np.array(trace_of(spec, "window")["y"], dtype=float)
         np.testing.assert_allclose(window, made.prediction.window, atol=1e-6)
-
-
-def test_a_plan_without_a_bound_says_why() -> None:
-    made = plan(small(), bound="never")
-    text = spec_of(made, "prediction")["layout"]["annotations"][0]["text"]
-    assert "not asked for" in text
 
 
 def test_each_frame_has_the_poses_and_sightings_of_its_moment(made: Plan) -> None:
@@ -313,23 +287,19 @@ def test_a_refined_plan_is_shown_before_and_after() -> None:
     assert titles == ["error, m", "distance, m"]
     both = figures.comparison(before, after)
     for side, one in (("before", before), ("after", after)):
-        lines = _polylines(trace_of(both.to_plotly_json(), f"circles-{side}"))
+        lines = lines_of(trace_of(both.to_plotly_json(), f"circles-{side}"))
         away = np.hypot(*(lines[0] - one.orbits.centers[0]).T)
         np.testing.assert_allclose(away, one.orbits.radii[0], atol=0.02)
 
 
-def test_words_of_figures_keep_to_the_letters_of_the_font_of_images(made: Plan) -> None:
-    assert json.dumps(specs_of(made), ensure_ascii=False).isascii()
-
-
-def test_plans_of_different_vehicles_are_not_compared(made: Plan) -> None:
+def test_figures_that_plans_lack_are_refused_or_say_why(made: Plan) -> None:
+    bare = plan(small(), bound="never")
+    text = spec_of(bare, "prediction")["layout"]["annotations"][0]["text"]
+    assert "not asked for" in text
+    with pytest.raises(InputError, match="was not refined"):
+        figures.refinement(bare)
     with pytest.raises(InputError, match="both must name the same"):
         figures.comparison(made, plan(small(formation={"centers_m": {"a": [0, 0], "b": [60, 0]}})))
-
-
-def test_a_plan_that_was_not_refined_has_no_such_figure() -> None:
-    with pytest.raises(InputError, match="was not refined"):
-        figures.refinement(plan(small()))
 
 
 def test_every_figure_is_one_that_plotly_accepts_and_the_same_each_time(made: Plan) -> None:
@@ -338,7 +308,9 @@ def test_every_figure_is_one_that_plotly_accepts_and_the_same_each_time(made: Pl
     assert set(specs) <= set(FIGURES)
     again = specs_of(plan_of(Loaded(made.scenario, made.orbits)))
     for name, spec in specs.items():
-        text = json.dumps(spec, allow_nan=False)
+        text = json.dumps(spec, allow_nan=False, ensure_ascii=False)
+        # the font of images has no other letters
+        assert text.isascii()
         # Plotly changes what it is given
         built = Figure(json.loads(text))
         assert json.loads(built.to_json())["data"], name

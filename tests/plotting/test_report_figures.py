@@ -17,6 +17,7 @@ from syncplan.planning.variations import sweep
 from syncplan.plotting.figures import specs_of
 from syncplan.plotting.panels import MOST_POINTS
 from syncplan.plotting.series_figures import MOST_VEHICLES
+from syncplan.reports.flight_report import flight_document
 from syncplan.reports.loss_report import what_if_document
 from syncplan.reports.validation_report import (
     SweepReport,
@@ -25,6 +26,7 @@ from syncplan.reports.validation_report import (
     validation_document,
 )
 from tests.tools.figure_parts import note_of, spec_of, trace_of
+from tests.tools.flown import short_flight
 from tests.tools.scenarios import example, small
 
 
@@ -88,16 +90,6 @@ def test_axes_of_the_series_make_up_the_position(run_with_series: Validation) ->
     np.testing.assert_allclose(totals[:, 1], run_with_series.accuracy.y, rtol=1e-9)
 
 
-def test_a_single_trial_shows_its_error_and_no_spread() -> None:
-    one = validate(small(landmarks_m=[[35, 9]]), trials=1, duration=5.0, with_series=True)
-    spec = spec_of(one, "errors")
-    assert {trace["uid"].split("-")[0] for trace in spec["data"]} == {"band", "mean"}
-    assert trace_of(spec, "mean-v1-0")["name"] == "error"
-    final = one.result.final_errors[0, 0]
-    drawn = [trace_of(spec, f"mean-v1-{column}")["y"][-1] for column in range(3)]
-    np.testing.assert_allclose(drawn, final, atol=1e-5)
-
-
 def test_of_a_large_team_the_worst_are_drawn_or_those_named() -> None:
     shape = {"shape": "grid", "count": 20, "columns": 5, "spacing_m": 70.0}
     run = validate(small(formation=shape), trials=4, duration=2.0, with_series=True)
@@ -144,9 +136,15 @@ def test_a_dishonest_filter_is_reported_by_symbol_and_words(report: ValidationDo
     assert high > 3.0
 
 
-def test_a_single_trial_has_a_value_and_no_interval() -> None:
-    one = validate(small(landmarks_m=[[35, 9]]), trials=1, duration=5.0)
-    spec = spec_of(one, "consistency")
+def test_a_single_trial_shows_its_error_and_a_value_without_spread_or_interval() -> None:
+    one = validate(small(landmarks_m=[[35, 9]]), trials=1, duration=5.0, with_series=True)
+    specs = specs_of(one)
+    spec = specs["errors"]
+    assert {trace["uid"].split("-")[0] for trace in spec["data"]} == {"band", "mean"}
+    assert trace_of(spec, "mean-v1-0")["name"] == "error"
+    drawn = [trace_of(spec, f"mean-v1-{column}")["y"][-1] for column in range(3)]
+    np.testing.assert_allclose(drawn, one.result.final_errors[0, 0], atol=1e-5)
+    spec = specs["consistency"]
     assert "ANEES-band" not in {trace["uid"] for trace in spec["data"]}
     assert trace_of(spec, "ANEES-value")["x"] == [one.anees.value]
     texts = [note["text"] for note in spec["layout"]["annotations"]]
@@ -217,7 +215,8 @@ def test_texts_break_lines_and_hold_no_other_markup(
     report: ValidationDocument, swept: SweepReport
 ) -> None:
     """Plotly gives such markup a style of its own, which the policy of the web page forbids."""
-    for subject in (plan(example("paper-grid-alternate")), report, swept):
+    flown = flight_document(short_flight()).model_copy(update={"name": "<b>&"})
+    for subject in (plan(example("paper-grid-alternate")), report, swept, flown):
         tags = re.findall(r"</?\w[^<>]*>", json.dumps(specs_of(subject)))
         assert set(tags) <= {"<br>", "<extra>", "</extra>"}
 

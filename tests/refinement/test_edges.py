@@ -1,12 +1,15 @@
-"""Refinement where there is little to work with: it returns a plan or says why it can't."""
+"""Refinement with little to work with, or little time: it returns a plan or says why it can't."""
 
+import time
 from typing import Any
 
 import numpy as np
 import pytest
 
-from syncplan.errors import NoSolutionError
+from syncplan.arrays import Array
 from syncplan.planning.planner import Plan, plan
+from syncplan.refinement.ipopt import SolverRun, StagedSolver, Steering
+from syncplan.refinement.measures import Measurement, measure
 from syncplan.refinement.refiner import refine
 from tests.tools.scenarios import small
 from tests.tools.smooth_problems import record_of
@@ -60,11 +63,6 @@ def test_hardly_any_time_gives_the_plan_back() -> None:
     assert "time_limit_s" in record.reason
 
 
-def test_a_margin_larger_than_the_range_is_refused_by_name() -> None:
-    with pytest.raises(NoSolutionError, match=r"link v1-v2.*range 50 m"):
-        refine(_given(), margin_m=80.0, workers=1)
-
-
 def test_named_vehicles_keep_their_names() -> None:
     given = _given(formation={"centers_m": {"ann": [0.0, 0.0], "bob": [70.0, 0.0]}})
     refined = refine(given, starts=1, workers=1, objective="logdet")
@@ -108,3 +106,56 @@ def test_circles_that_start_outside_their_area_end_inside_or_not_at_all() -> Non
         reach = refined.orbits.radii[:, None]
         assert np.all(refined.orbits.centers - reach >= area.min(axis=0) - 1e-6)
         assert np.all(refined.orbits.centers + reach <= area.max(axis=0) + 1e-6)
+
+
+# --- the time -------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def pair() -> Plan:
+    return plan(small(landmarks_m=[[0.0, 40.0], [70.0, 40.0]]))
+
+
+@pytest.fixture
+def measured(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """An entry for each measurement of a candidate, of which each start has three."""
+    looks: list[int] = []
+
+    def counted(*given: Any, **also: Any) -> Measurement:
+        looks.append(1)
+        return measure(*given, **also)
+
+    def three(self: StagedSolver, start: Array, steering: Steering) -> SolverRun:
+        return SolverRun((start,) * 3, "done", steering.over, 1, 0.0, 0.0, ())
+
+    monkeypatch.setattr("syncplan.refinement.parallel_starts.measure", counted)
+    monkeypatch.setattr(StagedSolver, "solve", three)
+    return looks
+
+
+def test_once_time_is_over_the_sharpest_candidate_that_passes_is_enough(
+    pair: Plan, measured: list[int]
+) -> None:
+    better = refine(pair, starts=1, workers=1, time_limit_s=1e-6)
+    assert record_of(better).cut_short
+    assert len(measured) == 1
+
+
+def test_within_the_time_all_candidates_are_measured(pair: Plan, measured: list[int]) -> None:
+    refine(pair, starts=1, workers=1, time_limit_s=1e6)
+    assert len(measured) == 3
+
+
+def test_the_time_includes_the_measurement_of_the_plan_itself(
+    pair: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now, real = [0.0], time.monotonic
+
+    def slowly(*given: Any, **also: Any) -> Measurement:
+        now[0] += 1000.0
+        return measure(*given, **also)
+
+    monkeypatch.setattr("syncplan.refinement.refiner.measure", slowly)
+    monkeypatch.setattr(time, "monotonic", lambda: real() + now[0])
+    better = refine(pair, starts=1, workers=1, time_limit_s=500.0)
+    assert record_of(better).cut_short

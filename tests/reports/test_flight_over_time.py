@@ -34,12 +34,8 @@ def series(report: FlightDocument) -> FlightOverTime:
 def test_a_report_with_series_is_read_back_as_it_was(report: FlightDocument) -> None:
     text = json.dumps(report.as_json())
     assert FlightDocument.model_validate_json(text) == report
-
-
-def test_a_flight_that_was_not_asked_for_series_has_none(flight: Flight) -> None:
-    run = flight_run(flight.plan, trials=1, duration=4.0, filter="ekf")
-    short = conclude_flight(run, [fly_part(run, 0, 1, threads=1)])
-    assert "series" not in flight_document(short).as_json()
+    events = [(one.kind, one.subject, one.begin_s, one.end_s) for one in report.events]
+    assert events == [("hold", "v2", 12.0, 18.0), ("loss", "v6", LOST_AT, None)]
 
 
 def test_ellipses_have_the_axes_of_the_filters_covariance(
@@ -72,10 +68,11 @@ def test_values_end_where_a_vehicle_is_lost(series: FlightOverTime) -> None:
     assert None not in [*stayed.tracking_rms_m, *stayed.bound_m]
 
 
-def test_phase_tolerances_are_the_least_of_the_plans_links() -> None:
+def test_phase_tolerances_without_series_are_the_least_of_the_plans_links() -> None:
     chain = plan(example("mixed-radii-camera"), bound="never")
     run = flight_run(chain, trials=1, duration=2.0, filter="ekf")
     flown = flight_document(conclude_flight(run, [fly_part(run, 0, 1, threads=1)]))
+    assert "series" not in flown.as_json()
     links = plan_document(chain).links
     differ = 0
     for vehicle in flown.vehicles:
@@ -92,11 +89,6 @@ def test_separations_are_those_of_the_trials(flight: Flight, report: FlightDocum
     assert found.quantiles[20] == found.median
     assert found.asked == 22.0
     assert np.mean(np.array(each) < 22.0) == found.below_asked_share
-
-
-def test_events_have_subject_and_time(report: FlightDocument) -> None:
-    said = [(one.kind, one.subject, one.begin_s, one.end_s) for one in report.events]
-    assert said == [("hold", "v2", 12.0, 18.0), ("loss", "v6", LOST_AT, None)]
 
 
 def test_the_ground_is_the_plans(flight: Flight, series: FlightOverTime) -> None:

@@ -74,7 +74,6 @@ def test_limits_are_noted_one_by_one_where_they_are_supposed() -> None:
         ({}, ("default", "default")),
         (speeds, ("scenario", "default")),
         (turns, ("default", "scenario")),
-        ({**speeds, **turns}, ("scenario", "scenario")),
     ):
         flight = flown({}, limits=limits or None)
         model = flight_document(flight).vehicle_model

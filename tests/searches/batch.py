@@ -78,9 +78,9 @@ def batch_of(given: Scene, steps: int) -> BatchSolution:
 
 def compare(name: str, given: Scene, steps: int) -> Compared:
     """Return how far the solutions of the first trial differ."""
-    from tests.tools.factor_graphs import solve_graph
+    from tests.tools.factor_graphs import TrialGraph
 
-    theirs, ours = solve_graph(given, 0, steps), batch_of(given, steps)
+    theirs, ours = TrialGraph(given, 0, steps).solved(), batch_of(given, steps)
     n, sigmas = given.setup.vehicles, np.sqrt(np.diagonal(ours.covariance[..., 0]))
     return Compared(
         name=name,

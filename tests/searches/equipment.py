@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from syncplan.arrays import Array
 from tests.searches import Search, refinements
 from tests.searches.refinements import Equip, Refined
 
@@ -20,15 +21,13 @@ SIZES = 3, 5
 DURATION_S = 60.0
 
 
-def _on_sensors(document: dict[str, Any], **keys: Any) -> None:
-    """Give each sensor its keys, one value for all or a list."""
-    count = len(document["formation"]["centers_m"])
+def _on_sensors(document: dict[str, Any], name: str, values: Array) -> None:
+    """Give each sensor its value of a key; none where it is NaN."""
     given = document["sensor"]
-    sensors = given if isinstance(given, list) else [dict(given) for _ in range(count)]
-    for name, values in keys.items():
-        for sensor, value in zip(sensors, values, strict=True):
-            if value is not None:
-                sensor[name] = float(value)
+    sensors = given if isinstance(given, list) else [dict(given) for _ in values]
+    for sensor, value in zip(sensors, values.tolist(), strict=True):
+        if not np.isnan(value):
+            sensor[name] = value
     document["sensor"] = sensors
 
 
@@ -36,12 +35,25 @@ def _count(document: dict[str, Any]) -> int:
     return len(document["formation"]["centers_m"])
 
 
-def _distances(document: dict[str, Any], generator: np.random.Generator) -> None:
-    sigmas = generator.uniform(0.1, 2.0, _count(document))
-    has = generator.random(len(sigmas)) < 0.7
-    _on_sensors(
-        document, range_sigma_m=[s if h else None for s, h in zip(sigmas, has, strict=True)]
-    )
+def _of_sensors(name: str, low: float, high: float, share: float = 1.0) -> Equip:
+    """A key of sensors, on a share of them, between two values."""
+
+    def equip(document: dict[str, Any], generator: np.random.Generator) -> None:
+        values = generator.uniform(low, high, _count(document))
+        values[generator.random(len(values)) > share] = np.nan
+        _on_sensors(document, name, values)
+
+    return equip
+
+
+def _in_section(section: str, **limits: tuple[float, float]) -> Equip:
+    """Keys of a section, each between two values."""
+
+    def equip(document: dict[str, Any], generator: np.random.Generator) -> None:
+        drawn = {name: float(generator.uniform(*ends)) for name, ends in limits.items()}
+        document.setdefault(section, {}).update(drawn)
+
+    return equip
 
 
 def _compasses(document: dict[str, Any], generator: np.random.Generator) -> None:
@@ -50,38 +62,8 @@ def _compasses(document: dict[str, Any], generator: np.random.Generator) -> None
 
 
 def _intervals(document: dict[str, Any], generator: np.random.Generator) -> None:
-    _on_sensors(document, interval_s=0.2 * generator.integers(2, 6, _count(document)))
-
-
-def _detection(document: dict[str, Any], generator: np.random.Generator) -> None:
-    _on_sensors(document, detection_probability=generator.uniform(0.2, 1.0, _count(document)))
-
-
-def _wind(document: dict[str, Any], generator: np.random.Generator) -> None:
-    document.setdefault("wind", {}).update({"sigma_mps": float(generator.uniform(0.2, 2.0))})
-
-
-def _gusts(document: dict[str, Any], generator: np.random.Generator) -> None:
-    sigma, time = generator.uniform(0.05, 0.4), generator.uniform(2.0, 20.0)
-    document.setdefault("wind", {}).update(
-        {"gust_sigma_mps": float(sigma), "gust_time_s": float(time)}
-    )
-
-
-def _speed_scales(document: dict[str, Any], generator: np.random.Generator) -> None:
-    document.setdefault("motion", {}).update(
-        {"speed_scale_sigma": float(generator.uniform(0.01, 0.1))}
-    )
-
-
-def _turn_rate_biases(document: dict[str, Any], generator: np.random.Generator) -> None:
-    document.setdefault("motion", {}).update(
-        {"turn_rate_bias_sigma_rad_s": float(generator.uniform(0.002, 0.02))}
-    )
-
-
-def _bearing_biases(document: dict[str, Any], generator: np.random.Generator) -> None:
-    _on_sensors(document, bearing_bias_sigma_rad=generator.uniform(0.01, 0.1, _count(document)))
+    samples = generator.integers(2, 6, _count(document)).astype(np.float64)
+    _on_sensors(document, "interval_s", 0.2 * samples)
 
 
 def _obstacles(document: dict[str, Any], generator: np.random.Generator) -> None:
@@ -105,15 +87,15 @@ def _clearances(document: dict[str, Any], generator: np.random.Generator) -> Non
 
 
 ALONE: dict[str, Equip] = {
-    "range_sigma_m": _distances,
+    "range_sigma_m": _of_sensors("range_sigma_m", 0.1, 2.0, share=0.7),
     "heading_sigma_rad": _compasses,
     "interval_s": _intervals,
-    "detection_probability": _detection,
-    "wind": _wind,
-    "gusts": _gusts,
-    "speed_scale": _speed_scales,
-    "turn_rate_bias": _turn_rate_biases,
-    "bearing_bias": _bearing_biases,
+    "detection_probability": _of_sensors("detection_probability", 0.2, 1.0),
+    "wind": _in_section("wind", sigma_mps=(0.2, 2.0)),
+    "gusts": _in_section("wind", gust_sigma_mps=(0.05, 0.4), gust_time_s=(2.0, 20.0)),
+    "speed_scale": _in_section("motion", speed_scale_sigma=(0.01, 0.1)),
+    "turn_rate_bias": _in_section("motion", turn_rate_bias_sigma_rad_s=(0.002, 0.02)),
+    "bearing_bias": _of_sensors("bearing_bias_sigma_rad", 0.01, 0.1),
     "obstacles_m": _obstacles,
     "landmark_clearance_m": _clearances,
 }

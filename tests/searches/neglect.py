@@ -139,12 +139,6 @@ def _rms(values: Any) -> float:
 def judge(cases: Mapping[int, Cost], chance: float) -> list[str]:
     """Print how errors compare with those expected; return where too many do not."""
     linear = {number: case for number, case in cases.items() if case.linear}
-    beyond = {number: case for number, case in cases.items() if not case.linear}
-    for title, some in (("linear", linear), ("beyond", beyond)):
-        if some:
-            ratios = np.percentile([case.ratio for case in some.values()], (5, 50, 95))
-            spread = ", ".join(f"{ratio:.2f}" for ratio in ratios)
-            print(f"{title}: {len(some)} cases; error over expected, 5, 50, 95 %: {spread}")
     costly = {n: case for n, case in cases.items() if case.expected > COSTLY * case.bound}
     off = {n: case for n, case in linear.items() if not abs(case.ratio - 1.0) <= OFF}
     unsaid = {n: case for n, case in costly.items() if not case.said}

@@ -1,9 +1,9 @@
 """Search for a request that the service does not answer well, or that it keeps memory for.
 
-A case is a run of 300 drawn requests, and nothing else may run beside it. Meanwhile a client asks
-for /healthz. Memory is measured once the processes have answered the first of these requests
-before: what they load for a new kind of request is not kept for a request. Children that grow much
-are replaced by the service itself: of those, only what grows while they last is counted.
+A case is a run of 300 drawn requests, and nothing else may run beside it. Memory is measured once
+the processes have answered the first of these requests before: what they load for a new kind of
+request is not kept for a request. Children that grow much are replaced by the service itself: of
+those, only what grows while they last is counted.
 
 Fails where an answer is neither of the 2xx nor a 4xx problem, or late, where the service logs an
 error, where its processes have grown by more than 50 MB, and where some kind of answer is missing.
@@ -14,26 +14,24 @@ import http.client
 import io
 import json
 import socket
-import subprocess
-import sys
 import tempfile
 import time
 import zipfile
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import httpx2
 import numpy as np
 
 from tests.searches import Search
 from tests.tools.mutations import FIGURES, Sent, draw_request, valid_scenarios
-from tests.tools.processes import PATIENCE_S, family
-from tests.tools.serving import ROOT, Server, running
+from tests.tools.processes import PATIENCE_S, family, memory
+from tests.tools.serving import Server, running
 
 KEY = "fuzzing-key-0123456789"
 REQUESTS = 300
@@ -68,29 +66,20 @@ _GONE = {"cut"}
 """Requests that nobody waits for the answer of."""
 
 
-class Memory(NamedTuple):
-    """What a process holds: all of it, and with what it shares divided among those that share."""
-
-    rss_mb: float
-    pss_mb: float
-
-
 @dataclass(slots=True)
 class Run:
-    """Answers to requests: times, and memory by process of the service."""
+    """Answers to requests, and MB held by each process of the service."""
 
     statuses: Counter[int] = field(default_factory=Counter)
     faults: list[str] = field(default_factory=list)
-    slowest_s: dict[str, float] = field(default_factory=dict)
-    health_ms: list[float] = field(default_factory=list)
-    before: dict[int, Memory] = field(default_factory=dict)
-    after: dict[int, Memory] = field(default_factory=dict)
+    before: dict[int, float] = field(default_factory=dict)
+    after: dict[int, float] = field(default_factory=dict)
 
     @property
     def growth_mb(self) -> float:
         """By how much the processes have grown that were there from beginning to end."""
         lasting = self.before.keys() & self.after.keys()
-        return sum(self.after[process].rss_mb - self.before[process].rss_mb for process in lasting)
+        return sum(self.after[process] - self.before[process] for process in lasting)
 
 
 def run(server: Server, seed: int) -> Run:
@@ -115,9 +104,7 @@ def run(server: Server, seed: int) -> Run:
         send(min(REQUESTS, REHEARSED))
         for _ in range(PASSES):
             answers.before = _memory(server.popen.pid)
-            with _health_watched(server.url) as times:
-                send(REQUESTS)
-            answers.health_ms += times
+            send(REQUESTS)
             answers.after = _memory(server.popen.pid)
             if answers.growth_mb < LARGEST_GROWTH_MB:
                 break
@@ -136,25 +123,13 @@ def draw(number: int) -> tuple[list[str], Run]:
         faults.append(f"processes have grown by {answers.growth_mb:.0f} MB in the last pass")
     if missing := EXPECTED - set(answers.statuses):
         faults.append(f"no answer with status {sorted(missing)}")
-    if not answers.health_ms:
-        faults.append("/healthz has not answered")
     return faults, answers
 
 
 def judge(cases: Mapping[int, Run], chance: float) -> list[str]:
-    """Print the answers of each run, their times, and memory before and after the last pass."""
+    """Print the answers of each run, and by how much memory grew in the last pass."""
     for number, answers in cases.items():
-        slowest = sorted(answers.slowest_s.items(), key=lambda item: -item[1])[:8]
-        median, late, latest = np.percentile(answers.health_ms or [np.nan], (50, 99, 100))
         print(f"{number}: answers {dict(sorted(answers.statuses.items()))}")
-        print("slowest: " + ", ".join(f"{name} {seconds:.1f} s" for name, seconds in slowest))
-        print(f"/healthz: median {median:.1f} ms, p99 {late:.1f} ms, largest {latest:.1f} ms")
-        for name in Memory._fields:
-            at_first, at_last = (
-                sum(getattr(memory, name) for memory in held.values())
-                for held in (answers.before, answers.after)
-            )
-            print(f"memory, {name}: {at_first:.0f} to {at_last:.0f}")
         print(f"processes that were there all the time have grown by {answers.growth_mb:.0f} MB")
     return []
 
@@ -176,7 +151,6 @@ def _look(
         return
     took = time.monotonic() - began
     answers.statuses[status] += 1
-    answers.slowest_s[sent.name] = max(took, answers.slowest_s.get(sent.name, 0.0))
     reported = f"{number} {sent.name}: {status} {body[:300]!r}"
     if took > PLAN_TIMEOUT_S + MARGIN_S:
         answers.faults.append(f"{reported}: took {took:.1f} s")
@@ -293,45 +267,13 @@ def _logged_faults(log: Path) -> list[str]:
     return [line for line in log.read_text().splitlines() if '"level": "error"' in line]
 
 
-_WATCH = """
-import http.client, sys, time
-def ask():
-    began = time.perf_counter()
-    connection.request("GET", "/healthz")
-    assert connection.getresponse().read() == b'{"status":"ok"}'
-    print(1000.0 * (time.perf_counter() - began), flush=True)
-connection = http.client.HTTPConnection("127.0.0.1", int(sys.argv[1]))
-while True:
-    ask()
-    time.sleep(0.05)
-"""
-
-
-@contextlib.contextmanager
-def _health_watched(url: str) -> Iterator[list[float]]:
-    """Ask for signs of life all the time, from a process of its own; yields the times in ms."""
-    times: list[float] = []
-    port = url.rpartition(":")[2]
-    with tempfile.TemporaryFile("w+") as written:
-        watch = subprocess.Popen([sys.executable, "-c", _WATCH, port], cwd=ROOT, stdout=written)
-        try:
-            yield times
-        finally:
-            watch.terminate()
-            watch.wait()
-            written.seek(0)
-            times += [float(line) for line in written if line.endswith("\n")]
-
-
-def _memory(process: int) -> dict[int, Memory]:
-    """Memory of a process and of each that comes of it, once none of them works."""
+def _memory(process: int) -> dict[int, float]:
+    """MB of a process and of each that comes of it, once none of them works."""
     time.sleep(1.0)
     held = {}
     for each in family(process):
         with contextlib.suppress(OSError):
-            figures = Path(f"/proc/{each}/smaps_rollup").read_text().split("\n")
-            sizes = {line.split(":")[0]: line.split()[1] for line in figures[1:] if line}
-            held[each] = Memory(int(sizes["Rss"]) / 1024.0, int(sizes["Pss"]) / 1024.0)
+            held[each] = memory(each) / 2.0**20
     return held
 
 

@@ -10,11 +10,8 @@ Fails where `second-order` loses no trial of a scenario, and the RMS error of `r
 second half is over 1.15 times its own; and where ANEES over the trials of `robust` that are not
 lost, of all scenarios together, is outside 0.9 to 1.1. Where `robust` is behind, MORE times as many
 trials decide: among few, the largest errors of vehicles that are hardly observed differ by chance.
-The table has the processor time of `robust` over that of `ekf` too, in scenarios in which neither
-`ekf` nor `second-order` loses a trial.
 """
 
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -54,13 +51,11 @@ class Filtered:
     rms : m, over the second half, all vehicles and trials
     lost : number of trials lost
     anees : of the trials that are not; None where all are
-    seconds : of processor time
     """
 
     rms: float
     lost: int
     anees: float | None
-    seconds: float
 
 
 def draw_disturbed(number: int) -> Plan:
@@ -91,17 +86,13 @@ def _filtered(drawn: Plan, trials: int) -> dict[str, Filtered]:
     filtered = {}
     for name in FILTERS:
         options = FilterOptions(trials=trials, seed=1, filter=name)
-        # compiles
-        run_trials(drawn.team, seen, 2, options, threads=1)
-        began = time.process_time()
         result = run_trials(drawn.team, seen, steps, options, threads=1)
-        seconds = time.process_time() - began
         squares = result.late_mean_squares[..., :2].sum(axis=-1)
         squares[~np.isfinite(squares)] = np.inf
         lost = np.any(np.sqrt(squares) > LOST * bound, axis=1)
         nees = (result.nees / (3 * drawn.team.count))[~lost]
         anees = float(nees.mean()) if len(nees) else None
-        filtered[name] = Filtered(float(np.sqrt(squares.mean())), int(lost.sum()), anees, seconds)
+        filtered[name] = Filtered(float(np.sqrt(squares.mean())), int(lost.sum()), anees)
     return filtered
 
 
@@ -142,15 +133,6 @@ def judge(cases: Mapping[int, Mapping[str, Filtered]], chance: float) -> list[st
         print(
             f"second-order loses no trial in {len(kept)}: RMS of robust over its "
             f"{min(ratios):.3f} to {max(ratios):.3f}, median {np.median(ratios):.3f}"
-        )
-    calm = [case for case in kept if not case["ekf"].lost]
-    if calm:
-        seconds = np.array([[case[name].seconds for name in ("ekf", "robust")] for case in calm])
-        plain, robust = seconds.sum(axis=0)
-        middle, ninety = np.quantile(seconds[:, 1] / seconds[:, 0], [0.5, 0.9])
-        print(
-            f"nor ekf in {len(calm)}: robust takes {robust / plain:.2f} times as long as ekf; "
-            f"median {middle:.2f}, nine in ten {ninety:.2f}"
         )
     return faults
 

@@ -4,6 +4,7 @@ import math
 from typing import Any
 
 import numpy as np
+import shapely
 
 from syncplan.arrays import Array, Flags
 from syncplan.planning.planner import Plan
@@ -32,14 +33,8 @@ def brief(**changes: Any) -> Brief:
 
 
 def within(corners: Array, points: Array) -> Flags:
-    """Return (p,) whether points lie in a polygon, by crossings of a ray to the east."""
-    inside = np.zeros(len(points), dtype=bool)
-    for (ax, ay), (bx, by) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        across = (ay > points[:, 1]) != (by > points[:, 1])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            x = ax + (points[:, 1] - ay) * (bx - ax) / (by - ay)
-        inside ^= across & (points[:, 0] < x)
-    return inside
+    """Return (p,) whether points lie in a polygon."""
+    return np.asarray(shapely.contains_xy(shapely.Polygon(corners), points))
 
 
 def broken(brief: Brief, plan: Plan, *, slack: float = 1e-3) -> list[str]:
@@ -75,11 +70,10 @@ def broken(brief: Brief, plan: Plan, *, slack: float = 1e-3) -> list[str]:
     places = orbits.centers[:, None] + orbits.radii[:, None, None] * np.stack(
         [np.cos(angles), np.sin(angles)], axis=-1
     )
-    for a in range(orbits.count):
-        for b in range(a):
-            apart = np.hypot(*(places[a] - places[b]).T).min()
-            if apart < (brief.min_separation_m or 0.0) * (1.0 - slack):
-                found.append(f"separation {apart}")
+    a, b = np.triu_indices(orbits.count, 1)
+    apart = np.linalg.norm(places[a] - places[b], axis=2).min(initial=np.inf)
+    if apart < (brief.min_separation_m or 0.0) * (1.0 - slack):
+        found.append(f"separation {apart}")
     return found + _purpose_broken(brief, orbits.centers, orbits.radii)
 
 

@@ -11,6 +11,7 @@ from syncplan.flight.predictive_guidance import Decision, PredictiveGuidance
 from syncplan.flight.reference_tracking import tracking_commands, tracking_gains
 from syncplan.orbits.circles import Orbits, perpendicular, phase, position, unit, wrap
 from syncplan.planning.planner import plan
+from tests.tools.plain_truth import after_arcs
 from tests.tools.scenarios import example
 
 SAMPLE = 0.1
@@ -116,18 +117,11 @@ def fly(
         still = np.stack([limits.least_speeds, limits.most_turn_rates], axis=-1)
         still[limits.least_speeds == 0.0, 1] = 0.0
         before = np.where(held[:, None], still, commands)
-        poses = _moved(poses, before, blow)
+        poses = after_arcs(poses, before, blow, SAMPLE)
         path.append(poses)
         done.append(before)
     times = begin + SAMPLE * np.arange(len(path))
     return Flight(orbits, np.asarray(times, dtype=float), np.array(path), np.array(done))
-
-
-def _moved(poses: Array, commands: Array, wind: Array) -> Array:
-    turns = SAMPLE * commands[:, 1]
-    chords = SAMPLE * commands[:, 0] * np.sinc(0.5 * turns / np.pi)
-    ways = chords[:, None] * unit(poses[:, 2] + 0.5 * turns) + SAMPLE * wind
-    return np.column_stack([poses[:, :2] + ways, poses[:, 2] + turns])
 
 
 def tracking(orbits: Orbits, limits: FlightLimits, wind: Array | None = None) -> Guidance:

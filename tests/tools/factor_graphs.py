@@ -3,10 +3,10 @@
 Variables are the poses of all vehicles at all samples, constant errors and gusts. A step's factor
 has three rows: the speed and the turn rate that two poses imply, less those read, and what must be
 zero, as a step is an arc: the place across the chord's direction. Priors and compasses are GTSAM's
-own factors, bearings and distances those of its poses. GTSAM takes Gauss-Newton steps from the
-truth. It eliminates constraints with up to 1e-4 sigma of rounding, so the last steps solve the
-linear systems that it makes as the sparse, symmetric ones of least squares under constraints.
-Nothing is shared with `estimation.batch_solution` but the readings.
+own factors, bearings and distances those of its poses. Gauss-Newton steps from the truth solve the
+linear systems that GTSAM makes as sparse, symmetric ones of least squares under constraints: it
+would eliminate constraints itself with up to 1e-4 sigma of rounding. Nothing is shared with
+`estimation.batch_solution` but the readings.
 """
 
 from collections.abc import Callable
@@ -28,7 +28,7 @@ from syncplan.estimation.filter_setup import (
 from tests.tools.filter_scenes import Scene, true_state
 from tests.tools.linear_systems import CONSTANT, GUST, POSE, WALK, LinearSystem
 
-__all__ = ["GraphSolution", "TrialGraph", "solve_graph"]
+__all__ = ["GraphSolution", "TrialGraph"]
 
 Factor = Callable[[gtsam.Values], tuple[Array, list[Array]]]
 """Of values: errors, and their derivatives by each of the factor's variables."""
@@ -36,18 +36,8 @@ Factor = Callable[[gtsam.Values], tuple[Array, list[Array]]]
 MOVING = {DRIFT: ("wind x", "wind y"), SPEED: ("scale",), TURN: ("turn-rate bias",)}
 """What constants are that move a vehicle, of each act by axis."""
 
-NEAR, MOST_STEPS = 1e-3, 60
-"""m and rad that a step of GTSAM moves at most once it has come near; steps."""
-
-SAME, MOST_EXACT = 1e-12, 40
-"""The same of the last exact step; such steps."""
-
-SIDEWAYS = 0.5 * np.pi
-"""rad, from a vehicle's heading to the x axis of its pose in the graph.
-
-A step is constrained across its chord, nearly across the heading, and GTSAM divides by the first
-coordinate's entry of a constraint as it eliminates: with x ahead, rounding grows a hundredfold.
-"""
+SAME, MOST_STEPS = 1e-12, 100
+"""m and rad that the last step moves at most; steps."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +49,6 @@ class GraphSolution:
     start, end : (3n + e,) state at the first and the last sample
     start_sigmas, end_sigmas : (3n + e,) their standard deviations
     cost : twice the negative log-likelihood, less a constant
-    moved : largest change of a state by the last step, in its standard deviations
     """
 
     start: Array
@@ -67,16 +56,10 @@ class GraphSolution:
     start_sigmas: Array
     end_sigmas: Array
     cost: float
-    moved: float
-
-
-def solve_graph(given: Scene, lane: int, steps: int) -> GraphSolution:
-    """Return GTSAM's solution over the first samples of a trial."""
-    return TrialGraph(given, lane, steps).solved()
 
 
 class TrialGraph:
-    """A factor graph, and values of its variables."""
+    """A factor graph of the first samples of a trial, and values of its variables."""
 
     def __init__(self, given: Scene, lane: int, steps: int) -> None:
         self.given, self.lane, self.steps = given, lane, steps
@@ -95,51 +78,20 @@ class TrialGraph:
 
     def solved(self) -> GraphSolution:
         """Return the solution from the truth on, by Gauss-Newton steps until they are rounding."""
-        values, moved = self._near(), np.inf
-        for _ in range(MOST_EXACT):
+        values = self.values
+        for _ in range(MOST_STEPS):
             system = LinearSystem.of(self.graph, values)
             delta = system.solution()
-            values, moved = values.retract(system.split(delta)), float(np.max(np.abs(delta)))
-            if moved < SAME:
+            values = values.retract(system.split(delta))
+            if np.max(np.abs(delta)) < SAME:
                 break
-        end = self._sigmas(system, values, self.steps)
         return GraphSolution(
             start=self._state(values, 0),
             end=self._state(values, self.steps),
             start_sigmas=self._sigmas(system, values, 0),
-            end_sigmas=end,
+            end_sigmas=self._sigmas(system, values, self.steps),
             cost=2.0 * self.graph.error(values),
-            moved=moved / float(end.min()),
         )
-
-    def _near(self) -> gtsam.Values:
-        """Values near the solution, by GTSAM's own steps."""
-        parameters = gtsam.GaussNewtonParams()
-        parameters.setLinearSolverType("MULTIFRONTAL_QR")
-        parameters.setOrdering(self._ordering())
-        optimizer = gtsam.GaussNewtonOptimizer(self.graph, self.values, parameters)
-        before = self._state(self.values, self.steps)
-        for _ in range(MOST_STEPS):
-            optimizer.iterate()
-            after = self._state(optimizer.values(), self.steps)
-            if np.max(np.abs(after - before)) < NEAR:
-                break
-            before = after
-        return optimizer.values()
-
-    def _ordering(self) -> gtsam.Ordering:
-        """All variables, one sample after another, poses before gusts, and constants last.
-
-        Where a constraint is among what is eliminated, GTSAM divides by the first variable's entry
-        of it. That of a gust is small: COLAMD's ordering leaves errors of 1e-5 sigma.
-        """
-        ordering = gtsam.Ordering()
-        for k in range(self.steps + 1):
-            for key in self._keys(k):
-                ordering.push_back(key)
-        for c in range(self.constants):
-            ordering.push_back(self._key(CONSTANT, c))
-        return ordering
 
     def _keys(self, step: int) -> list[int]:
         poses = [self._key(POSE, i, step) for i in range(self.n)]
@@ -151,7 +103,7 @@ class TrialGraph:
 
     def _state(self, values: gtsam.Values, step: int) -> Array:
         poses = [values.atPose2(self._key(POSE, i, step)) for i in range(self.n)]
-        found = [value for pose in poses for value in (pose.x(), pose.y(), pose.theta() - SIDEWAYS)]
+        found = [value for pose in poses for value in (pose.x(), pose.y(), pose.theta())]
         found += [float(values.atVector(self._key(CONSTANT, c))[0]) for c in range(self.constants)]
         for key in self._keys(step)[self.n :]:
             found += values.atVector(key).tolist()
@@ -215,13 +167,13 @@ class TrialGraph:
         """The poses of a vehicle, their prior, and its steps."""
         for k in range(self.steps + 1):
             x, y, ahead = true_state(self.given.truth, k, self.lane)[3 * i : 3 * i + 3].tolist()
-            self.values.insert(self._key(POSE, i, k), gtsam.Pose2(x, y, ahead + SIDEWAYS))
+            self.values.insert(self._key(POSE, i, k), gtsam.Pose2(x, y, ahead))
         x, y, heading = self.readings.initial[i, :, self.lane].tolist()
         east, north, about = np.sqrt(self.setup.initial_variances[3 * i : 3 * i + 3]).tolist()
         # translation's noise is along the axes of the pose: the same where both sigmas are
         assert east == north
         key = self._key(POSE, i)
-        pose = gtsam.Pose2(x, y, heading + SIDEWAYS)
+        pose = gtsam.Pose2(x, y, heading)
         self.graph.add(gtsam.PoseTranslationPrior2D(key, pose, _noise([east, north])))
         self.graph.add(gtsam.PoseRotationPrior2D(key, pose, _noise([about])))
         for k in range(self.steps):
@@ -274,7 +226,7 @@ class TrialGraph:
         o, t, kind = int(setup.observers[s]), int(setup.targets[s]), int(setup.kinds[s])
         keys, sigma = [self._key(POSE, o, k)], float(np.sqrt(setup.variances[s]))
         if kind == COMPASS_KIND:
-            pose = gtsam.Pose2(0.0, 0.0, reading + SIDEWAYS)
+            pose = gtsam.Pose2(0.0, 0.0, reading)
             self.graph.add(gtsam.PoseRotationPrior2D(keys[0], pose, _noise([sigma])))
             return
         landmark = setup.landmarks[t - n] if t >= n else None
@@ -289,7 +241,7 @@ class TrialGraph:
                 walk = c - self.constants - 2 * self.gusts
                 shifts.append(self._key(CONSTANT, c) if walk < 0 else self._key(WALK, walk, k))
         keys += shifts
-        made = _bearing(keys, landmark, shifts, gtsam.Rot2(reading - SIDEWAYS))
+        made = _bearing(keys, landmark, shifts, gtsam.Rot2(reading))
         self._add(keys, [sigma], made)
 
 
@@ -368,7 +320,7 @@ class _Step:
         half = 0.5 * turn
         s = float(np.sinc(half / np.pi))
         by_half = (np.cos(half) - s) / half if abs(half) > 1e-4 else -half / 3.0
-        direction = a.theta() - SIDEWAYS + half
+        direction = a.theta() + half
         u = np.array([np.cos(direction), np.sin(direction)])
         p = np.array([-u[1], u[0]])
         along, across, length = float(u @ chord), float(p @ chord), T * s * grown

@@ -7,7 +7,7 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.plotting.figures import Subject, specs_of
 
-__all__ = ["note_of", "spec_of", "trace_of", "turns_of"]
+__all__ = ["lines_of", "note_of", "spec_of", "trace_of", "turns_of"]
 
 
 def spec_of(subject: Subject, name: str, **given: Any) -> dict[str, Any]:
@@ -26,6 +26,14 @@ def note_of(spec: dict[str, Any]) -> str:
     """Return what stands below the title, in one line."""
     text: str = spec["layout"]["title"]["subtitle"]["text"]
     return text.replace("<br>", " ")
+
+
+def lines_of(trace: dict[str, Any]) -> list[Array]:
+    """Return the lines (k, 2) of a trace, cut at its gaps; it ends with one."""
+    points = np.array([trace["x"], trace["y"]], dtype=float).T
+    gaps = np.flatnonzero(np.isnan(points[:, 0]))
+    assert gaps[-1] == len(points) - 1
+    return [line[np.isfinite(line[:, 0])] for line in np.split(points, gaps)][:-1]
 
 
 def turns_of(heads: dict[str, Any], centers: Array) -> Array:

@@ -5,11 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from syncplan.orbits.circles import Orbits
 from syncplan.planning.loss_study import LossOutcome
 from syncplan.planning.planner import Plan, judge, plan
 from syncplan.scenario.loading import scenario_from
-from syncplan.scenario.specification import Scenario
+from tests.tools.sampled_rows import rank_of, sampled_rows
 
 SMALLEST_RANGE_M = 1e-6
 
@@ -87,77 +86,9 @@ def differences(found: LossOutcome, expected: Plan, tolerance: float = 1e-6) -> 
     return wrong
 
 
-def independent_rank(plan: Plan, orbits: Orbits, blind: set[int]) -> int:
-    """Return the rank of a team's bearings over a period by finite differences, sight by sampling.
-
-    `blind` vehicles see nothing. Shares no code with the library but the orbits' fields.
-    """
-    scenario, count = plan.scenario, orbits.count
-    step, ranges = scenario.sample_time, [one.range_m for one in scenario.sensors]
-    times = np.arange(int(np.ceil(scenario.window / step - 1e-9))) * step
-    scale = float(np.mean(orbits.radii))
-    start = np.concatenate([_poses(orbits, np.zeros(1))[0].ravel()])
-    paths = _poses(orbits, times)
-
-    def bearings(state: np.ndarray) -> np.ndarray:
-        # the whole path turns and shifts with the start
-        poses = state.reshape(count, 3)
-        first = paths[0]
-        angle = poses[:, 2] - first[:, 2]
-        moved = paths[:, :, :2] - first[:, :2]
-        c, s = np.cos(angle), np.sin(angle)
-        east = poses[:, 0] + c * moved[..., 0] - s * moved[..., 1]
-        north = poses[:, 1] + s * moved[..., 0] + c * moved[..., 1]
-        found = []
-        for a, b in sights:
-            rows = sights[a, b]
-            if b < count:
-                dx, dy = east[rows, b] - east[rows, a], north[rows, b] - north[rows, a]
-            else:
-                place = scenario.landmarks[b - count]
-                dx, dy = place[0] - east[rows, a], place[1] - north[rows, a]
-            found.append(np.unwrap(np.arctan2(dy, dx)) - angle[a])
-        return np.concatenate(found) if found else np.zeros(0)
-
-    sights = _sights(scenario, paths, ranges, blind)
-    columns = []
-    for k in range(3 * count):
-        unit = np.zeros(3 * count)
-        unit[k] = 1e-6 * (scale if k % 3 < 2 else 1.0)
-        change = bearings(start + unit) - bearings(start - unit)
-        columns.append(((change + np.pi) % (2.0 * np.pi) - np.pi) / 2e-6)
-    matrix = np.column_stack(columns)
-    values = np.linalg.svd(matrix, compute_uv=False)
-    return int(np.sum(values > 1e-6 * values[0])) if len(values) and values[0] > 0.0 else 0
-
-
-def _poses(orbits: Orbits, times: np.ndarray) -> np.ndarray:
-    """(t, n, 3) x, y, heading."""
-    phase = orbits.phases + orbits.senses * orbits.rate * times[:, None]
-    x = orbits.centers[:, 0] + orbits.radii * np.cos(phase)
-    y = orbits.centers[:, 1] + orbits.radii * np.sin(phase)
-    return np.stack([x, y, phase + orbits.senses * np.pi / 2.0], axis=-1)
-
-
-def _sights(
-    scenario: Scenario, paths: np.ndarray, ranges: list[float], blind: set[int]
-) -> dict[tuple[int, int], np.ndarray]:
-    """For each directed pair, the samples at which it is in range and view."""
-    count = paths.shape[1]
-    still = np.array(scenario.landmarks).reshape(-1, 2)
-    found = {}
-    for a in set(range(count)) - blind:
-        sensor = scenario.sensors[a]
-        for b in [k for k in range(count + len(still)) if k != a]:
-            target = paths[:, b, :2] if b < count else still[b - count]
-            q = target - paths[:, a, :2]
-            off = np.arctan2(q[:, 1], q[:, 0]) - paths[:, a, 2] - np.radians(sensor.boresight_deg)
-            off = np.abs((off + np.pi) % (2.0 * np.pi) - np.pi)
-            seen = np.hypot(q[:, 0], q[:, 1]) <= ranges[a]
-            seen &= off <= np.radians(sensor.fov_deg) / 2.0 + 1e-12
-            if seen.any():
-                found[a, b] = np.flatnonzero(seen)
-    return found
+def independent_rank(whole: Plan, blind: set[int]) -> int:
+    """Return the rank of a team's sightings over the window, by sampling; `blind` see nothing."""
+    return rank_of(sampled_rows(whole, blind), float(whole.orbits.radii.mean()))
 
 
 def _document(generator: np.random.Generator, most_vehicles: int) -> dict[str, Any]:

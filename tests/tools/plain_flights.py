@@ -85,14 +85,10 @@ class PlainFlight:
 
     def least_separation(self) -> float:
         """M between the two vehicles that come nearest at a sample."""
-        path, n = self.truth.path, self.there.shape[1]
-        found = np.inf
-        for i in range(n):
-            for j in range(i):
-                both = (self.there[:, i] * self.there[:, j]) > 0
-                apart = np.hypot(*(path[both, i, :2] - path[both, j, :2]).T)
-                found = min(found, float(apart.min(initial=np.inf)))
-        return found
+        a, b = np.triu_indices(self.there.shape[1], 1)
+        apart = np.linalg.norm(np.diff(self.truth.path[:, [a, b], :2], axis=1)[:, 0], axis=-1)
+        both = (self.there[:, a] * self.there[:, b]) > 0
+        return float(apart[both].min(initial=np.inf))
 
 
 def fly_plainly(run: FlightRun, trial: int) -> PlainFlight:
@@ -283,9 +279,7 @@ def _bounds(run: FlightRun, truth: PlainTruth, trues: Array) -> Array:
     """(steps + 1, n) m^2, of the covariance that is linearised at the truth."""
     setup, n = run.team.filter_setup(), run.team.team.count
     P = covariance_at_start(setup)
-    found = [
-        P[0 : 3 * n : 3, 0 : 3 * n : 3].diagonal() + P[1 : 3 * n : 3, 1 : 3 * n : 3].diagonal()
-    ]
+    found = [P.diagonal()[: 3 * n]]
     for step in range(1, run.team.steps + 1):
         speeds, turn_rates = truth.speeds[step - 1], truth.turn_rates[step - 1]
         _, P = predict_state(trues[step - 1], P, speeds, turn_rates, setup)
@@ -294,6 +288,5 @@ def _bounds(run: FlightRun, truth: PlainTruth, trues: Array) -> Array:
             _, h = sighted(trues[step], one.kind, one.observer, one.target, setup, read)
             u = P @ h
             P = P - np.outer(u, u) / (h @ u + _variance(one, run.team.team))
-        diagonal = P.diagonal()[: 3 * n]
-        found.append(diagonal[0::3] + diagonal[1::3])
-    return np.array(found)
+        found.append(P.diagonal()[: 3 * n])
+    return np.asarray(np.array(found).reshape(-1, n, 3)[..., :2].sum(axis=-1))

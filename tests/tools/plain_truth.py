@@ -8,12 +8,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from syncplan.arrays import Array, Flags
 from syncplan.flight.flight_events import TimedLoss
 from syncplan.flight.flying import FlightRun
-from syncplan.orbits.circles import heading, position
+from syncplan.orbits.circles import heading, position, unit
 from syncplan.orbits.team import Team
 
 BEARING, DISTANCE, COMPASS = range(3)
@@ -92,24 +93,9 @@ def draws_of(run: FlightRun, trial: int) -> tuple[dict[str, Array], dict[str, Ar
 
 
 def hidden_by(corners: Array, a: Array, b: Array) -> bool:
-    """Return whether a polygon (c, 2) is between two places.
-
-    The line of sight crosses an edge, or its middle is inside: the corners turn about it.
-    """
-    way = b - a
-    for first, second in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        edge, off = second - first, first - a
-        det = way[1] * edge[0] - way[0] * edge[1]
-        if det == 0.0:
-            continue
-        along = (off[1] * edge[0] - off[0] * edge[1]) / det
-        across = (way[0] * off[1] - way[1] * off[0]) / det
-        if 0.0 < along < 1.0 and 0.0 < across < 1.0:
-            return True
-    arms = corners - 0.5 * (a + b)
-    angles = np.arctan2(arms[:, 1], arms[:, 0])
-    turns = np.diff(np.append(angles, angles[0]))
-    return bool(abs(np.sum((turns + np.pi) % (2.0 * np.pi) - np.pi)) > np.pi)
+    """Return whether the inside of a polygon (c, 2) is between two places, by GEOS."""
+    between = shapely.LineString([a, b])
+    return bool(shapely.relate_pattern(shapely.Polygon(corners), between, "T********"))
 
 
 class PlainTruth:
@@ -166,8 +152,7 @@ class PlainTruth:
         v = done[:, 0] * (1.0 + self.errors["speed_scale"])
         w = done[:, 1] + self.errors["turn_rate_bias"]
         now, time = self.path[self.flown], self.team.sensors.sample_time
-        poses = [_after(*one, time) for one in zip(now, v, w, self.air, strict=True)]
-        self.arrive(np.array(poses), done)
+        self.arrive(after_arcs(now, np.column_stack([v, w]), self.air, time), done)
 
     @property
     def air(self) -> Array:
@@ -312,14 +297,12 @@ class PlainTruth:
         return t
 
 
-def _after(pose: Array, v: float, w: float, air: Array, time: float) -> Array:
-    """The pose at the end of an arc in moving air."""
-    x, y, psi = pose
-    turn = w * time
-    if abs(turn) > 1e-4:
-        x += v / w * (math.sin(psi + turn) - math.sin(psi))
-        y += v / w * (math.cos(psi) - math.cos(psi + turn))
-    else:
-        chord = v * time * (1.0 - turn**2 / 24.0)
-        x, y = x + chord * math.cos(psi + turn / 2.0), y + chord * math.sin(psi + turn / 2.0)
-    return np.array([x + time * air[0], y + time * air[1], psi + turn])
+def after_arcs(poses: Array, commands: Array, air: Array, time: float) -> Array:
+    """Return the poses (n, 3) at the end of arcs in moving air (n, 2) or (2,) m/s.
+
+    `commands` (n, 2) are m/s, rad/s.
+    """
+    turns = time * commands[:, 1]
+    chords = time * commands[:, 0] * np.sinc(0.5 * turns / np.pi)
+    ways = chords[:, None] * unit(poses[:, 2] + 0.5 * turns) + time * air
+    return np.column_stack([poses[:, :2] + ways, poses[:, 2] + turns])

@@ -7,7 +7,6 @@ import contextlib
 import json
 import os
 import shutil
-import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -81,23 +80,9 @@ def validation(trials: int, seed: int, model: str | None = None) -> Order:
 def flight(trials: int, seed: int, duration_s: float) -> Order:
     """Return the order to fly the grid, in wind, where a vehicle is held and another one lost."""
     hold, lose = f"v2@{0.2 * duration_s:g}:2", f"v6@{0.6 * duration_s:g}"
-    found = fly(
-        grid(),
-        trials=trials,
-        seed=seed,
-        duration=duration_s,
-        hold=(hold,),
-        lose=(lose,),
-        wind=(0.5, 0.0),
-    )
-    body = {
-        "trials": trials,
-        "seed": seed,
-        "duration_s": duration_s,
-        "hold": [hold],
-        "lose": [lose],
-        "wind_mps": [0.5, 0.0],
-    }
+    options: dict[str, Any] = {"trials": trials, "seed": seed, "hold": [hold], "lose": [lose]}
+    found = fly(grid(), **options, duration=duration_s, wind=(0.5, 0.0))
+    body = {**options, "duration_s": duration_s, "wind_mps": [0.5, 0.0]}
     return Order("flight", body, as_text(flight_document(found).as_json()))
 
 
@@ -108,12 +93,8 @@ def sweep_of_ranges(trials: int, seed: int) -> Order:
     scenario = example("paper-grid-same")
     rows = sweep(scenario, "range", ranges, trials=trials, seed=seed)
     reports = [validation_document(row.validation) for row in rows]
-    body = {
-        "scenario": scenario.model_dump(mode="json", exclude_none=True),
-        "range_m": ranges,
-        "trials": trials,
-        "seed": seed,
-    }
+    values = scenario.model_dump(mode="json", exclude_none=True)
+    body = {"scenario": values, "range_m": ranges, "trials": trials, "seed": seed}
     expected = as_text(sweep_document("range", rows, reports).as_json())
     return Order("sweep", body, expected)
 
@@ -231,16 +212,6 @@ class Site:
         """Return the answer to a request, whatever its status."""
         given = {"timeout": PATIENCE_S, "verify": NO_CERTIFICATES, **options}
         return httpx2.request(method, f"{self.url}{path}", **given)
-
-    def ask_until_up(self, path: str) -> httpx2.Response:
-        """Return the answer to a GET, asked again while the server is down."""
-        deadline = time.monotonic() + PATIENCE_S
-        while True:
-            try:
-                return self.ask("GET", path)
-            except httpx2.TransportError:
-                assert time.monotonic() < deadline, self.logs()
-                time.sleep(0.05)
 
     def hand_in_plan(self, of: Literal["grid", "pair"] = "grid") -> str:
         """Hand in a plan and return its identifier."""

@@ -1,11 +1,12 @@
-"""How many cores a process may use, in control groups laid out as the kernel does."""
+"""How many cores and how much memory a process may use, in control groups as the kernel's."""
 
 import os
 from pathlib import Path
 
 import pytest
 
-from syncplan.runtime.machine import usable_cores
+from syncplan.runtime.child_processes import ChildProcess, connect_to_parent
+from syncplan.runtime.machine import limit_memory, usable_cores, usable_memory
 
 SYSTEMD = "1:name=systemd:/service"
 MANY = 64
@@ -18,6 +19,7 @@ def _many_cores(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def process(folder: Path, cgroup: str, *mounts: str) -> Path:
     """Return a folder as /proc/PID would be, for a process in these groups."""
+    mounts = mounts or (f"/ {folder / 'cgroup'} rw - cgroup2 cgroup2 rw",)
     place = folder / "proc"
     place.mkdir()
     (place / "cgroup").write_text(f"{SYSTEMD}\n{cgroup}\n")
@@ -43,10 +45,8 @@ def group(folder: Path, **files: str) -> Path:
 def test_a_quota_counts_rounded_up_and_none_leaves_all(
     tmp_path: Path, quota: str, cores: int
 ) -> None:
-    top = tmp_path / "cgroup"
-    group(top / "service", cpu_max=quota)
-    place = process(tmp_path, "0::/service", f"/ {top} rw - cgroup2 cgroup2 rw")
-    assert usable_cores(place) == cores
+    group(tmp_path / "cgroup/service", cpu_max=quota)
+    assert usable_cores(process(tmp_path, "0::/service")) == cores
 
 
 def test_the_tightest_group_above_decides(tmp_path: Path) -> None:
@@ -97,12 +97,58 @@ def test_no_quota_allows_more_than_the_scheduler(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: range(2), raising=False)
-    top = group(tmp_path / "cgroup", cpu_max="800000 100000")
-    assert usable_cores(process(tmp_path, "0::/", f"/ {top} rw - cgroup2 cgroup2 rw")) == 2
+    group(tmp_path / "cgroup", cpu_max="800000 100000")
+    assert usable_cores(process(tmp_path, "0::/")) == 2
 
 
 @pytest.mark.parametrize("text", ["", "soon", "200000", "a b"])
 def test_what_cannot_be_read_limits_nothing(tmp_path: Path, text: str) -> None:
-    top = group(tmp_path / "cgroup", cpu_max=text)
-    assert usable_cores(process(tmp_path, "0::/", f"/ {top} rw - cgroup2 cgroup2 rw")) == MANY
+    group(tmp_path / "cgroup", cpu_max=text)
+    assert usable_cores(process(tmp_path, "0::/")) == MANY
     assert usable_cores(tmp_path / "nowhere") == MANY
+
+
+# --- memory ---------------------------------------------------------------------------------------
+
+
+def allocate(descriptor: int) -> None:
+    """Allocate what the parent asks for, below a limit, and answer how that went."""
+    connection = connect_to_parent(descriptor)
+    limit, *asked = connection.recv()
+    limit_memory(limit)
+    for size in asked:
+        try:
+            connection.send(len(bytearray(size)))
+        except MemoryError:
+            connection.send("MemoryError")
+
+
+def test_an_allocation_beyond_the_limit_fails_and_later_ones_do_not() -> None:
+    child = ChildProcess("tests.runtime.test_machine", "allocate")
+    child.connection.send((2**28, 2**20, 2**29, 2**20))
+    assert [child.connection.recv() for _ in range(3)] == [2**20, "MemoryError", 2**20]
+    child.end()
+
+
+@pytest.mark.parametrize(("limit", "usable"), [("1048576", 2**20), ("max", None)])
+def test_a_container_may_use_what_its_group_may(
+    tmp_path: Path, limit: str, usable: int | None
+) -> None:
+    top = group(tmp_path / "cgroup", memory_max="4294967296000000")
+    group(top / "service", memory_max=limit)
+    place = process(tmp_path, "0::/service")
+    everything = usable_memory(tmp_path / "nothing")
+    assert usable_memory(place) == (everything if usable is None else usable)
+
+
+def test_version_1_keeps_memory_in_a_tree_of_its_own(tmp_path: Path) -> None:
+    memory = tmp_path / "memory"
+    group(memory / "service", memory_limit_in_bytes=str(2**21))
+    group(tmp_path / "cpu/service", memory_limit_in_bytes=str(2**20))
+    place = process(
+        tmp_path,
+        "5:cpu:/service\n4:memory:/service",
+        f"/ {memory} rw - cgroup cgroup rw,memory",
+        f"/ {tmp_path / 'cpu'} rw - cgroup cgroup rw,cpu",
+    )
+    assert usable_memory(place) == 2**21
