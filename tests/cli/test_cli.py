@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -105,9 +106,9 @@ def test_validation_of_an_unobservable_plan_says_so_in_plain_words(run: Any) -> 
     assert any("turn of v2 about L2" in note for note in json.loads(out)["notes"])
 
 
-@pytest.mark.parametrize(("wrong", "counted"), [(1, None), (10, None), (11, 1), (16, 6), (30, 20)])
+@pytest.mark.parametrize("wrong", [1, 10, 11, 30])
 def test_of_many_faults_ten_are_listed_and_the_rest_is_counted(
-    wrong: int, counted: int | None, refused: Any, written: Any
+    wrong: int, refused: Any, written: Any
 ) -> None:
     path = written(landmarks_m=[["x", k] for k in range(wrong)])
     err = refused("plan", path)
@@ -115,7 +116,7 @@ def test_of_many_faults_ten_are_listed_and_the_rest_is_counted(
     assert lines[:10] == [
         f"landmarks_m[{k}][0]: 'x': must be a valid number" for k in range(min(wrong, 10))
     ]
-    assert lines[10:] == ([] if counted is None else [f"and {counted} more"])
+    assert lines[10:] == [f"and {wrong - 10} more"] * (wrong > 10)
 
 
 def test_of_faults_of_options_each_is_named_by_its_option(refused: Any) -> None:
@@ -421,13 +422,7 @@ main(sys.argv[1:])
     ("command", "run"), [("validate", "trials"), ("fly", "flights"), ("refine", "the search")]
 )
 def test_a_first_line_comes_before_what_takes_long(command: str, run: str) -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", CODE, command, GRID],
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE_S,
-        check=True,
-    )
+    done = _in_bash(f"{sys.executable} -c {shlex.quote(CODE)} {command} {GRID}")
     assert done.stdout == f"syncplan: reading {GRID}, preparing {run} ...\n[]"
 
 

@@ -33,7 +33,7 @@ from tests.tools.serving import ROOT
 
 GRID = str(FILES / "paper-grid-alternate.yaml")
 
-LIGHT_PAPER, DARK_PAPER = b"rgb(255, 255, 255)", b"rgb(22, 22, 26)"
+PAPERS = b"rgb(255, 255, 255)", b"rgb(22, 22, 26)"
 LARGEST_PAGE = 2_000_000
 """Most bytes of a page of one plan."""
 
@@ -54,6 +54,7 @@ def test_a_page_holds_all_figures_and_fetches_nothing(run: Run, tmp_path: Path) 
     text = target.read_text(encoding="utf-8")
     page = _values(text)
     assert list(page) == ["formation", "animation", "timeline", "spectrum", "prediction"]
+    assert page == json.loads(json.dumps(specs_of(plan(example("paper-grid-alternate")))))
     tags = re.sub(r"(<script[^>]*>).*?</script", r"\1", text, flags=re.DOTALL)
     assert not re.search(r"<link|\s(?:src|srcset|data)\s*=", tags)
     assert re.findall(r'<a [^>]*href="([^"]*)"', tags) == [f"#{name}" for name in page]
@@ -88,28 +89,24 @@ def test_a_report_is_written_whatever_the_verdict(run: Run, tmp_path: Path) -> N
     assert run("report", GRID)[1] == target.read_text("utf-8")
 
 
-def test_what_is_vendored_is_what_was_fetched() -> None:
+def test_what_is_vendored_is_what_was_fetched_and_what_plotly_itself_has() -> None:
+    from plotly.offline import get_plotlyjs_version
+
     folder = files("syncplan.plotting.vendored")
     for line in folder.joinpath("SHA256SUMS").read_text("utf-8").splitlines():
         digest, name = line.split()
         assert hashlib.sha256(folder.joinpath(name).read_bytes()).hexdigest() == digest, name
     locked = json.loads((ROOT / "vendor/package-lock.json").read_text("utf-8"))["packages"]
-    version = locked["node_modules/plotly.js-basic-dist-min"]["version"]
-    assert f"plotly.js (basic - minified) v{version}\n" in plotly_script()
+    for version in (
+        locked["node_modules/plotly.js-basic-dist-min"]["version"],
+        get_plotlyjs_version(),
+    ):
+        assert f"plotly.js (basic - minified) v{version}\n" in plotly_script()
 
 
-def test_the_bundle_of_a_page_draws_every_trace_and_is_that_of_plotly_itself() -> None:
-    from plotly.offline import get_plotlyjs_version
-
-    assert f"(basic - minified) v{get_plotlyjs_version()}\n" in plotly_script()
+def test_the_bundle_of_a_page_draws_every_trace() -> None:
     for spec in specs_of(plan(example("paper-grid-alternate"))).values():
         assert {trace["type"] for trace in spec["data"]} <= {"scatter", "bar"}
-
-
-def test_the_page_holds_what_the_library_draws(run: Run) -> None:
-    _, out, _ = run("plot", GRID, "--figure", "formation", "--figure", "spectrum")
-    made = specs_of(plan(example("paper-grid-alternate")), ["formation", "spectrum"])
-    assert _values(out) == json.loads(json.dumps(made))
 
 
 def test_names_in_a_page_can_break_out_of_nothing(run: Run, written: Any) -> None:
@@ -132,7 +129,8 @@ def test_values_in_a_page_end_no_script() -> None:
 def test_standard_input_is_read_for_a_dash(printed: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     given = io.TextIOWrapper(io.BytesIO(json.dumps(document()).encode()))
     monkeypatch.setattr(sys, "stdin", given)
-    assert "formation" in _values(printed("plot", "-"))
+    asked = ("--figure", "formation", "--figure", "spectrum")
+    assert list(_values(printed("plot", "-", *asked))) == ["formation", "spectrum"]
 
 
 def test_reports_and_sweeps_are_known_by_what_they_hold(
@@ -205,18 +203,21 @@ def test_without_a_browser_the_remedy_is_named(
 
 
 @needs_browser
-@pytest.mark.parametrize("ending", ["svg", "pdf"])
+@pytest.mark.parametrize(
+    ("ending", "theme", "start"),
+    [("svg", "light", b"<svg"), ("svg", "dark", b"<svg"), ("pdf", "light", b"%PDF-")],
+)
 @pytest.mark.long
-def test_images_are_what_their_names_say_and_the_same_each_time(
-    run: Run, ending: str, tmp_path: Path
+def test_images_are_what_their_names_and_themes_say_and_the_same_each_time(
+    run: Run, ending: str, theme: str, start: bytes, tmp_path: Path
 ) -> None:
     one, two = tmp_path / f"one.{ending}", tmp_path / f"two.{ending}"
     for target in (one, two):
-        assert run("plot", GRID, "--figure", "formation", "-o", str(target))[0] == 0
+        asked = ("--figure", "formation", "--theme", theme)
+        assert run("plot", GRID, *asked, "-o", str(target))[0] == 0
     content = one.read_bytes()
     assert content == two.read_bytes()
-    starts = {"svg": b"<svg", "pdf": b"%PDF-"}
-    assert content.startswith(starts[ending])
+    assert content.startswith(start)
     if ending == "svg":
         assert b"v1" in content
         assert base64.b64encode(font()) in content
@@ -226,8 +227,7 @@ def test_images_are_what_their_names_say_and_the_same_each_time(
         assert entry is not None
         assert float(entry[1]) == pytest.approx(201.9, abs=0.5)
         assert b"NOT observable" in content
-        assert LIGHT_PAPER in content
-        assert DARK_PAPER not in content
+        assert [paper in content for paper in PAPERS] == [theme == "light", theme == "dark"]
 
 
 @needs_browser
@@ -260,50 +260,34 @@ def test_several_images_need_one_browser_and_are_of_the_size_asked_for(
     assert len({file.read_bytes() for file in files}) == 3
 
 
-def test_what_the_library_of_the_browser_logs_is_not_shown(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+@pytest.mark.parametrize(("problem", "limit_s"), [("gone", 90.0), ("TimeoutError", 0.05)])
+def test_a_browser_that_fails_or_never_answers_is_given_up_in_one_line(
+    run: Run,
+    problem: str,
+    limit_s: float,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
 ) -> None:
     import kaleido
 
-    def failing(**_: Any) -> Any:
-        logging.getLogger("choreographer.channels.pipe").error("a message that is no JSON")
-        raise RuntimeError("gone")
-
-    monkeypatch.setattr(kaleido, "Kaleido", failing)
-    status, _, err = run("plot", GRID, "-o", str(tmp_path / "plan.png"))
-    assert status == 1
-    assert "could not draw the image: gone" in err
-    assert not caplog.records
-
-
-def test_a_browser_that_never_answers_is_given_up(
-    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    import kaleido
-
-    class Stuck:
+    class Broken:
         async def __aenter__(self) -> None:
-            await asyncio.Event().wait()
+            if problem == "TimeoutError":
+                await asyncio.Event().wait()
+            logging.getLogger("choreographer.channels.pipe").error("a message that is no JSON")
+            raise RuntimeError(problem)
 
         async def __aexit__(self, *_: object) -> None:
             """Never called."""
 
-    monkeypatch.setattr(kaleido, "Kaleido", lambda **_: Stuck())
-    monkeypatch.setattr("syncplan.plotting.figure_files._TIMEOUT_S", 0.05)
+    monkeypatch.setattr(kaleido, "Kaleido", lambda **_: Broken())
+    monkeypatch.setattr("syncplan.plotting.figure_files._TIMEOUT_S", limit_s)
     status, _, err = run("plot", GRID, "-o", str(tmp_path / "plan.png"))
     assert status == 1
-    assert "could not draw the image: TimeoutError" in err
+    assert f"could not draw the image: {problem}" in err
+    assert not caplog.records
     assert not list(tmp_path.iterdir())
-
-
-@needs_browser
-@pytest.mark.long
-def test_an_image_has_the_colours_of_its_theme(run: Run, tmp_path: Path) -> None:
-    target = tmp_path / "dark.svg"
-    assert run("plot", GRID, "--theme", "dark", "-o", str(target))[0] == 0
-    drawn = target.read_bytes()
-    assert DARK_PAPER in drawn
-    assert LIGHT_PAPER not in drawn
 
 
 def test_none_of_several_images_is_written_over_what_they_are_made_from(

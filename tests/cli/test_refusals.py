@@ -136,25 +136,18 @@ def test_constraints_that_conflict_are_named_with_status_4(
 # --- outputs that can't be written are said before anything is read -------------------------------
 
 
-COMMANDS: dict[str, tuple[str, ...]] = {
-    "plan": ("plan", "none.yaml"),
-    "refine": ("refine", "none.yaml"),
-    "place": ("place", "none.yaml"),
-    "landmarks": ("landmarks", "none.yaml", "--candidates", "no.yaml", "--choose", "1"),
-    "design": ("design", "none.yaml"),
-    "validate": ("validate", "none.yaml"),
-    "sweep": ("sweep", "none.yaml", "--range", "40,50"),
-    "fly": ("fly", "none.yaml"),
-    "what-if": ("what-if", "none.yaml"),
-    "replay": ("replay", "none"),
-    "plot": ("plot", "none.yaml"),
-    "export": ("export", "none.yaml", "--format", "csv"),
+NEEDED = {
+    "landmarks": ("--candidates", "no.yaml", "--choose", "1"),
+    "sweep": ("--range", "40,50"),
+    "export": ("--format", "csv"),
 }
-"""Each reads a file that is none: that the output is complained of says that it comes first."""
+"""Options that commands do not go without."""
 
-
+# and replay, but what that reads are folders, as a rule
+MAKING = ("plan", "refine", "place", "landmarks", "design")
+USING = ("validate", "sweep", "fly", "what-if", "plot", "export")
 OUTPUTS = [
-    *((name, "-o") for name in COMMANDS),
+    *((name, "-o") for name in (*MAKING, *USING)),
     ("landmarks", "--scenario-out"),
     ("design", "--plan-out"),
 ]
@@ -164,26 +157,25 @@ def _target(folder: Path, command: str) -> Path:
     return folder / f"x.{ENDINGS.get(command, 'json')}"
 
 
-@pytest.mark.parametrize(("command", "option"), OUTPUTS)
+@pytest.mark.parametrize(("command", "option"), [*OUTPUTS, ("replay", "-o")])
 def test_a_missing_folder_is_said_before_anything_is_read(
     refused: Any, tmp_path: Path, command: str, option: str
 ) -> None:
     target = _target(tmp_path / "nodir", command)
-    err = refused(*COMMANDS[command], option, str(target))
+    # no such file: that the output is complained of says that it comes first
+    err = refused(command, "none.yaml", *NEEDED.get(command, ()), option, str(target))
     problem = f"can't be written: there is no directory {target.parent}; make it first"
     assert err == f"syncplan: {target}: {problem}\n"
     assert list(tmp_path.iterdir()) == []
 
 
-# what replay reads are folders, as a rule
-@pytest.mark.parametrize(("command", "option"), [one for one in OUTPUTS if "replay" not in one])
+@pytest.mark.parametrize(("command", "option"), OUTPUTS)
 def test_the_file_that_is_read_is_not_written_over(
     refused: Any, tmp_path: Path, command: str, option: str
 ) -> None:
     target = _target(tmp_path, command)
     target.write_text("{}")
-    name, _, *options = COMMANDS[command]
-    err = refused(name, str(target), *options, option, str(target))
+    err = refused(command, str(target), *NEEDED.get(command, ()), option, str(target))
     assert err == f"syncplan: {target}: is the file that is read; give another one to write\n"
     assert target.read_text() == "{}"
 

@@ -1,8 +1,8 @@
 """The commands serve and worker as an operator meets them: one line, exit codes, a clean end."""
 
 import importlib.util
-import json
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -20,7 +20,6 @@ from tests.tools.scenarios import FILES
 from tests.tools.serving import ROOT, Process, Server, environment, free_port, running, settings_of
 
 GRID = FILES / "paper-grid-same.yaml"
-KEY = "0123456789abcdef"
 LEFT = {"syncplan.db", "syncplan.db-reserve"}
 """Files of an embedded database that nobody uses: no log that is still to be written back."""
 
@@ -181,17 +180,6 @@ def test_a_start_that_fails_further_in_is_no_success(tmp_path: Path) -> None:
 # --- running ------------------------------------------------------------------------------------
 
 
-def said_address(log: Path) -> str:
-    """The address that a server says it is at, once it does."""
-
-    def lines() -> list[str]:
-        reported = [json.loads(line)["message"] for line in log.read_text().splitlines()]
-        return [one.removeprefix("serving at ") for one in reported if one.startswith("serving at")]
-
-    wait_until(lambda: bool(lines()))
-    return lines()[0]
-
-
 @pytest.mark.long
 def test_port_0_takes_a_free_one_and_insecure_lets_others_in(tmp_path: Path) -> None:
     log = tmp_path / "log"
@@ -200,9 +188,9 @@ def test_port_0_takes_a_free_one_and_insecure_lets_others_in(tmp_path: Path) -> 
         "serve", "--host", "0.0.0.0", "--port", "0", "--insecure", log=log, **settings
     )
     with running(process):
-        address = said_address(log)
-        assert address.startswith("http://0.0.0.0:")
-        port = int(address.rpartition(":")[2])
+        address = re.compile(r'"serving at http://0\.0\.0\.0:(\d+)"')
+        wait_until(lambda: address.search(log.read_text()) is not None)
+        (port,) = address.findall(log.read_text())
         with httpx2.Client(transport=httpx2.HTTPTransport(retries=30)) as http:
             assert http.get(f"http://127.0.0.1:{port}/healthz").json() == {"status": "ok"}
         process.popen.send_signal(signal.SIGINT)
@@ -214,10 +202,11 @@ def test_port_0_takes_a_free_one_and_insecure_lets_others_in(tmp_path: Path) -> 
 @pytest.mark.long
 def test_a_signal_ends_the_server_with_a_job_at_work(tmp_path: Path) -> None:
     server = Server(tmp_path / "log", port=None, **settings_of(tmp_path / "data"))
+    yaml = {"content-type": "application/yaml"}
     with running(server), httpx2.Client(base_url=server.url, timeout=PATIENCE_S) as http:
-        made = http.post("/v1/plans", content=GRID.read_bytes(), headers=YAML).json()
+        made = http.post("/v1/plans", content=GRID.read_bytes(), headers=yaml).json()
         job = http.post(f"/v1/plans/{made['id']}/validations", json={"trials": 50000}).json()
-        wait_until(lambda: working(http, job["id"]))
+        wait_until(lambda: http.get(f"/v1/jobs/{job['id']}").json()["progress"]["done"] > 0)
         _, *children = family(server.popen.pid)
         assert len(children) >= 2
         # whoever follows the job does not keep the server from ending
@@ -245,14 +234,6 @@ def test_a_signal_ends_a_worker(tmp_path: Path, number: signal.Signals) -> None:
         assert worker.popen.wait(timeout=PATIENCE_S) == 0
     assert {path.name for path in (tmp_path / "data").iterdir()} == LEFT
     assert "Traceback" not in log.read_text()
-
-
-YAML = {"content-type": "application/yaml"}
-
-
-def working(http: httpx2.Client, job_id: str) -> bool:
-    """Whether a job has made some progress."""
-    return bool(http.get(f"/v1/jobs/{job_id}").json()["progress"]["done"] > 0)
 
 
 def niceness_of_children(process: int) -> set[int]:

@@ -15,11 +15,10 @@ from tests.tools.serving import ROOT
 README = (ROOT / "README.md").read_text("utf-8")
 SERVICE = (ROOT / "docs" / "how-to" / "service.md").read_text("utf-8")
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
-LONGEST_README = 170
 
 
 def test_the_readme_is_short() -> None:
-    assert len(README.splitlines()) <= LONGEST_README
+    assert len(README.splitlines()) <= 170
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
@@ -57,12 +56,11 @@ def test_every_route_is_listed_and_no_other() -> None:
     assert listed == paths | {"/openapi.json"}
 
 
-@pytest.mark.parametrize(
-    "word", ["make serve", "make check", "make container-steps", "make demo", "make docs"]
-)
-def test_every_target_named_is_there(word: str) -> None:
-    assert word in README + SERVICE
-    assert f"\n{word.split()[1]}:" in (ROOT / "Makefile").read_text()
+def test_every_target_named_is_there() -> None:
+    makefile = (ROOT / "Makefile").read_text()
+    for target in ("serve", "check", "container-steps", "demo", "docs"):
+        assert f"make {target}" in README + SERVICE
+        assert f"\n{target}:" in makefile
 
 
 def test_the_readme_shows_the_plan_it_speaks_of() -> None:

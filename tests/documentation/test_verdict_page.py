@@ -2,7 +2,6 @@
 
 import re
 
-from syncplan.planning.judged_team import PlanFinding
 from syncplan.planning.planner import plan
 from syncplan.planning.verdict_checks import CHECKS
 from tests.tools.scenarios import small
@@ -16,8 +15,8 @@ def listed() -> dict[str, str]:
     return dict(ROW.findall((ROOT / "docs" / "verdict.md").read_text(encoding="utf-8")))
 
 
-def some_findings() -> list[PlanFinding]:
-    """Findings of a plan that breaks many of the rules there are."""
+def test_the_page_lists_every_code_in_order_and_its_level() -> None:
+    assert list(listed()) == list(CHECKS)
     square = [[-5.0, -5.0], [5.0, -5.0], [5.0, 5.0], [-5.0, 5.0]]
     broken = plan(
         small(
@@ -29,14 +28,6 @@ def some_findings() -> list[PlanFinding]:
         ),
         bound="never",
     )
-    return list(broken.verdict.findings)
-
-
-def test_the_page_lists_every_code_in_the_order_of_the_checks() -> None:
-    assert list(listed()) == list(CHECKS)
-
-
-def test_findings_have_the_levels_that_the_page_states() -> None:
-    found = {one.code: one.level for one in some_findings()}
+    found = {one.code: one.level for one in broken.verdict.findings}
     assert len(found) >= 6
     assert found.items() <= listed().items()

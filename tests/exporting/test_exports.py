@@ -228,11 +228,6 @@ def test_the_sidecar_says_who_meets_whom_and_when() -> None:
     }
 
 
-def test_the_sidecar_says_how_time_that_was_lost_is_made_up() -> None:
-    (rule,) = [step for step in _sidecar("csv")["procedure"] if "late by s seconds" in step]
-    assert "speed_mps period_s / (period_s - s)" in rule
-
-
 @pytest.mark.parametrize(
     ("name", "options", "words"),
     [
@@ -241,6 +236,7 @@ def test_the_sidecar_says_how_time_that_was_lost_is_made_up() -> None:
         ("ardupilot", {"waypoints": True}, "Between waypoints the mission commands leg_speed_mps"),
         ("crazyswarm", {}, "start all trajectories by one broadcast"),
         ("mcap", {}, "Be at entry.position_m at start_time, under way"),
+        ("csv", {}, "flies one turn at speed_mps period_s / (period_s - s);"),
     ],
 )
 def test_the_procedure_is_one_that_can_be_followed_with_these_files(
@@ -279,13 +275,6 @@ def test_the_sidecar_says_how_late_is_too_near(direction: Any) -> None:
     assert min(nearest(1.01 * first), nearest(-1.01 * first)) < 5.0
 
 
-def test_formats_in_one_folder_keep_a_sidecar_each(tmp_path: Path) -> None:
-    for name in FORMATS:
-        write_files(export(mixed_team(), name), tmp_path)
-    reported = {path.name for path in tmp_path.glob("*.sync.json")}
-    assert reported == {f"team.{name}.sync.json" for name in FORMATS}
-
-
 def test_all_goes_without_missions_where_circles_are_too_small_for_them() -> None:
     small_circles = team(
         orbit={"radius_m": 0.5, "angular_rate_rad_s": 0.8, "direction": "ccw"},
@@ -298,9 +287,13 @@ def test_all_goes_without_missions_where_circles_are_too_small_for_them() -> Non
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_every_sidecar_fits_its_schema(name: str, printed: Any) -> None:
+def test_every_sidecar_has_the_name_of_its_format_and_fits_its_schema(
+    name: str, printed: Any
+) -> None:
     out = printed("schema", "sync")
-    reported = _sidecar(name)
+    made = export(mixed_team(), name)
+    assert list(contents(made, ".sync.json")) == [f"team.{name}.sync.json"]
+    reported = sidecar_of(made)
     jsonschema_rs.validator_for(json.loads(out)).validate(reported)
     assert SyncDocument.model_validate(reported).as_json() == reported
     assert reported["format"] == name

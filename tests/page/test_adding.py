@@ -112,7 +112,7 @@ def _free(scenarios: list[Tree], what: str) -> Any:
         import {{ {what} }} from "{FREE_SPACE.as_uri()}";
         const found = JSON.parse(readFileSync(0, "utf8")).map({what});
         process.stdout.write(JSON.stringify(found));"""
-    command = [NODE, "--input-type=module", "--eval", script]
+    command = [str(NODE), "--input-type=module", "--eval", script]
     return json.loads(subprocess.check_output(command, input=json.dumps(scenarios).encode()))
 
 

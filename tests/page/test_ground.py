@@ -88,7 +88,8 @@ def test_tiles_of_the_operator_lie_below_a_placed_team(tabs: Tabs, tmp_path: Pat
         assert asked == []
         opened(page, PLACED)
         expect(page.locator("#attribution")).to_have_text("© Tiles Example")
-        wait_until(lambda: len(asked) > 3)
+        # tiles are answered while the page is looked at
+        wait_until(lambda: bool(drawn(page, "vehicle")) and len(asked) > 3)
         for path in asked:
             zoom, x, y = (int(one) for one in re.findall(r"\d+", path))
             # those of the place, not of anywhere else

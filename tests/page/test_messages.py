@@ -7,16 +7,7 @@ import httpx2
 import pytest
 from playwright.sync_api import Page, Route, expect
 
-from tests.page.gestures import (
-    box_of,
-    copied,
-    download,
-    drag,
-    part,
-    place_on_earth,
-    plan_id_of,
-    sheet,
-)
+from tests.page.gestures import box_of, copied, drag, part, place_on_earth, plan_id_of, sheet
 from tests.tools.browsing import (
     DESKTOP,
     PHONE,
@@ -44,7 +35,8 @@ def test_a_confirmation_is_seen_wherever_one_has_scrolled(
         part(page, "Export")
         place_on_earth(page)
         visit.settle()
-        download(page, "Export")
+        with page.expect_download():
+            page.locator("#downloads").get_by_role("button", name="Export").click()
         reported = page.locator("#notice")
         expect(reported).to_contain_text("Exported")
         # what goes with it is not below its confirmation

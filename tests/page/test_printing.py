@@ -14,8 +14,6 @@ from tests.tools.browsing import Tabs, Visit, accessibility_faults
 from tests.tools.scenarios import circling, document
 from tests.tools.serving import Server
 
-ALTERNATE = "paper-grid-alternate"
-
 
 def grid(count: int, **changes: Any) -> dict[str, Any]:
     """A grid of vehicles beside landmarks."""

@@ -9,7 +9,6 @@ from plotly.graph_objects import Figure
 
 from syncplan import figures
 from syncplan.errors import InputError
-from syncplan.flight.flying import Flight
 from syncplan.planning.validation import Validation
 from syncplan.plotting.figure_style import PLAIN, FigureStyle
 from syncplan.plotting.figures import first_figure, specs_of
@@ -26,13 +25,8 @@ NAMES = ["tracks", "tracking", "phases", "separation", "meetings", "events"]
 
 
 @pytest.fixture(scope="module")
-def flight() -> Flight:
-    return short_flight()
-
-
-@pytest.fixture(scope="module")
-def flown(flight: Flight) -> FlightDocument:
-    return flight_document(flight)
+def flown() -> FlightDocument:
+    return flight_document(short_flight())
 
 
 @pytest.fixture(scope="module")
@@ -42,9 +36,9 @@ def series(flown: FlightDocument) -> FlightOverTime:
 
 
 def test_a_run_and_its_report_give_the_same_figures(
-    run_with_series: Validation, report: ValidationDocument, flight: Flight, flown: FlightDocument
+    run_with_series: Validation, report: ValidationDocument, flown: FlightDocument
 ) -> None:
-    subjects = ((run_with_series, report, RUN_NAMES), (flight, flown, NAMES))
+    subjects = ((run_with_series, report, RUN_NAMES), (short_flight(), flown, NAMES))
     for subject, document, names in subjects:
         read_back = type(document).model_validate(json.loads(json.dumps(document.as_json())))
         one, two, three = (json.dumps(specs_of(of)) for of in (subject, document, read_back))
@@ -83,9 +77,7 @@ def test_without_series_figures_over_time_say_how_to_get_them(flown: FlightDocum
             draw(without, PLAIN)
 
 
-def test_paths_are_those_of_the_first_trial_the_last_turn_apart(
-    flown: FlightDocument, series: FlightOverTime
-) -> None:
+def test_the_last_turns_of_paths_stand_apart(flown: FlightDocument, series: FlightOverTime) -> None:
     spec = spec_of(flown, "tracks")
     period = series.ground.period_s
     times = np.array(series.track_time_s)
@@ -109,9 +101,7 @@ def test_paths_are_those_of_the_first_trial_the_last_turn_apart(
     assert {one["name"] for one in others} == {"true path, other trials, last turn"}
 
 
-def test_a_flight_of_one_turn_has_no_earlier_ones(
-    flown: FlightDocument, series: FlightOverTime
-) -> None:
+def test_one_turn_has_no_earlier_ones(flown: FlightDocument, series: FlightOverTime) -> None:
     ground = series.ground.model_copy(update={"period_s": 1000.0})
     slow = flown.model_copy(update={"series": series.model_copy(update={"ground": ground})})
     uids = {trace["uid"] for trace in spec_of(slow, "tracks")["data"]}
@@ -119,12 +109,10 @@ def test_a_flight_of_one_turn_has_no_earlier_ones(
     assert not any(uid.endswith("-earlier") for uid in uids)
 
 
-def test_rims_of_ellipses_are_three_sigma_from_the_estimate(
-    flight: Flight, flown: FlightDocument, series: FlightOverTime
-) -> None:
+def test_rims_of_ellipses_are_three_sigma(flown: FlightDocument, series: FlightOverTime) -> None:
     spec = spec_of(flown, "tracks")
     rims = [lines_of(trace_of(spec, uid)) for uid in ("ellipses-earlier", "ellipses")]
-    kept = flight.result.tracks[0].covariances
+    kept = short_flight().result.tracks[0].covariances
     solid = []
     for k, vehicle in enumerate(series.tracks[0].vehicles):
         known = [t for t, x in zip(series.track_time_s, vehicle.true_x_m, strict=True) if x]
@@ -140,9 +128,7 @@ def test_rims_of_ellipses_are_three_sigma_from_the_estimate(
     assert set(solid) == {True, False}
 
 
-def test_tracks_that_go_astray_leave_the_map_and_the_note_says_so(
-    flown: FlightDocument, series: FlightOverTime
-) -> None:
+def test_tracks_that_leave_the_map_are_noted(flown: FlightDocument, series: FlightOverTime) -> None:
     near = spec_of(flown, "tracks")
     assert "tracks leave the map" not in note_of(near)
     first = series.tracks[0]
@@ -155,9 +141,7 @@ def test_tracks_that_go_astray_leave_the_map_and_the_note_says_so(
     assert far["layout"]["xaxis"]["range"][1] < 2.0 * near["layout"]["xaxis"]["range"][1]
 
 
-def test_what_is_lost_or_held_is_marked_where_it_was(
-    flown: FlightDocument, series: FlightOverTime
-) -> None:
+def test_losses_and_holds_have_their_place(flown: FlightDocument, series: FlightOverTime) -> None:
     spec = spec_of(flown, "tracks")
     for uid, name, time in (("loss", "v6", LOST_AT), ("hold", "v2", 12.0)):
         vehicle = next(one for one in series.tracks[0].vehicles if one.name == name)
@@ -201,9 +185,7 @@ def test_errors_in_flight_have_marks_that_stand_apart(flown: FlightDocument) -> 
     assert not [one for one in spec_of(flown, "phases")["data"] if "marks" in one["uid"]]
 
 
-def test_axes_over_time_hold_all_that_is_drawn_and_are_marked_with_events(
-    flown: FlightDocument,
-) -> None:
+def test_axes_over_time_hold_all_and_mark_events(flown: FlightDocument) -> None:
     for name in ("tracking", "phases"):
         spec = spec_of(flown, name)
         every = [v for t in spec["data"] for v in t.get("y", []) if v is not None]
@@ -221,9 +203,7 @@ def test_axes_over_time_hold_all_that_is_drawn_and_are_marked_with_events(
         assert {"losses", "holds"} <= {trace["uid"] for trace in spec["data"]}
 
 
-def test_of_a_large_team_those_furthest_off_the_plan_are_drawn(
-    flown: FlightDocument, series: FlightOverTime
-) -> None:
+def test_vehicles_furthest_off_are_drawn(flown: FlightDocument, series: FlightOverTime) -> None:
     def thrice(of: Any) -> dict[str, Any]:
         named = [(one, f"{one.name}{letter}") for letter in "abc" for one in of.vehicles]
         return {"vehicles": [one.model_copy(update={"name": name}) for one, name in named]}

@@ -39,9 +39,7 @@ def large() -> Plan:
 
 @settings(max_examples=25, deadline=None)
 @given(st.integers(240, 2400), st.sampled_from([0.5, 0.8, 1.0, 1.4, 2.0, 3.0]))
-def test_title_plot_and_legend_share_the_height_and_texts_fit_the_width(
-    alternating: Plan, width: int, scale: float
-) -> None:
+def test_parts_share_the_height_and_texts_fit(alternating: Plan, width: int, scale: float) -> None:
     style = FigureStyle(width=width, font_scale=scale)
     for name, spec in specs_of(alternating, style=style).items():
         layout = spec["layout"]
@@ -61,9 +59,7 @@ def test_title_plot_and_legend_share_the_height_and_texts_fit_the_width(
             assert most <= max(8, (width - 28 - 46) / (0.5 * 12.0 * scale))
 
 
-def test_entries_of_a_legend_are_unique_and_in_columns(
-    alternating: Plan, report: ValidationDocument
-) -> None:
+def test_legends_are_unique_and_in_columns(alternating: Plan, report: ValidationDocument) -> None:
     for subject in (alternating, report):
         for name, spec in specs_of(subject).items():
             shown = [t for t in spec["data"] if t.get("showlegend", True) and t.get("name")]
@@ -80,9 +76,7 @@ def test_entries_of_a_legend_are_unique_and_in_columns(
 
 
 @pytest.mark.parametrize("width", [400, 1200])
-def test_title_note_and_legend_can_be_left_out_with_their_room(
-    alternating: Plan, report: ValidationDocument, width: int
-) -> None:
+def test_parts_are_left_out(alternating: Plan, report: ValidationDocument, width: int) -> None:
     for subject in (alternating, report):
         whole = specs_of(subject, style=FigureStyle(width=width))
         bare = FigureStyle(width=width, title=False, subtitle=False, legend=False)
@@ -146,9 +140,7 @@ def test_text_is_scaled_and_lines_are_not(alternating: Plan) -> None:
     assert one["data"][0]["marker"] == two["data"][0]["marker"]
 
 
-def test_the_library_s_figures_take_a_style_and_a_theme(
-    alternating: Plan, report: ValidationDocument
-) -> None:
+def test_figures_take_a_style_and_a_theme(alternating: Plan, report: ValidationDocument) -> None:
     style = figures.FigureStyle(width=400, theme="dark")
     for name, figure in figures.figures_of(alternating, style=style).items():
         assert figure.layout.width == 400, name
@@ -172,9 +164,7 @@ def _label_spacing(spec: dict[str, Any]) -> float:
 
 
 @pytest.mark.parametrize("width", [1200, 400])
-def test_the_timeline_of_a_hundred_has_a_readable_row_for_each_vehicle(
-    large: Plan, width: int
-) -> None:
+def test_the_timeline_of_a_hundred_has_a_readable_row_for_each(large: Plan, width: int) -> None:
     spec = spec_of(large, "timeline", style=FigureStyle(width=width))
     assert spec["layout"]["yaxis"]["ticktext"] == large.scenario.vehicle_names
     assert _label_spacing(spec) >= LEAST_LABEL_PX
@@ -211,9 +201,7 @@ def test_lanes_hold_every_window_once_and_none_over_another(large: Plan, alterna
                 assert {labels[row]} == {f"v{lane.sighting.observer + 1}" for lane in here}
 
 
-def test_a_timeline_keeps_the_vehicles_with_the_least_contact_and_says_so(
-    large: Plan, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_timeline_keeps_the_least_contacts(large: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
     contact: dict[int, float] = {}
     for one in rows_of(large):
         seen = float(np.diff(one.windows).sum())
@@ -246,9 +234,7 @@ def _reach(traces: list[dict[str, Any]], since: float) -> float:
 
 
 @pytest.mark.parametrize("many", [False, True])
-def test_axes_of_errors_fit_the_settled_half_and_say_what_they_leave_out(
-    report: ValidationDocument, many: bool
-) -> None:
+def test_axes_of_errors_fit_the_settled_half(report: ValidationDocument, many: bool) -> None:
     spec = errors_spec(report, PLAIN, None if many else ["v1", "v2"])
     panels = list(_panels(spec).items())
     # panels of one scale: alone, or all in m and all in rad
@@ -282,9 +268,7 @@ def test_a_start_as_good_as_the_rest_is_not_clipped(vehicles: list[str] | None) 
         assert any(ranges) or "clipped" not in note_of(spec)
 
 
-def test_panels_of_few_vehicles_stand_under_each_other_in_a_column(
-    report: ValidationDocument,
-) -> None:
+def test_panels_of_few_vehicles_stand_in_a_column(report: ValidationDocument) -> None:
     few = ["v1", "v4"]
     wide = errors_spec(report, PLAIN, few)["layout"]
     column = errors_spec(report, FigureStyle(width=400), few)["layout"]
@@ -298,9 +282,7 @@ def test_panels_of_few_vehicles_stand_under_each_other_in_a_column(
 
 
 @pytest.mark.parametrize("width", [1200, 400])
-def test_many_vehicles_are_small_multiples_that_can_be_read(
-    report: ValidationDocument, width: int
-) -> None:
+def test_many_vehicles_are_readable_multiples(report: ValidationDocument, width: int) -> None:
     style = FigureStyle(width=width)
     spec = fitted(errors_spec(report, style), style)
     layout, count = spec["layout"], len(report.vehicles)

@@ -16,8 +16,11 @@ from syncplan.plotting.figure_style import PLAIN, FigureStyle
 from syncplan.plotting.figures import specs_of
 from syncplan.plotting.links import DROPPED, link_ends, standing_of
 from syncplan.plotting.maps import view_of
-from tests.tools.figure_parts import note_of, spec_of, trace_of, turns_of
+from tests.tools.figure_parts import lines_of, note_of, spec_of, trace_of, turns_of
 from tests.tools.scenarios import example, small
+
+LINKS = ("link-", "incidental-", "landmark-", "dropped")
+"""Beginnings of the identifiers of links."""
 
 STYLES = (FigureStyle(width=1200), FigureStyle(width=400), FigureStyle(font_scale=2.0))
 
@@ -27,16 +30,16 @@ ROW = {"centers_m": [[0.0, 0.0], [70.0, 0.0], [140.0, 0.0], [210.0, 0.0]]}
 AREA = [[-40.0, -60.0], [260.0, -60.0], [260.0, 60.0], [-40.0, 60.0]]
 
 
-def _wide_range(**changes: Any) -> Plan:
-    sensor = {"range_m": 160.0, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1}
+def _seeing(reach: float, **changes: Any) -> Plan:
+    sensor = {"range_m": reach, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1}
     return plan(small(sensor=sensor, **changes), bound="never")
 
 
 TEAMS = {
     "grid": lambda: plan(example("paper-grid-alternate")),
     "camera": lambda: plan(example("mixed-radii-camera")),
-    "row": lambda: _wide_range(formation=ROW, landmarks_m=[[105.0, 40.0], [105.0, -40.0]]),
-    "overlapping": lambda: _wide_range(formation={"centers_m": [[0.0, 0.0], [33.0, 0.0]]}),
+    "row": lambda: _seeing(160.0, formation=ROW, landmarks_m=[[105.0, 40.0], [105.0, -40.0]]),
+    "overlapping": lambda: _seeing(160.0, formation={"centers_m": [[0.0, 0.0], [33.0, 0.0]]}),
     "many": lambda: plan(
         small(formation={"shape": "hex", "count": 30, "columns": 6, "spacing_m": 70.0}),
         bound="never",
@@ -49,31 +52,26 @@ def team(request: pytest.FixtureRequest) -> Plan:
     return TEAMS[request.param]()
 
 
-def _link_lines(spec: dict[str, Any]) -> list[np.ndarray]:
-    """Both ends of every link drawn."""
-    kinds = ("link-", "incidental-", "landmark-", "dropped")
-    lines = []
-    for trace in spec["data"]:
-        if trace["uid"].startswith(kinds):
-            points = np.column_stack([trace["x"], trace["y"]]).astype(float).reshape(-1, 4, 2)
-            lines += [points[k, [0, 2]] for k in range(len(points))]
-    return lines
-
-
 def test_links_end_at_the_rims_of_their_circles(team: Plan) -> None:
-    spec = spec_of(team, "formation")
-    lines = _link_lines(spec)
+    names = team.scenario.vehicle_names + team.scenario.landmark_names
     bodies = np.concatenate([team.orbits.centers, team.landmarks.reshape(-1, 2)])
     reach = np.concatenate([team.orbits.radii, np.zeros(len(team.landmarks))])
-    met = [*team.links, *team.incidental_links, *team.landmark_links]
-    assert len(lines) == len(met) + len(team.dropped_links)
-    for line in lines:
-        for point in line:
-            rims = np.abs(np.hypot(*(bodies - point).T) - reach)
-            assert rims.min() < 0.01
-        gap = np.hypot(*(line[1] - line[0]))
-        whole = np.hypot(*(bodies[:, None] - bodies[None]).reshape(-1, 2).T)
-        assert gap < whole.max()
+    drawn = 0
+    for trace in spec_of(team, "formation")["data"]:
+        if not trace["uid"].startswith(LINKS):
+            continue
+        texts = [text for text in trace["text"] if text]
+        for text, (start, middle, end) in zip(texts, lines_of(trace), strict=True):
+            a, b = (names.index(name) for name in text.partition(",")[0].split("-"))
+            assert np.hypot(*(start - bodies[a])) == pytest.approx(reach[a], abs=0.02)
+            assert np.hypot(*(end - bodies[b])) == pytest.approx(reach[b], abs=0.02)
+            np.testing.assert_allclose(middle, (start + end) / 2.0, atol=0.02)
+            gap = np.hypot(*(bodies[b] - bodies[a])) - reach[a] - reach[b]
+            # of circles apart, along the line of centres
+            assert gap < 0.0 or np.hypot(*(end - start)) == pytest.approx(gap, abs=0.02)
+            drawn += 1
+    met = [*team.links, *team.incidental_links, *team.landmark_links, *team.dropped_links]
+    assert drawn == len(met)
 
 
 coordinate = st.integers(-1000, 1000).map(lambda k: k / 10.0)
@@ -103,8 +101,8 @@ def test_no_link_strikes_through_a_name(team: Plan, style: FigureStyle) -> None:
     spec = spec_of(team, "formation", style=style)
     scale = view_of(style, team).scale
     along = np.linspace(0.0, 1.0, 801)[:, None]
-    lines = _link_lines(spec)
-    points = np.concatenate([line[0] + along * (line[1] - line[0]) for line in lines])
+    lines = [line for t in spec["data"] if t["uid"].startswith(LINKS) for line in lines_of(t)]
+    points = np.concatenate([line[0] + along * (line[-1] - line[0]) for line in lines])
     names = trace_of(spec, "names")
     shown = 0
     sizes = names["textfont"]["size"]
@@ -126,37 +124,24 @@ def test_names_fit_their_circles_where_there_is_room(team: Plan) -> None:
 
 
 def test_a_landmark_s_name_stands_where_no_link_comes_from() -> None:
-    made = _wide_range(landmarks_m=[[35.0, 40.0], [35.0, -40.0]])
+    made = _seeing(160.0, landmarks_m=[[35.0, 40.0], [35.0, -40.0]])
     spec = spec_of(made, "formation")
     above, below = trace_of(spec, "landmarks")["textposition"]
     assert above.startswith("top")
     assert below.startswith("bottom")
 
 
-def test_lines_of_many_vehicles_are_thinner() -> None:
-    widths = {}
-    for count in (6, 100):
-        shape = {"shape": "grid", "count": count, "columns": 10, "spacing_m": 70.0}
-        spec = spec_of(plan(small(formation=shape), bound="never"), "formation")
-        widths[count] = {
-            trace["uid"]: trace["line"]["width"]
-            for trace in spec["data"]
-            if trace["uid"].startswith(("link", "circles"))
-        }
-    for uid, width in widths[100].items():
-        assert width < widths[6][uid]
-        assert width >= 0.5
-
-
-def test_links_are_thinner_where_each_vehicle_has_many() -> None:
+def test_lines_are_thinner_where_vehicles_or_links_are_many() -> None:
     widths = []
-    for reach in (50.0, 130.0):
-        sensor = {"range_m": reach, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1}
-        shape = {"shape": "grid", "count": 12, "columns": 4, "spacing_m": 70.0}
-        made = plan(small(formation=shape, sensor=sensor), bound="never")
-        spec = spec_of(made, "formation")
-        widths.append(trace_of(spec, "link-certified")["line"]["width"])
-    assert 0.5 < widths[1] < widths[0]
+    for count, columns, reach in ((6, 6, 50.0), (100, 10, 50.0), (12, 4, 50.0), (12, 4, 130.0)):
+        shape = {"shape": "grid", "count": count, "columns": columns, "spacing_m": 70.0}
+        spec = spec_of(_seeing(reach, formation=shape), "formation")
+        lines = [t for t in spec["data"] if t["uid"].startswith(("link", "circles"))]
+        widths.append({trace["uid"]: trace["line"]["width"] for trace in lines})
+    few, many, near, far = widths
+    for uid, width in many.items():
+        assert 0.5 <= width < few[uid]
+    assert 0.5 < far["link-certified"] < near["link-certified"]
 
 
 def test_areas_are_on_every_map_at_one_scale() -> None:
@@ -231,9 +216,7 @@ def test_an_incidental_link_has_its_mark_in_the_middle() -> None:
     assert trace["x"][1] == pytest.approx(0.5 * (trace["x"][0] + trace["x"][2]))
 
 
-def test_maps_of_many_vehicles_leave_details_to_the_hover_texts(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_maps_of_many_vehicles_leave_details_to_hovering(monkeypatch: pytest.MonkeyPatch) -> None:
     made, kinds = plan(example("paper-grid-same"), bound="never"), ["formation", "animation"]
     few = specs_of(made, kinds)
     monkeypatch.setattr("syncplan.plotting.maps.MANY_VEHICLES", 2)

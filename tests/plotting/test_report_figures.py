@@ -54,9 +54,7 @@ def test_a_report_without_a_prediction_has_no_bars_of_it(report: ValidationDocum
     assert [trace["uid"] for trace in spec["data"]] == ["late", "whole", "median"]
 
 
-def test_the_band_is_three_sigma_of_each_axis_about_zero(
-    run_with_series: Validation, report: ValidationDocument
-) -> None:
+def test_bands_are_three_sigma(run_with_series: Validation, report: ValidationDocument) -> None:
     kept = series(run_with_series.result)
     spec = spec_of(report, "errors")
     # small multiples have half as many points
@@ -211,9 +209,7 @@ def test_a_row_that_is_not_observable_is_crossed_out(swept: SweepReport) -> None
     assert all(trace["uid"] != "unobservable" for trace in spec_of(swept, "sweep")["data"])
 
 
-def test_texts_break_lines_and_hold_no_other_markup(
-    report: ValidationDocument, swept: SweepReport
-) -> None:
+def test_texts_hold_no_markup_but_breaks(report: ValidationDocument, swept: SweepReport) -> None:
     """Plotly gives such markup a style of its own, which the policy of the web page forbids."""
     flown = flight_document(short_flight()).model_copy(update={"name": "<b>&"})
     for subject in (plan(example("paper-grid-alternate")), report, swept, flown):

@@ -39,9 +39,7 @@ def _drawn(report: ValidationDocument, **style: Any) -> dict[str, Any]:
     return spec_of(report, "states", style=FigureStyle(**style))
 
 
-def test_each_state_has_a_panel_with_what_was_found_and_predicted(
-    report: ValidationDocument,
-) -> None:
+def test_each_state_has_a_panel_of_found_and_predicted(report: ValidationDocument) -> None:
     assert report.series is not None
     assert list(specs_of(report)) == ["accuracy", "errors", "states", "consistency"]
     curves = {one["uid"]: one for one in _drawn(report)["data"]}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from syncplan.flight.flight_records import RecordedSteps
-from syncplan.flight.flying import Flight, conclude_flight, flight_run, fly_part
+from syncplan.flight.flying import conclude_flight, flight_run, fly_part
 from syncplan.planning.planner import plan
 from syncplan.reports.flight_report import FlightDocument, flight_document
 from syncplan.reports.flight_series import FlightOverTime
@@ -16,13 +16,8 @@ from tests.tools.scenarios import example
 
 
 @pytest.fixture(scope="module")
-def flight() -> Flight:
-    return short_flight()
-
-
-@pytest.fixture(scope="module")
-def report(flight: Flight) -> FlightDocument:
-    return flight_document(flight)
+def report() -> FlightDocument:
+    return flight_document(short_flight())
 
 
 @pytest.fixture(scope="module")
@@ -38,9 +33,8 @@ def test_a_report_with_series_is_read_back_as_it_was(report: FlightDocument) -> 
     assert events == [("hold", "v2", 12.0, 18.0), ("loss", "v6", LOST_AT, None)]
 
 
-def test_ellipses_have_the_axes_of_the_filters_covariance(
-    flight: Flight, series: FlightOverTime
-) -> None:
+def test_ellipses_are_the_filters_covariance(series: FlightOverTime) -> None:
+    flight = short_flight()
     steps = RecordedSteps.of(96, 0.5, flight.plan.orbits.period)
     for track, kept in zip(series.tracks, flight.result.tracks, strict=True):
         assert track.trial == kept.trial
@@ -82,8 +76,8 @@ def test_phase_tolerances_without_series_are_the_least_of_the_plans_links() -> N
     assert differ
 
 
-def test_separations_are_those_of_the_trials(flight: Flight, report: FlightDocument) -> None:
-    found, each = report.least_separation_m, flight.result.figures.separations
+def test_separations_are_those_of_the_trials(report: FlightDocument) -> None:
+    found, each = report.least_separation_m, short_flight().result.figures.separations
     assert found is not None
     assert (found.quantiles[0], found.quantiles[-1]) == (each.min(), each.max())
     assert found.quantiles[20] == found.median
@@ -91,10 +85,10 @@ def test_separations_are_those_of_the_trials(flight: Flight, report: FlightDocum
     assert np.mean(np.array(each) < 22.0) == found.below_asked_share
 
 
-def test_the_ground_is_the_plans(flight: Flight, series: FlightOverTime) -> None:
-    ground, orbits = series.ground, flight.plan.orbits
-    assert [one.name for one in ground.circles] == flight.plan.scenario.vehicle_names
-    np.testing.assert_allclose([one.center_m for one in ground.circles], orbits.centers)
-    np.testing.assert_allclose([one.phase_rad for one in ground.circles], orbits.phases)
-    np.testing.assert_allclose([one.position_m for one in ground.landmarks], flight.plan.landmarks)
-    assert ground.keep_out_m == flight.plan.scenario.keep_out_m
+def test_the_ground_is_the_plans(series: FlightOverTime) -> None:
+    ground, planned = series.ground, short_flight().plan
+    assert [one.name for one in ground.circles] == planned.scenario.vehicle_names
+    np.testing.assert_allclose([one.center_m for one in ground.circles], planned.orbits.centers)
+    np.testing.assert_allclose([one.phase_rad for one in ground.circles], planned.orbits.phases)
+    np.testing.assert_allclose([one.position_m for one in ground.landmarks], planned.landmarks)
+    assert ground.keep_out_m == planned.scenario.keep_out_m

@@ -93,9 +93,7 @@ def test_a_scenario_without_centres_is_shown_by_its_names() -> None:
     assert scenario.to_dataframe().to_dict("list") == {"name": ["a", "b"]}
 
 
-def test_without_pandas_the_message_names_the_extra(
-    grid: Plan, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_pandas_the_extra_is_named(grid: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(syncplan.InputError, match=r"pip install 'syncplan\[dataframe\]'"):
         grid.to_dataframe()

@@ -54,17 +54,9 @@ def test_the_tightest_group_above_decides(tmp_path: Path) -> None:
     group(top / "slice", cpu_max="300000 100000")
     group(top / "slice/service", cpu_max="max 100000")
     group(tmp_path, cpu_max="100000 100000")  # above the mount: no group
-    place = process(tmp_path, "0::/slice/service", f"/ {top} rw - cgroup2 cgroup2 rw,nsdelegate")
-    assert usable_cores(place) == 3
-
-
-def test_a_mount_without_a_source_is_passed_over(tmp_path: Path) -> None:
-    top = tmp_path / "cgroup"
-    group(top / "service", cpu_max="200000 100000")
-    place = process(
-        tmp_path, "0::/service", "/ /scratch rw - tmpfs  rw", f"/ {top} rw - cgroup2 cgroup2 rw"
-    )
-    assert usable_cores(place) == 2
+    # a mount without a source is passed over
+    mounts = ("/ /scratch rw - tmpfs  rw", f"/ {top} rw - cgroup2 cgroup2 rw,nsdelegate")
+    assert usable_cores(process(tmp_path, "0::/slice/service", *mounts)) == 3
 
 
 def test_a_container_sees_its_own_group_as_the_topmost(tmp_path: Path) -> None:
@@ -80,10 +72,11 @@ def test_a_container_sees_its_own_group_as_the_topmost(tmp_path: Path) -> None:
 
 
 def test_version_1_has_a_tree_for_each_controller(tmp_path: Path) -> None:
-    cpu = tmp_path / "cpu,cpuacct"
-    group(cpu / "service", cpu_cfs_quota_us="250000", cpu_cfs_period_us="100000")
+    cpu, memory = tmp_path / "cpu,cpuacct", tmp_path / "memory"
+    quota = {"cpu_cfs_quota_us": "250000", "cpu_cfs_period_us": "100000"}
+    group(cpu / "service", **quota, memory_limit_in_bytes=str(2**20))
     group(cpu, cpu_cfs_quota_us="-1", cpu_cfs_period_us="100000")
-    memory = group(tmp_path / "memory/service", cpu_max="100000 100000").parent
+    group(memory / "service", cpu_max="100000 100000", memory_limit_in_bytes=str(2**21))
     place = process(
         tmp_path,
         "5:cpu,cpuacct:/service\n4:memory:/service\n0::/service",
@@ -91,6 +84,7 @@ def test_version_1_has_a_tree_for_each_controller(tmp_path: Path) -> None:
         f"/ {cpu} rw - cgroup cgroup rw,cpu,cpuacct",
     )
     assert usable_cores(place) == 3
+    assert usable_memory(place) == 2**21
 
 
 def test_no_quota_allows_more_than_the_scheduler(
@@ -139,16 +133,3 @@ def test_a_container_may_use_what_its_group_may(
     place = process(tmp_path, "0::/service")
     everything = usable_memory(tmp_path / "nothing")
     assert usable_memory(place) == (everything if usable is None else usable)
-
-
-def test_version_1_keeps_memory_in_a_tree_of_its_own(tmp_path: Path) -> None:
-    memory = tmp_path / "memory"
-    group(memory / "service", memory_limit_in_bytes=str(2**21))
-    group(tmp_path / "cpu/service", memory_limit_in_bytes=str(2**20))
-    place = process(
-        tmp_path,
-        "5:cpu:/service\n4:memory:/service",
-        f"/ {memory} rw - cgroup cgroup rw,memory",
-        f"/ {tmp_path / 'cpu'} rw - cgroup cgroup rw,cpu",
-    )
-    assert usable_memory(place) == 2**21
