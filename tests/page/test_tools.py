@@ -188,7 +188,7 @@ def test_several_are_selected_moved_copied_aligned_and_removed(visit: Visit, pag
     assert downloaded(page) == before
 
 
-def test_tools_measure_place_and_link_by_clicks_and_a_box_selects(visit: Visit, page: Page) -> None:
+def test_tools_place_and_link_by_clicks_and_a_box_selects(visit: Visit, page: Page) -> None:
     # a box with Shift
     page.keyboard.down("Shift")
     pull(page, on_screen(page, 45.0, 95.0), on_screen(page, 160.0, 45.0))
@@ -196,15 +196,7 @@ def test_tools_measure_place_and_link_by_clicks_and_a_box_selects(visit: Visit, 
     expect(page.locator("#notice")).to_have_text("2 selected.")
     for name, pressed in (("v4", "true"), ("v5", "true"), ("v2", "false")):
         expect(handle(page, name)).to_have_attribute("aria-pressed", pressed)
-    scenario, before, words = downloaded(page), view(page), page.locator("#tool-help")
-    take(page, "Ruler")
-    click(page, 20.0, 35.0)
-    page.wait_for_timeout(300)
-    click(page, 120.0, 35.0)
-    expect(words).to_contain_text(" m")
-    length = float((words.text_content() or "0").split()[0])
-    assert length == pytest.approx(100.0, abs=1.0)
-    assert downloaded(page) == scenario
+    before = view(page)
     take(page, "Vehicle")
     click(page, 70.0, 35.0)
     expect(handle(page, "v7")).to_have_attribute("aria-pressed", "true")
@@ -221,7 +213,7 @@ def test_tools_measure_place_and_link_by_clicks_and_a_box_selects(visit: Visit, 
     # two clicks remove a link; the keyboard draws it again
     take(page, "Link")
     handle(page, "v1").click()
-    expect(words).to_contain_text("From v1")
+    expect(page.locator("#tool-help")).to_contain_text("From v1")
     handle(page, "v2").click()
     visit.settle()
     assert ["v1", "v2"] not in downloaded(page)["formation"]["links"]
@@ -252,3 +244,15 @@ def test_polygons_are_drawn_changed_and_removed(visit: Visit, page: Page) -> Non
     page.get_by_role("button", name="Remove", exact=True).click()
     visit.settle()
     assert "obstacles_m" not in downloaded(page)
+
+
+def test_the_ruler_measures_and_changes_nothing(visit: Visit, page: Page) -> None:
+    scenario, words = downloaded(page), page.locator("#tool-help")
+    take(page, "Ruler")
+    click(page, 20.0, 35.0)
+    page.wait_for_timeout(300)
+    click(page, 120.0, 35.0)
+    expect(words).to_contain_text(" m")
+    length = float((words.text_content() or "0").split()[0])
+    assert length == pytest.approx(100.0, abs=1.0)
+    assert downloaded(page) == scenario
