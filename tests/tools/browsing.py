@@ -37,14 +37,7 @@ __all__ = [
 DESKTOP = (1440, 900)
 PHONE = (390, 844)
 
-_PROGRAMS = (
-    "chromium-headless-shell",
-    "chromium",
-    "chromium-browser",
-    "google-chrome",
-    "chrome",
-)
-"""The first one computes a seventh less, as it draws no window."""
+_PROGRAMS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 _HEARD = ("error", "warning")
 _PATIENCE_MS = 1000.0 * PATIENCE_S
 _FORGET = "addEventListener('pagehide', () => { localStorage.clear(); sessionStorage.clear(); })"
