@@ -1,4 +1,4 @@
-"""What README and documentation say of the service, the targets and the figure is so."""
+"""What README and documentation say of service, targets, figure and verdict is so."""
 
 import re
 from pathlib import Path
@@ -9,7 +9,9 @@ import pytest
 import syncplan
 from api.settings import PREFIX, Settings
 from syncplan import figures
+from syncplan.planning.verdict_checks import CHECKS
 from tests.tools.api_servers import openapi_document
+from tests.tools.scenarios import small
 from tests.tools.serving import ROOT
 
 README = (ROOT / "README.md").read_text("utf-8")
@@ -74,3 +76,23 @@ def test_the_readme_shows_the_plan_it_speaks_of() -> None:
     assert legend
     assert legend | names <= shown
     assert re.sub(r"<[^>]*>", "", figure.layout.title.text.split("<br>")[0]) in shown
+
+
+def test_the_page_on_the_verdict_lists_every_code_in_order_and_its_level() -> None:
+    page = (ROOT / "docs" / "verdict.md").read_text("utf-8")
+    listed = dict(re.findall(r"^\| `([a-z-]+)` \| (stop|warning|note) \|", page, re.MULTILINE))
+    assert list(listed) == list(CHECKS)
+    square = [[-5.0, -5.0], [5.0, -5.0], [5.0, 5.0], [-5.0, 5.0]]
+    broken = syncplan.plan(
+        small(
+            formation={"centers_m": [[0.0, 0.0], [25.0, 0.0]]},
+            landmarks_m=[[20.5, 0.0]],
+            area_m=square,
+            keep_out_m=[[[15.0, -5.0], [25.0, -5.0], [25.0, 5.0]]],
+            min_separation_m=90.0,
+        ),
+        bound="never",
+    )
+    found = {one.code: one.level for one in broken.verdict.findings}
+    assert len(found) >= 6
+    assert found.items() <= listed.items()

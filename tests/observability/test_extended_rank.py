@@ -183,8 +183,10 @@ def test_errors_that_trade_against_each_other_are_named_together() -> None:
 def test_errors_that_change_or_are_not_estimated_have_no_column() -> None:
     gusts = {"wind": {"gust_sigma_mps": 0.2}}
     walks = {"sensor": {"bearing_walk": {"sigma_rad": 0.1, "time_s": 1e6}}}
-    for changing in (gusts, walks):
-        assert plan(changed("paper-grid-same", **changing), bound="never").error_verdict is None
+    for changing in ({}, gusts, walks):
+        made = plan(changed("paper-grid-same", **changing), bound="never")
+        assert made.error_verdict is None
+        assert not {"extended", "states"} & set(plan_document(made).as_json()["observability"])
     left_out = _grid("paper-grid-same", "wind", "speed_scale", filter={"estimate": ["wind"]})
     made = plan(left_out, bound="never")
     assert _extended(made).state_dim == 20
@@ -192,13 +194,6 @@ def test_errors_that_change_or_are_not_estimated_have_no_column() -> None:
     whole = assess_extended(assessed, tuple(ERROR_STATES))
     assert whole is not None
     assert (whole.rank, whole.state_dim) == (25, 26)
-
-
-def test_a_plan_without_such_errors_says_nothing_of_them() -> None:
-    made = plan(changed("paper-grid-same"), bound="never")
-    document = plan_document(made).as_json()["observability"]
-    assert made.error_verdict is None
-    assert not {"extended", "states"} & set(document)
 
 
 def test_too_many_states_are_counted_and_not_judged(monkeypatch: pytest.MonkeyPatch) -> None:

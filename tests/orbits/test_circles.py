@@ -9,7 +9,6 @@ from syncplan.orbits.circles import (
     derivative,
     evaluate,
     heading,
-    phase,
     position,
     real_roots,
     rotate,
@@ -39,10 +38,6 @@ def test_wrapped_angles_differ_by_whole_turns(angle: float) -> None:
     wrapped = float(wrap(angle))
     assert -np.pi <= wrapped < np.pi
     assert np.isclose(np.cos(wrapped - angle), 1.0, atol=1e-12)
-
-
-def test_phase_runs_with_the_sense() -> None:
-    np.testing.assert_allclose(phase(ORBITS, 1.0) - phase(ORBITS, 0.0), [0.8, -0.8])
 
 
 # --- roots of trigonometric polynomials -----------------------------------------------------------

@@ -1,7 +1,7 @@
 """Kinds of sighting against finite differences, and the order of states of lasting errors."""
 
-from collections.abc import Callable
 from dataclasses import fields, replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -85,30 +85,22 @@ def test_a_sighting_made_with_some_probability_counts_as_that_share_of_one() -> 
     np.testing.assert_allclose(sighting_rows(missed, seen), rows * share[:, None], rtol=1e-14)
 
 
-@pytest.fixture(scope="module")
-def compiled() -> Callable[..., None]:
-    return called_alone(sight_poses)
-
-
-@pytest.mark.parametrize("name", SIGHTING_KINDS)
-@pytest.mark.parametrize("target", [1, 2])
-def test_the_compiled_filter_has_every_kind(
-    name: str, target: int, compiled: Callable[..., None]
-) -> None:
-    kind, random = SIGHTING_KINDS[name], np.random.default_rng(1)
+def test_the_compiled_filter_has_every_kind() -> None:
+    compiled, random = called_alone(sight_poses), np.random.default_rng(1)
     lanes, landmarks = 5, np.array([[3.0, -4.0]])
-    x, measured = random.normal(size=(2, 3, lanes)), random.normal(size=lanes)
-    row, innovation = np.full((3, lanes), np.nan), np.full(lanes, np.nan)
-    seen = (place_of(kind), x.reshape(6, lanes), 0, target, 2, landmarks, measured)
-    compiled(*seen, row, innovation, np.zeros(lanes, dtype=np.int8))
-    there = x[1, :2] if target == 1 else landmarks[0][:, None]
-    q = there - x[0, :2]
-    np.testing.assert_allclose(row[:2], -kind.slopes(q, np.ones(lanes)), rtol=1e-12)
-    np.testing.assert_array_equal(row[2], kind.by_heading)
-    expected = measured - kind.measured(q, x[0, 2])
-    if kind.unit == "rad":
-        expected = wrap(expected)
-    np.testing.assert_allclose(innovation, expected, atol=1e-12)
+    for kind, target in product(SIGHTING_KINDS.values(), (1, 2)):
+        x, measured = random.normal(size=(2, 3, lanes)), random.normal(size=lanes)
+        row, innovation = np.full((3, lanes), np.nan), np.full(lanes, np.nan)
+        seen = (place_of(kind), x.reshape(6, lanes), 0, target, 2, landmarks, measured)
+        compiled(*seen, row, innovation, np.zeros(lanes, dtype=np.int8))
+        there = x[1, :2] if target == 1 else landmarks[0][:, None]
+        q = there - x[0, :2]
+        np.testing.assert_allclose(row[:2], -kind.slopes(q, np.ones(lanes)), rtol=1e-12)
+        np.testing.assert_array_equal(row[2], kind.by_heading)
+        expected = measured - kind.measured(q, x[0, 2])
+        if kind.unit == "rad":
+            expected = wrap(expected)
+        np.testing.assert_allclose(innovation, expected, atol=1e-12)
 
 
 # --- errors that last -----------------------------------------------------------------------------

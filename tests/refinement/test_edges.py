@@ -2,6 +2,7 @@
 
 import time
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -111,43 +112,23 @@ def test_circles_that_start_outside_their_area_end_inside_or_not_at_all() -> Non
 # --- the time -------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def pair() -> Plan:
-    return plan(small(landmarks_m=[[0.0, 40.0], [70.0, 40.0]]))
-
-
-@pytest.fixture
-def measured(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """An entry for each measurement of a candidate, of which each start has three."""
-    looks: list[int] = []
-
-    def counted(*given: Any, **also: Any) -> Measurement:
-        looks.append(1)
-        return measure(*given, **also)
-
+@pytest.mark.parametrize(("time_s", "looks"), [(1e-6, 1), (1e6, 3)])
+def test_once_time_is_over_the_sharpest_candidate_that_passes_is_enough(
+    monkeypatch: pytest.MonkeyPatch, time_s: float, looks: int
+) -> None:
     def three(self: StagedSolver, start: Array, steering: Steering) -> SolverRun:
         return SolverRun((start,) * 3, "done", steering.over, 1, 0.0, 0.0, ())
 
-    monkeypatch.setattr("syncplan.refinement.parallel_starts.measure", counted)
+    measured = Mock(wraps=measure)
+    monkeypatch.setattr("syncplan.refinement.parallel_starts.measure", measured)
     monkeypatch.setattr(StagedSolver, "solve", three)
-    return looks
-
-
-def test_once_time_is_over_the_sharpest_candidate_that_passes_is_enough(
-    pair: Plan, measured: list[int]
-) -> None:
-    better = refine(pair, starts=1, workers=1, time_limit_s=1e-6)
-    assert record_of(better).cut_short
-    assert len(measured) == 1
-
-
-def test_within_the_time_all_candidates_are_measured(pair: Plan, measured: list[int]) -> None:
-    refine(pair, starts=1, workers=1, time_limit_s=1e6)
-    assert len(measured) == 3
+    better = refine(_given(), starts=1, workers=1, time_limit_s=time_s)
+    assert record_of(better).cut_short == (looks == 1)
+    assert measured.call_count == looks
 
 
 def test_the_time_includes_the_measurement_of_the_plan_itself(
-    pair: Plan, monkeypatch: pytest.MonkeyPatch
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     now, real = [0.0], time.monotonic
 
@@ -157,5 +138,5 @@ def test_the_time_includes_the_measurement_of_the_plan_itself(
 
     monkeypatch.setattr("syncplan.refinement.refiner.measure", slowly)
     monkeypatch.setattr(time, "monotonic", lambda: real() + now[0])
-    better = refine(pair, starts=1, workers=1, time_limit_s=500.0)
+    better = refine(_given(), starts=1, workers=1, time_limit_s=500.0)
     assert record_of(better).cut_short

@@ -10,15 +10,6 @@ from syncplan.reports.refinement_report import FiguresOfMerit
 from syncplan.scenario.models import RefineOptions
 from syncplan.scenario.objectives import FIGURES, OBJECTIVES, ROWS, Figures
 
-FIGURES_OF_A_PLAN = Figures(
-    rank=6,
-    certified=True,
-    window_bound=1.0,
-    least_distance=2.0,
-    contact_margin=3.0,
-    objectives={name: float(k) for k, name in enumerate(OBJECTIVES)},
-)
-
 
 def test_every_objective_has_a_form_and_every_form_an_objective() -> None:
     assert list(FORMS) == list(OBJECTIVES)
@@ -59,8 +50,10 @@ def test_objectives_that_need_observability_cannot_rank_plans_without_it() -> No
 
 
 def test_figures_offer_objectives_as_attributes_also_from_another_process() -> None:
-    copy = pickle.loads(pickle.dumps(FIGURES_OF_A_PLAN))
-    assert copy == FIGURES_OF_A_PLAN
-    assert copy.trace == FIGURES_OF_A_PLAN.objectives["trace"]
+    objectives = {name: float(k) for k, name in enumerate(OBJECTIVES)}
+    figures = Figures(6, True, 1.0, 2.0, 3.0, objectives)
+    copy = pickle.loads(pickle.dumps(figures))
+    assert copy == figures
+    assert copy.trace == objectives["trace"]
     with pytest.raises(AttributeError, match="no figure 'beauty'"):
         _ = copy.beauty

@@ -1,6 +1,5 @@
 """Sight past obstacles as the solver sees it, against Shapely and the exact code."""
 
-from dataclasses import replace
 from typing import Any
 
 import casadi as ca
@@ -12,20 +11,12 @@ from syncplan.arrays import Array
 from syncplan.planning.planner import Plan, plan
 from syncplan.refinement.ipopt import StagedSolver
 from syncplan.refinement.measures import measure
-from syncplan.refinement.nlp import nlp_of
-from syncplan.refinement.problem import RefineProblem, circles_of, orbits_of
+from syncplan.refinement.problem import circles_of, orbits_of
 from syncplan.refinement.refiner import refine
 from syncplan.refinement.smooth_sightings import ConvexPiece, convex_pieces, sight_gap
 from tests.tools.phase_teams import meet_when_shifted
-from tests.tools.scenarios import circling, planned, small
-from tests.tools.smooth_problems import (
-    STAGE,
-    assert_slopes,
-    exact_information,
-    information_errors,
-    point_near,
-    posed,
-)
+from tests.tools.scenarios import small
+from tests.tools.smooth_problems import posed
 
 pytestmark = pytest.mark.usefixtures("short_exact_search")
 
@@ -67,42 +58,6 @@ def test_a_wall_does_not_hide_the_landmark_that_hangs_on_it() -> None:
     gaps = _gaps(wall, start, end, to_landmark=True)
     np.testing.assert_allclose(gaps[0], 2.0)
     assert gaps[1] < -0.5
-
-
-SHELF = [[23.0, -9.0], [26.0, -9.0], [25.0, 4.0], [23.0, 2.0]]
-NOTCHED = [[-4.0, 22.0], [4.0, 22.0], [4.0, 30.0], [0.0, 25.0], [-4.0, 30.0]]
-
-
-def _problem() -> RefineProblem:
-    keys: dict[str, Any] = {
-        "orbit": circling(
-            radius_m=[20.0, 17.0, 23.0], direction=["ccw", "cw", "ccw"], desync_rad=[0.0, 0.3, -0.2]
-        ),
-        "formation": {"centers_m": [[0.0, 0.0], [50.0, 5.0], [10.0, 56.0]]},
-        "landmarks_m": [[0.0, -40.0], [70.0, 50.0], [40.0, 30.0]],
-        "obstacles_m": [SHELF, NOTCHED],
-        "sensor": {"range_m": 50.0, "bearing_sigma_rad": 0.1, "sample_time_s": 0.2},
-        "min_separation_m": 1.0,
-        "duration_s": 60.0,
-    }
-    return posed(planned(**keys), objective="logdet")
-
-
-def test_the_information_among_obstacles_approaches_the_exact_one() -> None:
-    problem = _problem()
-    exact, off = information_errors(problem)
-    open_field = exact_information(replace(problem, team=replace(problem.team, obstacles=())))
-    assert np.abs(open_field - exact).max() > 0.1 * np.abs(exact).max()
-    assert off[1] < 0.5 * off[0]
-    assert off[3] < 1e-5
-
-
-def test_contacts_among_obstacles_have_the_jacobian_of_finite_differences() -> None:
-    problem = _problem()
-    nlp = nlp_of(problem, STAGE)
-    at, sides = point_near(nlp, problem)
-    _, jacobian = nlp.jacobian(at, sides)
-    assert_slopes(jacobian, lambda moved: nlp.values(moved, sides)[1], at)
 
 
 CORRIDOR: dict[str, Any] = {
