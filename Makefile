@@ -23,10 +23,10 @@ UV     := 'uv>=0.9,<1'
 
 # on small matrices, a second thread of BLAS costs more than it brings
 TESTS  := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m
-PYTEST := $(TESTS) pytest --numprocesses
-QUICK  := $(shell nproc) -m "not long and not documented"
+PYTEST := $(TESTS) pytest
+QUICK  := --numprocesses $(shell nproc) -m "not long and not documented"
 # many of the others wait: more processes than there are cores
-MORE   := $(shell expr $$(nproc) + 1)
+MORE   := --numprocesses $(shell expr $$(nproc) + 1)
 SERVICE := tests/service tests/attacks tests/client tests/page
 # for how long fresh cases of searches are drawn
 MINUTES ?= 40

@@ -254,3 +254,18 @@ def test_an_owner_stores_a_limited_number_of_plans_until_they_expire(narrow: Ser
         assert lea.delete(answers[0].headers["location"]).status_code == 204
         assert lea.post("/v1/plans", json=document()).status_code == 201
         wait_until(lambda: lea.get("/v1/plans").json()["items"] == [])
+
+
+@pytest.mark.long
+def test_an_owner_with_many_requests_delays_another_by_one(
+    server: Server, ann: httpx2.Client
+) -> None:
+    with (
+        memory_given_back(server.popen.pid),
+        crowd_of(server.port, FLOOD, planning("eve", 2)) as flood,
+    ):
+        wait_until(lambda: answered(flood) >= 1)
+        answer = ann.post("/v1/plans", json=document())
+        assert answer.status_code == 201, answer.text
+        # in the order of their arrival, all would have been answered first
+        assert answered(flood) < FLOOD // 2

@@ -2,12 +2,15 @@
 
 import html
 import json
+import re
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from tests.tools.scenarios import FILES
+
+GRAZING = Path(__file__).parents[1] / "data" / "hard" / "grazing-landmark.json"
 
 GRID = str(FILES / "paper-grid-same.yaml")
 ALTERNATE = str(FILES / "paper-grid-alternate.yaml")
@@ -95,3 +98,15 @@ def test_calm_examples_carry_no_warning_of_wind_or_room(printed: Any) -> None:
     for name in ("paper-grid-same", "windy-grid", "triangle-lattice"):
         found = json.loads(printed("plan", str(FILES / f"{name}.yaml")))["verdict"]["findings"]
         assert [one["code"] for one in found if one["level"] == "warning"] == []
+
+
+def test_a_meeting_that_nobody_needs_warns_with_its_cost(printed: Any) -> None:
+    options = ("--dropout", "0.2", "--trials", "8", "--seed", "3", "--threads", "1")
+    verdict = json.loads(printed("fly", str(GRAZING), *options, "--require-go"))["verdict"]
+    assert verdict["go"]
+    (found,) = (one for one in verdict["findings"] if one["code"] == "meetings-missed")
+    assert found["level"] == "warning"
+    words = (
+        r"v2-L2 keeps [45]\d(\.\d)? %; without v2-L2 the team is observable still, predicted RMS 1"
+    )
+    assert re.search(words, found["message"])

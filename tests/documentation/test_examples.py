@@ -142,7 +142,7 @@ def test_every_example_is_pinned() -> None:
 
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(one, marks=[pytest.mark.documented] * (one in DOCUMENTED)) for one in FOUND],
+    [pytest.param(name, marks=[pytest.mark.documented] * (name in DOCUMENTED)) for name in FOUND],
 )
 def test_the_example_reaches_its_number(name: str) -> None:
     main = importlib.import_module(f"examples.{name}").main

@@ -93,6 +93,6 @@ def test_the_page_on_the_verdict_lists_every_code_in_order_and_its_level() -> No
         ),
         bound="never",
     )
-    found = {one.code: one.level for one in broken.verdict.findings}
-    assert len(found) >= 6
-    assert found.items() <= listed.items()
+    levels = {finding.code: finding.level for finding in broken.verdict.findings}
+    assert len(levels) >= 6
+    assert levels.items() <= listed.items()

@@ -8,7 +8,7 @@ import pytest
 
 from syncplan.errors import NoSolutionError
 from syncplan.estimation import lumped_bound as lumps
-from syncplan.estimation.bounds import posterior_bound, window_bound
+from syncplan.estimation.bounds import posterior_bound, steady_bound, window_bound
 from syncplan.estimation.referred_system import PosteriorBound, ReferredSystem, arc_noise_gain
 from syncplan.observability.rank import assess, link_information
 from syncplan.observability.referred_rows import sighting_rows
@@ -25,6 +25,11 @@ from tests.tools.scenarios import changed, example, small
 @pytest.fixture(scope="module")
 def grid() -> Plan:
     return plan(example("paper-grid-same"))
+
+
+def test_the_steady_bound_of_the_grid_is_that_found_before(grid: Plan) -> None:
+    # design.md, section 3: the period averages fall to 1.07 m
+    assert abs(steady_bound(grid.team, grid.windows).max() - 1.07) < 0.01
 
 
 def test_without_motion_noise_the_posterior_tends_to_the_window_bound(grid: Plan) -> None:

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.stats import t as student
 
 from syncplan.arrays import Array
@@ -18,6 +20,8 @@ from syncplan.estimation.consistency import (
     recorded_nis,
 )
 from syncplan.estimation.trials import TrialErrors
+
+SAMPLES = st.lists(st.integers(0, 1000), min_size=2, max_size=40).filter(lambda x: len(set(x)) > 1)
 
 
 def _statistic(samples: Array, mean: float) -> float:
@@ -36,18 +40,40 @@ def _statistic(samples: Array, mean: float) -> float:
 
 def test_both_ends_have_the_stated_likelihood() -> None:
     rng = np.random.default_rng(3)
-    drawn = rng.normal(-1.0, 0.2, 200), rng.gamma(0.3, 5.0, 40), rng.gamma(9.0, 1.0, 12)
-    for samples in (*drawn, np.array([1.0, 2.0, 6.0])):
+    for samples in (rng.normal(1.0, 0.2, 200), rng.gamma(0.3, 5.0, 40), rng.gamma(9.0, 1.0, 12)):
         ends = interval_of_mean(samples)
         limit = student.ppf(0.975, len(samples) - 1) ** 2
-        assert ends[0] < samples.mean() < ends[1]
         for end in ends:
             assert _statistic(samples, end) == pytest.approx(limit, rel=1e-6)
+
+
+@given(SAMPLES, st.integers(1, 50), st.integers(-100, 100))
+def test_the_interval_moves_scales_and_turns_with_its_samples(
+    drawn: list[int], scale: int, shift: int
+) -> None:
+    samples = np.array(drawn, dtype=float)
+    low, high = interval_of_mean(samples)
+    slack = 1e-6
+    assert samples.min() - slack <= low <= samples.mean() + slack
+    assert samples.mean() - slack <= high <= samples.max() + slack
+    moved = interval_of_mean(scale * samples + shift)
+    assert moved == pytest.approx((scale * low + shift, scale * high + shift), abs=50 * slack)
+    assert interval_of_mean(-samples) == pytest.approx((-high, -low), abs=slack)
+    assert interval_of_mean(samples[::-1]) == pytest.approx((low, high), abs=slack)
 
 
 def test_equal_samples_have_an_interval_of_no_width() -> None:
     assert interval_of_mean(np.full(20, 1.3)) == pytest.approx((1.3, 1.3))
     assert interval_of_mean(np.zeros(20)) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("count", [10, 200])
+def test_the_interval_of_skewed_samples_misses_their_mean_as_often_as_said(count: int) -> None:
+    drawn = np.random.default_rng(8).gamma(9.0, 1.0 / 9.0, (1000, count))
+    ends = np.array([interval_of_mean(one) for one in drawn])
+    missed = np.mean((ends[:, 0] > 1.0) | (ends[:, 1] < 1.0))
+    # ten samples show less of a tail than there is
+    assert 0.03 < missed < (0.09 if count == 10 else 0.07)
 
 
 def test_the_band_is_that_of_chi_square_tables() -> None:
@@ -60,13 +86,32 @@ def test_the_band_is_that_of_chi_square_tables() -> None:
     assert gate_threshold(None) == np.inf
 
 
-@pytest.mark.parametrize("probability", [None, 0.999, 0.9])
+GATES = pytest.mark.parametrize("probability", [None, 0.999, 0.9])
+
+
+def _honest_squares(count: int, probability: float | None) -> np.ndarray:
+    drawn = np.random.default_rng(7).standard_normal(2 * count) ** 2
+    return drawn[drawn <= gate_threshold(probability)][:count]
+
+
+@GATES
+@pytest.mark.parametrize("count", [5, 40])
+def test_nis_of_one_honest_recording_misses_1_as_often_as_said(
+    probability: float | None, count: int
+) -> None:
+    sums = _honest_squares(1000 * count, probability).reshape(-1, count).sum(axis=1)
+    judged = [recorded_nis(float(one), count, probability) for one in sums]
+    assert np.mean([one.value for one in judged]) == pytest.approx(1.0, abs=0.05)
+    outside = np.mean([not one.band[0] <= 1.0 <= one.band[1] for one in judged])
+    assert outside == pytest.approx(0.05, abs=0.03)
+    assert {one.basis for one in judged} == {"chi-square"}
+
+
+@GATES
 def test_nis_of_many_honest_innovations_has_a_narrow_interval(probability: float | None) -> None:
-    drawn = np.random.default_rng(7).standard_normal(2_000_000) ** 2
-    squares = drawn[drawn <= gate_threshold(probability)][:1_000_000]
+    squares = _honest_squares(1_000_000, probability)
     judged = recorded_nis(float(squares.sum()), len(squares), probability)
-    assert (judged.verdict, judged.basis) == ("consistent", "chi-square")
-    assert judged.band[0] <= 1.0 <= judged.band[1]
+    assert judged.verdict == "consistent"
     assert judged.band[1] - judged.band[0] < 0.006
     # the same innovations as a thousand trials: their spread says the same
     sums, counts = squares.reshape(1000, 1000).sum(axis=1), np.full(1000, 1000.0)
@@ -104,6 +149,16 @@ def test_a_difference_within_tolerance_is_none_however_many_trials_show_it() -> 
         assert not judged.band[0] <= 1.0 <= judged.band[1]
         assert judged.verdict == verdict
         assert (judged.band[0] > 1.0 + TOLERANCE) == (verdict == "optimistic")
+
+
+def test_a_few_lost_trials_make_a_filter_optimistic_where_student_would_shrug() -> None:
+    nees = np.random.default_rng(4).gamma(36.0, 1.0 / 36.0, 200)
+    nees[:3] = 50.0, 400.0, 5000.0
+    half = student.ppf(0.975, 199) * nees.std(ddof=1) / np.sqrt(200)
+    assert nees.mean() - half < 0.0
+    judged = anees(nees, 1)
+    assert judged.verdict == "optimistic"
+    assert judged.band[0] > 1.2
 
 
 def test_too_few_trials_and_too_wide_an_interval_show_nothing() -> None:

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from syncplan.arrays import Array
+from syncplan.estimation.correction_kernels import second_order_variance
 from syncplan.estimation.filter_options import lane_filter_of
 from syncplan.estimation.filter_setup import (
     BEARING_KIND,
@@ -54,6 +55,7 @@ from tests.tools.filter_scenes import (
     scene_of,
     true_state,
 )
+from tests.tools.inner_kernels import called_alone
 from tests.tools.plain_filters import Plain, extended_steps, ideal_steps
 
 STEPS = 42
@@ -126,6 +128,26 @@ def test_euler_tends_to_the_arc_at_first_order(turn: float) -> None:
         coarse, fine = (np.abs(function(psi, v, w, 0.5, N) - arc).max() for N in (500, 1000))
         assert fine <= 1e-2 * (0.1 + abs(turn))
         assert coarse == pytest.approx(2.0 * fine, rel=0.01, abs=1e-13)
+
+
+@pytest.mark.parametrize("kind", [BEARING_KIND, DISTANCE_KIND])
+def test_second_order_noise_is_the_variance_of_the_second_order_term(kind: int) -> None:
+    """Isserlis: e' H e / 2 has the variance tr(H P H P) / 2 where e is normal."""
+    random, variance = np.random.default_rng(2), called_alone(second_order_variance)
+    for _ in range(20):
+        q, root = random.uniform(-20.0, 20.0, 2), random.normal(size=(2, 2))
+
+        def seen(place: Array) -> float:
+            if kind == DISTANCE_KIND:
+                return float(np.hypot(*place))
+            # about the line of sight, where no branch is cut
+            return float(np.arctan2(q[0] * place[1] - q[1] * place[0], q @ place))  # noqa: B023
+
+        H = derivative(lambda one: derivative(seen, one, 1e-3)[0], q, 1e-3)
+        P = root @ root.T
+        found = variance(kind, q[0], q[1], P[0, 0], P[0, 1], P[1, 1])
+        np.testing.assert_allclose(found, 0.5 * np.trace(H @ P @ H @ P), rtol=1e-4)
+    assert np.isfinite(variance(kind, 0.0, 0.0, 1.0, 0.2, 2.0))
 
 
 # --- compiled filters ---------------------------------------------------------------------------

@@ -110,7 +110,7 @@ def test_every_sighting_is_withheld_once(white: Log) -> None:
 
 
 def test_a_withheld_sighting_teaches_the_filter_nothing(white: Log) -> None:
-    shifted = with_robots(white, lambda one: replace(one, bearings=one.bearings + 0.01))
+    shifted = with_robots(white, lambda robot: replace(robot, bearings=robot.bearings + 0.01))
     blind = []
     for log in (white, shifted):
         run = run_of(log, settings(0.05), EKF)

@@ -59,12 +59,16 @@ def test_distances_count_where_they_are_recorded(log: Log) -> None:
     assert document.distances is not None
     assert document.distances.used == distances.used
     assert document.filter.range_sigma_m == 0.05
-    unmeasured = with_robots(log, lambda one: replace(one, ranges=np.full(len(one.times), np.nan)))
+    unmeasured = with_robots(
+        log, lambda robot: replace(robot, ranges=np.full(len(robot.times), np.nan))
+    )
     bearings = replay(unmeasured, **SIGMAS)
     assert position_of(bearings) == position_of(without)
     document = replay_document(bearings)
     assert (document.distances, document.filter.range_sigma_m) == (None, None)
-    blind = with_robots(log, lambda one: replace(one, bearings=np.full(len(one.times), np.nan)))
+    blind = with_robots(
+        log, lambda robot: replace(robot, bearings=np.full(len(robot.times), np.nan))
+    )
     only = replay(blind, **SIGMAS)
     assert only.bearings.used == 0 < only.counts["distance"].used
     assert position_of(only) < 2.0 * position_of(without)

@@ -198,8 +198,8 @@ def test_snapped_radii_are_what_ardupilot_stores_at_the_common_rate(tmp_path: Pa
     assert "at most by 4 m (v3: 304 to 300 m)" in made.notes[0]
     # meetings are judged afresh
     plain = sidecar_of(export(plan, "ardupilot"))
-    one, other = (one["meetings"][0]["min_distance_m"] for one in (plain, sidecar))
-    assert one != pytest.approx(other, abs=1e-3)
+    given, snapped = (document["meetings"][0]["min_distance_m"] for document in (plain, sidecar))
+    assert given != pytest.approx(snapped, abs=1e-3)
 
 
 def test_snapping_that_loses_a_meeting_says_so() -> None:

@@ -1,22 +1,18 @@
-"""Whole flights: what their figures mean, and that parts of them join to the byte."""
+"""Whole flights: what their figures mean."""
 
-import io
 import json
-from collections.abc import Iterator
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from syncplan.errors import InputError, NoSolutionError
-from syncplan.estimation.trials import pack
-from syncplan.flight.flight_results import FlightResult, pack_flight, unpack_flight
+from syncplan.errors import NoSolutionError
+from syncplan.flight.flight_results import FlightResult
 from syncplan.flight.flown_figures import _settled
-from syncplan.flight.flying import Flight, FlightRun, conclude_flight, flight_run, fly, fly_part
+from syncplan.flight.flying import Flight, conclude_flight, flight_run, fly, fly_part
 from syncplan.planning.planner import Plan, plan
 from syncplan.reports.flight_report import flight_document
-from syncplan.runtime.files import as_text
 from tests.tools.scenarios import document, small
 
 QUICK: dict[str, Any] = {
@@ -226,87 +222,3 @@ def test_a_report_says_what_was_flown(flight: Flight) -> None:
         "v2 is held from 4 s for 2 s",
         "v3 is lost at 14 s",
     ]
-
-
-# --- parts that are kept as bytes -----------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def run(made: Plan) -> FlightRun:
-    """A flight with all that a result can hold: states, batch solutions, losses and series."""
-    return flight_run(made, trials=TRIALS, with_series=True, **OPTIONS)
-
-
-@pytest.fixture(scope="module")
-def parts(run: FlightRun) -> list[FlightResult]:
-    cuts = ((0, 16, 1), (16, 20, 3))
-    return [fly_part(run, first, count, threads=threads) for first, count, threads in cuts]
-
-
-def leaves(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
-    """All that a result holds, with where it does."""
-    if is_dataclass(value):
-        for one in fields(value):
-            yield from leaves(getattr(value, one.name), f"{name}.{one.name}")
-    elif isinstance(value, tuple):
-        for k, item in enumerate(value):
-            yield from leaves(item, f"{name}.{k}")
-    else:
-        yield name, value
-
-
-def test_a_flight_in_parts_on_any_threads_is_the_whole_to_the_byte(
-    run: FlightRun, parts: list[FlightResult]
-) -> None:
-    whole = conclude_flight(run, [fly_part(run, 0, TRIALS, threads=2)])
-    joined = conclude_flight(run, [unpack_flight(pack_flight(one)) for one in parts])
-    reports = [as_text(flight_document(one).as_json()) for one in (whole, joined)]
-    assert reports[0] == reports[1]
-    found, wanted = dict(leaves(joined.result)), dict(leaves(whole.result))
-    assert len(found) == len(wanted) > 40
-    for name, value in wanted.items():
-        assert np.asarray(found[name]).tobytes() == np.asarray(value).tobytes(), name
-
-
-def test_every_bit_of_a_part_is_kept_and_its_type(parts: list[FlightResult]) -> None:
-    part = parts[1]
-    again = dict(leaves(unpack_flight(pack_flight(part))))
-    given = dict(leaves(part))
-    assert list(again) == list(given)
-    assert any(np.isnan(value).any() for value in given.values())
-    assert any(name.endswith("branches.0.sums") for name in given)
-    for name, value in given.items():
-        assert type(again[name]) is type(value), name
-        one, other = np.asarray(value), np.asarray(again[name])
-        assert (one.dtype, one.shape) == (other.dtype, other.shape), name
-        assert one.tobytes() == other.tobytes(), name
-
-
-@pytest.mark.parametrize("data", [b"", b"nothing", b"PK\x03\x04 an archive cut short"])
-def test_bytes_that_are_no_part_are_refused(data: bytes) -> None:
-    with pytest.raises(InputError, match="not a part of a flight"):
-        unpack_flight(data)
-
-
-def without(data: bytes, name: str) -> bytes:
-    """An archive without one of its arrays."""
-    with np.load(io.BytesIO(data)) as stored:
-        arrays: dict[str, Any] = {key: value for key, value in stored.items() if key != name}
-    buffer = io.BytesIO()
-    np.savez(buffer, **arrays)
-    return buffer.getvalue()
-
-
-def test_a_part_without_what_every_part_has_is_refused(parts: list[FlightResult]) -> None:
-    with pytest.raises(InputError, match=r"not a part of a flight.*separations"):
-        unpack_flight(without(pack_flight(parts[0]), "figures.separations"))
-
-
-def test_what_parts_did_not_have_at_first_takes_its_default(parts: list[FlightResult]) -> None:
-    older = unpack_flight(without(pack_flight(parts[0]), "estimates.states_covered"))
-    assert older.estimates.states_covered.shape == (0, 0)
-
-
-def test_parts_of_a_validation_are_no_parts_of_a_flight(parts: list[FlightResult]) -> None:
-    with pytest.raises(InputError, match="not a part of a flight"):
-        unpack_flight(pack(parts[0].estimates))

@@ -11,9 +11,9 @@ from syncplan.flight.flight_setup import FlightLimits
 from syncplan.flight.flying import FlightRun, flight_run
 from syncplan.flight.reference_tracking import tracking_commands, tracking_gains
 from syncplan.flight.tracking_law import command_plan, track
-from syncplan.orbits.circles import heading, perpendicular, position
+from syncplan.orbits.circles import heading, perpendicular, position, unit
 from syncplan.planning.planner import plan
-from tests.tools.exact_flights import paper_grid, tracking
+from tests.tools.exact_flights import fly, paper_grid, tracking
 from tests.tools.inner_kernels import called_alone
 from tests.tools.scenarios import changed
 
@@ -122,3 +122,20 @@ def test_no_vehicle_closes_in_faster_than_limits_leave() -> None:
         changed_limits = replace(limits, most_speeds=most * orbits.speeds)
         found = tracking_gains(orbits, changed_limits).closing_speeds
         np.testing.assert_allclose(found, closing * orbits.speeds)
+
+
+@pytest.mark.parametrize("across", [False, True])
+def test_an_offset_goes_at_the_rate_that_the_gains_say(across: bool) -> None:
+    """Along the track as exp(-kp t), across it critically damped: (1 + q t) exp(-q t), q = 2 kp."""
+    orbits, limits = paper_grid()
+    gains, off, begin = tracking_gains(orbits, limits), 0.02, 3.0
+    ahead = unit(heading(orbits, begin))
+    way = perpendicular(ahead) if across else ahead
+    poses = np.column_stack([position(orbits, begin), heading(orbits, begin)])
+    poses[:, :2] += off * way
+    flight = fly(orbits, limits, tracking(orbits, limits), 1, begin, begin + 6.0, start=poses)
+    left, time = flight.off(), flight.times - begin
+    rate = 2.0 * gains.place
+    expected = (1.0 + rate * time) * np.exp(-rate * time) if across else np.exp(-gains.place * time)
+    # commands are held for a sample of 0.1 s
+    np.testing.assert_allclose(left / off, np.tile(expected[:, None], 6), atol=0.05)

@@ -56,7 +56,7 @@ def test_what_is_added_lies_in_free_space_and_is_selected(visit: Visit, page: Pa
         assert len(scenario["landmarks_m"]) == landmarks + 3
         # nobody is out of everybody's reach, the links follow, and each new landmark is seen
         assert {k for one in made.links for k in (one.a, one.b)} == set(range(before + 3))
-        seen = {one.b - made.orbits.count for one in made.landmark_links}
+        seen = {link.b - made.orbits.count for link in made.landmark_links}
         assert set(range(landmarks, landmarks + 3)) <= seen
     assert accessibility_faults(page) == []
 

@@ -9,7 +9,7 @@ from syncplan.planning.planner import plan
 from syncplan.scenario.loading import load_scenario
 from tests.page.gestures import downloaded, drag, drawn, handle, middle, opened, pull, view
 from tests.tools.browsing import Visit, accessibility_faults
-from tests.tools.scenarios import FILES, circling, document
+from tests.tools.scenarios import BAD_FILES, FILES, circling, document
 
 ALTERNATE = "paper-grid-alternate"
 SAME = "paper-grid-same"
@@ -296,3 +296,14 @@ def test_undo_goes_back_over_an_opened_file_and_its_fields(visit: Visit, page: P
     visit.verdict("Observable: rank 18 of 18")
     expect(page.get_by_label("Angular rate")).to_have_value("0.2")
     expect(page.get_by_label("Speed (m/s)")).to_be_hidden()
+
+
+def test_a_bad_file_is_refused_in_words(visit: Visit, page: Page) -> None:
+    visit.expect_complaints("422")
+    reported = page.locator("#notice.bad")
+    for name in ("misspelt-key", "not-yaml", "nan-rate"):
+        page.get_by_label("Open a file").set_input_files(BAD_FILES / f"{name}.yaml")
+        expect(reported).not_to_be_empty()
+        assert "Traceback" not in (reported.text_content() or "")
+        visit.verdict("Observable: rank 18 of 18")
+        page.get_by_role("button", name="Dismiss the message").click()

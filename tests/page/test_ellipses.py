@@ -34,7 +34,7 @@ def _expected(made: Plan, time: float) -> np.ndarray:
 
 def test_ellipses_are_the_library_s_at_each_moment_and_size(visit: Visit, page: Page) -> None:
     asked: list[str] = []
-    page.on("request", lambda one: asked.append(f"{one.method} {one.url.split('/v1/')[-1]}"))
+    page.on("request", lambda sent: asked.append(f"{sent.method} {sent.url.split('/v1/')[-1]}"))
     made = syncplan.plan(example("paper-grid-same"))
     names = made.scenario.vehicle_names
     toggle = page.get_by_role("button", name="Error ellipses")

@@ -197,8 +197,11 @@ def test_axes_over_time_hold_all_and_mark_events(flown: FlightDocument) -> None:
                 assert len(axis["tickvals"]) >= 2
                 assert axis["ticktext"] == [f"{mark:g}" for mark in axis["tickvals"]]
         for axis in {trace["xaxis"] for trace in spec["data"] if "xaxis" in trace}:
-            mine = [one for one in spec["layout"]["shapes"] if one["xref"] == axis]
-            assert {(one["x0"], one["x1"]) for one in mine} == {(12.0, 18.0), (LOST_AT, LOST_AT)}
+            mine = [shape for shape in spec["layout"]["shapes"] if shape["xref"] == axis]
+            assert {(shape["x0"], shape["x1"]) for shape in mine} == {
+                (12.0, 18.0),
+                (LOST_AT, LOST_AT),
+            }
         assert "v6 is lost at 30 s" in note_of(spec)
         assert {"losses", "holds"} <= {trace["uid"] for trace in spec["data"]}
 

@@ -1,6 +1,7 @@
 """Maps: links end on rims and leave names free, senses and areas are shown, axes have one scale."""
 
 import html
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -12,11 +13,13 @@ from hypothesis import strategies as st
 from syncplan.orbits.circles import Orbits
 from syncplan.planning.plan_files import Loaded, plan_of
 from syncplan.planning.planner import Plan, plan
+from syncplan.plotting.figure_files import figure_images
 from syncplan.plotting.figure_style import PLAIN, FigureStyle
 from syncplan.plotting.figures import specs_of
 from syncplan.plotting.links import DROPPED, link_ends, standing_of
 from syncplan.plotting.maps import view_of
 from tests.tools.figure_parts import lines_of, note_of, spec_of, trace_of, turns_of
+from tests.tools.image_browser import needs_browser
 from tests.tools.scenarios import example, small
 
 LINKS = ("link-", "incidental-", "landmark-", "dropped")
@@ -235,3 +238,22 @@ def test_maps_of_many_vehicles_leave_details_to_hovering(monkeypatch: pytest.Mon
     assert {trace["uid"] for trace in few["formation"]["data"]} - drawn == {"heads-ccw"}
     assert len(many["animation"]["frames"]) == 20
     assert "arrowheads" not in note_of(many["animation"])
+
+
+@pytest.mark.long
+@needs_browser
+def test_circles_are_round() -> None:
+    made = plan(example("paper-grid-same"), bound="never")
+    specs = {
+        str(height): spec_of(made, "formation", style=FigureStyle(width=500, height=height))
+        for height in (None, 900)
+    }
+    for image in figure_images(specs, "svg", FigureStyle(width=500)).values():
+        # from the circles' trace to the next one
+        drawn = image.decode("utf-8").split("tracecircles-ccw")[1].split('class="trace scatter')[0]
+        lines = re.findall(r'class="js-line"[^>]*? d="([^"]+)"', drawn)
+        circles = [np.array(re.findall(r"-?[\d.]+", line), dtype=float) for line in lines]
+        assert len(circles) == made.orbits.count
+        for one in circles:
+            wide, tall = np.ptp(one.reshape(-1, 2), axis=0)
+            assert wide == pytest.approx(tall, rel=0.01)

@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from syncplan.errors import InputError
 from syncplan.estimation.replays import replay
@@ -220,3 +222,50 @@ def test_landmarks_are_chosen_by_name(tmp_path: Path, refused: Any) -> None:
     err = refused("replay", str(folder), "-o", str(folder / "truth.csv"))
     assert "is the file that is read" in err
     assert (folder / "truth.csv").read_bytes() == before
+
+
+NAMES = st.sampled_from(["r1", "r2", "r10", "été"])
+VALUES = st.floats(-1e6, 1e6)
+SEEN = st.tuples(
+    NAMES,
+    st.sampled_from(["", "L1", "dock 2"]),
+    st.none() | VALUES,
+    st.none() | st.floats(0.0, 1e6),
+).filter(lambda row: row[2:] != (None, None))
+
+
+@given(
+    odometry=st.lists(st.tuples(NAMES, VALUES, VALUES), min_size=1, max_size=30),
+    seen=st.lists(SEEN, max_size=30),
+)
+def test_rows_come_back_as_they_were_written(
+    odometry: list[Any], seen: list[Any], tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    folder = tmp_path_factory.getbasetemp() / "rows"
+    folder.mkdir(exist_ok=True)
+    robots = {robot for robot, *_ in odometry}
+    seen = [row for row in seen if row[0] in robots]
+    lines = ["robot,time_s,speed_mps,turn_rate_rad_s"]
+    lines += [
+        f"{robot},{time},{speed!r},{turn!r}" for time, (robot, speed, turn) in enumerate(odometry)
+    ]
+    (folder / "odometry.csv").write_text("\n".join(lines))
+    lines = ["target,range_m,bearing_rad,time_s,robot"]
+    lines += [
+        f"{target},{'' if away is None else away},{'' if angle is None else angle},{time},{robot}"
+        for time, (robot, target, angle, away) in enumerate(seen)
+    ]
+    (folder / "sightings.csv").write_text("\n".join(lines))
+    (folder / "landmarks.csv").write_text("name,x_m,y_m\ndock 2,1,2\nL1,3,4")
+    log = load_log(folder)
+    assert {robot.name for robot in log.robots} == robots
+    subjects = dict(zip(log.landmark_names, log.landmark_subjects.tolist(), strict=True))
+    for robot in log.robots:
+        mine = [(t, *row[1:]) for t, row in enumerate(odometry) if row[0] == robot.name]
+        assert robot.odometry.tolist() == [list(row) for row in mine]
+        theirs = [(t, *row[1:]) for t, row in enumerate(seen) if row[0] == robot.name]
+        assert robot.times.tolist() == [row[0] for row in theirs]
+        assert robot.subjects.tolist() == [subjects.get(row[1], NOBODY) for row in theirs]
+        for found, place in ((robot.bearings, 2), (robot.ranges, 3)):
+            wanted = [np.nan if row[place] is None else row[place] for row in theirs]
+            np.testing.assert_array_equal(found, wanted)

@@ -11,12 +11,12 @@ import pytest
 from syncplan.arrays import Array
 from syncplan.orbits.circles import relative_motion
 from syncplan.orbits.contacts import least_distances
-from syncplan.planning.planner import judge
+from syncplan.planning.planner import judge, plan
 from syncplan.refinement.constraints import separations
 from syncplan.refinement.nlp import nlp_of
 from syncplan.refinement.problem import RefineProblem, circles_of, orbits_of
 from syncplan.scenario.objectives import OBJECTIVES
-from tests.tools.scenarios import circling, planned, small
+from tests.tools.scenarios import circling, example, planned, small
 from tests.tools.smooth_problems import (
     MIXED,
     STAGE,
@@ -341,3 +341,9 @@ def test_the_gradient_with_all_errors_is_that_of_finite_differences() -> None:
     value, slope = nlp.gradient(at, sides)
     np.testing.assert_allclose(float(value), float(nlp.values(at, sides)[0]), rtol=1e-14)
     assert_slopes(slope, lambda moved: nlp.values(moved, sides)[0], at)
+
+
+def test_the_smooth_error_of_the_paper_grid_is_near_the_posterior_bound() -> None:
+    problem = posed(plan(example("paper-grid-same"), bound="never"))
+    exact = exact_rms(problem.team, problem.duration)
+    np.testing.assert_allclose(smooth_rms_of(problem), exact, rtol=0.01)

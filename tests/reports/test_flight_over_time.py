@@ -29,7 +29,7 @@ def series(report: FlightDocument) -> FlightOverTime:
 def test_a_report_with_series_is_read_back_as_it_was(report: FlightDocument) -> None:
     text = json.dumps(report.as_json())
     assert FlightDocument.model_validate_json(text) == report
-    events = [(one.kind, one.subject, one.begin_s, one.end_s) for one in report.events]
+    events = [(event.kind, event.subject, event.begin_s, event.end_s) for event in report.events]
     assert events == [("hold", "v2", 12.0, 18.0), ("loss", "v6", LOST_AT, None)]
 
 
@@ -77,18 +77,24 @@ def test_phase_tolerances_without_series_are_the_least_of_the_plans_links() -> N
 
 
 def test_separations_are_those_of_the_trials(report: FlightDocument) -> None:
-    found, each = report.least_separation_m, short_flight().result.figures.separations
-    assert found is not None
-    assert (found.quantiles[0], found.quantiles[-1]) == (each.min(), each.max())
-    assert found.quantiles[20] == found.median
-    assert found.asked == 22.0
-    assert np.mean(np.array(each) < 22.0) == found.below_asked_share
+    least, each = report.least_separation_m, short_flight().result.figures.separations
+    assert least is not None
+    assert (least.quantiles[0], least.quantiles[-1]) == (each.min(), each.max())
+    assert least.quantiles[20] == least.median
+    assert least.asked == 22.0
+    assert np.mean(np.array(each) < 22.0) == least.below_asked_share
 
 
 def test_the_ground_is_the_plans(series: FlightOverTime) -> None:
     ground, planned = series.ground, short_flight().plan
-    assert [one.name for one in ground.circles] == planned.scenario.vehicle_names
-    np.testing.assert_allclose([one.center_m for one in ground.circles], planned.orbits.centers)
-    np.testing.assert_allclose([one.phase_rad for one in ground.circles], planned.orbits.phases)
-    np.testing.assert_allclose([one.position_m for one in ground.landmarks], planned.landmarks)
+    assert [circle.name for circle in ground.circles] == planned.scenario.vehicle_names
+    np.testing.assert_allclose(
+        [circle.center_m for circle in ground.circles], planned.orbits.centers
+    )
+    np.testing.assert_allclose(
+        [circle.phase_rad for circle in ground.circles], planned.orbits.phases
+    )
+    np.testing.assert_allclose(
+        [landmark.position_m for landmark in ground.landmarks], planned.landmarks
+    )
     assert ground.keep_out_m == planned.scenario.keep_out_m

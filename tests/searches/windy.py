@@ -13,7 +13,8 @@ without dropout, which no plan knows of. Fails too where a flight is NO-GO for m
 phases alone, though the team without the links that it missed most is observable: judged from the
 rows of all other links, stacked anew.
 
-Printed beside are the cases by level of plan and flight.
+Printed beside are the cases by level of plan and flight, and how many GO plans in calm air, of a
+sigma below a tenth of the slowest ground speed and gusts below a fiftieth, have warnings.
 """
 
 from collections import Counter
@@ -38,6 +39,7 @@ OF_LINKS = {"meetings-missed", "phase-not-kept"}
 
 MOST_UNWARNED = 1.0 / 24.0
 TRIALS, MORE = 20, 5
+CALM_WIND, CALM_GUSTS = 0.1, 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +50,7 @@ class Outcome:
     ----------
     go : of the plan
     warnings, stops : codes of the plan's findings
+    calm : whether there is little wind
     lost : share of flights with a filter lost or a vehicle out of contact
     flight_stops : codes
     """
@@ -55,6 +58,7 @@ class Outcome:
     go: bool
     warnings: tuple[str, ...]
     stops: tuple[str, ...]
+    calm: bool
     lost: float
     flight_stops: tuple[str, ...]
 
@@ -103,16 +107,19 @@ def _in_wind(generator: np.random.Generator) -> dict[str, Any]:
 def draw(number: int) -> tuple[list[str], Outcome]:
     """Return how the verdicts of a plan and its flights compare."""
     planned, dropout = draw_windy(number)
-    verdict = planned.verdict
+    verdict, wind = planned.verdict, planned.scenario.wind
     flight = fly(planned, trials=TRIALS, seed=1, dropout=dropout, threads=1)
     stops = {finding.code for finding in flight.plan.verdict.stops}
     lost = _lost_share(flight)
     if verdict.go and not _codes(verdict, "warning") and lost > MOST_SHARE:
         lost = _lost_share(fly(planned, trials=MORE * TRIALS, seed=2, threads=1))
+    slowest = planned.orbits.speeds.min()
+    assert wind is not None
     outcome = Outcome(
         go=verdict.go,
         warnings=_codes(verdict, "warning"),
         stops=_codes(verdict, "stop"),
+        calm=wind.sigma_mps < CALM_WIND * slowest and wind.gust_sigma_mps < CALM_GUSTS * slowest,
         lost=lost,
         flight_stops=tuple(sorted(stops)),
     )
@@ -163,6 +170,8 @@ def judge(cases: Mapping[int, Outcome], chance: float) -> list[str]:
         print(f"{name:15s} {len(some):5d}  {len(stops):13d}  {lost:13d}  {links:15d}")
     print(f"warnings of plans: {_counted([outcome.warnings for outcome in outcomes])}")
     print(f"stops of plans: {_counted([outcome.stops for outcome in outcomes])}")
+    calm = [outcome.warnings for outcome in outcomes if outcome.calm and outcome.go]
+    print(f"calm GO plans with a warning: {sum(map(bool, calm))} of {len(calm)} ({_counted(calm)})")
     unwarned = {number: case for number, case in cases.items() if case.unwarned}
     for number, case in unwarned.items():
         print(f"  {number}: GO without warning, {100.0 * case.lost:.3g} % of flights lost")

@@ -52,7 +52,7 @@ def test_a_full_reserve_turns_away_the_oldest_that_waits() -> None:
     busy, *silent = [_client("elsewhere", engaged=k == 0) for k in range(LARGEST_RESERVE)]
     assert not any(map(connections.enter, (busy, *silent)))
     assert not connections.enter(_client("elsewhere"))
-    assert [one.turn_away.call_count for one in (busy, *silent[:2])] == [0, 1, 0]
+    assert [guest.turn_away.call_count for guest in (busy, *silent[:2])] == [0, 1, 0]
     assert connections.number == 3 + LARGEST_RESERVE
 
 
@@ -62,14 +62,14 @@ def test_a_reserve_where_all_are_being_answered_turns_away_who_comes() -> None:
     late = _client("elsewhere")
     assert not any(map(connections.enter, (*busy, late)))
     late.turn_away.assert_called()
-    assert not any(one.turn_away.called for one in busy)
+    assert not any(guest.turn_away.called for guest in busy)
     assert connections.number == 3 + LARGEST_RESERVE
 
 
 def test_whoever_leaves_twice_is_counted_once() -> None:
     connections, guests = _full()
-    for one in (*guests, *guests, _client()):
-        connections.leave(one)
+    for guest in (*guests, *guests, _client()):
+        connections.leave(guest)
     assert connections.number == 0
 
 

@@ -63,6 +63,14 @@ def test_the_image_has_the_versions_that_are_tested_all_with_their_hashes() -> N
     assert len(served) < len(everything)
 
 
+def test_the_image_serves_as_a_user_without_rights() -> None:
+    reported = dict(LAST_STAGE)
+    assert [rest for name, rest in LAST_STAGE if name == "USER"] == ["syncplan"]
+    assert (reported["ENTRYPOINT"], reported["CMD"]) == ('["syncplan"]', '["serve"]')
+    assert reported["VOLUME"] == "/var/lib/syncplan"
+    assert "healthcheck.py" in reported["HEALTHCHECK"]
+
+
 def test_variables_of_the_image_are_settings_and_none_is_a_secret() -> None:
     given = {one.removeprefix(PREFIX) for one in ENVIRONMENT if one.startswith(PREFIX)}
     assert given == {"DATA_DIR", "HOST", "PORT"}

@@ -88,6 +88,9 @@ def _problem(said: bytes) -> dict[str, object]:
     "sent",
     [
         b"nonsense\r\n\r\n",
+        b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03",
+        b"GET / HTTP/1.1\r\n" + HOST + b"X: a\x00b\r\n\r\n",
+        b"GET / HTTP/1.1\r\n" + HOST + b"Content-Length: -1\r\n\r\n",
         b"GET / HTTP/1.1\r\n" + HOST + b"Content-Length: 1\r\nContent-Length: 2\r\n\r\n",
         b"GET /\xff HTTP/1.1\r\n" + HOST + b"\r\n",
         b"GET / HTTP/9.9\r\n" + HOST + b"\r\n",
@@ -123,6 +126,7 @@ def test_a_request_for_a_websocket_is_answered_as_a_plain_one(port: int) -> None
 
 
 EXCHANGES = {
+    "plain": (GET, [200]),
     "head": (b"HEAD /nowhere HTTP/1.1\r\n" + HOST + b"\r\n", [404]),
     "pipelined": (3 * GET, [200, 200, 200]),
     "body": (

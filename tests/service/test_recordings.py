@@ -124,10 +124,11 @@ BROKEN = RECORDED["odometry.csv"].replace("60,0.8", "60,fast")
             "b/odometry.csv",
             "line 3: speed_mps is 'fast'; a number is needed",
         ),
+        (zipped({"../odometry.csv": b""}), "", "'../odometry.csv' would be written elsewhere"),
         (EMPTY, "", "holds at least 2001 files and folders; allowed is up to 2000; leave out"),
         (b"", "", "can't be unpacked"),
     ],
-    ids=["fault", "empty", "nothing"],
+    ids=["fault", "traversal", "empty", "nothing"],
 )
 def test_bad_archives_are_refused_and_nothing_is_kept(
     content: bytes, path: str, reported: str, ann: httpx2.Client

@@ -103,11 +103,11 @@ class TrialGraph:
 
     def _state(self, values: gtsam.Values, step: int) -> Array:
         poses = [values.atPose2(self._key(POSE, i, step)) for i in range(self.n)]
-        found = [value for pose in poses for value in (pose.x(), pose.y(), pose.theta())]
-        found += [float(values.atVector(self._key(CONSTANT, c))[0]) for c in range(self.constants)]
+        state = [value for pose in poses for value in (pose.x(), pose.y(), pose.theta())]
+        state += [float(values.atVector(self._key(CONSTANT, c))[0]) for c in range(self.constants)]
         for key in self._keys(step)[self.n :]:
-            found += values.atVector(key).tolist()
-        return np.array(found)
+            state += values.atVector(key).tolist()
+        return np.array(state)
 
     def _sigmas(self, system: "LinearSystem", values: gtsam.Values, step: int) -> Array:
         """(3n + e,) standard deviations at the first or the last sample."""

@@ -279,7 +279,7 @@ def _bounds(run: FlightRun, truth: PlainTruth, trues: Array) -> Array:
     """(steps + 1, n) m^2, of the covariance that is linearised at the truth."""
     setup, n = run.team.filter_setup(), run.team.team.count
     P = covariance_at_start(setup)
-    found = [P.diagonal()[: 3 * n]]
+    variances = [P.diagonal()[: 3 * n]]
     for step in range(1, run.team.steps + 1):
         speeds, turn_rates = truth.speeds[step - 1], truth.turn_rates[step - 1]
         _, P = predict_state(trues[step - 1], P, speeds, turn_rates, setup)
@@ -288,5 +288,5 @@ def _bounds(run: FlightRun, truth: PlainTruth, trues: Array) -> Array:
             _, h = sighted(trues[step], one.kind, one.observer, one.target, setup, read)
             u = P @ h
             P = P - np.outer(u, u) / (h @ u + _variance(one, run.team.team))
-        found.append(P.diagonal()[: 3 * n])
-    return np.asarray(np.array(found).reshape(-1, n, 3)[..., :2].sum(axis=-1))
+        variances.append(P.diagonal()[: 3 * n])
+    return np.asarray(np.array(variances).reshape(-1, n, 3)[..., :2].sum(axis=-1))

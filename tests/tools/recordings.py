@@ -164,12 +164,12 @@ def refusal_of(path: Path) -> str:
     return str(refusal.value)
 
 
-def assert_same(one: Log, other: Log) -> None:
+def assert_same(log: Log, other: Log) -> None:
     """Compare all that two recordings hold."""
-    assert (one.name, one.landmark_names) == (other.name, other.landmark_names)
-    np.testing.assert_array_equal(one.landmarks, other.landmarks)
-    np.testing.assert_array_equal(one.landmark_subjects, other.landmark_subjects)
-    for first, second in zip(one.robots, other.robots, strict=True):
+    assert (log.name, log.landmark_names) == (other.name, other.landmark_names)
+    np.testing.assert_array_equal(log.landmarks, other.landmarks)
+    np.testing.assert_array_equal(log.landmark_subjects, other.landmark_subjects)
+    for first, second in zip(log.robots, other.robots, strict=True):
         for field in fields(first):
             np.testing.assert_array_equal(
                 getattr(first, field.name), getattr(second, field.name), strict=True
