@@ -101,13 +101,13 @@ def test_scripts_and_styles_have_the_headers_that_protect_them(port: int, name: 
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     """A server whose tasks have little memory."""
     memory = {"SYNCPLAN_TASK_MEMORY_BYTES": str(TASK_MEMORY_MIB * 2**20)}
-    with serving(tmp_path_factory.mktemp("attacked"), "ann", **memory) as one:
+    with serving(tmp_path_factory.mktemp("attacked"), "ann eve", **memory) as one:
         yield one
 
 
 @pytest.fixture(scope="module")
 def ann(server: Server) -> Iterator[httpx2.Client]:
-    """The one who plans."""
+    """The owner who plans."""
     with speaking(server, "ann") as http:
         assert http.post("/v1/plans", json=document()).status_code == 201
         yield http
@@ -262,7 +262,7 @@ def test_an_owner_with_many_requests_delays_another_by_one(
 ) -> None:
     with (
         memory_given_back(server.popen.pid),
-        crowd_of(server.port, FLOOD, planning("eve", 2)) as flood,
+        crowd_of(server.port, FLOOD, planning("eve", 4)) as flood,
     ):
         wait_until(lambda: answered(flood) >= 1)
         answer = ann.post("/v1/plans", json=document())
