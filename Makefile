@@ -122,8 +122,9 @@ chromium:
 docs: $(VENV)/.docs
 	$(BIN)/python -m docs.site
 
+# kernels of large teams take as long again, and nothing here uses them
 container-steps:
-	docker/steps.sh
+	docker/steps.sh small
 
 benchmarks: $(VENV)/.dev
 	$(call install,'.[bench]')

@@ -2,6 +2,10 @@
 # Follow the Dockerfile's steps without a container: what it copies, installed as it installs it,
 # run as it runs it, from an empty folder outside the checkout, as an unprivileged user if we are
 # root. Prints what a plan over HTTP comes to.
+#
+#   docker/steps.sh [small] [large]
+#
+# Kernels are compiled of teams of these sizes; of both, as in the image, if neither is named.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -72,7 +76,7 @@ export SYNCPLAN_PORT SYNCPLAN_HOST=0.0.0.0
 scenario=$PWD/examples/scenarios/paper-grid-same.yaml
 further=$PWD/examples/scenarios/biased-grid.yaml
 cd "$folder/data"
-"${unprivileged[@]}" "$bin/python" "$folder/syncplan/share/warm_up.py"
+"${unprivileged[@]}" "$bin/python" "$folder/syncplan/share/warm_up.py" "$@"
 [ -n "$(ls "$folder/cache")" ] || { echo "no kernels in the cache" >&2; exit 1; }
 
 echo "steps: no keys, no service"

@@ -99,4 +99,4 @@ def _widths(reports: list[Consistency]) -> str:
     )
 
 
-SEARCH = Search(draw, judge, draws=20)
+SEARCH = Search(draw, judge, draws=10)

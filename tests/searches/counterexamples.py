@@ -53,4 +53,4 @@ def judge(cases: Mapping[int, Shown], chance: float) -> list[str]:
     return []
 
 
-SEARCH = Search(draw, judge, draws=4000)
+SEARCH = Search(draw, judge, draws=2000)

@@ -120,4 +120,4 @@ def judge(cases: Mapping[int, bool], chance: float) -> list[str]:
     return []
 
 
-SEARCH = Search(draw, judge, draws=100)
+SEARCH = Search(draw, judge, draws=50)

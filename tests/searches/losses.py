@@ -41,4 +41,4 @@ def judge(cases: Mapping[int, Judged], chance: float) -> list[str]:
     return []
 
 
-SEARCH = Search(draw, judge, draws=40)
+SEARCH = Search(draw, judge, draws=20)

@@ -95,4 +95,4 @@ def judge(cases: Mapping[int, Compared], chance: float) -> list[str]:
     return []
 
 
-SEARCH = Search(draw, judge, draws=100)
+SEARCH = Search(draw, judge, draws=50)

@@ -137,4 +137,4 @@ def judge(cases: Mapping[int, Mapping[str, Filtered]], chance: float) -> list[st
     return faults
 
 
-SEARCH = Search(draw, judge, draws=24)
+SEARCH = Search(draw, judge, draws=12)

@@ -29,4 +29,4 @@ def judge(cases: Mapping[int, Comparison], chance: float) -> list[str]:
     return []
 
 
-SEARCH = Search(draw, judge, draws=150)
+SEARCH = Search(draw, judge, draws=75)

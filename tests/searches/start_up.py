@@ -104,6 +104,6 @@ def _row(label: str, starts: Sequence[Start]) -> tuple[int, int, int, int]:
     return len(over), missed, len(well), wrong
 
 
-SEARCH = Search(draw, judge, draws=20)
+SEARCH = Search(draw, judge, draws=10)
 EKF = Search(partial(draw, filter_="ekf"), judge, draws=20)
 SECOND_ORDER = Search(partial(draw, filter_="second-order"), judge, draws=20)

@@ -122,4 +122,4 @@ def judge(cases: Mapping[int, Mapping[str, Array]], chance: float) -> list[str]:
     return faults
 
 
-SEARCH = Search(draw, judge, draws=40)
+SEARCH = Search(draw, judge, draws=20)

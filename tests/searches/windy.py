@@ -185,4 +185,4 @@ def _counted(codes: Sequence[Sequence[str]]) -> str:
     return ", ".join(f"{code} {count}" for code, count in counts)
 
 
-SEARCH = Search(draw, judge, draws=24)
+SEARCH = Search(draw, judge, draws=12)

@@ -4,6 +4,7 @@ What must come of a job is what the library makes of the same scenario and seed,
 """
 
 import contextlib
+import hashlib
 import json
 import os
 import shutil
@@ -353,8 +354,12 @@ def quick(folder: Path, database_url: str | None = None, **settings: str) -> Sit
 def another_version(folder: Path, version: str) -> Path:
     """Return a folder with a copy of this checkout's program that calls itself another version."""
     for package in ("syncplan", "api"):
-        # compiled kernels come along: their times stay
         shutil.copytree(ROOT / package, folder / package)
+    # compiled kernels come along: numba names their folders by where the sources are
+    for kernels in list(folder.glob("syncplan/__pycache__/kernels-*/*")):
+        package, _, _ = kernels.name.partition("_")
+        digest = hashlib.sha1(str(folder / "syncplan" / package).encode()).hexdigest()
+        kernels.rename(kernels.with_name(f"{package}_{digest}"))
     file = folder / "syncplan" / "__init__.py"
     given, text = f'__version__ = "{__version__}"', file.read_text()
     assert text.count(given) == 1, file
