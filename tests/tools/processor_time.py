@@ -3,7 +3,7 @@
     python -m pytest -p tests.tools.processor_time --numprocesses 3 -m "not long"
 
 Times are of the process and of its children that have ended, so that servers and browsers count
-where they end.
+where they end. What a killed server had started counts nowhere.
 """
 
 import os
