@@ -101,8 +101,8 @@ def test_scripts_and_styles_have_the_headers_that_protect_them(port: int, name: 
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     """A server whose tasks have little memory."""
     memory = {"SYNCPLAN_TASK_MEMORY_BYTES": str(TASK_MEMORY_MIB * 2**20)}
-    with serving(tmp_path_factory.mktemp("attacked"), "ann eve", **memory) as one:
-        yield one
+    with serving(tmp_path_factory.mktemp("attacked"), "ann eve", **memory) as attacked:
+        yield attacked
 
 
 @pytest.fixture(scope="module")

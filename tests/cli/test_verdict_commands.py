@@ -104,9 +104,9 @@ def test_a_meeting_that_nobody_needs_warns_with_its_cost(printed: Any) -> None:
     options = ("--dropout", "0.2", "--trials", "8", "--seed", "3", "--threads", "1")
     verdict = json.loads(printed("fly", str(GRAZING), *options, "--require-go"))["verdict"]
     assert verdict["go"]
-    (found,) = (one for one in verdict["findings"] if one["code"] == "meetings-missed")
-    assert found["level"] == "warning"
+    (finding,) = (each for each in verdict["findings"] if each["code"] == "meetings-missed")
+    assert finding["level"] == "warning"
     words = (
         r"v2-L2 keeps [45]\d(\.\d)? %; without v2-L2 the team is observable still, predicted RMS 1"
     )
-    assert re.search(words, found["message"])
+    assert re.search(words, finding["message"])

@@ -70,7 +70,7 @@ def test_equal_samples_have_an_interval_of_no_width() -> None:
 @pytest.mark.parametrize("count", [10, 200])
 def test_the_interval_of_skewed_samples_misses_their_mean_as_often_as_said(count: int) -> None:
     drawn = np.random.default_rng(8).gamma(9.0, 1.0 / 9.0, (1000, count))
-    ends = np.array([interval_of_mean(one) for one in drawn])
+    ends = np.array([interval_of_mean(samples) for samples in drawn])
     missed = np.mean((ends[:, 0] > 1.0) | (ends[:, 1] < 1.0))
     # ten samples show less of a tail than there is
     assert 0.03 < missed < (0.09 if count == 10 else 0.07)
@@ -100,11 +100,11 @@ def test_nis_of_one_honest_recording_misses_1_as_often_as_said(
     probability: float | None, count: int
 ) -> None:
     sums = _honest_squares(1000 * count, probability).reshape(-1, count).sum(axis=1)
-    judged = [recorded_nis(float(one), count, probability) for one in sums]
-    assert np.mean([one.value for one in judged]) == pytest.approx(1.0, abs=0.05)
-    outside = np.mean([not one.band[0] <= 1.0 <= one.band[1] for one in judged])
+    judged = [recorded_nis(float(total), count, probability) for total in sums]
+    assert np.mean([nis.value for nis in judged]) == pytest.approx(1.0, abs=0.05)
+    outside = np.mean([not nis.band[0] <= 1.0 <= nis.band[1] for nis in judged])
     assert outside == pytest.approx(0.05, abs=0.03)
-    assert {one.basis for one in judged} == {"chi-square"}
+    assert {nis.basis for nis in judged} == {"chi-square"}
 
 
 @GATES
@@ -126,7 +126,7 @@ def test_nis_weighs_trials_by_their_innovations() -> None:
     sums = 2.0 * rng.gamma(0.5 * counts)
     judged = [nis(one, count) for one, count in zip(sums, counts, strict=True)]
     assert judged[0].value == pytest.approx(sums[0].sum() / counts[0].sum())
-    outside = np.mean([not one.band[0] <= 1.0 <= one.band[1] for one in judged])
+    outside = np.mean([not nis.band[0] <= 1.0 <= nis.band[1] for nis in judged])
     assert outside == pytest.approx(0.05, abs=0.02)
 
 

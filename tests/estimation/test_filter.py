@@ -143,10 +143,10 @@ def test_second_order_noise_is_the_variance_of_the_second_order_term(kind: int) 
             # about the line of sight, where no branch is cut
             return float(np.arctan2(q[0] * place[1] - q[1] * place[0], q @ place))  # noqa: B023
 
-        H = derivative(lambda one: derivative(seen, one, 1e-3)[0], q, 1e-3)
+        H = derivative(lambda place: derivative(seen, place, 1e-3)[0], q, 1e-3)
         P = root @ root.T
-        found = variance(kind, q[0], q[1], P[0, 0], P[0, 1], P[1, 1])
-        np.testing.assert_allclose(found, 0.5 * np.trace(H @ P @ H @ P), rtol=1e-4)
+        noise = variance(kind, q[0], q[1], P[0, 0], P[0, 1], P[1, 1])
+        np.testing.assert_allclose(noise, 0.5 * np.trace(H @ P @ H @ P), rtol=1e-4)
     assert np.isfinite(variance(kind, 0.0, 0.0, 1.0, 0.2, 2.0))
 
 

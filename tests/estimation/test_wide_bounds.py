@@ -195,8 +195,8 @@ def test_bounds_after_losses_are_those_of_the_team_that_is_left(
 def test_scales_and_biases_as_states_raise_the_bound_of_the_grid_as_found_before() -> None:
     # design.md, 6.2: 1.40 to 1.88 m in an independent prototype
     made = plan_of_changed("paper-grid-same", motion=SCALES_AND_BIASES, duration_s=200.0)
-    found = posterior_bound(made.team, made.windows, 200.0).rms_second_half()
-    assert np.sqrt(np.mean(found**2)) == pytest.approx(1.88, abs=0.005)
+    errors = posterior_bound(made.team, made.windows, 200.0).rms_second_half()
+    assert np.sqrt(np.mean(errors**2)) == pytest.approx(1.88, abs=0.005)
 
 
 @pytest.mark.parametrize("names", [("bearing_bias",), ALL])

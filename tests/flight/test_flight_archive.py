@@ -35,8 +35,8 @@ def parts(run: FlightRun) -> list[FlightResult]:
 def leaves(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
     """All that a result holds, with where it does."""
     if is_dataclass(value):
-        for one in fields(value):
-            yield from leaves(getattr(value, one.name), f"{name}.{one.name}")
+        for field in fields(value):
+            yield from leaves(getattr(value, field.name), f"{name}.{field.name}")
     elif isinstance(value, tuple):
         for k, item in enumerate(value):
             yield from leaves(item, f"{name}.{k}")
@@ -48,13 +48,13 @@ def test_a_flight_in_parts_on_any_threads_is_the_whole_to_the_byte(
     run: FlightRun, parts: list[FlightResult]
 ) -> None:
     whole = conclude_flight(run, [fly_part(run, 0, TRIALS, threads=2)])
-    joined = conclude_flight(run, [unpack_flight(pack_flight(one)) for one in parts])
-    reports = [as_text(flight_document(one).as_json()) for one in (whole, joined)]
+    joined = conclude_flight(run, [unpack_flight(pack_flight(part)) for part in parts])
+    reports = [as_text(flight_document(flight).as_json()) for flight in (whole, joined)]
     assert reports[0] == reports[1]
-    found, wanted = dict(leaves(joined.result)), dict(leaves(whole.result))
-    assert len(found) == len(wanted) > 40
+    again, wanted = dict(leaves(joined.result)), dict(leaves(whole.result))
+    assert len(again) == len(wanted) > 40
     for name, value in wanted.items():
-        assert np.asarray(found[name]).tobytes() == np.asarray(value).tobytes(), name
+        assert np.asarray(again[name]).tobytes() == np.asarray(value).tobytes(), name
 
 
 def test_every_bit_of_a_part_is_kept_and_its_type(parts: list[FlightResult]) -> None:
@@ -66,9 +66,9 @@ def test_every_bit_of_a_part_is_kept_and_its_type(parts: list[FlightResult]) -> 
     assert any(name.endswith("branches.0.sums") for name in given)
     for name, value in given.items():
         assert type(again[name]) is type(value), name
-        one, other = np.asarray(value), np.asarray(again[name])
-        assert (one.dtype, one.shape) == (other.dtype, other.shape), name
-        assert one.tobytes() == other.tobytes(), name
+        before, after = np.asarray(value), np.asarray(again[name])
+        assert (before.dtype, before.shape) == (after.dtype, after.shape), name
+        assert before.tobytes() == after.tobytes(), name
 
 
 @pytest.mark.parametrize("data", [b"", b"nothing", b"PK\x03\x04 an archive cut short"])

@@ -10,10 +10,7 @@ from numpy.typing import ArrayLike
 
 from syncplan.arrays import Array
 from syncplan.orbits.circles import Orbits, unit
-from syncplan.orbits.contacts import (
-    Windows,
-    find_windows,
-)
+from syncplan.orbits.contacts import Windows, find_windows
 from syncplan.orbits.sight_lines import crosses_interior, hidden_landmarks, obstructible
 from syncplan.orbits.team import Team
 from tests.tools.draws import NOISE
@@ -54,9 +51,9 @@ TOUCHING = [[20261122, 667], [20261122, 3409]]
 
 @pytest.mark.parametrize("seed", [*([20, k] for k in (*range(12), 17, 19, 25, 28)), *TOUCHING])
 def test_windows_among_obstacles_equal_dense_sampling_with_bisection(seed: list[int]) -> None:
-    found = compare(draw_obstructed(np.random.default_rng(seed)))
-    assert not found.mismatches
-    assert found.largest < 1e-9
+    comparison = compare(draw_obstructed(np.random.default_rng(seed)))
+    assert not comparison.mismatches
+    assert comparison.largest < 1e-9
 
 
 @pytest.mark.parametrize("corners", [SQUARE, HORSESHOE], ids=["square", "horseshoe"])
@@ -72,8 +69,8 @@ def test_a_segment_is_blocked_where_it_meets_the_interior(corners: Array) -> Non
     repeated = np.concatenate([corners[:1], corners, [0.5 * (corners[-1] + corners[0])]])
     for polygon, turn, shift in product((corners, repeated), (0.0, 0.7, 2.0), (0.0, 700.0)):
         axes = np.array([unit(turn), unit(turn + 0.5 * np.pi)])
-        around, one, other = (part @ axes + shift for part in (polygon, start, end))
-        for outline, (a, b) in product((around, around[::-1]), ((one, other), (other, one))):
+        around, *ends = (part @ axes + shift for part in (polygon, start, end))
+        for outline, (a, b) in product((around, around[::-1]), (ends, ends[::-1])):
             np.testing.assert_array_equal(crosses_interior(outline, a, b), blocked)
 
 

@@ -254,6 +254,6 @@ def test_circles_are_round() -> None:
         lines = re.findall(r'class="js-line"[^>]*? d="([^"]+)"', drawn)
         circles = [np.array(re.findall(r"-?[\d.]+", line), dtype=float) for line in lines]
         assert len(circles) == made.orbits.count
-        for one in circles:
-            wide, tall = np.ptp(one.reshape(-1, 2), axis=0)
+        for circle in circles:
+            wide, tall = np.ptp(circle.reshape(-1, 2), axis=0)
             assert wide == pytest.approx(tall, rel=0.01)

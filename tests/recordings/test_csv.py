@@ -266,6 +266,6 @@ def test_rows_come_back_as_they_were_written(
         theirs = [(t, *row[1:]) for t, row in enumerate(seen) if row[0] == robot.name]
         assert robot.times.tolist() == [row[0] for row in theirs]
         assert robot.subjects.tolist() == [subjects.get(row[1], NOBODY) for row in theirs]
-        for found, place in ((robot.bearings, 2), (robot.ranges, 3)):
+        for values, place in ((robot.bearings, 2), (robot.ranges, 3)):
             wanted = [np.nan if row[place] is None else row[place] for row in theirs]
-            np.testing.assert_array_equal(found, wanted)
+            np.testing.assert_array_equal(values, wanted)

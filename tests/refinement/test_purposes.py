@@ -9,9 +9,7 @@ import pytest
 
 from syncplan.arrays import Array
 from syncplan.planning.planner import Plan, judge, plan
-from syncplan.refinement.constraints import (
-    purpose_served,
-)
+from syncplan.refinement.constraints import purpose_served
 from syncplan.refinement.problem import RefineProblem, circles_of
 from syncplan.refinement.refiner import refine
 from tests.tools.scenarios import circling, small
@@ -71,7 +69,7 @@ def test_a_refined_plan_serves_its_purpose_still(purpose: dict[str, Any], free: 
     # for nothing but errors, the circles would leave it
     assert worst(free) < worst(better)
     judged = judge(given.scenario, free.orbits, bound="never")
-    assert [one.code for one in judged.verdict.stops] == ["purpose-missed"]
+    assert [finding.code for finding in judged.verdict.stops] == ["purpose-missed"]
 
 
 @pytest.mark.parametrize(
@@ -87,7 +85,7 @@ def test_a_purpose_that_is_missed_is_reached_first(purpose: dict[str, Any], gap:
     assert room(given) < 0.0
     better = refined(given)
     assert better.verdict.go
-    assert "cleared" in {one.code for one in better.verdict.findings}
+    assert "cleared" in {finding.code for finding in better.verdict.findings}
 
 
 # --- the solver's copy ----------------------------------------------------------------------------
@@ -112,12 +110,12 @@ def test_the_solver_sees_the_purpose_as_the_exact_code_does(purpose: dict[str, A
         circles = circles_of(problem.orbits)
         circles[:3] += generator.uniform(-4.0, 4.0, (3, 2))
         exact = measure.room(circles[:2].T, circles[2])
-        found = float(seen(circles).min())
+        least = float(seen(circles).min())
         rooms.append(exact)
         if "cover" in purpose:
             # less what is covered in addition
-            assert found == pytest.approx(exact - 0.002, abs=0.008)
+            assert least == pytest.approx(exact - 0.002, abs=0.008)
         else:
             # the solver keeps a ten-thousandth more than is asked
-            assert (found >= 0.0) == (exact >= 1e-4 * measure.size)
+            assert (least >= 0.0) == (exact >= 1e-4 * measure.size)
     assert min(rooms) < 0.0 < max(rooms)

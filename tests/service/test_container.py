@@ -64,11 +64,11 @@ def test_the_image_has_the_versions_that_are_tested_all_with_their_hashes() -> N
 
 
 def test_the_image_serves_as_a_user_without_rights() -> None:
-    reported = dict(LAST_STAGE)
+    steps = dict(LAST_STAGE)
     assert [rest for name, rest in LAST_STAGE if name == "USER"] == ["syncplan"]
-    assert (reported["ENTRYPOINT"], reported["CMD"]) == ('["syncplan"]', '["serve"]')
-    assert reported["VOLUME"] == "/var/lib/syncplan"
-    assert "healthcheck.py" in reported["HEALTHCHECK"]
+    assert (steps["ENTRYPOINT"], steps["CMD"]) == ('["syncplan"]', '["serve"]')
+    assert steps["VOLUME"] == "/var/lib/syncplan"
+    assert "healthcheck.py" in steps["HEALTHCHECK"]
 
 
 def test_variables_of_the_image_are_settings_and_none_is_a_secret() -> None:
