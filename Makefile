@@ -87,8 +87,10 @@ check-long: postgresql $(VENV)/.crosschecks
 	@# alone: a process's share of memory grows as others that use the same libraries end
 	$(TESTS) tests.searches requests
 
+# of the page, and where the mark stands: the other modules need not be imported
 long-tests:
-	+$(PYTEST) $(MORE) -m "long and not documented"
+	+$(PYTEST) $(MORE) -m "long and not documented" \
+		tests/page $$(grep -rl 'pytest.mark.long' tests --include='test_*.py')
 
 fixed-searches:
 	+$(TESTS) tests.searches

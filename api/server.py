@@ -25,6 +25,7 @@ from api.logs import SeldomLog
 from api.protocol import HttpProtocol, crowd
 from api.readings import connection_readings
 from api.service import Ending
+from syncplan.runtime.machine import keep_loaded
 
 # --- taking connections ---------------------------------------------------------------------------
 
@@ -240,6 +241,7 @@ def serve_until_told(app: FastAPI, listening: socket.socket, place: Place | None
     `place` is this process's place among several on the socket.
     """
     server = _server_of(app, place)
+    keep_loaded()
     # uvicorn handles signals itself, ends in good order and raises them again, which is no failure
     signal.signal(signal.SIGTERM, lambda number, frame: server.handle_exit(number, frame))
     with contextlib.suppress(KeyboardInterrupt, SystemExit):

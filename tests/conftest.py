@@ -10,10 +10,14 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from syncplan.cli import command_line
+from syncplan.runtime.machine import defer_garbage
 from tests.tools.kept_values import FOLDER
 from tests.tools.scenarios import document
 from tests.tools.scheduling import Groups, rank_of
 from tests.tools.serving import Postgres, own_postgres
+
+# looking for garbage takes a twentieth of the quick tests' time
+defer_garbage()
 
 # The first is for `make check` and continuous integration: the same few cases each time.
 # `make check-all` chooses the second: fresh cases, and many of them. What they find is written

@@ -4,7 +4,6 @@ At its time limit, a task is first interrupted by an alarm and cleans up as afte
 """
 
 import contextlib
-import gc
 import os
 import signal
 import sys
@@ -17,7 +16,7 @@ from api.computing import tasks
 from api.job_kinds.job_kind import FinishedSearch, Progress, Shown
 from syncplan.errors import InputError, NoGoError, NoSolutionError, ProcessEndedError
 from syncplan.runtime.child_processes import ChildProcess, connect_to_parent
-from syncplan.runtime.machine import limit_memory
+from syncplan.runtime.machine import keep_loaded, limit_memory
 
 # --- time limit -----------------------------------------------------------------------------------
 
@@ -181,8 +180,7 @@ def serve(descriptor: int) -> None:
         limit_memory(memory_bytes)
     alarm = Alarm()
     tasks.warm_up(trials=background)
-    # what is loaded by now stays, so the collector need not scan it again
-    gc.freeze()
+    keep_loaded()
     connection.send(("ready", None))
 
     def progress_every() -> Progress:
@@ -204,7 +202,7 @@ def serve(descriptor: int) -> None:
         while True:
             if not searched and not connection.poll(_IDLE_S):
                 tasks.warm_up_searches()
-                gc.freeze()
+                keep_loaded()
                 searched = True
             name, arguments, timeout_s = connection.recv()
             extra = (progress_every(),) if name in _WITH_PROGRESS else ()

@@ -15,12 +15,10 @@ from syncplan.cli.arguments import Output
 from syncplan.cli.console import Format, deliver, open_closed_streams, reader_may_leave, say
 from syncplan.cli.document_table import DOCUMENTS
 from syncplan.errors import InputError, SyncplanError
+from syncplan.runtime.machine import defer_garbage
 
 INTERNAL_FAULT = 1
 INTERRUPTED = 130
-
-GARBAGE = 200_000
-"""Objects made beyond those freed before garbage is looked for."""
 
 GROUPS = {
     "plan_commands.plans": ("plan", "refine", "place", "landmarks"),
@@ -114,10 +112,9 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     """Run the command line and exit: 0 done, 1 internal fault, 2 bad input, 3, 4 as documented."""
     status: object = 0
     given = sys.argv[1:] if arguments is None else arguments
-    if given[:1] != ["serve"]:
-        # imports make many objects and no garbage, which is not looked for at the end either
-        gc.set_threshold(GARBAGE)
-        atexit.register(gc.freeze)
+    defer_garbage()
+    # it is not looked for at the end either
+    atexit.register(gc.freeze)
     try:
         open_closed_streams()
         with reader_may_leave():

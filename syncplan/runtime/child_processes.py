@@ -18,9 +18,11 @@ import tempfile
 from collections.abc import Sequence
 from multiprocessing.connection import Connection, Pipe
 
+from syncplan.runtime.machine import defer_garbage
+
 _CODE = (
-    "import sys; sys.path[:] = {path!r}; from syncplan.runtime.child_processes import end_with; "
-    "end_with({parent}); from {module} import {function} as serve; serve({descriptor})"
+    "import sys; sys.path[:] = {path!r}; from syncplan.runtime.child_processes import begin; "
+    "begin({parent}); from {module} import {function} as serve; serve({descriptor})"
 )
 _PR_SET_PDEATHSIG = 1
 _GRACE_S = 10.0
@@ -114,8 +116,9 @@ def connect_to_parent(descriptor: int) -> Connection:
     return Connection(descriptor)
 
 
-def end_with(parent: int) -> None:
-    """Ask the kernel to end this process with the thread that started it, where it can."""
+def begin(parent: int) -> None:
+    """Defer garbage, and ask the kernel to end this process with the thread that started it."""
+    defer_garbage()
     if not sys.platform.startswith("linux"):
         return
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)

@@ -9,6 +9,7 @@ The matrices here are small: one thread costs nothing until a thousand vehicles.
 """
 
 import contextlib
+import gc
 import math
 import os
 import sys
@@ -22,6 +23,22 @@ from syncplan.errors import InputError
 
 if TYPE_CHECKING:
     from threadpoolctl import ThreadpoolController
+
+_GARBAGE = 200_000
+"""Objects made beyond those freed before garbage is looked for."""
+
+_PYTHONS_GARBAGE = 700
+
+
+def defer_garbage() -> None:
+    """Hardly look for garbage: while a program is loaded, it makes many objects and no garbage."""
+    gc.set_threshold(_GARBAGE)
+
+
+def keep_loaded() -> None:
+    """Look for garbage as Python does, but no more among what is loaded by now and stays."""
+    gc.freeze()
+    gc.set_threshold(_PYTHONS_GARBAGE)
 
 
 def groups_of(proc: Path, controller: str) -> Iterator[Path]:

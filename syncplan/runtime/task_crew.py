@@ -19,6 +19,7 @@ from typing import Any
 
 from syncplan.errors import ProcessEndedError
 from syncplan.runtime.child_processes import ChildProcess, connect_to_parent
+from syncplan.runtime.machine import keep_loaded
 
 Work = Callable[[Any, threading.Event, Callable[[Any], None]], Any]
 """Function of an order, of the event that asks it to stop, and of a callback for its progress."""
@@ -193,6 +194,7 @@ def serve_orders(descriptor: int) -> None:
     connection = connect_to_parent(descriptor)
     module, name = connection.recv()
     work = getattr(import_module(module), name)(connection.recv())
+    keep_loaded()
     orders: queue.Queue[Any] = queue.Queue()
     stop = threading.Event()
     threading.Thread(target=_take_orders, args=(connection, orders, stop), daemon=True).start()

@@ -38,7 +38,7 @@ def server(
     """A service that asks nobody for a key; it works on jobs where long tests want some."""
     wanted = any(item.get_closest_marker("long") for item in request.session.items)
     arguments = () if wanted else ("--no-worker",)
-    with open_server(tmp_path_factory.mktemp("page"), *arguments) as one:
+    with open_server(tmp_path_factory.mktemp("page"), *arguments, SYNCPLAN_BATCH_S="1") as one:
         yield one
 
 

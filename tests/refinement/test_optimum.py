@@ -30,7 +30,7 @@ SCENARIOS: dict[str, dict[str, Any]] = {
     },
 }
 
-GRID = 180
+GRID = 120
 ZOOMS, ZOOMED, NARROWER = 3, 9, 5.0
 
 

@@ -62,3 +62,32 @@ def test_a_child_keeps_the_memory_of_one_task_for_the_next(
     finally:
         child.kill()
         child.end()
+
+
+GARBAGE = """
+import gc
+from syncplan.runtime.child_processes import connect_to_parent
+from syncplan.runtime.machine import keep_loaded
+
+loading = gc.get_threshold()
+
+def serve(descriptor):
+    connection = connect_to_parent(descriptor)
+    keep_loaded()
+    connection.send((loading[0], gc.get_threshold()[0], gc.get_freeze_count()))
+    connection.recv()
+"""
+
+
+def test_a_child_looks_for_garbage_once_it_has_loaded_and_not_in_what_it_loaded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "garbage.py").write_text(GARBAGE)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    child = ChildProcess("garbage", "serve")
+    try:
+        loading, working, kept = child.connection.recv()
+        assert loading > 100 * working
+        assert kept > 10_000
+    finally:
+        child.end()

@@ -1,6 +1,6 @@
 """Search for a request that the service does not answer well, or that it keeps memory for.
 
-A case is a run of 300 drawn requests, and nothing else may run beside it. The requests are sent
+A case is a run of 200 drawn requests, and nothing else may run beside it. The requests are sent
 again to measure memory, of processes that were there the time before: what a process loads for a
 new kind of request is not kept for a request. Children that grow much are replaced by the service
 itself: those do not count.
@@ -34,7 +34,7 @@ from tests.tools.processes import PATIENCE_S, family, memory
 from tests.tools.serving import Server, running
 
 KEY = "fuzzing-key-0123456789"
-REQUESTS = 300
+REQUESTS = 200
 LARGEST_GROWTH_MB = 50.0
 PLAN_TIMEOUT_S = 10.0
 CLIENTS = 3
