@@ -4,7 +4,8 @@
     python -m tests.tools.mutants api --number 100 --seed 1 --checkout ../before
 
 Prints each mutant with the test that killed it, or as a survivor, and the share that was killed
-with its 95 % interval. The same seed draws the same mutants of the same code. A mutant is killed
+with its 95 % interval. The same seed draws the same mutants of two checkouts, but for lines that
+only one of them has. A mutant is killed
 where `make check`'s tests fail, those of its own package first, or take longer than --timeout s;
 with --own, where those of its package do. Its copy of the checkout is thrown away; the interpreter
 is the one that runs this.
@@ -12,20 +13,20 @@ is the one that runs this.
 
 import argparse
 import ast
+import hashlib
 import os
-import random
 import re
 import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 from scipy.stats import binomtest
 
-__all__ = ["Mutant", "main", "mutants_of"]
+__all__ = ["Mutant", "main", "mutants_of", "shuffled"]
 
 SWAPPED = {
     "Add": "-", "Sub": "+", "Mult": "/", "Div": "*", "FloorDiv": "*", "Mod": "*", "Pow": "*",
@@ -90,6 +91,20 @@ def mutants_of(path: Path) -> Iterator[Mutant]:
             yield Mutant(path, begin, end, f"(not ({source[begin:end].decode()}))")
 
 
+def shuffled(checkout: Path, folders: Iterable[str], seed: int) -> list[Mutant]:
+    """Return all mutants in an order that other lines of their files do not change."""
+    ranks = {}
+    for folder in folders:
+        for path in sorted((checkout / folder).rglob("*.py")):
+            source, name = path.read_bytes(), path.relative_to(checkout)
+            for mutant in mutants_of(path):
+                begin = source.rfind(b"\n", 0, mutant.begin) + 1
+                line = source[begin : source.find(b"\n", mutant.end)]
+                place = f"{seed} {name} {mutant.begin - begin} {mutant.new} ".encode()
+                ranks[hashlib.sha256(place + line).digest()] = mutant._replace(path=name)
+    return [mutant for _, mutant in sorted(ranks.items())]
+
+
 def killer_of(mutant: Mutant, copy: Path, given: argparse.Namespace) -> str:
     """Return the test that kills a mutant, "" for none; the file is as before afterwards."""
     path = copy / mutant.path
@@ -144,13 +159,8 @@ def main() -> None:
         shutil.copytree(given.checkout, copy, ignore=unneeded)
         if wrong := _failure(["--collect-only", "tests"], copy, given):
             sys.exit(f"the checkout's tests can't be collected without a mutant: {wrong}")
-        mutants = [
-            mutant._replace(path=path.relative_to(copy))
-            for folder in given.folders
-            for path in sorted((copy / folder).rglob("*.py"))
-            for mutant in mutants_of(path)
-        ]
-        drawn = random.Random(given.seed).sample(mutants, min(given.number, len(mutants)))
+        mutants = shuffled(copy, given.folders, given.seed)
+        drawn = mutants[: given.number]
         killed = 0
         for number, mutant in enumerate(drawn, 1):
             source = (copy / mutant.path).read_bytes()
