@@ -5,10 +5,9 @@
 
 Prints each mutant with the test that killed it, or as a survivor, and the share that was killed
 with its 95 % interval. The same seed draws the same mutants of two checkouts, but for lines that
-only one of them has. A mutant is killed
-where `make check`'s tests fail, those of its own package first, or take longer than --timeout s;
-with --own, where those of its package do. Its copy of the checkout is thrown away; the interpreter
-is the one that runs this.
+only one of them has. A mutant is killed where `make check`'s tests fail, those of its own package
+first, or take longer than --timeout s; with --own, where those of its package do. Its copy of the
+checkout is thrown away; the interpreter is the one that runs this.
 """
 
 import argparse
