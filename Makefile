@@ -124,9 +124,9 @@ chromium:
 docs: $(VENV)/.docs
 	$(BIN)/python -m docs.site
 
-# kernels of large teams take as long again, and nothing here uses them
+# the other kernels take as long again and longer, and nothing here uses them
 container-steps:
-	docker/steps.sh small
+	docker/steps.sh small filters
 
 benchmarks: $(VENV)/.dev
 	$(call install,'.[bench]')

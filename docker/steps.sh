@@ -3,9 +3,9 @@
 # run as it runs it, from an empty folder outside the checkout, as an unprivileged user if we are
 # root. Prints what a plan over HTTP comes to.
 #
-#   docker/steps.sh [small] [large]
+#   docker/steps.sh [small] [large] [filters] [flights]
 #
-# Kernels are compiled of teams of these sizes; of both, as in the image, if neither is named.
+# These kernels are compiled, of these sizes of teams; all of them, as in the image, if none is named.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 

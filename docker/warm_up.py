@@ -1,11 +1,13 @@
 """Compile kernels of plans, filters and flights into NUMBA_CACHE_DIR, for small and large teams.
 
-    python docker/warm_up.py [small] [large]
+    python docker/warm_up.py [small] [large] [filters] [flights]
 
-Both if neither is named. Kernels of large teams run one trial at a time, those of small ones many.
+Both sizes if neither is named; filters and flights likewise. Kernels of large teams run one trial
+at a time, those of small ones many.
 """
 
 import sys
+from itertools import product
 
 import syncplan
 from syncplan.estimation.filter_options import lane_filter_of
@@ -34,7 +36,10 @@ def compile_flights(vehicles: int) -> None:
         syncplan.fly(plan, trials=1, duration=1.0, guidance=guidance, filter="ekf")
 
 
+PARTS = {"filters": compile_filters, "flights": compile_flights}
+
 if __name__ == "__main__":
-    for size in sys.argv[1:] or VEHICLES:
-        compile_filters(VEHICLES[size])
-        compile_flights(VEHICLES[size])
+    sizes = [name for name in VEHICLES if name in sys.argv] or VEHICLES
+    parts = [name for name in PARTS if name in sys.argv] or PARTS
+    for size, part in product(sizes, parts):
+        PARTS[part](VEHICLES[size])

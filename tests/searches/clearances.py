@@ -137,4 +137,4 @@ def judge(cases: Mapping[int, Passes], chance: float) -> list[str]:
     return []
 
 
-SEARCH = Search(draw, judge, draws=6)
+SEARCH = Search(draw, judge, draws=4)

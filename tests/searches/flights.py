@@ -252,5 +252,5 @@ def judge(cases: Mapping[int, Case], chance: float) -> list[str]:
     return faults
 
 
-SEARCH = Search(draw, judge, draws=12)
+SEARCH = Search(draw, judge, draws=9)
 WINDY = Search(in_wind, judge, draws=10)

@@ -352,4 +352,4 @@ def judge(cases: Mapping[int, Refined], chance: float) -> list[str]:
     return []
 
 
-SEARCH = Search(draw, judge, draws=6)
+SEARCH = Search(draw, judge, draws=4)

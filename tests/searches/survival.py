@@ -42,8 +42,8 @@ CHILDREN = 6
 def orders_of(kind: int) -> list[Order]:
     """Return the jobs of a kind of round; some have a refinement and a design, or a flight."""
     refined = [refinement(0), designed()] if kind == 0 else []
-    flown = [flight(160, 4, 60.0)] if kind < 2 else []
-    return [validation(600, 1), *refined, *flown, sweep_of_ranges(100, 3), validation(300, 2)]
+    flown = [flight(80, 4, 60.0)] if kind < 2 else []
+    return [validation(300, 1), *refined, *flown, sweep_of_ranges(50, 3), validation(150, 2)]
 
 
 def moment(generator: random.Random) -> tuple[float, float]:

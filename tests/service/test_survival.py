@@ -40,7 +40,7 @@ def test_what_ends_in_good_order_gives_its_jobs_up_at_once(
         process: Process = site.serve(*(["--no-worker"] if victim == "worker" else []))
         if victim == "worker":
             process = site.work()
-        for order in (validation(1200, 1), refinement(0), designed()):
+        for order in (validation(600, 1), refinement(0), designed()):
             site.hand_in(order)
         busy(site, process, 2)
         assert process.stop() == 0
@@ -56,7 +56,7 @@ def test_a_worker_frozen_until_it_counts_as_dead_does_no_harm(
     with quick(tmp_path, postgres.new_database()) as site:
         site.serve("--no-worker")
         first = site.work()
-        for order in (validation(1200, 1), refinement(0), sweep_of_ranges(200, 3)):
+        for order in (validation(600, 1), refinement(0), sweep_of_ranges(200, 3)):
             site.hand_in(order)
         busy(site, first, 2)
         first.popen.send_signal(signal.SIGSTOP)
@@ -146,7 +146,7 @@ def test_the_database_away_for_ten_seconds_costs_nothing_but_time(
         plan_id = site.hand_in_plan()
         jobs = [
             site.hand_in(order, None if order.kind != "validation" else plan_id)
-            for order in (validation(1200, 1), refinement(0), validation(600, 2))
+            for order in (validation(600, 1), refinement(0), validation(600, 2))
         ]
         busy(site, server)
         on_duty(site, 2)
