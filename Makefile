@@ -87,7 +87,7 @@ check-long: postgresql $(VENV)/.crosschecks
 	@# alone: a process's share of memory grows as others that use the same libraries end
 	$(TESTS) tests.searches requests
 
-# of the page, and where the mark stands: the other modules need not be imported
+# files without a long test need not be imported; those of the page have the mark by their conftest.py
 long-tests:
 	+$(PYTEST) $(MORE) -m "long and not documented" \
 		tests/page $$(grep -rl 'pytest.mark.long' tests --include='test_*.py')
@@ -124,7 +124,7 @@ chromium:
 docs: $(VENV)/.docs
 	$(BIN)/python -m docs.site
 
-# the other kernels take as long again and longer, and nothing here uses them
+# kernels of large teams and of flights take longer still, and nothing here uses them
 container-steps:
 	docker/steps.sh small filters
 

@@ -5,7 +5,7 @@
 #
 #   docker/steps.sh [small] [large] [filters] [flights]
 #
-# These kernels are compiled, of these sizes of teams; all of them, as in the image, if none is named.
+# Only kernels of these names are compiled; all of them, as in the image, if none is named.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 

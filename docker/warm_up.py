@@ -39,6 +39,8 @@ def compile_flights(vehicles: int) -> None:
 PARTS = {"filters": compile_filters, "flights": compile_flights}
 
 if __name__ == "__main__":
+    if unknown := {*sys.argv[1:]} - {*VEHICLES, *PARTS}:
+        sys.exit(f"no kernels have the names {sorted(unknown)}; see {__file__}")
     sizes = [name for name in VEHICLES if name in sys.argv] or VEHICLES
     parts = [name for name in PARTS if name in sys.argv] or PARTS
     for size, part in product(sizes, parts):

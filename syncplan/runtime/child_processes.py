@@ -117,7 +117,7 @@ def connect_to_parent(descriptor: int) -> Connection:
 
 
 def begin(parent: int) -> None:
-    """Defer garbage, and ask the kernel to end this process with the thread that started it."""
+    """Defer garbage, and have the kernel end this process with its parent's thread, if it can."""
     defer_garbage()
     if not sys.platform.startswith("linux"):
         return

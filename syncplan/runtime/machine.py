@@ -1,4 +1,4 @@
-"""The machine: cores and memory that this process may use, and libraries held to one thread.
+"""The machine: cores and memory that this process may use, its garbage, and its one BLAS thread.
 
 On Linux, control groups hold the limits of a container.
 

@@ -2,6 +2,7 @@
 
 import platform
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -31,6 +32,18 @@ def test_a_child_that_still_imports_goes_with_its_parent(tmp_path: Path) -> None
     wait_until(lambda: not alive(child))
 
 
+def answer_of(code: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Return the first message of a child that serves by this code."""
+    (folder / "served.py").write_text(code)
+    monkeypatch.syspath_prepend(str(folder))
+    child = ChildProcess("served", "serve")
+    try:
+        return child.connection.recv()
+    finally:
+        child.kill()
+        child.end()
+
+
 REPEATS = """
 import resource
 import numpy as np
@@ -53,15 +66,8 @@ def serve(descriptor):
 def test_a_child_keeps_the_memory_of_one_task_for_the_next(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / "repeats.py").write_text(REPEATS)
-    monkeypatch.syspath_prepend(str(tmp_path))
-    child = ChildProcess("repeats", "serve")
-    try:
-        # made afresh each time, they are 47,000 pages
-        assert child.connection.recv() < 2000
-    finally:
-        child.kill()
-        child.end()
+    # made afresh each time, they are 47,000 pages
+    assert answer_of(REPEATS, tmp_path, monkeypatch) < 2000
 
 
 GARBAGE = """
@@ -82,12 +88,6 @@ def serve(descriptor):
 def test_a_child_looks_for_garbage_once_it_has_loaded_and_not_in_what_it_loaded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / "garbage.py").write_text(GARBAGE)
-    monkeypatch.syspath_prepend(str(tmp_path))
-    child = ChildProcess("garbage", "serve")
-    try:
-        loading, working, kept = child.connection.recv()
-        assert loading > 100 * working
-        assert kept > 10_000
-    finally:
-        child.end()
+    loading, working, kept = answer_of(GARBAGE, tmp_path, monkeypatch)
+    assert loading > 100 * working
+    assert kept > 10_000

@@ -92,7 +92,7 @@ def mutants_of(path: Path) -> Iterator[Mutant]:
 
 def shuffled(checkout: Path, folders: Iterable[str], seed: int) -> list[Mutant]:
     """Return all mutants in an order that other lines of their files do not change."""
-    ranks = {}
+    ranked = []
     for folder in folders:
         for path in sorted((checkout / folder).rglob("*.py")):
             source, name = path.read_bytes(), path.relative_to(checkout)
@@ -100,8 +100,10 @@ def shuffled(checkout: Path, folders: Iterable[str], seed: int) -> list[Mutant]:
                 begin = source.rfind(b"\n", 0, mutant.begin) + 1
                 line = source[begin : source.find(b"\n", mutant.end)]
                 place = f"{seed} {name} {mutant.begin - begin} {mutant.new} ".encode()
-                ranks[hashlib.sha256(place + line).digest()] = mutant._replace(path=name)
-    return [mutant for _, mutant in sorted(ranks.items())]
+                rank = hashlib.sha256(place + line).digest()
+                ranked.append((rank, mutant._replace(path=name)))
+    # what stands twice in a file is there twice
+    return [mutant for _, mutant in sorted(ranked)]
 
 
 def killer_of(mutant: Mutant, copy: Path, given: argparse.Namespace) -> str:
