@@ -13,8 +13,11 @@ from tests.tools.serving import Server
 RANGE = "Range (m)"
 
 
-def scrub(page: Page, label: str, by: float, *, release: bool = True) -> tuple[float, float]:
+def scrub(visit: Visit, label: str, by: float, *, release: bool = True) -> tuple[float, float]:
     """Drag a field by its label, so many pixels to the right; return where the drag ends."""
+    # the chart that comes with a plan moves the fields below it
+    visit.settle()
+    page = visit.page
     place = page.locator("#editor label", has_text=label).first
     place.scroll_into_view_if_needed()
     box = box_of(place)
@@ -26,7 +29,7 @@ def scrub(page: Page, label: str, by: float, *, release: bool = True) -> tuple[f
 def test_a_number_is_dragged_by_its_label_in_one_step_to_undo(visit: Visit, page: Page) -> None:
     field = page.get_by_label(RANGE, exact=True)
     with page.expect_request("**/previews?quick=true**"):
-        x, y = scrub(page, "Range", 60.0, release=False)
+        x, y = scrub(visit, "Range", 60.0, release=False)
     expect(field).to_have_value("56")
     connected = page.locator("#verdict tr", has_text="Connectivity period")
     expect(connected).to_contain_text("—")
@@ -68,14 +71,14 @@ def test_a_finger_drags_a_number_and_puts_no_keyboard_up(tabs: Tabs, server: Ser
 
 def test_shift_drags_ten_times_as_far_and_limits_hold(visit: Visit, page: Page) -> None:
     page.keyboard.down("Shift")
-    scrub(page, "Range", 20.0)
+    scrub(visit, "Range", 20.0)
     expect(page.get_by_label(RANGE, exact=True)).to_have_value("70")
-    scrub(page, "Field of view", -4.0)
+    scrub(visit, "Field of view", -4.0)
     view = page.get_by_label("Field of view (°)", exact=True)
     expect(view).to_have_value("320")
-    scrub(page, "Field of view", 200.0)
+    scrub(visit, "Field of view", 200.0)
     expect(view).to_have_value("360")
-    scrub(page, "Least separation", -200.0)
+    scrub(visit, "Least separation", -200.0)
     expect(page.get_by_label("Least separation")).to_have_value("0")
     page.keyboard.up("Shift")
     visit.settle()
@@ -96,7 +99,7 @@ def test_a_click_on_a_label_leads_to_a_field_that_arrows_step(visit: Visit, page
 def test_the_worst_error_is_charted_below_the_field_edited_last(visit: Visit, page: Page) -> None:
     chart = page.locator("#editor .trace")
     expect(chart).to_have_count(0)
-    x, y = scrub(page, "Bearing sigma", 50.0, release=False)
+    x, y = scrub(visit, "Bearing sigma", 50.0, release=False)
     box = page.locator(".field", has=page.get_by_label("Bearing sigma"))
     # the plan before and the plan at the pause, then some around them
     drawing = box.locator(".trace").get_by_role("img")

@@ -154,6 +154,9 @@ class Tabs:
         """Have a tab forget what was done in it as it is left, or close it where that fails."""
         try:
             page.unroute_all()
+            # a test that failed may hold them
+            page.keyboard.up("Shift")
+            page.mouse.up()
             # after the page itself, which keeps what was edited
             page.evaluate(_FORGET)
         except BrowserError:
