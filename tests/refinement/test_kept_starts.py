@@ -14,7 +14,7 @@ from syncplan.runtime.files import as_text
 from syncplan.runtime.task_crew import EarlierSearch
 from tests.tools.scenarios import small
 
-STARTS = 2
+STARTS = 3
 SEARCH: Any = {"vary": ["phases", "centers"], "starts": STARTS, "seed": 1}
 
 
@@ -69,7 +69,7 @@ def test_each_plan_that_is_the_best_so_far_is_heard_of_and_the_last_one_is_the_r
         assert (heard[-1].orbits.phases == found.orbits.phases).all()
 
 
-@pytest.mark.parametrize(("known", "workers"), [([0], 1), ([], 2), ([0, 1], 1)])
+@pytest.mark.parametrize(("known", "workers"), [([0], 1), ([2], 2), ([0, 1, 2], 1)])
 def test_kept_starts_are_not_made_again_and_the_result_is_the_same(
     pair: Plan, whole: tuple[str, dict[int, bytes]], known: list[int], workers: int
 ) -> None:
