@@ -35,6 +35,7 @@ REFUSED = {
     f"sweep {GRID} --range 50 --radius 20": "exactly one",
     f"sweep {GRID} --range fifty": "fifty",
     f"sweep {GRID} --key sensor.range_sigma_m": "--values",
+    f"sweep {GRID} --key wind.sigma --values 1": "--key: 'wind.sigma' can't be swept",
     f"sweep {GRID} --key wind.sigma_mps --values -1": "wind.sigma_mps",
     # refine
     f"refine {GRID} --objective best": "--objective: 'best': must be 'predicted_rms'",

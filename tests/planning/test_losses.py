@@ -182,7 +182,7 @@ def test_a_loss_that_cannot_be_is_refused_with_the_remedy(names: list[str], said
         lost_together(names, small(**EQUIPPED))
 
 
-@pytest.mark.parametrize("changes", [{"lose": "v1"}, {"bound": "maybe"}])
+@pytest.mark.parametrize("changes", [{"lose": "v1"}, {"losses": 3}, {"bound": "maybe"}])
 def test_options_out_of_range_are_refused(changes: dict[str, Any]) -> None:
     with pytest.raises(InputError, match=f"^{next(iter(changes))}: "):
         what_if(small(), **changes)

@@ -138,8 +138,10 @@ def test_more_sightings_missed_than_stated_are_known_to_the_filter() -> None:
     assert true_team_of(scenario, made.team).sensors.detection[0] == pytest.approx(0.4)
 
 
-def test_the_report_has_the_most_harmful_world_first() -> None:
-    made = plan(changed("triangle-alternate", duration_s=40.0), bound="always", pilot=False)
+@pytest.mark.parametrize("sensor", [{}, {"bearing_sigma_rad": 0.02}])
+def test_the_report_has_the_most_harmful_world_first(sensor: dict[str, float]) -> None:
+    keys = {"duration_s": 40.0, "sensor": sensor}
+    made = plan(changed("triangle-alternate", **keys), bound="always", pilot=False)
     test = stressed(made, trials=8, seed=2, filter="ekf")
     report = stress_document(test)
     assert report.stress is not None
@@ -151,5 +153,5 @@ def test_the_report_has_the_most_harmful_world_first() -> None:
         assert one.truth
     assert report.verdict is not None
     warned = any(one.code == "not-robust" for one in report.verdict.findings)
-    assert warned == (harms[0] > 2.2)
+    assert warned == (harms[0] > 2.2) == bool(sensor)
     assert stress_spec(report)["data"][0]["y"][0] == report.stress[0].world

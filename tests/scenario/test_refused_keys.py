@@ -19,6 +19,7 @@ formation: {centers_m: [[0, 0], [70, 0]], links: [[v1, v1]]} -> formation.links[
 formation: {centers_m: [[0, 0], [9, 0]], links: [[v1, v2], [v2, v1]]} -> formation.links[1]: twice
 formation: {centers_m: [[0, 0], [70, 0]], names: [a, a]} -> formation.names: twice
 formation: {centers_m: [[0, 0], [70, 0]], names: [a]} -> formation.names: 1
+formation: {centers_m: {a: [0, 0], b: [70, 0]}, names: [c, d]} -> formation.names: already gives
 formation: {shape: line, count: 4, spacing_m: 5e6} -> formation.spacing_m: at 1.5e+07 m
 formation: {shape: grid, count: 4, columns: 1000000000000000000000} -> formation.columns: less
 formation: {shape: line, count: 10001, spacing_m: 70} -> formation.count: 10001 vehicles are more
@@ -43,6 +44,7 @@ orbit: {radius_m: [20, 10], speed_mps: 4} -> orbit.speed_mps: one common rate
 orbit: {radius_m: 20} -> orbit.angular_rate_rad_s: speed_mps
 orbit: {radius_m: 9, speed_mps: 4, direction: [ccw, alternate]} -> orbit.direction: stands alone
 orbit: {radius_m: [20, 20, 20], speed_mps: 4} -> orbit.radius_m: 3 values
+orbit: {radius_m: 0.01, speed_mps: 200} -> orbit.speed_mps: gives 20000 rad/s
 orbit: {radius_m: [], speed_mps: []} -> orbit.speed_mps: has 0 values for 0 radii
 name: "two\nlines" -> name: two
 start_time: "2026-W20-1T09+00:00" -> start_time: RFC 3339
