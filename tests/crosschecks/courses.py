@@ -36,7 +36,7 @@ class Course:
     def plan(self) -> Plan:
         """Return the plan, refined if it is to be."""
         made = plan(load_scenario(self.scenario), pilot=False, single_points=False)
-        return refine(made, workers=1) if self.refined else made
+        return refine(made, workers=1, time_limit_s=3600.0) if self.refined else made
 
     def blows(self, air: str) -> dict[str, float]:
         """Return the wind of one of AIRS, as a scenario has it."""

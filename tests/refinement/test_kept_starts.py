@@ -15,7 +15,7 @@ from syncplan.runtime.task_crew import EarlierSearch
 from tests.tools.scenarios import small
 
 STARTS = 3
-SEARCH: Any = {"vary": ["phases", "centers"], "starts": STARTS, "seed": 1}
+SEARCH: Any = {"vary": ["phases", "centers"], "starts": STARTS, "seed": 1, "time_limit_s": 3600.0}
 
 
 @pytest.fixture(scope="module", autouse=True)

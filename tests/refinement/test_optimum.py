@@ -55,7 +55,9 @@ def test_no_phases_on_a_fine_grid_are_better_than_the_refined_ones(name: str) ->
 
     look(np.arange(GRID) * 2.0 * np.pi / GRID)
     for objective in OBJECTIVES:
-        refined = refine(given, objective=objective, vary=["phases"], workers=1)
+        refined = refine(
+            given, objective=objective, vary=["phases"], workers=1, time_limit_s=3600.0
+        )
         reach = 2.0 * np.pi / GRID
         for _ in range(ZOOMS):
             middle = min(seen, key=lambda move: seen[move].figures.cost(objective))

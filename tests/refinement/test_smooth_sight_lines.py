@@ -90,7 +90,7 @@ def test_the_solver_sees_the_way_round_a_shelf() -> None:
 
 
 def test_a_shelf_in_the_way_is_planned_round() -> None:
-    before = _walled(starts=2)
+    before = _walled(starts=2, time_limit_s=3600.0)
     assert plan(small(**CORRIDOR)).observable
     assert not before.observable
     assert not meet_when_shifted(before, 0.0)

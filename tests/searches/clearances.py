@@ -100,7 +100,7 @@ def _too_near(away: float, asked: float) -> bool:
 def draw(number: int) -> tuple[list[str], Passes]:
     """Return what is wrong with the refinement of a scenario, and its passes of landmarks."""
     given = draw_near_plan(number)
-    after = refine(given, workers=1, starts=STARTS)
+    after = refine(given, workers=1, starts=STARTS, time_limit_s=3600.0)
     stated = given.scenario.landmark_clearance_m
     asked = NEAR_SHARE * float(after.orbits.radii.mean()) if stated is None else stated
     passes = Passes(

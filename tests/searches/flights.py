@@ -132,7 +132,7 @@ def team_plan(index: int, air: str) -> Plan:
     wind = {"sigma_mps": 1.0, **(GUSTS if air == "gusts" else {})}
     document = {**TEAMS[name](), "name": name, "wind": wind, "duration_s": DURATION_S}
     planned = plan(scenario_from(document), pilot=False)
-    return refine(planned, seed=0) if name == "refined" else planned
+    return refine(planned, seed=0, time_limit_s=3600.0) if name == "refined" else planned
 
 
 def draw_quiet(index: int) -> Plan:

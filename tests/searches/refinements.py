@@ -331,7 +331,7 @@ def draw(
 ) -> tuple[list[str], Refined]:
     """Return what is wrong with the refinement of a scenario, and what it gained."""
     before = draw_plan(number, sizes, equip)
-    after = refine(before, workers=1, starts=STARTS)
+    after = refine(before, workers=1, starts=STARTS, time_limit_s=3600.0)
     record = after.refinement
     assert record is not None
     cost, refined_cost = (which.cost(record.objective) for which in (record.before, record.after))
