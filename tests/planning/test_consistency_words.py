@@ -47,6 +47,7 @@ def test_words_say_what_the_interval_rests_on_and_why_there_is_none() -> None:
 
 def test_figures_have_the_digits_that_their_comparison_needs() -> None:
     assert spread_figures(_spread(1.11, (1.10004, 1.12))) == ("1.11000", "1.10004", "1.12000")
+    assert spread_figures(_spread(0.95, (0.90004, 1.0))) == ("0.95000", "0.90004", "1.00000")
     assert spread_figures(_spread(1.00001, (1.0, 1.00002))) == ("1.00001", "1.00000", "1.00002")
     assert spread_figures(_spread(70.71, (21.3, 163.4))) == ("70.7", "21.3", "163.4")
 

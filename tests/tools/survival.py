@@ -103,8 +103,8 @@ def sweep_of_ranges(trials: int, seed: int) -> Order:
 @once_a_run
 def refinement(seed: int) -> Order:
     """Return the order to refine the pair."""
-    body: Any = {"vary": ["phases", "centers"], "starts": 2, "seed": seed, "time_limit_s": 600.0}
-    better = refine(pair(), **body)
+    body = {"vary": ["phases", "centers"], "starts": 2, "seed": seed}
+    better = refine(pair(), vary=["phases", "centers"], starts=2, seed=seed)
     return Order("refinement", body, as_text(plan_document(better).as_json()))
 
 
