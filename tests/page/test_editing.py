@@ -7,7 +7,17 @@ from playwright.sync_api import Page, Route, expect
 
 from syncplan.planning.planner import plan
 from syncplan.scenario.loading import load_scenario
-from tests.page.gestures import downloaded, drag, drawn, handle, middle, opened, pull, view
+from tests.page.gestures import (
+    downloaded,
+    drag,
+    drawn,
+    handle,
+    middle,
+    opened,
+    pull,
+    stop_time,
+    view,
+)
 from tests.tools.browsing import Visit, accessibility_faults
 from tests.tools.scenarios import BAD_FILES, FILES, circling, document
 
@@ -161,8 +171,8 @@ def test_a_number_half_typed_leaves_no_verdict_that_looks_current(visit: Visit, 
     visit.fill("Centre east", "141")
     visit.verdict("Observable: rank 18 of 18")
     expect(handle(page, "v4")).to_have_attribute("aria-label", "Circle of v4, centre at 141, 70 m")
-    # what is typed at one go, as on a machine with nothing else to do, is one step to undo
-    page.evaluate("performance.now = (at => () => at)(performance.now())")
+    # what is typed at one go is one step to undo
+    stop_time(page)
     radius = page.get_by_label("Radius of all")
     radius.press("Control+A")
     page.keyboard.type("18.5")

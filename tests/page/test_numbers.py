@@ -6,7 +6,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from syncplan.terms import TERMS
-from tests.page.gestures import box_of, downloaded, handle, part, pull, sheet
+from tests.page.gestures import box_of, downloaded, handle, part, pull, sheet, stop_time
 from tests.tools.browsing import PHONE, Tabs, Visit, accessibility_faults, visiting
 from tests.tools.serving import Server
 
@@ -99,13 +99,14 @@ def test_a_click_on_a_label_leads_to_a_field_that_arrows_step(visit: Visit, page
 def test_the_worst_error_is_charted_below_the_field_edited_last(visit: Visit, page: Page) -> None:
     chart = page.locator("#editor .trace")
     expect(chart).to_have_count(0)
+    stop_time(page)
     x, y = scrub(visit, "Bearing sigma", 50.0, release=False)
     box = page.locator(".field", has=page.get_by_label("Bearing sigma"))
-    # the plan before, the plan at the pause, and one or more around it
+    # the plan before and the plan at the pause, then some around them
     drawing = box.locator(".trace").get_by_role("img")
     expect(drawing).to_have_accessible_name(re.compile(r"Worst predicted error .* at 0\.1 rad; .*"))
     expect(drawing.locator("circle.now")).to_have_count(1)
-    expect(drawing.locator("circle:not(.now)").nth(1)).to_be_attached()
+    expect(drawing.locator("circle:not(.now)").nth(2)).to_be_attached()
     worst = page.locator("#verdict tr", has_text="Worst vehicle").locator("td")
     shown = float((worst.text_content() or "").split()[1])
     stated = box.locator(".trace strong")
