@@ -79,13 +79,14 @@ def solve(
     start: Array | None = None,
     *,
     close_enough: float = CLOSE_ENOUGH[-1],
+    most_steps: int = MOST_STEPS[-1],
 ) -> BatchSolution:
     """Return the batch solution over the K samples from `begin` on, searched for from `start`.
 
     `speeds` and `turn_rates` (K, n, lanes) in m/s and rad/s, and `sightings` (s, lanes), NaN where
     missed, are the readings of these samples. `start` is (3n + e, lanes), the mean of the prior if
     None. The search ends, with the true R, once a step promises to gain less than `close_enough`,
-    no step lowers the cost, or MOST_STEPS[-1] steps were taken.
+    no step lowers the cost, or `most_steps` were taken.
     """
     K, width = len(speeds), prior.mean.shape[1]
     path = _still(prior.mean if start is None else start, setup, K)
@@ -94,7 +95,7 @@ def solve(
     coarse = problem_of(thin, window._replace(sightings=sightings[kept]), prior, K)
     taken = _descend(coarse, path, TEMPERS[:-1], MOST_STEPS[:-1], CLOSE_ENOUGH[:-1])
     fine = problem_of(setup, window, prior, K)
-    taken += _descend(fine, path, TEMPERS[-1:], MOST_STEPS[-1:], (close_enough,))
+    taken += _descend(fine, path, TEMPERS[-1:], (most_steps,), (close_enough,))
     made = np.sum(~np.isnan(sightings), axis=0)
     return BatchSolution(path, fine.found.cost, made, fine.scratch.x, fine.scratch.P, taken)
 

@@ -24,13 +24,10 @@ from tests.searches import Search
 from tests.tools.filter_scenes import Scene, scene_of
 from tests.tools.scenario_draws import certified_plans, draw_document, with_world
 
-__all__ = ["SAME", "SEARCH", "Compared", "batch_of", "compare"]
+__all__ = ["SAME", "SEARCH", "Compared", "batch_of", "compare", "draw"]
 
 SAME = 1e-6
 """Of a standard deviation."""
-
-CONVERGED = -np.inf
-"""Gain in cost below which ours takes no further step: it takes as many as it may."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,15 +61,15 @@ class Compared:
 def batch_of(given: Scene, steps: int) -> BatchSolution:
     """Return our solution over the first samples, from the prior, to convergence."""
     setup, readings, _ = given
-    mean, _ = start_of(setup, readings)
     return solve(
         setup,
         readings.speeds[:steps],
         readings.turn_rates[:steps],
         readings.sightings[: setup.first[steps + 1]],
-        Prior(mean, setup.initial_variances),
+        Prior(start_of(setup, readings)[0], setup.initial_variances),
         0,
-        close_enough=CONVERGED,
+        close_enough=-np.inf,
+        most_steps=100,
     )
 
 
