@@ -6,7 +6,7 @@ from tests.tools.filter_scenes import BUT_CLOCKS, a_team, scene_of
 
 pytest.importorskip("gtsam", reason="this platform has no GTSAM")
 
-from tests.searches.batch import compare, draw
+from tests.searches.batch import SAME, compare, draw
 
 
 @pytest.mark.parametrize("estimated", [("speed_scale", "gusts"), BUT_CLOCKS])
@@ -16,6 +16,7 @@ def test_the_batch_solution_is_that_of_a_factor_graph(estimated: tuple[str, ...]
     assert found.same, found
     assert abs(found.cost) < 1e-8
     assert found.errors == len(given.setup.states.variances)
+    assert SAME == 1e-6
 
 
 def test_the_batch_solution_is_that_of_a_factor_graph_after_many_steps() -> None:

@@ -53,11 +53,6 @@ def handle(page: Page, name: str) -> Locator:
     return page.locator(f'#handles button[title="{name}"]')
 
 
-def stop_time(page: Page) -> None:
-    """Let the page measure no time from now on: on a busy machine keys and plans take seconds."""
-    page.evaluate("performance.now = (at => () => at)(performance.now())")
-
-
 def box_of(mark: Locator) -> FloatRect:
     """Where something is on the screen."""
     box = mark.bounding_box()

@@ -7,17 +7,7 @@ from playwright.sync_api import Page, Route, expect
 
 from syncplan.planning.planner import plan
 from syncplan.scenario.loading import load_scenario
-from tests.page.gestures import (
-    downloaded,
-    drag,
-    drawn,
-    handle,
-    middle,
-    opened,
-    pull,
-    stop_time,
-    view,
-)
+from tests.page.gestures import downloaded, drag, drawn, handle, middle, opened, pull, view
 from tests.tools.browsing import Visit, accessibility_faults
 from tests.tools.scenarios import BAD_FILES, FILES, circling, document
 
@@ -172,7 +162,7 @@ def test_a_number_half_typed_leaves_no_verdict_that_looks_current(visit: Visit, 
     visit.verdict("Observable: rank 18 of 18")
     expect(handle(page, "v4")).to_have_attribute("aria-label", "Circle of v4, centre at 141, 70 m")
     # what is typed at one go is one step to undo
-    stop_time(page)
+    visit.stop_time()
     radius = page.get_by_label("Radius of all")
     radius.press("Control+A")
     page.keyboard.type("18.5")

@@ -6,7 +6,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from syncplan.terms import TERMS
-from tests.page.gestures import box_of, downloaded, handle, part, pull, sheet, stop_time
+from tests.page.gestures import box_of, downloaded, handle, part, pull, sheet
 from tests.tools.browsing import PHONE, Tabs, Visit, accessibility_faults, visiting
 from tests.tools.serving import Server
 
@@ -99,7 +99,7 @@ def test_a_click_on_a_label_leads_to_a_field_that_arrows_step(visit: Visit, page
 def test_the_worst_error_is_charted_below_the_field_edited_last(visit: Visit, page: Page) -> None:
     chart = page.locator("#editor .trace")
     expect(chart).to_have_count(0)
-    stop_time(page)
+    visit.stop_time()
     x, y = scrub(visit, "Bearing sigma", 50.0, release=False)
     box = page.locator(".field", has=page.get_by_label("Bearing sigma"))
     # the plan before and the plan at the pause, then some around them

@@ -68,6 +68,7 @@ def batch_of(given: Scene, steps: int) -> BatchSolution:
         readings.sightings[: setup.first[steps + 1]],
         Prior(start_of(setup, readings)[0], setup.initial_variances),
         0,
+        # no gain is too little: it takes them all
         close_enough=-np.inf,
         most_steps=100,
     )

@@ -116,6 +116,11 @@ class Visit:
         """Wait until nothing is being planned any more."""
         self._await(self.page.locator("#workspace[aria-busy=false]"))
 
+    def stop_time(self) -> None:
+        """Let the page measure no time until it loads again: keys and plans may take seconds."""
+        # not by Playwright's clock, which stays with the tab for the tests after this one
+        self.page.evaluate("performance.now = (at => () => at)(performance.now())")
+
     @staticmethod
     def _await(what: Locator) -> None:
         """Wait until something is there.
