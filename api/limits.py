@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from syncplan.errors import InputError
-from syncplan.flight.flight_options import GuidanceModel
+from syncplan.guidance.flight_options import GuidanceModel
 from syncplan.planning.expected_work import ExpectedWork, pairs_of, work_of
 from syncplan.scenario.specification import Scenario
 

@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks import Figure, print_figures
 from syncplan.arrays import Array, Flags
-from syncplan.flight.predictive_guidance import (
+from syncplan.guidance.predictive_guidance import (
     RHO,
     SETTINGS,
     PredictiveGuidance,
@@ -31,7 +31,7 @@ from syncplan.flight.predictive_guidance import (
     ProgramSolver,
     Solution,
 )
-from syncplan.flight.predictive_program import Program
+from syncplan.guidance.predictive_program import Program
 from tests.tools.exact_flights import (
     Guidance,
     Hold,

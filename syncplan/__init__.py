@@ -46,10 +46,11 @@ Packages, each using only those before it; each lists its modules
     placement         centres, from links or from a gap
     observability     rank, certificate, unobservable modes
     estimation        bounds, the filter, Monte Carlo, replays
+    guidance          the closed loop of filter, commands and true motion
     planning          plan, judge, validate, sweep
     refinement        the best plan near a plan
     landmarks         choice of landmark sites
-    flight            vehicles that steer by their own estimates
+    flight            flights of a plan; the navigator on board
     designs           the cheapest formation for a brief
     reports           JSON documents
     plotting          figures

@@ -26,8 +26,8 @@ from api.job_kinds.option_requests import SUBSTEPS, TRUTH, TrialRequest, our_key
 from api.limits import RequestLimits, check_flights, check_trials
 from syncplan.estimation.filter_options import ValidationOptions
 from syncplan.estimation.trials import pack, unpack
-from syncplan.flight.flight_events import events_of
-from syncplan.flight.flight_options import GUIDANCES, FlightOptions
+from syncplan.guidance.flight_events import events_of
+from syncplan.guidance.flight_options import GUIDANCES, FlightOptions
 from syncplan.planning.plan_files import Loaded, plan_of
 from syncplan.planning.validation import (
     TrialRun,
@@ -189,15 +189,15 @@ def _flight_runs(spec: JobSpec) -> "list[FlightRun]":
 
 
 def _flight_computed(run: "FlightRun", first: int, trials: int, progress: TrialProgress) -> bytes:
-    from syncplan.flight.flight_results import pack_flight
     from syncplan.flight.flying import fly_part
+    from syncplan.guidance.flight_results import pack_flight
 
     return pack_flight(fly_part(run, first, trials, threads=1, progress=progress))
 
 
 def _flight_concluded(run: "FlightRun", parts: Sequence[bytes]) -> "Flight":
-    from syncplan.flight.flight_results import unpack_flight
     from syncplan.flight.flying import conclude_flight
+    from syncplan.guidance.flight_results import unpack_flight
 
     return conclude_flight(run, [unpack_flight(one) for one in parts])
 
@@ -208,7 +208,7 @@ def _flight_effort(run: "FlightRun") -> float:
 
 
 def _flight_report(_: JobSpec, concluded: "Sequence[Flight]") -> JobReport:
-    from syncplan.flight.flight_results import pack_flight
+    from syncplan.guidance.flight_results import pack_flight
 
     (flight,) = concluded
     return JobReport(as_text(flight_document(flight).as_json()), trials=pack_flight(flight.result))

@@ -18,7 +18,7 @@ from api.job_kinds.job_table import JOB_KINDS
 from api.problems import NotFound
 from api.settings import Settings
 from syncplan.exporting.format_table import AUTOPILOTS, FORMATS
-from syncplan.flight.flight_options import GUIDANCES
+from syncplan.guidance.flight_options import GUIDANCES
 from syncplan.plotting.figure_table import FIGURES, always_there
 from syncplan.plotting.printed_report import STYLE_DIGEST
 from syncplan.plotting.vendored import plotly_script

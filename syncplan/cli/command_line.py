@@ -87,7 +87,7 @@ def _options() -> dict[str, str]:
     """Options by the name of the library's argument that they set."""
     from syncplan.estimation.filter_options import ValidationOptions
     from syncplan.estimation.replay_settings import ReplayOptions
-    from syncplan.flight.flight_options import FlightOptions
+    from syncplan.guidance.flight_options import FlightOptions
     from syncplan.options import options_of
     from syncplan.plotting.figure_style import FigureStyle
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from syncplan.documents import Document
     from syncplan.estimation.filter_options import FilterOptions
-    from syncplan.flight.flown_team import FlownTeam
+    from syncplan.guidance.flown_team import FlownTeam
 
 PIPED_WIDTH = 160
 """Width of tables in a file or for another program, unless COLUMNS is set."""
@@ -131,7 +131,7 @@ def compile_filter(options: "FilterOptions", counts: Iterable[int]) -> None:
 
 def compile_flight(team: "FlownTeam") -> None:
     """Compile the kernels of a team's flights, unless they are compiled."""
-    from syncplan.flight.flights import compile_flights, flight_is_compiled
+    from syncplan.guidance.flights import compile_flights, flight_is_compiled
 
     if not flight_is_compiled(team):
         with _compiling("the kernels of flight", "15 to 40 s"):

@@ -327,8 +327,8 @@ def _what_if(
 ) -> int:
     """Judge a plan without a vehicle, a sensor or a landmark, orbits unchanged: every single loss,
     the most harmful first. A vehicle whose sensor is lost flies on and is seen by others."""
+    from syncplan.orbits.lost_parts import lost_together, possible_losses
     from syncplan.planning.loss_study import what_if
-    from syncplan.planning.lost_parts import lost_together, possible_losses
     from syncplan.planning.plan_files import plan_of
     from syncplan.reports.loss_report import what_if_document
 

@@ -10,10 +10,10 @@ from rich.markup import escape
 from rich.table import Table
 
 from syncplan.cli.fitted_tables import MOST_ROWS, FittedTable, cell
+from syncplan.orbits.lost_parts import phrase_of
 from syncplan.phrases import listed, percent
 from syncplan.placement.centers import Placement
 from syncplan.planning.judged_team import PlanVerdict
-from syncplan.planning.lost_parts import phrase_of
 from syncplan.planning.plan_records import FlownPlan
 from syncplan.reports.loss_report import RemainingTeam, WhatIfDocument
 from syncplan.reports.plan_report import LandmarkLink, Link, PlanDocument, PredictedStateError

@@ -20,7 +20,7 @@ from syncplan.cli.arguments import (
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import SweepOptions, ValidationOptions
 from syncplan.estimation.replay_settings import ReplayOptions
-from syncplan.flight.flight_options import FlightOptions
+from syncplan.guidance.flight_options import FlightOptions
 from syncplan.scenario.dotted_keys import SWEPT_KEYS, SweptKey, SweptOption, swept_key
 
 if TYPE_CHECKING:

@@ -21,8 +21,8 @@ from syncplan.client.connection import Remote, RemoteError, error_of, values_of
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import FilterOptions, options_with
 from syncplan.estimation.trials import unpack
-from syncplan.flight.flight_options import FlightOptions
-from syncplan.flight.flight_results import unpack_flight
+from syncplan.guidance.flight_options import FlightOptions
+from syncplan.guidance.flight_results import unpack_flight
 from syncplan.planning.plan_files import loaded_from, plan_of, stated
 from syncplan.planning.planner import BoundChoice, Plan
 from syncplan.planning.validation import Validation, conclude, trial_run

@@ -11,13 +11,13 @@ from syncplan.estimation.consistency import Consistency, anees, coverage, nis
 from syncplan.estimation.filter_options import steps_in_run
 from syncplan.estimation.filter_setup import judged_from
 from syncplan.estimation.trials import Accuracy, accuracy, check_whole
-from syncplan.flight.flight_events import FlightEvents, events_of
-from syncplan.flight.flight_options import FlightOptions
-from syncplan.flight.flight_results import FlightResult, joined_flights
-from syncplan.flight.flight_setup import FlightLimits, FlownWorld
-from syncplan.flight.flights import fly_trials
-from syncplan.flight.flown_figures import Meetings, meetings_of
-from syncplan.flight.flown_team import FlownTeam, team_in_flight
+from syncplan.guidance.flight_events import FlightEvents, events_of
+from syncplan.guidance.flight_options import FlightOptions
+from syncplan.guidance.flight_results import FlightResult, joined_flights
+from syncplan.guidance.flight_setup import FlightLimits, FlownWorld
+from syncplan.guidance.flights import fly_trials
+from syncplan.guidance.flown_figures import Meetings, meetings_of
+from syncplan.guidance.flown_team import FlownTeam, team_in_flight
 from syncplan.orbits.contacts import find_windows
 from syncplan.planning.judged_team import expected_in_world
 from syncplan.planning.plan_files import PlanSubject, in_world, planned

@@ -24,9 +24,6 @@ from syncplan.estimation.filter_setup import COMPASS_KIND, poses_of
 from syncplan.estimation.kernels import lanes_of
 from syncplan.estimation.online_filter import Arrived, OnlineFilter
 from syncplan.estimation.trial_readings import filter_stream
-from syncplan.flight.closed_loop import carry_on
-from syncplan.flight.flight_options import AS_COMMANDED, TRACKING, FlightOptions
-from syncplan.flight.flown_lanes import winds_of
 from syncplan.flight.flying import flight_run
 from syncplan.flight.onboard_data import (
     Arrivals,
@@ -36,8 +33,11 @@ from syncplan.flight.onboard_data import (
     Sensed,
     TimedSighting,
 )
-from syncplan.flight.predictive_guidance import Memory, PredictiveGuidance, PredictiveOptions
-from syncplan.flight.tracking_law import move_circles, steer
+from syncplan.guidance.closed_loop import carry_on
+from syncplan.guidance.flight_options import AS_COMMANDED, TRACKING, FlightOptions
+from syncplan.guidance.flown_lanes import winds_of
+from syncplan.guidance.predictive_guidance import Memory, PredictiveGuidance, PredictiveOptions
+from syncplan.guidance.tracking_law import move_circles, steer
 from syncplan.orbits.circles import heading, position
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
 from syncplan.planning.plan_files import PlanSubject

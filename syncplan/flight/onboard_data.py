@@ -15,7 +15,7 @@ from syncplan.arrays import Array, Index
 from syncplan.errors import InputError
 from syncplan.estimation.filter_setup import COMPASS_KIND
 from syncplan.estimation.online_filter import Arrived
-from syncplan.flight.flown_team import FlownTeam
+from syncplan.guidance.flown_team import FlownTeam
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
 
 

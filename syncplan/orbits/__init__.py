@@ -8,5 +8,6 @@ error_states     lasting errors, and the layout of a team's states
 sight_lines      sight lines and the obstacles that block them
 contacts         contact windows; least distances of circles and vehicles
 sightings        contact sampled at k Ts, and its remainder after losses
+lost_parts       names of parts that can be lost, and the scenario after a loss
 graphs           components, trees and cycles of a team
 """

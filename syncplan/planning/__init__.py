@@ -3,7 +3,6 @@
 start_up            whether the filter reaches the bound: index and pilot
 plan_records        records of a plan's refinement and flights
 judged_team         a team with the results of its judgement; findings and the verdict
-lost_parts          names of parts that can be lost, and the scenario after a loss
 observability_checks  findings on rank, certificate, links, single points of failure
 path_checks         findings on distances, areas and speeds
 flight_checks       findings on errors that leave no room, and on flights

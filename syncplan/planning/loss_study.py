@@ -13,14 +13,14 @@ from syncplan.estimation.bounds import window_bound
 from syncplan.observability.error_modes import ErrorVerdict
 from syncplan.observability.rank import Assessment, assess_remainder, assess_team
 from syncplan.observability.unobservable_modes import UnobservableMode
-from syncplan.orbits.sightings import Loss, Remainder, remainder_of
-from syncplan.planning.judged_team import JudgedTeam, PlanVerdict, Prediction
-from syncplan.planning.lost_parts import (
+from syncplan.orbits.lost_parts import (
     lost_together,
     names_of,
     possible_losses,
     scenario_after,
 )
+from syncplan.orbits.sightings import Loss, Remainder, remainder_of
+from syncplan.planning.judged_team import JudgedTeam, PlanVerdict, Prediction
 from syncplan.planning.plan_files import PlanSubject, planned
 from syncplan.planning.planner import BoundChoice, Plan, judged, listed_pairs, why_no_bound
 from syncplan.planning.verdict_checks import verdict_of

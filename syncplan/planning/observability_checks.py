@@ -5,11 +5,11 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from syncplan.observability.unobservable_modes import UnobservableMode
+from syncplan.orbits.lost_parts import names_of, phrase_of
 from syncplan.orbits.sight_lines import hidden_landmarks, hidden_paths
 from syncplan.orbits.sightings import Loss
 from syncplan.phrases import listed
 from syncplan.planning.judged_team import MOST_NAMED, FindingCure, JudgedTeam, Level, Remark
-from syncplan.planning.lost_parts import names_of, phrase_of
 from syncplan.scenario.specification import per_vehicle
 
 # --- rank and certificate -------------------------------------------------------------------------

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from math import nan
 
-from syncplan.planning.lost_parts import phrase_of
+from syncplan.orbits.lost_parts import phrase_of
 from syncplan.plotting import canvas
 from syncplan.plotting.canvas import Spec
 from syncplan.plotting.figure_style import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, VERMILLION

@@ -10,10 +10,10 @@ from syncplan import __version__
 from syncplan.arrays import Array
 from syncplan.documents import DocumentPart, OrAbsent, finite_or_none
 from syncplan.estimation.considered_errors import neglected_errors
-from syncplan.flight.flight_options import AS_COMMANDED, GUIDANCES, FlightOptions
+from syncplan.guidance.flight_options import AS_COMMANDED, GUIDANCES, FlightOptions
+from syncplan.orbits.lost_parts import phrase_of
 from syncplan.phrases import in_words, listed, percent
 from syncplan.planning.judged_team import PlanVerdict
-from syncplan.planning.lost_parts import phrase_of
 from syncplan.planning.planner import Plan
 from syncplan.reports import run_figures
 from syncplan.reports.flight_series import FlightOverTime, flight_over_time

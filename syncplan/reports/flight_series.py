@@ -8,7 +8,7 @@ from pydantic import Field
 
 from syncplan.arrays import Array
 from syncplan.documents import DocumentPart, Point
-from syncplan.flight.flight_records import RecordedSteps, Track
+from syncplan.guidance.flight_records import RecordedSteps, Track
 from syncplan.planning.planner import Plan
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ _DECIMALS = 6
 
 def flight_over_time(flight: "Flight") -> FlightOverTime | None:
     """Return a flight over time; None if it kept no series."""
-    from syncplan.flight.flights import mean_series
+    from syncplan.guidance.flights import mean_series
 
     if not flight.result.branches:
         return None

@@ -3,7 +3,7 @@
 A new filter is a line of FILTERS. One with a different correction has a flag here, such as
 `second_order`, that syncplan.estimation.correction_kernels and the pilot read; flights then have it
 too. One that runs differently has a kernel, a LaneFilter in a module of syncplan.estimation.
-Flights do not run that kernel: syncplan.flight.closed_loop steps the extended filter.
+Flights do not run that kernel: syncplan.guidance.closed_loop steps the extended filter.
 """
 
 from collections.abc import Mapping

@@ -7,10 +7,10 @@ import pytest
 
 from syncplan.arrays import Array, Index
 from syncplan.estimation.correction_kernels import correction_of
-from syncplan.flight.anchors import Anchors, anchors_of
-from syncplan.flight.flight_setup import Contact
 from syncplan.flight.flying import FlightRun, flight_run
-from syncplan.flight.tracking_law import move_circles
+from syncplan.guidance.anchors import Anchors, anchors_of
+from syncplan.guidance.flight_setup import Contact
+from syncplan.guidance.tracking_law import move_circles
 from syncplan.orbits.circles import Orbits, relative_motion
 from syncplan.orbits.contacts import find_windows, least_distances
 from syncplan.orbits.team import Sensors, Team

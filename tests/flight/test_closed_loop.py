@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from syncplan.flight.flown_figures import without_gone
+from syncplan.guidance.flown_figures import without_gone
 from syncplan.planning.planner import plan
 from syncplan.scenario.specification import Scenario
 from tests.tools.flown_trials import FlownTrials, flown

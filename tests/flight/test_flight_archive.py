@@ -10,8 +10,8 @@ import pytest
 
 from syncplan.errors import InputError
 from syncplan.estimation.trials import pack
-from syncplan.flight.flight_results import FlightResult, pack_flight, unpack_flight
 from syncplan.flight.flying import FlightRun, conclude_flight, flight_run, fly_part
+from syncplan.guidance.flight_results import FlightResult, pack_flight, unpack_flight
 from syncplan.planning.planner import plan
 from syncplan.reports.flight_report import flight_document
 from syncplan.runtime.files import as_text

@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 
 from syncplan.errors import InputError
-from syncplan.flight.flight_events import FlightEvents, events_of
-from syncplan.flight.flight_options import DEFAULT_GATE, FlightOptions
 from syncplan.flight.flying import flight_run
+from syncplan.guidance.flight_events import FlightEvents, events_of
+from syncplan.guidance.flight_options import DEFAULT_GATE, FlightOptions
 from tests.tools.scenarios import changed, example, small
 
 DURATION = 400.0

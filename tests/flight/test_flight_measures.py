@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from syncplan.estimation.filter_setup import states_of
-from syncplan.flight.flown_figures import Meetings, kept_meetings, meetings_of, nearest, off_plan
-from syncplan.flight.flown_lanes import winds_of
+from syncplan.guidance.flown_figures import Meetings, kept_meetings, meetings_of, nearest, off_plan
+from syncplan.guidance.flown_lanes import winds_of
 from syncplan.orbits.circles import Orbits, position
 from syncplan.orbits.contacts import Windows
 from syncplan.orbits.error_states import layout_of

@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from syncplan.errors import InputError
-from syncplan.flight.flight_options import FlightOptions
-from syncplan.flight.flight_records import MOMENTS, MOST_TIMES, RecordedSteps, tracked_trials
-from syncplan.flight.flight_results import FlightResult
-from syncplan.flight.flights import FlightSeries, mean_series
 from syncplan.flight.flying import FlightRun, flight_run, fly_part
+from syncplan.guidance.flight_options import FlightOptions
+from syncplan.guidance.flight_records import MOMENTS, MOST_TIMES, RecordedSteps, tracked_trials
+from syncplan.guidance.flight_results import FlightResult
+from syncplan.guidance.flights import FlightSeries, mean_series
 from syncplan.planning.planner import Plan, plan
 from tests.tools.scenarios import changed
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from syncplan.errors import NoSolutionError
-from syncplan.flight.flight_results import FlightResult
-from syncplan.flight.flown_figures import _settled
 from syncplan.flight.flying import Flight, conclude_flight, flight_run, fly, fly_part
+from syncplan.guidance.flight_results import FlightResult
+from syncplan.guidance.flown_figures import _settled
 from syncplan.planning.planner import Plan, plan
 from syncplan.reports.flight_report import flight_document
 from tests.tools.scenarios import document, small

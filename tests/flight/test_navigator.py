@@ -9,10 +9,10 @@ import pytest
 
 import syncplan
 from syncplan.errors import InputError
-from syncplan.flight.flown_lanes import FlownLanes
 from syncplan.flight.flying import FlightRun, flight_run
 from syncplan.flight.navigator import Navigator
 from syncplan.flight.onboard_data import Sensed, TimedSighting
+from syncplan.guidance.flown_lanes import FlownLanes
 from syncplan.orbits.circles import heading, position
 from syncplan.planning.planner import Plan
 from tests.tools.flown_trials import flown_of

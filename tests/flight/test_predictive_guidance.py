@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from syncplan.arrays import Array
-from syncplan.flight.flight_setup import FlightLimits
-from syncplan.flight.predictive_guidance import (
+from syncplan.guidance.flight_setup import FlightLimits
+from syncplan.guidance.predictive_guidance import (
     SETTINGS,
     Decision,
     PredictiveGuidance,

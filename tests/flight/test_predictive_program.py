@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from syncplan.arrays import Array
-from syncplan.flight.flight_setup import Circles
-from syncplan.flight.predictive_guidance import ProgramSolver
-from syncplan.flight.predictive_model import Bounds, Course, lay_course, roll
-from syncplan.flight.predictive_program import (
+from syncplan.guidance.flight_setup import Circles
+from syncplan.guidance.predictive_guidance import ProgramSolver
+from syncplan.guidance.predictive_model import Bounds, Course, lay_course, roll
+from syncplan.guidance.predictive_program import (
     Program,
     Weights,
     cost_of,

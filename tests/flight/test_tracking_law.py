@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from syncplan.arrays import Array
-from syncplan.flight.flight_setup import FlightLimits
 from syncplan.flight.flying import FlightRun, flight_run
-from syncplan.flight.reference_tracking import tracking_commands, tracking_gains
-from syncplan.flight.tracking_law import command_plan, track
+from syncplan.guidance.flight_setup import FlightLimits
+from syncplan.guidance.reference_tracking import tracking_commands, tracking_gains
+from syncplan.guidance.tracking_law import command_plan, track
 from syncplan.orbits.circles import heading, perpendicular, position, unit
 from syncplan.planning.planner import plan
 from tests.tools.exact_flights import fly, paper_grid, tracking

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from syncplan.estimation.drawn_errors import DrawnErrors
-from syncplan.flight import truth
-from syncplan.flight.flight_setup import Eyes
-from syncplan.flight.keyed_noise import Word, key_of, uniform, words_at
+from syncplan.guidance import truth
+from syncplan.guidance.flight_setup import Eyes
+from syncplan.guidance.keyed_noise import Word, key_of, uniform, words_at
 from syncplan.orbits.circles import position
 from syncplan.orbits.sight_lines import crosses_interior
 from syncplan.orbits.sightings import sample_sightings

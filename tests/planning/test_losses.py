@@ -16,17 +16,17 @@ from syncplan.errors import InputError
 from syncplan.estimation.bounds import LossBounds, posterior_bound
 from syncplan.observability.loss_ranks import decisive_losses
 from syncplan.observability.rank import assess_remainder, assess_team
-from syncplan.orbits.sightings import BLIND_RANGE_M, Loss, remainder_of, single_losses
-from syncplan.orbits.team import sensors_of
-from syncplan.planning import planner
-from syncplan.planning.loss_study import WhatIf, what_if
-from syncplan.planning.lost_parts import (
+from syncplan.orbits.lost_parts import (
     lost_together,
     names_of,
     phrase_of,
     possible_losses,
     scenario_after,
 )
+from syncplan.orbits.sightings import BLIND_RANGE_M, Loss, remainder_of, single_losses
+from syncplan.orbits.team import sensors_of
+from syncplan.planning import planner
+from syncplan.planning.loss_study import WhatIf, what_if
 from syncplan.planning.planner import Plan, judge, plan
 from syncplan.reports.loss_report import WhatIfDocument, what_if_document
 from tests.tools.draws import draw_equipped_team

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from syncplan.flight.flight_records import RecordedSteps
 from syncplan.flight.flying import conclude_flight, flight_run, fly_part
+from syncplan.guidance.flight_records import RecordedSteps
 from syncplan.planning.planner import plan
 from syncplan.reports.flight_report import FlightDocument, flight_document
 from syncplan.reports.flight_series import FlightOverTime

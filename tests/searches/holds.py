@@ -16,7 +16,7 @@ import numpy as np
 
 from syncplan.arrays import Array, Flags
 from syncplan.flight.flying import FlightRun, flight_run, fly
-from syncplan.flight.predictive_guidance import (
+from syncplan.guidance.predictive_guidance import (
     STEP_ANGLE,
     Decision,
     PredictiveGuidance,

@@ -19,9 +19,9 @@ from api.job_kinds.trial_jobs import FlightRequest
 from api.service import limits_of
 from api.settings import load_settings
 from syncplan.errors import InputError
-from syncplan.flight.flight_options import GUIDANCES, FlightOptions
-from syncplan.flight.flight_results import unpack_flight
 from syncplan.flight.flying import fly
+from syncplan.guidance.flight_options import GUIDANCES, FlightOptions
+from syncplan.guidance.flight_results import unpack_flight
 from syncplan.reports.flight_report import flight_document
 from syncplan.runtime.files import as_text
 from tests.tools.scenarios import FILES, document, example

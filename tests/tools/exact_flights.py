@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from syncplan.arrays import Array, Flags
-from syncplan.flight.flight_setup import FlightLimits
-from syncplan.flight.predictive_guidance import Decision, PredictiveGuidance
-from syncplan.flight.reference_tracking import tracking_commands, tracking_gains
+from syncplan.guidance.flight_setup import FlightLimits
+from syncplan.guidance.predictive_guidance import Decision, PredictiveGuidance
+from syncplan.guidance.reference_tracking import tracking_commands, tracking_gains
 from syncplan.orbits.circles import Orbits, perpendicular, phase, position, unit, wrap
 from syncplan.planning.planner import plan
 from tests.tools.plain_truth import after_arcs

@@ -8,11 +8,11 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.estimation.filter_setup import empty_statistics
-from syncplan.flight.flight_results import FlightFigures
-from syncplan.flight.flown_figures import figures_of
-from syncplan.flight.flown_lanes import FlownLanes
-from syncplan.flight.flown_team import FlownTeam
 from syncplan.flight.flying import FlightRun, flight_run
+from syncplan.guidance.flight_results import FlightFigures
+from syncplan.guidance.flown_figures import figures_of
+from syncplan.guidance.flown_lanes import FlownLanes
+from syncplan.guidance.flown_team import FlownTeam
 from tests.tools.plain_truth import Sighting
 
 

@@ -22,10 +22,10 @@ from syncplan.estimation.reference_filter import (
     sighted,
     update_state,
 )
-from syncplan.flight.anchors import Anchors, anchors_of
-from syncplan.flight.flight_setup import FlightLimits
 from syncplan.flight.flying import FlightRun
-from syncplan.flight.reference_tracking import tracking_commands, tracking_gains
+from syncplan.guidance.anchors import Anchors, anchors_of
+from syncplan.guidance.flight_setup import FlightLimits
+from syncplan.guidance.reference_tracking import tracking_commands, tracking_gains
 from syncplan.orbits.circles import wrap
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
 from tests.tools.plain_filters import beyond_tangent

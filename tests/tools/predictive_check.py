@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.flight.flight_setup import FlightLimits
-from syncplan.flight.predictive_guidance import Decision, PredictiveOptions, Status
+from syncplan.guidance.flight_setup import FlightLimits
+from syncplan.guidance.predictive_guidance import Decision, PredictiveOptions, Status
 from syncplan.orbits.circles import unit
 
 

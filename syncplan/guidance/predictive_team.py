@@ -10,7 +10,7 @@ import numpy as np
 
 from syncplan.arrays import Array, Flags
 from syncplan.estimation.kernels import kernel, linked
-from syncplan.flight.predictive_model import (
+from syncplan.guidance.predictive_model import (
     Bounds,
     Course,
     Laws,
@@ -20,7 +20,7 @@ from syncplan.flight.predictive_model import (
     roll,
     shift,
 )
-from syncplan.flight.predictive_program import Program, Weights, cost_of, write_program
+from syncplan.guidance.predictive_program import Program, Weights, cost_of, write_program
 
 SHARES = (1.0, 0.5, 0.25, 0.125)
 """Shares of the program's change to try; the first that improves the flight is taken."""

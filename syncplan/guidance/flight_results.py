@@ -18,7 +18,7 @@ import numpy as np
 from syncplan.arrays import Array, Index
 from syncplan.errors import InputError
 from syncplan.estimation.trials import Branch, MonteCarloResult, joined, merge
-from syncplan.flight.flight_records import Track
+from syncplan.guidance.flight_records import Track
 
 
 @dataclass(frozen=True, slots=True)

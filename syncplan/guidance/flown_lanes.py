@@ -19,12 +19,12 @@ from syncplan.estimation.lane_filter import LaneRun, scratch_of
 from syncplan.estimation.online_filter import with_room
 from syncplan.estimation.robust_filter import RobustRun
 from syncplan.estimation.trial_readings import filter_stream
-from syncplan.flight.closed_loop import carry_on, fly_lanes, fly_to
-from syncplan.flight.flight_options import AS_COMMANDED
-from syncplan.flight.flight_records import LaneRecords, RecordedSteps
-from syncplan.flight.flight_setup import FlightSetup, Flown
-from syncplan.flight.flown_team import FlownTeam
-from syncplan.flight.predictive_guidance import PredictiveGuidance, PredictiveOptions, Status
+from syncplan.guidance.closed_loop import carry_on, fly_lanes, fly_to
+from syncplan.guidance.flight_options import AS_COMMANDED
+from syncplan.guidance.flight_records import LaneRecords, RecordedSteps
+from syncplan.guidance.flight_setup import FlightSetup, Flown
+from syncplan.guidance.flown_team import FlownTeam
+from syncplan.guidance.predictive_guidance import PredictiveGuidance, PredictiveOptions, Status
 
 # --- guidance mpc ---------------------------------------------------------------------------------
 

@@ -31,17 +31,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from syncplan.arrays import Array, Flags, Index, short_repr
-from syncplan.flight.flight_setup import Circles, FlightLimits
-from syncplan.flight.predictive_model import SEARCHED, Bounds, Course, Laws, Predicted, lay_course
-from syncplan.flight.predictive_program import Program, Weights, write_separation
-from syncplan.flight.predictive_team import (
+from syncplan.guidance.flight_setup import Circles, FlightLimits
+from syncplan.guidance.predictive_model import SEARCHED, Bounds, Course, Laws, Predicted, lay_course
+from syncplan.guidance.predictive_program import Program, Weights, write_separation
+from syncplan.guidance.predictive_team import (
     Aim,
     TeamFlights,
     TeamState,
     guess_flights,
     improve_flight,
 )
-from syncplan.flight.reference_tracking import tracking_gains
+from syncplan.guidance.reference_tracking import tracking_gains
 from syncplan.orbits.circles import Orbits
 
 # --- OSQP -----------------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from syncplan.arrays import Array, Index, short_repr
-from syncplan.flight.anchors import Anchors
+from syncplan.guidance.anchors import Anchors
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.team import Team
 from syncplan.scenario.specification import Scenario

@@ -27,10 +27,10 @@ from syncplan.estimation.statistics_kernels import (
     is_sampled,
     record,
 )
-from syncplan.flight.flight_options import OPEN_LOOP, TRACKING
-from syncplan.flight.flight_setup import FlightSetup, Flown
-from syncplan.flight.tracking_law import command_plan, move_circles, track
-from syncplan.flight.truth import move_truly, sight_truly
+from syncplan.guidance.flight_options import OPEN_LOOP, TRACKING
+from syncplan.guidance.flight_setup import FlightSetup, Flown
+from syncplan.guidance.tracking_law import command_plan, move_circles, track
+from syncplan.guidance.truth import move_truly, sight_truly
 
 
 @lean

@@ -10,10 +10,10 @@ from syncplan.estimation.drawn_errors import DrawnErrors, error_draws
 from syncplan.estimation.filter_setup import FilterSetup, Readings, Truth
 from syncplan.estimation.montecarlo import setup_along
 from syncplan.estimation.trial_readings import split_draws
-from syncplan.flight.anchors import Anchors, anchors_of
-from syncplan.flight.flight_events import FlightEvents, Hold
-from syncplan.flight.flight_options import GUIDANCES, FlightOptions
-from syncplan.flight.flight_setup import (
+from syncplan.guidance.anchors import Anchors, anchors_of
+from syncplan.guidance.flight_events import FlightEvents, Hold
+from syncplan.guidance.flight_options import GUIDANCES, FlightOptions
+from syncplan.guidance.flight_setup import (
     Circles,
     Contact,
     Eyes,
@@ -25,8 +25,8 @@ from syncplan.flight.flight_setup import (
     Mishaps,
     Response,
 )
-from syncplan.flight.keyed_noise import key_of
-from syncplan.flight.reference_tracking import tracking_gains
+from syncplan.guidance.keyed_noise import key_of
+from syncplan.guidance.reference_tracking import tracking_gains
 from syncplan.orbits.circles import heading, position
 from syncplan.orbits.contacts import Windows
 from syncplan.orbits.error_states import StateLayout, layout_of

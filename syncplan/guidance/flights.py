@@ -23,16 +23,16 @@ from syncplan.estimation.kernels import compiled_beside
 from syncplan.estimation.lane_filter import compile_steps
 from syncplan.estimation.montecarlo import chunks_in_order, lanes_side_by_side
 from syncplan.estimation.trials import CHUNK_TRIALS, Branch, result_of
-from syncplan.flight.flight_records import RecordedSteps, Track
-from syncplan.flight.flight_results import (
+from syncplan.guidance.flight_records import RecordedSteps, Track
+from syncplan.guidance.flight_results import (
     FlightFigures,
     FlightResult,
     joined_figures,
     joined_flights,
 )
-from syncplan.flight.flown_figures import figures_of, off_plan, without_gone
-from syncplan.flight.flown_lanes import ClosedLoop, FlownLanes
-from syncplan.flight.flown_team import FlownTeam
+from syncplan.guidance.flown_figures import figures_of, off_plan, without_gone
+from syncplan.guidance.flown_lanes import ClosedLoop, FlownLanes
+from syncplan.guidance.flown_team import FlownTeam
 from syncplan.runtime.machine import threads_for
 
 # --- over time ------------------------------------------------------------------------------------
@@ -148,7 +148,7 @@ def compile_flights(team: FlownTeam) -> None:
         compile_steps(n)
         # the solver takes as long as the loop: the bound is then compiled after the first flights
         solver = "syncplan.estimation.batch_solution:compile_solver"
-        bound = "syncplan.flight.flown_figures:compile_bound"
+        bound = "syncplan.guidance.flown_figures:compile_bound"
         with compiled_beside(solver if solves else bound, n):
             FlownLanes.begun(team, range(1), empty_statistics(1, team.size)).advance(1)
 

@@ -33,8 +33,8 @@ from syncplan.arrays import Array, Index
 from syncplan.estimation.filter_setup import BEARING_KIND, COMPASS_KIND, DISTANCE_KIND, FilterSetup
 from syncplan.estimation.kernels import Lanes, inner, linked
 from syncplan.estimation.motion_kernels import shortening
-from syncplan.flight.flight_setup import Eyes, FlightSetup, Flown
-from syncplan.flight.keyed_noise import Word, normal_pair, uniform, words_at
+from syncplan.guidance.flight_setup import Eyes, FlightSetup, Flown
+from syncplan.guidance.keyed_noise import Word, normal_pair, uniform, words_at
 from syncplan.orbits.contacts import BOUNDARY_SLACK
 
 # --- motion ---------------------------------------------------------------------------------------

@@ -32,7 +32,7 @@ from syncplan.arrays import Array, Index
 from syncplan.estimation.correction_kernels import NONE, Correction
 from syncplan.estimation.filter_setup import DRIFT, States
 from syncplan.estimation.kernels import Lanes, inner, lean
-from syncplan.flight.flight_setup import Circles, Contact, Law
+from syncplan.guidance.flight_setup import Circles, Contact, Law
 
 STILL = 0.05
 """Share of the plan's speed below which the direction of V - w^ is meaningless."""

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, short_repr
-from syncplan.flight.flight_setup import FlightLimits
+from syncplan.guidance.flight_setup import FlightLimits
 from syncplan.orbits.circles import Orbits, cross, dot, perpendicular, phase, unit, wrap
 
 TRACKING_RATE = 2.0

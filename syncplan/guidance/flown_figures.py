@@ -33,9 +33,9 @@ from syncplan.estimation.kernels import Lanes, kernel, lanes_of, lean
 from syncplan.estimation.lane_filter import Scratch, scratch_of, specimen
 from syncplan.estimation.motion_kernels import predict
 from syncplan.estimation.statistics_kernels import fill_truth
-from syncplan.flight.flight_results import FlightFigures
-from syncplan.flight.flown_lanes import FlownLanes
-from syncplan.flight.flown_team import FlownTeam
+from syncplan.guidance.flight_results import FlightFigures
+from syncplan.guidance.flown_lanes import FlownLanes
+from syncplan.guidance.flown_team import FlownTeam
 from syncplan.orbits.circles import Orbits, phase, position, wrap
 from syncplan.orbits.contacts import Windows
 from syncplan.orbits.sightings import samples_before

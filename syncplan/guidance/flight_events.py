@@ -8,9 +8,9 @@ import math
 from dataclasses import dataclass
 
 from syncplan.errors import InputError
-from syncplan.flight.flight_options import FlightOptions
+from syncplan.guidance.flight_options import FlightOptions
+from syncplan.orbits.lost_parts import lost_together, phrase_of
 from syncplan.orbits.sightings import Loss, samples_before, steps_within
-from syncplan.planning.lost_parts import lost_together, phrase_of
 from syncplan.scenario.specification import Scenario
 
 

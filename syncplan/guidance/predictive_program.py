@@ -37,7 +37,7 @@ import numpy as np
 
 from syncplan.arrays import Array, Index
 from syncplan.estimation.kernels import inner, kernel
-from syncplan.flight.predictive_model import Bounds, Course, shortened
+from syncplan.guidance.predictive_model import Bounds, Course, shortened
 
 
 class Weights(NamedTuple):

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from syncplan.arrays import Array
 from syncplan.estimation.kernels import inner, kernel
-from syncplan.flight.flight_setup import Circles
+from syncplan.guidance.flight_setup import Circles
 
 SEARCHED = 2
 """Number of horizons searched for a place to intercept the plan at."""
