@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from api.limits import RequestLimits, check_size
 from syncplan.errors import InputError
 from syncplan.planning.plan_files import Loaded, loaded_from
-from syncplan.planning.planner import Plan
+from syncplan.planning.plans import Plan
 from syncplan.recordings.log import Overview, overview_of, pack_log
 from syncplan.reports.plan_report import plan_document
 from syncplan.runtime.files import as_text

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from time import perf_counter
 
 from benchmarks import Figure, print_figures
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.planner import plan
+from syncplan.planning.plans import Plan
 from syncplan.plotting.figure_files import figure_page
 from syncplan.plotting.figures import specs_of
 from syncplan.scenario.loading import scenario_from

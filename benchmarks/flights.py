@@ -21,7 +21,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks import Figure, print_figures
 from syncplan.flight.flying import flight_run, fly
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.planner import plan
+from syncplan.planning.plans import Plan
 from syncplan.planning.validation import validate
 from tests.tools.flown_trials import flown
 from tests.tools.plain_flights import fly_plainly

@@ -20,7 +20,8 @@ from syncplan.observability.loss_ranks import decisive_losses
 from syncplan.observability.rank import assess_team
 from syncplan.orbits.sightings import single_losses
 from syncplan.planning.loss_study import what_if
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.planner import plan
+from syncplan.planning.plans import Plan
 from syncplan.runtime.machine import single_threaded_blas
 from syncplan.scenario.loading import load_scenario, scenario_from
 

@@ -13,7 +13,8 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.planner import plan
+from syncplan.planning.plans import Plan
 from syncplan.planning.validation import validate
 from syncplan.refinement.refiner import refine
 from syncplan.scenario.loading import load_scenario

@@ -115,7 +115,7 @@ _HOME = {
     "Navigator": "flight.navigator",
     "NoGoError": "errors",
     "NoSolutionError": "errors",
-    "Plan": "planning.planner",
+    "Plan": "planning.plans",
     "Replay": "estimation.replay_results",
     "Scenario": "scenario.specification",
     "SyncplanError": "errors",
@@ -143,13 +143,15 @@ if TYPE_CHECKING:
     from syncplan.estimation.replay_results import Replay
     from syncplan.estimation.replays import replay
     from syncplan.exporting.formats import export
-    from syncplan.flight.flying import Flight, fly
+    from syncplan.flight.flying import fly
     from syncplan.flight.navigator import Navigator
     from syncplan.landmarks.site_choice import choose_landmarks
     from syncplan.placement.centers import place
     from syncplan.planning.loss_study import WhatIf, what_if
     from syncplan.planning.plan_files import load_plan
-    from syncplan.planning.planner import Plan, plan
+    from syncplan.planning.plan_flights import Flight
+    from syncplan.planning.planner import plan
+    from syncplan.planning.plans import Plan
     from syncplan.planning.validation import Validation, validate
     from syncplan.planning.variations import sweep
     from syncplan.plotting import figures

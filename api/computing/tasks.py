@@ -42,7 +42,8 @@ from api.limits import RequestLimits
 from syncplan.estimation.trials import CHUNK_TRIALS
 from syncplan.planning.loss_study import what_if
 from syncplan.planning.plan_files import plan_of
-from syncplan.planning.planner import BoundChoice, JudgementOptions, Plan, plan
+from syncplan.planning.planner import BoundChoice, JudgementOptions, plan
+from syncplan.planning.plans import Plan
 from syncplan.planning.validation import run_part, trial_run
 from syncplan.reports.covariance_report import position_covariances_document
 from syncplan.reports.job_contract import JobKindName
@@ -72,12 +73,14 @@ def _checked(model: type[M], body: bytes, syntax: Syntax) -> M:
         validation_fault(error, model, "")
 
 
-def made_plan(body: bytes, syntax: Syntax, limits: RequestLimits, steady: bool) -> PlanText:
+def made_plan(
+    body: bytes, syntax: Syntax, limits: RequestLimits, steady: bool, paper: bool = False
+) -> PlanText:
     """Return the plan of a scenario that was sent, or a plan with its own orbits judged afresh.
 
     Raises InputError, NoSolutionError.
     """
-    return as_plan_text(plan_of(loaded_body(body, syntax, limits), steady=steady))
+    return as_plan_text(plan_of(loaded_body(body, syntax, limits), steady=steady, pilot=not paper))
 
 
 def checked_request(
@@ -183,7 +186,7 @@ def warm_up(trials: bool) -> None:
 
 def warm_up_searches() -> None:
     """Load what the first search of phases would otherwise wait for."""
-    plan(scenario_from(_ODD_CYCLE))
+    plan(scenario_from(_ODD_CYCLE), pilot=False)
 
 
 def ready() -> None:
@@ -206,7 +209,6 @@ _ODD_CYCLE = {**_SMALL, "formation": {"centers_m": [[0.0, 0.0], [70.0, 0.0], [35
 
 _QUICK: JudgementOptions = {
     "bound": "never",
-    "pilot": False,
     "single_points": False,
     "connectivity": False,
 }
@@ -221,6 +223,7 @@ def previewed(
     names: Sequence[str],
     style: "FigureStyle",
     covariances: bool = False,
+    paper: bool = False,
 ) -> str:
     """Return the plan of `made_plan`, with its figures, as JSON; raises the same errors.
 
@@ -228,7 +231,9 @@ def previewed(
     `covariances` adds those of positions.
     """
     loaded = loaded_body(body, syntax, limits)
-    made = plan_of(loaded, margin_bound=False, **_QUICK) if quick else plan_of(loaded)
+    made = plan_of(
+        loaded, margin_bound=not quick, pilot=not (quick or paper), **(_QUICK if quick else {})
+    )
     specs = _specs(made, names, style) if names else {}
     added = {"covariances": position_covariances_document(made).as_json()} if covariances else {}
     return _compact({"plan": plan_document(made).as_json(), "figures": specs, **added})

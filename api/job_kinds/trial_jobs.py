@@ -28,15 +28,9 @@ from syncplan.estimation.filter_options import ValidationOptions
 from syncplan.estimation.trials import pack, unpack
 from syncplan.guidance.flight_events import events_of
 from syncplan.guidance.flight_options import GUIDANCES, FlightOptions
+from syncplan.planning.filter_choice import asked_filter
 from syncplan.planning.plan_files import Loaded, plan_of
-from syncplan.planning.validation import (
-    TrialRun,
-    Validation,
-    asked_filter,
-    conclude,
-    run_part,
-    trial_run,
-)
+from syncplan.planning.validation import TrialRun, Validation, conclude, run_part, trial_run
 from syncplan.planning.variations import joined_worlds, stress_runs, stress_worlds
 from syncplan.reports.flight_report import FlightDocument, flight_document
 from syncplan.reports.validation_report import (
@@ -48,7 +42,7 @@ from syncplan.runtime.files import as_text
 from syncplan.scenario.specification import Scenario
 
 if TYPE_CHECKING:
-    from syncplan.flight.flying import Flight, FlightRun
+    from syncplan.planning.plan_flights import Flight, FlightRun
 
 
 # --- validations ----------------------------------------------------------------------------------
@@ -96,7 +90,7 @@ FILTER_TRIALS: TrialMethod[TrialRun, Validation] = TrialMethod(
 def _validation_runs(spec: JobSpec) -> list[TrialRun]:
     assert spec.plan is not None
     options = ValidationOptions.of_request(json.loads(spec.request))
-    plan = plan_of(loaded_plan(spec.plan), pilot=False)
+    plan = plan_of(loaded_plan(spec.plan))
     if options.stress:
         return list(stress_runs(plan, options).values())
     return [trial_run(plan, options)]
@@ -185,19 +179,19 @@ def _flight_runs(spec: JobSpec) -> "list[FlightRun]":
 
     assert spec.plan is not None
     options = FlightOptions.of_request(json.loads(spec.request))
-    return [flight_run(plan_of(loaded_plan(spec.plan), pilot=False), options)]
+    return [flight_run(plan_of(loaded_plan(spec.plan)), options)]
 
 
 def _flight_computed(run: "FlightRun", first: int, trials: int, progress: TrialProgress) -> bytes:
-    from syncplan.flight.flying import fly_part
     from syncplan.guidance.flight_results import pack_flight
+    from syncplan.planning.plan_flights import fly_part
 
     return pack_flight(fly_part(run, first, trials, threads=1, progress=progress))
 
 
 def _flight_concluded(run: "FlightRun", parts: Sequence[bytes]) -> "Flight":
-    from syncplan.flight.flying import conclude_flight
     from syncplan.guidance.flight_results import unpack_flight
+    from syncplan.planning.plan_flights import conclude_flight
 
     return conclude_flight(run, [unpack_flight(one) for one in parts])
 

@@ -28,7 +28,7 @@ export function toggled(store, map) {
   store.on(["opened", "scenario"], () => clear(map));
   store.on(["off"], () => byId("magnified").hidden || remark(store));
   // the plan on show is heard at once
-  store.on(["plan"], ({ quick, current }) => !quick && current && show());
+  store.on(["plan"], ({ quick, flown, current }) => !quick && !flown && current && show());
 }
 
 function clear(map) {

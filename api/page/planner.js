@@ -9,7 +9,8 @@ const AWAY_S = 2;
 /** Keeps a store's plan up with its scenario.
  *
  * While people drag, quick plans are asked for (the map alone, and no errors predicted); once they
- * pause, the whole plan. `busy(flag)` hears when there is something to wait for.
+ * pause, the whole plan on paper, and then its flights, which the next edit ends. `busy(flag)` hears
+ * when there is something to wait for.
  */
 export class Planner {
   /** the figures that plans come with: none while figures are closed @type {string[]} */
@@ -21,11 +22,14 @@ export class Planner {
   #running = false;
   #timer = 0;
   #busyShown = false;
+  /** @type {AbortController | null} */
+  #flights = null;
 
   constructor(store, busy) {
     this.#store = store;
     this.#busy = busy;
     store.on(["scenario"], (detail) => this.#ask(detail.live));
+    store.on(["plan"], ({ quick, current }) => !quick && current && this.#fly());
   }
 
   /** Resolves with the plan and figures of a stored plan. */
@@ -39,9 +43,9 @@ export class Planner {
 
   /** Resolves with the plan and figures of any scenario or plan document, stored nowhere.
    * @param {any} document
-   * @param {{figures?: string[], quick?: boolean, signal?: AbortSignal}} how */
-  static preview(document, { figures = Planner.figures, quick = false, signal } = {}) {
-    const asked = new URLSearchParams({ quick: `${quick}`, theme: theme() });
+   * @param {{figures?: string[], quick?: boolean, paper?: boolean, signal?: AbortSignal}} how */
+  static preview(document, { figures = Planner.figures, quick = false, paper = true, signal } = {}) {
+    const asked = new URLSearchParams({ quick: `${quick}`, paper: `${paper}`, theme: theme() });
     for (const name of figures) asked.append("figure", name);
     const text = typeof document === "string";
     return askJson("POST", `v1/previews?${asked}`, {
@@ -55,24 +59,37 @@ export class Planner {
     this.#tellBusy(true);
     clearTimeout(this.#timer);
     this.#timer = live ? setTimeout(() => this.#ask(false), SETTLE_MS) : 0;
+    this.#flights?.abort();
     this.#waiting = { subject: this.#store.subject, live, asked: performance.now() };
+    if (!this.#running) this.#run();
+  }
+
+  /** Fly the plan on show, if it is a GO on paper that no file keeps. */
+  #fly() {
+    const { subject, plan } = this.#store;
+    const { go, basis, findings } = plan.verdict;
+    const flies = go && basis?.kind === "paper" && !findings.some((finding) => finding.code === "not-flown");
+    if (!flies || subject.planId || this.#waiting) return;
+    this.#tellBusy(true);
+    this.#waiting = { subject, live: false, flown: true, asked: performance.now() };
     if (!this.#running) this.#run();
   }
 
   async #run() {
     this.#running = true;
     while (this.#waiting) {
-      const { subject, live, asked } = this.#waiting;
+      const { subject, live, flown = false, asked } = this.#waiting;
       const { scenario } = subject;
       this.#waiting = null;
       try {
-        const found = await this.#find(subject, live);
+        const found = await (flown ? this.#flown(subject) : this.#find(subject, live));
         // a plan opened meanwhile is not to be overwritten by an older edit
-        if (this.#store.scenario !== scenario && !this.#waiting) continue;
-        this.#store.judged(found.plan, found.figures, { quick: live, again: found.again, scenario });
-        const measured = live ? "moved to verdict" : "edited to verdict";
+        if (this.#store.scenario !== scenario && (flown || !this.#waiting)) continue;
+        this.#store.judged(found.plan, found.figures, { quick: live, flown, again: found.again, scenario });
+        const measured = live ? "moved to verdict" : flown ? "edited to flown" : "edited to verdict";
         requestAnimationFrame(() => performance.measure(measured, { start: asked }));
       } catch (error) {
+        if (error.name === "AbortError") continue;
         this.#store.faulty(faultsOf(error, subject), error.message, whyOf(error));
         if (!passing(error)) continue;
         await pause(AWAY_S);
@@ -95,6 +112,12 @@ export class Planner {
       }
     }
     return Planner.preview(document, live ? { figures: [], quick: true } : {});
+  }
+
+  /** The plan of a subject with its flights. */
+  #flown({ document }) {
+    this.#flights = new AbortController();
+    return Planner.preview(document, { paper: false, signal: this.#flights.signal });
   }
 
   #tellBusy(flag) {

@@ -128,11 +128,12 @@ export class Store extends EventTarget {
 
   /** Show a plan: of the present scenario, or of an older one that an edit has overtaken.
    *
-   * `opened` says that it is a stored plan that was opened, `again` that undo or redo brought it back.
+   * `flown` says that only its flights are new, `opened` that it is a stored plan that was opened, and
+   * `again` that undo or redo brought it back.
    */
-  judged(plan, figures, { quick, opened = false, again = false, scenario = this.scenario }) {
+  judged(plan, figures, { quick, flown = false, opened = false, again = false, scenario = this.scenario }) {
     this.plan = plan;
-    this.#emit("plan", { figures, quick, opened, again, current: scenario === this.scenario });
+    this.#emit("plan", { figures, quick, flown, opened, again, current: scenario === this.scenario });
   }
 
   /** Report what is wrong; `why` is "fault", "away" or "key". */

@@ -27,8 +27,8 @@ export function traceErrors(store, preview) {
     if (traced?.field !== field) follow(field);
     show();
   });
-  store.on(["plan"], ({ quick, current }) => {
-    if (quick || !current) return;
+  store.on(["plan"], ({ quick, flown, current }) => {
+    if (quick || flown || !current) return;
     judged = { scenario: store.scenario, worst: worstOf(store.plan) };
     if (!traced) return;
     traced.points.set(traced.field.read(store.scenario), judged.worst);

@@ -83,8 +83,11 @@ export function showVerdicts(store) {
   byId("editor").addEventListener("input", () => halfTyped() && doubtFor("typing"));
 }
 
-function headOf({ go }) {
-  return go ? "✓ GO" : "✗ NO-GO";
+/** GO with what it rests on, or NO-GO; verdicts of early versions do not say what they rest on. */
+function headOf({ go, basis }) {
+  if (!go) return "✗ NO-GO";
+  if (!basis) return "✓ GO";
+  return basis.kind === "flown" ? `✓ GO, flown ${basis.flights} times` : "✓ GO on paper";
 }
 
 /** What the plan comes to without what is switched off: its verdict, rank, and what it can't detect then. */

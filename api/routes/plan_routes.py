@@ -62,6 +62,9 @@ _ID = "019a2b3c-4d5e-7f60-8123-456789abcdef"
 Identifier = Annotated[
     str, Path(pattern=r"^[0-9a-f-]{36}$", description="Identifier", examples=[_ID])
 ]
+OnPaper = Annotated[
+    bool, Query(description="Leave out the flights: the verdict rests on paper alone")
+]
 _TAGS = "Entity tags as ETag gave them, separated by commas, or *"
 _IfMatch = Annotated[str | None, Header(alias="If-Match", description=_TAGS)]
 
@@ -77,13 +80,14 @@ _IfMatch = Annotated[str | None, Header(alias="If-Match", description=_TAGS)]
 async def create_plan(
     call: CurrentCall,
     steady: Annotated[bool, Query(description="Add the error once it has become periodic")] = False,
+    paper: OnPaper = False,
 ) -> Response:
-    """Find phases for a scenario, in JSON or YAML, and judge the plan, all at once.
+    """Find phases for a scenario, in JSON or YAML, judge the plan and fly it, all at once.
 
     A plan sent instead keeps its orbits and is judged afresh.
     """
 
-    asked = (call.body, call.syntax, call.service.limits, steady)
+    asked = (call.body, call.syntax, call.service.limits, steady, paper)
 
     def store(connection: Connection, made: PlanText) -> Answer:
         most = call.service.settings.max_plans

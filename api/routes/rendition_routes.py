@@ -21,7 +21,7 @@ from api.problems import Conflict, NotFound, problem_responses
 from api.responses import FigureValues, Preview
 from api.routes.job_routes import Owned, report_or_refuse
 from api.routes.page_routes import compressed
-from api.routes.plan_routes import Identifier, find_or_refuse
+from api.routes.plan_routes import Identifier, OnPaper, find_or_refuse
 from api.storage.holdings import Answer
 from api.storage.job_records import begun_job
 from api.storage.part_records import finished_batches, first_batches
@@ -86,11 +86,12 @@ async def create_preview(
     quick: Annotated[
         bool,
         Query(
-            description="Leave out what takes most of the time: the predicted error with the check "
-            "of the start, the search for single points of failure, and the bound on the links' "
+            description="Leave out what takes most of the time: the flights, the predicted error, "
+            "the search for single points of failure, and the bound on the links' "
             "smallest margin, as the plan's notes say; and the connectivity period"
         ),
     ] = False,
+    paper: OnPaper = False,
     covariances: Annotated[
         bool, Query(description="Add the covariances of positions, for a quick plan, too")
     ] = False,
@@ -101,13 +102,13 @@ async def create_preview(
     *,
     style: AskedStyle,
 ) -> Response:
-    """Find phases for a scenario being edited and judge the plan; nothing is stored.
+    """Find phases for a scenario being edited, judge the plan and fly it; nothing is stored.
 
     A plan sent instead keeps its orbits and is judged afresh.
     """
 
     names = list(dict.fromkeys(figure or ()))
-    asked = (call.body, call.syntax, call.service.limits, quick, names, style, covariances)
+    asked = (call.body, call.syntax, call.service.limits, quick, names, style, covariances, paper)
     make = partial(computed, call, "previewed", *asked)
     if call.key is None:
         # nothing is kept, so a drag waits for no other writer

@@ -8,7 +8,7 @@ import numpy as np
 
 from docs.site import studies
 from syncplan.orbits.circles import position
-from syncplan.planning.planner import Plan
+from syncplan.planning.plans import Plan
 from syncplan.plotting.canvas import Spec, axis, fitted, layout, numbers
 from syncplan.plotting.figure_style import BLUE, GREEN, ORANGE, PLAIN, VERMILLION
 from syncplan.plotting.figures import specs_of

@@ -16,7 +16,7 @@ from syncplan.options import Option, options_of
 if TYPE_CHECKING:
     from syncplan.planning.judged_team import PlanVerdict
     from syncplan.planning.plan_files import Loaded
-    from syncplan.planning.planner import Plan
+    from syncplan.planning.plans import Plan
     from syncplan.planning.variations import StressTest
 
 
@@ -281,6 +281,11 @@ RequireRobust = Annotated[
 ]
 
 
+RequireFlown = Annotated[
+    bool, typer.Option("--require-flown", help="Exit with 3 unless flights bear out a GO")
+]
+
+
 def robust_status(test: "StressTest") -> int:
     """Return the exit status of a plan that must be robust: 3 if it is not."""
     for one in test.findings:
@@ -288,14 +293,19 @@ def robust_status(test: "StressTest") -> int:
     return NOT_MET if test.findings else 0
 
 
-def verdict_status(plan: "Plan", *, observable: bool, go: bool) -> int:
-    """Return the exit status of a plan: 3 if it must be observable, or a go, and is not."""
+def verdict_status(
+    plan: "Plan", *, observable: bool = False, go: bool = False, flown: bool = False
+) -> int:
+    """Return the exit status of a plan: 3 if it must be observable, a GO, or flown, and is not."""
     status = 0
     if observable and not plan.observable:
         say("the plan is not observable (--require-observable)")
         status = NOT_MET
     if go and not plan.verdict.go:
         say(f"{_in_one_line(plan.verdict)} (--require-go)")
+        status = NOT_MET
+    if flown and not (plan.verdict.go and plan.verdict.flown):
+        say(f"{_in_one_line(plan.verdict)} (--require-flown)")
         status = NOT_MET
     return status
 

@@ -1,21 +1,31 @@
 """The commands that make plans and judge them: plan, refine, place, landmarks, what-if."""
 
 import sys
+from dataclasses import replace
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from syncplan.cli import arguments, console
-from syncplan.cli.arguments import RequireGo, RequireObservable, optional, verdict_status
+from syncplan.cli.arguments import (
+    RequireFlown,
+    RequireGo,
+    RequireObservable,
+    optional,
+    verdict_status,
+)
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.scenario.objectives import OBJECTIVES, listed
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from rich.console import Console
 
-    from syncplan.planning.planner import Plan
+    from syncplan.planning.plans import Plan
     from syncplan.scenario.specification import Scenario
 
 
@@ -24,6 +34,10 @@ VARIABLES = ("phases", "centers", "radii")
 
 LARGE_TEAM = 500
 """Teams above this size take several seconds to judge, so a message says so."""
+
+Paper = Annotated[
+    bool, typer.Option("--paper", help="Leave out the flights: the verdict rests on paper")
+]
 
 plans = typer.Typer()
 
@@ -57,17 +71,20 @@ def _plan(
         optional(
             "--fly",
             min=1,
-            help="Fly the plan this many times in closed loop, and judge it by the flights too; "
-            "syncplan fly has all options",
+            help="Most flights by which the plan is judged (default 96); they end as soon as they "
+            "show whether it flies well. syncplan fly has all options",
         ),
     ] = None,
+    paper: Paper = False,
     require_observable: RequireObservable = False,
     require_go: RequireGo = False,
+    require_flown: RequireFlown = False,
     max_vehicles: arguments.MaxVehicles = None,
 ) -> int:
     """Find phases for a scenario and judge the plan: meetings, observability, predicted error.
 
-    A plan file is judged again with its own orbits.
+    A plan without faults on paper is flown in closed loop, 31 times if no flight fails. A plan file
+    is judged again with its own orbits; it keeps its flights where they fit.
     """
     from syncplan.planning.plan_files import plan_of
     from syncplan.reports.plan_report import plan_document
@@ -77,25 +94,36 @@ def _plan(
         console.say("looking for centres ...")
     if loaded.scenario.size > LARGE_TEAM and sys.stderr.isatty():
         console.say(f"judging the rank of {3 * loaded.scenario.size} states takes some time ...")
+    if paper and fly_ is not None:
+        raise InputError("can't be combined with --paper; leave one of them out", key="--fly")
     made = plan_of(loaded, bound=bound.value, steady=steady)
+    status = partial(
+        verdict_status, observable=require_observable, go=require_go, flown=require_flown
+    )
     if refine_:
         if fly_ is not None:
             raise InputError("can't be combined with --refine; fly the refined plan", key="--fly")
-        return _refined(made, {}, None, output, format_, (require_observable, require_go), bound)
-    if fly_ is not None:
-        made = _flown(made, fly_)
+        return _refined(made, {}, None, output, format_, status, bound, paper=paper)
+    if not paper:
+        made = _flown(replace(made, flight=None) if fly_ else made, fly_)
     console.deliver_document("plan", plan_document(made), output, format_)
-    return verdict_status(made, observable=require_observable, go=require_go)
+    return status(made)
 
 
-def _flown(made: "Plan", trials: int) -> "Plan":
-    """Fly a plan and return it with the results."""
-    from syncplan.flight.flying import conclude_flight, flight_run, fly_part
+def _flown(made: "Plan", most_flights: int | None = None) -> "Plan":
+    """Return a plan with the record of its pilot flight."""
+    from syncplan.planning.pilot_flight import piloted
+    from syncplan.planning.pilot_options import PilotOptions
+    from syncplan.planning.share_test import FEWEST_FLIGHTS, MOST_FLIGHTS
 
-    run = flight_run(made, trials=trials)
-    console.compile_flight(run.team)
-    with console.progress_bar("flights", trials) as progress:
-        return conclude_flight(run, [fly_part(run, 0, trials, progress=progress)]).plan
+    with console.progress_bar("flights", FEWEST_FLIGHTS) as progress:
+        options = PilotOptions(
+            most_flights or MOST_FLIGHTS,
+            progress=progress,
+            compile_kernels=console.compile_flight,
+            limited=most_flights is None,
+        )
+        return piloted(made, options)
 
 
 # --- refine ---------------------------------------------------------------------------------------
@@ -145,8 +173,10 @@ def _refine(
     starts: _Starts = None,
     seed: _Seed = None,
     processes: _Processes = None,
+    paper: Paper = False,
     require_observable: RequireObservable = False,
     require_go: RequireGo = False,
+    require_flown: RequireFlown = False,
     max_vehicles: arguments.MaxVehicles = None,
 ) -> int:
     """Move phases, centres and radii to the best plan near the one given; options override the
@@ -167,8 +197,11 @@ def _refine(
         "seed": seed,
     }
     options_for(loaded.scenario, None, changes)
-    required = require_observable, require_go
-    return _refined(plan_of(loaded), changes, processes, output, format_, required)
+    status = partial(
+        verdict_status, observable=require_observable, go=require_go, flown=require_flown
+    )
+    given = plan_of(loaded)
+    return _refined(given, changes, processes, output, format_, status, paper=paper)
 
 
 @plans.command(name="place", epilog="Example: syncplan place links.yaml -o placed.json")
@@ -228,6 +261,7 @@ def _landmarks(
     ] = None,
     format_: arguments.Shown = console.Format.auto,
     seed: Annotated[int, typer.Option(help="Seed of the search")] = 0,
+    paper: Paper = False,
     max_vehicles: arguments.MaxVehicles = None,
 ) -> int:
     """Choose landmark sites among candidates so that the worst vehicle's bound is least.
@@ -247,7 +281,10 @@ def _landmarks(
     loaded = loaded_from(values, source=source, max_vehicles=max_vehicles or MAX_VEHICLES)
     sites = load_candidates(candidates)
     new_sites(loaded.scenario, sites, source=candidates)
-    choice = choose_landmarks(plan_of(loaded, pilot=False), sites, choose, seed=seed)
+    before = plan_of(loaded)
+    choice = choose_landmarks(before, sites, choose, seed=seed, pilot=False)
+    if not paper:
+        choice = replace(choice, plan=_flown(choice.plan))
     if scenario_out is not None:
         kept = text if loaded.scenario.formation.placed else ""
         _write_scenario(kept, source, choice.plan.scenario, scenario_out)
@@ -276,19 +313,30 @@ def _refined(
     processes: int | None,
     output: "Path | None",
     format_: console.Format,
-    required: tuple[bool, bool],
+    status: "Callable[[Plan], int]",
     bound: Bound = Bound.auto,
+    *,
+    paper: bool,
 ) -> int:
     """Refine and deliver a plan; one that could not be improved is shown, but never written."""
     from syncplan.refinement.refiner import refine
     from syncplan.reports.plan_report import plan_document
 
     with console.search_progress() as progress:
-        better = refine(given, workers=processes, bound=bound.value, progress=progress, **changes)
+        better = refine(
+            given,
+            workers=processes,
+            bound=bound.value,
+            pilot=False,
+            progress=progress,
+            **changes,
+        )
+    if not paper:
+        better = _flown(better)
     record = better.refinement
     if record is None or record.improved:
         console.deliver_document("plan", plan_document(better), output, format_)
-        return verdict_status(better, observable=required[0], go=required[1])
+        return status(better)
     if output is None or str(output) == "-":
         console.deliver_document("plan", plan_document(better), output, format_)
         return NoSolutionError.exit_code

@@ -24,7 +24,7 @@ from syncplan.plotting.figure_table import FIGURES, IMAGE_FORMATS, SUBJECTS
 
 if TYPE_CHECKING:
     from syncplan.planning.judged_team import PlanVerdict
-    from syncplan.planning.planner import Plan
+    from syncplan.planning.plans import Plan
     from syncplan.plotting.canvas import Spec
     from syncplan.plotting.figures import Subject
     from syncplan.reports.refinement_report import RefinementResult
@@ -182,7 +182,7 @@ def _targets(output: Path | None, ending: str, names: list[str]) -> list[Path | 
 
 def _subject(file: str, compare: str | None, max_vehicles: int | None) -> JudgedSubject:
     from syncplan.planning.plan_files import load, plan_of
-    from syncplan.planning.planner import Plan
+    from syncplan.planning.plans import Plan
     from syncplan.scenario.models import MAX_VEHICLES
 
     most = max_vehicles or MAX_VEHICLES

@@ -62,12 +62,13 @@ def _validate(
 ) -> int:
     """Run the filter on a plan: Monte Carlo errors beside the bound, and consistency."""
     console.say_begun(subject, "trials")
+    from syncplan.planning.filter_choice import choose_filter
     from syncplan.planning.plan_files import in_world, plan_of
-    from syncplan.planning.validation import choose_filter, validate
+    from syncplan.planning.validation import validate
     from syncplan.planning.variations import stress_worlds, stressed
     from syncplan.reports.validation_report import stress_document, validation_document
 
-    flown = plan_of(arguments.loaded_file(subject, output, max_vehicles), pilot=False)
+    flown = plan_of(arguments.loaded_file(subject, output, max_vehicles))
     chosen = choose_filter(flown, options).applied(options)
     there = in_world(flown, options.truth)
     console.compile_filter(chosen, [there.team.count])
@@ -191,11 +192,12 @@ def _fly(
 ) -> int:
     """Fly a plan in closed loop: vehicles steer by their estimates, in wind, with losses."""
     console.say_begun(subject, "flights")
-    from syncplan.flight.flying import conclude_flight, flight_run, fly_part
+    from syncplan.flight.flying import flight_run
     from syncplan.planning.plan_files import plan_of
+    from syncplan.planning.plan_flights import conclude_flight, fly_part
     from syncplan.reports.flight_report import flight_document
 
-    plan = plan_of(arguments.loaded_file(subject, output, max_vehicles), pilot=False)
+    plan = plan_of(arguments.loaded_file(subject, output, max_vehicles))
     run = flight_run(plan, options)
     console.compile_flight(run.team)
     with console.progress_bar("flights", options.trials) as progress:

@@ -24,7 +24,8 @@ from syncplan.estimation.trials import unpack
 from syncplan.guidance.flight_options import FlightOptions
 from syncplan.guidance.flight_results import unpack_flight
 from syncplan.planning.plan_files import loaded_from, plan_of, stated
-from syncplan.planning.planner import BoundChoice, Plan
+from syncplan.planning.planner import BoundChoice
+from syncplan.planning.plans import Plan
 from syncplan.planning.validation import Validation, conclude, trial_run
 from syncplan.recordings.recording_formats import archived
 from syncplan.reports.job_contract import JobKindName, JobState, has_ended
@@ -36,7 +37,7 @@ from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.specification import Scenario
 
 if TYPE_CHECKING:
-    from syncplan.flight.flying import Flight
+    from syncplan.planning.plan_flights import Flight
     from syncplan.reports.design_report import DesignDocument
 
 
@@ -208,7 +209,11 @@ class Client:
     # --- plans ---
 
     def plan(
-        self, subject: Scenario | Plan | Mapping[str, Any], *, steady: bool = False
+        self,
+        subject: Scenario | Plan | Mapping[str, Any],
+        *,
+        steady: bool = False,
+        pilot: bool = True,
     ) -> RemotePlan:
         """Return the plan of a scenario, stored by the service; see syncplan.plan.
 
@@ -216,7 +221,8 @@ class Client:
         Raises InputError.
         """
         body = _as_planned(subject)
-        parameters = {"steady": "true"} if steady else None
+        chosen = {"steady": steady, "paper": not pilot}
+        parameters = {name: "true" for name, value in chosen.items() if value}
         return RemotePlan.of(values_of(self._remote.send("POST", "/v1/plans", body, parameters)))
 
     def stored(self, plan_id: str) -> RemotePlan:
@@ -431,7 +437,8 @@ class Client:
 
     def _flight(self, job: RemoteJob, plan: RemotePlan | None) -> "Flight":
         # not at the top: it loads numba, which nothing else here needs
-        from syncplan.flight.flying import conclude_flight, flight_run
+        from syncplan.flight.flying import flight_run
+        from syncplan.planning.plan_flights import conclude_flight
 
         options = FlightOptions.of_request(job.document["request"])
         run = flight_run(self._subject(job, plan), options)

@@ -22,7 +22,8 @@ from syncplan.orbits.contacts import closest_approach, find_windows
 from syncplan.orbits.sightings import remainder_of, single_losses
 from syncplan.orbits.team import Team, team_of
 from syncplan.planning.judged_team import landmark_limit, separation_limit
-from syncplan.planning.planner import Plan, judge, met_pairs
+from syncplan.planning.planner import judge, met_pairs
+from syncplan.planning.plans import Plan
 from syncplan.scenario.areas import Area
 from syncplan.scenario.brief import Brief
 from syncplan.scenario.loading import scenario_from

@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 
 from syncplan.designs.candidates import Space
 from syncplan.designs.ladder import FrontCell
-from syncplan.flight.flying import Flight, fly
+from syncplan.flight.flying import fly
 from syncplan.planning.loss_study import what_if
-from syncplan.planning.planner import Plan
+from syncplan.planning.plan_flights import Flight
+from syncplan.planning.plans import Plan
 from syncplan.planning.validation import Validation, validate
 from syncplan.refinement.refiner import refine
 from syncplan.scenario.brief import Brief, Need
@@ -120,4 +121,5 @@ def refined(space: Space, made: Plan) -> Plan:
         time_limit_s=REFINEMENT_S,
         seed=space.brief.seed,
         workers=1,
+        pilot=False,
     )

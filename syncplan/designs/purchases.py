@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from syncplan.designs.candidates import Cell
-from syncplan.planning.planner import Plan
+from syncplan.planning.plans import Plan
 from syncplan.scenario.brief import MOST_VEHICLES, Brief
 from syncplan.scenario.disturbances import WALKS
 

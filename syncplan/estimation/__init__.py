@@ -1,7 +1,6 @@
 """Estimation: error bounds, filters, Monte Carlo trials, and recordings of real robots.
 
 referred_run       a run's noise and sighting rows, referred to time 0
-object_code        compiled functions kept on disk
 covariances        covariance along a run, referred to time 0, and just before sightings
 start_up_index     nonlinearity of the sightings at the start
 referred_system    a team's run, referred to time 0, and its posterior bound
@@ -12,9 +11,6 @@ filter_options     choice of filter, its gate, number and length of trials
 consistency        ANEES, NIS, coverage
 filter_setup       states, motion model, initial variances, gate, sightings and readings of a run
 start_search       search for batch solutions: tempering, credibility, further starts
-pilot_readings     readings of a few trials, with thinned-out samples
-pilot_model        arcs of these trials, and rows of their sightings
-pilot              errors of a filter in these trials
 reference_filter   the filter in plain NumPy, one trial at a time, written to be read
 kernels            compilation of functions, and the lanes they run over
 air_kernels        processes and motion in moving air, compiled

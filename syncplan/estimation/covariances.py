@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.estimation.object_code import ObjectCode
+from syncplan.estimation.kernels import fused
 from syncplan.estimation.referred_run import Run
 from syncplan.observability.referred_rows import SightingRows
 
@@ -122,7 +122,7 @@ def variances_along(
     return found
 
 
-@ObjectCode
+@fused
 def _change(
     covariance: Array,
     columns: Index,
@@ -154,7 +154,7 @@ def _change(
     return 1
 
 
-@ObjectCode
+@fused
 def _grow(covariance: Array, noise: Array) -> int:
     """Add a step's noise, (n, 6), to the vehicles' blocks."""
     for k in range(len(noise)):
@@ -172,7 +172,7 @@ def _grow(covariance: Array, noise: Array) -> int:
     return 1
 
 
-@ObjectCode
+@fused
 def _reduce(covariance: Array, halves: Array, many: int) -> int:
     """Subtract the squares of `many` halves; the rest up to a multiple of four are zero.
 
@@ -199,7 +199,7 @@ def _reduce(covariance: Array, halves: Array, many: int) -> int:
     return 1
 
 
-@ObjectCode
+@fused
 def _foresee(
     covariance: Array,
     halves: Array,
@@ -233,7 +233,7 @@ def _foresee(
     return 1
 
 
-@ObjectCode
+@fused
 def _along(
     noise: Array,
     entries: Array,

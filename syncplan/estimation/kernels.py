@@ -63,7 +63,7 @@ def _folder() -> str:
     if not asked.CACHE_DIR and not os.access(package, os.W_OK):
         return ""
     digest = hashlib.sha256()
-    for path in sorted(package.glob("estimation/*.py")) + sorted(package.glob("flight/*.py")):
+    for path in sorted(package.glob("estimation/*.py")) + sorted(package.glob("guidance/*.py")):
         digest.update(path.read_bytes())
     own = package / "__pycache__" / f"kernels-{digest.hexdigest()[:16]}"
     if asked.CACHE_DIR:
@@ -99,6 +99,11 @@ def lean(function: Function) -> Function:
     has dozens of arrays.
     """
     return _kept(function, _nrt=False)
+
+
+def fused(function: Function) -> Function:
+    """Return a lean kernel in which a product and a sum may be one operation, rounded once."""
+    return _kept(function, _nrt=False, fastmath={"contract"})
 
 
 def linked(function: Function) -> Function:

@@ -17,7 +17,7 @@ import numpy as np
 from syncplan.arrays import Array, Index
 from syncplan.errors import NoSolutionError
 from syncplan.estimation.covariances import RunVariances, variances_along
-from syncplan.estimation.object_code import ObjectCode
+from syncplan.estimation.kernels import fused
 from syncplan.estimation.referred_run import GaussMarkov, Run
 from syncplan.estimation.start_up_index import (
     StartUpIndex,
@@ -336,7 +336,7 @@ def _referred_noise(team: Team, arm: Array, moved: Array, scale: float) -> Array
     return found
 
 
-@ObjectCode
+@fused
 def _refer(arm: Array, moved: Array, gain: Array, senses: Array, found: Array) -> int:
     """Add the noise of each step after the first, by speed and by turn rate."""
     for v in range(len(senses)):

@@ -11,7 +11,8 @@ from syncplan.exporting.mission_routes import snapped_radii
 from syncplan.exporting.missions import flies_loiter_turns
 from syncplan.exporting.scheduled_plan import ScheduledPlan, ground_error, scheduled
 from syncplan.exporting.sidecar import sidecar_file
-from syncplan.planning.planner import BoundChoice, Plan, judge
+from syncplan.planning.planner import BoundChoice, judge
+from syncplan.planning.plans import Plan
 
 __all__ = [
     "ALL",

@@ -11,7 +11,7 @@ from syncplan.errors import InputError
 from syncplan.exporting import format_table
 from syncplan.exporting.exported_files import file_names, file_title
 from syncplan.orbits.circles import heading, position
-from syncplan.planning.planner import Plan
+from syncplan.planning.plans import Plan
 from syncplan.scenario.models import GeoOrigin
 
 EARTH_RADIUS_M = 6.371e6

@@ -9,7 +9,7 @@ its name: estimates.branches.0.sums.
 
 import io
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any, get_args, get_origin, get_type_hints
 from zipfile import BadZipFile
 
@@ -114,6 +114,21 @@ def joined_flights(parts: Sequence[FlightResult]) -> FlightResult:
         joined([branch for part in parts for branch in part.branches]),
         tuple(track for part in parts for track in part.tracks),
     )
+
+
+def first_flights(result: FlightResult, count: int) -> FlightResult:
+    """Return the first trials of a flight, without series and tracks."""
+
+    def first(values: Any) -> dict[str, Any]:
+        each = {part.name: getattr(values, part.name) for part in fields(values)}
+        return {
+            name: value[:count]
+            for name, value in each.items()
+            if isinstance(value, np.ndarray) and name not in SHARED
+        }
+
+    estimates = replace(result.estimates, branches=(), **first(result.estimates))
+    return FlightResult(estimates, replace(result.figures, **first(result.figures)))
 
 
 # --- archives -------------------------------------------------------------------------------------

@@ -19,7 +19,8 @@ from syncplan.errors import InputError, NoSolutionError
 from syncplan.landmarks.site_information import candidate_information, evaluate
 from syncplan.landmarks.site_search import best_sites, relax
 from syncplan.planning.plan_files import PlanSubject, planned
-from syncplan.planning.planner import BoundChoice, Plan, judge
+from syncplan.planning.planner import BoundChoice, Pilot, judge, with_flights
+from syncplan.planning.plans import Plan
 from syncplan.results import Result
 from syncplan.runtime.machine import single_threaded_blas
 from syncplan.scenario.loading import parse_values, read_text, scenario_from
@@ -144,14 +145,15 @@ def choose_landmarks(
     seed: int = 0,
     exhaustive: bool = True,
     bound: BoundChoice = "auto",
+    pilot: Pilot = True,
 ) -> SiteChoice:
     """Return the `choose` candidates (S, 2) m that minimise the worst vehicle's window bound.
 
     Candidates given by name are landmarks of the subject; those not chosen are left out. Phases do
     not depend on landmarks: a plan keeps its own. `exhaustive` allows a proof that tries all
     choices not ruled out, where they are few. `bound` says whether to compute the posterior bound,
-    see syncplan.planning.planner.plan. Raises InputError for unusable candidates, NoSolutionError
-    where no choice found determines every vehicle.
+    and `pilot` whether to fly the chosen plan, see syncplan.plan. Raises InputError for unusable
+    candidates, NoSolutionError where no choice found determines every vehicle.
     """
     before, sites = _without_candidates(planned(subject, bound="never"), candidates)
     if not 1 <= choose <= len(sites):
@@ -188,7 +190,7 @@ def choose_landmarks(
         names=tuple(sites),
         candidates=places,
         before=before.prediction.window,
-        plan=made,
+        plan=with_flights(made, pilot),
     )
 
 

@@ -23,7 +23,7 @@ from syncplan.observability.rank import link_information, lone_rows, stacked_row
 from syncplan.observability.spectrum import RANK_TOLERANCE
 from syncplan.orbits.contacts import find_windows, reachable_pairs
 from syncplan.orbits.sightings import sightings_over
-from syncplan.planning.planner import Plan
+from syncplan.planning.plans import Plan
 
 MOST_CUTS = 8
 """Default number of vehicles, those of least precision, for which cuts are made."""

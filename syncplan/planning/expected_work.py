@@ -22,11 +22,17 @@ from syncplan.orbits.contacts import reachable_pairs
 from syncplan.orbits.error_states import ERROR_STATES, layout_of
 from syncplan.orbits.sighting_kinds import kinds_measured, of_targets, samples_between
 from syncplan.orbits.team import Team, radii_of, team_of
-from syncplan.planning.planner import bound_is_affordable
+from syncplan.planning.judged_team import bound_is_affordable
 from syncplan.scenario.specification import Scenario
 
 _INSTANTS, _PHASES = 72, 8
 """Instants around a circle, and phases of a target, at which narrow views are sampled."""
+
+FLIGHT_WORK_LIMIT = 1.5e7
+"""Samples times squared state dimension up to which a plan is flown before its verdict."""
+
+_FLIGHT_SECONDS = 1.5e-8
+"""Time of one flight for each sample and squared state dimension, on two cores."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +52,16 @@ class ExpectedWork:
     pass_work: float
     bounded: bool
     pairs: int
+
+
+def flight_work(team: Team, duration: float) -> float:
+    """Return samples times squared state dimension of a flight of `duration` s."""
+    return duration / team.sensors.sample_time * (3 * team.count + len(layout_of(team).sigmas)) ** 2
+
+
+def flight_seconds(team: Team, duration: float, flights: int) -> float:
+    """Return the time that flights of `duration` s take on two cores, to within a factor of two."""
+    return _FLIGHT_SECONDS * flights * flight_work(team, duration)
 
 
 def pairs_of(scenario: Scenario) -> int:

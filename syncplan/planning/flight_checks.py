@@ -1,9 +1,8 @@
-"""Findings on vehicles that steer by their estimates, before a flight and after it."""
+"""Findings on flights: losses, distances, errors, phases, meetings and limits."""
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import exp, hypot, sqrt
 
 import numpy as np
 
@@ -11,12 +10,19 @@ from syncplan.arrays import Array
 from syncplan.errors import NoSolutionError
 from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.observability.rank import assess_remainder, assess_team
-from syncplan.orbits.contacts import pairs_nearer_than
 from syncplan.orbits.error_states import ERROR_STATES, layout_of
 from syncplan.orbits.sightings import Loss, remainder_of
-from syncplan.phrases import joined, listed, percent
-from syncplan.planning.judged_team import MOST_NAMED, JudgedTeam, Level, Remark
+from syncplan.phrases import in_words, joined, listed, percent
+from syncplan.planning.judged_team import MOST_NAMED, FindingCure, JudgedTeam, Level, Remark
 from syncplan.planning.plan_records import FlownPlan
+from syncplan.planning.share_test import (
+    BAD_SHARE,
+    FEWEST_FLIGHTS,
+    GOOD_SHARE,
+    Standing,
+    share_interval,
+    standing,
+)
 from syncplan.runtime.machine import single_threaded_blas
 
 # --- links that the team needs --------------------------------------------------------------------
@@ -64,131 +70,13 @@ def without_links(judged: JudgedTeam, links: Collection[tuple[int, int]]) -> Wit
     return WithoutLinks(needed=False, cost=cost)
 
 
-# --- errors that leave no room --------------------------------------------------------------------
-#
-# Vehicles steer by their estimates, so they are off their places by at least the errors of these. A
-# plan assumes no such error: the room between its meetings and the limits of sensors, or between
-# two vehicles and the separation asked for, has to absorb it. Flights show whether it does; a plan
-# that was flown has their findings instead.
-
-
-SIGMAS = 2.0
-"""Standard deviations of an error for which room must suffice, as for phases in flight."""
-
-_FLY = "fly the plan (fly, plan --fly), which shows how often it goes wrong"
-
-
-def start_uncertain(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield the finding that initial errors may bring vehicles nearer than allowed.
-
-    Each starts off its place by the initial sigma. Until its first sighting, its heading error,
-    with sigma h, turns its path about the start: by 2 R^2 (1 - exp(-h^2 / 2)) m^2 per coordinate
-    over a period.
-    """
-    nearest = judged.approach
-    if nearest is None or judged.flight is not None:
-        return
-    noise, pair, radii = judged.noise, (nearest.a, nearest.b), judged.orbits.radii
-    turned = 2.0 * (1.0 - exp(-0.5 * noise.heading_sigma**2))
-    apart = hypot(*(hypot(noise.position_sigma, sqrt(turned) * radii[k]) for k in pair))
-    room = nearest.distance - judged.scenario.separation
-    if apart > max(room, 0.0):
-        names = tuple(judged.scenario.vehicle_names[k] for k in pair)
-        yield Remark(
-            "warning",
-            f"from initial_sigma {noise.position_sigma:g} m and {noise.heading_sigma:g} rad places "
-            f"relative to each other are off by {apart:.3g} m (sigma) before anything is seen; "
-            f"{names[0]} and {names[1]} have {_room(judged, room)}",
-            names,
-            cure=f"a better known start, or more separation; {_FLY}",
-        )
-
-
-def separation_uncertain(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield the finding that predicted errors may bring vehicles nearer than allowed."""
-    errors = _coordinate_errors(judged)
-    if errors is None or judged.approach is None:
-        return
-    asked = judged.scenario.separation
-    near = pairs_nearer_than(judged.orbits, asked + SIGMAS * sqrt(2.0) * float(errors.max()))
-    names, found = judged.scenario.vehicle_names, []
-    for one in near:
-        apart, room = hypot(errors[one.a], errors[one.b]), one.distance - asked
-        if room > 0.0 and SIGMAS * apart > room:
-            found.append(((names[one.a], names[one.b]), apart, room))
-    if found:
-        each = [
-            f"{a} and {b} off by {apart:.3g} m with {_room(judged, room)}"
-            for (a, b), apart, room in found
-        ]
-        yield Remark(
-            "warning",
-            "predicted errors (sigma) leave vehicles little room to each other: "
-            f"{listed(each, MOST_NAMED)}",
-            tuple(dict.fromkeys(name for pair, *_ in found for name in pair)),
-            cure=f"circles further apart, or smaller errors; {_FLY}",
-        )
-
-
-def meetings_uncertain(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield the finding that predicted errors may end meetings that the team needs."""
-    errors = _coordinate_errors(judged)
-    if errors is None:
-        return
-    links = (*judged.links, *judged.incidental_links, *judged.landmark_links)
-    unsure = sorted(
-        (share, one.a, one.b)
-        for one in links
-        if (share := _room_in_sigmas(judged, one, errors)) < SIGMAS
-    )
-    if unsure and without_links(judged, [(a, b) for _, a, b in unsure]).needed:
-        names = [*judged.scenario.vehicle_names, *judged.scenario.landmark_names]
-        each = [f"{names[a]}-{names[b]} by {share:.3g} sigma" for share, a, b in unsure]
-        yield Remark(
-            "warning",
-            "the team is lost without meetings that predicted errors may end, of place or of "
-            f"phase: {listed(each, MOST_NAMED)}",
-            tuple(dict.fromkeys(names[k] for _, *pair in unsure for k in pair)),
-            cure=f"meetings that are further within range, further links or smaller errors; {_FLY}",
-        )
-
-
-def _room_in_sigmas(judged: JudgedTeam, link: LinkVerdict, errors: Array) -> float:
-    """Standard deviations of place or phase that a meeting tolerates, whichever are fewer."""
-    vehicles = [k for k in (link.a, link.b) if k < judged.orbits.count]
-    off = hypot(*(float(errors[k]) for k in vehicles))
-    seen_from = [k for k, seen in ((link.a, link.forward), (link.b, link.backward)) if len(seen)]
-    reach = max(float(judged.sensors.ranges[k]) for k in seen_from)
-    late = max(float(errors[k] / judged.orbits.radii[k]) for k in vehicles)
-    with np.errstate(divide="ignore"):
-        room = np.divide([reach - link.min_distance, link.tolerance], [off, late])
-    return float(room.min())
-
-
-def _coordinate_errors(judged: JudgedTeam) -> Array | None:
-    """Predicted sigma (n,) m of a coordinate.
-
-    None if there is no prediction, the team is not observable or the plan was flown.
-    """
-    rms = judged.prediction.rms
-    if rms is None or judged.flight is not None or not judged.observability.observable:
-        return None
-    return np.asarray(rms / sqrt(2.0))
-
-
-def _room(judged: JudgedTeam, room: float) -> str:
-    asked = judged.scenario.separation
-    return f"{room:.3g} m" + (f" to min_separation_m {asked:g}" if asked else " between them")
-
-
 # --- findings of a flight -------------------------------------------------------------------------
 #
-# A plan that was not flown has none of these. Trials are few, so a failure in some of them is a
-# warning, and a failure in more than MOST_SHARE of them stops the flight.
+# A plan on paper has none of these. A share of flights that failed is judged by `share_test`.
 
 
-MOST_SHARE = 0.05
-"""Share of trials, or of a pair's meetings, above which a failure is no accident."""
+MOST_MISSED = 0.05
+"""Share of a pair's meetings that may be missed without a finding."""
 
 LEAST_KEPT = 0.5
 """Share of a pair's meetings below which they are over two periods apart, the limit for a vehicle
@@ -209,16 +97,44 @@ LOOKS_FOR_ITS_START, KEEPS_APART, OPEN_LOOP = "robust", "mpc", "none"
 """Filter and guidances that cures name."""
 
 
+WORTH_A_WARNING, WORTH_A_STOP = 1.25, 2.0
+"""Ratios of a flown error to its prediction, and values of ANEES, from which they are findings."""
+
+
+def not_flown(judged: JudgedTeam) -> Iterator[Remark]:
+    """Yield the finding that the plan was not flown although flights were wanted."""
+    if judged.flight is None and judged.unflown:
+        yield Remark(
+            "note",
+            f"not flown: {judged.unflown}",
+            cure="fly the plan: syncplan plan --fly, or syncplan fly",
+        )
+
+
+def few_flights(judged: JudgedTeam) -> Iterator[Remark]:
+    """Yield the finding that flights are too few to show that the plan flies well."""
+    flight = judged.flight
+    if flight is not None and flight.trials < FEWEST_FLIGHTS:
+        shares = flight.filter_lost_share, flight.out_of_contact_share, flight.too_close_share
+        if not any(shares):
+            yield Remark(
+                "warning",
+                f"{_flown(flight)} are too few: without a failure, {FEWEST_FLIGHTS} show that a "
+                f"share of failures is {percent(GOOD_SHARE)} rather than {percent(BAD_SHARE)}",
+                cure=f"at least {FEWEST_FLIGHTS} flights",
+            )
+
+
 def lost_in_flight(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield the findings that filters were lost, or vehicles out of contact, in some trials."""
+    """Yield the findings that filters were lost, or vehicles out of contact, in some flights."""
     flight = judged.flight
     if flight is None:
         return
     if flight.filter_lost_share > 0.0:
         states = layout_of(judged.team).names
         yield Remark(
-            _level(flight.filter_lost_share),
-            f"the filter was lost in {percent(flight.filter_lost_share)} of {_flown(flight)}: some "
+            _level(flight.filter_lost_share, flight),
+            f"the filter was lost in {_share(flight.filter_lost_share, flight)}: some "
             "vehicle's error was over 5 times the bound along its path",
             cure=_cure(
                 ("filter.kind robust", flight.filter != LOOKS_FOR_ITS_START),
@@ -228,28 +144,98 @@ def lost_in_flight(judged: JudgedTeam) -> Iterator[Remark]:
         )
     if flight.out_of_contact_share > 0.0:
         yield Remark(
-            _level(flight.out_of_contact_share),
-            f"a vehicle was out of contact for over two periods in "
-            f"{percent(flight.out_of_contact_share)} of {_flown(flight)}",
+            _level(flight.out_of_contact_share, flight),
+            "a vehicle was out of contact for over two periods in "
+            f"{_share(flight.out_of_contact_share, flight)}",
             cure="meetings that are further within range, or further links",
         )
 
 
 def too_close_in_flight(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield the finding that vehicles came nearer than allowed in some trials."""
+    """Yield the finding that vehicles came nearer than allowed in some flights."""
     flight = judged.flight
     if flight is None or flight.least_separation_m is None or not flight.too_close_share:
         return
+    median, worst = flight.least_separation_m
     yield Remark(
-        _level(flight.too_close_share),
+        _level(flight.too_close_share, flight),
         f"vehicles came nearer than min_separation_m {judged.scenario.separation:g} in "
-        f"{percent(flight.too_close_share)} of {_flown(flight)}: "
-        f"{flight.least_separation_m[1]:.3g} m "
-        f"in the worst, {flight.least_separation_m[0]:.3g} m in the median one",
+        f"{_share(flight.too_close_share, flight)}: {worst:.3g} m in the worst, {median:.3g} m in "
+        "the median one",
         cure=_cure(
             ("move the circles apart", True),
             ("know the start better", True),
             (f"fly with guidance {KEEPS_APART}", flight.guidance != KEEPS_APART),
+        ),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorAbove:
+    """Flown figure that is above its prediction, significantly at 95 %.
+
+    Attributes
+    ----------
+    text : figure and prediction in words
+    ratio : of the two
+    vehicle : name; empty for ANEES
+    """
+
+    text: str
+    ratio: float
+    vehicle: str = ""
+
+
+def errors_above_prediction(judged: JudgedTeam) -> list[ErrorAbove]:
+    """Return flown RMS errors, and ANEES, that are well above their predictions, largest first.
+
+    Predictions hold for the scenario's duration, without losses, holds and faults of sightings.
+    """
+    flight, predicted = judged.flight, judged.prediction.rms
+    if flight is None or flight.events or flight.duration_s != judged.scenario.duration_s:
+        return []
+    above = []
+    names = judged.scenario.vehicle_names
+    for vehicle in flight.vehicles:
+        expected = 0.0 if predicted is None else float(predicted[names.index(vehicle.name)])
+        if vehicle.rms_m is None or vehicle.rms_interval_m is None or not expected:
+            continue
+        low, high = vehicle.rms_interval_m
+        ratio = vehicle.rms_m / expected
+        if ratio >= WORTH_A_WARNING and low > expected:
+            text = f"{vehicle.rms_m:.3g} m ({low:.3g} to {high:.3g}), {expected:.3g} m predicted"
+            above.append(ErrorAbove(f"{vehicle.name} {text}", ratio, vehicle.name))
+    if flight.anees is not None and flight.anees_interval is not None:
+        low, high = flight.anees_interval
+        if flight.anees >= WORTH_A_WARNING and low > 1.0:
+            text = f"ANEES {flight.anees:.3g} ({low:.3g} to {high:.3g}), 1 for a consistent filter"
+            above.append(ErrorAbove(text, flight.anees))
+    return sorted(above, key=lambda error: -error.ratio)
+
+
+def error_above_prediction(judged: JudgedTeam) -> Iterator[Remark]:
+    """Yield the finding that errors in flight are well above their predictions."""
+    above, flight = errors_above_prediction(judged), judged.flight
+    if flight is None or not above:
+        return
+    neglect = judged.prediction.neglect
+    estimated = (
+        FindingCure(
+            text=f"estimate {in_words(neglect.names)} as states", change={"filter.estimate": "auto"}
+        )
+        if neglect is not None
+        else None
+    )
+    yield Remark(
+        "stop" if above[0].ratio >= WORTH_A_STOP else "warning",
+        f"errors in {_flown(flight)} (filter {flight.filter}) are above their predictions (95 % "
+        f"intervals): {listed([error.text for error in above], MOST_NAMED)}",
+        tuple(error.vehicle for error in above if error.vehicle),
+        cure=estimated
+        or _cure(
+            ("filter.kind robust", flight.filter != LOOKS_FOR_ITS_START),
+            ("a better known start", True),
+            ("meetings that turn the lines of sight further", True),
         ),
     )
 
@@ -305,7 +291,7 @@ def meetings_missed(judged: JudgedTeam) -> Iterator[Remark]:
     missed = sorted(
         (one.kept_share / expected[one.between], one.between, one.kept_share)
         for one in flight.meetings_kept
-        if one.kept_share < (1.0 - MOST_SHARE) * expected.get(one.between, 0.0)
+        if one.kept_share < (1.0 - MOST_MISSED) * expected.get(one.between, 0.0)
     )
     if missed:
         numbers = {name: k for k, name in enumerate(names)}
@@ -406,8 +392,16 @@ def _cure(*ways: tuple[str, bool]) -> str:
     return f"{', '.join(first)} or {last}" if first else last
 
 
-def _level(share: float) -> Level:
-    return "stop" if share > MOST_SHARE else "warning"
+def _level(share: float, flight: FlownPlan) -> Level:
+    """Level of the finding that this share of flights failed."""
+    levels: dict[Standing, Level] = {"bad": "stop", "undecided": "warning", "good": "note"}
+    return levels[standing(round(share * flight.trials), flight.trials)]
+
+
+def _share(share: float, flight: FlownPlan) -> str:
+    """Phrase for a share of flights and its 95 % interval."""
+    low, high = share_interval(round(share * flight.trials), flight.trials)
+    return f"{percent(share)} ({percent(low)} to {percent(high)}) of {_flown(flight)}"
 
 
 def _flown(flight: FlownPlan) -> str:

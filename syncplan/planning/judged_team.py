@@ -8,21 +8,21 @@ import numpy as np
 from pydantic import Field
 
 from syncplan.arrays import Array
-from syncplan.documents import DocumentPart
+from syncplan.documents import Document, DocumentPart, OrAbsent
 from syncplan.errors import NoSolutionError
 from syncplan.estimation.considered_errors import expected_errors, neglected_errors
 from syncplan.estimation.referred_system import PosteriorBound
+from syncplan.estimation.start_up_index import StartUpIndex
 from syncplan.observability.error_modes import ErrorVerdict
 from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.observability.rank import Certificate
 from syncplan.observability.spectrum import Observability
 from syncplan.observability.unobservable_modes import UnobservableMode
 from syncplan.orbits.contacts import Approach, Windows
-from syncplan.orbits.error_states import layout_of
+from syncplan.orbits.error_states import ERROR_STATES, layout_of
 from syncplan.orbits.sightings import Loss
 from syncplan.orbits.team import Team, WithTeam, true_team_of
 from syncplan.planning.plan_records import FlownPlan, RefinementRecord
-from syncplan.planning.start_up import StartUp
 from syncplan.scenario.areas import Area
 from syncplan.scenario.purposes import PurposeMeasure
 from syncplan.scenario.specification import Scenario
@@ -153,6 +153,17 @@ class Prediction:
     neglect: Neglect | None = None
 
 
+BOUND_WORK_LIMIT = 4e10
+"""Steps times squared state dimension times vehicles up to which `auto` computes the bound."""
+
+
+def bound_is_affordable(team: Team, duration: float) -> bool:
+    """Return whether the posterior bound is cheap enough to be computed by default."""
+    steps = duration / team.sensors.sample_time
+    size = float(layout_of(team, tuple(ERROR_STATES)).size)
+    return steps * size**2 * team.count <= BOUND_WORK_LIMIT
+
+
 def predicted_states(
     team: Team, bound: PosteriorBound, names: Sequence[str]
 ) -> tuple[PredictedState, ...]:
@@ -244,17 +255,44 @@ class PlanFinding(DocumentPart):
         )
 
 
-class PlanVerdict(DocumentPart):
+class VerdictBasis(DocumentPart):
+    """Basis of a verdict: flights, or geometry, rank and prediction alone."""
+
+    kind: Literal["paper", "flown"]
+    flights: int = Field(description="Number of flights; 0 on paper")
+    seed: int | None = Field(description="Of the flights; null on paper")
+    digest: str | None = Field(
+        description="Of scenario, orbits, filter, flights and version; null on paper"
+    )
+
+    @classmethod
+    def of(cls, flight: FlownPlan | None) -> Self:
+        """Return the basis of the verdict on a plan with this record of its flights."""
+        if flight is None:
+            return cls(kind="paper", flights=0, seed=None, digest=None)
+        return cls(kind="flown", flights=flight.trials, seed=flight.seed, digest=flight.digest)
+
+
+class PlanVerdict(Document):
     """Whether the plan can be flown: go is false exactly if a finding is a stop."""
 
     go: bool
+    basis: OrAbsent[VerdictBasis] = Field(
+        default=None, description="What the verdict rests on; absent from older files"
+    )
     findings: tuple[PlanFinding, ...]
 
     @classmethod
-    def of(cls, findings: Iterable[PlanFinding]) -> Self:
-        """Return the verdict on findings in the order of the checks."""
-        found = tuple(findings)
-        return cls(go=all(one.level != "stop" for one in found), findings=found)
+    def of(cls, findings: Iterable[PlanFinding], flight: FlownPlan | None = None) -> Self:
+        """Return the verdict on findings in the order of the checks, and on flights."""
+        listed = tuple(findings)
+        go = all(finding.level != "stop" for finding in listed)
+        return cls(go=go, basis=VerdictBasis.of(flight), findings=listed)
+
+    @property
+    def flown(self) -> bool:
+        """Whether the verdict rests on flights."""
+        return self.basis is not None and self.basis.kind == "flown"
 
     @property
     def stops(self) -> tuple[PlanFinding, ...]:
@@ -263,9 +301,15 @@ class PlanVerdict(DocumentPart):
 
     @property
     def headline(self) -> str:
-        """GO, or NO-GO with the number of reasons."""
+        """GO with its basis, or NO-GO with the number of reasons."""
         stops = len(self.stops)
-        return f"NO-GO: {stops} reason{'s' if stops > 1 else ''}" if stops else "GO"
+        if stops:
+            return f"NO-GO: {stops} reason{'s' if stops > 1 else ''}"
+        if self.basis is None:
+            return "GO"
+        times = self.basis.flights
+        flown = "once" if times == 1 else f"{times} times"
+        return f"GO, flown {flown}" if self.flown else "GO on paper: not flown"
 
 
 # --- the team -------------------------------------------------------------------------------------
@@ -306,9 +350,10 @@ class JudgedTeam(WithTeam):
     refinement : record of a refinement, successful or not; None if it was not tried
     placement : how the centres were found; None if they were given or the plan is a file's
     centres_placed : whether the plan's file says that placement found the centres
-    start_up : whether the filter can be expected to reach the bound; None if no bound was computed
-        or the team is not observable
+    start_up : start-up index of the run; None if no bound was computed or the team is not
+        observable
     flight : results of flying the plan; None if it was not flown
+    unflown : why it was not flown although flights were wanted; else empty
     """
 
     scenario: Scenario
@@ -332,8 +377,9 @@ class JudgedTeam(WithTeam):
     refinement: RefinementRecord | None = None
     placement: "Placement | None" = None
     centres_placed: bool = False
-    start_up: StartUp | None = None
+    start_up: StartUpIndex | None = None
     flight: FlownPlan | None = None
+    unflown: str = ""
 
     @property
     def true_team(self) -> Team:

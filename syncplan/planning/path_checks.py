@@ -1,13 +1,11 @@
-"""Findings on paths and speeds: distances, areas, and speeds in wind."""
+"""Findings on paths and speeds: distances, areas, and limits of speed."""
 
 from collections.abc import Iterator, Sequence
-from math import exp, hypot, log, pi, sqrt
 
 import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.orbits.contacts import reachable_pairs
-from syncplan.phrases import listed, percent
 from syncplan.planning.judged_team import (
     MOST_NAMED,
     TOLERANCE,
@@ -18,7 +16,6 @@ from syncplan.planning.judged_team import (
     separation_limit,
 )
 from syncplan.scenario.areas import Area
-from syncplan.scenario.disturbances import Wind
 from syncplan.scenario.models import RefineOptions
 
 # --- distances and areas --------------------------------------------------------------------------
@@ -138,140 +135,24 @@ def _crossed(clearances: Array, radii: Array) -> Array:
 
 
 # --- speeds ---------------------------------------------------------------------------------------
-#
-# Wind is common and constant, and gusts add to it. Both state the standard deviation of each
-# component, so the speed W of the air that a vehicle meets is Rayleigh distributed with
-# s = hypot(wind, gust):
-#
-#     P(W > w) = exp(-w^2 / (2 s^2))        W95 = s sqrt(-2 ln 0.05) = 2.45 s
-#
-# A circle at ground speed v needs airspeeds from |v - W| to v + W. A vehicle whose largest airspeed
-# V is below v + W falls behind upwind. It catches up downwind as long as one turn at full airspeed,
-# which takes R times
-#
-#     4 V E(W / V) / (V^2 - W^2)        E the complete elliptic integral of the second kind
-#
-# seconds, takes no longer than the period 2 pi R / v. In stronger wind it falls behind for ever:
-# that stops the plan. Needing airspeeds below the least one, or turns of the heading near W = v
-# faster than vehicles turn, is soon made up for: over a whole turn, neither the least airspeed nor
-# a turn rate limit above the common rate holds a vehicle back.
-
-
-EXCEEDED = 0.05
-"""Share of winds that may be too strong, as for the trials of a flight that may fail."""
-
-LINEAR_SHARE = 0.5
-"""Share of the ground speed above which a wind's sigma makes heading deviations large."""
 
 
 def over_limit(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield findings on vehicles that cannot keep the speed of their circle in the wind stated.
+    """Yield findings on vehicles whose speed on their circle is outside their limits, in still air.
 
-    A rate above limits.turn_rate_rad_s is refused when the scenario is read.
+    A rate above limits.turn_rate_rad_s is refused when the scenario is read. Flights show what wind
+    and gusts ask for beyond that.
     """
     limits = judged.scenario.limits
     if limits is None or limits.speed_mps is None:
         return
     low, high = limits.speed_mps
     names, speeds = judged.scenario.vehicle_names, judged.orbits.speeds.tolist()
-    kept = []
     for name, speed in zip(names, speeds, strict=True):
-        if low * (1.0 - TOLERANCE) <= speed <= high * (1.0 + TOLERANCE):
-            kept.append((speed, name))
-            continue
-        yield Remark(
-            "stop",
-            f"{name} has to keep {speed:.4g} m/s; limits.speed_mps allows {low:g} to {high:g}",
-            (name,),
-            cure="change its radius, or the common rate",
-        )
-    yield from _over_limit_in_wind(_air_sigma(judged), high, sorted(kept, key=lambda one: -one[0]))
-
-
-def strong_wind(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield the finding that the wind is too strong for predictions of small deviations."""
-    sigma, speeds = _air_sigma(judged), judged.orbits.speeds
-    slow = np.flatnonzero(sigma > LINEAR_SHARE * speeds)
-    if not len(slow):
-        return
-    names = [judged.scenario.vehicle_names[k] for k in slow[np.argsort(speeds[slow])]]
-    yield Remark(
-        "warning",
-        f"wind and gusts have a sigma of {sigma:.3g} m/s, over half the ground speed of "
-        f"{listed(names, MOST_NAMED)} (from {speeds.min():.3g} m/s): predictions assume small "
-        "deviations from the circles",
-        tuple(names),
-        cure="faster circles, or a check with fly, which does not assume this",
-    )
-
-
-def wind_made_up_for(speed: float, airspeed: float) -> float:
-    """Return the strongest wind in m/s in which a circle at ground speed `speed` is flown on time.
-
-    `airspeed` is the largest available. The wind is 0 if that does not exceed `speed`.
-    """
-    from scipy.optimize import brentq
-    from scipy.special import ellipe
-
-    if airspeed <= speed:
-        return 0.0
-
-    def spare(share: float) -> float:
-        """Mean ground speed in excess of `speed` over one turn in a wind of `share` airspeeds."""
-        turn = 2.0 * float(ellipe(share**2)) / pi
-        return airspeed * (1.0 - share**2) / turn - speed
-
-    return airspeed * float(brentq(spare, 0.0, 1.0))
-
-
-def _over_limit_in_wind(
-    sigma: float, high: float, vehicles: list[tuple[float, str]]
-) -> Iterator[Remark]:
-    """Yield the findings on vehicles (ground speed, name), the fastest first, in a wind."""
-    strongest = sigma * sqrt(-2.0 * log(EXCEEDED))
-    over = [
-        (speed, name, wind_made_up_for(speed, high))
-        for speed, name in vehicles
-        if speed + strongest > high
-    ]
-    stops = [one for one in over if one[2] < strongest]
-    air = (
-        f"the wind and gusts stated, which exceed {strongest:.3g} m/s in {percent(EXCEEDED)} of "
-        f"cases; limits.speed_mps allows {high:g}"
-    )
-    cure = "a higher largest airspeed, slower circles, or less wind"
-    if stops:
-        each = [
-            f"{name} needs {speed + strongest:.3g} m/s and completes its turns in time in "
-            f"{percent(_share_below(most, sigma))} of winds"
-            for speed, name, most in stops
-        ]
-        yield Remark(
-            "stop",
-            f"the airspeeds are too low for {air}: {listed(each, MOST_NAMED)}",
-            tuple(name for _, name, _ in stops),
-            cure=cure,
-        )
-    elif over:
-        each = [
-            f"{name} needs {speed + strongest:.3g} m/s and keeps its place in "
-            f"{percent(_share_below(high - speed, sigma))} of winds"
-            for speed, name, _ in over
-        ]
-        yield Remark(
-            "warning",
-            f"vehicles fall behind upwind and catch up downwind in {air}: "
-            f"{listed(each, MOST_NAMED)}",
-            tuple(name for _, name, _ in over),
-            cure=cure,
-        )
-
-
-def _share_below(wind: float, sigma: float) -> float:
-    return 1.0 - exp(-0.5 * (max(wind, 0.0) / sigma) ** 2)
-
-
-def _air_sigma(judged: JudgedTeam) -> float:
-    """Standard deviation in m/s of each component of wind and gust together."""
-    wind = judged.scenario.wind or Wind()
-    return hypot(wind.sigma_mps, wind.gust_sigma_mps)
+        if not low * (1.0 - TOLERANCE) <= speed <= high * (1.0 + TOLERANCE):
+            yield Remark(
+                "stop",
+                f"{name} has to keep {speed:.4g} m/s; limits.speed_mps allows {low:g} to {high:g}",
+                (name,),
+                cure="change its radius, or the common rate",
+            )

@@ -12,7 +12,15 @@ from pydantic_core import PydanticCustomError
 from syncplan.arrays import Array
 from syncplan.errors import Fault, InputError
 from syncplan.orbits.circles import Orbits, heading, position, wrap
-from syncplan.planning.planner import BoundChoice, JudgementOptions, Plan, judge, plan
+from syncplan.planning.planner import (
+    BoundChoice,
+    JudgementOptions,
+    Pilot,
+    judge,
+    plan,
+    with_flights,
+)
+from syncplan.planning.plans import Plan
 from syncplan.scenario.loading import (
     is_plan,
     parse_document,
@@ -188,18 +196,24 @@ def loaded_from(
 
 
 def plan_of(
-    loaded: Loaded, *, margin_bound: bool = True, **options: Unpack[JudgementOptions]
+    loaded: Loaded,
+    *,
+    margin_bound: bool = True,
+    pilot: Pilot = False,
+    **options: Unpack[JudgementOptions],
 ) -> Plan:
     """Return the plan of a scenario, or of the orbits a plan file states, judged afresh.
 
     The options are those of syncplan.plan; given phases have no bound on their margin. A plan file
-    keeps its record of how the orbits were found, unless they have been changed since.
+    keeps its record of how the orbits were found, and its flights, unless what they describe has
+    been changed since; with `pilot`, a plan without flights is flown.
     """
     if loaded.orbits is None:
-        return plan(loaded.scenario, margin_bound=margin_bound, **options)
+        return plan(loaded.scenario, margin_bound=margin_bound, pilot=pilot, **options)
     from syncplan.planning.written_records import with_record
 
-    return with_record(judge(loaded.scenario, loaded.orbits, **options), loaded.record)
+    judged = with_record(judge(loaded.scenario, loaded.orbits, **options), loaded.record)
+    return with_flights(judged, pilot)
 
 
 def stated(scenario: Scenario, orbits: Orbits) -> dict[str, Any]:
@@ -267,10 +281,10 @@ PlanSubject = Plan | Scenario | str | Path | Mapping[str, Any]
 """A plan, a scenario to be planned, or a file or mapping that holds either."""
 
 
-def planned(subject: PlanSubject, *, bound: BoundChoice = "auto", pilot: bool = True) -> Plan:
-    """Return the plan of a subject; a plan is returned as it is.
+def planned(subject: PlanSubject, *, bound: BoundChoice = "auto") -> Plan:
+    """Return the plan of a subject, on paper or with the flights of its file; a plan as it is.
 
-    `bound` and `pilot` are those of syncplan.plan. Raises InputError for a file or mapping that
+    `bound` is that of syncplan.plan. Raises InputError for a file or mapping that
     holds neither a plan nor a scenario.
     """
     if isinstance(subject, Plan):
@@ -287,7 +301,7 @@ def planned(subject: PlanSubject, *, bound: BoundChoice = "auto", pilot: bool = 
             "mapping",
             key="subject",
         )
-    return plan_of(loaded, bound=bound, pilot=pilot)
+    return plan_of(loaded, bound=bound)
 
 
 def in_world(plan: Plan, truth: Mapping[str, Any] | None) -> Plan:

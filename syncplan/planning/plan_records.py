@@ -1,14 +1,18 @@
 """Records of a plan: its refinement, with each start and figures before and after; its flights."""
 
 from dataclasses import dataclass
+from hashlib import sha256
 
+import numpy as np
 from pydantic import Field
 
+from syncplan import __version__
 from syncplan.documents import Document, DocumentPart, OrAbsent, Words
-from syncplan.planning.start_up import InputStart
+from syncplan.orbits.circles import Orbits
 from syncplan.scenario.models import RefineOptions
 from syncplan.scenario.objectives import Figures
 from syncplan.scenario.quantities import Many
+from syncplan.scenario.specification import Scenario
 
 
 class StartResult(DocumentPart):
@@ -40,7 +44,6 @@ class RefinementRecord:
     before, after : exact figures of merit, positions in the input's mean radius
     active : constraints that the result meets with hardly any margin
     starts : results of the starts, in order
-    start_before : start-up of the input; None if it was not judged
     expected_before : m, expected RMS error of all vehicles in the input, if its filter leaves out
         errors; None if it leaves out none or no bound is computed
     cleared : whether the result keeps distances or the purpose that the input did not, whatever
@@ -56,12 +59,14 @@ class RefinementRecord:
     after: Figures
     active: tuple[str, ...]
     starts: tuple[StartResult, ...]
-    start_before: InputStart | None = None
     expected_before: float | None = None
     cleared: bool = False
 
 
 # --- flights --------------------------------------------------------------------------------------
+
+Interval = tuple[float, float]
+"""Ends of a 95 % interval."""
 
 
 class PhasesFlown(DocumentPart):
@@ -74,6 +79,17 @@ class PhasesFlown(DocumentPart):
     speed_mps: tuple[float, float] = Field(
         description="Least and largest airspeed that was commanded, once a steady state is "
         "reached, holds apart: what it needs in the wind"
+    )
+    rms_m: float | None = Field(
+        default=None,
+        description="RMS position error of the estimates; null where a filter broke down, and in "
+        "older files, as the next two",
+    )
+    rms_interval_m: Interval | None = Field(
+        default=None, description="95 % interval of rms_m, from the spread over flights"
+    )
+    bound_rms_m: float | None = Field(
+        default=None, description="Of the bound along the paths truly flown"
     )
 
 
@@ -90,11 +106,17 @@ class MeetingsFlown(DocumentPart):
 class FlownPlan(Document):
     """Results of flying the plan under the conditions of its scenario."""
 
+    digest: OrAbsent[str] = Field(
+        default=None,
+        description="Of the scenario, the orbits, this record and the version of syncplan: flights "
+        "count for a plan that they fit; missing in older files",
+    )
     trials: int
     seed: int
     duration_s: float
     guidance: str
     filter: str
+    chosen_because: OrAbsent[Words] = Field(default=None, description="Reason for this filter")
     events: Many[Words] = Field(description="Losses and holds in every trial")
     filter_lost_share: float
     out_of_contact_share: float
@@ -112,3 +134,32 @@ class FlownPlan(Document):
         default=None,
         description="Share of samples with a command at a limit; missing in older files",
     )
+    filter_lost_interval: OrAbsent[Interval] = Field(
+        default=None,
+        description="95 % interval of the share (Clopper and Pearson); missing in older files",
+    )
+    out_of_contact_interval: OrAbsent[Interval] = Field(default=None, description="Likewise")
+    too_close_interval: OrAbsent[Interval] = Field(
+        default=None, description="Likewise; missing where no separation is asked for"
+    )
+    anees: OrAbsent[float] = Field(
+        default=None,
+        description="Average NEES over its dimension, 1 for a consistent filter; missing where a "
+        "filter broke down, and in older files",
+    )
+    anees_interval: OrAbsent[Interval] = Field(default=None, description="95 % interval of anees")
+
+
+def flight_digest(scenario: Scenario, orbits: Orbits, record: FlownPlan) -> str:
+    """Return the digest of a record of flights and of all that they depend on.
+
+    Names of scenarios, and their sections on refinement, have no effect on flights.
+    """
+    circles = orbits.centers, orbits.radii, orbits.senses, orbits.phases, [orbits.rate]
+    parts = [
+        __version__,
+        scenario.model_dump_json(exclude={"name", "refine"}, exclude_none=True),
+        repr([np.asarray(values, dtype=float).tolist() for values in circles]),
+        record.model_dump_json(exclude={"digest"}),
+    ]
+    return sha256("\n".join(parts).encode()).hexdigest()[:32]

@@ -5,7 +5,7 @@ afresh. Only this module sees the whole chain.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, TypedDict
 
@@ -14,13 +14,12 @@ import numpy as np
 from syncplan.arrays import Array, Index, as_pairs
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.bounds import (
-    PositionCovariances,
-    position_covariances,
     posterior_bound,
     steady_bound,
     window_bound,
 )
 from syncplan.estimation.referred_system import PosteriorBound
+from syncplan.estimation.start_up_index import StartUpIndex
 from syncplan.observability.error_modes import judge_errors
 from syncplan.observability.link_verdicts import landmark_verdicts, vehicle_verdicts
 from syncplan.observability.loss_ranks import decisive_losses
@@ -29,13 +28,11 @@ from syncplan.observability.sliding_windows import connectivity_period
 from syncplan.observability.unobservable_modes import name_modes
 from syncplan.orbits import contacts
 from syncplan.orbits.circles import Orbits
-from syncplan.orbits.error_states import ERROR_STATES, layout_of
 from syncplan.orbits.sightings import Loss, single_losses
 from syncplan.orbits.team import Team, radii_of, team_of
 from syncplan.planning import judged_team
-from syncplan.planning.start_up import StartUp, start_up_of
-from syncplan.planning.verdict_checks import verdict_of
-from syncplan.results import Result
+from syncplan.planning.pilot_options import PilotOptions
+from syncplan.planning.plans import Plan
 from syncplan.runtime.machine import single_threaded_blas
 from syncplan.scenario.loading import scenario_of
 from syncplan.scenario.rules import SAME_PLACE_M
@@ -43,64 +40,14 @@ from syncplan.scenario.specification import Scenario, per_vehicle
 from syncplan.synchronisation.contact_tables import contact_of_pairs
 from syncplan.synchronisation.phases import Synchronisation, alternating_senses, synchronise
 
-# --- the plan -------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, slots=True, repr=False)
-class Plan(Result, judged_team.JudgedTeam):
-    """Orbits with the results of the exact code; attributes are those of JudgedTeam."""
-
-    _verdict: judged_team.PlanVerdict | None = field(default=None, init=False, compare=False)
-
-    def __repr__(self) -> str:
-        """Return one line: name, vehicles, rank, period."""
-        verdict, count = self.observability, self.team.count
-        name = f"{self.scenario.name!r}: " if self.scenario.name else ""
-        return (
-            f"<{type(self).__name__} {name}{count} vehicle{'s' if count > 1 else ''}, "
-            f"rank {verdict.rank} of {verdict.state_dim}, "
-            f"{'observable' if verdict.observable else 'not observable'}, "
-            f"period {self.orbits.period:.4g} s>"
-        )
-
-    @property
-    def observable(self) -> bool:
-        """Whether every position and heading is determined over the window."""
-        return self.observability.observable
-
-    @property
-    def verdict(self) -> judged_team.PlanVerdict:
-        """Whether the plan can be flown, with all findings.
-
-        Computed at the first access and kept.
-        """
-        found = self._verdict
-        if found is None:
-            found = verdict_of(self)
-            object.__setattr__(self, "_verdict", found)
-        return found
-
-    @single_threaded_blas
-    def position_covariances(self, moments: int = 48) -> PositionCovariances:
-        """Return the covariance of each vehicle's position at moments of the last period.
-
-        It is that of the bound behind the predicted errors. Where the plan is not observable, it
-        keeps growing with the duration. Raises NoSolutionError for teams too large for the exact
-        bound.
-        """
-        duration = self.scenario.duration_s
-        if not bound_is_affordable(self.team, duration):
-            many = f"{self.team.count} vehicles over {duration:g} s"
-            raise NoSolutionError(
-                f"{many} are too many for error ellipses; plan a shorter duration"
-            )
-        return position_covariances(self.team, self.windows, duration, moments)
-
-
 # --- the judge ------------------------------------------------------------------------------------
 
 
 BoundChoice = Literal["auto", "always", "never"]
+
+
+Pilot = PilotOptions | bool
+"""Whether a plan is flown before its verdict, and how."""
 
 
 class JudgementOptions(TypedDict, total=False):
@@ -108,13 +55,8 @@ class JudgementOptions(TypedDict, total=False):
 
     bound: BoundChoice
     steady: bool
-    pilot: bool
     single_points: bool
     connectivity: bool
-
-
-BOUND_WORK_LIMIT = 4e10
-"""Steps times squared state dimension times vehicles up to which `auto` computes the bound."""
 
 
 LARGEST_SEARCHED = 200
@@ -134,13 +76,12 @@ def judge(
     *,
     bound: BoundChoice = "auto",
     steady: bool = False,
-    pilot: bool = True,
     single_points: bool = True,
     connectivity: bool = True,
     given: Index | None = None,
     found: Synchronisation | None = None,
 ) -> Plan:
-    """Return the plan of given orbits; nothing is taken over from their source.
+    """Return the plan of given orbits on paper; nothing is taken over from their source.
 
     The options before `given` are those of syncplan.plan. `given` holds the (e, 2) links that the
     phases were found for, by default those that the scenario lists or its circles allow. `found` is
@@ -156,7 +97,7 @@ def judge(
         resolved,
         pairs,
         _predict(assessed, resolved, steady, along, note),
-        start_up=_start_up(assessed, resolved, along, pilot),
+        start_up=None if along is None else along.start_up,
         found=found,
         single_points=single_points,
         connectivity=connectivity,
@@ -169,7 +110,7 @@ def judged(
     pairs: Index,
     prediction: judged_team.Prediction,
     *,
-    start_up: StartUp | None = None,
+    start_up: StartUpIndex | None = None,
     found: Synchronisation | None = None,
     remainder: bool = False,
     single_points: bool = True,
@@ -278,18 +219,11 @@ def _too_close(orbits: Orbits, limit: judged_team.DistanceLimit) -> tuple[contac
 # --- predicted errors ---------------------------------------------------------------------------
 
 
-def bound_is_affordable(team: Team, duration: float) -> bool:
-    """Return whether the posterior bound is cheap enough to be computed by default."""
-    steps = duration / team.sensors.sample_time
-    size = float(layout_of(team, tuple(ERROR_STATES)).size)
-    return steps * size**2 * team.count <= BOUND_WORK_LIMIT
-
-
 def why_no_bound(team: Team, duration: float, bound: BoundChoice) -> str:
     """Return why the posterior bound is not computed; empty if it is."""
     if bound == "never":
         return "the posterior bound was not asked for"
-    if bound == "auto" and not bound_is_affordable(team, duration):
+    if bound == "auto" and not judged_team.bound_is_affordable(team, duration):
         return (
             f"the posterior bound of {team.count} vehicles over {duration:g} s is "
             "computed on request (--bound always)"
@@ -305,7 +239,7 @@ def _bound_along(
     if why := why_no_bound(team, duration, bound):
         return None, why
     observable = assessed.observability.observable
-    large = not bound_is_affordable(team, duration)
+    large = not judged_team.bound_is_affordable(team, duration)
     try:
         found = posterior_bound(team, assessed.windows, duration, start_up=observable, lumped=large)
     except NoSolutionError as error:
@@ -346,16 +280,6 @@ def _predict(
     )
 
 
-def _start_up(
-    assessed: Assessment, scenario: Scenario, along: PosteriorBound | None, pilot: bool
-) -> StartUp | None:
-    if along is None:
-        return None
-    asked = None if scenario.filter is None else scenario.filter.kind
-    length = scenario.duration_s
-    return start_up_of(assessed.team, assessed.windows, length, along, asked=asked, pilot=pilot)
-
-
 # --- the planner ----------------------------------------------------------------------------------
 
 
@@ -366,7 +290,7 @@ def plan(
     bound: BoundChoice = "auto",
     steady: bool = False,
     margin_bound: bool = True,
-    pilot: bool = True,
+    pilot: Pilot = True,
     single_points: bool = True,
     connectivity: bool = True,
 ) -> Plan:
@@ -377,9 +301,10 @@ def plan(
 
     `bound` selects when the posterior bound is computed: up to a stated amount of work (auto),
     always or never. `steady` adds its periodic limit. `margin_bound` adds the bound on the links'
-    smallest margin, which takes most of the time if phases have no closed form. `pilot` runs a few
-    trials if the start-up index does not clear the plan. `single_points` finds the single losses
-    that end observability, and `connectivity` the connectivity period.
+    smallest margin, which takes most of the time if phases have no closed form. `pilot` flies a
+    plan that says GO, about 31 times, before its verdict, see syncplan.planning.pilot_flight;
+    without it, the verdict is on paper. `single_points` finds the single losses that end
+    observability, and `connectivity` the connectivity period.
     """
     if bound not in ("auto", "always", "never"):
         raise InputError(f"{bound!r}: must be auto, always or never", key="bound")
@@ -414,13 +339,23 @@ def plan(
         orbits,
         bound=bound,
         steady=steady,
-        pilot=pilot,
         single_points=single_points,
         connectivity=connectivity,
         given=pairs,
         found=found,
     )
-    return replace(judged, synchronisation=found, alternating_proven=proven, placement=placed)
+    on_paper = replace(judged, synchronisation=found, alternating_proven=proven, placement=placed)
+    return with_flights(on_paper, pilot)
+
+
+def with_flights(judged: Plan, pilot: Pilot) -> Plan:
+    """Return a plan with the record of a pilot flight, if that is wanted."""
+    if not pilot:
+        return judged
+    # flights load the kernels of the closed loop
+    from syncplan.planning.pilot_flight import piloted
+
+    return piloted(judged, pilot if isinstance(pilot, PilotOptions) else PilotOptions())
 
 
 def _circles(scenario: Scenario) -> Orbits:

@@ -36,57 +36,12 @@ from syncplan.orbits.contacts import Windows, find_windows
 from syncplan.orbits.sightings import Sightings
 from syncplan.orbits.team import Team
 from syncplan.planning import judged_team
+from syncplan.planning.filter_choice import choose_filter
+from syncplan.planning.judged_team import bound_is_affordable
 from syncplan.planning.plan_files import PlanSubject, in_world, planned
-from syncplan.planning.planner import Plan, bound_is_affordable
-from syncplan.planning.start_up import CLEARED_FILTER, CLEARING_INDEX, StartTrials, concluded
+from syncplan.planning.plans import Plan
 from syncplan.results import Result
 from syncplan.runtime.machine import single_threaded_blas
-from syncplan.scenario.filters import AUTO
-from syncplan.scenario.specification import Scenario
-
-# --- the choice of the filter ---------------------------------------------------------------------
-
-
-@dataclass(frozen=True, slots=True)
-class FilterChoice:
-    """Filter, with the reason for its choice.
-
-    Attributes
-    ----------
-    name : in syncplan.scenario.filters.FILTERS
-    reason : in words
-    """
-
-    name: str
-    reason: str
-
-    def applied(self, options: FilterOptions) -> FilterOptions:
-        """Return the options with this filter."""
-        return replace(options, filter=self.name)
-
-
-def asked_filter(scenario: Scenario, options: FilterOptions) -> FilterChoice | None:
-    """Return the filter named by the options or the scenario; None if neither names one."""
-    if options.filter != AUTO:
-        return FilterChoice(options.filter, "asked for")
-    kind = None if scenario.filter is None else scenario.filter.kind
-    return None if kind in (None, AUTO) else FilterChoice(kind, "the scenario's filter.kind")
-
-
-def choose_filter(flown: Plan, options: FilterOptions) -> FilterChoice:
-    """Return the filter that runs on a plan: the one asked for, or the one its start requires."""
-    asked = asked_filter(flown.scenario, options)
-    if asked is not None:
-        return asked
-    found = flown.start_up
-    if found is None:
-        return FilterChoice(CLEARED_FILTER, "the default; the plan has no start-up index")
-    index = f"start-up index {found.index.value:.3g}"
-    if found.cleared:
-        return FilterChoice(found.filter, f"{index}, at most {CLEARING_INDEX:g} is clear")
-    limit = f"over the {CLEARING_INDEX:g} that an {CLEARED_FILTER} is clear of"
-    return FilterChoice(found.filter, f"{index}, {limit}")
-
 
 # --- the validation -------------------------------------------------------------------------------
 
@@ -97,7 +52,7 @@ class Validation(Result):
 
     Attributes
     ----------
-    plan : the plan that was run; these trials replace the pilot in its start-up
+    plan : the plan that was run
     duration : s
     options : filter, gate and other options of the run
     chosen_because : why this filter runs
@@ -209,8 +164,8 @@ def validate(
     """Return the errors of the filter over many trials on the plan of `subject`.
 
     `options`, or changes of it by name, set the filter and the trials: trials=200, seed=0,
-    duration=None (s, the scenario's), filter="auto" (ekf if the start-up index clears the plan,
-    else robust; or any name in the table of filters, `paper` with `substeps`=10 per sample),
+    duration=None (s, the scenario's), filter="auto" (that of the plan's flights or, on paper, by
+    the start-up index; or any name in the table of filters, `paper` with `substeps`=10 per sample),
     gate_probability=None, with_series=False, truth=None (keys of the simulated world in addition to
     the scenario's truth). The same seed gives the same bytes on any number of threads. `progress`
     is called with the number of trials done. Raises InputError naming the argument at fault.
@@ -226,7 +181,7 @@ def trial_run(
 ) -> TrialRun:
     """Return the set-up of a validation; run_part runs its parts and conclude joins them."""
     chosen = options_with(options, changes)
-    flown = in_world(planned(subject, pilot=False), chosen.truth)
+    flown = in_world(planned(subject), chosen.truth)
     length = flown.scenario.duration_s if chosen.duration is None else chosen.duration
     sample_time, period = flown.sensors.sample_time, flown.orbits.period
     steps = steps_in_run(length, sample_time, period, flown.team.count)
@@ -273,7 +228,7 @@ def conclude(run: TrialRun, parts: Sequence[MonteCarloResult]) -> Validation:
     found, (prediction, over_time) = accuracy(result), _prediction(run)
     expected = _expected(run, prediction)
     return Validation(
-        plan=_with_own_trials(run, found, prediction.rms if expected is None else expected),
+        plan=run.plan,
         duration=run.duration,
         options=run.options,
         chosen_because=run.chosen_because,
@@ -287,25 +242,6 @@ def conclude(run: TrialRun, parts: Sequence[MonteCarloResult]) -> Validation:
         anees=anees(result.nees, 3 * run.plan.orbits.count),
         nis=nis(result.nis_sums, result.accepted, run.options.gate_probability),
     )
-
-
-def _with_own_trials(run: TrialRun, found: Accuracy, predicted: Array | None) -> Plan:
-    """Plan of the run; if its start needed trials, those of the run replace the pilot's."""
-    flown = run.plan
-    if flown.start_up is None or flown.start_up.cleared or predicted is None:
-        return flown
-    trials = StartTrials(
-        trials=run.trials,
-        seed=run.options.seed,
-        duration=run.duration,
-        pilot=False,
-        found=found.late_position,
-        predicted=predicted,
-    )
-    length = flown.scenario.duration_s
-    start_up = replace(flown.start_up, filter=run.options.filter)
-    start_up = concluded(start_up, trials, flown.team, flown.windows, length)
-    return replace(flown, start_up=start_up)
 
 
 def _expected(run: TrialRun, prediction: judged_team.Prediction) -> Array | None:

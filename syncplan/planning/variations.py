@@ -12,14 +12,14 @@ from syncplan.estimation.filter_options import FilterOptions, options_with
 from syncplan.orbits.circles import position
 from syncplan.orbits.graphs import bottleneck
 from syncplan.phrases import listed
+from syncplan.planning.filter_choice import asked_filter, choose_filter
 from syncplan.planning.judged_team import MOST_NAMED, PlanFinding, Remark
 from syncplan.planning.plan_files import PlanSubject, in_world, planned
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.planner import plan
+from syncplan.planning.plans import Plan
 from syncplan.planning.validation import (
     TrialRun,
     Validation,
-    asked_filter,
-    choose_filter,
     conclude,
     run_part,
     trial_run,
@@ -287,7 +287,7 @@ def stress_runs(
     All run the same filter. The truth stated by the options and the scenario holds in all.
     """
     chosen = options_with(options, changes)
-    flown = in_world(planned(subject, pilot=False), chosen.truth)
+    flown = in_world(planned(subject), chosen.truth)
     chosen = choose_filter(flown, chosen).applied(chosen)
     worlds = {"": {}, **stress_worlds(flown.scenario)}
     return {name: trial_run(in_world(flown, truth), chosen) for name, truth in worlds.items()}

@@ -73,21 +73,18 @@ CHECKS: dict[str, Callable[[JudgedTeam], Iterable[Remark]]] = {
     "in-keep-out": path_checks.in_keep_out,
     "purpose-missed": path_checks.purpose_missed,
     "over-limit": path_checks.over_limit,
-    "strong-wind": path_checks.strong_wind,
     "landmark-hidden": observability_checks.landmarks_hidden,
     "vehicle-hidden": observability_checks.vehicles_hidden,
     "link-lost": observability_checks.lost_links,
     "link-fragile": observability_checks.fragile_links,
-    "meetings-uncertain": flight_checks.meetings_uncertain,
-    "separation-uncertain": flight_checks.separation_uncertain,
-    "start-uncertain": flight_checks.start_uncertain,
-    "start-up": filter_checks.start_up,
-    "start-up-worse": filter_checks.start_up_worse,
+    "not-flown": flight_checks.not_flown,
+    "few-flights": flight_checks.few_flights,
     "lost-in-flight": flight_checks.lost_in_flight,
     "too-close-in-flight": flight_checks.too_close_in_flight,
     "phase-not-kept": flight_checks.phase_not_kept,
     "meetings-missed": flight_checks.meetings_missed,
     "commands-saturated": flight_checks.commands_saturated,
+    "error-above-prediction": flight_checks.error_above_prediction,
     "not-estimated": filter_checks.not_estimated,
     "expected-worse": filter_checks.expected_worse,
     "error-undetermined": observability_checks.error_undetermined,
@@ -106,5 +103,6 @@ CHECKS: dict[str, Callable[[JudgedTeam], Iterable[Remark]]] = {
 def verdict_of(judged: JudgedTeam) -> PlanVerdict:
     """Return whether a judged team can be flown, with the findings of every check."""
     return PlanVerdict.of(
-        PlanFinding.of(code, one) for code, check in CHECKS.items() for one in check(judged)
+        (PlanFinding.of(code, one) for code, check in CHECKS.items() for one in check(judged)),
+        judged.flight,
     )

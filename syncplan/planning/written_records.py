@@ -10,9 +10,13 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from syncplan.arrays import as_pairs
 from syncplan.documents import Words
 from syncplan.orbits.team import Team
-from syncplan.planning.plan_records import FlownPlan, RefinementRecord, StartResult
-from syncplan.planning.planner import Plan
-from syncplan.planning.start_up import InputStart
+from syncplan.planning.plan_records import (
+    FlownPlan,
+    RefinementRecord,
+    StartResult,
+    flight_digest,
+)
+from syncplan.planning.plans import Plan
 from syncplan.planning.verdict_checks import CENTRES_PLACED, CLEARED, PLACED
 from syncplan.scenario.objectives import FIGURES, OBJECTIVES, Figures
 from syncplan.scenario.quantities import Many
@@ -58,7 +62,6 @@ class _WrittenRefinement(_Read):
     after: dict[str, bool | float | None]
     active_constraints: list[Words]
     starts: list[StartResult]
-    start_up_before: InputStart | None = None
     expected_rms_before_m: float | None = None
 
 
@@ -93,10 +96,13 @@ def written_record(document: Mapping[str, Any]) -> WrittenRecord | None:
 def with_record(judged: Plan, record: WrittenRecord | None) -> Plan:
     """Return a plan that was judged afresh, with the record of its file.
 
-    The record is left out if the links or their least distances differ from the file's: the orbits
-    are then no longer those that it describes.
+    Its flights count only where their digest fits. The rest is left out if the links or their least
+    distances differ from the file's: the orbits are then no longer those that it describes.
     """
-    if record is None or not _same_links(judged, record):
+    if record is None:
+        return judged
+    judged = _with_flight(judged, record.flight)
+    if not _same_links(judged, record):
         return judged
     names = judged.scenario.vehicle_names
     reasons = {(one.a, one.b): one.reason for one in record.dropped_links}
@@ -110,8 +116,23 @@ def with_record(judged: Plan, record: WrittenRecord | None) -> Plan:
         ),
         refinement=_refinement(record.refinement, cleared=CLEARED in codes),
         centres_placed=CENTRES_PLACED in codes or PLACED in record.notes,
-        flight=record.flight,
     )
+
+
+def _with_flight(judged: Plan, flight: FlownPlan | None) -> Plan:
+    """Plan with the flights of its file, or with the reason why they do not count."""
+    if flight is None:
+        return judged
+    if flight.digest is None:
+        reason = "the flights in the file are of an earlier version, which did not sign them"
+        return replace(judged, unflown=reason)
+    if flight.digest != flight_digest(judged.scenario, judged.orbits, flight):
+        reason = (
+            "the flights in the file are of another scenario, other orbits or another version of "
+            "syncplan, or their figures were changed"
+        )
+        return replace(judged, unflown=reason)
+    return replace(judged, flight=flight)
 
 
 def _same_links(judged: Plan, record: WrittenRecord) -> bool:
@@ -160,7 +181,6 @@ def _refinement(given: _WrittenRefinement | None, *, cleared: bool) -> Refinemen
         after=_figures(given.after),
         active=tuple(given.active_constraints),
         starts=tuple(given.starts),
-        start_before=given.start_up_before,
         expected_before=given.expected_rms_before_m,
         cleared=cleared,
     )

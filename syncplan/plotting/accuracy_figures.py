@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from syncplan.estimation.consistency import TOLERANCE
-from syncplan.planning.planner import Plan
+from syncplan.planning.plans import Plan
 from syncplan.plotting import figure_style
 from syncplan.plotting.canvas import (
     Spec,

@@ -6,7 +6,7 @@ import numpy as np
 
 from syncplan.errors import InputError
 from syncplan.phrases import listed
-from syncplan.planning.planner import Plan
+from syncplan.planning.plans import Plan
 from syncplan.plotting import canvas
 from syncplan.plotting.accuracy_figures import bars
 from syncplan.plotting.figure_style import BLUE, MUTED, ORANGE, FigureStyle

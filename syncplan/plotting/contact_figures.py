@@ -17,7 +17,7 @@ from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.observability.rank import DISTINCT_LANDMARKS
 from syncplan.observability.spectrum import RANK_TOLERANCE
 from syncplan.orbits.graphs import DisjointSets
-from syncplan.planning.planner import Plan
+from syncplan.planning.plans import Plan
 from syncplan.plotting import canvas
 from syncplan.plotting.figure_style import BLUE, INK, MUTED, PURPLE, VERMILLION, FigureStyle
 from syncplan.plotting.formation_figures import verdict_words

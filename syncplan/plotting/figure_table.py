@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
-    from syncplan.planning.planner import Plan
+    from syncplan.planning.plans import Plan
     from syncplan.plotting.canvas import Spec
     from syncplan.plotting.figure_style import FigureStyle
     from syncplan.reports.refinement_report import RefinementResult

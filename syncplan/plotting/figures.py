@@ -19,9 +19,9 @@ from typing import TYPE_CHECKING, Any
 from syncplan.designs.designer import Design
 from syncplan.errors import InputError
 from syncplan.estimation.replay_results import Replay
-from syncplan.flight.flying import Flight
 from syncplan.planning.loss_study import WhatIf
-from syncplan.planning.planner import Plan
+from syncplan.planning.plan_flights import Flight
+from syncplan.planning.plans import Plan
 from syncplan.planning.validation import Validation
 from syncplan.plotting.canvas import Spec, fitted
 from syncplan.plotting.figure_style import PLAIN, FigureStyle, Theme, themed

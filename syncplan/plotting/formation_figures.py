@@ -15,7 +15,7 @@ from syncplan.observability.unobservable_modes import UnobservableMode
 from syncplan.orbits.circles import position, unit
 from syncplan.orbits.contacts import Windows
 from syncplan.planning.judged_team import UnmetLink
-from syncplan.planning.planner import Plan
+from syncplan.planning.plans import Plan
 from syncplan.plotting import canvas, maps
 from syncplan.plotting.figure_style import INK, PURPLE, FigureStyle
 from syncplan.plotting.links import (

@@ -15,7 +15,7 @@ import numpy as np
 from syncplan.arrays import Array, Index
 from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.orbits.circles import Orbits, perpendicular
-from syncplan.planning.planner import Plan
+from syncplan.planning.plans import Plan
 from syncplan.plotting.canvas import escaped
 from syncplan.plotting.figure_style import GREEN, MUTED, SKY, VERMILLION
 

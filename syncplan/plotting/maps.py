@@ -8,7 +8,7 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.orbits.circles import Orbits, heading, position, unit
-from syncplan.planning.planner import Plan
+from syncplan.planning.plans import Plan
 from syncplan.plotting import canvas
 from syncplan.plotting.figure_style import BLUE, INK, MUTED, ORANGE, FigureStyle, translucent
 

@@ -18,7 +18,7 @@ from typing import Any, get_args
 from syncplan import __version__
 from syncplan.phrases import in_words, listed
 from syncplan.planning.judged_team import Level
-from syncplan.planning.planner import Plan
+from syncplan.planning.plans import Plan
 from syncplan.plotting.figure_style import DARK, FigureStyle
 from syncplan.plotting.formation_figures import formation_spec
 from syncplan.plotting.static_map import legend_entries, map_svg
@@ -127,7 +127,7 @@ def _verdict_sentence(document: PlanDocument) -> str:
         why = "" if seen.observable else "; not every position and heading can be known"
         return f"✗ {verdict.headline}{why}"
     team = "1 vehicle knows where it is" if count == 1 else f"{count} vehicles know where they are"
-    return f"✓ {verdict.headline}: {team}" + (f" to {max(known):.2g} m" if known else "")
+    return f"✓ {verdict.headline}; {team}" + (f" to {max(known):.2g} m" if known else "")
 
 
 def _findings(plan: Plan) -> str:

@@ -13,7 +13,7 @@ from syncplan.arrays import as_pairs
 from syncplan.errors import NoSolutionError
 from syncplan.orbits.sightings import sightings_over
 from syncplan.planning.judged_team import landmark_limit, purpose_measure, separation_limit
-from syncplan.planning.planner import Plan
+from syncplan.planning.plans import Plan
 from syncplan.refinement.measures import Measurement, measure
 from syncplan.refinement.problem import Freedom, RefineProblem, circles_of
 from syncplan.scenario.areas import Area

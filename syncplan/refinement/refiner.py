@@ -19,9 +19,11 @@ from syncplan.documents import finite_or_none
 from syncplan.errors import InputError
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import reachable_pairs
+from syncplan.planning.judged_team import bound_is_affordable
 from syncplan.planning.plan_files import PlanSubject, planned
 from syncplan.planning.plan_records import RefinementRecord, StartResult
-from syncplan.planning.planner import BoundChoice, Plan, bound_is_affordable, judge
+from syncplan.planning.planner import BoundChoice, Pilot, judge, with_flights
+from syncplan.planning.plans import Plan
 from syncplan.refinement.measures import Measurement, measure
 from syncplan.refinement.problem import WINDOW_BOUND, RefineProblem, orbits_of
 from syncplan.refinement.problem_setup import problem_of, refuse_conflicts
@@ -78,6 +80,7 @@ def refine(
     *,
     workers: int | None = None,
     bound: BoundChoice = "auto",
+    pilot: Pilot = True,
     progress: RefineProgress | None = None,
     better: Callable[[BetterPlan], None] | None = None,
     earlier: "EarlierSearch | None" = None,
@@ -92,9 +95,9 @@ def refine(
     (objective="logdet", starts=1, ...; see RefineOptions). `workers` is the number of processes,
     by default one per core; it changes no result. `better` is called with each plan that is the
     best so far. `earlier` holds what an interrupted search kept: its starts are not repeated, and
-    the result is that of an uninterrupted search. `bound` is that of `plan`. The plan's
-    `refinement` records the search. Where nothing better was found, the record says why, and the
-    plan is the input.
+    the result is that of an uninterrupted search. `bound` and `pilot` are those of `plan`. The
+    plan's `refinement` records the search. Where nothing better was found, the record says why, and
+    the plan is the input.
 
     Raises InputError for options that cannot be used, and NoSolutionError, naming the constraints,
     where they conflict.
@@ -112,7 +115,7 @@ def refine(
     before = measure(problem, given.orbits, predict=predict)
     case = _Case(given, chosen, problem, before, predict, began)
     attempts, cut_short = _search(case, workers, progress, better, earlier)
-    return _best(case, attempts, cut_short, bound)
+    return with_flights(_best(case, attempts, cut_short, bound), pilot)
 
 
 def options_for(
@@ -282,7 +285,6 @@ def _best(case: _Case, attempts: list["Attempt"], cut_short: bool, bound: BoundC
         after=before.figures,
         active=(),
         starts=tuple(_record(one, objective) for one in attempts),
-        start_before=None if given.start_up is None else given.start_up.before,
         expected_before=None if neglect is None else neglect.expected_of_all,
     )
     if best is None or best.after is None:

@@ -6,7 +6,7 @@ from pydantic import Field
 
 from syncplan.documents import Document
 from syncplan.estimation.bounds import PositionCovariances
-from syncplan.planning.planner import Plan
+from syncplan.planning.plans import Plan
 
 DIGITS = 4
 """Digits of a covariance."""

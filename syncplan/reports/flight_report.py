@@ -14,13 +14,13 @@ from syncplan.guidance.flight_options import AS_COMMANDED, GUIDANCES, FlightOpti
 from syncplan.orbits.lost_parts import phrase_of
 from syncplan.phrases import in_words, listed, percent
 from syncplan.planning.judged_team import PlanVerdict
-from syncplan.planning.planner import Plan
+from syncplan.planning.plans import Plan
 from syncplan.reports import run_figures
 from syncplan.reports.flight_series import FlightOverTime, flight_over_time
 from syncplan.scenario.disturbances import ReadingsKind
 
 if TYPE_CHECKING:
-    from syncplan.flight.flying import Flight
+    from syncplan.planning.plan_flights import Flight
 
 
 class PhaseError(DocumentPart):

@@ -9,10 +9,10 @@ from pydantic import Field
 from syncplan.arrays import Array
 from syncplan.documents import DocumentPart, Point
 from syncplan.guidance.flight_records import RecordedSteps, Track
-from syncplan.planning.planner import Plan
+from syncplan.planning.plans import Plan
 
 if TYPE_CHECKING:
-    from syncplan.flight.flying import Flight
+    from syncplan.planning.plan_flights import Flight
 
 Values = list[float | None]
 """Values over time; null where a vehicle is lost."""

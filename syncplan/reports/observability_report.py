@@ -17,7 +17,7 @@ from syncplan.documents import (
 from syncplan.observability.error_modes import ErrorVerdict, ExtendedObservability
 from syncplan.observability.unobservable_modes import UnobservableMode
 from syncplan.orbits.error_states import ERROR_STATES
-from syncplan.planning.planner import Plan
+from syncplan.planning.plans import Plan
 
 
 class CertificateVerdict(DocumentPart):

@@ -14,16 +14,15 @@ from syncplan.documents import (
     Point,
     VersionedDocument,
     Window,
-    finite_or_none,
     point_of,
     windows_of,
 )
+from syncplan.estimation.start_up_index import StartUpIndex
 from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.orbits.circles import heading, position
 from syncplan.planning.judged_team import PlanVerdict
 from syncplan.planning.plan_records import FlownPlan
-from syncplan.planning.planner import Plan
-from syncplan.planning.start_up import StartTrials, StartUp
+from syncplan.planning.plans import Plan
 from syncplan.reports.observability_report import (
     ErrorPrediction,
     ObservabilityVerdict,
@@ -142,7 +141,7 @@ class PredictedStateError(DocumentPart):
 
 
 class PilotRecord(DocumentPart):
-    """A few trials of the filter from the initial sigmas, with thinned samples."""
+    """A few trials of the filter from the initial sigmas, in files of earlier versions."""
 
     filter: FilterName | None = Field(
         default=None, description="That ran; null in older files, whose pilots are of ekf"
@@ -164,14 +163,16 @@ class StartUpRecord(DocumentPart):
 
     index: float = Field(
         description="Largest second-order term of a bearing over the deviation of its innovation, "
-        "with the covariance of the bound; at most 0.45 clears the plan",
+        "with the covariance of the bound; up to 0.45, an ekf can be expected to reach the bound",
         examples=[0.2],
     )
     observer: str = Field(description="Who measures the bearing that has the index")
     target: str
     time_s: float
-    pilot: PilotRecord | None = Field(description="null where the index clears the plan")
-    untried: str = Field(description="Why there is no pilot although the index does not clear")
+    pilot: PilotRecord | None = Field(
+        default=None, description="null; in older files, where the index does not clear the plan"
+    )
+    untried: str = Field(default="", description="Empty; in older files, why there is no pilot")
 
 
 class SynchronisationRecord(DocumentPart):
@@ -410,26 +411,12 @@ def _sense(value: float) -> Literal["ccw", "cw"]:
 
 
 def start_up_record(
-    start_up: StartUp, names: Sequence[str], landmarks: Sequence[str]
+    index: StartUpIndex, names: Sequence[str], landmarks: Sequence[str]
 ) -> StartUpRecord:
-    """Return the start-up figures of a plan as documents hold them."""
-    index = start_up.index
+    """Return the start-up index of a plan as documents hold it."""
     return StartUpRecord(
         index=index.value,
         observer=names[index.observer],
         target=[*names, *landmarks][index.target],
         time_s=index.time,
-        pilot=None if start_up.trials is None else _pilot(start_up.trials, start_up.filter, names),
-        untried=start_up.untried,
-    )
-
-
-def _pilot(trials: StartTrials, filter_: str, names: Sequence[str]) -> PilotRecord:
-    ratios = [finite_or_none(float(ratio)) for ratio in trials.ratios]
-    return PilotRecord(
-        filter=filter_,
-        trials=trials.trials,
-        seed=trials.seed,
-        duration_s=trials.duration,
-        rms_over_predicted=dict(zip(names, ratios, strict=True)),
     )

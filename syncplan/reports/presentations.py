@@ -9,10 +9,10 @@ from syncplan.designs.designer import Design
 from syncplan.documents import Document
 from syncplan.errors import InputError
 from syncplan.estimation.replay_results import Replay
-from syncplan.flight.flying import Flight
 from syncplan.landmarks.site_choice import SiteChoice
 from syncplan.planning.loss_study import WhatIf
-from syncplan.planning.planner import Plan
+from syncplan.planning.plan_flights import Flight
+from syncplan.planning.plans import Plan
 from syncplan.planning.validation import Validation
 from syncplan.planning.variations import Sweep
 from syncplan.reports.design_report import design_document

@@ -7,7 +7,6 @@ from pydantic import Field, create_model
 from syncplan.documents import Document, DocumentPart, OrAbsent, finite_or_none
 from syncplan.planning.plan_files import stated
 from syncplan.planning.plan_records import RefinementRecord, StartResult
-from syncplan.planning.start_up import InputStart
 from syncplan.scenario.objectives import FIGURES, Figures
 
 if TYPE_CHECKING:
@@ -64,6 +63,13 @@ def plan_so_far(found: "BetterPlan") -> PlanSoFar:
     )
 
 
+class InputStart(DocumentPart):
+    """Start-up of the plan that was refined, in files of earlier versions."""
+
+    index: float
+    worst_rms_over_predicted: float | None
+
+
 class RefinementResult(Document):
     """Record of a refinement; `improved` states whether the plan is better or the input itself."""
 
@@ -76,7 +82,7 @@ class RefinementResult(Document):
     active_constraints: list[str]
     starts: list[StartResult]
     start_up_before: InputStart | None = Field(
-        default=None, description="Start-up of the input; null where not judged"
+        default=None, description="null; in older files, the start-up of the input"
     )
     expected_rms_before_m: OrAbsent[float] = Field(
         default=None,
@@ -96,7 +102,6 @@ def refinement_result(record: RefinementRecord) -> RefinementResult:
         after=_figures(record.after),
         active_constraints=list(record.active),
         starts=list(record.starts),
-        start_up_before=record.start_before,
         expected_rms_before_m=record.expected_before,
     )
 

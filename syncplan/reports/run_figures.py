@@ -13,7 +13,7 @@ from syncplan.estimation.consistency import FEWEST_TRIALS, TOLERANCE, Consistenc
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.trials import Accuracy, MonteCarloResult, series
 from syncplan.phrases import listed
-from syncplan.planning.planner import Plan
+from syncplan.planning.plans import Plan
 from syncplan.scenario.filters import FilterName, MotionName
 from syncplan.scenario.truths import changed_keys
 

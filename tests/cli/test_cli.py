@@ -60,10 +60,10 @@ def test_a_plan_file_and_its_scenario_validate_to_the_same_bytes(
     printed: Any, plan_file: Path
 ) -> None:
     short = ("--trials", "4", "--seed", "3", "--duration", "5")
-    flown = syncplan.validate(GRID, trials=4, seed=3, duration=5.0)
     for subject in (str(plan_file), GRID):
         out = printed("validate", subject, *short)
-        assert out == as_text(validation_document(flown).as_json())
+        validated = syncplan.validate(subject, trials=4, seed=3, duration=5.0)
+        assert out == as_text(validation_document(validated).as_json())
 
 
 def test_the_number_of_threads_does_not_change_a_byte(run: Any) -> None:
@@ -278,6 +278,7 @@ def test_the_version_is_printed(printed: Any) -> None:
 
 
 HEAVY = ("scipy", "numba", "cvxpy", "networkx")
+GUIDANCE = ("syncplan.guidance", "syncplan.planning.pilot_flight")
 SERVICE = ("dbos", "fastapi", "httpx2", "psycopg", "sqlalchemy", "starlette", "uvicorn")
 
 
@@ -285,7 +286,8 @@ SERVICE = ("dbos", "fastapi", "httpx2", "psycopg", "sqlalchemy", "starlette", "u
     ("command", "loads", "others"),
     [
         ("--help", "typer", {"numpy", "pydantic", *HEAVY}),
-        (f"plan {GRID}", "numpy", {"numpy.random", *HEAVY, *SERVICE}),
+        (f"plan {GRID} --paper", "numpy", {*GUIDANCE, "cvxpy", "networkx", *SERVICE}),
+        (f"plan {GRID}", "numba", {"osqp", "cvxpy", "networkx", *SERVICE}),
         (f"plot {GRID}", "numpy", {"plotly", *SERVICE}),
     ],
 )

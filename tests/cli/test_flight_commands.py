@@ -10,6 +10,7 @@ from rich.console import Console
 from syncplan.cli.document_table import DOCUMENTS
 from syncplan.cli.run_tables import _print_missed
 from syncplan.flight.flying import fly
+from syncplan.planning.pilot_flight import PILOT_SEED
 from syncplan.reports.flight_report import FlownLink
 from tests.tools.scenarios import FILES
 
@@ -88,8 +89,8 @@ def test_a_plan_file_is_flown_as_it_is(printed: Any, plan_file: Path) -> None:
 def test_a_plan_that_was_flown_says_what_was_found_in_a_line(run: Any) -> None:
     quick = str(FILES / "five-ring.yaml")
     status, out, _ = run("plan", quick, "--fly", "1", "--format", "table")
-    assert (status, out.splitlines()[0]) == (0, "GO")
-    flown = fly(quick, trials=1, threads=1).record
+    assert (status, out.splitlines()[0]) == (0, "GO, flown once")
+    flown = fly(quick, trials=1, threads=1, filter="ekf", seed=PILOT_SEED).record
     worst = max(flown.vehicles, key=lambda one: one.phase_rms_s)
     assert flown.least_separation_m is not None
     words = " ".join(out.split())
@@ -101,8 +102,9 @@ def test_a_plan_that_was_flown_says_what_was_found_in_a_line(run: Any) -> None:
         "filter lost in 0 %",
     ):
         assert found in words
-    _, out, _ = run("plan", quick, "--format", "table")
-    assert "flown" not in out
+    _, out, _ = run("plan", quick, "--paper", "--format", "table")
+    assert out.splitlines()[0] == "GO on paper: not flown"
+    assert "flown, " not in out
 
 
 def test_a_team_that_drifts_away_is_stopped_by_its_phases_and_by_its_meetings(run: Any) -> None:

@@ -20,13 +20,13 @@ import pytest
 
 from syncplan import figures
 from syncplan.errors import InputError
-from syncplan.planning.planner import plan
 from syncplan.plotting.figure_files import figure_page
 from syncplan.plotting.figure_style import COLUMN_PX, SHEET_PX, FigureStyle
 from syncplan.plotting.figures import specs_of
 from syncplan.plotting.printed_report import report_page
 from syncplan.plotting.vendored import FONT_NAME, font, plotly_script
 from tests.tools.image_browser import BROWSER, needs_browser
+from tests.tools.on_paper import plan
 from tests.tools.processes import PATIENCE_S
 from tests.tools.scenarios import FILES, document, example, small
 from tests.tools.serving import ROOT

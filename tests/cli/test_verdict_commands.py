@@ -21,7 +21,8 @@ ALTERNATE = str(FILES / "paper-grid-alternate.yaml")
 )
 def test_the_first_line_is_the_verdict(run: Any, printed: Any, command: tuple[str, ...]) -> None:
     name, *options = command
-    for source, line in ((GRID, "GO"), (ALTERNATE, "NO-GO: 2 reasons")):
+    go = "GO, flown 31 times" if name == "plan" else "GO on paper: not flown"
+    for source, line in ((GRID, go), (ALTERNATE, "NO-GO: 2 reasons")):
         assert printed(name, source, *options, "--format", "table").splitlines()[0] == line
     status, _, err = run(name, ALTERNATE, *options, "--require-go", "--format", "json")
     assert status == 3
@@ -42,16 +43,16 @@ def test_plot_says_the_verdict_first_and_its_page_shows_it(run: Any, tmp_path: P
     assert run("validate", str(plan), "--trials", "2", "-o", str(report))[0] == 0
     assert run("plot", str(report))[2].splitlines()[0] == err.splitlines()[0]
     _, out, err = run("plot", GRID, "--figure", "spectrum")
-    assert err == "syncplan: GO\n"
-    assert "<strong>GO</strong>" in out
+    assert err == "syncplan: GO on paper: not flown\n"
+    assert "<strong>GO on paper: not flown</strong>" in out
     assert "<strong>Note, single point of failure</strong>" in out
     assert "<strong>Stop" not in out
     _, out, err = run("plot", str(plan), "--compare", GRID, "--figure", "comparison")
     assert err.splitlines() == [
         "syncplan: before: NO-GO: 2 reasons: unobservable",
-        "syncplan: after: GO",
+        "syncplan: after: GO on paper: not flown",
     ]
-    assert "<strong>after: GO</strong>" in out
+    assert "<strong>after: GO on paper: not flown</strong>" in out
 
 
 def test_what_is_observable_and_collides_is_no_go(run: Any, written: Any) -> None:

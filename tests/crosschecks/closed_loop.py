@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.flight.flying import FlightRun
+from syncplan.planning.plan_flights import FlightRun
 from tests.crosschecks.plants import MakePlant
 from tests.tools.plain_flights import PlainLoop
 from tests.tools.plain_truth import PlainTruth

@@ -5,10 +5,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
-from syncplan.flight.flying import FlightRun, flight_run
-from syncplan.planning.planner import Plan, judge, plan
-from syncplan.refinement.refiner import refine
+from syncplan.flight.flying import flight_run
+from syncplan.planning.plan_flights import FlightRun
+from syncplan.planning.planner import judge
+from syncplan.planning.plans import Plan
 from syncplan.scenario.loading import load_scenario, scenario_from
+from tests.tools.on_paper import plan, refine
 
 HERE, EXAMPLES = Path(__file__).parent, Path(__file__).parents[2] / "examples" / "scenarios"
 
@@ -72,7 +74,7 @@ def run_of(course: Course, made: Plan, how: Flying) -> FlightRun:
     keys = made.scenario.model_dump(exclude_none=True)
     motion = {**keys["motion"], "lag_s": how.lag, "readings": how.readings}
     scenario = scenario_from({**keys, "motion": motion, "wind": course.blows(how.air)})
-    disturbed = judge(scenario, made.orbits, bound="never", pilot=False, single_points=False)
+    disturbed = judge(scenario, made.orbits, bound="never", single_points=False)
     return flight_run(
         disturbed, trials=how.trials, seed=how.seed, duration=course.duration, filter="ekf"
     )

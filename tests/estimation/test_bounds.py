@@ -16,9 +16,10 @@ from syncplan.orbits.circles import Orbits
 from syncplan.orbits.error_states import ERROR_STATES, layout_of
 from syncplan.orbits.noise import Noise
 from syncplan.orbits.sightings import sample_sightings, steps_within
-from syncplan.planning import planner
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning import judged_team
+from syncplan.planning.plans import Plan
 from syncplan.scenario.specification import Scenario
+from tests.tools.on_paper import plan
 from tests.tools.scenarios import changed, example, small
 
 
@@ -87,7 +88,7 @@ def test_covariances_of_what_is_not_observable_grow_with_the_duration() -> None:
 def test_a_team_too_large_for_the_exact_bound_has_no_covariances(
     grid: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(planner, "BOUND_WORK_LIMIT", 1.0)
+    monkeypatch.setattr(judged_team, "BOUND_WORK_LIMIT", 1.0)
     with pytest.raises(NoSolutionError, match="6 vehicles over 200 s are too many"):
         grid.position_covariances()
 
@@ -213,7 +214,7 @@ def test_errors_that_change_are_predicted_exactly() -> None:
 def test_a_large_team_is_predicted_by_lumps_on_request(monkeypatch: pytest.MonkeyPatch) -> None:
     given = small()
     exact = plan(given, bound="always").prediction
-    monkeypatch.setattr(planner, "BOUND_WORK_LIMIT", 1.0)
+    monkeypatch.setattr(judged_team, "BOUND_WORK_LIMIT", 1.0)
     made = plan(given, bound="always")
     assert "lumped over a sixteenth of a period, to an estimated" in made.prediction.note
     assert made.start_up is None

@@ -19,13 +19,14 @@ from syncplan.orbits.error_states import layout_of
 from syncplan.orbits.noise import Noise
 from syncplan.orbits.sightings import Sightings, sample_sightings
 from syncplan.orbits.team import Team
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.plans import Plan
 from syncplan.planning.validation import conclude, run_part, trial_run, validate
 from syncplan.reports.validation_report import validation_document
 from syncplan.runtime.files import as_text
 from tests.estimation.test_filter import filtered
 from tests.searches.consistency import believing
 from tests.tools.filter_scenes import scene_of
+from tests.tools.on_paper import plan
 from tests.tools.scenarios import example, small
 
 Scene = tuple[Team, Sightings, int]

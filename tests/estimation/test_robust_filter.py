@@ -13,11 +13,11 @@ from syncplan.estimation.montecarlo import run_trials
 from syncplan.estimation.rivals import CLEARLY, Rivals
 from syncplan.estimation.trial_readings import possible_sightings
 from syncplan.estimation.trials import MonteCarloResult
-from syncplan.planning.planner import plan
 from syncplan.planning.validation import validate
 from syncplan.scenario.loading import load_scenario
 from tests.searches.thrown import WITHIN, throw_off
 from tests.tools.filter_scenes import scene_of
+from tests.tools.on_paper import plan
 from tests.tools.scenarios import example
 
 HARD = Path(__file__).parents[1] / "data" / "hard"

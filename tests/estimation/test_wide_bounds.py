@@ -23,8 +23,9 @@ from syncplan.orbits.error_states import ERROR_STATES, layout_of
 from syncplan.orbits.sighting_kinds import COMPASS, SIGHTING_KINDS, place_of
 from syncplan.orbits.sightings import Loss, Sightings, remainder_of
 from syncplan.orbits.team import Team
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.plans import Plan
 from tests.tools.dense_models import dense_covariances, dense_run, dense_true_covariances, start_of
+from tests.tools.on_paper import plan
 from tests.tools.scenarios import EVERYTHING, changed, circling, example, small
 
 SCALES_AND_BIASES = {"speed_scale_sigma": 0.02, "turn_rate_bias_sigma_rad_s": 0.005}

@@ -9,7 +9,7 @@ import pytest
 
 from syncplan.exporting.formats import ExportOptions, export
 from syncplan.orbits.circles import position
-from syncplan.planning.planner import Plan
+from syncplan.planning.plans import Plan
 from tests.tools.exported import FORCED, contents, mixed_team, team, to_plane
 
 ANTIMERIDIAN = {"lat_deg": -17.0, "lon_deg": 179.9998, "alt_m": 0.0}

@@ -15,7 +15,7 @@ from syncplan.errors import InputError
 from syncplan.exporting.formats import FORMATS, ExportOptions, export
 from syncplan.exporting.mission_routes import px4_corner_speed, snapped_radii
 from syncplan.orbits.circles import position
-from syncplan.planning.planner import Plan
+from syncplan.planning.plans import Plan
 from tests.tools.exported import ORIGIN, contents, mixed_team, sidecar_of, team, to_plane
 from tests.tools.fake_vehicle import ACCEPTED, flying, stored_loiter
 from tests.tools.scenarios import circling

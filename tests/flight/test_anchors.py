@@ -7,15 +7,16 @@ import pytest
 
 from syncplan.arrays import Array, Index
 from syncplan.estimation.correction_kernels import correction_of
-from syncplan.flight.flying import FlightRun, flight_run
+from syncplan.flight.flying import flight_run
 from syncplan.guidance.anchors import Anchors, anchors_of
 from syncplan.guidance.flight_setup import Contact
 from syncplan.guidance.tracking_law import move_circles
 from syncplan.orbits.circles import Orbits, relative_motion
 from syncplan.orbits.contacts import find_windows, least_distances
 from syncplan.orbits.team import Sensors, Team
-from syncplan.planning.planner import plan
+from syncplan.planning.plan_flights import FlightRun
 from tests.tools.draws import NOISE
+from tests.tools.on_paper import plan
 from tests.tools.scenarios import example
 
 LANES = np.zeros(1, dtype=np.int8)

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from syncplan.guidance.flown_figures import without_gone
-from syncplan.planning.planner import plan
 from syncplan.scenario.specification import Scenario
 from tests.tools.flown_trials import FlownTrials, flown
+from tests.tools.on_paper import plan
 from tests.tools.plain_flights import PlainFlight, fly_plainly
 from tests.tools.scenarios import changed
 

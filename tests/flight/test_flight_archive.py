@@ -10,12 +10,13 @@ import pytest
 
 from syncplan.errors import InputError
 from syncplan.estimation.trials import pack
-from syncplan.flight.flying import FlightRun, conclude_flight, flight_run, fly_part
+from syncplan.flight.flying import flight_run
 from syncplan.guidance.flight_results import FlightResult, pack_flight, unpack_flight
-from syncplan.planning.planner import plan
+from syncplan.planning.plan_flights import FlightRun, conclude_flight, fly_part
 from syncplan.reports.flight_report import flight_document
 from syncplan.runtime.files import as_text
 from tests.flight.test_flying import OPTIONS, QUICK, TRIALS
+from tests.tools.on_paper import plan
 from tests.tools.scenarios import small
 
 

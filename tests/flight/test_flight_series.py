@@ -8,12 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from syncplan.errors import InputError
-from syncplan.flight.flying import FlightRun, flight_run, fly_part
+from syncplan.flight.flying import flight_run
 from syncplan.guidance.flight_options import FlightOptions
 from syncplan.guidance.flight_records import MOMENTS, MOST_TIMES, RecordedSteps, tracked_trials
 from syncplan.guidance.flight_results import FlightResult
 from syncplan.guidance.flights import FlightSeries, mean_series
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.plan_flights import FlightRun, fly_part
+from syncplan.planning.plans import Plan
+from tests.tools.on_paper import plan
 from tests.tools.scenarios import changed
 
 OPTIONS = FlightOptions(

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from syncplan.errors import NoSolutionError
-from syncplan.flight.flying import Flight, conclude_flight, flight_run, fly, fly_part
+from syncplan.flight.flying import flight_run, fly
 from syncplan.guidance.flight_results import FlightResult
 from syncplan.guidance.flown_figures import _settled
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.plan_flights import Flight, conclude_flight, fly_part
+from syncplan.planning.plans import Plan
 from syncplan.reports.flight_report import flight_document
+from tests.tools.on_paper import plan
 from tests.tools.scenarios import document, small
 
 QUICK: dict[str, Any] = {

@@ -9,12 +9,13 @@ import pytest
 
 import syncplan
 from syncplan.errors import InputError
-from syncplan.flight.flying import FlightRun, flight_run
+from syncplan.flight.flying import flight_run
 from syncplan.flight.navigator import Navigator
 from syncplan.flight.onboard_data import Sensed, TimedSighting
 from syncplan.guidance.flown_lanes import FlownLanes
 from syncplan.orbits.circles import heading, position
-from syncplan.planning.planner import Plan
+from syncplan.planning.plan_flights import FlightRun
+from syncplan.planning.plans import Plan
 from tests.tools.flown_trials import flown_of
 from tests.tools.scenarios import example
 

@@ -7,14 +7,15 @@ import numpy as np
 import pytest
 
 from syncplan.arrays import Array
-from syncplan.flight.flying import FlightRun, flight_run
+from syncplan.flight.flying import flight_run
 from syncplan.guidance.flight_setup import FlightLimits
 from syncplan.guidance.reference_tracking import tracking_commands, tracking_gains
 from syncplan.guidance.tracking_law import command_plan, track
 from syncplan.orbits.circles import heading, perpendicular, position, unit
-from syncplan.planning.planner import plan
+from syncplan.planning.plan_flights import FlightRun
 from tests.tools.exact_flights import fly, paper_grid, tracking
 from tests.tools.inner_kernels import called_alone
+from tests.tools.on_paper import plan
 from tests.tools.scenarios import changed
 
 LANES = np.zeros(1, dtype=np.int8)

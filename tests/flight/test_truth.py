@@ -12,10 +12,10 @@ from syncplan.guidance.keyed_noise import Word, key_of, uniform, words_at
 from syncplan.orbits.circles import position
 from syncplan.orbits.sight_lines import crosses_interior
 from syncplan.orbits.sightings import sample_sightings
-from syncplan.planning.planner import plan
 from tests.tools import plain_truth
 from tests.tools.flown_trials import FlownTrials, flown
 from tests.tools.inner_kernels import called_alone
+from tests.tools.on_paper import plan
 from tests.tools.plain_truth import Sighting
 from tests.tools.scenarios import changed
 

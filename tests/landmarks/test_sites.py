@@ -16,19 +16,15 @@ from syncplan.arrays import Array
 from syncplan.cli.plan_tables import show_sites
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.bounds import window_bound
-from syncplan.landmarks.site_choice import (
-    SiteChoice,
-    choose_landmarks,
-    load_candidates,
-    named_candidates,
-)
+from syncplan.landmarks.site_choice import SiteChoice, load_candidates, named_candidates
 from syncplan.landmarks.site_information import candidate_information, evaluate
 from syncplan.landmarks.site_search import relax
 from syncplan.observability.rank import assess_team
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.plans import Plan
 from syncplan.reports.sites_report import sites_document
 from syncplan.scenario.quantities import Point
 from syncplan.scenario.specification import Scenario
+from tests.tools.on_paper import choose_landmarks, plan
 from tests.tools.scenarios import example, small
 
 TEAMS = ("paper-grid-same", "mixed-radii-camera", "five-ring", "triangle-lattice")

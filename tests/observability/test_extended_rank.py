@@ -18,10 +18,11 @@ from syncplan.observability.referred_rows import dense_rows, state_rows
 from syncplan.observability.spectrum import RANK_TOLERANCE
 from syncplan.orbits.error_states import ERROR_STATES
 from syncplan.planning import planner
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.plans import Plan
 from syncplan.reports.plan_report import plan_document
 from syncplan.scenario.specification import Scenario
 from tests.tools.draws import draw_equipped_team
+from tests.tools.on_paper import plan
 from tests.tools.scenarios import changed, circling, findings_of, planned
 
 SIGMAS = {

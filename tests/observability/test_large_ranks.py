@@ -9,8 +9,8 @@ from syncplan.observability.multifrontal import dissected, factored
 from syncplan.observability.rank import assess_team
 from syncplan.observability.spectrum import DENSE_STATES
 from syncplan.orbits.team import Team
-from syncplan.planning.planner import plan
 from tests.searches.large_ranks import EVERY_KIND, assessed_by, differences, draw_large
+from tests.tools.on_paper import plan
 from tests.tools.scenarios import circling, small
 
 UNTIED = 26112896

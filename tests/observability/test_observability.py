@@ -25,9 +25,11 @@ from syncplan.orbits.error_states import layout_of
 from syncplan.orbits.sighting_kinds import of_targets
 from syncplan.orbits.sightings import Loss, remainder_of, single_losses
 from syncplan.orbits.team import Team
-from syncplan.planning.planner import Plan, judge, plan
+from syncplan.planning.planner import judge
+from syncplan.planning.plans import Plan
 from syncplan.reports.plan_report import plan_document
 from tests.tools.draws import draw_equipped_team, draw_team, sightings_of
+from tests.tools.on_paper import plan
 from tests.tools.scenarios import changed, circling, example, planned
 
 RANKS = {

@@ -18,9 +18,9 @@ from syncplan.orbits.contacts import (
 )
 from syncplan.orbits.sightings import sample_sightings
 from syncplan.orbits.team import Team
-from syncplan.planning.planner import plan
 from tests.tools.draws import NOISE
 from tests.tools.obstructed import compare, covered, draw_obstructed
+from tests.tools.on_paper import plan
 from tests.tools.phase_teams import cameras
 from tests.tools.scenarios import example
 

@@ -12,10 +12,10 @@ import pytest
 import shapely
 from playwright.sync_api import Page, expect
 
-from syncplan.planning.planner import plan
 from syncplan.scenario.loading import scenario_from
 from tests.page.gestures import downloaded, handle, opened
 from tests.tools.browsing import Visit, accessibility_faults
+from tests.tools.on_paper import plan
 from tests.tools.scenarios import document
 from tests.tools.serving import ROOT
 

@@ -5,10 +5,10 @@ import re
 import pytest
 from playwright.sync_api import Page, Route, expect
 
-from syncplan.planning.planner import plan
 from syncplan.scenario.loading import load_scenario
 from tests.page.gestures import downloaded, drag, drawn, handle, middle, opened, pull, view
 from tests.tools.browsing import Visit, accessibility_faults
+from tests.tools.on_paper import plan
 from tests.tools.scenarios import BAD_FILES, FILES, circling, document
 
 ALTERNATE = "paper-grid-alternate"

@@ -6,7 +6,7 @@ import numpy as np
 from playwright.sync_api import Page, expect
 
 import syncplan
-from syncplan.planning.planner import Plan
+from syncplan.planning.plans import Plan
 from tests.page.gestures import copied, drawn
 from tests.tools.browsing import Visit, accessibility_faults
 from tests.tools.scenarios import example

@@ -7,10 +7,10 @@ import pytest
 from playwright.sync_api import Page, expect
 
 import syncplan
-from syncplan.planning.planner import plan
 from syncplan.scenario.loading import scenario_from
 from tests.page.gestures import opened, part, stored
 from tests.tools.browsing import Tabs, Visit, accessibility_faults
+from tests.tools.on_paper import plan
 from tests.tools.scenarios import circling, document
 from tests.tools.serving import Server
 

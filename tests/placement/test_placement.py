@@ -11,11 +11,11 @@ import pytest
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.placement.centers import Placement, place
 from syncplan.placement.drawing import MARGIN_SHARE
-from syncplan.planning.planner import plan
 from syncplan.scenario.areas import Area
 from syncplan.scenario.formations import SHAPES
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.specification import Scenario
+from tests.tools.on_paper import plan
 from tests.tools.scenarios import circling, small
 
 Edges = list[tuple[int, int]]

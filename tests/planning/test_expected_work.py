@@ -5,10 +5,10 @@ import pytest
 
 from syncplan.orbits.error_states import ERROR_STATES, layout_of
 from syncplan.planning.expected_work import ExpectedWork, pairs_of, work_of
-from syncplan.planning.planner import plan
 from syncplan.planning.validation import trial_run
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.specification import Scenario
+from tests.tools.on_paper import plan
 from tests.tools.scenarios import EVERYTHING, changed, example, shared_circles, small
 
 NAMES = ("boats", "camera-pair", "five-ring", "four-ground-robots", "mixed-radii-camera", "shelves")

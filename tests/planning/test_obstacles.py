@@ -9,7 +9,8 @@ import pytest
 from syncplan.landmarks.site_information import candidate_information
 from syncplan.orbits.contacts import find_windows
 from syncplan.orbits.sightings import Loss, remainder_of
-from syncplan.planning.planner import Plan, judge
+from syncplan.planning.planner import judge
+from syncplan.planning.plans import Plan
 from tests.tools.phase_teams import meet_when_shifted
 from tests.tools.scenarios import circling, findings_of, planned
 

@@ -13,12 +13,12 @@ import pytest
 import syncplan
 from syncplan.errors import InputError
 from syncplan.planning.plan_files import loaded_from, plan_of
-from syncplan.planning.planner import Plan, plan
-from syncplan.refinement.refiner import refine
+from syncplan.planning.plans import Plan
 from syncplan.reports.plan_report import plan_document
 from syncplan.runtime.files import as_text
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.other_documents import OTHER_DOCUMENTS
+from tests.tools.on_paper import plan, refine
 from tests.tools.scenarios import circling, document, example, small
 
 Tree = dict[str, Any]

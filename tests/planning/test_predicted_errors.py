@@ -10,11 +10,11 @@ from rich.console import Console
 
 from syncplan.cli.plan_tables import further_states_table, merits_line
 from syncplan.planning.plan_files import loaded_from, plan_of
-from syncplan.planning.planner import Plan, plan
-from syncplan.refinement.refiner import refine
+from syncplan.planning.plans import Plan
 from syncplan.reports.plan_report import PlanDocument, plan_document
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.specification import Scenario
+from tests.tools.on_paper import plan, refine
 from tests.tools.scenarios import example, planned, small
 
 ERRORS: dict[str, Any] = {

@@ -4,9 +4,9 @@ import re
 
 import pytest
 
-from syncplan.landmarks.site_choice import choose_landmarks
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.plans import Plan
 from syncplan.planning.validation import validate
+from tests.tools.on_paper import choose_landmarks, plan
 from tests.tools.scenarios import example
 
 LONGEST = 250

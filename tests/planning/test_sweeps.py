@@ -8,7 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 from syncplan.errors import InputError
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.plans import Plan
 from syncplan.planning.variations import connected_range, sweep
 from syncplan.plotting.study_figures import sweep_spec
 from syncplan.reports.validation_report import SweepReport, sweep_document, validation_document
@@ -16,6 +16,7 @@ from syncplan.scenario.dotted_keys import IN_TRUTH, SWEPT_KEYS, SweptOption, num
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.specification import Scenario
 from tests.tools.measurement_graphs import union_over
+from tests.tools.on_paper import plan
 from tests.tools.scenarios import circling, example, small
 
 

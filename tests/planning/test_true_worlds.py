@@ -10,7 +10,7 @@ from syncplan.estimation.considered_errors import expected_errors
 from syncplan.flight.flying import fly
 from syncplan.orbits.team import true_team_of
 from syncplan.planning.plan_files import in_world
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.plans import Plan
 from syncplan.planning.validation import validate
 from syncplan.planning.variations import (
     ALL_SIGMAS,
@@ -23,6 +23,7 @@ from syncplan.planning.variations import (
 from syncplan.plotting.study_figures import stress_spec
 from syncplan.reports.flight_report import flight_document
 from syncplan.reports.validation_report import stress_document, validation_document
+from tests.tools.on_paper import plan
 from tests.tools.scenarios import EVERYTHING, changed, small
 
 SMALL: dict[str, Any] = {

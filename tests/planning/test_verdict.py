@@ -9,8 +9,10 @@ import pytest
 
 from syncplan.orbits.circles import position
 from syncplan.planning.plan_files import loaded_from, stated
-from syncplan.planning.planner import Plan, judge, plan
+from syncplan.planning.planner import judge
+from syncplan.planning.plans import Plan
 from syncplan.planning.verdict_checks import CHECKS
+from tests.tools.on_paper import plan
 from tests.tools.scenarios import example, findings_of, planned
 
 CROSSING = {"centers_m": [[0.0, 0.0], [25.0, 0.0]]}
@@ -34,7 +36,7 @@ def test_a_plan_that_nothing_speaks_against_is_a_go() -> None:
     verdict = plan(example("paper-grid-same")).verdict
     assert verdict.go
     assert {one.code for one in verdict.findings} == {"single-point-of-failure"}
-    assert verdict.headline == "GO"
+    assert verdict.headline == "GO on paper: not flown"
 
 
 def test_findings_come_in_the_order_of_their_checks() -> None:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from syncplan import figures
 from syncplan.errors import InputError
 from syncplan.options import options_of
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.plans import Plan
 from syncplan.planning.validation import validate
 from syncplan.plotting.canvas import fitted
 from syncplan.plotting.contact_figures import MANY_SIGHTINGS, lanes_of, rows_of, within_period
@@ -22,6 +22,7 @@ from syncplan.plotting.links import body_names
 from syncplan.plotting.series_figures import errors_spec
 from syncplan.reports.validation_report import ValidationDocument, validation_document
 from tests.tools.figure_parts import note_of, spec_of
+from tests.tools.on_paper import plan
 from tests.tools.scenarios import example, small
 
 LEAST_LABEL_PX = 11.0

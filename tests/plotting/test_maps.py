@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from syncplan.orbits.circles import Orbits
 from syncplan.planning.plan_files import Loaded, plan_of
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.plans import Plan
 from syncplan.plotting.figure_files import figure_images
 from syncplan.plotting.figure_style import PLAIN, FigureStyle
 from syncplan.plotting.figures import specs_of
@@ -20,6 +20,7 @@ from syncplan.plotting.links import DROPPED, link_ends, standing_of
 from syncplan.plotting.maps import view_of
 from tests.tools.figure_parts import lines_of, note_of, spec_of, trace_of, turns_of
 from tests.tools.image_browser import needs_browser
+from tests.tools.on_paper import plan
 from tests.tools.scenarios import example, small
 
 LINKS = ("link-", "incidental-", "landmark-", "dropped")

@@ -14,7 +14,7 @@ from syncplan.errors import InputError
 from syncplan.orbits.circles import heading, position, unit
 from syncplan.planning.plan_files import Loaded, plan_of
 from syncplan.planning.plan_records import RefinementRecord
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.plans import Plan
 from syncplan.plotting.contact_figures import union_growth, within_period
 from syncplan.plotting.figure_style import DARK, FigureStyle
 from syncplan.plotting.figure_table import FIGURES
@@ -23,6 +23,7 @@ from syncplan.plotting.formation_figures import FRAMES, live, verdict_words
 from syncplan.scenario.objectives import OBJECTIVES, Figures
 from tests.tools.figure_parts import lines_of, note_of, spec_of, trace_of, turns_of
 from tests.tools.measurement_graphs import union_over
+from tests.tools.on_paper import plan
 from tests.tools.scenarios import circling, example, small
 
 KINDS = {"link", "incidental", "landmark"}

@@ -8,12 +8,12 @@ from typing import Any
 import pytest
 
 import syncplan
-from syncplan.planning.planner import plan
 from syncplan.plotting.figure_style import PLAIN
 from syncplan.plotting.formation_figures import formation_spec
 from syncplan.plotting.printed_report import MOST_LISTED, STYLE_DIGEST
 from syncplan.plotting.static_map import map_svg
 from syncplan.reports.plan_report import plan_document
+from tests.tools.on_paper import plan
 from tests.tools.scenarios import circling, example, planned
 
 DAY = date(2026, 5, 1)
@@ -33,7 +33,7 @@ def test_a_report_states_the_plan_s_own_figures() -> None:
     worst = max(value for value in known.predicted_rms_m.vehicles.values() if value is not None)
     for text in (
         f"1 May 2026 · syncplan {syncplan.__version__} · some-plan",
-        f"✓ GO: 6 vehicles know where they are to {worst:.2g} m",
+        f"✓ GO on paper: not flown; 6 vehicles know where they are to {worst:.2g} m",
         *(one.message for one in made.verdict.findings),
         "Rank: 18 of 18, observable, over",
         f"Certificate: holds, {known.observability.certificate.reason}",

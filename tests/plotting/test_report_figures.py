@@ -11,7 +11,6 @@ from syncplan import figures
 from syncplan.errors import InputError
 from syncplan.estimation.trials import series
 from syncplan.planning.loss_study import what_if
-from syncplan.planning.planner import plan
 from syncplan.planning.validation import Validation, validate
 from syncplan.planning.variations import sweep
 from syncplan.plotting.figures import specs_of
@@ -27,6 +26,7 @@ from syncplan.reports.validation_report import (
 )
 from tests.tools.figure_parts import note_of, spec_of, trace_of
 from tests.tools.flown import short_flight
+from tests.tools.on_paper import plan
 from tests.tools.scenarios import example, small
 
 

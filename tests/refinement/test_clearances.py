@@ -15,7 +15,7 @@ from syncplan.orbits.circles import position
 from syncplan.orbits.contacts import landmark_gaps
 from syncplan.planning.judged_team import PlanFinding, landmark_limit
 from syncplan.planning.plan_files import loaded_from, plan_of
-from syncplan.planning.planner import Plan
+from syncplan.planning.plans import Plan
 from syncplan.refinement.constraints import (
     area_clearances,
     kept_landmarks,
@@ -24,9 +24,9 @@ from syncplan.refinement.constraints import (
     sides_of,
 )
 from syncplan.refinement.problem import Freedom, RefineProblem, circles_of
-from syncplan.refinement.refiner import refine
 from syncplan.reports.plan_report import plan_document
 from syncplan.scenario.areas import Area
+from tests.tools.on_paper import refine
 from tests.tools.scenarios import planned
 from tests.tools.smooth_problems import posed, record_of
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from syncplan.arrays import Array
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.plans import Plan
 from syncplan.refinement.ipopt import SolverRun, StagedSolver, Steering
 from syncplan.refinement.measures import Measurement, measure
-from syncplan.refinement.refiner import refine
+from tests.tools.on_paper import plan, refine
 from tests.tools.scenarios import small
 from tests.tools.smooth_problems import record_of
 

@@ -6,12 +6,13 @@ from typing import Any
 
 import pytest
 
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.plans import Plan
 from syncplan.refinement import exact_search
-from syncplan.refinement.refiner import BetterPlan, refine
+from syncplan.refinement.refiner import BetterPlan
 from syncplan.reports.plan_report import plan_document
 from syncplan.runtime.files import as_text
 from syncplan.runtime.task_crew import EarlierSearch
+from tests.tools.on_paper import plan, refine
 from tests.tools.scenarios import small
 
 STARTS = 3

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from syncplan.arrays import Array
-from syncplan.planning.planner import plan
 from syncplan.refinement.measures import Measurement, measure
 from syncplan.refinement.problem import circles_of, orbits_of
-from syncplan.refinement.refiner import refine
 from syncplan.scenario.objectives import OBJECTIVES
+from tests.tools.on_paper import plan, refine
 from tests.tools.scenarios import circling, small
 from tests.tools.smooth_problems import posed, record_of
 

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from syncplan.arrays import Array
-from syncplan.planning.planner import Plan, judge, plan
+from syncplan.planning.planner import judge
+from syncplan.planning.plans import Plan
 from syncplan.refinement.constraints import purpose_served
 from syncplan.refinement.problem import RefineProblem, circles_of
-from syncplan.refinement.refiner import refine
+from tests.tools.on_paper import plan, refine
 from tests.tools.scenarios import circling, small
 from tests.tools.smooth_problems import posed
 

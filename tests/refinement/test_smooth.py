@@ -11,11 +11,12 @@ import pytest
 from syncplan.arrays import Array
 from syncplan.orbits.circles import relative_motion
 from syncplan.orbits.contacts import least_distances
-from syncplan.planning.planner import judge, plan
+from syncplan.planning.planner import judge
 from syncplan.refinement.constraints import separations
 from syncplan.refinement.nlp import nlp_of
 from syncplan.refinement.problem import RefineProblem, circles_of, orbits_of
 from syncplan.scenario.objectives import OBJECTIVES
+from tests.tools.on_paper import plan
 from tests.tools.scenarios import circling, example, planned, small
 from tests.tools.smooth_problems import (
     MIXED,

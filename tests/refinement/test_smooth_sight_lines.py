@@ -8,12 +8,12 @@ import pytest
 import shapely
 
 from syncplan.arrays import Array
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.plans import Plan
 from syncplan.refinement.ipopt import StagedSolver
 from syncplan.refinement.measures import measure
 from syncplan.refinement.problem import circles_of, orbits_of
-from syncplan.refinement.refiner import refine
 from syncplan.refinement.smooth_sightings import ConvexPiece, convex_pieces, sight_gap
+from tests.tools.on_paper import plan, refine
 from tests.tools.phase_teams import meet_when_shifted
 from tests.tools.scenarios import small
 from tests.tools.smooth_problems import posed

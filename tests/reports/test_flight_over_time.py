@@ -5,13 +5,14 @@ import json
 import numpy as np
 import pytest
 
-from syncplan.flight.flying import conclude_flight, flight_run, fly_part
+from syncplan.flight.flying import flight_run
 from syncplan.guidance.flight_records import RecordedSteps
-from syncplan.planning.planner import plan
+from syncplan.planning.plan_flights import conclude_flight, fly_part
 from syncplan.reports.flight_report import FlightDocument, flight_document
 from syncplan.reports.flight_series import FlightOverTime
 from syncplan.reports.plan_report import plan_document
 from tests.tools.flown import LOST_AT, short_flight
+from tests.tools.on_paper import plan
 from tests.tools.scenarios import example
 
 

@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from syncplan.flight.flying import Flight, fly
-from syncplan.planning.planner import plan
+from syncplan.flight.flying import fly
+from syncplan.planning.plan_flights import Flight
 from syncplan.reports.flight_report import FlightDocument, flight_document
+from tests.tools.on_paper import plan
 from tests.tools.scenarios import small
 
 BRIEF: dict[str, Any] = {"trials": 2, "duration": 12.0, "threads": 1}

@@ -10,7 +10,7 @@ import pandas
 import pytest
 
 import syncplan
-from syncplan.planning.planner import Plan
+from syncplan.planning.plans import Plan
 from syncplan.reports.plan_report import plan_document
 from syncplan.reports.presentations import MOST_ROWS, PRESENTATIONS
 from syncplan.results import Result
@@ -74,7 +74,7 @@ def test_a_notebook_shows_the_rows_of_the_frame(results: dict[str, Any]) -> None
         rows, frame = _cells(one._repr_html_()), one.to_dataframe()
         assert rows[0] == list(frame.columns)
         assert len(rows) == 1 + len(frame)
-    assert "<p>GO</p>" in results["plan"]._repr_html_()
+    assert "<p>GO, flown 31 times</p>" in results["plan"]._repr_html_()
 
 
 def test_names_are_escaped_and_long_tables_end_with_a_count() -> None:

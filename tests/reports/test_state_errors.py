@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from syncplan.planning.planner import plan
 from syncplan.planning.validation import Validation, validate
 from syncplan.reports.run_figures import interval_words
 from syncplan.reports.validation_report import ValidationDocument, validation_document
+from tests.tools.on_paper import plan
 from tests.tools.scenarios import small
 
 KEYS: dict[str, Any] = {

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from syncplan.orbits.team import sensors_of, team_of
-from syncplan.planning.planner import plan
 from syncplan.scenario.dotted_keys import numeric_keys, with_number
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.truths import changed_keys, with_truth
+from tests.tools.on_paper import plan
 from tests.tools.scenarios import document, planned, small
 
 POLYGON = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]

@@ -20,7 +20,7 @@ __all__ = ["SEARCHES", "Search", "most_of", "outside", "search_of"]
 
 SEARCHES = (
     *("survival", "upgrade", "contract", "designs", "equipment", "refinements", "clearances"),
-    *("flights", "holds", "windy", "robust", "lost", "thrown", "start_up", "predictions"),
+    *("flights", "holds", "windy", "robust", "lost", "thrown", "predictions"),
     *("neglect", "truth", "consistency", "batch", "recording", "tuning", "losses"),
     *("large_ranks", "counterexamples", "phases", "sight_lines"),
 )

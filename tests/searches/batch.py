@@ -19,7 +19,7 @@ from syncplan.estimation.batch_problem import Prior
 from syncplan.estimation.batch_solution import BatchSolution, solve
 from syncplan.estimation.filter_setup import start_of
 from syncplan.orbits.circles import wrap
-from syncplan.planning.planner import Plan
+from syncplan.planning.plans import Plan
 from tests.searches import Search
 from tests.tools.filter_scenes import Scene, scene_of
 from tests.tools.scenario_draws import certified_plans, draw_document, with_world

@@ -14,8 +14,7 @@ import numpy as np
 import shapely
 
 from syncplan.arrays import Array
-from syncplan.planning.planner import Plan, plan
-from syncplan.refinement.refiner import refine
+from syncplan.planning.plans import Plan
 from syncplan.scenario.loading import scenario_from
 from tests.searches import Search
 from tests.searches.refinements import (
@@ -26,6 +25,7 @@ from tests.searches.refinements import (
     faults_of,
     landmark_passes,
 )
+from tests.tools.on_paper import plan, refine
 
 __all__ = ["SEARCH", "Passes", "draw_near_plan"]
 

@@ -18,9 +18,10 @@ import numpy as np
 from syncplan.estimation.consistency import Consistency, chi_square_band
 from syncplan.estimation.montecarlo import run_trials
 from syncplan.orbits.team import Team
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.plans import Plan
 from syncplan.planning.validation import conclude, trial_run
 from tests.searches import Search, most_of
+from tests.tools.on_paper import plan
 from tests.tools.scenarios import example
 
 TOO_SMALL = 0.8

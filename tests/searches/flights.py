@@ -27,13 +27,14 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.estimation.trials import MonteCarloResult
-from syncplan.flight.flying import Flight, fly
+from syncplan.flight.flying import fly
 from syncplan.planning.loss_study import what_if
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.plan_flights import Flight
+from syncplan.planning.plans import Plan
 from syncplan.planning.validation import validate
-from syncplan.refinement.refiner import refine
 from syncplan.scenario.loading import scenario_from
 from tests.searches import Search, most_of, outside
+from tests.tools.on_paper import plan, refine
 from tests.tools.scenario_draws import certified_plans, draw_document
 from tests.tools.scenarios import changed
 

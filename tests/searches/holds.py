@@ -15,17 +15,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from syncplan.arrays import Array, Flags
-from syncplan.flight.flying import FlightRun, flight_run, fly
+from syncplan.flight.flying import flight_run, fly
 from syncplan.guidance.predictive_guidance import (
     STEP_ANGLE,
     Decision,
     PredictiveGuidance,
     PredictiveOptions,
 )
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.plan_flights import FlightRun
+from syncplan.planning.plans import Plan
 from syncplan.scenario.loading import scenario_from
 from tests.searches import Search
 from tests.tools.flown_trials import lanes_begun
+from tests.tools.on_paper import plan
 from tests.tools.predictive_check import DecisionCheck, check_decision
 from tests.tools.scenarios import changed
 

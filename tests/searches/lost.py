@@ -25,7 +25,7 @@ from syncplan.estimation.montecarlo import run_trials
 from syncplan.estimation.trial_readings import possible_sightings
 from syncplan.orbits.sightings import steps_within
 from syncplan.orbits.team import Team
-from syncplan.planning.planner import Plan
+from syncplan.planning.plans import Plan
 from syncplan.scenario.filters import FILTERS
 from tests.searches import Search, most_of, outside
 from tests.tools.scenario_draws import certified_plans, draw_document

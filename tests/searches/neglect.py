@@ -1,6 +1,6 @@
 """Search for errors that are not estimated and cost more, or less, than the plan expects.
 
-Certified teams are drawn as in `start_up`, with initial sigmas of up to 2 m, and with some of the
+Certified teams of 2 to 8 vehicles are drawn, with initial sigmas of up to 2 m, and with some of the
 errors that last, further kinds of sighting and misses. The filter estimates some of these errors or
 none. Each is planned and validated; the RMS position error of the second half, over all vehicles,
 is compared with the one expected. Fails where more than a tenth of the cases are off by over 30 %,
@@ -16,11 +16,12 @@ from typing import Any
 import numpy as np
 
 from syncplan.errors import NoSolutionError
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.plans import Plan
 from syncplan.planning.validation import validate
 from syncplan.scenario.loading import scenario_from
 from tests.searches import Search, most_of
-from tests.searches.start_up import draw_plan
+from tests.tools.on_paper import plan
+from tests.tools.scenario_draws import certified_plans, draw_document
 
 OFF, MOST_OFF = 0.3, 0.1
 COSTLY = 1.5
@@ -67,6 +68,18 @@ class Cost:
     def said(self) -> bool:
         """Whether the validation says that the filter is too sure."""
         return self.verdict in ("optimistic", "diverged")
+
+
+SIGMAS_M = (0.5, 2.0, 5.0, 15.0, 30.0)
+"""Initial sigmas of certified teams."""
+
+
+def draw_plan(number: int) -> Plan:
+    """Return the plan of a certified scenario whose errors are predicted."""
+    generator = np.random.default_rng([0, number, 60413])
+    sigma = SIGMAS_M[number % len(SIGMAS_M)]
+    plans = certified_plans(lambda: draw_document(generator, sigma))
+    return next(planned for planned in plans if planned.start_up is not None)
 
 
 def draw_neglect(number: int) -> Plan:

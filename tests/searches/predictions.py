@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from syncplan.planning.planner import Plan
+from syncplan.planning.plans import Plan
 from syncplan.planning.validation import validate
 from tests.searches import Search, most_of
 from tests.tools.scenario_draws import certified_plans, draw_document, with_strays, with_world

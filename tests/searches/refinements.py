@@ -18,11 +18,11 @@ import shapely
 
 from syncplan.arrays import Array
 from syncplan.orbits.error_states import layout_of
-from syncplan.planning.planner import Plan, plan
-from syncplan.refinement.refiner import refine
+from syncplan.planning.plans import Plan
 from syncplan.scenario.loading import scenario_from
 from tests.searches import Search
 from tests.tools.dense_models import dense_covariances
+from tests.tools.on_paper import plan, refine
 from tests.tools.sampled_rows import (
     paths_of,
     rank_of,

@@ -22,7 +22,7 @@ from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.montecarlo import run_trials
 from syncplan.estimation.trial_readings import possible_sightings
 from syncplan.orbits.sightings import steps_within
-from syncplan.planning.planner import Plan
+from syncplan.planning.plans import Plan
 from tests.searches import Search, outside
 from tests.tools.scenario_draws import HEADING_RAD_A_METRE, certified_plans, draw_document
 

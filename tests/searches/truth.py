@@ -1,6 +1,6 @@
 """Search for worlds that cost a filter more, or less, than is expected of it in them.
 
-Certified teams are drawn as in `start_up`, with small initial sigmas and small errors of every
+Certified teams are drawn as in `neglect`, with small initial sigmas and small errors of every
 kind, all of them states of the filter, so that linear algebra holds: clocks are off by no more than
 0.01 s, as noise in the rows of larger offsets counts as knowledge of them
 (docs/what-is-modelled.md). Each is validated in worlds with each stated sigma at twice the
@@ -16,12 +16,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from syncplan.estimation.considered_errors import expected_errors
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.plans import Plan
 from syncplan.planning.validation import validate
 from syncplan.planning.variations import doubled_sigmas
 from syncplan.scenario.loading import scenario_from
 from tests.searches import Search, outside
-from tests.searches.start_up import draw_plan
+from tests.searches.neglect import draw_plan
+from tests.tools.on_paper import plan
 
 OFF = 0.1
 TRIALS = 60

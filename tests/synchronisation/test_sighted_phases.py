@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from syncplan.orbits.contacts import closest_approach, find_windows
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.plans import Plan
 from syncplan.reports.plan_report import PlanDocument, plan_document
 from syncplan.synchronisation.contact_tables import contact_of_pairs, tabulated_contact
 from syncplan.synchronisation.difference_tables import most_served
@@ -15,6 +15,7 @@ from syncplan.synchronisation.phase_rules import residuals, rules_of
 from syncplan.synchronisation.phases import synchronise
 from tests.searches.phases import graph_share, margin_shortfall, tree_share
 from tests.tools.obstructed import covered
+from tests.tools.on_paper import plan
 from tests.tools.phase_teams import cameras, contact_curves, draw_seeing, team_of
 from tests.tools.scenarios import example, planned
 

@@ -17,11 +17,12 @@ from syncplan.orbits.contacts import (
     least_distances,
     pairs_nearer_than,
 )
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.plans import Plan
 from syncplan.scenario.formations import SHAPES
 from syncplan.synchronisation.contact_tables import separation_tolerances
 from syncplan.synchronisation.phase_rules import closest_distance, residuals, rules_of
 from syncplan.synchronisation.phases import Synchronisation, alternating_senses, synchronise
+from tests.tools.on_paper import plan
 from tests.tools.phase_teams import cameras, largest_margin_apart, meet_when_shifted, team_of
 from tests.tools.scenarios import changed, circling, example, planned
 

@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 
 from syncplan.arrays import Array, Flags
-from syncplan.planning.planner import Plan
+from syncplan.planning.plans import Plan
 from syncplan.scenario.brief import Brief, brief_of
 
 FIELD: dict[str, Any] = {

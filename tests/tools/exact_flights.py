@@ -10,7 +10,7 @@ from syncplan.guidance.flight_setup import FlightLimits
 from syncplan.guidance.predictive_guidance import Decision, PredictiveGuidance
 from syncplan.guidance.reference_tracking import tracking_commands, tracking_gains
 from syncplan.orbits.circles import Orbits, perpendicular, phase, position, unit, wrap
-from syncplan.planning.planner import plan
+from tests.tools.on_paper import plan
 from tests.tools.plain_truth import after_arcs
 from tests.tools.scenarios import example
 

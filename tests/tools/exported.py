@@ -8,7 +8,8 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.exporting.formats import Export, ExportOptions
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.plans import Plan
+from tests.tools.on_paper import plan
 from tests.tools.scenarios import small
 
 __all__ = ["FORCED", "ORIGIN", "contents", "mixed_team", "sidecar_of", "team", "to_plane"]

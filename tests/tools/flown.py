@@ -2,9 +2,10 @@
 
 from functools import cache
 
-from syncplan.flight.flying import Flight, conclude_flight, flight_run, fly_part
+from syncplan.flight.flying import flight_run
+from syncplan.planning.plan_flights import Flight, conclude_flight, fly_part
 from syncplan.planning.plan_records import FlownPlan, MeetingsFlown, PhasesFlown
-from syncplan.planning.planner import plan
+from tests.tools.on_paper import plan
 from tests.tools.scenarios import changed
 
 LOST_AT = 30.0

@@ -8,11 +8,12 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.estimation.filter_setup import empty_statistics
-from syncplan.flight.flying import FlightRun, flight_run
+from syncplan.flight.flying import flight_run
 from syncplan.guidance.flight_results import FlightFigures
 from syncplan.guidance.flown_figures import figures_of
 from syncplan.guidance.flown_lanes import FlownLanes
 from syncplan.guidance.flown_team import FlownTeam
+from syncplan.planning.plan_flights import FlightRun
 from tests.tools.plain_truth import Sighting
 
 

@@ -9,7 +9,7 @@ from syncplan.arrays import Array, Flags, Index, as_pairs
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import circle_gaps, find_windows
 from syncplan.orbits.team import Sensors, Team
-from syncplan.planning.planner import Plan
+from syncplan.planning.plans import Plan
 from syncplan.synchronisation.contact_tables import contact_of_pairs, seeing_team
 from syncplan.synchronisation.phase_rules import closest_distance, rules_of
 from syncplan.synchronisation.phases import Synchronisation, synchronise

@@ -22,12 +22,12 @@ from syncplan.estimation.reference_filter import (
     sighted,
     update_state,
 )
-from syncplan.flight.flying import FlightRun
 from syncplan.guidance.anchors import Anchors, anchors_of
 from syncplan.guidance.flight_setup import FlightLimits
 from syncplan.guidance.reference_tracking import tracking_commands, tracking_gains
 from syncplan.orbits.circles import wrap
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
+from syncplan.planning.plan_flights import FlightRun
 from tests.tools.plain_filters import beyond_tangent
 from tests.tools.plain_truth import PlainTruth, Sighting, planned, steps_until
 

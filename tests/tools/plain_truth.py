@@ -12,10 +12,10 @@ import shapely
 from numpy.typing import NDArray
 
 from syncplan.arrays import Array, Flags
-from syncplan.flight.flying import FlightRun
 from syncplan.guidance.flight_events import TimedLoss
 from syncplan.orbits.circles import heading, position, unit
 from syncplan.orbits.team import Team
+from syncplan.planning.plan_flights import FlightRun
 
 BEARING, DISTANCE, COMPASS = range(3)
 

@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 
 from syncplan.arrays import Array
-from syncplan.planning.planner import Plan
+from syncplan.planning.plans import Plan
 
 RANK_TOLERANCE = 1e-8
 NEAREST = 1e-3

@@ -7,9 +7,10 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.errors import InputError, NoSolutionError
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.plans import Plan
 from syncplan.scenario.loading import scenario_from
 from tests.tools.draws import draw_tree
+from tests.tools.on_paper import plan
 
 __all__ = [
     "certified_plans",

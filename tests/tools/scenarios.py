@@ -4,9 +4,10 @@ from pathlib import Path
 from typing import Any
 
 from syncplan.planning.judged_team import PlanFinding
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.plans import Plan
 from syncplan.scenario.loading import load_scenario, scenario_from
 from syncplan.scenario.specification import Scenario
+from tests.tools.on_paper import plan
 
 FILES = Path(__file__).parents[2] / "examples" / "scenarios"
 BAD_FILES = FILES / "bad"

@@ -14,7 +14,7 @@ from syncplan.orbits.error_states import layout_of
 from syncplan.orbits.sightings import sightings_over
 from syncplan.orbits.team import Team
 from syncplan.planning.plan_records import RefinementRecord
-from syncplan.planning.planner import Plan
+from syncplan.planning.plans import Plan
 from syncplan.refinement.nlp import StageNlp
 from syncplan.refinement.problem import RefineProblem, Stage, circles_of, samples_of
 from syncplan.refinement.problem_setup import problem_of

@@ -23,10 +23,9 @@ from api.settings import load_settings
 from syncplan import __version__
 from syncplan.designs.designer import design
 from syncplan.flight.flying import fly
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.plans import Plan
 from syncplan.planning.validation import validate
 from syncplan.planning.variations import sweep
-from syncplan.refinement.refiner import refine
 from syncplan.reports.design_report import design_document
 from syncplan.reports.flight_report import flight_document
 from syncplan.reports.job_contract import JobKindName
@@ -35,6 +34,7 @@ from syncplan.reports.validation_report import sweep_document, validation_docume
 from syncplan.runtime.files import as_text
 from tests.tools.briefs import FIELD
 from tests.tools.kept_values import once_a_run
+from tests.tools.on_paper import plan, refine
 from tests.tools.processes import PATIENCE_S, wait_until
 from tests.tools.scenarios import FILES, document, example, small
 from tests.tools.serving import NO_CERTIFICATES, QUICK, ROOT, Process, Server, settings_of
