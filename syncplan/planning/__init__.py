@@ -4,6 +4,7 @@ share_test          sequential test of the share of flights that fail
 plan_records        records of a plan's refinement and flights
 judged_team         a team with the results of its judgement; findings and the verdict
 filter_choice       the filter to run: asked for, flown, or by the start-up index
+scenario_checks     findings on values that the scenario states
 observability_checks  findings on rank, certificate, links, single points of failure
 path_checks         findings on distances, areas and speeds
 flight_checks       findings on flights

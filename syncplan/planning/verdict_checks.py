@@ -2,7 +2,13 @@
 
 from collections.abc import Callable, Iterable, Iterator
 
-from syncplan.planning import filter_checks, flight_checks, observability_checks, path_checks
+from syncplan.planning import (
+    filter_checks,
+    flight_checks,
+    observability_checks,
+    path_checks,
+    scenario_checks,
+)
 from syncplan.planning.judged_team import JudgedTeam, PlanFinding, PlanVerdict, Remark
 
 # --- how the plan was found -----------------------------------------------------------------------
@@ -64,6 +70,7 @@ def bound_estimated(judged: JudgedTeam) -> Iterator[Remark]:
 
 
 CHECKS: dict[str, Callable[[JudgedTeam], Iterable[Remark]]] = {
+    "angle-sigma-large": scenario_checks.angle_sigmas_large,
     "unobservable": observability_checks.unobservable,
     "near-degenerate": observability_checks.near_degenerate,
     "needs-prior": observability_checks.needs_prior,

@@ -10,6 +10,7 @@ filters              the table of filters to choose from
 disturbances         disturbances of vehicles and readings, errors that the filter estimates
 truths               keys of the simulated world that replace the scenario's own
 purposes             what circles are flown for, and how far they serve it
+angle_sigmas         standard deviations of angles that a scenario states
 specification        the scenario as a whole
 dotted_keys          every key that holds a number, and those that a sweep may vary
 other_documents      documents that are neither scenarios nor plans

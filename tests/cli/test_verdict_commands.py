@@ -10,7 +10,8 @@ import pytest
 
 from tests.tools.scenarios import FILES
 
-GRAZING = Path(__file__).parents[1] / "data" / "hard" / "grazing-landmark.json"
+HARD = Path(__file__).parents[1] / "data" / "hard"
+GRAZING = HARD / "grazing-landmark.json"
 
 GRID = str(FILES / "paper-grid-same.yaml")
 ALTERNATE = str(FILES / "paper-grid-alternate.yaml")
@@ -111,3 +112,10 @@ def test_a_meeting_that_nobody_needs_warns_with_its_cost(printed: Any) -> None:
         r"v2-L2 keeps [45]\d(\.\d)? %; without v2-L2 the team is observable still, predicted RMS 1"
     )
     assert re.search(words, finding["message"])
+
+
+def test_a_bearing_sigma_in_degrees_is_no_go(run: Any) -> None:
+    status, out, err = run("plan", str(HARD / "degrees.yaml"), "--bound", "never", "--require-go")
+    assert status == 3
+    assert "NO-GO: 1 reason: angle-sigma-large (--require-go)" in err
+    assert "sensor.bearing_sigma_rad is 2 in radians; were degrees meant?" in " ".join(out.split())
