@@ -63,7 +63,7 @@ def check_at_most(key: str, value: float, limit: float, unit: str = "") -> None:
 def check_size(scenario: Scenario, limits: RequestLimits) -> None:
     """Raise InputError if a scenario is too large to be planned in one request."""
     check_at_most("formation", scenario.size, limits.vehicles, " vehicles")
-    for key, length in (("duration_s", scenario.duration_s), ("window_s", scenario.window)):
+    for key, length in (("duration_s", scenario.duration_s), ("window_s", scenario.stated_window)):
         check_at_most(key, length / scenario.sample_time, limits.samples, " samples")
     # a narrow view is sampled for each pair: they are counted before
     pairs = pairs_of(scenario)

@@ -219,7 +219,9 @@ function worst(vehicles) {
 }
 
 function connectivity(plan) {
-  return plan.connectivity_period_s === null ? "never connected" : shown(plan.connectivity_period_s, "s");
+  if (plan.connectivity_period_s !== null) return shown(plan.connectivity_period_s, "s");
+  // windows of up to two periods are searched, and none longer than the run
+  return plan.scenario.duration_s < 2 * plan.period_s ? "none within the run" : "never connected";
 }
 
 function separation({ separation: least }) {

@@ -15,7 +15,6 @@ from syncplan.observability.rank import Assessment, LinkInformation, counts
 from syncplan.observability.unobservable_modes import lost_bearings
 from syncplan.orbits.circles import relative_motion, wrap
 from syncplan.orbits.contacts import least_distances, merge_windows
-from syncplan.orbits.team import Team
 from syncplan.synchronisation.contact_tables import contact_tolerances, rule_residuals
 
 _TOO_WEAK = "of full rank by itself, but too weak beside the team's other sightings"
@@ -94,9 +93,7 @@ def vehicle_verdicts(assessed: Assessment, pairs: Index) -> list[LinkVerdict]:
                 backward=backward,
                 rank=min(link.rank, 3) if link else 0,
                 certified=link is not None and counts(link, 3, largest),
-                reason=_why_short_of_three(
-                    team, (a, b), link, len(met), largest, (a, b) in stretched
-                ),
+                reason=_why_short_of_three(assessed, (a, b), link, met, (a, b) in stretched),
                 residual=float(residual[k]),
                 tolerance=float(tolerance[k]),
             )
@@ -126,7 +123,7 @@ def landmark_verdicts(assessed: Assessment) -> list[LinkVerdict]:
                 backward=np.zeros((0, 2)),
                 rank=min(link.rank, 2) if link else 0,
                 certified=link is not None and counts(link, 2, largest),
-                reason=_why_short_of_two(team, int(a[row]), link, largest),
+                reason=_why_short_of_two(assessed, int(a[row]), link, met),
                 residual=0.0,
                 tolerance=np.pi,
             )
@@ -134,24 +131,27 @@ def landmark_verdicts(assessed: Assessment) -> list[LinkVerdict]:
     return sorted(found, key=lambda verdict: (verdict.a, verdict.b))
 
 
-def _why_unsighted(team: Team, observers: list[int]) -> str:
-    """Reason why a pair in contact is never sighted."""
-    rare = np.any(team.sensors.every[observers] > 1)
+def _why_unsighted(assessed: Assessment, observers: list[int], contact: Array) -> str:
+    """Reason why a pair in contact is never sighted in the window, by its `contact` (w, 2) s."""
+    window, period = assessed.window, assessed.team.orbits.period
+    if not np.any((contact[:, 0] < window) | (contact[:, 1] - period > 0.0)):
+        return f"no contact within the window of {window:.4g} s"
+    rare = np.any(assessed.team.sensors.every[observers] > 1)
     return f"in contact only between {'sightings (interval_s)' if rare else 'samples'}"
 
 
 def _why_short_of_three(
-    team: Team,
+    assessed: Assessment,
     pair: tuple[int, int],
     link: LinkInformation | None,
-    windows: int,
-    largest: float,
+    contact: Array,
     stretched: bool,
 ) -> str:
+    team = assessed.team
     if link is None:
-        return _why_unsighted(team, list(pair)) if windows else "never in contact"
+        return _why_unsighted(assessed, list(pair), contact) if len(contact) else "never in contact"
     if link.rank >= 3:
-        return "" if counts(link, 3, largest) else _TOO_WEAK
+        return "" if counts(link, 3, assessed.largest) else _TOO_WEAK
     if link.sightings < 3:
         return f"fewer than three sightings ({link.sightings})"
     if link.singular_values[0] == 0.0:
@@ -178,12 +178,12 @@ def _why_short_of_three(
 
 
 def _why_short_of_two(
-    team: Team, vehicle: int, link: LinkInformation | None, largest: float
+    assessed: Assessment, vehicle: int, link: LinkInformation | None, contact: Array
 ) -> str:
     if link is None:
-        return _why_unsighted(team, [vehicle])
+        return _why_unsighted(assessed, [vehicle], contact)
     if link.rank >= 2:
-        return "" if counts(link, 2, largest) else _TOO_WEAK
+        return "" if counts(link, 2, assessed.largest) else _TOO_WEAK
     if link.sightings < 2:
         return "fewer than two sightings (1)"
     return "the bearing never changes: only one direction is held"

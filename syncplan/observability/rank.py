@@ -351,6 +351,7 @@ class Assessment:
 
     Attributes
     ----------
+    window : s, its length
     windows : contact windows over one period
     sightings : those at the samples k Ts in the window, k >= 0
     information : information of each pair's sightings, ordered by (a, b)
@@ -358,6 +359,7 @@ class Assessment:
     """
 
     team: Team
+    window: float
     windows: Windows
     sightings: Sightings
     information: list[LinkInformation]
@@ -380,16 +382,17 @@ class Assessment:
 def assess_team(team: Team, window: float) -> Assessment:
     """Return the observability of a team over `window` s."""
     windows = find_windows(team)
-    return _assessed(team, windows, sightings_over(team, windows, window))
+    return _assessed(team, window, windows, sightings_over(team, windows, window))
 
 
 def assess_remainder(before: Assessment, left: Remainder) -> Assessment:
     """Return the observability after a loss, over the same window."""
-    return _assessed(left.team, left.windows(before.windows), left.sightings(before.sightings)[0])
+    windows, sightings = left.windows(before.windows), left.sightings(before.sightings)[0]
+    return _assessed(left.team, before.window, windows, sightings)
 
 
-def _assessed(team: Team, windows: Windows, sightings: Sightings) -> Assessment:
+def _assessed(team: Team, window: float, windows: Windows, sightings: Sightings) -> Assessment:
     information = link_information(team, sightings)
     verdict = assess(team, information, lone_rows(team, sightings))
     certificate = certify(team, verdict, information)
-    return Assessment(team, windows, sightings, information, verdict, certificate)
+    return Assessment(team, window, windows, sightings, information, verdict, certificate)

@@ -25,17 +25,21 @@ SEARCHED_PERIODS = 2
 CLEARLY = 30.0
 """Factor above the tolerance of a link's rank beyond which rounding cannot matter."""
 
+_ROUNDING = 1e-9
+"""Share of a run by which a window may be longer and still fit."""
+
 _BATCH = 20_000
 _BEYOND = np.iinfo(np.int64).max // 2
 _PART = 200_000
 """Sightings that are sorted, or whose rows are computed, at once."""
 
 
-def connectivity_period(assessed: rank.Assessment) -> float | None:
+def connectivity_period(assessed: rank.Assessment, run: float = np.inf) -> float | None:
     """Return the connectivity period in s, or None if no window of two periods certifies.
 
-    Links are measured against the largest singular value of the team's matrix over the window
-    assessed.
+    It is None, too, if it is longer than the `run` in s, of which no window is then sure to
+    certify. Links are measured against the largest singular value of the team's matrix over the
+    window assessed.
 
     For a start just after a sample, the window ends where each of some pairs has sightings of the
     rank that the certificate requires, and these pairs tie every component to two distinct
@@ -54,7 +58,8 @@ def connectivity_period(assessed: rank.Assessment) -> float | None:
         seen = _PairSightings.of(assessed, (1 + periods) * samples)
         longest = seen.longest_window(samples)
         if longest is not None and longest <= SEARCHED_PERIODS * samples:
-            return round(longest * sample_time, 9)
+            certified = round(longest * sample_time, 9)
+            return certified if certified <= run * (1.0 + _ROUNDING) else None
     return None
 
 

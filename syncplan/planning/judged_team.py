@@ -338,7 +338,10 @@ class JudgedTeam(WithTeam):
     links, incidental_links, landmark_links : verdicts on the listed links that meet, on other
         pairs that meet, and on vehicles with the landmarks they see
     dropped_links : listed links that never meet
-    connectivity_period : s, None if no window of two periods certifies the team, or if left out
+    connectivity_period : s, None if no window of two periods and of the run certifies the team, or
+        if left out
+    sufficient_run : s, length of a run that makes the team observable where this one is shorter
+        than the stated window; None if it is not, if none was found or the search was left out
     approach : closest approach of two vehicles; None for one vehicle
     too_close : pairs of vehicles that come nearer than allowed, nearest first
     observability, certificate : over the scenario's window
@@ -366,6 +369,7 @@ class JudgedTeam(WithTeam):
     landmark_links: tuple[LinkVerdict, ...]
     dropped_links: tuple[UnmetLink, ...]
     connectivity_period: float | None
+    sufficient_run: float | None
     approach: Approach | None
     too_close: tuple[Approach, ...]
     observability: Observability

@@ -10,7 +10,7 @@ from syncplan.orbits.sight_lines import hidden_landmarks, hidden_paths
 from syncplan.orbits.sightings import Loss
 from syncplan.phrases import listed
 from syncplan.planning.judged_team import MOST_NAMED, FindingCure, JudgedTeam, Level, Remark
-from syncplan.scenario.specification import per_vehicle
+from syncplan.scenario.specification import Scenario, per_vehicle
 
 # --- rank and certificate -------------------------------------------------------------------------
 
@@ -26,13 +26,13 @@ _ERRORS_ALONE: tuple[Level, str] = ("note", "the filter rests")
 def unobservable(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield a finding for each motion of the team that no sighting can detect."""
     names, rank = judged.scenario.vehicle_names, judged.observability
-    window = f"rank {rank.rank} of {rank.state_dim} over {judged.scenario.window:.4g} s"
+    window = f"rank {rank.rank} of {rank.state_dim} over {_window(judged.scenario)}"
     for mode in judged.unobservable:
         yield Remark(
             "stop",
             f"no sighting can detect a {mode.description}; {window}",
             tuple(names[k] for k in mode.vehicles),
-            cure=FindingCure(text=mode.cure, change=_desynchronised(judged, mode)),
+            cure=_cure_of(judged, mode),
         )
 
 
@@ -44,7 +44,8 @@ def near_degenerate(judged: JudgedTeam) -> Iterator[Remark]:
             "warning",
             f"observable, but barely: the condition number of one window is {condition:.3g}, above "
             f"{LARGEST_CONDITION_NUMBER:g}",
-            cure="a small desynchronisation, unequal radii, a longer window, or refinement",
+            cure="a small desynchronisation, unequal radii, a longer "
+            f"{'run' if judged.scenario.run_cuts_window else 'window'}, or refinement",
         )
 
 
@@ -79,7 +80,7 @@ def _resting_on_priors(judged: JudgedTeam, *, poses: bool) -> Iterator[Remark]:
             yield Remark(
                 level,
                 f"{rests} on what is known of errors beforehand: no sighting can detect "
-                f"{mode.description}; {rank}, over {judged.scenario.window:.4g} s",
+                f"{mode.description}; {rank}, over {_window(judged.scenario)}",
                 tuple(judged.scenario.vehicle_names[k] for k in mode.vehicles),
                 cure=mode.cure,
             )
@@ -94,6 +95,28 @@ def not_certified(judged: JudgedTeam) -> Iterator[Remark]:
             "observable by rank, though the certificate (sufficient, not necessary) does not hold",
             tuple(names[k] for k in judged.certificate.lacking),
         )
+
+
+def _window(scenario: Scenario) -> str:
+    """Window of the judge in words, with the reason where the run cuts it."""
+    if not scenario.run_cuts_window:
+        return f"{scenario.window:.4g} s"
+    return (
+        f"the run of {scenario.window:.4g} s, shorter than the window of "
+        f"{scenario.stated_window:.4g} s"
+    )
+
+
+def _cure_of(judged: JudgedTeam, mode: UnobservableMode) -> FindingCure:
+    """Cure of a mode: a longer run, if that is known to do, or else the mode's own."""
+    run = judged.sufficient_run
+    if run is not None:
+        text = f"a longer run: {run:.4g} s (duration_s) would do"
+        return FindingCure(text=text, change={"duration_s": run})
+    if judged.scenario.run_cuts_window:
+        whole = f"a run of the whole window, {judged.scenario.stated_window:.4g} s (duration_s)"
+        return FindingCure(text=f"{whole}; where that is not enough, {mode.cure}", change={})
+    return FindingCure(text=mode.cure, change=_desynchronised(judged, mode))
 
 
 def _desynchronised(judged: JudgedTeam, mode: UnobservableMode) -> dict[str, float]:

@@ -120,7 +120,7 @@ def judged(
 
     `remainder`, for a team after a loss, leaves out further losses. Without `single_points`, losses
     that end observability are not searched for, as in teams that are too large; without
-    `connectivity`, the connectivity period is left out.
+    `connectivity`, the connectivity period is left out, and with it the search for a longer run.
     """
     team, orbits = assessed.team, assessed.team.orbits
     names = scenario.vehicle_names
@@ -138,7 +138,10 @@ def judged(
         incidental_links=tuple(vehicle_verdicts(assessed, as_pairs(unlisted))),
         landmark_links=tuple(landmark_verdicts(assessed)),
         dropped_links=tuple(_unmet(team, listed, met, found)),
-        connectivity_period=connectivity_period(assessed) if connectivity else None,
+        connectivity_period=connectivity_period(assessed, scenario.duration_s)
+        if connectivity
+        else None,
+        sufficient_run=_sufficient_run(assessed, scenario) if connectivity else None,
         approach=contacts.closest_approach(orbits),
         too_close=_too_close(orbits, judged_team.separation_limit(scenario)),
         observability=assessed.observability,
@@ -208,6 +211,24 @@ def _single_points(assessed: Assessment, *, sought: bool) -> tuple[Loss, ...] | 
     if not sought or assessed.team.count > LARGEST_SEARCHED:
         return None
     return tuple(decisive_losses(assessed, single_losses(assessed.team)))
+
+
+def _sufficient_run(assessed: Assessment, scenario: Scenario) -> float | None:
+    """Length in s of a run that makes the team observable, where this one is too short for it.
+
+    None where it does not cut the window, or the whole window is not enough either. The length
+    is the connectivity period or, without one, the window; the rank confirms it.
+    """
+    if assessed.observability.observable or not scenario.run_cuts_window:
+        return None
+    team, window = assessed.team, scenario.stated_window
+    whole = assess_team(team, window)
+    if not whole.observability.observable:
+        return None
+    period = connectivity_period(whole, window)
+    if period is not None and assess_team(team, period).observability.observable:
+        return period
+    return window
 
 
 def _too_close(orbits: Orbits, limit: judged_team.DistanceLimit) -> tuple[contacts.Approach, ...]:

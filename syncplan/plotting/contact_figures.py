@@ -15,6 +15,7 @@ import numpy as np
 from syncplan.arrays import Array, Index
 from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.observability.rank import DISTINCT_LANDMARKS
+from syncplan.observability.sliding_windows import SEARCHED_PERIODS
 from syncplan.observability.spectrum import RANK_TOLERANCE
 from syncplan.orbits.graphs import DisjointSets
 from syncplan.planning.plans import Plan
@@ -228,7 +229,12 @@ def _note(plan: Plan, rows: list[str]) -> str:
     seeing = len(np.unique(windows.observers[np.diff(windows.first) > 0]))
     note = f"period {plan.orbits.period:.4g} s; "
     if length is None:
-        note += "no window of two periods certifies the team"
+        short = plan.scenario.duration_s < SEARCHED_PERIODS * plan.orbits.period
+        note += (
+            "windows within the run do not all certify the team"
+            if short
+            else "no window of two periods certifies the team"
+        )
     else:
         note += f"any {length:.4g} s of sightings certify the team (connectivity period)"
     if len(rows) == MOST_ROWS and seeing > MOST_ROWS:

@@ -16,6 +16,7 @@ from importlib.resources import files
 from typing import Any, get_args
 
 from syncplan import __version__
+from syncplan.observability.sliding_windows import SEARCHED_PERIODS
 from syncplan.phrases import in_words, listed
 from syncplan.planning.judged_team import Level
 from syncplan.planning.plans import Plan
@@ -169,6 +170,12 @@ def _pairs(facts: Iterable[tuple[str, str, str]]) -> str:
     )
 
 
+def _not_connected(document: PlanDocument) -> str:
+    """Reason in words why there is no connectivity period."""
+    short = document.scenario.duration_s < SEARCHED_PERIODS * document.period_s
+    return "none within the run" if short else "never connected"
+
+
 def _facts(document: PlanDocument) -> Iterator[tuple[str, str, str]]:
     """Yield each fact: its name, its value and a remark."""
     seen, nearest, predicted = (
@@ -187,7 +194,7 @@ def _facts(document: PlanDocument) -> Iterator[tuple[str, str, str]]:
     connected = document.connectivity_period_s
     yield (
         "Connectivity period",
-        "never connected" if connected is None else f"{connected:.4g} s",
+        _not_connected(document) if connected is None else f"{connected:.4g} s",
         "sightings of so long certify the team" if connected is not None else "",
     )
     yield "Predicted RMS error, all vehicles", _metres(predicted.overall, 3), predicted.note

@@ -78,7 +78,8 @@ class Scenario(Result, Section):
     )
     window_s: Duration | None = Field(
         default=None,
-        description="Time over which observability is judged; one period if not given",
+        description="Time over which observability is judged, but no more than the run; one "
+        "period if not given",
         examples=[60.0],
     )
     min_separation_m: Annotated[float, Field(ge=0, le=1e7)] | None = Field(
@@ -147,7 +148,7 @@ class Scenario(Result, Section):
         rules.check_names(self.vehicle_names, self.landmark_names)
         rules.check_samples(
             (sensor.sample_time_s for sensor in self.sensors),
-            {"duration_s": self.duration_s, "window_s": self.window},
+            {"duration_s": self.duration_s, "window_s": self.stated_window},
             self.period,
             self.size,
         )
@@ -237,9 +238,19 @@ class Scenario(Result, Section):
         return 2.0 * math.pi / self.orbit.rate
 
     @property
-    def window(self) -> float:
-        """Window over which observability is judged, in s."""
+    def stated_window(self) -> float:
+        """Window in s as stated; one period if not given."""
         return self.window_s if self.window_s is not None else self.period
+
+    @property
+    def window(self) -> float:
+        """Window over which observability is judged, in s: as stated, but no more than the run."""
+        return min(self.stated_window, self.duration_s)
+
+    @property
+    def run_cuts_window(self) -> bool:
+        """Whether the run is shorter than the stated window."""
+        return self.duration_s < self.stated_window
 
     def samples_in(self, interval: float | None) -> int:
         """Return the number of samples in an interval in s; 1 if not given."""
@@ -300,7 +311,7 @@ class Scenario(Result, Section):
             keys = {"centers_m": self.centers, "names": formation.names, "links": formation.links}
             # loading the scenario has accepted any team beyond the usual limit
             formation = models.Formation.model_validate(keys, context={"max_vehicles": self.size})
-        return self.following(formation=formation, window_s=self.window)
+        return self.following(formation=formation, window_s=self.stated_window)
 
 
 def per_vehicle(value: T | list[T], count: int) -> list[T]:

@@ -117,7 +117,7 @@ def test_meetings_beyond_the_limit_are_counted_with_those_of_landmarks(
         formation={"shape": "line", "count": 100, "spacing_m": 70},
         orbit={"radius_m": 20.0, "angular_rate_rad_s": 0.2, "direction": "alternate"},
         landmarks_m=[[-30.0, 0.5 * k] for k in range(45)],
-        duration_s=10,
+        duration_s=40,
     )
     out = run("plan", scenario, "--bound", "never", "--format", "table")[1]
     assert "... and 60 more rows (see the JSON)" in out

@@ -119,3 +119,11 @@ def test_a_bearing_sigma_in_degrees_is_no_go(run: Any) -> None:
     assert status == 3
     assert "NO-GO: 1 reason: angle-sigma-large (--require-go)" in err
     assert "sensor.bearing_sigma_rad is 2 in radians; were degrees meant?" in " ".join(out.split())
+
+
+def test_a_run_that_is_too_short_is_no_go_and_states_the_run_needed(run: Any) -> None:
+    status, out, err = run("plan", str(HARD / "short-run.yaml"), "--bound", "never", "--require-go")
+    assert status == 3
+    assert re.search(r"NO-GO: \d+ reasons: unobservable \(--require-go\)", err)
+    assert "over the run of 10 s, shorter than the window of 31.42 s" in out
+    assert "a longer run: 17.9 s (duration_s) would do" in out
