@@ -9,7 +9,7 @@ import pytest
 import syncplan
 from syncplan.observability.rank import assess_team
 from syncplan.planning.loss_study import what_if
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.plans import Plan, plan
 from syncplan.refinement.problem_setup import problem_of
 from syncplan.reports.plan_report import plan_document
 from syncplan.scenario.dotted_keys import with_number
