@@ -154,7 +154,7 @@ def results_in(path: Path) -> dict[int, Judged]:
     if not path.exists():
         return {}
     rows = [json.loads(line) for line in path.read_text().splitlines()]
-    return {row.pop("number"): Judged(**row) for row in rows}
+    return {row.pop("number"): Judged(**{**row, "codes": tuple(row["codes"])}) for row in rows}
 
 
 def main() -> None:
