@@ -21,7 +21,7 @@ from syncplan.estimation.filter_options import steps_in_run
 from syncplan.estimation.filter_setup import judged_from
 from syncplan.estimation.trials import Accuracy, accuracy, check_whole
 from syncplan.guidance.flight_events import FlightEvents, events_of
-from syncplan.guidance.flight_options import FlightOptions
+from syncplan.guidance.flight_options import DEFAULT_GATE, FlightOptions
 from syncplan.guidance.flight_results import FlightResult, joined_flights
 from syncplan.guidance.flight_setup import FlightLimits, FlownWorld
 from syncplan.guidance.flights import fly_trials
@@ -295,6 +295,8 @@ def set_up_flight(plan: Plan, options: FlightOptions, choice: FilterChoice) -> F
     duration = scenario.duration_s if options.duration is None else options.duration
     steps = steps_in_run(duration, plan.sensors.sample_time, plan.orbits.period, plan.team.count)
     chosen = replace(options, filter=choice.name)
+    if chosen.gate_probability is None and plan.true_team.sensors.false_bearings.any():
+        chosen = replace(chosen, gate_probability=DEFAULT_GATE)
     limits = FlightLimits.of(scenario, plan.orbits)
     world = FlownWorld(
         plan.true_team,

@@ -9,13 +9,14 @@ import pytest
 import syncplan
 from syncplan.observability.rank import assess_team
 from syncplan.planning.loss_study import what_if
-from syncplan.planning.plans import Plan, plan
+from syncplan.planning.plans import Plan
 from syncplan.refinement.problem_setup import problem_of
 from syncplan.reports.plan_report import plan_document
 from syncplan.scenario.dotted_keys import with_number
 from syncplan.scenario.loading import load_scenario, scenario_from
 from syncplan.scenario.models import RefineOptions
 from syncplan.scenario.specification import Scenario
+from tests.tools.on_paper import plan
 from tests.tools.scenarios import changed, example, findings_of
 
 SHORT = Path(__file__).parents[1] / "data" / "hard" / "short-run.yaml"

@@ -27,7 +27,8 @@ import numpy as np
 
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.flight.flying import fly
-from syncplan.planning.planner import Plan, plan
+from syncplan.planning.planner import plan
+from syncplan.planning.plans import Plan
 from tests.searches import Search, most_of
 from tests.searches.key_draws import draw_scenario
 
