@@ -159,7 +159,7 @@ function factsOf(store, quick) {
   const { plan, given, lost } = store;
   return [
     table(plan, quick, phases(plan, given, lost)),
-    element("p", { class: "hint" }, quick ? "Quick preview while you edit: predicted errors, the check of the start, the connectivity period and single points of failure follow." : ""),
+    element("p", { class: "hint" }, quick ? "Quick preview while you edit: flights, predicted errors, the connectivity period and single points of failure follow." : ""),
   ];
 }
 
@@ -176,6 +176,7 @@ function table(plan, quick, [origin, how]) {
     ["Phases", origin, how],
     ["Predicted RMS error", shown(predicted.overall, "m"), predicted.note],
     ["Worst vehicle", worst(predicted.vehicles), ""],
+    ...flown(plan),
     ...expected(plan),
     ...determined(plan.observability.states ?? []),
     ...errorsOf(plan.predicted_errors ?? []),
@@ -187,6 +188,14 @@ function table(plan, quick, [origin, how]) {
   const row = (/** @type {any[]} */ [name, value, remark]) =>
     element("tr", {}, element("th", { scope: "row" }, explained(name)), element("td", {}, value, remark && element("span", { class: "hint block" }, remark)));
   return element("table", { class: "facts" }, element("tbody", {}, rows.map(row)));
+}
+
+/** The error of the estimates in the flights that the verdict rests on. */
+function flown({ flight }) {
+  if (!flight || flight.rms_m === undefined) return [];
+  const [low, high] = flight.rms_interval_m ?? [];
+  const interval = low === undefined ? "" : ` (${shown(low)} to ${shown(high, "m")}, 95 %)`;
+  return [["Flown RMS error", `${shown(flight.rms_m, "m")}${interval}`, `${flight.trials} flights, filter ${flight.filter}`]];
 }
 
 /** Errors that the filter does not estimate make it worse than its own prediction. */

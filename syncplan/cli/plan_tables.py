@@ -58,7 +58,9 @@ def flown_line(flight: FlownPlan) -> str:
         found.append(f"each pair keeps at least {share} of its meetings ({pair})")
     if flight.least_separation_m is not None:
         found.append(f"closest two vehicles {flight.least_separation_m[1]:.3g} m")
-    found.append(f"filter lost in {percent(flight.filter_lost_share)}")
+    if flight.error:
+        found.append(f"error {flight.error} m (RMS, 95 % interval)")
+    found.append(f"filter {flight.filter} lost in {percent(flight.filter_lost_share)}")
     return f"flown, {flights} of {flight.duration_s:g} s: {', '.join(found)}"
 
 
@@ -233,11 +235,14 @@ def _synchronisation(document: PlanDocument) -> str:
 
 
 def _vehicle_table(document: PlanDocument) -> FittedTable:
+    flight = document.flight
+    flown = () if flight is None else ("flown m",)
     table = FittedTable(
-        "vehicles at time 0, with the predicted RMS error",
+        "vehicles at time 0, with the predicted RMS error"
+        + (" and the flown one (95 % interval)" if flown else ""),
         (
             *("vehicle", "centre m", "R m", "sense", "phase", "speed m/s"),
-            *("position m", "heading", "error m"),
+            *("position m", "heading", "error m", *flown),
         ),
         goes=("heading", "position m", "sense", "R m", "speed m/s", "phase", "centre m"),
     )
@@ -253,6 +258,7 @@ def _vehicle_table(document: PlanDocument) -> FittedTable:
             _point(vehicle.position_m),
             f"{vehicle.heading_rad:.4f}",
             cell(errors[vehicle.name]),
+            *(() if flight is None else (flight.error_of(vehicle.name),)),
         )
     table.count_hidden(len(document.vehicles) - MOST_ROWS)
     return table

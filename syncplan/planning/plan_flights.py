@@ -145,6 +145,7 @@ class Flight(Result):
         known = bool(np.isfinite(apart).all())
         lost, away = _share(self.filter_lost), _share(self.out_of_contact)
         close = _share(self.too_close) if known and self.run.limits.separation > 0.0 else None
+        rms, interval = _rms(self._late_squares[:, self.there].mean(axis=1))
         record = FlownPlan(
             trials=self.result.trials,
             seed=self.result.estimates.seed,
@@ -163,6 +164,8 @@ class Flight(Result):
             vehicles=[self._flown(k) for k in np.flatnonzero(self.there) if self._whole.any()],
             meetings_kept=self._pairs,
             saturated_share=float(figures.saturated.mean()),
+            rms_m=rms,
+            rms_interval_m=interval,
             anees=finite_or_none(self.anees.value),
             anees_interval=None if np.isnan(self.anees.band[0]) else self.anees.band,
         )
@@ -188,9 +191,8 @@ class Flight(Result):
 
     def _flown(self, k: np.integer[Any]) -> PhasesFlown:
         """Figures of a vehicle over the flights whose filters did not break down."""
-        figures, late, whole = self.result.figures, self._late_squares[:, k], self._whole
-        enough = whole.all() and len(late) >= FEWEST_TRIALS
-        interval = interval_of_mean(late) if enough else None
+        figures, whole = self.result.figures, self._whole
+        rms, interval = _rms(self._late_squares[:, k])
         return PhasesFlown(
             name=self.run.plan.scenario.vehicle_names[k],
             phase_rms_s=_root_mean(figures.phase_squares[whole, k]),
@@ -200,10 +202,8 @@ class Flight(Result):
                 float(figures.slowest[whole, k].min()),
                 float(figures.fastest[whole, k].max()),
             ),
-            rms_m=_root_mean(late) if whole.all() else None,
-            rms_interval_m=None
-            if interval is None
-            else (math.sqrt(interval[0]), math.sqrt(interval[1])),
+            rms_m=rms,
+            rms_interval_m=interval,
             bound_rms_m=_root_mean(figures.bound_squares[whole, k]),
         )
 
@@ -283,6 +283,16 @@ class Flight(Result):
 def _share(failed: Flags) -> tuple[float, Interval]:
     """Share of flights that failed, and its interval."""
     return float(failed.mean()), share_interval(int(failed.sum()), len(failed))
+
+
+def _rms(squares: Array) -> tuple[float | None, Interval | None]:
+    """RMS over flights and its interval, from mean squares; None where a filter broke down."""
+    if not np.isfinite(squares).all():
+        return None, None
+    if len(squares) < FEWEST_TRIALS:
+        return _root_mean(squares), None
+    low, high = interval_of_mean(squares)
+    return _root_mean(squares), (math.sqrt(low), math.sqrt(high))
 
 
 def _root_mean(squares: Array) -> float:

@@ -134,6 +134,12 @@ class FlownPlan(Document):
         default=None,
         description="Share of samples with a command at a limit; missing in older files",
     )
+    rms_m: OrAbsent[float] = Field(
+        default=None,
+        description="RMS position error of all vehicles' estimates, second half; missing where a "
+        "filter broke down, and in older files",
+    )
+    rms_interval_m: OrAbsent[Interval] = Field(default=None, description="95 % interval of rms_m")
     filter_lost_interval: OrAbsent[Interval] = Field(
         default=None,
         description="95 % interval of the share (Clopper and Pearson); missing in older files",
@@ -148,6 +154,25 @@ class FlownPlan(Document):
         "filter broke down, and in older files",
     )
     anees_interval: OrAbsent[Interval] = Field(default=None, description="95 % interval of anees")
+
+    def error_of(self, name: str) -> str:
+        """Return a vehicle's RMS error in m with its 95 % interval; empty if it is not known."""
+        for vehicle in self.vehicles:
+            if vehicle.name == name and vehicle.rms_m is not None:
+                return _with_interval(vehicle.rms_m, vehicle.rms_interval_m)
+        return ""
+
+    @property
+    def error(self) -> str:
+        """RMS error of all vehicles in m with its 95 % interval; empty if it is not known."""
+        return "" if self.rms_m is None else _with_interval(self.rms_m, self.rms_interval_m)
+
+
+def _with_interval(value: float, interval: Interval | None) -> str:
+    if interval is None:
+        return f"{value:.3g}"
+    low, high = interval
+    return f"{value:.3g} ({low:.3g} to {high:.3g})"
 
 
 def flight_digest(scenario: Scenario, orbits: Orbits, record: FlownPlan) -> str:

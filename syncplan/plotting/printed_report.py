@@ -202,6 +202,10 @@ def _facts(document: PlanDocument) -> Iterator[tuple[str, str, str]]:
     if known:
         worst = max(known, key=lambda name: known[name])
         yield "Worst vehicle", f"{_metres(known[worst], 3)}, {worst}", ""
+    flight = document.flight
+    if flight is not None and flight.error:
+        flown = f"95 % interval, {flight.trials} flights, filter {flight.filter}"
+        yield "Flown RMS error, all vehicles", f"{flight.error} m", flown
     if document.expected_rms_m is not None:
         yield (
             "Expected RMS error",

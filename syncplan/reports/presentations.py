@@ -129,11 +129,14 @@ def _scenario_rows(scenario: Scenario) -> list[Row]:
 
 def _plan_rows(document: PlanDocument) -> list[Row]:
     predicted, window = document.predicted_rms_m.vehicles, document.window_bound_m.vehicles
+    flight = document.flight
+    flown = {} if flight is None else {vehicle.name: vehicle.rms_m for vehicle in flight.vehicles}
     return [
         {
             **_flat(one.model_dump()),
             "predicted_rms_m": predicted.get(one.name),
             "window_bound_m": window.get(one.name),
+            **({"flown_rms_m": flown.get(one.name)} if flown else {}),
         }
         for one in document.vehicles
     ]
