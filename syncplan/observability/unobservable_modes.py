@@ -32,15 +32,20 @@ class UnobservableMode:
     vehicles : indices of the vehicles that move
     motion : (n, 3) m, m, rad of each vehicle's (x, y, heading) at time 0, the largest
         displacement being 1 m (or the largest turn 1 rad where none is displaced)
-    cure : remedy that would make it observable
+    remedy : what would make it observable
     desync : rad, orbit.desync_rad that cures it; 0 if that is no cure
     """
 
     description: str
     vehicles: tuple[int, ...]
     motion: Array
-    cure: str
+    remedy: str
     desync: float = 0.0
+
+    @property
+    def cure(self) -> str:
+        """The remedy, with the keys that bring it about."""
+        return f"{self.remedy}: {turning_cure(self.desync)}" if self.desync else self.remedy
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +121,11 @@ def name_modes(
         for vector in _left_over(null_space, basis)[:most]:
             chosen.append(_joint_mode(naming, vector))
     return [_mode(naming, candidate) for candidate in chosen]
+
+
+def turning_cure(desync: float) -> str:
+    """Return the cures of a line of sight that never turns; offsets of `desync` rad turn it."""
+    return f"a small desynchronisation by orbit.desync_rad {desync:g}, unequal radii, or refinement"
 
 
 def lost_bearings(orbits: Orbits, links: Sequence[LinkInformation]) -> list[float | None]:
@@ -232,10 +242,7 @@ def _stretch(
         f"stretch of {pairs or 'links'} along {degrees:.1f} deg: "
         f"{_who(naming, part)} shift{'s' if len(part) == 1 else ''}",
         _shift(naming, part, bearing),
-        lambda: (
-            f"let the line of sight of {pairs or 'these links'} turn: a small desynchronisation "
-            "by orbit.desync_rad, unequal radii, or refinement"
-        ),
+        lambda: f"let the line of sight of {pairs or 'these links'} turn",
         desync=DESYNC_RAD,
     )
 

@@ -22,8 +22,9 @@ from syncplan.orbits.lost_parts import (
 from syncplan.orbits.sightings import Loss, Remainder, remainder_of
 from syncplan.planning.judged_team import JudgedTeam, PlanVerdict, Prediction
 from syncplan.planning.plan_files import PlanSubject, planned
-from syncplan.planning.planner import BoundChoice, judged, listed_pairs, why_no_bound
+from syncplan.planning.planner import BoundChoice, judged, why_no_bound
 from syncplan.planning.plans import Plan
+from syncplan.planning.rule_orbits import listed_pairs
 from syncplan.planning.verdict_checks import verdict_of
 from syncplan.results import Result
 from syncplan.runtime.machine import single_threaded_blas, threads_for

@@ -1,22 +1,27 @@
 """Findings on observability: rank, certificate, links, single points of failure."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from syncplan.observability.unobservable_modes import UnobservableMode
+from syncplan.observability.unobservable_modes import UnobservableMode, turning_cure
 from syncplan.orbits.lost_parts import names_of, phrase_of
 from syncplan.orbits.sight_lines import hidden_landmarks, hidden_paths
 from syncplan.orbits.sightings import Loss
 from syncplan.phrases import listed
 from syncplan.planning.judged_team import MOST_NAMED, FindingCure, JudgedTeam, Level, Remark
+from syncplan.planning.weakness import (
+    LARGEST_CONDITION_NUMBER,
+    WEAK_INDEX,
+    least_desync,
+    weakness,
+    windows_of,
+)
 from syncplan.scenario.specification import Scenario, per_vehicle
 
 # --- rank and certificate -------------------------------------------------------------------------
 
-
-LARGEST_CONDITION_NUMBER = 1e6
-"""Condition number of the windowed matrix above which full rank rests on noise-free geometry."""
 
 _WITH_POSES: tuple[Level, str] = ("warning", "positions and headings rest")
 _ERRORS_ALONE: tuple[Level, str] = ("note", "the filter rests")
@@ -27,26 +32,51 @@ def unobservable(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield a finding for each motion of the team that no sighting can detect."""
     names, rank = judged.scenario.vehicle_names, judged.observability
     window = f"rank {rank.rank} of {rank.state_dim} over {_window(judged.scenario)}"
+    curable = any(mode.desync for mode in judged.unobservable)
+    size = least_desync(judged.scenario) if curable else None
     for mode in judged.unobservable:
+        sized = replace(mode, desync=size) if mode.desync and size else mode
         yield Remark(
             "stop",
             f"no sighting can detect a {mode.description}; {window}",
             tuple(names[k] for k in mode.vehicles),
-            cure=_cure_of(judged, mode),
+            cure=_cure_of(judged, sized),
         )
 
 
-def near_degenerate(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield the finding that full rank is nearly degenerate."""
-    condition = judged.observability.condition_number
-    if judged.observability.observable and condition > LARGEST_CONDITION_NUMBER:
-        yield Remark(
-            "warning",
-            f"observable, but barely: the condition number of one window is {condition:.3g}, above "
-            f"{LARGEST_CONDITION_NUMBER:g}",
-            cure="a small desynchronisation, unequal radii, a longer "
-            f"{'run' if judged.scenario.run_cuts_window else 'window'}, or refinement",
-        )
+def weakly_observable(judged: JudgedTeam) -> Iterator[Remark]:
+    """Yield the finding that full rank determines some position too little for a filter."""
+    verdict, predicted = judged.observability, judged.prediction.rms
+    if not verdict.observable:
+        return
+    degenerate = verdict.condition_number > LARGEST_CONDITION_NUMBER
+    window = judged.prediction.window
+    index = np.zeros(judged.team.count)
+    if predicted is not None:
+        index = weakness(verdict, predicted, windows_of(judged.scenario))
+    weak = np.flatnonzero(index > WEAK_INDEX)
+    if not len(weak) and not degenerate:
+        return
+    names = judged.scenario.vehicle_names
+    worst = int(np.argmax(index if len(weak) else window))
+    message = f"one window determines {names[worst]} to {window[worst]:.4g} m at best"
+    if predicted is not None:
+        message += f", where {predicted[worst]:.3g} m are predicted"
+    if len(weak):
+        message += "; on exact circles, a filter that linearises at its estimates may miss that"
+    if degenerate:
+        message += f"; the condition number is {verdict.condition_number:.3g}"
+    size, flown = least_desync(judged.scenario), judged.flight is not None
+    cure = "unequal radii, or refinement" if size is None else turning_cure(size)
+    yield Remark(
+        "note" if flown else "warning",
+        f"observable, but weakly: {message}",
+        tuple(names[k] for k in (weak if len(weak) else [worst])),
+        cure=FindingCure(
+            text=cure if flown else f"{cure}; flights show whether it matters",
+            change=_desynchronised(judged, size),
+        ),
+    )
 
 
 def needs_prior(judged: JudgedTeam) -> Iterator[Remark]:
@@ -116,15 +146,15 @@ def _cure_of(judged: JudgedTeam, mode: UnobservableMode) -> FindingCure:
     if judged.scenario.run_cuts_window:
         whole = f"a run of the whole window, {judged.scenario.stated_window:.4g} s (duration_s)"
         return FindingCure(text=f"{whole}; where that is not enough, {mode.cure}", change={})
-    return FindingCure(text=mode.cure, change=_desynchronised(judged, mode))
+    return FindingCure(text=mode.cure, change=_desynchronised(judged, mode.desync))
 
 
-def _desynchronised(judged: JudgedTeam, mode: UnobservableMode) -> dict[str, float]:
-    """Change that cures a mode; none for a team of one sense, which one offset turns as a whole."""
+def _desynchronised(judged: JudgedTeam, size: float | None) -> dict[str, float]:
+    """Change to a larger desynchronisation; none for one sense, which it turns as a whole."""
     now = per_vehicle(judged.scenario.orbit.desync_rad, judged.scenario.size)
-    if np.ptp(judged.orbits.senses) == 0.0 or max(map(abs, now)) >= mode.desync:
+    if not size or np.ptp(judged.orbits.senses) == 0.0 or max(map(abs, now)) >= size:
         return {}
-    return {"orbit.desync_rad": mode.desync}
+    return {"orbit.desync_rad": size}
 
 
 # --- links ----------------------------------------------------------------------------------------

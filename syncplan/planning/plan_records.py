@@ -69,7 +69,7 @@ Interval = tuple[float, float]
 """Ends of a 95 % interval."""
 
 
-class PhasesFlown(DocumentPart):
+class PhasesFlown(Document):
     """Flight of one vehicle over the second half of all trials."""
 
     name: str
@@ -80,15 +80,15 @@ class PhasesFlown(DocumentPart):
         description="Least and largest airspeed that was commanded, once a steady state is "
         "reached, holds apart: what it needs in the wind"
     )
-    rms_m: float | None = Field(
+    rms_m: OrAbsent[float] = Field(
         default=None,
-        description="RMS position error of the estimates; null where a filter broke down, and in "
-        "older files, as the next two",
+        description="RMS position error of the estimates; missing where a filter broke down, and "
+        "in older files, as the next two",
     )
-    rms_interval_m: Interval | None = Field(
+    rms_interval_m: OrAbsent[Interval] = Field(
         default=None, description="95 % interval of rms_m, from the spread over flights"
     )
-    bound_rms_m: float | None = Field(
+    bound_rms_m: OrAbsent[float] = Field(
         default=None, description="Of the bound along the paths truly flown"
     )
 

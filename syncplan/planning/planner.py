@@ -11,7 +11,7 @@ from typing import Any, Literal, TypedDict
 
 import numpy as np
 
-from syncplan.arrays import Array, Index, as_pairs
+from syncplan.arrays import Index, as_pairs
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.bounds import (
     posterior_bound,
@@ -29,16 +29,16 @@ from syncplan.observability.unobservable_modes import name_modes
 from syncplan.orbits import contacts
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.sightings import Loss, single_losses
-from syncplan.orbits.team import Team, radii_of, team_of
+from syncplan.orbits.team import Team, team_of
 from syncplan.planning import judged_team
 from syncplan.planning.pilot_options import PilotOptions
 from syncplan.planning.plans import Plan
+from syncplan.planning.rule_orbits import listed_pairs, rule_orbits
 from syncplan.runtime.machine import single_threaded_blas
 from syncplan.scenario.loading import scenario_of
-from syncplan.scenario.rules import SAME_PLACE_M
 from syncplan.scenario.specification import Scenario, per_vehicle
 from syncplan.synchronisation.contact_tables import contact_of_pairs
-from syncplan.synchronisation.phases import Synchronisation, alternating_senses, synchronise
+from syncplan.synchronisation.phases import Synchronisation
 
 # --- the judge ------------------------------------------------------------------------------------
 
@@ -155,17 +155,6 @@ def judged(
 
 
 # --- links --------------------------------------------------------------------------------------
-
-
-def listed_pairs(scenario: Scenario, team: Team) -> Index:
-    """Return the (e, 2) links to synchronise, a < b: as listed, or all that can come within range.
-
-    Only the circles of the team's orbits matter.
-    """
-    if scenario.formation.links is not None:
-        return as_pairs(scenario.linked)
-    a, b = contacts.reachable_pairs(team.orbits, team.sensors.ranges)
-    return np.unique(np.column_stack([np.minimum(a, b), np.maximum(a, b)]), axis=0)
 
 
 def met_pairs(team: Team, windows: contacts.Windows) -> set[tuple[int, int]]:
@@ -336,25 +325,9 @@ def plan(
 
         placed = place(scenario)
     resolved = (scenario if placed is None else placed.scenario).resolved()
-    circles = _circles(resolved)
-    team = team_of(resolved, circles)
-    pairs = listed_pairs(resolved, team)
-    senses, proven = _senses(resolved, team, pairs)
-    found = synchronise(
-        circles.centers,
-        circles.radii,
-        senses,
-        team.sensors.ranges,
-        pairs,
-        resolved.orbit.first_phase_rad,
-        resolved.separation,
-        margin_bound=margin_bound,
-        sensors=team.sensors,
-        obstacles=team.obstacles,
-    )
-    off = np.array(per_vehicle(resolved.orbit.desync_rad, resolved.size), dtype=float)
-    phases = (found.phases + off) % (2.0 * np.pi) if off.any() else found.phases
-    orbits = replace(circles, senses=senses, phases=phases)
+    exact = rule_orbits(resolved, margin_bound=margin_bound)
+    offsets = per_vehicle(resolved.orbit.desync_rad, resolved.size)
+    orbits = exact.desynchronised(np.array(offsets, dtype=float))
     judged = judge(
         resolved,
         orbits,
@@ -362,10 +335,15 @@ def plan(
         steady=steady,
         single_points=single_points,
         connectivity=connectivity,
-        given=pairs,
-        found=found,
+        given=exact.pairs,
+        found=exact.synchronisation,
     )
-    on_paper = replace(judged, synchronisation=found, alternating_proven=proven, placement=placed)
+    on_paper = replace(
+        judged,
+        synchronisation=exact.synchronisation,
+        alternating_proven=exact.alternating_proven,
+        placement=placed,
+    )
     return with_flights(on_paper, pilot)
 
 
@@ -377,35 +355,3 @@ def with_flights(judged: Plan, pilot: Pilot) -> Plan:
     from syncplan.planning.pilot_flight import piloted
 
     return piloted(judged, pilot if isinstance(pilot, PilotOptions) else PilotOptions())
-
-
-def _circles(scenario: Scenario) -> Orbits:
-    """Centres, radii and rate of a scenario; senses and phases are placeholders."""
-    zeros = np.zeros(scenario.size)
-    centers = np.array(scenario.centers, dtype=float)
-    return Orbits(centers, radii_of(scenario), zeros + 1.0, zeros, scenario.orbit.rate)
-
-
-def _senses(scenario: Scenario, team: Team, pairs: Index) -> tuple[Array, bool | None]:
-    """Senses (n,), and whether the number of alternating links is proven largest; None if given.
-
-    Links that obstacles hide whatever the phases do not count.
-    """
-    direction = scenario.orbit.direction
-    if direction == "alternate":
-        from syncplan.synchronisation.sighted_phases import hidden_at_all_phases
-
-        edges = [(int(a), int(b)) for a, b in pairs[~hidden_at_all_phases(team, pairs)]]
-        return alternating_senses(scenario.size, edges, _sharing_a_circle(team.orbits))
-    turn = {"ccw": 1.0, "cw": -1.0}
-    listed = direction if isinstance(direction, list) else [direction] * scenario.size
-    return np.array([turn[one] for one in listed]), None
-
-
-def _sharing_a_circle(circles: Orbits) -> list[tuple[int, int]]:
-    """Pairs of vehicles whose circles agree to SAME_PLACE_M in centre and radius."""
-    centers, radii = circles.centers, circles.radii
-    a, b = contacts.reachable_pairs(circles, np.full(circles.count, SAME_PLACE_M))
-    apart = np.hypot(*(centers[a] - centers[b]).T)
-    same = (apart <= SAME_PLACE_M) & (np.abs(radii[a] - radii[b]) <= SAME_PLACE_M) & (a < b)
-    return list(zip(a[same].tolist(), b[same].tolist(), strict=True))

@@ -72,7 +72,7 @@ def bound_estimated(judged: JudgedTeam) -> Iterator[Remark]:
 CHECKS: dict[str, Callable[[JudgedTeam], Iterable[Remark]]] = {
     "angle-sigma-large": scenario_checks.angle_sigmas_large,
     "unobservable": observability_checks.unobservable,
-    "near-degenerate": observability_checks.near_degenerate,
+    "weakly-observable": observability_checks.weakly_observable,
     "needs-prior": observability_checks.needs_prior,
     "vehicles-too-close": path_checks.vehicles_too_close,
     "landmark-too-close": path_checks.landmarks_too_close,

@@ -30,9 +30,9 @@ def test_a_lost_motion_is_drawn_and_its_cure_is_a_button(visit: Visit, page: Pag
     page.get_by_role("button", name="Undo").click()
     visit.verdict("Not observable: rank 16 of 18")
     expect(page.get_by_label("Centre east")).to_have_value("70")
-    motion.get_by_role("button", name="Desynchronise by 0.2").press("Enter")
+    motion.get_by_role("button", name="Desynchronise by 0.12").press("Enter")
     visit.verdict("Observable: rank 18 of 18")
-    expect(page.get_by_label("Desynchronise by (rad)")).to_have_value("0.2")
+    expect(page.get_by_label("Desynchronise by (rad)")).to_have_value("0.12")
     expect(page.locator("#badge")).to_be_focused()
     expect(page.locator(".finding.stop")).to_have_count(0)
     # one that is larger, as of vehicles that are off the rule by half a turn, is not written over
@@ -40,7 +40,7 @@ def test_a_lost_motion_is_drawn_and_its_cure_is_a_button(visit: Visit, page: Pag
     visit.verdict("Not observable: rank 16 of 18")
     visit.settle()
     expect(motion).to_contain_text("desync_rad")
-    expect(page.get_by_role("button", name="Desynchronise by 0.2")).to_have_count(0)
+    expect(page.get_by_role("button", name="Desynchronise by")).to_have_count(0)
 
 
 def test_a_quick_plan_says_what_follows_until_it_is_whole(visit: Visit, page: Page) -> None:

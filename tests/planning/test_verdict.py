@@ -55,8 +55,9 @@ def test_every_lost_motion_stops_and_its_change_cures_it() -> None:
         assert one.level == "stop"
         assert "rank 16 of 18" in one.message
         assert one.cure is not None
-        assert dict(one.cure.change) == {"orbit.desync_rad": 0.2}
-    orbit = scenario.orbit.model_copy(update={"desync_rad": 0.2})
+        assert dict(one.cure.change) == {"orbit.desync_rad": 0.12}
+        assert "by orbit.desync_rad 0.12" in one.cure.text
+    orbit = scenario.orbit.model_copy(update={"desync_rad": 0.12})
     assert plan(scenario.model_copy(update={"orbit": orbit}), bound="never").verdict.go
 
 

@@ -21,7 +21,7 @@ __all__ = ["SEARCHES", "Search", "most_of", "outside", "search_of"]
 SEARCHES = (
     *("survival", "upgrade", "contract", "designs", "equipment", "refinements", "clearances"),
     *("flights", "holds", "windy", "robust", "lost", "thrown", "predictions"),
-    *("neglect", "truth", "consistency", "batch", "recording", "tuning", "losses"),
+    *("neglect", "weak", "truth", "consistency", "batch", "recording", "tuning", "losses"),
     *("verdicts", "large_ranks", "counterexamples", "phases", "sight_lines"),
 )
 """What runs where no search is named; `requests` measures memory and has to run alone."""
