@@ -182,7 +182,7 @@ class Settings(BaseSettings):
     """most event streams that one owner may have open"""
     processes: Count | None = None
     """child processes that compute; one for each usable core if not given"""
-    task_memory_bytes: Annotated[int, Field(ge=2**28)] | None = Field(
+    task_memory_bytes: Annotated[int, Field(ge=2**29)] | None = Field(
         default=None,
         description="most memory of a child process, in bytes; what the machine or container has, "
         "divided by the processes, and at least 1 GiB, if not given",

@@ -8,6 +8,7 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.errors import NoSolutionError
+from syncplan.estimation.consistency import TOLERANCE
 from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.observability.rank import assess_remainder, assess_team
 from syncplan.orbits.error_states import ERROR_STATES, layout_of
@@ -99,6 +100,9 @@ LOOKS_FOR_ITS_START, KEEPS_APART, OPEN_LOOP = "robust", "mpc", "none"
 
 WORTH_A_WARNING, WORTH_A_STOP = 1.25, 2.0
 """Ratios of a flown error to its prediction, and values of ANEES, from which they are findings."""
+
+SIGNIFICANT = 1.0 + TOLERANCE
+"""Multiple of its prediction above which the whole 95 % interval of a finding lies."""
 
 
 def not_flown(judged: JudgedTeam) -> Iterator[Remark]:
@@ -202,12 +206,12 @@ def errors_above_prediction(judged: JudgedTeam) -> list[ErrorAbove]:
             continue
         low, high = vehicle.rms_interval_m
         ratio = vehicle.rms_m / expected
-        if ratio >= WORTH_A_WARNING and low > expected:
+        if ratio >= WORTH_A_WARNING and low > SIGNIFICANT * expected:
             text = f"{vehicle.rms_m:.3g} m ({low:.3g} to {high:.3g}), {expected:.3g} m predicted"
             above.append(ErrorAbove(f"{vehicle.name} {text}", ratio, vehicle.name))
     if flight.anees is not None and flight.anees_interval is not None:
         low, high = flight.anees_interval
-        if flight.anees >= WORTH_A_WARNING and low > 1.0:
+        if flight.anees >= WORTH_A_WARNING and low > SIGNIFICANT:
             text = f"ANEES {flight.anees:.3g} ({low:.3g} to {high:.3g}), 1 for a consistent filter"
             above.append(ErrorAbove(text, flight.anees))
     return sorted(above, key=lambda error: -error.ratio)

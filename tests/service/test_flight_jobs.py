@@ -162,7 +162,7 @@ def test_batches_of_a_flight_come_to_the_librarys_report(options: FlightOptions)
     report = concluded_job(
         spec, [(batch, computed_batch(spec, batch, said.append)) for batch in batches]
     )
-    whole = fly(example("paper-grid-same"), options, threads=1)
+    whole = fly(json.loads(plan_text()), options, threads=1)
     assert report.text == as_text(flight_document(whole).as_json())
     assert said == [4, 16]
     assert report.trials is not None

@@ -78,7 +78,7 @@ def test_a_database_that_is_away_adds_nothing_to_what_a_part_took(database: Data
     [
         (child.ChildGoneError(), 5, "Internal fault", "5 processes ended while they computed it"),
         (child.TooSlowError(), 1, "Too slow", "it took longer than the 2 s"),
-        (child.OutOfMemoryError(), 1, "Too large", "it needs more than the 350 MiB of memory"),
+        (child.OutOfMemoryError(), 1, "Too large", "it needs more than the 600 MiB of memory"),
         (child.TaskFailedError("Traceback"), 1, "Internal fault", "see the service's log"),
         (NoSolutionError("too far apart"), 1, "No solution", "too far apart"),
         (InputError("too short", key="range_m"), 1, "Bad input", "range_m: too short"),
@@ -97,7 +97,7 @@ def test_a_part_that_can_not_be_computed_fails_its_job_with_the_reason(
     pool = Mock()
     pool.submit.return_value = Mock(future=future, ran_s=0.0)
     monkeypatch.setattr(parts, "_PAUSE_S", 0.0)
-    settings = load_settings(task_memory_bytes=350 * 2**20, job_task_s=2.0)
+    settings = load_settings(task_memory_bytes=600 * 2**20, job_task_s=2.0)
     watch = parts.PartWatch(database, VERSION)
     runtime = parts.Runtime(settings, database, Mock(), pool, Mock(), watch)
     monkeypatch.setattr(parts, "_in_use", [runtime])

@@ -187,7 +187,7 @@ def test_a_task_that_is_asked_to_end_ends_by_itself() -> None:
 
 def test_a_task_that_needs_more_memory_than_it_may_use_fails_for_that_reason() -> None:
     crowd = json.dumps(shared_circles(8)).encode()
-    with own_pool(background=False, memory_bytes=2**28) as pool:
+    with own_pool(background=False, memory_bytes=2**29) as pool:
         with pytest.raises(OutOfMemoryError):
             pool.call("made_plan", crowd, "json", LIMITS, False)
         assert pool.call(*SHORT) == MADE
