@@ -2,10 +2,9 @@
 
 `--help` (what a person waits for before anything happens), and `plan` of the paper's grid of six
 vehicles, of a 10 x 10 grid and of a 40 x 25 grid. Files are in the system's cache and compiled to
-byte code: one run before the timed ones sees to that. Then the six vehicles' plan again and again
-in one process, as a service computes it, with all turning one way and alternating. Last, in pairs,
-the six vehicles' plan from 5 m, which the start-up index clears, and from 15 m, where a pilot of
-the robust filter runs.
+byte code: one run before the timed ones sees to that. Plans are on paper, and that of six vehicles
+is flown too. Then the six vehicles' plan again and again in one process, as a service computes it,
+with all turning one way and alternating on paper, and flown.
 
     python benchmarks/startup.py
 """
@@ -46,14 +45,6 @@ formation:
 )
 
 
-UNCERTAIN_GRID = PAPER_GRID.replace(
-    "{position_m: 5, heading_rad: 0.1}", "{position_m: 15, heading_rad: 0.3}"
-)
-"""From where the start-up index does not clear the plan."""
-
-PAIRS = 15
-
-
 def grid(count: int, columns: int) -> str:
     """Return the scenario of a grid whose first column has two landmarks beside it."""
     return (
@@ -66,26 +57,29 @@ def grid(count: int, columns: int) -> str:
 
 CASES = {
     "help": ("syncplan --help", None, 0, 5),
-    "plan_6": ("syncplan plan, 6 vehicles", PAPER_GRID, 6, 5),
-    "plan_100": ("syncplan plan, 100 vehicles", grid(100, 10), 100, 5),
-    "plan_1000": ("syncplan plan, 1,000 vehicles", grid(1000, 40), 1000, 1),
+    "plan_6": ("syncplan plan --paper, 6 vehicles", PAPER_GRID, 6, 5),
+    "flown_6": ("syncplan plan, 6 vehicles, flown", PAPER_GRID, 6, 5),
+    "plan_100": ("syncplan plan --paper, 100 vehicles", grid(100, 10), 100, 5),
+    "plan_1000": ("syncplan plan --paper, 1,000 vehicles", grid(1000, 40), 1000, 1),
 }
 """Label, scenario, its vehicles and how often it is timed."""
 
 REPEATED = {
-    "again_6": ("syncplan.plan again, 6 vehicles", "ccw"),
-    "again_6_alternate": ("syncplan.plan again, 6 vehicles, alternating", "alternate"),
+    "again_6": ("syncplan.plan on paper again, 6 vehicles", "ccw", False),
+    "again_6_alternate": ("the same, alternating", "alternate", False),
+    "again_6_flown": ("syncplan.plan again, 6 vehicles, flown", "ccw", True),
 }
-"""Label and direction of the plans that are computed again in one process."""
+"""Label, direction and pilot of the plans that are computed again in one process."""
 
 TARGETS_S = {
     "help": 0.3,
     "plan_6": 1.5,
+    "flown_6": 2.5,
     "plan_100": 5.0,
     "plan_1000": None,
     "again_6": 0.033,
     "again_6_alternate": 0.033,
-    "pilot_6": 0.15,
+    "again_6_flown": 1.0,
 }
 
 
@@ -105,7 +99,7 @@ def run_command(arguments: list[str]) -> tuple[float, str]:
     return seconds, done.stdout
 
 
-def _again(direction: str, repeats: int = 20) -> list[float]:
+def _again(direction: str, pilot: bool, repeats: int = 20) -> list[float]:
     """Seconds of each plan of the paper's grid after a first one."""
     import syncplan
 
@@ -113,29 +107,13 @@ def _again(direction: str, repeats: int = 20) -> list[float]:
         path = Path(folder) / "grid.yaml"
         path.write_text(PAPER_GRID.replace("ccw", direction), encoding="utf-8")
         scenario = syncplan.load_scenario(path)
-    syncplan.plan(scenario)
+    syncplan.plan(scenario, pilot=pilot)
     runs = []
     for _ in range(repeats):
         begin = time.perf_counter()
-        syncplan.plan(scenario)
+        syncplan.plan(scenario, pilot=pilot)
         runs.append(time.perf_counter() - begin)
     return runs
-
-
-def _pilot_costs() -> list[float]:
-    """Seconds that each of PAIRS processes takes longer where a pilot runs."""
-    extra = []
-    with tempfile.TemporaryDirectory() as folder:
-        paths = [Path(folder) / "known.yaml", Path(folder) / "uncertain.yaml"]
-        for path, scenario in zip(paths, (PAPER_GRID, UNCERTAIN_GRID), strict=True):
-            path.write_text(scenario, encoding="utf-8")
-        for _ in range(PAIRS):
-            known, uncertain = (run_command(["plan", str(path)]) for path in paths)
-            pilots = [json.loads(out)["start_up"]["pilot"] for _, out in (known, uncertain)]
-            if pilots[0] is not None or pilots[1] is None:
-                raise RuntimeError("pilot_6: a pilot ran where none should, or none did")
-            extra.append(uncertain[0] - known[0])
-    return extra
 
 
 def main() -> dict[str, float]:
@@ -147,7 +125,8 @@ def main() -> dict[str, float]:
             if scenario is not None:
                 path = Path(folder) / f"{case}.yaml"
                 path.write_text(scenario, encoding="utf-8")
-                arguments = ["plan", str(path)]
+                paper = [] if case.startswith("flown") else ["--paper"]
+                arguments = ["plan", str(path), *paper]
             if repeats > 1:
                 run_command(arguments)
             runs = [run_command(arguments) for _ in range(repeats)]
@@ -155,20 +134,16 @@ def main() -> dict[str, float]:
                 raise RuntimeError(f"{case}: the plan has other vehicles than its scenario")
             result[f"{case}_best_s"] = min(seconds for seconds, _ in runs)
             result[f"{case}_median_s"] = statistics.median(seconds for seconds, _ in runs)
-    for case, (_, direction) in REPEATED.items():
-        again = _again(direction)
+    for case, (_, direction, pilot) in REPEATED.items():
+        again = _again(direction, pilot)
         result[f"{case}_best_s"], result[f"{case}_median_s"] = min(again), statistics.median(again)
-    # differences have no best: the median stands for it
-    median = statistics.median(_pilot_costs())
-    result["pilot_6_best_s"] = result["pilot_6_median_s"] = median
     return result
 
 
 def figures(result: dict[str, float]) -> list[Figure]:
     """Return what is shown of a result: the best of each command."""
     labels = {case: label for case, (label, *_) in CASES.items()}
-    labels |= {case: label for case, (label, _) in REPEATED.items()}
-    labels["pilot_6"] = "a pilot of the robust filter, 6 vehicles, median of pairs"
+    labels |= {case: label for case, (label, *_) in REPEATED.items()}
     return [
         Figure(label, result[f"{case}_best_s"], "s", TARGETS_S[case])
         for case, label in labels.items()

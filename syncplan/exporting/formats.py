@@ -61,9 +61,17 @@ def export(plan: Plan, format: str, options: ExportOptions | None = None) -> Exp
     if not asked.force:
         _check_go(flown.plan)
     written = chosen.write(flown)
-    written = replace(written, notes=(*notes, *written.notes))
+    written = replace(written, notes=(*notes, *written.notes, *_basis_notes(flown.plan)))
     files = (*written.files, sidecar_file(flown, format, written))
     return Export(format, files, written.notes)
+
+
+def _basis_notes(plan: Plan) -> list[str]:
+    """Note that no flights bear out a GO."""
+    verdict = plan.verdict
+    return (
+        [f"{verdict.headline}; syncplan plan flies it"] if verdict.go and not verdict.flown else []
+    )
 
 
 def _check_go(plan: Plan) -> None:

@@ -52,7 +52,7 @@ def test_a_new_team_comes_to_a_mission(tabs: Tabs, server: Server, size: tuple[i
         page.get_by_label("Gap between circles (m)").fill("25")
         assert accessibility_faults(page) == []
         page.get_by_role("button", name="Create").click()
-        visit.verdict("✓ GO: 4 vehicles know where they are to")
+        visit.verdict("✓ GO, flown 31 times: 4 vehicles know where they are to")
         visit.verdict("rank 12 of 12")
         sheet(page)
         part(page, "Export")
@@ -68,7 +68,7 @@ def test_a_team_of_ones_own_comes_to_a_mission_by_keyboard_alone(visit: Visit, p
     page.keyboard.press("Control+a")
     page.keyboard.type("4")
     page.keyboard.press("Enter")
-    visit.verdict("✓ GO: 4 vehicles know where they are to")
+    visit.verdict("✓ GO, flown 31 times: 4 vehicles know where they are to")
     page.get_by_role("tab", name="Scenario", exact=True).focus()
     page.keyboard.press("End")
     page.get_by_label("Latitude (°)").focus()
