@@ -69,9 +69,8 @@ def export(plan: Plan, format: str, options: ExportOptions | None = None) -> Exp
 def _basis_notes(plan: Plan) -> list[str]:
     """Note that no flights bear out a GO."""
     verdict = plan.verdict
-    return (
-        [f"{verdict.headline}; syncplan plan flies it"] if verdict.go and not verdict.flown else []
-    )
+    on_paper = verdict.go and not verdict.flown
+    return [f"{verdict.headline}; syncplan plan flies it"] if on_paper else []
 
 
 def _check_go(plan: Plan) -> None:

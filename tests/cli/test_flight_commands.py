@@ -99,7 +99,7 @@ def test_a_plan_that_was_flown_says_what_was_found_in_a_line(run: Any) -> None:
         f"phase at most {worst.phase_rms_s:.3g} s off (RMS, {worst.name})",
         "each pair keeps at least 100 % of its meetings",
         f"closest two vehicles {flown.least_separation_m[1]:.3g} m",
-        "filter lost in 0 %",
+        "filter ekf lost in 0 %",
     ):
         assert found in words
     _, out, _ = run("plan", quick, "--paper", "--format", "table")
