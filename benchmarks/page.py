@@ -89,7 +89,8 @@ def team(count: int, direction: str) -> dict[str, Any]:
 def drag(page: Page, count: int, direction: str) -> dict[str, list[float]]:
     """Return what a drag of a circle took, in s.
 
-    `moved` is from each move to its verdict, `dropped` from each drop to the whole verdict,
+    `moved` is from each move to its verdict, `dropped` from each drop to the whole verdict on
+    paper, `flown` to the flown one (empty where the team is too large or not GO),
     `frames` from frame to frame.
     """
     scenario = team(count, direction)
@@ -119,6 +120,7 @@ def drag(page: Page, count: int, direction: str) -> dict[str, list[float]]:
     return {
         "moved": moved,
         "dropped": page.evaluate(measured, "edited to verdict"),
+        "flown": page.evaluate(measured, "edited to flown"),
         "frames": frames,
     }
 
@@ -201,10 +203,16 @@ def figures_of(side: str, result: dict[str, Any]) -> list[Figure]:
             Figure(f"{name}: drag to verdict, median", statistics.median(moved), "s", TEAMS[count]),
             Figure(f"{name}: drag to verdict, 95 %", _most(moved), "s"),
             Figure(f"{name}: drop to whole verdict, median", statistics.median(dropped), "s"),
+            *_flown(name, taken["flown"]),
             Figure(f"{name}: frame, 95 %", _most(frames), "s", 0.02),
         ]
     added = result["growth"] / 1e6
     return [*shown, Figure(f"{side}: memory that {DRAGS:,} drags add", added, "MB", 10.0)]
+
+
+def _flown(name: str, seconds: list[float]) -> list[Figure]:
+    label = f"{name}: drop to flown verdict, median"
+    return [Figure(label, statistics.median(seconds), "s", 1.5)] if seconds else []
 
 
 def _most(values: list[float]) -> float:

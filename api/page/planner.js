@@ -21,6 +21,8 @@ export class Planner {
   #waiting = null;
   #running = false;
   #timer = 0;
+  /** when the latest edit was made */
+  #asked = 0;
   #busyShown = false;
   /** @type {AbortController | null} */
   #flights = null;
@@ -60,7 +62,8 @@ export class Planner {
     clearTimeout(this.#timer);
     this.#timer = live ? setTimeout(() => this.#ask(false), SETTLE_MS) : 0;
     this.#flights?.abort();
-    this.#waiting = { subject: this.#store.subject, live, asked: performance.now() };
+    this.#asked = performance.now();
+    this.#waiting = { subject: this.#store.subject, live };
     if (!this.#running) this.#run();
   }
 
@@ -71,14 +74,15 @@ export class Planner {
     const flies = go && basis?.kind === "paper" && !findings.some((finding) => finding.code === "not-flown");
     if (!flies || subject.planId || this.#waiting) return;
     this.#tellBusy(true);
-    this.#waiting = { subject, live: false, flown: true, asked: performance.now() };
+    this.#waiting = { subject, live: false, flown: true };
     if (!this.#running) this.#run();
   }
 
   async #run() {
     this.#running = true;
     while (this.#waiting) {
-      const { subject, live, flown = false, asked } = this.#waiting;
+      const { subject, live, flown = false } = this.#waiting;
+      const asked = this.#asked;
       const { scenario } = subject;
       this.#waiting = null;
       try {
@@ -94,7 +98,7 @@ export class Planner {
         if (!passing(error)) continue;
         await pause(AWAY_S);
         // once the service is back, the latest edit is planned
-        if (this.#store.scenario === scenario) this.#waiting ??= { subject, live: false, asked: performance.now() };
+        if (this.#store.scenario === scenario) this.#waiting ??= { subject, live: false };
       }
     }
     this.#running = false;

@@ -31,7 +31,7 @@ _INSTANTS, _PHASES = 72, 8
 FLIGHT_WORK_LIMIT = 1.5e7
 """Samples times squared state dimension up to which a plan is flown before its verdict."""
 
-_FLIGHT_SECONDS = 1.5e-8
+_FLIGHT_SECONDS = 6e-9
 """Time of one flight for each sample and squared state dimension, on two cores."""
 
 

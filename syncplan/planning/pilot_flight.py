@@ -29,7 +29,7 @@ CHOICE_SEED, PILOT_SEED = 451, 452
 """Seeds of the flights that choose the filter, and of those that judge the plan."""
 
 FIRST_LOOK = 4
-"""Flights flown first where nothing shows as yet that the filter flies well."""
+"""Flights flown first where a filter that takes long may fail."""
 
 _BATCH = 32
 
@@ -44,8 +44,8 @@ def piloted(plan: Plan, options: PilotOptions) -> Plan:
     if reason := _why_on_paper(plan, limited=options.limited):
         return replace(plan, unflown=reason)
     pilot = _Pilot(plan, options)
-    choice, flies_well = pilot.choice()
-    return pilot.flown(choice, flies_well=flies_well).plan
+    choice, doubtful = pilot.choice()
+    return pilot.flown(choice, doubtful=doubtful).plan
 
 
 def _why_on_paper(plan: Plan, *, limited: bool) -> str:
@@ -72,26 +72,29 @@ class _Pilot:
         self.done = 0
 
     def choice(self) -> tuple[FilterChoice, bool]:
-        """Return the filter, and whether flights have shown that it flies well."""
+        """Return the filter, and whether its flights may take long and fail."""
         asked = asked_filter(self.plan.scenario, FlightOptions())
         if asked is not None:
-            return asked, False
+            return asked, FILTERS[asked.name].finds_start
+        doubtful = False
         *cheaper, searching = FLYING_FILTERS
         for name in cheaper:
             reason = f"the cheapest filter that flew well {FEWEST_FLIGHTS} times"
             choice = FilterChoice(name, f"{reason}, seed {CHOICE_SEED}")
             run = self._run(choice, CHOICE_SEED, FEWEST_FLIGHTS)
             flight = Flight.of(run, self._part(run, 0, FEWEST_FLIGHTS))
-            if not flight.failed.any() and not errors_above_prediction(flight.plan):
-                return choice, True
+            failing = bool(flight.failed.any())
+            if not failing and not errors_above_prediction(flight.plan):
+                return choice, False
+            doubtful |= failing
         reason = f"{' and '.join(cheaper)} did not fly well {FEWEST_FLIGHTS} times"
-        return FilterChoice(searching, f"{reason}, seed {CHOICE_SEED}"), False
+        return FilterChoice(searching, f"{reason}, seed {CHOICE_SEED}"), doubtful
 
-    def flown(self, choice: FilterChoice, *, flies_well: bool) -> Flight:
+    def flown(self, choice: FilterChoice, *, doubtful: bool) -> Flight:
         """Return the flights that judge the plan with this filter."""
         most = self.options.most_flights
         run = self._run(choice, PILOT_SEED, most)
-        if not flies_well and most > FIRST_LOOK:
+        if doubtful and most > FIRST_LOOK:
             first = self._decided(run, self._part(run, 0, FIRST_LOOK))
             if first is not None:
                 return first
