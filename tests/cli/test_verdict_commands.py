@@ -127,3 +127,51 @@ def test_a_run_that_is_too_short_is_no_go_and_states_the_run_needed(run: Any) ->
     assert re.search(r"NO-GO: \d+ reasons: unobservable \(--require-go\)", err)
     assert "over the run of 10 s, shorter than the window of 31.42 s" in out
     assert "a longer run: 17.9 s (duration_s) would do" in out
+
+
+UNSAFE = {
+    "go-not-estimated": "lost-in-flight",
+    "go-lag-and-gusts": "too-close-in-flight",
+    "go-turn-limit": "lost-in-flight",
+}
+"""Plans that an independent check found unsafe in flight, and the code that stops each."""
+
+
+@pytest.mark.parametrize("name", UNSAFE)
+def test_a_plan_that_is_a_go_on_paper_and_unsafe_in_flight_is_stopped(run: Any, name: str) -> None:
+    file = str(GRAZING.parent / f"{name}.json")
+    assert run("plan", file, "--paper", "--require-go")[0] == 0
+    status, out, err = run("plan", file, "--require-go", "--format", "json")
+    assert status == 3
+    stops = {
+        one["code"] for one in json.loads(out)["verdict"]["findings"] if one["level"] == "stop"
+    }
+    assert UNSAFE[name] in stops
+    assert UNSAFE[name] in err
+
+
+def test_flights_of_a_plan_that_was_edited_since_do_not_count(run: Any, tmp_path: Path) -> None:
+    file = tmp_path / "plan.json"
+    assert run("plan", GRID, "--fly", "4", "-o", str(file))[0] == 0
+    values = json.loads(file.read_text())
+    assert values["verdict"]["basis"]["flights"] == 4
+    assert run("plan", str(file), "--paper", "--require-flown")[0] == 0
+    scenario = {
+        **values["scenario"],
+        "motion": {**values["scenario"]["motion"], "lag_s": 6.0},
+        "wind": {"gust_sigma_mps": 0.9},
+        "min_separation_m": 25.0,
+    }
+    file.write_text(json.dumps({**values, "scenario": scenario}))
+    status, out, err = run("plan", str(file), "--paper", "--require-flown", "--format", "json")
+    assert status == 3
+    assert json.loads(out)["verdict"]["basis"]["kind"] == "paper"
+    assert "GO on paper: not flown (--require-flown)" in err
+    status, out, _ = run("plan", str(file), "--require-go", "--format", "json")
+    assert (status, json.loads(out)["flight"]["trials"] != 4) == (3, True)
+
+
+def test_options_that_contradict_each_other_are_refused(run: Any) -> None:
+    status, _, err = run("plan", GRID, "--paper", "--fly", "40")
+    assert status == 2
+    assert "--fly: can't be combined with --paper; leave one of them out" in err
