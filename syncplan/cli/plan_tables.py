@@ -238,8 +238,7 @@ def _vehicle_table(document: PlanDocument) -> FittedTable:
     flight = document.flight
     flown = () if flight is None else ("flown m",)
     table = FittedTable(
-        "vehicles at time 0, with the predicted RMS error"
-        + (" and the flown one (95 % interval)" if flown else ""),
+        f"vehicles at time 0, with the predicted {'and the flown ' if flown else ''}RMS error",
         (
             *("vehicle", "centre m", "R m", "sense", "phase", "speed m/s"),
             *("position m", "heading", "error m", *flown),

@@ -237,7 +237,7 @@ def _stretch(
     pairs = ", ".join(
         f"{naming.names[link.a]}-{naming.names[link.b]}" for link in cut[:_MOST_NAMED]
     )
-    degrees = np.degrees(bearing)
+    degrees = round(float(np.degrees(bearing)), 1) % 180.0  # either way along the same line
     return _Candidate(
         f"stretch of {pairs or 'links'} along {degrees:.1f} deg: "
         f"{_who(naming, part)} shift{'s' if len(part) == 1 else ''}",
