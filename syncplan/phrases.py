@@ -21,6 +21,7 @@ def joined(phrases: Sequence[str], most: int) -> str:
     return " and ".join(filter(None, [", ".join(phrases[:-1]), *phrases[-1:]]))
 
 
-def percent(share: float) -> str:
-    """Return a share in per cent, to three digits: "12.5 %"."""
-    return f"{100.0 * share:.3g} %"
+def percent(share: float, interval: tuple[float, float] | None = None) -> str:
+    """Return a share in per cent, to three digits: "12.5 %", or "12.5 % (3.5 % to 29 %)"."""
+    text = f"{100.0 * share:.3g} %"
+    return text if interval is None else f"{text} ({' to '.join(map(percent, interval))})"

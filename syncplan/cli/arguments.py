@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from syncplan.planning.judged_team import PlanVerdict
     from syncplan.planning.plan_files import Loaded
     from syncplan.planning.plans import Plan
+    from syncplan.planning.validation import Validation
     from syncplan.planning.variations import StressTest
 
 
@@ -294,18 +295,18 @@ def robust_status(test: "StressTest") -> int:
 
 
 def verdict_status(
-    plan: "Plan", *, observable: bool = False, go: bool = False, flown: bool = False
+    result: "Plan | Validation", *, observable: bool = False, go: bool = False, flown: bool = False
 ) -> int:
-    """Return the exit status of a plan: 3 if it must be observable, a GO, or flown, and is not."""
+    """Return the exit status of a result: 3 if it must be observable, GO or flown, and is not."""
     status = 0
-    if observable and not plan.observable:
+    if observable and not result.observable:
         say("the plan is not observable (--require-observable)")
         status = NOT_MET
-    if go and not plan.verdict.go:
-        say(f"{_in_one_line(plan.verdict)} (--require-go)")
+    if go and not result.verdict.go:
+        say(f"{_in_one_line(result.verdict)} (--require-go)")
         status = NOT_MET
-    if flown and not (plan.verdict.go and plan.verdict.flown):
-        say(f"{_in_one_line(plan.verdict)} (--require-flown)")
+    if flown and not (result.verdict.go and result.verdict.flown):
+        say(f"{_in_one_line(result.verdict)} (--require-flown)")
         status = NOT_MET
     return status
 

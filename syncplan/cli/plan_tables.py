@@ -60,7 +60,8 @@ def flown_line(flight: FlownPlan) -> str:
         found.append(f"closest two vehicles {flight.least_separation_m[1]:.3g} m")
     if flight.error:
         found.append(f"error {flight.error} m (RMS, 95 % interval)")
-    found.append(f"filter {flight.filter} lost in {percent(flight.filter_lost_share)}")
+    lost = percent(flight.filter_lost_share, flight.filter_lost_interval)
+    found.append(f"filter {flight.filter} lost in {lost}")
     return f"flown, {flights} of {flight.duration_s:g} s: {', '.join(found)}"
 
 

@@ -84,7 +84,7 @@ def _validate(
             result = validate(flown, options, threads=threads, progress=progress)
         report = validation_document(result)
     console.deliver_document("validation", report, output, format_)
-    return status or verdict_status(result.plan, observable=require_observable, go=require_go)
+    return status or verdict_status(result, observable=require_observable, go=require_go)
 
 
 def _with_options_of_swept_keys(command: Callable[..., int]) -> Callable[..., int]:

@@ -7,6 +7,7 @@ from rich.markup import escape
 from syncplan.cli.fitted_tables import MOST_ROWS, FittedTable, cell
 from syncplan.cli.plan_tables import show_findings, show_verdict
 from syncplan.phrases import listed, percent
+from syncplan.planning.plan_records import Interval
 from syncplan.reports import run_figures
 from syncplan.reports.flight_report import (
     FlightDocument,
@@ -46,17 +47,22 @@ def show_validation(report: ValidationDocument, console: Console) -> None:
     table.add_section()
     table.add_row("overall", *_figures(report.overall))
     console.print(table)
+    overall = report.overall
+    _print_overall(
+        overall, overall.rms_over_predicted, overall.rms_over_predicted_interval, console
+    )
     further = found_states_table(report)
     if further is not None:
         console.print(further)
     worlds = stress_table(report)
     if worlds is not None:
         console.print(worlds)
-    far, lost = report.overall.share_over_3_predicted, report.overall.share_over_10_predicted
+    far, lost = overall.share_over_3_predicted, overall.share_over_10_predicted
     if far is not None and lost is not None:
         console.print(
-            f"trials with a vehicle off by over 3 times the bound {100.0 * far:.3g} %, "
-            f"over 10 times {100.0 * lost:.3g} %"
+            "trials with a vehicle off by over 3 times the bound "
+            f"{percent(far, overall.share_over_3_predicted_interval)}, over 10 times "
+            f"{percent(lost, overall.share_over_10_predicted_interval)}"
         )
     console.print(f"ANEES {spread_words(report.anees)}")
     console.print(f"NIS   {spread_words(report.nis)}")
@@ -83,7 +89,7 @@ def show_sweep(report: SweepReport, console: Console) -> None:
     console.print(each)
     means = FittedTable(
         "means over the vehicles, m",
-        (name, "p_n", "p_e", "2nd half", "bound", "ANEES", "rank"),
+        (name, "p_n", "p_e", "2nd half", "95 %", "bound", "ANEES", "rank"),
         goes=("rank", "p_n", "p_e", "ANEES"),
     )
     for label, one in zip(labels, reports, strict=True):
@@ -92,11 +98,32 @@ def show_sweep(report: SweepReport, console: Console) -> None:
             f"{np.mean([v.rms_y_m for v in one.vehicles]):.2f}",
             f"{np.mean([v.rms_x_m for v in one.vehicles]):.2f}",
             f"{one.overall.rms_second_half_m:.2f}",
+            _ends(one.overall.rms_second_half_interval_m, ".2f"),
             cell(one.overall.predicted_rms_m, ".2f"),
             cell(one.anees.value, ".2f"),
             "full" if one.observable else "short",
         )
     console.print(means)
+
+
+def _print_overall(
+    errors: run_figures.Errors, ratio: float | None, interval: Interval | None, console: Console
+) -> None:
+    """Print the RMS error over all vehicles, second half, and its ratio, if they have intervals."""
+    if errors.rms_second_half_interval_m is None:
+        return
+    text = (
+        f"all vehicles: {errors.rms_second_half_m:.3g} m (95 % interval "
+        f"{_ends(errors.rms_second_half_interval_m)})"
+    )
+    if ratio is not None and interval is not None:
+        text += f", ratio {ratio:.3g} ({_ends(interval)})"
+    console.print(text)
+
+
+def _ends(interval: Interval | None, form: str = ".3g") -> str:
+    """Ends of an interval, a dash if there is none."""
+    return "-" if interval is None else " to ".join(format(end, form) for end in interval)
 
 
 def _figures(figures: run_figures.ErrorFigures) -> list[str]:
@@ -151,20 +178,31 @@ def show_flight(document: FlightDocument, console: Console) -> None:
         f"{document.guidance}, filter {document.filter.kind}"
     )
     console.print(_vehicle_table(document))
+    overall = document.overall
+    _print_overall(overall, overall.rms_over_bound, overall.rms_over_bound_interval, console)
     states = found_states_table(document)
     if states is not None:
         console.print(states)
     console.print(
-        f"filter lost in {percent(document.filter_lost_share)} of the trials, out of contact in "
-        f"{percent(document.out_of_contact_share)}; commands at a limit "
+        "filter lost in "
+        f"{percent(document.filter_lost_share, document.filter_lost_interval)} of the trials, out "
+        "of contact in "
+        f"{percent(document.out_of_contact_share, document.out_of_contact_interval)}; commands at "
+        "a limit "
         f"{percent(document.saturated_share)} of the time"
     )
     close = document.least_separation_m
     if close is not None:
+        below = (
+            ""
+            if close.below_asked_share is None
+            else "; nearer than asked in "
+            f"{percent(close.below_asked_share, close.below_asked_interval)} of the trials"
+        )
         console.print(
             f"closest two vehicles: {close.median:.3g} m in the median trial, {close.worst:.3g} m "
             f"in the worst ({escape('-'.join(close.between))} at {close.time_s:.4g} s); the plan "
-            f"has {close.planned:.3g} m"
+            f"has {close.planned:.3g} m{below}"
         )
     if document.wind_error_mps is not None:
         console.print(f"wind known to {document.wind_error_mps:.3g} m/s")

@@ -2,7 +2,7 @@
 
     proof that it is impossible, or
     the ladder over teams                                      -> front
-    the cheapest that meet the need, refined                   -> plan, losses, validation, flight
+    the cheapest that meet the need, refined                   -> plan, losses, flight, validation
     where none does                                            -> purchases, each searched
 
 A search is on a coarse sample grid; whatever is returned is judged by the exact code.
@@ -35,7 +35,7 @@ NEARLY = 1.3
 """Multiple of the need up to which a cell is worth refining."""
 
 MOST_TRIED = 6
-"""Number of cells that are refined, validated and flown at most."""
+"""Number of cells that are refined, flown and validated at most."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -81,7 +81,7 @@ def design(
 
     `brief` may be the path of its file or a mapping of its keys. `workers` is the number of
     processes, by default one per core; it changes no result. `earlier` holds the searches of an
-    interrupted design, which are not repeated. The winner is predicted, validated and flown over
+    interrupted design, which are not repeated. The winner is predicted, flown and validated over
     ten periods; its worst vehicle stays within `need.worst_rms_m` in all three. Ctrl-C ends the
     design with the best so far.
 

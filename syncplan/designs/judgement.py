@@ -1,12 +1,13 @@
-"""The judgement of a formation by the exact code: refined, predicted, validated and flown."""
+"""The judgement of a formation by the exact code: refined, predicted, flown and validated."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from syncplan.designs.candidates import Space
 from syncplan.designs.ladder import FrontCell
-from syncplan.flight.flying import fly
 from syncplan.planning.loss_study import what_if
+from syncplan.planning.pilot_flight import pilot_flight
+from syncplan.planning.pilot_options import PilotOptions
 from syncplan.planning.plan_flights import Flight
 from syncplan.planning.plans import Plan
 from syncplan.planning.validation import Validation, validate
@@ -20,7 +21,7 @@ REFINEMENT_S = 600.0
 """Time limit of a refinement, which takes some seconds."""
 
 TRIALS = 40
-"""Trials of the validation and of the flight of a winner."""
+"""Trials of the validation of a winner."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,16 +31,16 @@ class Judgement:
     Attributes
     ----------
     start : the formation that the search found
-    plan : refined, and with its flight where it was flown
-    validation, flight : None where an earlier judgement failed
+    plan : refined, and with its pilot flight where it was flown
+    flight, validation : None where an earlier judgement failed; no flight where filters broke down
     binding : the requirement that it misses; empty if it meets the brief
     covered : share of the area that is covered; None for other purposes
     """
 
     start: FrontCell
     plan: Plan
-    validation: Validation | None = None
     flight: Flight | None = None
+    validation: Validation | None = None
     binding: str = ""
     covered: float | None = None
 
@@ -75,19 +76,24 @@ def judged(
         left = [item.worst_predicted_rms for item in what_if(made).losses]
         if any(worst is None or worst > need.worst_rms_m for worst in left):
             return replace(judgement, binding="losses")
-    report(f"validating {team}")
-    checked = validate(made, trials=TRIALS, seed=brief.seed)
-    judgement = replace(judgement, validation=checked)
-    if float(checked.accuracy.late_position.max()) > need.worst_rms_m:
-        return replace(judgement, binding="filter")
+    report(f"flying {team}")
+    flight = pilot_flight(made, PilotOptions(limited=False))
+    if isinstance(flight, str):
+        return replace(judgement, plan=replace(made, unflown=flight), binding="flight")
+    made = flight.plan
+    judgement = replace(judgement, plan=made, flight=flight if flight.whole.all() else None)
+    if float(flight.accuracy.late_position.max()) > need.worst_rms_m:
+        return replace(judgement, binding="flight")
+    if made.verdict.stops:
+        return replace(judgement, binding=made.verdict.stops[0].code)
     if stopped():
         return replace(judgement, binding="time")
-    report(f"flying {team}")
-    flown = fly(made, trials=TRIALS, seed=brief.seed)
-    judgement = replace(judgement, plan=flown.plan, flight=flown)
-    if float(flown.accuracy.late_position.max()) > need.worst_rms_m:
-        return replace(judgement, binding="flight")
-    stops = flown.plan.verdict.stops
+    report(f"validating {team}")
+    validation = validate(made, trials=TRIALS, seed=brief.seed)
+    judgement = replace(judgement, validation=validation)
+    if float(validation.accuracy.late_position.max()) > need.worst_rms_m:
+        return replace(judgement, binding="filter")
+    stops = validation.verdict.stops
     return replace(judgement, binding=stops[0].code) if stops else judgement
 
 

@@ -44,6 +44,9 @@ from syncplan.arrays import Array
 
 INTERVAL_PROBABILITY = 0.95
 
+FEWEST_TRIALS = 10
+"""Fewest trials whose spread gives an interval."""
+
 _HALVINGS = 48
 _LARGEST_LOG_TILT = 700.0
 
@@ -64,6 +67,17 @@ def interval_of_mean(
     low = least + spread * _least_mean((samples - least) / spread, largest_statistic)
     high = largest - spread * _least_mean((largest - samples) / spread, largest_statistic)
     return low, high
+
+
+def interval_of_rms(squares: Array) -> tuple[float, float] | None:
+    """Return the 95 % interval of an RMS from the mean square of each trial (trials,).
+
+    None for fewer than FEWEST_TRIALS trials, and where a mean square is not finite.
+    """
+    if len(squares) < FEWEST_TRIALS or not np.isfinite(squares).all():
+        return None
+    low, high = interval_of_mean(squares)
+    return math.sqrt(low), math.sqrt(high)
 
 
 def _least_mean(shares: Array, largest_statistic: float) -> float:
@@ -97,9 +111,6 @@ Basis = Literal["trials", "chi-square"]
 
 TOLERANCE = 0.1
 """Largest distance from 1 at which a figure counts as consistent: sigmas that are 5 % off."""
-
-FEWEST_TRIALS = 10
-"""Fewest trials whose spread gives an interval."""
 
 WIDEST = 0.4
 """Widest interval from the spread over trials that can show that a filter is consistent: a wider

@@ -26,6 +26,7 @@ import numpy as np
 
 from syncplan.arrays import Array, Flags
 from syncplan.errors import InputError, NoSolutionError
+from syncplan.estimation.consistency import interval_of_rms
 from syncplan.estimation.filter_setup import ERROR, SAMPLE_EVERY, SQUARE, VARIANCE, FilterStatistics
 
 CHUNK_TRIALS = 16
@@ -341,10 +342,23 @@ class TrialErrors:
 
     Attributes
     ----------
-    late_position : (trials, n) m, RMS over the second half of the run
+    late_squares : (trials, n) m^2, mean squared position error over the second half of the run
     """
 
-    late_position: Array
+    late_squares: Array
+
+    @property
+    def late_position(self) -> Array:
+        """(trials, n) m, RMS position error over the second half of the run."""
+        return np.asarray(np.sqrt(self.late_squares))
+
+    def intervals(self) -> list[tuple[float, float] | None]:
+        """Return the 95 % interval of each vehicle's RMS over trials in m; see interval_of_rms."""
+        return [interval_of_rms(squares) for squares in self.late_squares.T]
+
+    def overall_interval(self, vehicles: Flags | EllipsisType = ...) -> tuple[float, float] | None:
+        """Return the interval of the RMS over all vehicles, or those chosen, in m."""
+        return interval_of_rms(self.late_squares[:, vehicles].mean(axis=1))
 
     def median(self) -> Array:
         """Return the median over trials, (n,) m."""
@@ -352,21 +366,17 @@ class TrialErrors:
 
     def overall_median(self) -> float:
         """Return the median over trials of the RMS over vehicles, m."""
-        return float(np.median(np.sqrt(np.mean(self.late_position**2, axis=1))))
+        return float(np.median(np.sqrt(np.mean(self.late_squares, axis=1))))
 
-    def share_over(self, limits: Array) -> Array:
-        """Return the share (n,) of trials over each vehicle's limit (n,) in m."""
-        return np.asarray(np.mean(self.late_position > limits, axis=0))
-
-    def overall_share_over(self, limits: Array) -> float:
-        """Return the share of trials in which any vehicle is over its limit (n,) in m."""
-        return float(np.mean(np.any(self.late_position > limits, axis=1)))
+    def over(self, limits: Array) -> Flags:
+        """Return (trials, n) whether each vehicle is over its limit (n,) in m."""
+        return np.asarray(self.late_position > limits)
 
 
 def trial_errors(result: MonteCarloResult) -> TrialErrors:
     """Return the errors of each trial of a run."""
     squares = result.late_mean_squares
-    return TrialErrors(np.sqrt(squares[..., 0] + squares[..., 1]))
+    return TrialErrors(np.asarray(squares[..., 0] + squares[..., 1]))
 
 
 # --- archives -------------------------------------------------------------------------------------

@@ -48,6 +48,6 @@ def flight_run(
 ) -> FlightRun:
     """Return the set-up of a flight; fly_part flies its parts, conclude_flight joins them."""
     chosen = replace(options or FlightOptions(), **changes)
-    plan = in_world(planned(subject), chosen.truth)
+    plan = planned(subject)
     choice = asked_filter(plan.scenario, chosen) or flown_filter(plan) or ROBUST_IN_FLIGHT
-    return set_up_flight(plan, chosen, choice)
+    return set_up_flight(in_world(plan, chosen.truth), chosen, choice)

@@ -8,6 +8,7 @@ scenario_checks     findings on values that the scenario states
 observability_checks  findings on rank, certificate, links, single points of failure
 path_checks         findings on distances, areas and speeds
 flight_checks       findings on flights
+error_checks        errors above their predictions, in flights and validations
 filter_checks       findings on errors that the filter leaves out
 verdict_checks      the table of checks
 plans               a judged team with its verdict

@@ -1,4 +1,4 @@
-"""Findings on flights: losses, distances, errors, phases, meetings and limits."""
+"""Findings on flights: losses, distances, phases, meetings and limits."""
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -8,13 +8,12 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.errors import NoSolutionError
-from syncplan.estimation.consistency import TOLERANCE
 from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.observability.rank import assess_remainder, assess_team
 from syncplan.orbits.error_states import ERROR_STATES, layout_of
 from syncplan.orbits.sightings import Loss, remainder_of
-from syncplan.phrases import in_words, joined, listed, percent
-from syncplan.planning.judged_team import MOST_NAMED, FindingCure, JudgedTeam, Level, Remark
+from syncplan.phrases import joined, listed, percent
+from syncplan.planning.judged_team import JudgedTeam, Level, Remark
 from syncplan.planning.plan_records import FlownPlan
 from syncplan.planning.share_test import (
     BAD_SHARE,
@@ -98,13 +97,6 @@ LOOKS_FOR_ITS_START, KEEPS_APART, OPEN_LOOP = "robust", "mpc", "none"
 """Filter and guidances that cures name."""
 
 
-WORTH_A_WARNING, WORTH_A_STOP = 1.25, 2.0
-"""Ratios of a flown error to its prediction, and values of ANEES, from which they are findings."""
-
-SIGNIFICANT = 1.0 + TOLERANCE
-"""Multiple of its prediction above which the whole 95 % interval of a finding lies."""
-
-
 def not_flown(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield the finding that the plan was not flown although flights were wanted."""
     if judged.flight is None and judged.unflown:
@@ -123,8 +115,9 @@ def few_flights(judged: JudgedTeam) -> Iterator[Remark]:
         if not any(shares):
             yield Remark(
                 "warning",
-                f"{_flown(flight)} are too few: without a failure, {FEWEST_FLIGHTS} show that a "
-                f"share of failures is {percent(GOOD_SHARE)} rather than {percent(BAD_SHARE)}",
+                f"{flights_in_words(flight)} are too few: without a failure, {FEWEST_FLIGHTS} "
+                f"show that a share of failures is {percent(GOOD_SHARE)} rather than "
+                f"{percent(BAD_SHARE)}",
                 cure=f"at least {FEWEST_FLIGHTS} flights",
             )
 
@@ -140,7 +133,7 @@ def lost_in_flight(judged: JudgedTeam) -> Iterator[Remark]:
             _level(flight.filter_lost_share, flight),
             f"the filter was lost in {_share(flight.filter_lost_share, flight)}: some "
             "vehicle's error was over 5 times the bound along its path",
-            cure=_cure(
+            cure=cure_of(
                 ("filter.kind robust", flight.filter != LOOKS_FOR_ITS_START),
                 ("more landmarks in view", True),
                 ("errors as states", len(states) < len(ERROR_STATES)),
@@ -166,80 +159,10 @@ def too_close_in_flight(judged: JudgedTeam) -> Iterator[Remark]:
         f"vehicles came nearer than min_separation_m {judged.scenario.separation:g} in "
         f"{_share(flight.too_close_share, flight)}: {worst:.3g} m in the worst, {median:.3g} m in "
         "the median one",
-        cure=_cure(
+        cure=cure_of(
             ("move the circles apart", True),
             ("know the start better", True),
             (f"fly with guidance {KEEPS_APART}", flight.guidance != KEEPS_APART),
-        ),
-    )
-
-
-@dataclass(frozen=True, slots=True)
-class ErrorAbove:
-    """Flown figure that is above its prediction, significantly at 95 %.
-
-    Attributes
-    ----------
-    text : figure and prediction in words
-    ratio : of the two
-    vehicle : name; empty for ANEES
-    """
-
-    text: str
-    ratio: float
-    vehicle: str = ""
-
-
-def errors_above_prediction(judged: JudgedTeam) -> list[ErrorAbove]:
-    """Return flown RMS errors, and ANEES, that are well above their predictions, largest first.
-
-    Predictions hold for the scenario's duration, without losses, holds and faults of sightings.
-    """
-    flight, predicted = judged.flight, judged.prediction.rms
-    if flight is None or flight.events or flight.duration_s != judged.scenario.duration_s:
-        return []
-    above = []
-    names = judged.scenario.vehicle_names
-    for vehicle in flight.vehicles:
-        expected = 0.0 if predicted is None else float(predicted[names.index(vehicle.name)])
-        if vehicle.rms_m is None or vehicle.rms_interval_m is None or not expected:
-            continue
-        low, high = vehicle.rms_interval_m
-        ratio = vehicle.rms_m / expected
-        if ratio >= WORTH_A_WARNING and low > SIGNIFICANT * expected:
-            text = f"{vehicle.rms_m:.3g} m ({low:.3g} to {high:.3g}), {expected:.3g} m predicted"
-            above.append(ErrorAbove(f"{vehicle.name} {text}", ratio, vehicle.name))
-    if flight.anees is not None and flight.anees_interval is not None:
-        low, high = flight.anees_interval
-        if flight.anees >= WORTH_A_WARNING and low > SIGNIFICANT:
-            text = f"ANEES {flight.anees:.3g} ({low:.3g} to {high:.3g}), 1 for a consistent filter"
-            above.append(ErrorAbove(text, flight.anees))
-    return sorted(above, key=lambda error: -error.ratio)
-
-
-def error_above_prediction(judged: JudgedTeam) -> Iterator[Remark]:
-    """Yield the finding that errors in flight are well above their predictions."""
-    above, flight = errors_above_prediction(judged), judged.flight
-    if flight is None or not above:
-        return
-    neglect = judged.prediction.neglect
-    estimated = (
-        FindingCure(
-            text=f"estimate {in_words(neglect.names)} as states", change={"filter.estimate": "auto"}
-        )
-        if neglect is not None
-        else None
-    )
-    yield Remark(
-        "stop" if above[0].ratio >= WORTH_A_STOP else "warning",
-        f"errors in {_flown(flight)} (filter {flight.filter}) are above their predictions (95 % "
-        f"intervals): {listed([error.text for error in above], MOST_NAMED)}",
-        tuple(error.vehicle for error in above if error.vehicle),
-        cure=estimated
-        or _cure(
-            ("filter.kind robust", flight.filter != LOOKS_FOR_ITS_START),
-            ("a better known start", True),
-            ("meetings that turn the lines of sight further", True),
         ),
     )
 
@@ -272,7 +195,7 @@ def phase_not_kept(judged: JudgedTeam) -> Iterator[Remark]:
         yield Remark(
             "stop" if random or needed else "warning",
             f"phases stray (RMS) by more than {'' if gone else 'half of '}what is allowed in "
-            f"{_flown(flight)}: {listed(each, MOST_STRAYING)}{without}",
+            f"{flights_in_words(flight)}: {listed(each, MOST_STRAYING)}{without}",
             tuple(one.name for one in off),
             cure=_steering_cure(flight),
         )
@@ -305,7 +228,7 @@ def meetings_missed(judged: JudgedTeam) -> Iterator[Remark]:
         each = [f"{'-'.join(between)} keeps {percent(kept)}" for _, between, kept in missed]
         yield Remark(
             "stop" if gone and needed else "warning",
-            f"meetings that the plan's figures rest on are missed in {_flown(flight)}: "
+            f"meetings that the plan's figures rest on are missed in {flights_in_words(flight)}: "
             f"{listed(each, MOST_STRAYING)}{without}",
             tuple(dict.fromkeys(name for _, between, _ in missed for name in between)),
             cure=_steering_cure(flight),
@@ -320,7 +243,7 @@ def commands_saturated(judged: JudgedTeam) -> Iterator[Remark]:
     yield Remark(
         "warning",
         f"commands were at a limit of speed or turn rate for {percent(flight.saturated_share)} of "
-        f"the time in {_flown(flight)}: vehicles could not do what their guidance asked",
+        f"the time in {flights_in_words(flight)}: vehicles could not do what their guidance asked",
         cure="larger limits, slower or larger circles, or less wind",
     )
 
@@ -383,15 +306,15 @@ def _expected_share(judged: JudgedTeam, link: LinkVerdict) -> float:
 
 
 def _steering_cure(flight: FlownPlan) -> str:
-    return _cure(
+    return cure_of(
         ("steer by the estimates (guidance track or mpc)", flight.guidance == OPEN_LOOP),
         ("meetings that are further within range", True),
         ("a smaller error of the estimates", True),
     )
 
 
-def _cure(*ways: tuple[str, bool]) -> str:
-    """Cure of a finding from remedies, each with whether it is still untried."""
+def cure_of(*ways: tuple[str, bool]) -> str:
+    """Return the cure of a finding from remedies, each with whether it is still untried."""
     *first, last = [text for text, untried in ways if untried]
     return f"{', '.join(first)} or {last}" if first else last
 
@@ -404,12 +327,12 @@ def _level(share: float, flight: FlownPlan) -> Level:
 
 def _share(share: float, flight: FlownPlan) -> str:
     """Phrase for a share of flights and its 95 % interval."""
-    low, high = share_interval(round(share * flight.trials), flight.trials)
-    return f"{percent(share)} ({percent(low)} to {percent(high)}) of {_flown(flight)}"
+    interval = share_interval(round(share * flight.trials), flight.trials)
+    return f"{percent(share, interval)} of {flights_in_words(flight)}"
 
 
-def _flown(flight: FlownPlan) -> str:
-    """Phrase for the number and length of flights, with their events."""
+def flights_in_words(flight: FlownPlan) -> str:
+    """Return the number and length of flights in words, with their events."""
     flights = "1 flight" if flight.trials == 1 else f"{flight.trials} flights"
     events = f" ({listed(flight.events, MOST_EVENTS)})" if flight.events else ""
     return f"{flights} of {flight.duration_s:g} s{events}"

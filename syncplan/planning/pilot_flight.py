@@ -12,13 +12,13 @@ from dataclasses import replace
 
 from syncplan.guidance.flight_options import FlightOptions
 from syncplan.guidance.flight_results import FlightResult, first_flights, joined_flights
+from syncplan.planning.error_checks import errors_above, flown_errors
 from syncplan.planning.expected_work import (
     FLIGHT_WORK_LIMIT,
     flight_seconds,
     flight_work,
 )
 from syncplan.planning.filter_choice import FLYING_FILTERS, FilterChoice, asked_filter
-from syncplan.planning.flight_checks import errors_above_prediction
 from syncplan.planning.pilot_options import PilotOptions
 from syncplan.planning.plan_flights import Flight, FlightRun, fly_part, set_up_flight
 from syncplan.planning.plans import Plan
@@ -41,11 +41,17 @@ def piloted(plan: Plan, options: PilotOptions) -> Plan:
     """
     if plan.flight is not None or not plan.verdict.go:
         return plan
+    flight = pilot_flight(plan, options)
+    return replace(plan, unflown=flight) if isinstance(flight, str) else flight.plan
+
+
+def pilot_flight(plan: Plan, options: PilotOptions) -> Flight | str:
+    """Return the flights that judge a plan, or the reason why it is not flown."""
     if reason := _why_on_paper(plan, limited=options.limited):
-        return replace(plan, unflown=reason)
+        return reason
     pilot = _Pilot(plan, options)
     choice, doubtful = pilot.choice()
-    return pilot.flown(choice, doubtful=doubtful).plan
+    return pilot.flown(choice, doubtful=doubtful)
 
 
 def _why_on_paper(plan: Plan, *, limited: bool) -> str:
@@ -84,7 +90,7 @@ class _Pilot:
             run = self._run(choice, CHOICE_SEED, FEWEST_FLIGHTS)
             flight = Flight.of(run, self._part(run, 0, FEWEST_FLIGHTS))
             failing = bool(flight.failed.any())
-            if not failing and not errors_above_prediction(flight.plan):
+            if not failing and not errors_above(flown_errors(flight.plan)):
                 return choice, False
             doubtful |= failing
         reason = f"{' and '.join(cheaper)} did not fly well {FEWEST_FLIGHTS} times"

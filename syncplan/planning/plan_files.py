@@ -307,11 +307,13 @@ def planned(subject: PlanSubject, *, bound: BoundChoice = "auto") -> Plan:
 def in_world(plan: Plan, truth: Mapping[str, Any] | None) -> Plan:
     """Return a plan whose simulated world has these keys in addition to its scenario's truth.
 
-    Raises InputError naming the key at fault.
+    Its flights, which were in another world, do not count there: the filter that they chose is that
+    of the given plan. Raises InputError naming the key at fault.
     """
     if not truth:
         return plan
-    return replace(plan, scenario=with_truth(plan.scenario, truth))
+    reason = "its flights were in another world" if plan.flight is not None else plan.unflown
+    return replace(plan, scenario=with_truth(plan.scenario, truth), flight=None, unflown=reason)
 
 
 def load_plan(

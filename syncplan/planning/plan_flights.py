@@ -1,6 +1,5 @@
 """Flights of a plan: set-up, results, and the record that its verdict takes into account."""
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
@@ -10,16 +9,21 @@ import numpy as np
 from syncplan.arrays import Array, Flags
 from syncplan.documents import finite_or_none
 from syncplan.estimation.consistency import (
-    FEWEST_TRIALS,
     Consistency,
     anees,
     coverage,
-    interval_of_mean,
+    interval_of_rms,
     nis,
 )
 from syncplan.estimation.filter_options import steps_in_run
 from syncplan.estimation.filter_setup import judged_from
-from syncplan.estimation.trials import Accuracy, accuracy, check_whole
+from syncplan.estimation.trials import (
+    Accuracy,
+    TrialErrors,
+    accuracy,
+    check_whole,
+    trial_errors,
+)
 from syncplan.guidance.flight_events import FlightEvents, events_of
 from syncplan.guidance.flight_options import DEFAULT_GATE, FlightOptions
 from syncplan.guidance.flight_results import FlightResult, joined_flights
@@ -32,13 +36,12 @@ from syncplan.planning.filter_choice import FilterChoice
 from syncplan.planning.judged_team import bound_is_affordable, expected_in_world
 from syncplan.planning.plan_records import (
     FlownPlan,
-    Interval,
     MeetingsFlown,
     PhasesFlown,
     flight_digest,
 )
 from syncplan.planning.plans import Plan
-from syncplan.planning.share_test import share_interval
+from syncplan.planning.share_test import share_of
 from syncplan.results import Result
 from syncplan.runtime.machine import single_threaded_blas
 
@@ -143,9 +146,9 @@ class Flight(Result):
         figures, options = self.result.figures, self.run.options
         apart = figures.separations
         known = bool(np.isfinite(apart).all())
-        lost, away = _share(self.filter_lost), _share(self.out_of_contact)
-        close = _share(self.too_close) if known and self.run.limits.separation > 0.0 else None
-        rms, interval = _rms(self._late_squares[:, self.there].mean(axis=1))
+        lost, away = share_of(self.filter_lost), share_of(self.out_of_contact)
+        close = share_of(self.too_close) if known and self.run.limits.separation > 0.0 else None
+        late = self.trial_errors.late_squares[:, self.there].mean(axis=1)
         record = FlownPlan(
             trials=self.result.trials,
             seed=self.result.estimates.seed,
@@ -161,11 +164,11 @@ class Flight(Result):
             least_separation_m=(float(np.median(apart)), float(apart.min())) if known else None,
             too_close_share=None if close is None else close[0],
             too_close_interval=None if close is None else close[1],
-            vehicles=[self._flown(k) for k in np.flatnonzero(self.there) if self._whole.any()],
+            vehicles=[self._flown(k) for k in np.flatnonzero(self.there) if self.whole.any()],
             meetings_kept=self._pairs,
             saturated_share=float(figures.saturated.mean()),
-            rms_m=rms,
-            rms_interval_m=interval,
+            rms_m=_root_mean(late) if self.whole.all() else None,
+            rms_interval_m=interval_of_rms(late) if self.whole.all() else None,
             anees=finite_or_none(self.anees.value),
             anees_interval=None if np.isnan(self.anees.band[0]) else self.anees.band,
         )
@@ -191,8 +194,11 @@ class Flight(Result):
 
     def _flown(self, k: np.integer[Any]) -> PhasesFlown:
         """Figures of a vehicle over the flights whose filters did not break down."""
-        figures, whole = self.result.figures, self._whole
-        rms, interval = _rms(self._late_squares[:, k])
+        figures, late, whole = (
+            self.result.figures,
+            self.trial_errors.late_squares[:, k],
+            self.whole,
+        )
         return PhasesFlown(
             name=self.run.plan.scenario.vehicle_names[k],
             phase_rms_s=_root_mean(figures.phase_squares[whole, k]),
@@ -202,8 +208,8 @@ class Flight(Result):
                 float(figures.slowest[whole, k].min()),
                 float(figures.fastest[whole, k].max()),
             ),
-            rms_m=rms,
-            rms_interval_m=interval,
+            rms_m=_root_mean(late) if whole.all() else None,
+            rms_interval_m=interval_of_rms(late) if whole.all() else None,
             bound_rms_m=_root_mean(figures.bound_squares[whole, k]),
         )
 
@@ -242,15 +248,14 @@ class Flight(Result):
         return expected_in_world(plan.team, true, find_windows(true), self.run.duration)
 
     @property
-    def _late_squares(self) -> Array:
-        """(trials, n) m^2, mean squared position error over the second half."""
-        late = self.result.estimates.late_mean_squares
-        return np.asarray(late[..., 0] + late[..., 1])
+    def trial_errors(self) -> TrialErrors:
+        """Errors of each flight."""
+        return trial_errors(self.result.estimates)
 
     @property
-    def _whole(self) -> Flags:
+    def whole(self) -> Flags:
         """(trials,) whether no filter of a vehicle that is there to the end broke down."""
-        return np.asarray(np.isfinite(self._late_squares[:, self.there]).all(axis=1))
+        return np.asarray(np.isfinite(self.trial_errors.late_squares[:, self.there]).all(axis=1))
 
     @property
     def filter_lost(self) -> Flags:
@@ -259,8 +264,8 @@ class Flight(Result):
         The bound is the one along the vehicle's true path. A filter that broke down is lost too.
         """
         bound = self.result.figures.bound_squares
-        far = (self._late_squares > LOST_FACTOR**2 * bound).any(axis=1)
-        return np.asarray(far | ~self._whole)
+        far = (self.trial_errors.late_squares > LOST_FACTOR**2 * bound).any(axis=1)
+        return np.asarray(far | ~self.whole)
 
     @property
     def out_of_contact(self) -> Flags:
@@ -278,21 +283,6 @@ class Flight(Result):
     def failed(self) -> Flags:
         """(trials, 3) whether a flight was lost, out of contact, or too close."""
         return np.stack([self.filter_lost, self.out_of_contact, self.too_close], axis=1)
-
-
-def _share(failed: Flags) -> tuple[float, Interval]:
-    """Share of flights that failed, and its interval."""
-    return float(failed.mean()), share_interval(int(failed.sum()), len(failed))
-
-
-def _rms(squares: Array) -> tuple[float | None, Interval | None]:
-    """RMS over flights and its interval, from mean squares; None where a filter broke down."""
-    if not np.isfinite(squares).all():
-        return None, None
-    if len(squares) < FEWEST_TRIALS:
-        return _root_mean(squares), None
-    low, high = interval_of_mean(squares)
-    return _root_mean(squares), (math.sqrt(low), math.sqrt(high))
 
 
 def _root_mean(squares: Array) -> float:

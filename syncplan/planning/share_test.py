@@ -66,6 +66,11 @@ def share_interval(failures: int, flights: int, probability: float = 0.95) -> tu
     return low, high
 
 
+def share_of(failed: Flags) -> tuple[float, tuple[float, float]]:
+    """Return the share of flights, or trials, that failed (flights,), and its interval."""
+    return float(failed.mean()), share_interval(int(failed.sum()), len(failed))
+
+
 def _ratio(failures: Index, flights: Index) -> Array:
     """Logarithm of the likelihood ratio of bad to good."""
     return np.asarray(failures * _FAILED + (flights - failures) * _PASSED)

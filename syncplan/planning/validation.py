@@ -36,6 +36,11 @@ from syncplan.orbits.contacts import Windows, find_windows
 from syncplan.orbits.sightings import Sightings
 from syncplan.orbits.team import Team
 from syncplan.planning import judged_team
+from syncplan.planning.error_checks import (
+    ERROR_ABOVE_PREDICTION,
+    compared_errors,
+    error_in_trials,
+)
 from syncplan.planning.filter_choice import choose_filter
 from syncplan.planning.judged_team import bound_is_affordable
 from syncplan.planning.plan_files import PlanSubject, in_world, planned
@@ -95,6 +100,39 @@ class Validation(Result):
     def trial_errors(self) -> TrialErrors:
         """Errors of each trial: the median, and shares of trials over a limit."""
         return trial_errors(self.result)
+
+    @property
+    def observable(self) -> bool:
+        """Whether the plan is observable."""
+        return self.plan.observable
+
+    @property
+    def findings(self) -> tuple[judged_team.PlanFinding, ...]:
+        """Finding that errors are above their predictions; empty if they are not."""
+        plan, anees = self.plan, self.anees
+        names, late = plan.scenario.vehicle_names, self.accuracy.late_position.tolist()
+        errors = compared_errors(
+            list(zip(names, late, self.trial_errors.intervals(), strict=True)),
+            (anees.value, None if np.isnan(anees.band[0]) else anees.band),
+            names,
+            self.predicted,
+        )
+        remarks = error_in_trials(
+            plan,
+            errors,
+            f"{self.result.trials} trials of {self.duration:g} s",
+            self.filter,
+            flown_well=plan.verdict.go and plan.verdict.flown,
+        )
+        return tuple(
+            judged_team.PlanFinding.of(ERROR_ABOVE_PREDICTION, remark) for remark in remarks
+        )
+
+    @property
+    def verdict(self) -> judged_team.PlanVerdict:
+        """The plan's verdict, with the findings of the validation."""
+        verdict = self.plan.verdict
+        return judged_team.PlanVerdict.of((*verdict.findings, *self.findings), self.plan.flight)
 
     @property
     def filter(self) -> str:
@@ -181,14 +219,14 @@ def trial_run(
 ) -> TrialRun:
     """Return the set-up of a validation; run_part runs its parts and conclude joins them."""
     chosen = options_with(options, changes)
-    flown = in_world(planned(subject), chosen.truth)
+    plan = planned(subject)
+    choice, flown = choose_filter(plan, chosen), in_world(plan, chosen.truth)
     length = flown.scenario.duration_s if chosen.duration is None else chosen.duration
     sample_time, period = flown.sensors.sample_time, flown.orbits.period
     steps = steps_in_run(length, sample_time, period, flown.team.count)
     true = flown.true_team
     windows = flown.windows if true is flown.team else find_windows(true)
     sightings = possible_sightings(true, windows, steps)
-    choice = choose_filter(flown, chosen)
     return TrialRun(
         flown, true, windows, length, steps, sightings, choice.applied(chosen), choice.reason
     )

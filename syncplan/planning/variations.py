@@ -287,8 +287,10 @@ def stress_runs(
     All run the same filter. The truth stated by the options and the scenario holds in all.
     """
     chosen = options_with(options, changes)
-    flown = in_world(planned(subject), chosen.truth)
-    chosen = choose_filter(flown, chosen).applied(chosen)
+    plan = planned(subject)
+    chosen, flown = choose_filter(plan, chosen).applied(chosen), in_world(plan, chosen.truth)
+    # the plan has the truth already, and what a world adds to it counts
+    chosen = replace(chosen, truth=None)
     worlds = {"": {}, **stress_worlds(flown.scenario)}
     return {name: trial_run(in_world(flown, truth), chosen) for name, truth in worlds.items()}
 

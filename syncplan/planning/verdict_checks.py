@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator
 
 from syncplan.planning import (
+    error_checks,
     filter_checks,
     flight_checks,
     observability_checks,
@@ -91,7 +92,7 @@ CHECKS: dict[str, Callable[[JudgedTeam], Iterable[Remark]]] = {
     "phase-not-kept": flight_checks.phase_not_kept,
     "meetings-missed": flight_checks.meetings_missed,
     "commands-saturated": flight_checks.commands_saturated,
-    "error-above-prediction": flight_checks.error_above_prediction,
+    error_checks.ERROR_ABOVE_PREDICTION: error_checks.error_above_prediction,
     "not-estimated": filter_checks.not_estimated,
     "expected-worse": filter_checks.expected_worse,
     "error-undetermined": observability_checks.error_undetermined,

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from syncplan.arrays import Array
 from syncplan.estimation.consistency import TOLERANCE
 from syncplan.planning.plans import Plan
 from syncplan.plotting import figure_style
@@ -91,6 +92,9 @@ def _validated(report: ValidationDocument, style: figure_style.FigureStyle) -> S
     names = [escaped(vehicle.name) for vehicle in report.vehicles]
     found = report.vehicles
     traces = _found_traces("Monte Carlo", report)
+    intervals = [vehicle.rms_second_half_interval_m for vehicle in found]
+    if all(interval is not None for interval in intervals):
+        traces[0]["error_y"] = _error_bars(traces[0]["y"], np.array(intervals, dtype=float))
     predicted = [vehicle.predicted_rms_m for vehicle in found]
     if all(value is not None for value in predicted):
         name = "predicted: posterior bound, second half"
@@ -100,9 +104,11 @@ def _validated(report: ValidationDocument, style: figure_style.FigureStyle) -> S
         values = np.array(medians, dtype=float)
         traces.append(_marks("median", "median trial, second half", names, values, "diamond"))
     note = report.run
-    ratio = report.overall.rms_over_predicted
+    ratio, interval = report.overall.rms_over_predicted, report.overall.rms_over_predicted_interval
     if ratio is not None:
         note += f"; second half over predicted: {ratio:.3g}"
+    if interval is not None:
+        note += f", 95 % interval {interval[0]:.3g} to {interval[1]:.3g}"
     if not report.observable:
         note += "; the plan is NOT observable"
     title = f"{escaped(report.name or 'Plan')}: error found and predicted"
@@ -139,6 +145,14 @@ def bars(
     y = numbers(np.array(values, dtype=float), 6)
     shown = {"type": "bar", "uid": uid, "name": name, "x": vehicles, "y": y}
     return {**shown, "marker": bar_marker(color, pattern), "hovertemplate": _HOVER}
+
+
+def _error_bars(values: Sequence[float], intervals: Array) -> Spec:
+    """Bars from values to the ends of their intervals (n, 2)."""
+    low, high = np.abs(intervals.T - np.array(values, dtype=float))
+    look = {"color": figure_style.INK, "thickness": 1.2}
+    ends = {"array": numbers(high, 6), "arrayminus": numbers(low, 6)}
+    return {"type": "data", "symmetric": False, **ends, **look}
 
 
 def _marks(uid: str, name: str, vehicles: list[str], values: np.ndarray, symbol: str) -> Spec:

@@ -10,6 +10,7 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.errors import InputError
+from syncplan.phrases import percent
 from syncplan.plotting import canvas, figure_style
 from syncplan.plotting.canvas import Spec
 from syncplan.plotting.figure_style import FigureStyle
@@ -363,5 +364,6 @@ def _separation_note(report: FlightDocument, found: FlownSeparation) -> str:
         f"({_link(found)} at {found.time_s:.4g} s)"
     )
     if found.below_asked_share is not None:
-        note += f"; nearer than asked in {100.0 * found.below_asked_share:.3g} % of the trials"
+        share = percent(found.below_asked_share, found.below_asked_interval)
+        note += f"; nearer than asked in {share} of the trials"
     return note

@@ -1,7 +1,7 @@
 """Flights as documents, with notes on the meaning of their figures."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -14,7 +14,9 @@ from syncplan.guidance.flight_options import AS_COMMANDED, GUIDANCES, FlightOpti
 from syncplan.orbits.lost_parts import phrase_of
 from syncplan.phrases import in_words, listed, percent
 from syncplan.planning.judged_team import PlanVerdict
+from syncplan.planning.plan_records import Interval
 from syncplan.planning.plans import Plan
+from syncplan.planning.share_test import share_of
 from syncplan.reports import run_figures
 from syncplan.reports.flight_series import FlightOverTime, flight_over_time
 from syncplan.scenario.disturbances import ReadingsKind
@@ -36,11 +38,19 @@ class FlightErrors(run_figures.Errors):
     predicted_rms_m: float | None = Field(
         description="The plan's bound, of circles flown exactly; null for another duration"
     )
+    rms_over_predicted: float | None = Field(
+        default=None,
+        description="Second-half RMS over predicted_rms_m; null in older files, as intervals",
+    )
+    rms_over_predicted_interval: Interval | None = Field(default=None, description="95 %")
     bound_rms_m: float = Field(
         description="The bound along the paths truly flown, by the sightings truly made, RMS over "
         "the second half"
     )
     rms_over_bound: float | None = Field(description="Second-half RMS over bound_rms_m")
+    rms_over_bound_interval: Interval | None = Field(
+        default=None, description="95 %, with the bound taken for exact"
+    )
     tracking_rms_m: float = Field(description="True distance from the plan's place, second half")
 
 
@@ -94,6 +104,9 @@ class FlownSeparation(DocumentPart):
     )
     below_asked_share: float | None = Field(
         description="Share of trials below min_separation_m; null where none is asked for"
+    )
+    below_asked_interval: Interval | None = Field(
+        default=None, description="95 % interval of the share (Clopper and Pearson)"
     )
 
 
@@ -177,10 +190,15 @@ class FlightDocument(run_figures.TrueWorldReport):
         description="Share of trials in which some vehicle's error in the second half is over 5 "
         "times the bound along the path it truly took"
     )
+    filter_lost_interval: Interval | None = Field(
+        default=None,
+        description="95 % interval of the share (Clopper and Pearson); null in older files",
+    )
     out_of_contact_share: float = Field(
         description="Share of trials in which some vehicle made no sighting, and was in none, for "
         "more than two periods"
     )
+    out_of_contact_interval: Interval | None = Field(default=None, description="Likewise")
     least_separation_m: FlownSeparation | None = Field(description="Null for a single vehicle")
     saturated_share: float
     wind_error_mps: float | None = Field(
@@ -230,7 +248,9 @@ def flight_document(flight: "Flight") -> FlightDocument:
         filter=run_figures.filter_record(options, run.chosen_because, flight.judged_from, found),
         observable=plan.observable,
         filter_lost_share=record.filter_lost_share,
+        filter_lost_interval=record.filter_lost_interval,
         out_of_contact_share=record.out_of_contact_share,
+        out_of_contact_interval=record.out_of_contact_interval,
         least_separation_m=_separation(flight),
         saturated_share=float(figures.saturated.mean()),
         wind_error_mps=_wind_error(flight),
@@ -284,10 +304,9 @@ def _vehicle(flight: "Flight", k: int) -> FlownVehicle:
     own = np.flatnonzero((pairs == k).any(axis=1))
     planned = int(figures.planned_meetings[own].sum()) * flight.result.trials
     kept = float(figures.kept_meetings[:, own].sum())
-    bound = float(flight.bound[k])
     return FlownVehicle(
         name=names[k],
-        errors=_errors(flight, k, bound, figures.tracking_squares[:, k]) if there else None,
+        errors=_errors(flight, k) if there else None,
         phase_error_s=PhaseError(
             rms=float(np.sqrt(figures.phase_squares[:, k].mean())),
             worst=float(figures.worst_phases[:, k].max()),
@@ -310,32 +329,47 @@ def _tolerance(plan: Plan, k: int) -> float | None:
     return min(found) / plan.orbits.rate if found else None
 
 
-def _errors(flight: "Flight", k: int, bound: float, tracking: Array) -> FlightErrors:
-    accuracy, predicted = flight.accuracy, flight.predicted
-    return FlightErrors(
-        **run_figures.errors_of(accuracy, k, float(flight.coverage[k])),
-        predicted_rms_m=None if predicted is None else float(predicted[k]),
-        bound_rms_m=bound,
-        rms_over_bound=_share(float(accuracy.late_position[k]), bound),
-        tracking_rms_m=float(np.sqrt(tracking.mean())),
+def _errors(flight: "Flight", k: int) -> FlightErrors:
+    predicted, tracking = flight.predicted, flight.result.figures.tracking_squares[:, k]
+    return _compared(
+        run_figures.errors_of(flight.accuracy, k, float(flight.coverage[k])),
+        flight.trial_errors.intervals()[k],
+        None if predicted is None else float(predicted[k]),
+        float(flight.bound[k]),
+        tracking,
     )
 
 
 def _overall(flight: "Flight") -> FlightErrors:
     """Errors over all vehicles that are present in the second half."""
     there, predicted = flight.there, flight.predicted
-    bound = float(np.sqrt(np.mean(flight.bound[there] ** 2)))
-    found = run_figures.errors_of(
-        flight.accuracy.overall(there), (), float(np.mean(flight.coverage[there]))
+    covered = float(np.mean(flight.coverage[there]))
+    return _compared(
+        run_figures.errors_of(flight.accuracy.overall(there), (), covered),
+        flight.trial_errors.overall_interval(there),
+        None if predicted is None else float(np.sqrt(np.mean(predicted[there] ** 2))),
+        float(np.sqrt(np.mean(flight.bound[there] ** 2))),
+        flight.result.figures.tracking_squares[:, there],
     )
+
+
+def _compared(
+    errors: dict[str, Any],
+    interval: Interval | None,
+    predicted: float | None,
+    bound: float,
+    tracking: Array,
+) -> FlightErrors:
+    """Errors beside prediction and bound in m; `tracking` are squared distances from the plan."""
+    rms = errors["rms_second_half_m"]
     return FlightErrors(
-        **found,
-        predicted_rms_m=None
-        if predicted is None
-        else float(np.sqrt(np.mean(predicted[there] ** 2))),
+        **errors,
+        rms_second_half_interval_m=interval,
+        predicted_rms_m=predicted,
+        **run_figures.ratio_of("rms_over_predicted", rms, interval, predicted),
         bound_rms_m=bound,
-        rms_over_bound=_share(found["rms_second_half_m"], bound),
-        tracking_rms_m=float(np.sqrt(flight.result.figures.tracking_squares[:, there].mean())),
+        **run_figures.ratio_of("rms_over_bound", rms, interval, bound),
+        tracking_rms_m=float(np.sqrt(tracking.mean())),
     )
 
 
@@ -346,6 +380,7 @@ def _separation(flight: "Flight") -> FlownSeparation | None:
     worst, names = int(np.argmin(figures.separations)), plan.scenario.vehicle_names
     a, b = figures.nearest[worst].tolist()
     asked = flight.run.limits.separation
+    close, interval = share_of(flight.too_close) if asked > 0.0 else (None, None)
     return FlownSeparation(
         median=float(np.median(figures.separations)),
         worst=float(figures.separations[worst]),
@@ -354,7 +389,8 @@ def _separation(flight: "Flight") -> FlownSeparation | None:
         planned=plan.approach.distance,
         asked=asked if asked > 0.0 else None,
         quantiles=np.quantile(figures.separations, _SHARES).tolist(),
-        below_asked_share=float(np.mean(figures.separations < asked)) if asked > 0.0 else None,
+        below_asked_share=close,
+        below_asked_interval=interval,
     )
 
 
@@ -407,10 +443,6 @@ def _state_errors(flight: "Flight") -> list[FlownStateError] | None:
         FlownStateError(**one, bound_rms=bound)
         for one, bound in zip(run_figures.state_errors(found, states, bounds), bounds, strict=True)
     ]
-
-
-def _share(value: float, whole: float) -> float | None:
-    return finite_or_none(value / whole) if whole > 0.0 else None
 
 
 def notes_of(flight: "Flight", report: FlightDocument) -> list[str]:

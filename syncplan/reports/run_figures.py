@@ -13,6 +13,7 @@ from syncplan.estimation.consistency import FEWEST_TRIALS, TOLERANCE, Consistenc
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.trials import Accuracy, MonteCarloResult, series
 from syncplan.phrases import listed
+from syncplan.planning.plan_records import Interval
 from syncplan.planning.plans import Plan
 from syncplan.scenario.filters import FilterName, MotionName
 from syncplan.scenario.truths import changed_keys
@@ -138,6 +139,11 @@ class Errors(DocumentPart):
 
     rms_m: float
     rms_second_half_m: float
+    rms_second_half_interval_m: Interval | None = Field(
+        default=None,
+        description="95 % interval of rms_second_half_m, from the spread over trials; null for "
+        f"fewer than {FEWEST_TRIALS} trials, and in older files, as other intervals",
+    )
     rms_x_m: float
     rms_y_m: float
     rms_heading_rad: float
@@ -150,6 +156,7 @@ class ErrorFigures(Errors):
 
     predicted_rms_m: float | None
     rms_over_predicted: float | None = Field(description="Second-half RMS over predicted RMS")
+    rms_over_predicted_interval: Interval | None = Field(default=None, description="95 %")
     median_rms_second_half_m: float | None = Field(
         default=None,
         description="Median over the trials of each trial's second-half RMS; null in older files",
@@ -159,8 +166,14 @@ class ErrorFigures(Errors):
         description="Share of trials whose second-half RMS is over 3 times the predicted RMS; "
         "overall, of trials in which any vehicle's is. Null where nothing is predicted",
     )
+    share_over_3_predicted_interval: Interval | None = Field(
+        default=None, description="95 % (Clopper and Pearson)"
+    )
     share_over_10_predicted: float | None = Field(
         default=None, description="The same over 10 times the predicted RMS"
+    )
+    share_over_10_predicted_interval: Interval | None = Field(
+        default=None, description="95 % (Clopper and Pearson)"
     )
 
 
@@ -306,6 +319,16 @@ def errors_of(accuracy: Accuracy, vehicle: int | tuple[()], covered: float) -> d
         "final_error_m": float(accuracy.final_position[vehicle]),
         "coverage_3sigma": covered,
     }
+
+
+def ratio_of(
+    name: str, rms: float, interval: Interval | None, reference: float | None
+) -> dict[str, Any]:
+    """Return the ratio of an RMS error to a reference in m, and its interval, as fields `name`."""
+    if not reference:
+        return {name: None}
+    ends = None if interval is None else (interval[0] / reference, interval[1] / reference)
+    return {name: finite_or_none(rms / reference), f"{name}_interval": ends}
 
 
 def series_of(result: MonteCarloResult, names: Sequence[str], sample_time: float) -> Series:

@@ -1,20 +1,22 @@
 """Validations and sweeps as documents, with notes on the meaning of their figures."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 
 import numpy as np
 from pydantic import AfterValidator, Field
 
 from syncplan import __version__
-from syncplan.arrays import Array
+from syncplan.arrays import Flags
 from syncplan.documents import Document, DocumentPart, OrAbsent
 from syncplan.errors import InputError
 from syncplan.estimation.considered_errors import neglected_errors
-from syncplan.estimation.trials import Accuracy, TrialErrors, state_series
+from syncplan.estimation.trials import state_series
 from syncplan.orbits.error_states import layout_of
 from syncplan.phrases import in_words
 from syncplan.planning.judged_team import PlanVerdict
+from syncplan.planning.plan_records import Interval
+from syncplan.planning.share_test import share_of
 from syncplan.planning.validation import Validation
 from syncplan.planning.variations import StressTest, ValidatedRow
 from syncplan.reports import run_figures
@@ -40,7 +42,8 @@ class ValidationDocument(run_figures.TrueWorldReport):
     """A Monte Carlo run of the filter on a plan."""
 
     verdict: PlanVerdict | None = Field(
-        default=None, description="Of the plan that was flown; null in older files"
+        default=None,
+        description="Of the plan, with the findings of this run; null in older files",
     )
     trials: int
     seed: int
@@ -111,7 +114,7 @@ class SweepReport(Document):
         return self.rows[0].validation.name
 
 
-_FACTORS = (3.0, 10.0)
+_FACTORS = (3, 10)
 """Multiples of the bound above which trials are counted."""
 
 
@@ -130,7 +133,7 @@ def validation_document(validation: Validation) -> ValidationDocument:
         name=plan.scenario.name,
         truth=truth,
         expected_rms_m=expected,
-        verdict=plan.verdict,
+        verdict=validation.verdict,
         trials=result.trials,
         seed=result.seed,
         duration_s=validation.duration,
@@ -151,7 +154,8 @@ def validation_document(validation: Validation) -> ValidationDocument:
 def stress_document(test: StressTest) -> ValidationDocument:
     """Return the report of a stress test: the world as stated, and the errors in worse ones."""
     report = validation_document(test.nominal)
-    verdict = PlanVerdict.of((*test.nominal.plan.verdict.findings, *test.findings))
+    findings = (*test.nominal.verdict.findings, *test.findings)
+    verdict = PlanVerdict.of(findings, test.nominal.plan.flight)
     worlds = [
         StressedWorld(
             world=row.world,
@@ -194,51 +198,63 @@ def _row(row: ValidatedRow, report: ValidationDocument) -> SweepRow:
 
 
 def _vehicles(validation: Validation) -> list[run_figures.VehicleFigures]:
-    predicted, each = validation.predicted, validation.trial_errors
-    medians = each.median()
-    shares = [_shares(each, predicted, factor) for factor in _FACTORS]
+    predicted, errors = validation.predicted, validation.trial_errors
+    medians, intervals = errors.median(), errors.intervals()
+    shares = _over_predictions(validation)
     return [
         run_figures.VehicleFigures(
             name=name,
             **_figures(
-                validation.accuracy,
-                k,
+                run_figures.errors_of(validation.accuracy, k, float(validation.coverage[k])),
+                intervals[k],
                 None if predicted is None else float(predicted[k]),
-                float(validation.coverage[k]),
+                {factor: over[:, k] for factor, over in shares.items()},
             ),
             median_rms_second_half_m=float(medians[k]),
-            share_over_3_predicted=None if shares[0] is None else float(shares[0][k]),
-            share_over_10_predicted=None if shares[1] is None else float(shares[1][k]),
         )
         for k, name in enumerate(validation.plan.scenario.vehicle_names)
     ]
 
 
-def _shares(each: TrialErrors, predicted: Array | None, factor: float) -> Array | None:
-    return None if predicted is None else each.share_over(factor * predicted)
-
-
 def _overall(validation: Validation) -> run_figures.ErrorFigures:
-    predicted, each = validation.predicted, validation.trial_errors
-    bound = None if predicted is None else float(np.sqrt(np.mean(predicted**2)))
-    shares = [
-        None if predicted is None else each.overall_share_over(factor * predicted)
-        for factor in _FACTORS
-    ]
+    predicted, errors = validation.predicted, validation.trial_errors
+    covered = float(np.mean(validation.coverage))
     return run_figures.ErrorFigures(
-        **_figures(validation.accuracy.overall(), (), bound, float(np.mean(validation.coverage))),
-        median_rms_second_half_m=each.overall_median(),
-        share_over_3_predicted=shares[0],
-        share_over_10_predicted=shares[1],
+        **_figures(
+            run_figures.errors_of(validation.accuracy.overall(), (), covered),
+            errors.overall_interval(),
+            None if predicted is None else float(np.sqrt(np.mean(predicted**2))),
+            {k: np.asarray(over.any(axis=1)) for k, over in _over_predictions(validation).items()},
+        ),
+        median_rms_second_half_m=errors.overall_median(),
     )
 
 
+def _over_predictions(validation: Validation) -> dict[int, Flags]:
+    """(trials, n) whether errors are over multiples of their predictions, by the multiple."""
+    predicted, errors = validation.predicted, validation.trial_errors
+    return {} if predicted is None else {k: errors.over(k * predicted) for k in _FACTORS}
+
+
 def _figures(
-    accuracy: Accuracy, vehicle: int | tuple[()], predicted: float | None, covered: float
+    errors: dict[str, float],
+    interval: Interval | None,
+    predicted: float | None,
+    over: Mapping[int, Flags],
 ) -> dict[str, Any]:
-    found = run_figures.errors_of(accuracy, vehicle, covered)
-    ratio = found["rms_second_half_m"] / predicted if predicted else None
-    return {**found, "predicted_rms_m": predicted, "rms_over_predicted": ratio}
+    """Errors with the interval of their RMS, ratio to the prediction and shares of trials over."""
+    shares: dict[str, Any] = {}
+    for factor, trials in over.items():
+        name = f"share_over_{factor}_predicted"
+        shares[name], shares[f"{name}_interval"] = share_of(trials)
+    rms = errors["rms_second_half_m"]
+    return {
+        **errors,
+        "rms_second_half_interval_m": interval,
+        "predicted_rms_m": predicted,
+        **run_figures.ratio_of("rms_over_predicted", rms, interval, predicted),
+        **shares,
+    }
 
 
 def _series(validation: Validation) -> run_figures.Series:

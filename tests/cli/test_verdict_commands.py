@@ -31,6 +31,15 @@ def test_the_first_line_is_the_verdict(run: Any, printed: Any, command: tuple[st
     assert run(name, GRID, *options, "--require-go")[0] == 0
 
 
+def test_a_validation_that_stops_a_plan_exits_with_3(run: Any) -> None:
+    weak = str(HARD / "weak-desync.yaml")
+    assert run("plan", weak, "--paper", "--require-go")[0] == 0
+    status, out, err = run("validate", weak, "--trials", "20", "--require-go")
+    assert status == 3
+    assert "NO-GO: 1 reason: error-above-prediction (--require-go)" in err
+    assert not json.loads(out)["verdict"]["go"]
+
+
 def test_plot_says_the_verdict_first_and_its_page_shows_it(run: Any, tmp_path: Path) -> None:
     plan, page, report = (tmp_path / name for name in ("plan.json", "page.html", "report.json"))
     assert run("plan", ALTERNATE, "-o", str(plan))[0] == 0

@@ -4,6 +4,7 @@ import os
 import signal
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 
 import pytest
 
@@ -58,7 +59,7 @@ def test_a_winner_holds_its_brief(met: Searched) -> None:
         *((onward, done, 6, 2) for done in (4, 5, 6)),
     ]
     told = [one.doing.partition(" ")[0] for one in seen[8:]]
-    assert told[-3:] == ["refining", "validating", "flying"]
+    assert told[-3:] == ["refining", "flying", "validating"]
     assert (found.status, found.binding, found.purchases) == ("met", "", ())
     best = found.best
     assert best is not None
@@ -67,11 +68,46 @@ def test_a_winner_holds_its_brief(met: Searched) -> None:
     assert best.worst <= 2.0 * 0.95
     assert best.validation is not None
     assert best.flight is not None
+    assert best.plan.flight == best.flight.record
+    assert best.validation.filter == best.flight.record.filter
     for run in (best.validation, best.flight):
         assert run.accuracy.late_position.max() <= 2.0
     # no cheaper cell nearly met the need and was passed over
     cheaper = [one for one in found.front if one.cost < best.start.cost]
     assert all(one.found.value > designer.NEARLY * 1.9 for one in cheaper)
+
+
+def test_a_winner_that_its_validation_stops_does_not_meet_the_brief(
+    met: Searched, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    best = met[0].best
+    assert best is not None
+    assert best.validation is not None
+    for anees, binding in ((1.0, ""), (3.0, "error-above-prediction")):
+        figure = replace(best.validation.anees, value=anees, band=(0.9 * anees, 1.1 * anees))
+        unflown = replace(best.plan, flight=None)
+        validation = replace(best.validation, plan=unflown, anees=figure)
+        monkeypatch.setattr(judgement, "refined", lambda *_, plan=unflown: plan)
+        monkeypatch.setattr(judgement, "pilot_flight", lambda *_: best.flight)
+        monkeypatch.setattr(judgement, "validate", lambda *_, result=validation, **__: result)
+        again = judgement.judged(met[0].brief, best.start, lambda: False, lambda _: None)
+        assert again.binding == binding
+
+
+def test_a_winner_that_cannot_be_flown_does_not_meet_the_brief(
+    met: Searched, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    best = met[0].best
+    assert best is not None
+    monkeypatch.setattr(judgement, "refined", lambda *_: replace(best.plan, flight=None))
+    reason = "no filter can fly"
+    monkeypatch.setattr(judgement, "pilot_flight", lambda *_: reason)
+    again = judgement.judged(met[0].brief, best.start, lambda: False, lambda _: None)
+    assert (again.binding, again.flight, again.plan.unflown) == (
+        "flight",
+        None,
+        "no filter can fly",
+    )
 
 
 def test_kept_searches_are_not_repeated_and_give_the_same_design_on_two_processes(
@@ -85,7 +121,7 @@ def test_kept_searches_are_not_repeated_and_give_the_same_design_on_two_processe
     assert made == {k: kept[k] for k in range(3, 6)}
 
 
-@pytest.mark.parametrize("moment", ["searching on", "refining", "validating"])
+@pytest.mark.parametrize("moment", ["searching on", "refining", "flying"])
 def test_ctrl_c_ends_a_design_with_the_best_so_far(moment: str, met: Searched) -> None:
     told: list[str] = []
     _, _, kept = met

@@ -182,13 +182,12 @@ def test_a_recordings_interval_is_the_chi_square_one_of_its_states() -> None:
     assert recorded_anees(24.0, 9).verdict == "optimistic"
 
 
-def test_medians_and_shares_are_those_of_the_trials() -> None:
+def test_medians_and_trials_over_a_limit_are_those_of_the_trials() -> None:
     errors = np.array([[1.0, 2.0], [3.0, 2.0], [40.0, 2.5], [2.0, 9.0]])
-    each = TrialErrors(errors)
+    each = TrialErrors(errors**2)
     np.testing.assert_allclose(each.median(), [2.5, 2.25])
     rms = sorted(np.sqrt((row**2).mean()) for row in errors)
     assert each.overall_median() == pytest.approx((rms[1] + rms[2]) / 2.0)
     limits = np.array([2.5, 5.0])
-    np.testing.assert_allclose(each.share_over(limits), [0.5, 0.25])
-    assert each.overall_share_over(limits) == 0.75
-    assert each.overall_share_over(10.0 * limits) == 0.25
+    over = [[False, False], [True, False], [True, False], [False, True]]
+    np.testing.assert_array_equal(each.over(limits), over)

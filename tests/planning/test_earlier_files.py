@@ -39,11 +39,24 @@ def values_of(name: str) -> Any:
     return json.loads((FOLDER / f"{name}.json").read_text())
 
 
+def without_new_keys(values: Any, earlier: Any) -> Any:
+    """Values without keys that are null and that earlier versions did not write."""
+    if isinstance(values, dict):
+        return {
+            key: without_new_keys(value, earlier.get(key))
+            for key, value in values.items()
+            if key in earlier or value is not None
+        }
+    if isinstance(values, list):
+        return [without_new_keys(*pair) for pair in zip(values, earlier, strict=True)]
+    return values
+
+
 @pytest.mark.parametrize("name", MODELS)
 def test_a_document_reads_as_it_was_written_and_is_drawn(name: str) -> None:
     values = values_of(name)
     document = MODELS[name].model_validate(values)
-    assert document.as_json() == values
+    assert without_new_keys(document.as_json(), values) == values
     if not isinstance(document, PlanDocument):
         assert specs_of(document, [])
 
