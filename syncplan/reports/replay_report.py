@@ -410,7 +410,9 @@ def _estimates_of(replayed: Replay, names: list[str]) -> list[RobotFigures]:
     return [
         RobotFigures(
             name=name,
-            **dict.fromkeys(run_figures.Errors.model_fields),
+            **dict.fromkeys(
+                run_figures.Errors.model_fields.keys() & RobotFigures.model_fields.keys()
+            ),
             final_x_m=float(last[k, 0]),
             final_y_m=float(last[k, 1]),
             final_heading_rad=float(last[k, 2]),
