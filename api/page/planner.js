@@ -26,12 +26,15 @@ export class Planner {
   #busyShown = false;
   /** @type {AbortController | null} */
   #flights = null;
+  /** @type {any} */
+  #flying = null;
 
   constructor(store, busy) {
     this.#store = store;
     this.#busy = busy;
     store.on(["scenario"], (detail) => this.#ask(detail.live));
     store.on(["plan"], ({ quick, current }) => !quick && current && this.#fly());
+    store.on(["opened"], () => this.#flights?.abort());
   }
 
   /** Resolves with the plan and figures of a stored plan. */
@@ -72,7 +75,7 @@ export class Planner {
     const { subject, plan } = this.#store;
     const { go, basis, findings } = plan.verdict;
     const flies = go && basis?.kind === "paper" && !findings.some((finding) => finding.code === "not-flown");
-    if (!flies || subject.planId || this.#waiting) return;
+    if (!flies || subject.planId || this.#waiting || this.#flying === subject.scenario) return;
     this.#tellBusy(true);
     this.#waiting = { subject, live: false, flown: true };
     if (!this.#running) this.#run();
@@ -93,7 +96,8 @@ export class Planner {
         const measured = live ? "moved to verdict" : flown ? "edited to flown" : "edited to verdict";
         requestAnimationFrame(() => performance.measure(measured, { start: asked }));
       } catch (error) {
-        if (error.name === "AbortError") continue;
+        // the verdict on paper stays
+        if (flown || error.name === "AbortError") continue;
         this.#store.faulty(faultsOf(error, subject), error.message, whyOf(error));
         if (!passing(error)) continue;
         await pause(AWAY_S);
@@ -119,9 +123,14 @@ export class Planner {
   }
 
   /** The plan of a subject with its flights. */
-  #flown({ document }) {
+  async #flown({ document, scenario }) {
     this.#flights = new AbortController();
-    return Planner.preview(document, { paper: false, signal: this.#flights.signal });
+    this.#flying = scenario;
+    try {
+      return await Planner.preview(document, { paper: false, signal: this.#flights.signal });
+    } finally {
+      this.#flying = null;
+    }
   }
 
   #tellBusy(flag) {

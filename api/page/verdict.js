@@ -87,7 +87,8 @@ export function showVerdicts(store) {
 function headOf({ go, basis }) {
   if (!go) return "✗ NO-GO";
   if (!basis) return "✓ GO";
-  return basis.kind === "flown" ? `✓ GO, flown ${basis.flights} times` : "✓ GO on paper";
+  if (basis.kind !== "flown") return "✓ GO on paper";
+  return `✓ GO, flown ${basis.flights === 1 ? "once" : `${basis.flights} times`}`;
 }
 
 /** What the plan comes to without what is switched off: its verdict, rank, and what it can't detect then. */

@@ -101,29 +101,37 @@ def _plan(
         verdict_status, observable=require_observable, go=require_go, flown=require_flown
     )
     if refine_:
-        if fly_ is not None:
-            raise InputError("can't be combined with --refine; fly the refined plan", key="--fly")
-        return _refined(made, {}, None, output, format_, status, bound, paper=paper)
+        return _refined(made, {}, None, output, format_, status, bound, paper=paper, flights=fly_)
     if not paper:
         made = _flown(replace(made, flight=None) if fly_ else made, fly_)
+        if fly_ is not None and made.flight is None:
+            console.say("not flown: the plan is stopped on paper")
     console.deliver_document("plan", plan_document(made), output, format_)
     return status(made)
 
 
-def _flown(made: "Plan", most_flights: int | None = None) -> "Plan":
-    """Return a plan with the record of its pilot flight."""
+def _flown(made: "Plan", most_flights: int | None = None, *, interruptible: bool = False) -> "Plan":
+    """Return a plan with the record of its pilot flight.
+
+    Ctrl-C leaves an `interruptible` plan, which took long to find, on paper.
+    """
     from syncplan.planning.pilot_flight import piloted
     from syncplan.planning.pilot_options import PilotOptions
     from syncplan.planning.share_test import FEWEST_FLIGHTS, MOST_FLIGHTS
 
-    with console.progress_bar("flights", FEWEST_FLIGHTS) as progress:
-        options = PilotOptions(
-            most_flights or MOST_FLIGHTS,
-            progress=progress,
-            compile_kernels=console.compile_flight,
-            limited=most_flights is None,
-        )
-        return piloted(made, options)
+    try:
+        with console.progress_bar("flights", FEWEST_FLIGHTS) as progress:
+            options = PilotOptions(
+                most_flights or MOST_FLIGHTS,
+                progress=progress,
+                compile_kernels=console.compile_flight,
+                limited=most_flights is None,
+            )
+            return piloted(made, options)
+    except KeyboardInterrupt:
+        if not interruptible:
+            raise
+        return replace(made, unflown="the flights were interrupted")
 
 
 # --- refine ---------------------------------------------------------------------------------------
@@ -284,7 +292,7 @@ def _landmarks(
     before = plan_of(loaded)
     choice = choose_landmarks(before, sites, choose, seed=seed, pilot=False)
     if not paper:
-        choice = replace(choice, plan=_flown(choice.plan))
+        choice = replace(choice, plan=_flown(choice.plan, interruptible=True))
     if scenario_out is not None:
         kept = text if loaded.scenario.formation.placed else ""
         _write_scenario(kept, source, choice.plan.scenario, scenario_out)
@@ -317,6 +325,7 @@ def _refined(
     bound: Bound = Bound.auto,
     *,
     paper: bool,
+    flights: int | None = None,
 ) -> int:
     """Refine and deliver a plan; one that could not be improved is shown, but never written."""
     from syncplan.refinement.refiner import refine
@@ -332,7 +341,7 @@ def _refined(
             **changes,
         )
     if not paper:
-        better = _flown(better)
+        better = _flown(better, flights, interruptible=True)
     record = better.refinement
     if record is None or record.improved:
         console.deliver_document("plan", plan_document(better), output, format_)

@@ -10,6 +10,7 @@ import typer
 
 from syncplan.cli import arguments, console
 from syncplan.cli.arguments import (
+    RequireFlown,
     RequireGo,
     RequireObservable,
     RequireRobust,
@@ -57,6 +58,7 @@ def _validate(
     threads: arguments.Threads = None,
     require_observable: RequireObservable = False,
     require_go: RequireGo = False,
+    require_flown: RequireFlown = False,
     require_robust: RequireRobust = False,
     max_vehicles: arguments.MaxVehicles = None,
 ) -> int:
@@ -84,7 +86,9 @@ def _validate(
             result = validate(flown, options, threads=threads, progress=progress)
         report = validation_document(result)
     console.deliver_document("validation", report, output, format_)
-    return status or verdict_status(result, observable=require_observable, go=require_go)
+    return status or verdict_status(
+        result, observable=require_observable, go=require_go, flown=require_flown
+    )
 
 
 def _with_options_of_swept_keys(command: Callable[..., int]) -> Callable[..., int]:

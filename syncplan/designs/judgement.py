@@ -82,7 +82,7 @@ def judged(
         return replace(judgement, plan=replace(made, unflown=flight), binding="flight")
     made = flight.plan
     judgement = replace(judgement, plan=made, flight=flight if flight.whole.all() else None)
-    if float(flight.accuracy.late_position.max()) > need.worst_rms_m:
+    if not float(flight.accuracy.late_position.max()) <= need.worst_rms_m:
         return replace(judgement, binding="flight")
     if made.verdict.stops:
         return replace(judgement, binding=made.verdict.stops[0].code)

@@ -40,8 +40,9 @@ class FilterOptions(RunOptions):
     )
     filter: FilterChoice = option(
         AUTO,
-        "The filter. auto is the scenario's filter.kind; if it has none, a validation runs ekf if "
-        "the start-up index clears the plan and robust if not, and every row of a sweep runs ekf",
+        "The filter. auto is the scenario's filter.kind; if it has none, a validation runs that of "
+        "the plan's flights or, on paper, ekf if the start-up index clears the plan and robust if "
+        "not, and every row of a sweep runs ekf",
     )
     substeps: int = option(10, "Euler sub-steps per sample; only for the filter named paper", ge=1)
     gate_probability: float | None = option(

@@ -6,8 +6,6 @@ prior, and the best stays. For N sightings the least cost is chi-square distribu
 degrees of freedom, so a fit is credible up to N + 6 sqrt(2 N). For a recording the true R is
 unknown, and a wrong fit may cost no more than that: there the least cost counts once it has been
 found twice.
-
-`batch_solution` and the plain version in `pilot` share this search.
 """
 
 from collections.abc import Callable

@@ -69,8 +69,9 @@ def export(plan: Plan, format: str, options: ExportOptions | None = None) -> Exp
 def _basis_notes(plan: Plan) -> list[str]:
     """Note that no flights bear out a GO."""
     verdict = plan.verdict
-    on_paper = verdict.go and not verdict.flown
-    return [f"{verdict.headline}; syncplan plan flies it"] if on_paper else []
+    if not verdict.go or verdict.flown:
+        return []
+    return [verdict.headline + (f" ({plan.dropped_flights})" if plan.dropped_flights else "")]
 
 
 def _check_go(plan: Plan) -> None:
@@ -144,6 +145,8 @@ def _snapped(flown: ScheduledPlan) -> tuple[ScheduledPlan, list[str]]:
     predicted = plan.prediction.rms is not None
     bound: BoundChoice = "always" if predicted else "never"
     judged = judge(scenario, replace(plan.orbits, radii=radii), bound=bound)
+    if plan.flight is not None:
+        judged = replace(judged, dropped_flights="radii were snapped after them")
     worst = int(np.argmax(moved))
     notes = [
         f"radii snapped to what ArduPilot stores, at most by {moved[worst]:.2g} m "

@@ -68,7 +68,9 @@ class FlightOptions(FilterOptions):
 
     trials: int = option(100, "Number of flights", example=100, ge=1, le=MAX_TRIALS)
     filter: FlightFilterChoice = option(
-        AUTO, "The filter. auto is the scenario's filter.kind, or robust where it has none"
+        AUTO,
+        "The filter. auto is the scenario's filter.kind; if it has none, that of the plan's "
+        "flights or, on paper, robust",
     )
     gate_probability: float | None = option(
         None,

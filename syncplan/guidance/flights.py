@@ -17,7 +17,7 @@ import numpy as np
 
 from syncplan.arrays import Array, short_repr
 from syncplan.errors import InputError
-from syncplan.estimation.batch_solution import solver_is_compiled
+from syncplan.estimation.batch_solution import compile_solver, solver_is_compiled
 from syncplan.estimation.filter_setup import FilterStatistics, empty_statistics
 from syncplan.estimation.kernels import compiled_beside
 from syncplan.estimation.lane_filter import compile_steps
@@ -30,7 +30,7 @@ from syncplan.guidance.flight_results import (
     joined_figures,
     joined_flights,
 )
-from syncplan.guidance.flown_figures import figures_of, off_plan, without_gone
+from syncplan.guidance.flown_figures import compile_bound, figures_of, off_plan, without_gone
 from syncplan.guidance.flown_lanes import ClosedLoop, FlownLanes
 from syncplan.guidance.flown_team import FlownTeam
 from syncplan.runtime.machine import threads_for
@@ -143,14 +143,17 @@ def flight_is_compiled(team: FlownTeam) -> bool:
 
 def compile_flights(team: FlownTeam) -> None:
     """Compile the kernels that a team's flights need, where they are not in memory or on disk."""
-    n, solves = team.team.count, team.options.filter_model.finds_start
+    n = team.team.count
     if not flight_is_compiled(team):
         compile_steps(n)
-        # the solver takes as long as the loop: the bound is then compiled after the first flights
-        solver = "syncplan.estimation.batch_solution:compile_solver"
-        bound = "syncplan.guidance.flown_figures:compile_bound"
-        with compiled_beside(solver if solves else bound, n):
+        with compiled_beside("syncplan.guidance.flights:compile_rest", n):
             FlownLanes.begun(team, range(1), empty_statistics(1, team.size)).advance(1)
+
+
+def compile_rest(n: int) -> None:
+    """Compile what flights of n vehicles need beside the loop, the solver of every filter too."""
+    compile_bound(n)
+    compile_solver(n)
 
 
 def _chunk(team: FlownTeam, trials: range, stop: threading.Event) -> FlightResult:

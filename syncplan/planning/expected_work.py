@@ -28,11 +28,11 @@ from syncplan.scenario.specification import Scenario
 _INSTANTS, _PHASES = 72, 8
 """Instants around a circle, and phases of a target, at which narrow views are sampled."""
 
-FLIGHT_WORK_LIMIT = 1.5e7
-"""Samples times squared state dimension up to which a plan is flown before its verdict."""
+FLIGHT_WORK_LIMIT = 3e8
+"""Pass work of a flight up to which a plan is flown before its verdict."""
 
-_FLIGHT_SECONDS = 6e-9
-"""Time of one flight for each sample and squared state dimension, on two cores."""
+_FLIGHT_SECONDS = 5e-10
+"""Time of one of many flights for each unit of pass work, in s on two cores."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,15 +53,9 @@ class ExpectedWork:
     bounded: bool
     pairs: int
 
-
-def flight_work(team: Team, duration: float) -> float:
-    """Return samples times squared state dimension of a flight of `duration` s."""
-    return duration / team.sensors.sample_time * (3 * team.count + len(layout_of(team).sigmas)) ** 2
-
-
-def flight_seconds(team: Team, duration: float, flights: int) -> float:
-    """Return the time that flights of `duration` s take on two cores, to within a factor of two."""
-    return _FLIGHT_SECONDS * flights * flight_work(team, duration)
+    def flight_seconds(self, flights: int) -> float:
+        """Return about how long so many flights take on two cores, in s."""
+        return _FLIGHT_SECONDS * flights * self.pass_work
 
 
 def pairs_of(scenario: Scenario) -> int:

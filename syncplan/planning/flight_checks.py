@@ -13,12 +13,10 @@ from syncplan.observability.rank import assess_remainder, assess_team
 from syncplan.orbits.error_states import ERROR_STATES, layout_of
 from syncplan.orbits.sightings import Loss, remainder_of
 from syncplan.phrases import joined, listed, percent
-from syncplan.planning.judged_team import JudgedTeam, Level, Remark
-from syncplan.planning.plan_records import FlownPlan
+from syncplan.planning.judged_team import JudgedTeam, Level, Remark, separation_limit
+from syncplan.planning.plan_records import OPEN_LOOP, FlownPlan
 from syncplan.planning.share_test import (
-    BAD_SHARE,
     FEWEST_FLIGHTS,
-    GOOD_SHARE,
     Standing,
     share_interval,
     standing,
@@ -93,18 +91,20 @@ PHASE_SIGMAS = 2.0
 RANDOM_PHASE = 1.0 / math.sqrt(12.0)
 """RMS error, in periods, of a completely random phase."""
 
-LOOKS_FOR_ITS_START, KEEPS_APART, OPEN_LOOP = "robust", "mpc", "none"
-"""Filter and guidances that cures name."""
+LOOKS_FOR_ITS_START, KEEPS_APART = "robust", "mpc"
+"""Filter and guidance that cures name."""
 
 
 def not_flown(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield the finding that the plan was not flown although flights were wanted."""
     if judged.flight is None and judged.unflown:
-        yield Remark(
-            "note",
-            f"not flown: {judged.unflown}",
-            cure="fly the plan: syncplan plan --fly, or syncplan fly",
-        )
+        yield Remark("note", f"not flown: {judged.unflown}")
+
+
+def flights_dropped(judged: JudgedTeam) -> Iterator[Remark]:
+    """Yield the finding that the flights of the plan's file do not count."""
+    if judged.dropped_flights:
+        yield Remark("note", f"flights of this plan do not count: {judged.dropped_flights}")
 
 
 def few_flights(judged: JudgedTeam) -> Iterator[Remark]:
@@ -115,9 +115,8 @@ def few_flights(judged: JudgedTeam) -> Iterator[Remark]:
         if not any(shares):
             yield Remark(
                 "warning",
-                f"{flights_in_words(flight)} are too few: without a failure, {FEWEST_FLIGHTS} "
-                f"show that a share of failures is {percent(GOOD_SHARE)} rather than "
-                f"{percent(BAD_SHARE)}",
+                f"none of {flights_in_words(flight)} failed, which are too few to call the plan "
+                f"good: {FEWEST_FLIGHTS} without a failure are needed",
                 cure=f"at least {FEWEST_FLIGHTS} flights",
             )
 
@@ -154,9 +153,10 @@ def too_close_in_flight(judged: JudgedTeam) -> Iterator[Remark]:
     if flight is None or flight.least_separation_m is None or not flight.too_close_share:
         return
     median, worst = flight.least_separation_m
+    limit = separation_limit(judged.scenario)
     yield Remark(
         _level(flight.too_close_share, flight),
-        f"vehicles came nearer than min_separation_m {judged.scenario.separation:g} in "
+        f"vehicles came nearer than {limit.worded(judged.orbits.radii)} in "
         f"{_share(flight.too_close_share, flight)}: {worst:.3g} m in the worst, {median:.3g} m in "
         "the median one",
         cure=cure_of(

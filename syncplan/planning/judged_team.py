@@ -340,6 +340,8 @@ class JudgedTeam(WithTeam):
     dropped_links : listed links that never meet
     connectivity_period : s, None if no window of two periods and of the run certifies the team, or
         if left out
+    sufficient_desync : rad, least orbit.desync_rad that makes the team well observable where it is
+        not; None where it is, and if no value does or none was sought
     sufficient_run : s, length of a run that makes the team observable where this one is shorter
         than the stated window; None if it is not, if none was found or the search was left out
     approach : closest approach of two vehicles; None for one vehicle
@@ -357,6 +359,7 @@ class JudgedTeam(WithTeam):
         observable
     flight : results of flying the plan; None if it was not flown
     unflown : why it was not flown although flights were wanted; else empty
+    dropped_flights : why the flights of the plan's file do not count; else empty
     """
 
     scenario: Scenario
@@ -370,6 +373,7 @@ class JudgedTeam(WithTeam):
     dropped_links: tuple[UnmetLink, ...]
     connectivity_period: float | None
     sufficient_run: float | None
+    sufficient_desync: float | None
     approach: Approach | None
     too_close: tuple[Approach, ...]
     observability: Observability
@@ -384,6 +388,13 @@ class JudgedTeam(WithTeam):
     start_up: StartUpIndex | None = None
     flight: FlownPlan | None = None
     unflown: str = ""
+    dropped_flights: str = ""
+
+    @property
+    def borne_out(self) -> FlownPlan | None:
+        """Flights of the scenario as stated, on which the verdict rests; None on paper."""
+        flight = self.flight
+        return flight if flight is not None and flight.bears_out(self.scenario) else None
 
     @property
     def true_team(self) -> Team:

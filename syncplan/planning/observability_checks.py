@@ -14,7 +14,6 @@ from syncplan.planning.judged_team import MOST_NAMED, FindingCure, JudgedTeam, L
 from syncplan.planning.weakness import (
     LARGEST_CONDITION_NUMBER,
     WEAK_INDEX,
-    least_desync,
     weakness,
     windows_of,
 )
@@ -32,8 +31,7 @@ def unobservable(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield a finding for each motion of the team that no sighting can detect."""
     names, rank = judged.scenario.vehicle_names, judged.observability
     window = f"rank {rank.rank} of {rank.state_dim} over {_window(judged.scenario)}"
-    curable = any(mode.desync for mode in judged.unobservable)
-    size = least_desync(judged.scenario) if curable else None
+    size = judged.sufficient_desync
     for mode in judged.unobservable:
         sized = replace(mode, desync=size) if mode.desync and size else mode
         yield Remark(
@@ -66,7 +64,7 @@ def weakly_observable(judged: JudgedTeam) -> Iterator[Remark]:
         message += "; on exact circles, a filter that linearises at its estimates may miss that"
     if degenerate:
         message += f"; the condition number is {verdict.condition_number:.3g}"
-    size, flown = least_desync(judged.scenario), judged.flight is not None
+    size, flown = judged.sufficient_desync, judged.flight is not None
     cure = "unequal radii, or refinement" if size is None else turning_cure(size)
     yield Remark(
         "note" if flown else "warning",

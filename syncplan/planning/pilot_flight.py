@@ -15,8 +15,7 @@ from syncplan.guidance.flight_results import FlightResult, first_flights, joined
 from syncplan.planning.error_checks import errors_above, flown_errors
 from syncplan.planning.expected_work import (
     FLIGHT_WORK_LIMIT,
-    flight_seconds,
-    flight_work,
+    work_of,
 )
 from syncplan.planning.filter_choice import FLYING_FILTERS, FilterChoice, asked_filter
 from syncplan.planning.pilot_options import PilotOptions
@@ -59,13 +58,13 @@ def _why_on_paper(plan: Plan, *, limited: bool) -> str:
     asked = asked_filter(plan.scenario, FlightOptions())
     if asked is not None and FILTERS[asked.name].needs_truth:
         return f"filter.kind {asked.name} needs the truth, which no flight has"
-    duration, count = plan.scenario.duration_s, plan.team.count
-    if limited and flight_work(plan.team, duration) > FLIGHT_WORK_LIMIT:
-        seconds = flight_seconds(plan.team, duration, FEWEST_FLIGHTS)
+    work = work_of(plan.scenario) if limited else None
+    if work is not None and work.pass_work > FLIGHT_WORK_LIMIT:
+        team = f"{plan.team.count} vehicles over {plan.scenario.duration_s:g} s"
         return (
-            f"{FEWEST_FLIGHTS} flights of {count} vehicles over {duration:g} s take about "
-            f"{seconds:.2g} s on two cores; syncplan plan --fly {MOST_FLIGHTS} flies them all the "
-            "same"
+            f"{FEWEST_FLIGHTS} flights of {team} take about "
+            f"{work.flight_seconds(FEWEST_FLIGHTS):.2g} s on two cores (syncplan fly --trials "
+            f"{FEWEST_FLIGHTS}); syncplan plan --fly {MOST_FLIGHTS} judges the plan by them"
         )
     return ""
 
@@ -106,13 +105,14 @@ class _Pilot:
                 return first
         flights: FlightResult | None = None
         for begin in range(0, most, _BATCH):
-            batch = self._part(run, begin, min(_BATCH, most - begin))
+            # whole chunks, so that a smaller number has the bytes of a larger one
+            batch = self._part(run, begin, _BATCH)
             flights = batch if flights is None else joined_flights([flights, batch])
-            decided = self._decided(run, flights)
+            decided = self._decided(run, first_flights(flights, min(begin + _BATCH, most)))
             if decided is not None:
                 return decided
         assert flights is not None
-        return Flight.of(run, flights)
+        return Flight.of(run, first_flights(flights, most))
 
     def _run(self, choice: FilterChoice, seed: int, most: int) -> FlightRun:
         run = set_up_flight(self.plan, FlightOptions(trials=most, seed=seed), choice)

@@ -312,8 +312,9 @@ def in_world(plan: Plan, truth: Mapping[str, Any] | None) -> Plan:
     """
     if not truth:
         return plan
-    reason = "its flights were in another world" if plan.flight is not None else plan.unflown
-    return replace(plan, scenario=with_truth(plan.scenario, truth), flight=None, unflown=reason)
+    dropped = "they were in another world" if plan.flight is not None else plan.dropped_flights
+    elsewhere = with_truth(plan.scenario, truth)
+    return replace(plan, scenario=elsewhere, flight=None, dropped_flights=dropped)
 
 
 def load_plan(

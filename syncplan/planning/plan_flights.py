@@ -33,7 +33,11 @@ from syncplan.guidance.flown_figures import Meetings, meetings_of
 from syncplan.guidance.flown_team import FlownTeam, team_in_flight
 from syncplan.orbits.contacts import find_windows
 from syncplan.planning.filter_choice import FilterChoice
-from syncplan.planning.judged_team import bound_is_affordable, expected_in_world
+from syncplan.planning.judged_team import (
+    bound_is_affordable,
+    expected_in_world,
+    separation_limit,
+)
 from syncplan.planning.plan_records import (
     FlownPlan,
     MeetingsFlown,
@@ -147,7 +151,7 @@ class Flight(Result):
         apart = figures.separations
         known = bool(np.isfinite(apart).all())
         lost, away = share_of(self.filter_lost), share_of(self.out_of_contact)
-        close = share_of(self.too_close) if known and self.run.limits.separation > 0.0 else None
+        close = share_of(self.too_close) if known and self.least_distance > 0.0 else None
         late = self.trial_errors.late_squares[:, self.there].mean(axis=1)
         record = FlownPlan(
             trials=self.result.trials,
@@ -155,6 +159,7 @@ class Flight(Result):
             duration_s=self.run.duration,
             guidance=options.guidance,
             filter=options.filter,
+            gate_probability=options.gate_probability,
             chosen_because=self.run.chosen_because,
             events=list(self.run.happenings),
             filter_lost_share=lost[0],
@@ -276,8 +281,14 @@ class Flight(Result):
 
     @property
     def too_close(self) -> Flags:
-        """(trials,) whether two vehicles came nearer than the separation asked for."""
-        return np.asarray(self.result.figures.separations < self.run.limits.separation)
+        """(trials,) whether two vehicles came nearer than allowed."""
+        return np.asarray(self.result.figures.separations < self.least_distance)
+
+    @property
+    def least_distance(self) -> float:
+        """Least distance in m that the verdict allows between two vehicles; 0 for none."""
+        plan = self.run.plan
+        return separation_limit(plan.scenario).least(plan.orbits.radii)
 
     @property
     def failed(self) -> Flags:

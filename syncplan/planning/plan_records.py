@@ -65,6 +65,15 @@ class RefinementRecord:
 
 # --- flights --------------------------------------------------------------------------------------
 
+OPEN_LOOP = "none"
+"""Guidance of flights in open loop."""
+
+_NO_EFFECT = (
+    *("name", "refine", "geo_origin", "start_time", "purpose", "area_m", "keep_out_m"),
+    *("landmark_clearance_m", "window_s"),
+)
+"""Keys of a scenario that no flight depends on; the verdict judges them on paper."""
+
 Interval = tuple[float, float]
 """Ends of a 95 % interval."""
 
@@ -116,6 +125,9 @@ class FlownPlan(Document):
     duration_s: float
     guidance: str
     filter: str
+    gate_probability: OrAbsent[float] = Field(
+        default=None, description="Of the innovation gate; missing without one"
+    )
     chosen_because: OrAbsent[Words] = Field(default=None, description="Reason for this filter")
     events: Many[Words] = Field(description="Losses and holds in every trial")
     filter_lost_share: float
@@ -124,7 +136,8 @@ class FlownPlan(Document):
         description="Of the median and of the worst trial; null for a single vehicle"
     )
     too_close_share: float | None = Field(
-        description="Share of trials below min_separation_m; null where none is asked for"
+        description="Share of trials below min_separation_m or, where that is not given, below a "
+        "tenth of the mean radius; null for 0. In older files null where none is given"
     )
     vehicles: Many[PhasesFlown] = Field(description="Those that are there to the end")
     meetings_kept: Many[MeetingsFlown] = Field(
@@ -146,7 +159,7 @@ class FlownPlan(Document):
     )
     out_of_contact_interval: OrAbsent[Interval] = Field(default=None, description="Likewise")
     too_close_interval: OrAbsent[Interval] = Field(
-        default=None, description="Likewise; missing where no separation is asked for"
+        default=None, description="Likewise; missing where no distance is too near"
     )
     anees: OrAbsent[float] = Field(
         default=None,
@@ -154,6 +167,11 @@ class FlownPlan(Document):
         "filter broke down, and in older files",
     )
     anees_interval: OrAbsent[Interval] = Field(default=None, description="95 % interval of anees")
+
+    def bears_out(self, scenario: Scenario) -> bool:
+        """Return whether the flights are those of the scenario: steered, whole and undisturbed."""
+        whole = self.duration_s == scenario.duration_s
+        return whole and self.guidance != OPEN_LOOP and not self.events
 
     def error_of(self, name: str) -> str:
         """Return a vehicle's RMS error in m with its 95 % interval; empty if it is not known."""
@@ -178,12 +196,12 @@ def _with_interval(value: float, interval: Interval | None) -> str:
 def flight_digest(scenario: Scenario, orbits: Orbits, record: FlownPlan) -> str:
     """Return the digest of a record of flights and of all that they depend on.
 
-    Names of scenarios, and their sections on refinement, have no effect on flights.
+    Keys of the scenario that no flight depends on are left out.
     """
     circles = orbits.centers, orbits.radii, orbits.senses, orbits.phases, [orbits.rate]
     parts = [
         __version__,
-        scenario.model_dump_json(exclude={"name", "refine"}, exclude_none=True),
+        scenario.model_dump_json(exclude=set(_NO_EFFECT), exclude_none=True),
         repr([np.asarray(values, dtype=float).tolist() for values in circles]),
         record.model_dump_json(exclude={"digest"}),
     ]

@@ -4,7 +4,7 @@ The judge takes nothing over from the source of the orbits: the exact code compu
 afresh. Only this module sees the whole chain.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, TypedDict
@@ -25,7 +25,7 @@ from syncplan.observability.link_verdicts import landmark_verdicts, vehicle_verd
 from syncplan.observability.loss_ranks import decisive_losses
 from syncplan.observability.rank import Assessment, assess_team
 from syncplan.observability.sliding_windows import connectivity_period
-from syncplan.observability.unobservable_modes import name_modes
+from syncplan.observability.unobservable_modes import UnobservableMode, name_modes
 from syncplan.orbits import contacts
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.sightings import Loss, single_losses
@@ -34,6 +34,7 @@ from syncplan.planning import judged_team
 from syncplan.planning.pilot_options import PilotOptions
 from syncplan.planning.plans import Plan
 from syncplan.planning.rule_orbits import listed_pairs, rule_orbits
+from syncplan.planning.weakness import is_weak, least_desync, windows_of
 from syncplan.runtime.machine import single_threaded_blas
 from syncplan.scenario.loading import scenario_of
 from syncplan.scenario.specification import Scenario, per_vehicle
@@ -61,6 +62,9 @@ class JudgementOptions(TypedDict, total=False):
 
 LARGEST_SEARCHED = 200
 """Number of vehicles up to which every plan states its single points of failure."""
+
+LARGEST_DESYNCHRONISED = 40
+"""Number of vehicles up to which a plan states the desynchronisation that cures it."""
 
 MOST_STATES = 100_000
 """Number of pose coordinates and errors up to which every plan states the undetermined errors."""
@@ -128,6 +132,7 @@ def judged(
     met = met_pairs(team, assessed.windows)
     kept = [pair for pair in listed if pair in met]
     unlisted = sorted(met - set(listed))
+    modes = tuple(name_modes(assessed, names, scenario.landmark_names))
     return Plan(
         scenario=scenario,
         team=team,
@@ -142,11 +147,14 @@ def judged(
         if connectivity
         else None,
         sufficient_run=_sufficient_run(assessed, scenario) if connectivity else None,
+        sufficient_desync=_sufficient_desync(assessed, scenario, modes, prediction)
+        if connectivity and not remainder
+        else None,
         approach=contacts.closest_approach(orbits),
         too_close=_too_close(orbits, judged_team.separation_limit(scenario)),
         observability=assessed.observability,
         certificate=assessed.certificate,
-        unobservable=tuple(name_modes(assessed, names, scenario.landmark_names)),
+        unobservable=modes,
         prediction=prediction,
         error_verdict=judge_errors(assessed, names, MOST_STATES_LEFT if remainder else MOST_STATES),
         start_up=start_up,
@@ -200,6 +208,22 @@ def _single_points(assessed: Assessment, *, sought: bool) -> tuple[Loss, ...] | 
     if not sought or assessed.team.count > LARGEST_SEARCHED:
         return None
     return tuple(decisive_losses(assessed, single_losses(assessed.team)))
+
+
+def _sufficient_desync(
+    assessed: Assessment,
+    scenario: Scenario,
+    modes: Sequence[UnobservableMode],
+    prediction: judged_team.Prediction,
+) -> float | None:
+    """Least desynchronisation that cures a team of moderate size; None if it needs none."""
+    if assessed.team.count > LARGEST_DESYNCHRONISED:
+        return None
+    lacking = any(mode.desync for mode in modes)
+    weak = assessed.observability.observable and is_weak(
+        assessed.observability, prediction.rms, windows_of(scenario)
+    )
+    return least_desync(scenario) if lacking or weak else None
 
 
 def _sufficient_run(assessed: Assessment, scenario: Scenario) -> float | None:

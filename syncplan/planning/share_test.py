@@ -48,6 +48,8 @@ def standing(failures: int, flights: int) -> Standing:
 def deciding_flights(failed: Flags) -> int | None:
     """Return the number of flights that decide: a share is bad, or all are good; None if none do.
 
+    All have to be good at the same number, so a share that was good earlier may still be found bad.
+
     `failed` (flights, shares) holds whether each flight failed, in the order in which they flew.
     """
     flights = np.arange(1, len(failed) + 1)[:, None]

@@ -86,6 +86,7 @@ CHECKS: dict[str, Callable[[JudgedTeam], Iterable[Remark]]] = {
     "link-lost": observability_checks.lost_links,
     "link-fragile": observability_checks.fragile_links,
     "not-flown": flight_checks.not_flown,
+    "flights-dropped": flight_checks.flights_dropped,
     "few-flights": flight_checks.few_flights,
     "lost-in-flight": flight_checks.lost_in_flight,
     "too-close-in-flight": flight_checks.too_close_in_flight,
@@ -112,5 +113,5 @@ def verdict_of(judged: JudgedTeam) -> PlanVerdict:
     """Return whether a judged team can be flown, with the findings of every check."""
     return PlanVerdict.of(
         (PlanFinding.of(code, one) for code, check in CHECKS.items() for one in check(judged)),
-        judged.flight,
+        judged.borne_out,
     )

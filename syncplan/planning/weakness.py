@@ -56,6 +56,15 @@ def weakness(
     return np.asarray(observability.singular_values[0] * (wander / observability.scale) ** 2)
 
 
+def is_weak(
+    observability: Observability, predicted: Array | None = None, windows: float = np.inf
+) -> bool:
+    """Return whether an observable team is weakly so; the arguments are those of `weakness`."""
+    if observability.condition_number > LARGEST_CONDITION_NUMBER:
+        return True
+    return bool(weakness(observability, predicted, windows).max() > WEAK_INDEX)
+
+
 def windows_of(scenario: Scenario) -> float:
     """Return how many windows the run of a scenario is long."""
     return scenario.duration_s / scenario.window
@@ -85,9 +94,7 @@ def _well_observable(scenario: Scenario, exact: RuleOrbits, offset: float) -> bo
     """Whether a team off the rules by `offset` rad is observable, and not weakly."""
     team = team_of(scenario, exact.desynchronised(offset))
     verdict = assess_team(team, scenario.window).observability
-    if verdict.condition_number > LARGEST_CONDITION_NUMBER:
-        return False
-    return bool(weakness(verdict).max() <= WEAK_INDEX)
+    return not is_weak(verdict)
 
 
 def _first(scenario: Scenario, exact: RuleOrbits, offsets: Sequence[float]) -> float:

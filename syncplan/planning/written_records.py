@@ -81,7 +81,7 @@ class WrittenRecord(_Read):
     synchronisation: _WrittenPhases
     refinement: _WrittenRefinement | None = None
     verdict: _WrittenVerdict | None = None
-    flight: FlownPlan | None = None
+    flight: Any = None
     notes: Many[Words] = Field(default_factory=list)
 
 
@@ -119,20 +119,23 @@ def with_record(judged: Plan, record: WrittenRecord | None) -> Plan:
     )
 
 
-def _with_flight(judged: Plan, flight: FlownPlan | None) -> Plan:
+def _with_flight(judged: Plan, values: Any) -> Plan:
     """Plan with the flights of its file, or with the reason why they do not count."""
-    if flight is None:
+    if values is None:
         return judged
+    try:
+        flight = FlownPlan.model_validate(values)
+    except (ValidationError, RecursionError):
+        return replace(judged, dropped_flights="their record cannot be read")
     if flight.digest is None:
-        reason = "the flights in the file are of an earlier version, which did not sign them"
-        return replace(judged, unflown=reason)
-    if flight.digest != flight_digest(judged.scenario, judged.orbits, flight):
-        reason = (
-            "the flights in the file are of another scenario, other orbits or another version of "
-            "syncplan, or their figures were changed"
-        )
-        return replace(judged, unflown=reason)
-    return replace(judged, flight=flight)
+        reason = "they are of an earlier version, whose files have no digest"
+    elif flight.digest != flight_digest(judged.scenario, judged.orbits, flight):
+        reason = "scenario, orbits, figures or version of syncplan have changed since"
+    elif not flight.bears_out(judged.scenario):
+        reason = "they were disturbed, in open loop or of another duration"
+    else:
+        return replace(judged, flight=flight)
+    return replace(judged, dropped_flights=reason)
 
 
 def _same_links(judged: Plan, record: WrittenRecord) -> bool:

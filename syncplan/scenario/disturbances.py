@@ -207,7 +207,7 @@ class Filter(Section):
         default=None,
         description="The filter: "
         + "; ".join(f"{name}, {one.phrase}" for name, one in FILTERS.items())
-        + f". {AUTO}, the default, is ekf where the start-up index clears it and robust where not",
+        + f". {AUTO}, the default, is the cheapest of ekf, second-order and robust that flies well",
         examples=["auto"],
     )
 

@@ -1,9 +1,9 @@
 """The table of filters, from which scenario, command line, service and reports take the names.
 
 A new filter is a line of FILTERS. One with a different correction has a flag here, such as
-`second_order`, that syncplan.estimation.correction_kernels and the pilot read; flights then have it
-too. One that runs differently has a kernel, a LaneFilter in a module of syncplan.estimation.
-Flights do not run that kernel: syncplan.guidance.closed_loop steps the extended filter.
+`second_order`, that syncplan.estimation.correction_kernels reads; flights then have it too. One
+that runs differently has a kernel, a LaneFilter in a module of syncplan.estimation. Flights do not
+run that kernel: syncplan.guidance.closed_loop steps the extended filter.
 """
 
 from collections.abc import Mapping
@@ -83,7 +83,7 @@ FOR_RECORDINGS = tuple(name for name, one in FILTERS.items() if not one.needs_tr
 """Names of the filters that run on recordings."""
 
 AUTO = "auto"
-"""Choice of the filter that the start-up index of a plan calls for."""
+"""Choice of the filter by flights of the plan or, on paper, by its start-up index."""
 
 FORMER_NAMES: Mapping[str, str] = MappingProxyType({"arc": "ekf", "euler": "paper"})
 """Filters by their former names, which denote the integration of readings."""

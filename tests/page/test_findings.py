@@ -33,7 +33,7 @@ UNCERTAIN = document(
     ("scenario", "codes"),
     [
         (TROUBLED, {"unobservable", "vehicles-too-close", "landmark-too-close", "in-keep-out"}),
-        (UNCERTAIN, {"start-up"}),
+        (UNCERTAIN, {"error-above-prediction"}),
     ],
     ids=lambda value: value["name"] if isinstance(value, dict) else "",
 )

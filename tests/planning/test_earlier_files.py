@@ -76,7 +76,7 @@ def test_a_plan_is_judged_again_on_paper_and_a_note_says_why(name: str) -> None:
     assert specs_of(plan, [])
     assert plan.verdict.headline == "GO on paper: not flown"
     assert not GONE & {finding.code for finding in plan.verdict.findings}
-    notes = findings_of(plan, "not-flown")
+    notes = findings_of(plan, "flights-dropped")
     assert [note.level for note in notes] == (["note"] if name == "plan" else [])
     assert (plan.refinement is not None) == (name == "refined")
 
@@ -85,3 +85,4 @@ def test_a_plan_that_is_read_to_be_flown_is_flown() -> None:
     plan = plan_of(loaded_from(values_of("plan")), pilot=True)
     assert plan.verdict.flown
     assert findings_of(plan, "not-flown") == []
+    assert len(findings_of(plan, "flights-dropped")) == 1

@@ -264,7 +264,7 @@ def signed(plan: Plan, **changes: Any) -> Plan:
 
 
 def test_a_plan_file_keeps_what_flying_has_found(plan: Plan, tmp_path: Path) -> None:
-    flown = signed(plan, filter_lost_share=0.02, events=["v3 is lost at 60 s"])
+    flown = signed(plan, filter_lost_share=0.02)
     flown.save(tmp_path / "plan.json")
     read = syncplan.load_plan(tmp_path / "plan.json")
     assert read.flight == flown.flight
@@ -308,17 +308,45 @@ def test_flights_of_a_file_do_not_count_for_what_they_did_not_fly(
     read = syncplan.load_plan(tmp_path / "plan.json")
     assert read.flight is None
     assert read.verdict.headline == "GO on paper: not flown"
-    (finding,) = findings_of(read, "not-flown")
+    (finding,) = findings_of(read, "flights-dropped")
     assert finding.level == "note"
     assert ("earlier version" in finding.message) == (edit == "earlier version")
 
 
-def test_a_name_does_not_change_what_was_flown(plan: Plan, tmp_path: Path) -> None:
+def test_flights_count_whatever_else_is_edited(plan: Plan, tmp_path: Path) -> None:
     signed(plan).save(tmp_path / "plan.json")
     values = json.loads((tmp_path / "plan.json").read_text())
-    values["scenario"]["name"] = "renamed"
+    origin = {"lat_deg": 48.0, "lon_deg": 11.0, "alt_m": 500.0}
+    values["scenario"].update(name="renamed", geo_origin=origin, landmark_clearance_m=1.0)
     (tmp_path / "plan.json").write_text(json.dumps(values))
     assert syncplan.load_plan(tmp_path / "plan.json").verdict.flown
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"events": ["v3 is lost at 60 s"]}, {"guidance": "none"}, {"duration_s": 3.0}],
+    ids=lambda changes: next(iter(changes)),
+)
+def test_a_verdict_does_not_rest_on_flights_of_something_else(
+    plan: Plan, tmp_path: Path, changes: dict[str, Any]
+) -> None:
+    disturbed = signed(plan, **changes)
+    assert disturbed.verdict.headline == "GO on paper: not flown"
+    disturbed.save(tmp_path / "plan.json")
+    read = syncplan.load_plan(tmp_path / "plan.json")
+    assert read.flight is None
+    (finding,) = findings_of(read, "flights-dropped")
+    assert "disturbed, in open loop or of another duration" in finding.message
+
+
+def test_flights_that_cannot_be_read_leave_the_rest_of_a_file(plan: Plan, tmp_path: Path) -> None:
+    signed(plan).save(tmp_path / "plan.json")
+    values = json.loads((tmp_path / "plan.json").read_text())
+    values["flight"]["trials"] = "many"
+    (tmp_path / "plan.json").write_text(json.dumps(values))
+    read = syncplan.load_plan(tmp_path / "plan.json")
+    assert "their record cannot be read" in findings_of(read, "flights-dropped")[0].message
+    assert read.synchronisation is not None
 
 
 def test_the_sidecar_of_an_export_has_phase_errors_that_were_flown(plan: Plan) -> None:

@@ -10,8 +10,8 @@ from scipy.stats import beta, binom
 
 import syncplan
 from syncplan.guidance.flown_team import FlownTeam
-from syncplan.planning.expected_work import FLIGHT_WORK_LIMIT, flight_work
-from syncplan.planning.pilot_flight import FIRST_LOOK, piloted
+from syncplan.planning.expected_work import FLIGHT_WORK_LIMIT, work_of
+from syncplan.planning.pilot_flight import FIRST_LOOK, PILOT_SEED, piloted
 from syncplan.planning.pilot_options import PilotOptions
 from syncplan.planning.plans import Plan
 from syncplan.planning.share_test import (
@@ -25,7 +25,7 @@ from syncplan.planning.share_test import (
     standing,
 )
 from tests.tools import on_paper
-from tests.tools.scenarios import changed, example, findings_of, small
+from tests.tools.scenarios import changed, circling, example, findings_of, small
 
 HARD = Path(__file__).parents[1] / "data" / "hard"
 
@@ -147,7 +147,9 @@ def test_a_large_team_stays_on_paper_and_the_note_says_what_flights_would_take()
     landmarks = [[0.0, 40.0], [490.0, 40.0], [280.0, 320.0]]
     scenario = small(formation={"centers_m": centers}, landmarks_m=landmarks, duration_s=200.0)
     large = syncplan.plan(scenario, bound="never")
-    assert flight_work(large.team, 200.0) > FLIGHT_WORK_LIMIT
+    work = work_of(large.scenario)
+    assert work is not None
+    assert work.pass_work > FLIGHT_WORK_LIMIT
     assert large.verdict.headline == "GO on paper: not flown"
     (finding,) = findings_of(large, "not-flown")
     assert "31 flights of 40 vehicles over 200 s take about" in finding.message
@@ -163,6 +165,31 @@ def test_the_filter_that_the_scenario_names_flies() -> None:
     asked = syncplan.plan(changed("paper-grid-same", filter={"kind": "second-order"}))
     assert asked.flight is not None
     assert (asked.flight.filter, asked.flight.trials) == ("second-order", 31)
+
+
+def test_vehicles_that_nearly_collide_are_stopped_though_no_separation_is_asked_for() -> None:
+    near = small(
+        orbit=circling(direction=["ccw", "cw"]),
+        formation={"centers_m": [[0.0, 0.0], [43.0, 0.0]]},
+        landmarks_m=[[0.0, 45.0], [43.0, 45.0], [21.0, -45.0]],
+        duration_s=200.0,
+    )
+    plan = syncplan.plan(near)
+    assert replace(plan, flight=None).verdict.go
+    (finding,) = findings_of(plan, "too-close-in-flight")
+    assert finding.level == "stop"
+    assert "2 m, a tenth of the mean radius, as no min_separation_m is stated" in finding.message
+    allowed = syncplan.plan(near.following(min_separation_m=0.0))
+    assert findings_of(allowed, "too-close-in-flight") == []
+
+
+def test_fewer_flights_are_the_first_of_more(grid: Plan) -> None:
+    paper = replace(grid, flight=None)
+    few = piloted(paper, PilotOptions(most_flights=20)).flight
+    more = syncplan.fly(paper, trials=20, seed=PILOT_SEED, filter="ekf").record
+    assert few is not None
+    assert few.trials == 20
+    assert few.vehicles[0].rms_m == pytest.approx(more.vehicles[0].rms_m, rel=1e-9)
 
 
 # --- plans that an independent check found unsafe in flight ---------------------------------------
