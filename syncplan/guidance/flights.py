@@ -145,15 +145,16 @@ def compile_flights(team: FlownTeam) -> None:
     """Compile the kernels that a team's flights need, where they are not in memory or on disk."""
     n = team.team.count
     if not flight_is_compiled(team):
-        compile_steps(n)
         with compiled_beside("syncplan.guidance.flights:compile_rest", n):
+            compile_steps(n)
             FlownLanes.begun(team, range(1), empty_statistics(1, team.size)).advance(1)
 
 
 def compile_rest(n: int) -> None:
     """Compile what flights of n vehicles need beside the loop, the solver of every filter too."""
-    compile_bound(n)
     compile_solver(n)
+    # by then, steps that the bound shares are compiled
+    compile_bound(n)
 
 
 def _chunk(team: FlownTeam, trials: range, stop: threading.Event) -> FlightResult:
