@@ -33,7 +33,7 @@ export class Planner {
     this.#store = store;
     this.#busy = busy;
     store.on(["scenario"], (detail) => this.#ask(detail.live));
-    store.on(["plan"], ({ quick, current }) => !quick && current && this.#fly());
+    store.on(["plan"], ({ quick, flown, current }) => !quick && !flown && current && this.#fly());
     store.on(["opened"], () => this.#flights?.abort());
   }
 
