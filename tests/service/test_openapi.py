@@ -141,6 +141,12 @@ def test_the_example_of_a_plan_is_the_librarys() -> None:
     for added in ("id", "created_at", "parent_id"):
         del shown[added]
     made = json.loads(as_text(plan_document(syncplan.plan(scenario_from(given))).as_json()))
+    # digests are of all digits, which differ from one processor to another
+    for document in (made, shown):
+        assert document["verdict"]["basis"]["digest"] == document["flight"]["digest"]
+        document["verdict"] = {**document["verdict"], "basis": {**document["verdict"]["basis"]}}
+        document["flight"] = {**document["flight"], "digest": ""}
+        document["verdict"]["basis"]["digest"] = ""
     _check_same(made, shown, "plan")
 
 
