@@ -13,10 +13,7 @@ from dataclasses import replace
 from syncplan.guidance.flight_options import FlightOptions
 from syncplan.guidance.flight_results import FlightResult, first_flights, joined_flights
 from syncplan.planning.error_checks import errors_above, flown_errors
-from syncplan.planning.expected_work import (
-    FLIGHT_WORK_LIMIT,
-    work_of,
-)
+from syncplan.planning.expected_work import FLIGHT_WORK_LIMIT, work_of
 from syncplan.planning.filter_choice import FLYING_FILTERS, FilterChoice, asked_filter
 from syncplan.planning.pilot_options import PilotOptions
 from syncplan.planning.plan_flights import Flight, FlightRun, fly_part, set_up_flight

@@ -17,7 +17,8 @@ and misses its bound. This supposes circles flown exactly. tests/searches/weak.p
 index separates teams.
 """
 
-from collections.abc import Sequence
+from bisect import bisect_left
+from functools import partial
 
 import numpy as np
 
@@ -85,7 +86,8 @@ def least_desync(scenario: Scenario) -> float | None:
     low = LEAST_RAD
     for high in _STEPS_RAD:
         if _well_observable(scenario, exact, high):
-            return _first(scenario, exact, _two_digits(low, high))
+            sizes = _two_digits(low, high)
+            return sizes[bisect_left(sizes, True, key=partial(_well_observable, scenario, exact))]
         low = high
     return None
 
@@ -95,18 +97,6 @@ def _well_observable(scenario: Scenario, exact: RuleOrbits, offset: float) -> bo
     team = team_of(scenario, exact.desynchronised(offset))
     verdict = assess_team(team, scenario.window).observability
     return not is_weak(verdict)
-
-
-def _first(scenario: Scenario, exact: RuleOrbits, offsets: Sequence[float]) -> float:
-    """The first of ascending offsets from which on teams are well observable; the last is."""
-    low, high = 0, len(offsets) - 1
-    while low < high:
-        middle = (low + high) // 2
-        if _well_observable(scenario, exact, offsets[middle]):
-            high = middle
-        else:
-            low = middle + 1
-    return offsets[high]
 
 
 def _two_digits(low: float, high: float) -> list[float]:

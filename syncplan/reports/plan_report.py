@@ -1,7 +1,7 @@
 """Plans as documents."""
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -30,7 +30,6 @@ from syncplan.reports.observability_report import (
     observability_of,
 )
 from syncplan.reports.refinement_report import RefinementResult, refinement_result
-from syncplan.scenario.filters import FilterName
 from syncplan.scenario.specification import Scenario
 
 
@@ -140,21 +139,6 @@ class PredictedStateError(DocumentPart):
     )
 
 
-class PilotRecord(DocumentPart):
-    """A few trials of the filter from the initial sigmas, in files of earlier versions."""
-
-    filter: FilterName | None = Field(
-        default=None, description="That ran; null in older files, whose pilots are of ekf"
-    )
-    trials: int
-    seed: int
-    duration_s: float = Field(description="Length of each: the run's, or its first five periods")
-    rms_over_predicted: dict[str, float | None] = Field(
-        description="RMS position error over the second half of `duration_s`, over the bound's in "
-        "the same time; null where a filter broke down"
-    )
-
-
 class StartUpRecord(DocumentPart):
     """Whether the filter can be expected to reach the bound from the initial sigmas.
 
@@ -169,8 +153,8 @@ class StartUpRecord(DocumentPart):
     observer: str = Field(description="Who measures the bearing that has the index")
     target: str
     time_s: float
-    pilot: PilotRecord | None = Field(
-        default=None, description="null; in older files, where the index does not clear the plan"
+    pilot: dict[str, Any] | None = Field(
+        default=None, description="null; in older files, a few trials from the initial sigmas"
     )
     untried: str = Field(default="", description="Empty; in older files, why there is no pilot")
 

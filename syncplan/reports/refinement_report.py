@@ -63,13 +63,6 @@ def plan_so_far(found: "BetterPlan") -> PlanSoFar:
     )
 
 
-class InputStart(DocumentPart):
-    """Start-up of the plan that was refined, in files of earlier versions."""
-
-    index: float
-    worst_rms_over_predicted: float | None
-
-
 class RefinementResult(Document):
     """Record of a refinement; `improved` states whether the plan is better or the input itself."""
 
@@ -81,7 +74,7 @@ class RefinementResult(Document):
     after: FiguresOfMerit
     active_constraints: list[str]
     starts: list[StartResult]
-    start_up_before: InputStart | None = Field(
+    start_up_before: dict[str, Any] | None = Field(
         default=None, description="null; in older files, the start-up of the input"
     )
     expected_rms_before_m: OrAbsent[float] = Field(
