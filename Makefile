@@ -124,9 +124,9 @@ chromium:
 docs: $(VENV)/.docs
 	$(BIN)/python -m docs.site
 
-# kernels of large teams and of flights take longer still, and nothing here uses them
+# kernels of large teams take longer still, and nothing here uses them
 container-steps:
-	docker/steps.sh small filters
+	docker/steps.sh small
 
 benchmarks: $(VENV)/.dev
 	$(call install,'.[bench]')
