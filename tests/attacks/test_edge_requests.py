@@ -28,7 +28,7 @@ MEGABYTES = 16
 """What an attack sends at most."""
 
 FLOOD = 60
-TASK_MEMORY_MIB = 350
+TASK_MEMORY_MIB = 600
 CHUNKED = (
     b"POST /v1/plans HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
     + f"Authorization: Bearer {key_of('ann')}\r\n".encode()

@@ -48,8 +48,12 @@ def test_what_version_1_has_kept_is_served_as_it_was_and_what_waited_is_done(
         site.work()
         # version 1 has named the filter in each job, in its own words
         named = "arc"
-        orders = [validation(**QUEUED, model=named), refinement(0), sweep_of_ranges(20, 3)]
+        orders = [
+            validation(**QUEUED, model=named, flown=False),
+            refinement(0),
+            sweep_of_ranges(20, 3),
+        ]
         site.jobs = dict(zip(said["queued"], orders, strict=True))
-        site.jobs[said["half_done"]] = validation(**HALF_DONE, model=named)
+        site.jobs[said["half_done"]] = validation(**HALF_DONE, model=named, flown=False)
         site.see_results()
         site.see_nothing_left()

@@ -23,9 +23,11 @@ from api.settings import load_settings
 from syncplan import __version__
 from syncplan.designs.designer import design
 from syncplan.flight.flying import fly
+from syncplan.planning.planner import plan
 from syncplan.planning.plans import Plan
 from syncplan.planning.validation import validate
 from syncplan.planning.variations import sweep
+from syncplan.refinement.refiner import refine
 from syncplan.reports.design_report import design_document
 from syncplan.reports.flight_report import flight_document
 from syncplan.reports.job_contract import JobKindName
@@ -34,7 +36,6 @@ from syncplan.reports.validation_report import sweep_document, validation_docume
 from syncplan.runtime.files import as_text
 from tests.tools.briefs import FIELD
 from tests.tools.kept_values import once_a_run
-from tests.tools.on_paper import plan, refine
 from tests.tools.processes import PATIENCE_S, wait_until
 from tests.tools.scenarios import FILES, document, example, small
 from tests.tools.serving import NO_CERTIFICATES, QUICK, ROOT, Process, Server, settings_of
@@ -57,10 +58,10 @@ class Order:
         return self.expected.replace(_names(__version__), _names(version))
 
 
-@lru_cache(maxsize=1)
-def grid() -> Plan:
-    """Return the library's plan of the six vehicles in a grid."""
-    return plan(example("paper-grid-same"))
+@lru_cache(maxsize=2)
+def grid(*, flown: bool = True) -> Plan:
+    """Return the library's plan of the six vehicles in a grid, flown or on paper."""
+    return plan(example("paper-grid-same"), pilot=flown)
 
 
 @lru_cache(maxsize=1)
@@ -70,9 +71,10 @@ def pair() -> Plan:
 
 
 @once_a_run
-def validation(trials: int, seed: int, model: str | None = None) -> Order:
+def validation(trials: int, seed: int, model: str | None = None, *, flown: bool = True) -> Order:
     """Return the order to validate the grid, by a filter that a `model` names or the default."""
-    report = validation_document(validate(grid(), trials=trials, seed=seed, model=model))
+    made = grid(flown=flown)
+    report = validation_document(validate(made, trials=trials, seed=seed, model=model))
     body = {"trials": trials, "seed": seed} | ({"model": model} if model else {})
     return Order("validation", body, as_text(report.as_json()))
 
