@@ -38,11 +38,11 @@ class Plan(Result, judged_team.JudgedTeam):
 
         Computed at the first access and kept.
         """
-        found = self._verdict
-        if found is None:
-            found = verdict_of(self)
-            object.__setattr__(self, "_verdict", found)
-        return found
+        verdict = self._verdict
+        if verdict is None:
+            verdict = verdict_of(self)
+            object.__setattr__(self, "_verdict", verdict)
+        return verdict
 
     @single_threaded_blas
     def position_covariances(self, moments: int = 48) -> PositionCovariances:

@@ -112,6 +112,10 @@ CHECKS: dict[str, Callable[[JudgedTeam], Iterable[Remark]]] = {
 def verdict_of(judged: JudgedTeam) -> PlanVerdict:
     """Return whether a judged team can be flown, with the findings of every check."""
     return PlanVerdict.of(
-        (PlanFinding.of(code, one) for code, check in CHECKS.items() for one in check(judged)),
+        (
+            PlanFinding.of(code, remark)
+            for code, check in CHECKS.items()
+            for remark in check(judged)
+        ),
         judged.borne_out,
     )

@@ -29,6 +29,7 @@ from syncplan.errors import InputError, NoSolutionError
 from syncplan.flight.flying import fly
 from syncplan.planning.planner import plan
 from syncplan.planning.plans import Plan
+from syncplan.planning.share_test import share_interval
 from tests.searches import Search, most_of
 from tests.searches.key_draws import draw_scenario
 
@@ -124,7 +125,7 @@ def judge(cases: Mapping[int, Judged], chance: float) -> list[str]:
         wrong = [number for number, case in flown.items() if getattr(case, flown_as)]
         if not flown:
             continue
-        share, (low, high) = len(wrong) / len(flown), limits_of(len(wrong), len(flown))
+        share, (low, high) = len(wrong) / len(flown), share_interval(len(wrong), len(flown))
         print(
             f"{verdict:7s}  {len(flown):5d}  {len(wrong):5d} {flown_as} in flight"
             f"  {share:8.1%}  {low:.1%} to {high:.1%}"
@@ -134,14 +135,6 @@ def judge(cases: Mapping[int, Judged], chance: float) -> list[str]:
         if len(wrong) > most_of(len(flown), most, chance):
             faults.append(f"of {len(flown)} {verdict} plans, {len(wrong)} are {flown_as} in flight")
     return faults
-
-
-def limits_of(failures: int, count: int) -> tuple[float, float]:
-    """Return the 95 % limits (Clopper-Pearson) of a share."""
-    from scipy.stats import binomtest
-
-    interval = binomtest(failures, count).proportion_ci(0.95, method="exact")
-    return float(interval.low), float(interval.high)
 
 
 SEARCH = Search(draw, judge, draws=12)
