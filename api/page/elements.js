@@ -24,6 +24,35 @@ export function present(children) {
   return children.flat().filter(Boolean);
 }
 
+/** Give a place other children; those that it has already stay, with the focus and what is open in them.
+ * @param {Element} place
+ * @param {Node[]} children */
+export function renew(place, children) {
+  let next = place.firstChild;
+  for (const child of children) {
+    let same = next;
+    while (same && !unopened(same).isEqualNode(child)) same = same.nextSibling;
+    if (!same) place.insertBefore(child, next);
+    while (same && next !== same) next = removed(/** @type {ChildNode} */ (next));
+    if (same) next = same.nextSibling;
+  }
+  while (next) next = removed(next);
+}
+
+function removed(node) {
+  const next = node.nextSibling;
+  node.remove();
+  return next;
+}
+
+/** A copy as the node was before something was opened in it. */
+function unopened(node) {
+  const copy = element("div", {}, node.cloneNode(true));
+  for (const note of copy.querySelectorAll("[popover]")) note.remove();
+  for (const opener of copy.querySelectorAll("[popovertarget], [open]")) for (const mark of ["popovertarget", "open"]) opener.removeAttribute(mark);
+  return copy.firstChild;
+}
+
 /** Return a button. */
 export function button(text, onclick, attributes = {}) {
   return element("button", { type: "button", onclick, ...attributes }, text);

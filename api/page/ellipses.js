@@ -17,6 +17,8 @@ const UNIT = Array.from({ length: 49 }, (_, k) => [Math.cos((TURN * k) / 48), Ma
 
 let on = false;
 let listening = false;
+/** of what is asked for now @type {object | null} */
+let asked = null;
 
 /** Show the ellipses of a store's plan on a map, or no longer; plans that follow are asked about while they show. */
 export function toggled(store, map) {
@@ -32,6 +34,7 @@ export function toggled(store, map) {
 }
 
 function clear(map) {
+  asked = null;
   byId("magnified").hidden = true;
   byId("ellipses-text").textContent = "";
   map.surround(() => null);
@@ -41,17 +44,19 @@ async function refresh(store, map) {
   clear(map);
   const { plan, planId, scenario } = store;
   if (!on || !plan) return;
+  const mine = {};
+  asked = mine;
   const said = byId("ellipses-text");
   said.textContent = "Error ellipses follow …";
   try {
     const found = planId
       ? await askJson("GET", `v1/plans/${planId}/covariances`)
       : (await askJson("POST", "v1/previews?quick=true&covariances=true", { body: JSON.stringify({ scenario, vehicles: orbitsOf(plan) }) })).covariances;
-    if (!on || store.plan !== plan || store.scenario !== scenario) return;
+    if (asked !== mine) return;
     remark(store);
     show(map, found, plan);
   } catch (error) {
-    if (on && store.plan === plan) said.textContent = store.deleted(error) || error.message;
+    if (asked === mine) said.textContent = store.deleted(error) || error.message;
   }
 }
 

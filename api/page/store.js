@@ -235,8 +235,9 @@ export class Store extends EventTarget {
       this.report = null;
       if (this.off.length) this.switchOff([]);
     }
+    // to who comes later, not only the flights of a plan are new
     if (name === "opened") this.#now = { opened: detail };
-    else if (name === "plan" || name === "faults") this.#now = { opened: {}, [name]: detail };
+    else if (name === "plan" || name === "faults") this.#now = { opened: {}, [name]: { ...detail, flown: false } };
     this.dispatchEvent(new CustomEvent(name, { detail }));
   }
 }

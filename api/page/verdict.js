@@ -1,6 +1,6 @@
 // What the plan comes to, in words.
 
-import { button, byId, element, folded, shown } from "./elements.js";
+import { button, byId, element, folded, renew, shown } from "./elements.js";
 import { lostOf } from "./losses.js";
 import { withoutLink, withValue } from "./scenario.js";
 import { explained } from "./terms.js";
@@ -40,9 +40,12 @@ export function showVerdicts(store) {
   const place = byId("verdict");
   const findings = byId("findings");
   const badge = byId("badge");
+  const facts = element("tbody");
+  const following = element("p", { class: "hint" });
   const remark = element("p", { class: "hint" });
   let doubt = null;
   let quick = false;
+  place.replaceChildren(element("table", { class: "facts" }, facts), following, remark);
 
   const show = () => {
     const { plan, off, without } = store;
@@ -53,9 +56,8 @@ export function showVerdicts(store) {
       : [element("strong", {}, whole), element("span", { class: "block" }, ...explained(rankOf(plan)))];
     byId("all-on").hidden = !off.length;
     const parts = doubt ? [element("span", { class: "block" }, `${DOUBTS[doubt][0]}:`), ...verdict] : verdict;
-    const text = parts.map((one) => one.textContent).join(" ");
     // read out when it changes, and only then
-    if (badge.textContent !== text) badge.replaceChildren(...parts.flatMap((one, k) => (k ? [" ", one] : [one])));
+    renew(badge, parts.flatMap((one, k) => (k ? [document.createTextNode(" "), one] : [one])));
     badge.className = doubt || go === undefined ? "badge" : `badge ${go ? "good" : "bad"}`;
     remark.textContent = doubt ? DOUBTS[doubt][1] : "";
     place.classList.toggle("stale", doubt !== null);
@@ -67,8 +69,9 @@ export function showVerdicts(store) {
   };
   store.on(["plan"], (detail) => {
     quick = detail.quick;
-    findings.replaceChildren(...findingsOf(store, quick));
-    place.replaceChildren(...factsOf(store, quick), remark);
+    renew(findings, findingsOf(store, quick));
+    renew(facts, rowsOf(store, quick));
+    following.textContent = quick ? "Quick preview while you edit: flights, predicted errors, the connectivity period and single points of failure follow." : "";
     doubtFor(halfTyped() ? "typing" : null);
   });
   store.on(["faults"], ({ why, faults }) => {
@@ -156,21 +159,15 @@ function findingsOf(store, quick) {
   return firstOpen(sorted.map((one) => findingOf(store, one)), "finding");
 }
 
-function factsOf(store, quick) {
-  const { plan, given, lost } = store;
-  return [
-    table(plan, quick, phases(plan, given, lost)),
-    element("p", { class: "hint" }, quick ? "Quick preview while you edit: flights, predicted errors, the connectivity period and single points of failure follow." : ""),
-  ];
-}
-
 /** Where the phases of a plan come from, and how to have others back. @returns {[string, string]} */
 function phases({ synchronisation: { method } }, given, lost) {
   const kept = method === "refined" || method === "given";
   return [kept ? ORIGINS[given?.origin] || ORIGINS[method] : "synchronised", lost ? `Computed anew. ${wayBack(lost)}` : ""];
 }
 
-function table(plan, quick, [origin, how]) {
+/** Rows of what is known of a plan. */
+function rowsOf({ plan, given, lost }, quick) {
+  const [origin, how] = phases(plan, given, lost);
   const { certificate } = plan.observability;
   const predicted = quick ? FOLLOWING : plan.predicted_rms_m;
   const rows = [
@@ -188,7 +185,7 @@ function table(plan, quick, [origin, how]) {
   ];
   const row = (/** @type {any[]} */ [name, value, remark]) =>
     element("tr", {}, element("th", { scope: "row" }, explained(name)), element("td", {}, value, remark && element("span", { class: "hint block" }, remark)));
-  return element("table", { class: "facts" }, element("tbody", {}, rows.map(row)));
+  return rows.map(row);
 }
 
 /** The error of the estimates in the flights that the verdict rests on. */

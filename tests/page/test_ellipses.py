@@ -3,7 +3,7 @@
 from typing import Any
 
 import numpy as np
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 import syncplan
 from syncplan.planning.plans import Plan
@@ -79,6 +79,29 @@ def test_ellipses_follow_edits_and_say_where_they_keep_growing(visit: Visit, pag
     expect(page.locator("#ellipses-text")).to_contain_text("they keep growing")
     assert len(drawn(page, "ellipse")) == 6
     assert accessibility_faults(page) == []
+
+
+def test_ellipses_show_whenever_flights_arrive(visit: Visit, page: Page) -> None:
+    visit.verdict("GO, flown 31 times")
+    toggle = page.get_by_role("button", name="Error ellipses")
+    toggle.click()
+    size = page.get_by_label("Size of the error ellipses")
+    expect(size).to_be_visible()
+    toggle.click()
+    # now flights arrive while the ellipses are being asked for
+    answers: list[Route] = []
+    page.route("**/v1/previews?quick=true&covariances=true", lambda answer: answers.append(answer))
+    visit.fill("Duration", "150")
+    visit.verdict("GO, flown 31 times")
+    page.get_by_label("Duration").fill("160")
+    toggle.click()
+    visit.settle()
+    visit.verdict("GO, flown 31 times")
+    expect(page.locator("#ellipses-text")).to_contain_text("follow")
+    for answer in answers:
+        answer.continue_()
+    expect(size).to_be_visible()
+    assert len(drawn(page, "ellipse")) == 6
 
 
 def test_the_page_says_why_a_plan_has_no_ellipses(visit: Visit, page: Page) -> None:

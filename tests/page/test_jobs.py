@@ -79,13 +79,18 @@ def test_refining_shows_what_it_costs_in_separation(visit: Visit, page: Page) ->
     reported = page.locator("#job-outcome .remark")
     expect(reported).to_contain_text(re.compile(r"Least separation 30 → [\d.]+ m"))
     expect(reported).to_contain_text("“Least separation” in the scenario limits this")
+    badge = page.locator("#job-outcome .badge")
+    expect(badge).to_have_class("badge good")
     visit.choose("paper-grid-same")
     part(page, "Scenario")
     visit.fill("Least separation", "29")
     refine(page)
     expect(page.locator("#job-outcome")).to_contain_text("Least separation 30 → 29")
     expect(reported).to_have_count(0)
-    expect(page.locator("#job-outcome .badge")).to_have_class("badge good")
+    # vehicles that keep to no more than the rule come nearer in flight
+    visit.verdict("✗ NO-GO")
+    expect(badge).to_contain_text("Predicted error")
+    expect(badge).not_to_have_class("badge good")
 
 
 def test_a_refined_plan_that_is_not_to_be_flown_is_no_success(visit: Visit, page: Page) -> None:

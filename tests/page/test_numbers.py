@@ -3,7 +3,7 @@
 import re
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from syncplan.terms import TERMS
 from tests.page.gestures import box_of, downloaded, handle, part, pull, sheet
@@ -153,6 +153,26 @@ def test_terms_explain_themselves_where_they_stand(visit: Visit, page: Page) -> 
     assert box["x"] >= 0.0
     assert box["x"] + box["width"] <= 1440.0
     assert accessibility_faults(page) == []
+
+
+def test_flights_that_arrive_close_nothing(visit: Visit, page: Page) -> None:
+    flights: list[Route] = []
+    flown = "**/v1/previews?*paper=false*"
+    page.route(flown, lambda answer: flights.append(answer))
+    with page.expect_request(flown):
+        page.get_by_label("Duration").fill("150")
+    part(page, "Verdict")
+    term = page.locator("#verdict").get_by_role("button", name="Certificate")
+    term.click()
+    note = page.get_by_role("note")
+    expect(note).to_be_focused()
+    for answer in flights:
+        answer.continue_()
+    visit.verdict("GO, flown 31 times")
+    expect(page.locator("#verdict")).to_contain_text("Flown RMS error")
+    expect(note).to_be_focused()
+    page.keyboard.press("Escape")
+    expect(term).to_be_focused()
 
 
 def test_the_first_visit_is_greeted_once(tabs: Tabs, server: Server) -> None:
