@@ -86,11 +86,10 @@ export function showVerdicts(store) {
   byId("editor").addEventListener("input", () => halfTyped() && doubtFor("typing"));
 }
 
-/** GO with what it rests on, or NO-GO; verdicts of early versions do not say what they rest on. */
+/** GO with its basis, or NO-GO. A verdict of an early version states no basis: it rests on paper. */
 function headOf({ go, basis }) {
   if (!go) return "✗ NO-GO";
-  if (!basis) return "✓ GO";
-  if (basis.kind !== "flown") return "✓ GO on paper";
+  if (basis?.kind !== "flown") return "✓ GO on paper";
   return `✓ GO, flown ${basis.flights === 1 ? "once" : `${basis.flights} times`}`;
 }
 

@@ -1,17 +1,19 @@
 """Plans, jobs and recordings that the service keeps, listed on the page."""
 
+from pathlib import Path
 from typing import Any
 
 import httpx2
 from playwright.sync_api import Page, expect
 
 from tests.page.gestures import drawn, part, plan_id_of, validate
-from tests.tools.browsing import Visit, accessibility_faults
+from tests.tools.browsing import Tabs, Visit, accessibility_faults, visiting
+from tests.tools.kept_databases import restore_sqlite
 from tests.tools.processes import wait_until
 from tests.tools.record_examples import RECORDED
 from tests.tools.recordings import zipped
 from tests.tools.scenarios import document
-from tests.tools.serving import Server
+from tests.tools.serving import Server, open_server
 
 SMALL = zipped({f"hall/{name}": text.encode() for name, text in RECORDED.items()})
 
@@ -66,6 +68,36 @@ def test_jobs_are_listed_opened_and_deleted(visit: Visit, page: Page, server: Se
     row.get_by_role("button", name="Delete").click()
     expect(page.get_by_role("dialog").locator("tbody, p").first).to_be_visible()
     wait_until(lambda: httpx2.get(f"{server.url}/v1/jobs/{job}").status_code == 404)
+
+
+def test_what_was_kept_before_verdicts_rested_on_flights_is_shown(
+    tabs: Tabs, tmp_path: Path
+) -> None:
+    restore_sqlite("before-flights", tmp_path / "data" / "syncplan.db")
+    settings = {"SYNCPLAN_KEEP_JOBS_S": "1e9"}
+    shown = {
+        "refinement": "Predicted error",
+        "validation": "of 10 trials",
+        "flight": "of 4 flights",
+    }
+    with (
+        open_server(tmp_path, "--no-worker", **settings) as server,
+        visiting(tabs, server.url) as visit,
+    ):
+        page = visit.page
+        plans = httpx2.get(f"{server.url}/v1/plans").json()["items"]
+        for plan in plans:
+            page.goto(f"{server.url}/?plan={plan['id']}")
+            visit.verdict("✓ GO on paper" if plan["go"] else "✗ NO-GO")
+            page.get_by_role("button", name="Error ellipses").click()
+            expect(page.get_by_label("Size of the error ellipses")).to_be_visible()
+        jobs = httpx2.get(f"{server.url}/v1/jobs?state=succeeded").json()["items"]
+        for job in jobs:
+            if job["kind"] in shown:
+                page.goto(f"{server.url}/?job={job['id']}")
+                expect(page.locator("#job-outcome")).to_contain_text(shown[job["kind"]])
+        assert {plan["go"] for plan in plans} == {True}
+        assert shown.keys() <= {job["kind"] for job in jobs}
 
 
 def test_a_recording_is_sent_replayed_and_deleted(visit: Visit, page: Page, server: Server) -> None:

@@ -1,12 +1,10 @@
-"""Databases that released versions have left: all that was there is served, what waited is done."""
+"""Databases that earlier versions have left: all that was there is served, what waited is done."""
 
-import json
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from tests.tools.kept_databases import kept, restore_postgresql, restore_sqlite
+from tests.tools.kept_databases import answers_of, restore_postgresql, restore_sqlite
 from tests.tools.record_database import ASKED, ENDED, HALF_DONE, IDEMPOTENCY, QUEUED, states_of
 from tests.tools.survival import quick, refinement, sweep_of_ranges, validation
 
@@ -20,17 +18,19 @@ SETTINGS = {
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("address", ["sqlite", "postgresql"], indirect=True)
-def test_what_version_1_has_kept_is_served_as_it_was_and_what_waited_is_done(
-    address: str | None, tmp_path: Path
+@pytest.mark.parametrize(
+    ("address", "folder"),
+    [("sqlite", "version-1"), ("postgresql", "version-1"), ("sqlite", "before-flights")],
+    indirect=["address"],
+)
+def test_what_was_kept_is_served_as_it_was_and_what_waited_is_done(
+    address: str | None, folder: str, tmp_path: Path
 ) -> None:
-    kind = "sqlite" if address is None else "postgresql"
-    said: dict[str, Any] = json.loads(kept(f"{kind}.json.gz"))
+    said = answers_of(folder, "sqlite" if address is None else "postgresql")
     if address is None:
-        (tmp_path / "data").mkdir()
-        restore_sqlite(tmp_path / "data" / "syncplan.db")
+        restore_sqlite(folder, tmp_path / "data" / "syncplan.db")
     else:
-        restore_postgresql(address)
+        restore_postgresql(folder, address)
     with quick(tmp_path, address, **SETTINGS) as site:
         states = states_of(site.database)
         assert {state for state, _ in states.values()} == {"queued", "running", *ENDED}
@@ -47,7 +47,7 @@ def test_what_version_1_has_kept_is_served_as_it_was_and_what_waited_is_done(
         assert site.count("plans") == len(said["plans"]) + 1
         site.work()
         # version 1 has named the filter in each job, in its own words
-        named = "arc"
+        named = "arc" if folder == "version-1" else None
         orders = [
             validation(**QUEUED, model=named, flown=False),
             refinement(0),

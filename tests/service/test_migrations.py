@@ -44,9 +44,9 @@ def test_a_database_of_the_first_version_gets_the_tables_of_today_and_keeps_its_
     address: str | None, tmp_path: Path
 ) -> None:
     if address is None:
-        restore_sqlite(tmp_path / "syncplan.db")
+        restore_sqlite("version-1", tmp_path / "syncplan.db")
     else:
-        restore_postgresql(address)
+        restore_postgresql("version-1", address)
     with connected(address, tmp_path) as first:
         assert not set(METADATA.tables) <= set(inspect(first).get_table_names())
         reflected = MetaData()

@@ -24,7 +24,7 @@ from sqlalchemy import create_engine, text
 from tests.tools.processes import wait_until
 from tests.tools.scenarios import shared_circles
 from tests.tools.serving import own_postgres
-from tests.tools.survival import Site, quick, refinement, sweep_of_ranges, validation
+from tests.tools.survival import Site, flight, quick, refinement, sweep_of_ranges, validation
 
 __all__ = ["record", "states_of"]
 
@@ -45,8 +45,9 @@ def record(site: Site) -> dict[str, Any]:
     """Use a service, kill it, and return what it said."""
     server = site.serve()
     plan_id = site.hand_in_plan()
-    for order in (validation(10, 0), refinement(0), sweep_of_ranges(20, 3)):
-        site.wait_for(site.hand_in(order, plan_id if order.kind == "validation" else None), *ENDED)
+    for order in (validation(10, 0), flight(4, 2, 20.0), refinement(0), sweep_of_ranges(20, 3)):
+        given = plan_id if order.kind in ("validation", "flight") else None
+        site.wait_for(site.hand_in(order, given), *ENDED)
     path = f"/v1/plans/{plan_id}/validations"
     body = dict(QUEUED)
     again = site.ask("POST", path, json=body, headers=IDEMPOTENCY)
