@@ -42,7 +42,7 @@ from api.limits import RequestLimits
 from syncplan.estimation.trials import CHUNK_TRIALS
 from syncplan.planning.loss_study import what_if
 from syncplan.planning.plan_files import plan_of
-from syncplan.planning.planner import BoundChoice, JudgementOptions, plan
+from syncplan.planning.planner import BoundChoice, JudgementOptions, plan, with_flights
 from syncplan.planning.plans import Plan
 from syncplan.planning.validation import run_part, trial_run
 from syncplan.reports.covariance_report import position_covariances_document
@@ -230,13 +230,19 @@ def previewed(
     A `quick` plan leaves out what takes most of the time; its findings name what is missing.
     `covariances` adds those of positions.
     """
-    loaded = loaded_body(body, syntax, limits)
-    made = plan_of(
-        loaded, margin_bound=not quick, pilot=not (quick or paper), **(_QUICK if quick else {})
-    )
+    if quick:
+        made = plan_of(loaded_body(body, syntax, limits), margin_bound=False, **_QUICK)
+    else:
+        made = with_flights(_on_paper(body, syntax, limits), pilot=not paper)
     specs = _specs(made, names, style) if names else {}
     added = {"covariances": position_covariances_document(made).as_json()} if covariances else {}
     return _compact({"plan": plan_document(made).as_json(), "figures": specs, **added})
+
+
+@lru_cache(maxsize=1)
+def _on_paper(body: bytes, syntax: Syntax, limits: RequestLimits) -> Plan:
+    # the page asks for a plan on paper, and then for its flights
+    return plan_of(loaded_body(body, syntax, limits))
 
 
 def plan_figure(text: str, name: str, style: "FigureStyle", parent_text: str | None) -> str:

@@ -18,7 +18,7 @@ from syncplan.planning.filter_choice import FLYING_FILTERS, FilterChoice, asked_
 from syncplan.planning.pilot_options import PilotOptions
 from syncplan.planning.plan_flights import Flight, FlightRun, fly_part, set_up_flight
 from syncplan.planning.plans import Plan
-from syncplan.planning.share_test import FEWEST_FLIGHTS, MOST_FLIGHTS, deciding_flights
+from syncplan.planning.share_test import BAD_SHARE, FEWEST_FLIGHTS, MOST_FLIGHTS, deciding_flights
 from syncplan.scenario.filters import FILTERS
 
 CHOICE_SEED, PILOT_SEED = 451, 452
@@ -85,10 +85,10 @@ class _Pilot:
             choice = FilterChoice(name, f"{reason}, seed {CHOICE_SEED}")
             run = self._run(choice, CHOICE_SEED, FEWEST_FLIGHTS)
             flight = Flight.of(run, self._part(run, 0, FEWEST_FLIGHTS))
-            failing = bool(flight.failed.any())
+            failing = int(flight.failed.any(axis=1).sum())
             if not failing and not errors_above(flown_errors(flight.plan)):
                 return choice, False
-            doubtful |= failing
+            doubtful |= failing > BAD_SHARE * FEWEST_FLIGHTS
         reason = f"{' and '.join(cheaper)} did not fly well {FEWEST_FLIGHTS} times"
         return FilterChoice(searching, f"{reason}, seed {CHOICE_SEED}"), doubtful
 

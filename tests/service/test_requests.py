@@ -97,3 +97,17 @@ def test_a_run_may_hold_as_many_sightings_as_the_service_takes() -> None:
     checked_request("validation", b'{"trials": 1}', "json", limits, plan)
     with pytest.raises(InputError, match="sightings expected"):
         checked_request("validation", b'{"trials": 1}', "json", replace(limits, sightings=5), plan)
+
+
+def test_a_preview_is_the_same_after_the_one_on_paper_as_alone() -> None:
+    def flights(scenario: dict[str, object], *, paper: bool) -> tuple[str, str]:
+        body = json.dumps(scenario).encode()
+        text = previewed(body, "json", LIMITS, False, [], PLAIN, paper=paper)
+        return json.loads(text)["plan"]["verdict"]["basis"]["kind"], text
+
+    other = {**SCENARIO, "duration_s": 30.0}
+    kind, alone = flights(SCENARIO, paper=False)
+    assert kind == "flown"
+    assert [flights(of, paper=True)[0] for of in (other, SCENARIO)] == ["paper", "paper"]
+    assert flights(SCENARIO, paper=False) == ("flown", alone)
+    assert flights(other, paper=False) != ("flown", alone)
