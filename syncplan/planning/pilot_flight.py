@@ -78,19 +78,18 @@ class _Pilot:
         asked = asked_filter(self.plan.scenario, FlightOptions())
         if asked is not None:
             return asked, FILTERS[asked.name].finds_start
-        doubtful = False
+        doubtful, times = False, f"{FEWEST_FLIGHTS} times, seed {CHOICE_SEED}"
         *cheaper, searching = FLYING_FILTERS
         for name in cheaper:
-            reason = f"the cheapest filter that flew well {FEWEST_FLIGHTS} times"
-            choice = FilterChoice(name, f"{reason}, seed {CHOICE_SEED}")
+            choice = FilterChoice(name, f"the cheapest filter that flew well {times}")
             run = self._run(choice, CHOICE_SEED, FEWEST_FLIGHTS)
             flight = Flight.of(run, self._part(run, 0, FEWEST_FLIGHTS))
             failing = int(flight.failed.any(axis=1).sum())
             if not failing and not errors_above(flown_errors(flight.plan)):
                 return choice, False
             doubtful |= failing > BAD_SHARE * FEWEST_FLIGHTS
-        reason = f"{' and '.join(cheaper)} did not fly well {FEWEST_FLIGHTS} times"
-        return FilterChoice(searching, f"{reason}, seed {CHOICE_SEED}"), doubtful
+        reason = f"{' and '.join(cheaper)} did not fly well {times}"
+        return FilterChoice(searching, reason), doubtful
 
     def flown(self, choice: FilterChoice, *, doubtful: bool) -> Flight:
         """Return the flights that judge the plan with this filter."""

@@ -31,8 +31,11 @@ from syncplan.orbits.team import team_of
 from syncplan.planning.rule_orbits import RuleOrbits, rule_orbits
 from syncplan.scenario.specification import Scenario
 
-WEAK_INDEX = 80.0
+WEAK_INDEX = 120.0
 """Largest index of a vehicle whose position is determined well enough, by drawn teams."""
+
+CURED_INDEX = 80.0
+"""Largest index after a cure, which leaves room for errors of the orbits."""
 
 LARGEST_CONDITION_NUMBER = 1e6
 """Condition number of the windowed matrix above which full rank rests on noise-free geometry."""
@@ -74,8 +77,8 @@ def windows_of(scenario: Scenario) -> float:
 def least_desync(scenario: Scenario) -> float | None:
     """Return the least orbit.desync_rad, rad to two digits, that makes the team well observable.
 
-    The team planned with it is observable, and not weakly so in a run of any length. None if no
-    offset up to 0.8 rad does.
+    The team planned with it is observable, with an index of at most CURED_INDEX in a run of any
+    length. None if no offset up to 0.8 rad does.
     """
     try:
         exact = rule_orbits(scenario, margin_bound=False)
@@ -93,10 +96,10 @@ def least_desync(scenario: Scenario) -> float | None:
 
 
 def _well_observable(scenario: Scenario, exact: RuleOrbits, offset: float) -> bool:
-    """Whether a team off the rules by `offset` rad is observable, and not weakly."""
+    """Whether a team off the rules by `offset` rad is observable, with an index as after a cure."""
     team = team_of(scenario, exact.desynchronised(offset))
     verdict = assess_team(team, scenario.window).observability
-    return not is_weak(verdict)
+    return not is_weak(verdict) and bool(weakness(verdict).max() <= CURED_INDEX)
 
 
 def _two_digits(low: float, high: float) -> list[float]:

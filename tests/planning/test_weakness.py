@@ -11,9 +11,9 @@ from syncplan.planning.plan_files import loaded_from, plan_of, stated
 from syncplan.planning.plan_records import FlownPlan
 from syncplan.planning.plans import Plan
 from syncplan.planning.weakness import (
+    CURED_INDEX,
     LARGEST_CONDITION_NUMBER,
     LEAST_RAD,
-    WEAK_INDEX,
     weakness,
 )
 from tests.searches.weak import CODE, desynchronised, draw_plan
@@ -80,12 +80,12 @@ def test_the_cure_is_the_least_desynchronisation_that_cures(desync: float) -> No
     offset = offsets.pop()
     cured = grid(offset)
     assert cured.observable
-    assert not weak(cured)
-    assert weak(grid(0.9 * offset))
+    assert weakness(cured.observability).max() <= CURED_INDEX
+    assert weakness(grid(0.9 * offset).observability).max() > CURED_INDEX
 
 
 def test_the_cure_does_not_depend_on_the_length_of_the_run() -> None:
-    (short,), (long,) = weak(grid(0.01, 200.0)), weak(grid(0.01))
+    (short,), (long,) = weak(grid(0.01, 400.0)), weak(grid(0.01))
     assert offset_of(short) == offset_of(long)
 
 
@@ -96,9 +96,10 @@ def test_cures_of_drawn_teams_are_the_least_that_cure(number: int) -> None:
         assert isinstance(finding.cure, FindingCure)
         if finding.cure.change:
             offset = offset_of(finding)
-            assert not weak(desynchronised(judged, offset))
-            less = desynchronised(judged, 0.9 * offset).observability
-            assert weakness(less).max() > WEAK_INDEX or offset == LEAST_RAD
+            more, less = (desynchronised(judged, share * offset) for share in (1.0, 0.9))
+            assert not weak(more)
+            assert weakness(more.observability).max() <= CURED_INDEX
+            assert weakness(less.observability).max() > CURED_INDEX or offset == LEAST_RAD
 
 
 def test_the_cure_of_given_orbits_goes_through_their_scenario() -> None:
