@@ -30,6 +30,7 @@ from syncplan.planning.loss_study import WhatIf, what_if
 from syncplan.planning.planner import judge
 from syncplan.planning.plans import Plan
 from syncplan.reports.loss_report import WhatIfDocument, what_if_document
+from tests.searches.losses import draw
 from tests.tools.draws import draw_equipped_team
 from tests.tools.lost import differences, drawn_plan, from_scratch, independent_rank
 from tests.tools.on_paper import plan
@@ -68,6 +69,11 @@ def test_a_loss_is_judged_as_the_reduced_scenario_planned_from_scratch(seed: int
     whole = drawn_plan(np.random.default_rng(seed), most_vehicles=4)
     for outcome in what_if(whole, threads=1).losses:
         assert differences(outcome, from_scratch(whole, outcome.lost)) == []
+
+
+@pytest.mark.parametrize("number", [779217476288])
+def test_losses_that_differed_once_are_those_of_the_reduced_scenario(number: int) -> None:
+    assert draw(number)[0] == []
 
 
 def test_the_rank_without_a_sensor_is_that_of_sampled_sightings() -> None:
