@@ -75,8 +75,9 @@ SUMMARY = (
     ),
     (
         "`syncplan plan`, a cold process",
-        "{syncplan plan, 6 vehicles} for 6 vehicles, {syncplan plan, 100 vehicles} for 100, "
-        "{syncplan plan, 1,000 vehicles} for 1,000",
+        "{syncplan plan, 6 vehicles, flown} for 6 vehicles; on paper "
+        "{syncplan plan --paper, 6 vehicles} for 6, {syncplan plan --paper, 100 vehicles} for 100, "
+        "{syncplan plan --paper, 1,000 vehicles} for 1,000",
         "",
     ),
     (
