@@ -38,7 +38,8 @@ def test_a_design_is_the_librarys_and_its_events_carry_the_front(ann: httpx2.Cli
     here = design(brief(team={"max": 2}), workers=1)
     assert result == as_text(design_document(here).as_json())
     shown = [one for one in _events(ann, job) if one.front]
-    assert shown[0].doing == "searching each team"
+    # a search that ends between two events is in neither
+    assert shown[0].doing in ("searching each team", "searching on from the neighbours")
     last = shown[-1].front
     assert last is not None
     front = DesignDocument.model_validate_json(result).front
