@@ -4,12 +4,16 @@
 vehicles, of a 10 x 10 grid and of a 40 x 25 grid. Files are in the system's cache and compiled to
 byte code: one run before the timed ones sees to that. Plans are on paper, and that of six vehicles
 is flown too. Then the six vehicles' plan again and again in one process, as a service computes it,
-with all turning one way and alternating on paper, and flown.
+with all turning one way and alternating on paper, and flown. At last, a plan, a validation and a
+flight of the six vehicles by a copy whose kernels nothing has compiled; with `--base PATH`, by
+another checkout too.
 
-    python benchmarks/startup.py
+    python benchmarks/startup.py --base ../before
 """
 
+import argparse
 import json
+import shutil
 import statistics
 import subprocess
 import sys
@@ -71,6 +75,13 @@ REPEATED = {
 }
 """Label, direction and pilot of the plans that are computed again in one process."""
 
+FIRST_USE = {
+    "plan": [],
+    "validate": ["--trials", "200", "--seed", "1"],
+    "fly": ["--trials", "12"],
+}
+"""Commands and their options."""
+
 TARGETS_S = {
     "help": 0.3,
     "plan_6": 1.5,
@@ -83,12 +94,15 @@ TARGETS_S = {
 }
 
 
-def run_command(arguments: list[str]) -> tuple[float, str]:
-    """Return (s, standard output) of one process. Raises RuntimeError if it fails."""
+_FIRST_USE = "plan, validate and fly, 6 vehicles, nothing compiled"
+
+
+def run_command(arguments: list[str], folder: Path = ROOT) -> tuple[float, str]:
+    """Return (s, standard output) of one process in a folder. Raises RuntimeError if it fails."""
     begin = time.perf_counter()
     done = subprocess.run(
         [sys.executable, "-m", "syncplan", *arguments],
-        cwd=ROOT,
+        cwd=folder,
         capture_output=True,
         text=True,
         check=False,
@@ -116,7 +130,18 @@ def _again(direction: str, pilot: bool, repeats: int = 20) -> list[float]:
     return runs
 
 
-def main() -> dict[str, float]:
+def first_use(checkout: Path) -> float:
+    """Return s of all commands of FIRST_USE by a checkout's library, with nothing compiled."""
+    with tempfile.TemporaryDirectory() as name:
+        folder, leave_out = Path(name), shutil.ignore_patterns("__pycache__")
+        shutil.copytree(checkout / "syncplan", folder / "syncplan", ignore=leave_out)
+        scenario = folder / "grid.yaml"
+        scenario.write_text(PAPER_GRID, encoding="utf-8")
+        runs = [[command, str(scenario), *options] for command, options in FIRST_USE.items()]
+        return sum(run_command(arguments, folder)[0] for arguments in runs)
+
+
+def main(base: Path | None = None) -> dict[str, float]:
     """Return the best and the median seconds of each command."""
     result: dict[str, float] = {}
     with tempfile.TemporaryDirectory() as folder:
@@ -137,6 +162,9 @@ def main() -> dict[str, float]:
     for case, (_, direction, pilot) in REPEATED.items():
         again = _again(direction, pilot)
         result[f"{case}_best_s"], result[f"{case}_median_s"] = min(again), statistics.median(again)
+    result["first_use_s"] = first_use(ROOT)
+    if base is not None:
+        result["base_first_use_s"] = first_use(base)
     return result
 
 
@@ -144,14 +172,20 @@ def figures(result: dict[str, float]) -> list[Figure]:
     """Return what is shown of a result: the best of each command."""
     labels = {case: label for case, (label, *_) in CASES.items()}
     labels |= {case: label for case, (label, *_) in REPEATED.items()}
+    first = {"first_use_s": _FIRST_USE, "base_first_use_s": f"{_FIRST_USE}, base"}
     return [
-        Figure(label, result[f"{case}_best_s"], "s", TARGETS_S[case])
-        for case, label in labels.items()
+        *(
+            Figure(label, result[f"{case}_best_s"], "s", TARGETS_S[case])
+            for case, label in labels.items()
+        ),
+        *(Figure(label, result[key], "s", None) for key, label in first.items() if key in result),
     ]
 
 
 if __name__ == "__main__":
-    found = main()
-    print_figures(figures(found))
-    medians = ", ".join(f"{found[f'{case}_median_s']:.3f}" for case in TARGETS_S)
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--base", type=Path, help="another checkout to compare first use with")
+    result = main(parser.parse_args().base)
+    print_figures(figures(result))
+    medians = ", ".join(f"{result[f'{case}_median_s']:.3f}" for case in TARGETS_S)
     print(f"medians: {medians} s")

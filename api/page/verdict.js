@@ -57,7 +57,7 @@ export function showVerdicts(store) {
     byId("all-on").hidden = !off.length;
     const parts = doubt ? [element("span", { class: "block" }, `${DOUBTS[doubt][0]}:`), ...verdict] : verdict;
     // read out when it changes, and only then
-    renew(badge, parts.flatMap((one, k) => (k ? [document.createTextNode(" "), one] : [one])));
+    renew(badge, parts.flatMap((part, k) => (k ? [document.createTextNode(" "), part] : [part])));
     badge.className = doubt || go === undefined ? "badge" : `badge ${go ? "good" : "bad"}`;
     remark.textContent = doubt ? DOUBTS[doubt][1] : "";
     place.classList.toggle("stale", doubt !== null);

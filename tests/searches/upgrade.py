@@ -37,7 +37,7 @@ GRACE_S = 3.0
 def orders_of(number: int) -> list[Order]:
     """Return the jobs that each version is given in a round."""
     refined = [refinement(0)] if number // 2 % 2 == 0 else []
-    return [validation(300, 1), *refined, sweep_of_ranges(50, 3)]
+    return [validation(300, 1, upgraded=True), *refined, sweep_of_ranges(50, 3)]
 
 
 def upgraded(site: Site, newer: Path, number: int) -> str:

@@ -79,7 +79,7 @@ def differences(found: LossOutcome, expected: Plan, tolerance: float = 1e-6) -> 
         ),
         "findings": (
             found.verdict.findings,
-            tuple(one for one in findings if one.code not in LEFT_OUT),
+            tuple(finding for finding in findings if finding.code not in LEFT_OUT),
         ),
         "note": (found.note, expected.prediction.note),
     }
