@@ -81,7 +81,7 @@ def sweep(
     angular_rate, radius and spacing are short names. In a list, the number is set for all vehicles.
 
     `options`, or changes of it by name, are those of syncplan.validate: trials=200, seed=0,
-    duration=None (s, the scenario's) and the rest. `connected` adds a last row: the last value
+    duration=None (s, the scenario's) and the rest. `connected` adds a last row: the first value
     again, with the sensor's range raised until the team is connected at every instant. All values
     are planned before the first is validated, so that a bad value costs nothing. `progress` is
     called with the number of trials done in all.
@@ -103,11 +103,11 @@ def planned_rows(
         for value in values
     ]
     if connected:
-        last = rows[-1]
-        reach = connected_range(last.plan)
-        wider = plan(SWEPT_KEYS["range"].varied(last.plan.scenario, reach), pilot=False)
-        label = f"connected, {last.label} at range {reach:.4g} m"
-        rows.append(PlannedRow(label, last.value, wider))
+        first = rows[0]
+        reach = connected_range(first.plan)
+        wider = plan(SWEPT_KEYS["range"].varied(first.plan.scenario, reach), pilot=False)
+        label = f"connected, {first.label} at range {reach:.4g} m"
+        rows.append(PlannedRow(label, first.value, wider))
     return rows
 
 

@@ -185,7 +185,7 @@ def test_a_sweep_reports_each_value_and_the_connected_row(run: Any, printed: Any
         *("--trials", "4", "--duration", "20"),
     )
     rows = json.loads(out)["rows"]
-    assert [row["value"] for row in rows] == [0.2, 1.0, 1.0]
+    assert [row["value"] for row in rows] == [0.2, 1.0, 0.2]
     assert rows[2]["range_m"][0] > rows[1]["range_m"][0]
     assert rows[2]["label"].startswith("connected")
     for name in ("--range", "--radius"):

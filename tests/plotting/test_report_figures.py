@@ -195,7 +195,7 @@ def test_sweep_curves_run_over_the_values_in_order(swept: SweepReport) -> None:
         curve["y"], [by_value[0.2].mean_rms_x_m, by_value[0.4].mean_rms_x_m], atol=1e-6
     )
     beside = trace_of(spec, "y-connected")
-    assert beside["x"] == [0.2]
+    assert beside["x"] == [0.4]
     np.testing.assert_allclose(beside["y"], [swept.rows[2].mean_rms_y_m], atol=1e-6)
     assert beside["marker"]["symbol"].endswith("-open")
     assert Figure(spec).to_json()
