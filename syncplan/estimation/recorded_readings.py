@@ -3,7 +3,8 @@
 odometry    held from one reading to the next, and averaged over each step of the filter; zero
             before the first and after the last
 sightings   in the order of their times, which end the filter's steps
-truth       straight lines between its entries; headings unwrapped; zeros where there is none
+truth       straight lines between its entries; headings unwrapped; zeros where there is none. In an
+            interval between entries that is too long, it is not known
 """
 
 from collections.abc import Mapping
@@ -11,12 +12,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from syncplan.arrays import Array, Index
+from syncplan.arrays import Array, Flags, Index
 from syncplan.errors import InputError
 from syncplan.estimation.replay_settings import ReplaySettings
 from syncplan.orbits.sighting_kinds import BEARING, DISTANCE, place_of
 from syncplan.recordings.log import NOBODY, Log
 from syncplan.scenario.rules import excess
+
+INTERVALS_BRIDGED = 3.0
+"""Median intervals of the truth over which it is a straight line, unless a length is given."""
 
 SAME_TIME = 1e-6
 """Tolerance in s for a sighting at a sample. Present-day timestamps resolve 2e-7 s."""
@@ -128,6 +132,25 @@ def true_poses(log: Log, clock: Clock) -> Array:
         poses[:, k, 1] = np.interp(clock.times, known, robot.truth[:, 2])
         poses[:, k, 2] = np.interp(clock.times, known, np.unwrap(robot.truth[:, 3]))
     return poses
+
+
+def truth_known(log: Log, clock: Clock, longest: float | None = None) -> Flags:
+    """Return whether the truth of all robots is known at each sample (samples + 1,).
+
+    It is at its entries, and between two that are at most `longest` s apart. If None, that is
+    INTERVALS_BRIDGED of a robot's median interval, and at least a sample time. True without truth.
+    """
+    known = np.ones(clock.samples + 1, dtype=bool)
+    for robot in log.robots if log.has_truth else ():
+        recorded = clock.since_begin(robot.truth[:, 0])
+        intervals = np.diff(recorded, append=np.inf)
+        bridged = longest
+        if bridged is None:
+            bridged = max(INTERVALS_BRIDGED * float(np.median(intervals)), clock.sample_time)
+        entry = np.maximum(np.searchsorted(recorded, clock.times + SAME_TIME) - 1, 0)
+        at_entry = clock.times - recorded[entry] < SAME_TIME
+        known &= at_entry | (intervals[entry] <= bridged + SAME_TIME)
+    return known
 
 
 def mean_odometry(log: Log, clock: Clock, ends: Array, column: int) -> Array:

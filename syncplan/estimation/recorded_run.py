@@ -22,13 +22,13 @@ Econometrica 55 (the variance of sums).
 from collections.abc import Callable
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as NotYetError
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from threading import Thread
 from types import MappingProxyType
 
 import numpy as np
 
-from syncplan.arrays import Array, Index
+from syncplan.arrays import Array, Flags, Index
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.filter_options import FilterOptions, lane_filter_of
 from syncplan.estimation.filter_setup import (
@@ -47,6 +47,7 @@ from syncplan.estimation.recorded_readings import (
     mean_odometry,
     sightings_of,
     true_poses,
+    truth_known,
 )
 from syncplan.estimation.replay_settings import STARTS, ReplaySettings
 from syncplan.estimation.trials import MonteCarloResult, result_of, series
@@ -77,6 +78,7 @@ class RecordedRun:
     landmarks : indices of the chosen ones among the recording's
     setup, readings : of the filter, with a single lane
     truth : (samples + 1, n, 3) m, m, rad; zeros if not recorded
+    known : (samples + 1,) whether the truth is known; errors of other samples do not count
     layout : of poses and bias states
     has_truth : whether the true poses of all robots are recorded
     """
@@ -87,6 +89,7 @@ class RecordedRun:
     setup: FilterSetup
     readings: Readings
     truth: Array
+    known: Flags
     layout: StateLayout
     has_truth: bool
 
@@ -119,10 +122,14 @@ def run_of(log: Log, settings: ReplaySettings, options: FilterOptions) -> Record
     used = log.landmark_places(settings.landmarks)
     clock = clock_of(log, settings.sample_time, settings.portion)
     seen, truth = sightings_of(log, clock, used, settings), true_poses(log, clock)
+    known = truth_known(log, clock, settings.max_truth_gap)
+    if not known[1:].any():
+        problem = "the truth is known at no sample of the run; bridge longer gaps of it"
+        raise InputError(problem, key="max_truth_gap")
     # exact equality: sightings at a sample have the same time
     ends = np.unique(np.concatenate([clock.times, seen.times]))
     compared = np.full(len(ends), -1)
-    compared[np.searchsorted(ends, clock.times)] = np.arange(clock.samples + 1)
+    compared[np.searchsorted(ends, clock.times)] = np.where(known, np.arange(len(known)), -1)
     step_of = np.searchsorted(ends, seen.times)
     sigmas = np.array([settings.bearing_sigma, settings.range_sigma])
     layout = _layout(len(log.robots), settings)
@@ -150,7 +157,7 @@ def run_of(log: Log, settings: ReplaySettings, options: FilterOptions) -> Record
         turn_rates=mean_odometry(log, clock, ends, 2)[..., None],
         sightings=seen.values[:, None],
     )
-    return RecordedRun(clock, seen, used, setup, readings, truth, layout, log.has_truth)
+    return RecordedRun(clock, seen, used, setup, readings, truth, known, layout, log.has_truth)
 
 
 def _start_of(truth: Array, settings: ReplaySettings, seed: int) -> Array:
@@ -185,10 +192,30 @@ def filtered(run: RecordedRun, options: FilterOptions, progress: Seen | None = N
         raise NoSolutionError(
             "the filter diverged: its errors are no longer finite; larger sigmas may help"
         )
+    result = _where_known(result, run)
     innovations, weights = counted.innovations[..., 0].T
     sigmas = np.sqrt(np.diag(P[3 * n :, 3 * n :, 0]))
     estimates = _estimates(run.truth, result)
     return FilteredRun(result, innovations, weights, x[3 * n :, 0], sigmas, estimates)
+
+
+def _where_known(result: MonteCarloResult, run: RecordedRun) -> MonteCarloResult:
+    """Means over the samples at which the truth is known; elsewhere, the series is NaN."""
+    if run.known.all():
+        return result
+    known, setup, samples = run.known[1:], run.setup, np.arange(1, len(run.known))
+    late = 2 * samples > setup.samples
+    judged = (samples % setup.sample_every == 0) | (samples == setup.samples)
+    judged &= known & (samples > setup.judged_from)
+    for branch in result.branches:
+        branch.sums[~run.known] = np.nan
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return replace(
+            result,
+            mean_squares=result.mean_squares * len(known) / known.sum(),
+            late_mean_squares=result.late_mean_squares * late.sum() / (late & known).sum(),
+            coverage_samples=3 * int(judged.sum()),
+        )
 
 
 def _estimates(truth: Array, result: MonteCarloResult) -> Array:

@@ -2,7 +2,9 @@
 
 from dataclasses import dataclass
 
-from syncplan.arrays import Array
+import numpy as np
+
+from syncplan.arrays import Array, Flags
 from syncplan.errors import InputError
 from syncplan.estimation.consistency import Consistency
 from syncplan.estimation.filter_options import FilterOptions
@@ -80,6 +82,7 @@ class Replay(Result):
     settings : assumptions of the filter
     options : the filter and its gate
     clock : samples at which errors were evaluated
+    known : (samples + 1,) whether the truth is known at them; errors elsewhere do not count
     result : one trial's errors; if the recording has no truth, estimates stand for errors, and the
         series is always kept
     estimates : (samples + 1, n, 3) m, m, rad, estimated poses, headings wrapped; no rows unless a
@@ -97,6 +100,7 @@ class Replay(Result):
     settings: ReplaySettings
     options: FilterOptions
     clock: Clock
+    known: Flags
     result: MonteCarloResult
     estimates: Array
     from_truth: ErrorsFromTruth | None
@@ -156,6 +160,11 @@ class Replay(Result):
     def sample_time(self) -> float:
         """Sample time in s."""
         return self.clock.sample_time
+
+    @property
+    def unknown_truth_s(self) -> float:
+        """Time in s for which the recording has truth, but too far apart to compare with."""
+        return float(np.sum(~self.known)) * self.sample_time
 
     @property
     def meetings(self) -> bool:

@@ -155,6 +155,13 @@ class ReplaySettings(RunOptions):
     start_poses: Poses | None = option(
         None, "x, y and heading of each robot, where the start is given"
     )
+    max_truth_gap: float | None = option(
+        None,
+        "Longest interval between entries of the truth over which it is a straight line; errors in "
+        "longer ones are not known. By default 3 times the usual interval, and at least a sample",
+        key="max_truth_gap_s",
+        **POSITIVE,
+    )
     window: float = option(
         WINDOW,
         "Length of the windows of sightings whose rank is judged together; 0 judges none",

@@ -124,6 +124,7 @@ def replay_with(
         settings=settings,
         options=options,
         clock=run.clock,
+        known=run.known,
         result=result,
         estimates=found.estimates,
         from_truth=_errors_of(result, len(log.robots)) if run.has_truth else None,

@@ -11,9 +11,6 @@ from syncplan.estimation.replay_tuning import Tuning
 from syncplan.phrases import listed
 from syncplan.reports.run_figures import Spread, interval_words, spread_of
 
-LONG_GAP_S = 0.5
-"""Length above which a gap of the truth is worth a note."""
-
 LONG_PAUSE_S = 2.0
 """Length above which a time without odometry is worth a note."""
 
@@ -230,12 +227,14 @@ def _odometry_notes(replayed: Replay) -> list[str]:
 
 
 def _gap_notes(replayed: Replay) -> list[str]:
-    if not replayed.log.has_truth:
+    missing = replayed.unknown_truth_s
+    if not missing:
         return []
+    gaps = _gaps(replayed, [robot.truth for robot in replayed.log.robots])
+    name, gap = max(gaps, key=lambda one: one[1])
     return [
-        f"the truth of {name} has a gap of {gap:.2f} s: its errors there are from a straight line"
-        for name, gap in _gaps(replayed, [robot.truth for robot in replayed.log.robots])
-        if gap > LONG_GAP_S
+        f"the truth has gaps, {missing:.1f} s in all, the longest of {gap:.2f} s ({name}): errors "
+        "there are not known, and figures leave them out"
     ]
 
 

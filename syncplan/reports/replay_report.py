@@ -230,6 +230,11 @@ class ReplayDocument(run_figures.RunReport):
     distances: ReadingCounts | None = Field(
         default=None, description="Null where distances are not recorded, or not asked for"
     )
+    unknown_truth_s: float | None = Field(
+        default=None,
+        description="Time of the run in gaps of the truth, which errors leave out; null without "
+        "truth, and in older files",
+    )
     observability: SeenRecord | None = Field(
         default=None, description="Null where no windows were judged, and in older files"
     )
@@ -295,6 +300,7 @@ def replay_document(replayed: Replay) -> ReplayDocument:
         nis=run_figures.spread_of(replayed.nis),
         readings=_counts(replayed.bearings),
         distances=_counts(distances) if (distances := _distances(replayed)) else None,
+        unknown_truth_s=replayed.unknown_truth_s if found else None,
         observability=_seen(replayed.seen, names) if replayed.seen else None,
         tuning=_tuning(replayed.tuning) if replayed.tuning else None,
         lasting_errors=[

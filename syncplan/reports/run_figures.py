@@ -205,20 +205,23 @@ class FilterRecord(DocumentPart):
 
 
 class VehicleSeries(DocumentPart):
-    """Errors of one vehicle over time: RMS, mean and the filter's own sigma over the trials."""
+    """Errors of one vehicle over time: RMS, mean and the filter's own sigma over the trials.
+
+    Null where a recording has no truth to compare with.
+    """
 
     name: str
-    rms_m: list[float]
-    rms_x_m: list[float]
-    rms_y_m: list[float]
-    rms_heading_rad: list[float]
-    mean_x_m: list[float]
-    mean_y_m: list[float]
-    mean_heading_rad: list[float]
-    sigma_m: list[float] = Field(description="The filter's own position sigma")
-    sigma_x_m: list[float]
-    sigma_y_m: list[float]
-    sigma_heading_rad: list[float]
+    rms_m: list[float | None]
+    rms_x_m: list[float | None]
+    rms_y_m: list[float | None]
+    rms_heading_rad: list[float | None]
+    mean_x_m: list[float | None]
+    mean_y_m: list[float | None]
+    mean_heading_rad: list[float | None]
+    sigma_m: list[float | None] = Field(description="The filter's own position sigma")
+    sigma_x_m: list[float | None]
+    sigma_y_m: list[float | None]
+    sigma_heading_rad: list[float | None]
 
 
 class Series(Document):
@@ -343,21 +346,26 @@ def series_of(result: MonteCarloResult, names: Sequence[str], sample_time: float
         vehicles=[
             VehicleSeries(
                 name=name,
-                rms_m=kept.position_rms[:, k].tolist(),
-                rms_x_m=kept.axis_rms[:, k, 0].tolist(),
-                rms_y_m=kept.axis_rms[:, k, 1].tolist(),
-                rms_heading_rad=kept.heading_rms[:, k].tolist(),
-                mean_x_m=kept.mean_errors[:, k, 0].tolist(),
-                mean_y_m=kept.mean_errors[:, k, 1].tolist(),
-                mean_heading_rad=kept.mean_errors[:, k, 2].tolist(),
-                sigma_m=kept.position_sigma[:, k].tolist(),
-                sigma_x_m=kept.axis_sigma[:, k, 0].tolist(),
-                sigma_y_m=kept.axis_sigma[:, k, 1].tolist(),
-                sigma_heading_rad=kept.heading_sigma[:, k].tolist(),
+                rms_m=_known(kept.position_rms[:, k]),
+                rms_x_m=_known(kept.axis_rms[:, k, 0]),
+                rms_y_m=_known(kept.axis_rms[:, k, 1]),
+                rms_heading_rad=_known(kept.heading_rms[:, k]),
+                mean_x_m=_known(kept.mean_errors[:, k, 0]),
+                mean_y_m=_known(kept.mean_errors[:, k, 1]),
+                mean_heading_rad=_known(kept.mean_errors[:, k, 2]),
+                sigma_m=_known(kept.position_sigma[:, k]),
+                sigma_x_m=_known(kept.axis_sigma[:, k, 0]),
+                sigma_y_m=_known(kept.axis_sigma[:, k, 1]),
+                sigma_heading_rad=_known(kept.heading_sigma[:, k]),
             )
             for k, name in enumerate(names)
         ],
     )
+
+
+def _known(values: Array) -> list[float | None]:
+    """Values, with None for NaN."""
+    return [finite_or_none(value) for value in values.tolist()]
 
 
 _MOST_DECIMALS = 9
