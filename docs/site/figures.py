@@ -44,7 +44,8 @@ def final_error(report: ValidationDocument) -> tuple[float, float]:
     """Return RMS error and the filter's own sigma of v1 in x, in m, at the end of the run."""
     assert report.series is not None
     first = report.series.vehicles[0]
-    return first.rms_x_m[-1], first.sigma_x_m[-1]
+    rms, sigma = np.array([first.rms_x_m[-1], first.sigma_x_m[-1]], dtype=float).tolist()
+    return rms, sigma
 
 
 def _formation(plan: Plan) -> Drawn:
@@ -128,10 +129,9 @@ def _optimism() -> Drawn:
     for report, name, colour in ((exact, "exact", VERMILLION), (cured, "0.2 rad off", BLUE)):
         assert report.series is not None
         first, time = report.series.vehicles[0], np.array(report.series.time_s)
-        traces.append(_line(f"{name}: RMS error", time, first.rms_x_m, colour, "solid", 3.0))
-        traces.append(
-            _line(f"{name}: the filter's own sigma", time, first.sigma_x_m, colour, "dash", 2.0)
-        )
+        rms, sigma = (np.array(one, dtype=float) for one in (first.rms_x_m, first.sigma_x_m))
+        traces.append(_line(f"{name}: RMS error", time, rms, colour, "solid", 3.0))
+        traces.append(_line(f"{name}: the filter's own sigma", time, sigma, colour, "dash", 2.0))
     (wrong, claimed), (right, own) = final_error(exact), final_error(cured)
     drawn = layout(
         "Error of v1 along x, and what the filter says of it",

@@ -53,11 +53,15 @@ _DIGITS = 4
 
 def _band(number: int, key: str, times: Array, middle: Array, sigma: Array) -> Spec:
     """Band of three of the filter's own sigmas about a line."""
-    y = numbers(np.concatenate([middle + 3.0 * sigma, (middle - 3.0 * sigma)[::-1]]), 5)
-    there_and_back = np.concatenate([times, times[::-1]])
+    known = np.flatnonzero(np.isfinite(sigma))
+    # there and back around each part without a gap; then a gap
+    parts = np.split(known, 1 + np.flatnonzero(np.diff(known) > 1))
+    places = np.concatenate([np.concatenate([part, part[::-1], part[:1]]) for part in parts])[:-1]
+    side = np.concatenate([np.repeat([3.0, -3.0, np.nan], [len(k), len(k), 1]) for k in parts])[:-1]
+    x, y = times[places] + 0.0 * side, numbers(middle[places] + side * sigma[places], 5)
     line = {"color": SKY, "width": 0.5}
     name = "filter's own 3 sigma"
-    band = panel_line(number, f"band-{key}", "band", name, there_and_back, y, line, "")
+    band = panel_line(number, f"band-{key}", "band", name, x, y, line, "")
     return {**band, "fill": "toself", "fillcolor": translucent(SKY, 0.35)}
 
 
@@ -179,7 +183,8 @@ def _error_curves(row: VehicleSeries, column: int) -> tuple[Array, Array, Array]
     mean = (row.mean_x_m, row.mean_y_m, row.mean_heading_rad)[column]
     sigma = (row.sigma_x_m, row.sigma_y_m, row.sigma_heading_rad)[column]
     rms = (row.rms_x_m, row.rms_y_m, row.rms_heading_rad)[column]
-    return np.array(mean), np.array(sigma), np.array(rms)
+    # null where errors are not known
+    return np.array(mean, dtype=float), np.array(sigma, dtype=float), np.array(rms, dtype=float)
 
 
 def _error_panel(
