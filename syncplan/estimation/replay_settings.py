@@ -158,7 +158,7 @@ class ReplaySettings(RunOptions):
     max_truth_gap: float | None = option(
         None,
         "Longest interval between entries of the truth over which it is a straight line; errors in "
-        "longer ones are not known. By default 3 times the usual interval, and at least a sample",
+        "longer ones are not known. By default 3 usual intervals, and at least 2 samples",
         key="max_truth_gap_s",
         **POSITIVE,
     )

@@ -29,6 +29,7 @@ from syncplan.estimation.reference_filter import predict_state, update_state
 from syncplan.estimation.replay_results import Replay
 from syncplan.estimation.replay_settings import GROUND_ROBOTS, STARTS, ReplaySettings
 from syncplan.estimation.replays import OPTIONS, replay
+from syncplan.estimation.trials import series
 from syncplan.orbits.circles import wrap
 from syncplan.orbits.noise import Noise
 from syncplan.recordings import mrclam, recorded_files
@@ -313,9 +314,40 @@ def test_a_gap_of_the_truth_is_reported(noisy: Path, tmp_path: Path) -> None:
     lines = path.read_text().splitlines()
     path.write_text("\n".join(lines[:1000] + lines[1100:]))
     assert _notes_of(folder, "robot", bearing_sigma=0.08, **ALONE) == [
-        "the truth of robot2 has a gap of 1.01 s: its errors there are from a straight line"
+        "the truth has gaps, 1.0 s in all, the longest of 1.01 s (robot2): errors there are not "
+        "known, and figures leave them out"
     ]
     assert _notes_of(noisy, "robot", bearing_sigma=0.08, **ALONE) == []
+
+
+def test_errors_in_a_gap_of_the_truth_do_not_count(noisy: Path, tmp_path: Path) -> None:
+    folder = _copy(noisy, tmp_path)
+    path = folder / "Robot2_Groundtruth.dat"
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join(lines[:1000] + lines[2300:]))
+    asked = {"sample_time": 0.2, "bearing_sigma": 0.08, "with_series": True, "filter": "ekf"}
+    whole, gapped = (replay(load_log(each), **asked) for each in (noisy, folder))
+    known = gapped.known
+    assert gapped.unknown_truth_s == pytest.approx(13.0, abs=0.3)
+    both = [series(each.result).position_rms for each in (whole, gapped)]
+    np.testing.assert_allclose(both[1][known], both[0][known], atol=1e-9)
+    assert np.isnan(both[1][~known]).all()
+    counted = both[0][1:][known[1:]]
+    late = np.arange(1, len(known)) > gapped.clock.samples / 2
+    accuracy = gapped.accuracy
+    np.testing.assert_allclose(accuracy.position, np.sqrt(np.mean(counted**2, axis=0)), rtol=1e-9)
+    settled = both[0][1:][late & known[1:]]
+    np.testing.assert_allclose(
+        accuracy.late_position, np.sqrt(np.mean(settled**2, axis=0)), rtol=1e-9
+    )
+    assert gapped.result.coverage_samples < whole.result.coverage_samples
+    assert np.all(gapped.coverage <= 1.0)
+    # the sightings that the filter had are the same
+    assert gapped.nis.value == pytest.approx(whole.nis.value, rel=1e-9)
+    # a straight line across the gap is asked for
+    bridged = replay(load_log(folder), **asked, max_truth_gap=60.0)
+    assert bridged.unknown_truth_s == 0.0
+    assert bridged.accuracy.position[1] > 3.0 * accuracy.position[1]
 
 
 def _notes_of(folder: Path, word: str, **options: Any) -> list[str]:

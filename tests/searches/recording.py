@@ -40,9 +40,12 @@ WORSE = 1.1
 
 
 def after_a_minute(replayed: Replay) -> float:
-    """Return the RMS position error of a replay with series from the 60th second on, m."""
+    """Return the RMS position error, m, of a replay with series from the 60th second on.
+
+    Samples whose truth is not known are left out.
+    """
     errors = series(replayed.result).position_rms[round(60.0 / replayed.sample_time) :]
-    return float(np.sqrt(np.mean(errors**2)))
+    return float(np.sqrt(np.nanmean(errors**2)))
 
 
 @lru_cache(maxsize=1)
