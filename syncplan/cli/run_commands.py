@@ -22,6 +22,7 @@ from syncplan.errors import InputError
 from syncplan.estimation.filter_options import SweepOptions, ValidationOptions
 from syncplan.estimation.replay_settings import ReplayOptions
 from syncplan.guidance.flight_options import FlightOptions
+from syncplan.recordings.recording_formats import Stamps
 from syncplan.scenario.dotted_keys import SWEPT_KEYS, SweptKey, SweptOption, swept_key
 
 if TYPE_CHECKING:
@@ -233,6 +234,9 @@ def _replay(
     log: Recording,
     output: arguments.Output = None,
     format_: arguments.Shown = console.Format.auto,
+    stamps: Annotated[
+        Stamps, typer.Option(help="Times of a bag: of message headers, or of their receipt")
+    ] = "header",
     *,
     options: ReplayOptions,
 ) -> int:
@@ -240,7 +244,7 @@ def _replay(
 
     Without truth, the report has estimates and the filter's own sigmas in place of errors.
     """
-    recording = _opened(log, output)
+    recording = _opened(log, output, stamps)
     known = {str(name): name for name in recording.landmark_names}
     if options.landmarks is not None:
         numbered = tuple(known.get(str(name), name) for name in options.landmarks)
@@ -269,11 +273,11 @@ def _document(recording: "Log", asked: ReplayOptions) -> "ReplayDocument":
     return replay_document(replayed)
 
 
-def _opened(folder: Path, output: Path | None) -> "Log":
+def _opened(folder: Path, output: Path | None, stamps: Stamps) -> "Log":
     """Load a recording; check that the output can be written and is none of its files."""
     from syncplan.recordings.recording_formats import load_log, recorded_files_in
 
     console.check_output(output)
-    recording = load_log(folder)
+    recording = load_log(folder, stamps=stamps)
     console.check_output(output, *map(str, recorded_files_in(folder)))
     return recording

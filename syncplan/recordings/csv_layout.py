@@ -5,8 +5,8 @@
     landmarks.csv   name, x_m, y_m
     truth.csv       robot, time_s, x_m, y_m, heading_rad          where robots truly were; optional
 
-Columns come in any order; rows of one robot are in order of time. An empty bearing_rad or range_m
-means not recorded, an empty target not recognised.
+Columns come in any order; rows of one robot are in order of time. An empty number, or nan, means
+not recorded. A target that is empty, or neither another robot nor a landmark, was not recognised.
 """
 
 import csv
@@ -266,7 +266,12 @@ _TIME = Column("time_s")
 
 FILES: Mapping[str, tuple[Column, ...]] = MappingProxyType(
     {
-        "odometry.csv": (_ROBOT, _TIME, Column("speed_mps"), Column("turn_rate_rad_s")),
+        "odometry.csv": (
+            _ROBOT,
+            _TIME,
+            Column("speed_mps", gaps=True),
+            Column("turn_rate_rad_s", gaps=True),
+        ),
         "sightings.csv": (
             _ROBOT,
             _TIME,
@@ -275,7 +280,11 @@ FILES: Mapping[str, tuple[Column, ...]] = MappingProxyType(
             Column("range_m", gaps=True, optional=True),
         ),
         "landmarks.csv": (Column("name", named=True), Column("x_m"), Column("y_m")),
-        "truth.csv": (_ROBOT, _TIME, Column("x_m"), Column("y_m"), Column("heading_rad")),
+        "truth.csv": (
+            _ROBOT,
+            _TIME,
+            *(Column(name, gaps=True) for name in ("x_m", "y_m", "heading_rad")),
+        ),
     }
 )
 """Files of the layout and their columns; truth.csv may be left out."""
@@ -283,10 +292,6 @@ FILES: Mapping[str, tuple[Column, ...]] = MappingProxyType(
 
 UNKNOWN = -2
 """Number of a name that no robot or landmark has."""
-
-NAMED_ELSEWHERE = (
-    "name it in odometry.csv or landmarks.csv, or leave the cell empty where nobody knows it"
-)
 
 
 def holds_csv(path: Path) -> bool:
@@ -304,7 +309,8 @@ def read_csv(folder: Path) -> Log:
     if not read:
         raise InputError("holds no rows below its first line", source=str(odometry.path))
     team = NamedTeam.of(read, _landmarks(_table(folder, "landmarks.csv"), read), str(folder))
-    seen = _seen(_table(folder, "sightings.csv"), team)
+    sightings = _table(folder, "sightings.csv")
+    seen, targets = _seen(sightings, team), sightings.names["target"]
     truth: dict[str, Array] = {}
     if (folder / "truth.csv").exists():
         known = _table(folder, "truth.csv")
@@ -314,7 +320,8 @@ def read_csv(folder: Path) -> Log:
             if robot not in truth:
                 problem = f"holds no rows of robot {robot!r}; add them, or remove the file"
                 raise InputError(problem, source=str(known.path))
-    return team.log(folder.resolve().name, read, seen, truth)
+    notes = team.notes_on([targets.names[place] for place in targets.places.tolist()])
+    return team.log(folder.resolve().name, read, seen, truth, notes)
 
 
 def _table(folder: Path, name: str) -> CsvTable:
@@ -359,22 +366,17 @@ def _rows_by_robot(table: CsvTable) -> dict[str, Index]:
 
 def _seen(table: CsvTable, team: NamedTeam) -> dict[str, SeenBodies]:
     """Sightings of each robot."""
-    recorded = [name for name in ("bearing_rad", "range_m") if name in table.header]
-    if not recorded:
+    if not {"bearing_rad", "range_m"} & set(table.header):
         problem = "line 1: names neither bearing_rad nor range_m; at least one is needed"
         raise InputError(problem, source=str(table.path))
     _check_robots(table, team)
     times, not_recorded = table.numbers["time_s"], np.full(table.count, np.nan)
     observers = table.names["robot"].numbers(team.subjects, UNKNOWN)
-    subjects = table.names["target"].numbers({**team.subjects, "": NOBODY}, UNKNOWN)
+    subjects = table.names["target"].numbers(team.subjects, NOBODY)
+    # no robot sees itself: such a target was misread
+    subjects = np.where(subjects == observers, NOBODY, subjects)
     bearings, ranges = (table.numbers.get(one, not_recorded) for one in ("bearing_rad", "range_m"))
-    for wrong, column, problem in (
-        (subjects == UNKNOWN, "target", f"it is no robot and no landmark; {NAMED_ELSEWHERE}"),
-        (subjects == observers, "target", "no robot sees itself"),
-        (ranges < 0.0, "range_m", "allowed is 0 or more"),
-        (np.isnan(bearings) & np.isnan(ranges), recorded[0], f"needed is {' or '.join(recorded)}"),
-    ):
-        _refuse(wrong, table, column, problem)
+    _refuse(ranges < 0.0, table, "range_m", "allowed is 0 or more")
     return {
         robot: SeenBodies(times[rows], subjects[rows], bearings[rows], ranges[rows])
         for robot, rows in _rows_by_robot(table).items()

@@ -3,14 +3,15 @@
 import io
 import json
 import re
+from collections import Counter
 from collections.abc import Container, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 from zipfile import BadZipFile
 
 import numpy as np
 
-from syncplan.arrays import Array, Index
+from syncplan.arrays import Array, Flags, Index
 from syncplan.errors import InputError
 from syncplan.phrases import listed
 from syncplan.recordings.recorded_files import MOST_ROBOTS, name_problem
@@ -18,8 +19,11 @@ from syncplan.recordings.recorded_files import MOST_ROBOTS, name_problem
 NOBODY = -1
 """Subject of a reading whose target is unknown."""
 
-MOST_LISTED = 20
-"""Most landmarks that a message names."""
+EQUAL_STAMPS = 3
+"""Rows of odometry with one time, on average, above which its times cannot be right."""
+
+MOST_LISTED, MOST_NAMED = 20, 8
+"""Most landmarks that a message names; most targets that nobody knows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +61,7 @@ class Log:
     landmark_names : m names; numbers where the layout has no other names
     landmark_subjects : (m,) numbers of the landmarks in sightings
     landmarks : (m, 2) positions in m
+    notes : sentences on what was left out of the files
     """
 
     name: str
@@ -64,6 +69,7 @@ class Log:
     landmark_names: tuple[int | str, ...]
     landmark_subjects: Index
     landmarks: Array
+    notes: tuple[str, ...] = ()
 
     @property
     def has_truth(self) -> bool:
@@ -90,6 +96,76 @@ def chosen_landmarks(known: Iterable[int | str], names: Iterable[int | str] | No
             there = listed([str(one) for one in all_names], MOST_LISTED) or "none"
             raise InputError(f"no landmark {name!r}; there are {there}", key="landmarks")
     return [place for place, name in enumerate(all_names) if name in wanted]
+
+
+# --- readings that do not count ------------------------------------------------------------------
+
+
+def tidied(log: Log) -> Log:
+    """Return a recording without rows that lack a number, and with equal sightings once.
+
+    Its notes count what was left out. A number is lacking where it is NaN. Sightings are equal if
+    time, target and values are. Raises InputError for a robot whose times cannot be right.
+    """
+    robots = [_tidied(robot) for robot in log.robots]
+    notes = [*log.notes]
+    for what in ("odometry", "truth"):
+        lacking = sum(
+            len(getattr(before, what)) - len(getattr(after, what))
+            for before, after in zip(log.robots, robots, strict=True)
+        )
+        if lacking:
+            notes.append(f"{lacking} rows of the {what} lack a number: they do not count")
+    empty = sum(int(np.sum(_is_empty(robot))) for robot in log.robots)
+    if empty:
+        notes.append(f"{empty} sightings have neither a bearing nor a distance: they do not count")
+    merged = sum(len(robot.times) for robot in log.robots) - empty
+    merged -= sum(len(robot.times) for robot in robots)
+    if merged:
+        notes.append(
+            f"{merged} sightings repeat another one, with equal robot, time, target and values: "
+            "each counts once"
+        )
+    for robot in robots:
+        _check_times(robot, log.name)
+    return replace(log, robots=tuple(robots), notes=tuple(notes))
+
+
+def _tidied(robot: RobotLog) -> RobotLog:
+    rows = np.column_stack([robot.times, robot.subjects, robot.bearings, robot.ranges])
+    there = np.flatnonzero(~_is_empty(robot))
+    # NaN differs from itself
+    _, first = np.unique(np.nan_to_num(rows[there], nan=np.inf), axis=0, return_index=True)
+    kept = np.sort(there[first])
+    seen = {name: getattr(robot, name)[kept] for name in SeenBodies._fields}
+    odometry, truth = (
+        table[~np.isnan(table).any(axis=1)] for table in (robot.odometry, robot.truth)
+    )
+    return replace(robot, odometry=odometry, truth=truth, **seen)
+
+
+def _is_empty(robot: RobotLog) -> Flags:
+    return np.isnan(robot.bearings) & np.isnan(robot.ranges)
+
+
+def _check_times(robot: RobotLog, source: str) -> None:
+    """Raise InputError if a robot has no odometry, or if stamps of it are equal in runs."""
+    times = robot.odometry[:, 0]
+    if not len(times):
+        raise InputError(f"{robot.name} has no odometry with numbers", source=source)
+    different = len(np.unique(times))
+    if len(times) <= EQUAL_STAMPS * different:
+        return
+    runs = f"in runs of {len(times) / different:.0f} rows" if different > 1 else "all"
+    cause = "were their digits cut off? Write all of them"
+    if not times.any():
+        cause = (
+            "were the stamps left empty? Bags are read by the time of receipt with stamps received"
+        )
+    raise InputError(
+        f"the times of the odometry of {robot.name} are equal, {runs} ({times[0]:.10g} s): {cause}",
+        source=source,
+    )
 
 
 # --- overview -----------------------------------------------------------------------------------
@@ -145,6 +221,7 @@ def pack_log(log: Log) -> bytes:
         "name": log.name,
         "robots": [(robot.name, robot.subject) for robot in log.robots],
         "landmarks": log.landmark_names,
+        "notes": log.notes,
     }
     arrays: dict[str, Any] = {
         f"{name}_{k}": getattr(robot, name)
@@ -177,6 +254,7 @@ def unpack_log(data: bytes) -> Log:
                 landmark_names=tuple(words["landmarks"]),
                 landmark_subjects=stored["landmark_subjects"],
                 landmarks=stored["landmarks"],
+                notes=tuple(words.get("notes", ())),
             )
     except (OSError, EOFError, BadZipFile, ValueError, KeyError) as error:
         raise InputError(f"not a recording: {error}", key="recording") from None
@@ -233,6 +311,7 @@ class NamedTeam:
         odometry: Mapping[str, Array],
         seen: Mapping[str, SeenBodies],
         truth: Mapping[str, Array],
+        notes: tuple[str, ...] = (),
     ) -> Log:
         """Return the recording of each robot's odometry, sightings and truth, as in a RobotLog."""
         nothing = SeenBodies(np.zeros(0), np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
@@ -254,7 +333,17 @@ class NamedTeam:
             landmark_names=tuple(self.landmarks),
             landmark_subjects=count + 1 + np.arange(len(self.landmarks), dtype=np.int64),
             landmarks=np.array(list(self.landmarks.values()), np.float64).reshape(-1, 2),
+            notes=notes,
         )
+
+    def notes_on(self, targets: Iterable[str]) -> tuple[str, ...]:
+        """Return the note on targets, one for each sighting, that nobody knows; "" has no name."""
+        counts = Counter(targets)
+        strangers = {name: counts[name] for name in counts if name and name not in self.subjects}
+        if not strangers:
+            return ()
+        named = listed([f"{name} ({count})" for name, count in strangers.items()], MOST_NAMED)
+        return (f"targets that are neither robots nor landmarks count as not recognised: {named}",)
 
 
 def landmark_problem(name: str, robots: Container[str]) -> str:

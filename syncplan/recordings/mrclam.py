@@ -135,6 +135,8 @@ def _table(
 ) -> Array:
     """(k, c) named columns of a file; `whole` ones hold integers, `ordered` rows are by time."""
     names = columns.split(", ")
+    # readings may lack numbers, and do not count then
+    needed = 1 if ordered else len(names)
     check_file(path)
     try:
         with warnings.catch_warnings():
@@ -150,7 +152,8 @@ def _table(
     except ValueError:
         raise _no_number(path, names) from None
     faults = [
-        (~np.isfinite(values).all(axis=1), "holds a value that is not finite"),
+        (~np.isfinite(values[:, :needed]).all(axis=1), "holds a value that is not finite"),
+        (np.isinf(values).any(axis=1), "holds a value that is not finite"),
         *((values[:, c] != np.rint(values[:, c]), f"{names[c]} is not whole") for c in whole),
         ((np.abs(values) > LARGEST_VALUE).any(axis=1), f"holds a value over {LARGEST_VALUE:g}"),
     ]

@@ -11,12 +11,15 @@ from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO, Literal, get_args
 
 from syncplan.errors import InputError
 
 if TYPE_CHECKING:
     from syncplan.recordings.log import Log
+
+Stamps = Literal["header", "received"]
+"""Times of a recording's messages: of their headers, or of their receipt by the recorder."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +33,7 @@ class RecordingFormat:
     files : patterns of its file names
     detector, reader : module of this package and a function in it, from a path to whether it holds
         this layout, and from a path to the recording
+    received : whether readings have a time of receipt besides their stamp
     """
 
     title: str
@@ -37,15 +41,24 @@ class RecordingFormat:
     files: tuple[str, ...]
     detector: str
     reader: str
+    received: bool = False
 
     def detects(self, path: Path) -> bool:
         """Return whether a folder or file holds this layout; raises OSError if it can't be read."""
         return bool(_function(self.detector)(path))
 
-    def read(self, path: Path) -> "Log":
+    def read(self, path: Path, stamps: Stamps) -> "Log":
         """Return the recording; raises InputError naming file, line and fault."""
-        log: Log = _function(self.reader)(path)
-        return log
+        from syncplan.recordings.log import tidied
+
+        if stamps not in get_args(Stamps):
+            allowed = " or ".join(get_args(Stamps))
+            raise InputError(f"{stamps!r} given; allowed is {allowed}", key="stamps")
+        if stamps == "received" and not self.received:
+            problem = f"{self.title} recordings have no times of receipt; ROS 2 bags do"
+            raise InputError(problem, key="stamps")
+        reader = _function(self.reader)
+        return tidied(reader(path, stamps=stamps) if self.received else reader(path))
 
 
 FORMATS: Mapping[str, RecordingFormat] = MappingProxyType(
@@ -70,29 +83,31 @@ FORMATS: Mapping[str, RecordingFormat] = MappingProxyType(
             files=("metadata.yaml", "*.mcap", "*.db3"),
             detector="ros_bags.holds_bag",
             reader="ros_bags.read_bag",
+            received=True,
         ),
     }
 )
 """All layouts by name."""
 
 
-def load_log(path: str | Path) -> "Log":
+def load_log(path: str | Path, *, stamps: Stamps = "header") -> "Log":
     """Return the recording in a folder, a bag's file or an archive, whatever its layout.
 
-    Raises InputError naming file, line and fault, and if there is no recording, or two.
+    The times of a bag are those of message headers, or of receipt with `stamps` "received". Raises
+    InputError naming file, line and fault, and if there is no recording, or two.
     """
     path = Path(path)
     layout = _format_of(path)
     if layout is not None:
-        return layout.read(path)
+        return layout.read(path, stamps)
     with path.open("rb") as stream:
-        return read_archive(stream, str(path))
+        return read_archive(stream, str(path), stamps=stamps)
 
 
-def read_archive(stream: BinaryIO, source: str = "") -> "Log":
+def read_archive(stream: BinaryIO, source: str = "", *, stamps: Stamps = "header") -> "Log":
     """Return the recording in a zip or tar archive; messages name `source`.
 
-    Raises InputError as `load_log` and `unpack_files` do.
+    Times are those that `load_log` reads. Raises InputError as it and `unpack_files` do.
     """
     from syncplan.recordings.recorded_files import unpack_files
 
@@ -102,7 +117,7 @@ def read_archive(stream: BinaryIO, source: str = "") -> "Log":
         try:
             layout = _format_of(folder)
             assert layout is not None
-            return layout.read(folder)
+            return layout.read(folder, stamps)
         except InputError as error:
             # the reader's source, without the temporary folder
             inner = error.source.replace(str(folder), folder.name, 1)

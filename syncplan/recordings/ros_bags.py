@@ -8,9 +8,10 @@
     /NAME/ground_truth   geometry_msgs/PoseStamped or nav_msgs/Odometry: its pose
     /landmarks           vision_msgs/Detection3DArray: names, and positions on the ground
 
-Times are those of the message headers. Targets that are neither robots nor landmarks count as not
-recognised: detectors also report other things. Only these types are read, and only by the
-definitions here and in rosbags: a bag's own definitions would be compiled to code.
+Times are those of the message headers, or of receipt if these are asked for. Targets that are
+neither robots nor landmarks count as not recognised: detectors also report other things. Only these
+types are read, and only by the definitions here and in rosbags: a bag's own definitions would be
+compiled to code.
 """
 
 import math
@@ -179,11 +180,11 @@ class TopicReadings:
     names: tuple[str, ...]
 
 
-def read_topics(path: Path) -> dict[Topic, TopicReadings]:
+def read_topics(path: Path, *, stamps: str = "header") -> dict[Topic, TopicReadings]:
     """Return the readings of a bag by topic; `path` is its folder or one file of it.
 
-    Each robot has odometry. Raises InputError naming the topic and the message at fault, and if
-    rosbags is missing.
+    `stamps` is "header", or "received" for times of receipt. Each robot has odometry. Raises
+    InputError naming the topic and the message at fault, and if rosbags is missing.
     """
     found: dict[Topic, list[Reading]] = {}
     left = MOST_READINGS
@@ -191,10 +192,12 @@ def read_topics(path: Path) -> dict[Topic, TopicReadings]:
         topics = _topics_in(bag, path)
         wanted = [one for one in bag.connections if one.topic in topics]
         store = typestore()
-        for connection, _, raw in bag.messages(wanted):
+        for connection, received_ns, raw in bag.messages(wanted):
             topic = topics[connection.topic]
             message = store.deserialize_cdr(raw, connection.msgtype)
             taken = TOPICS[topic.kind].taken[connection.msgtype](message)
+            if stamps == "received":
+                taken = [((received_ns / 1_000_000_000, *one[1:]), name) for one, name in taken]
             found.setdefault(topic, []).extend(taken)
             left -= len(taken)
             if left < 0:
@@ -284,7 +287,9 @@ def _in_order(topic: Topic, readings: list[Reading], path: Path) -> TopicReading
     """Readings in order of time; raises InputError for a number out of range or not finite."""
     columns = TOPICS[topic.kind].columns
     numbers = np.array([one for one, _ in readings], np.float64).reshape(-1, len(columns))
-    wrong = ~(np.abs(numbers) <= LARGEST_VALUE)
+    wrong = np.abs(numbers) > LARGEST_VALUE
+    if not topic.robot:
+        wrong |= np.isnan(numbers)
     if wrong.any():
         row, column = np.argwhere(wrong)[0].tolist()
         problem = (
@@ -310,12 +315,13 @@ def holds_bag(path: Path) -> bool:
     return path.suffix in SUFFIXES
 
 
-def read_bag(path: Path) -> Log:
+def read_bag(path: Path, *, stamps: str = "header") -> Log:
     """Return the recording in a bag; `path` is its folder or one file of it.
 
-    Raises InputError naming the topic and the reading at fault, and if rosbags is missing.
+    `stamps` is "header", or "received" for times of receipt. Raises InputError naming the topic
+    and the reading at fault, and if rosbags is missing.
     """
-    topics = read_topics(path)
+    topics = read_topics(path, stamps=stamps)
     odometry = {topic.robot: one.numbers for topic, one in topics.items() if topic.kind == "odom"}
     truth = {
         topic.robot: one.numbers for topic, one in topics.items() if topic.kind == "ground_truth"
@@ -332,7 +338,8 @@ def read_bag(path: Path) -> Log:
         ]
         if parts:
             seen[robot] = _merged(parts)
-    return team.log(path.resolve().name, odometry, seen, truth)
+    targets = [one for topic, found in topics.items() if topic.kind in SEEN for one in found.names]
+    return team.log(path.resolve().name, odometry, seen, truth, team.notes_on(targets))
 
 
 def _check_odometry(

@@ -31,6 +31,7 @@ OTHER_CAUSES = "clocks, units or places do not fit"
 def notes_of(replayed: Replay) -> list[str]:
     """Return notes on the meaning of the figures, and on faults of the recording."""
     return [
+        *replayed.log.notes,
         *_truth_notes(replayed),
         *_tuning_notes(replayed.tuning),
         *_readings_notes(replayed),
