@@ -159,9 +159,7 @@ def _check_times(robot: RobotLog, source: str) -> None:
     runs = f"in runs of {len(times) / different:.0f} rows" if different > 1 else "all"
     cause = "were their digits cut off? Write all of them"
     if not times.any():
-        cause = (
-            "were the stamps left empty? Bags are read by the time of receipt with stamps received"
-        )
+        cause = "were stamps left empty? --stamps received reads a bag by the times of receipt"
     raise InputError(
         f"the times of the odometry of {robot.name} are equal, {runs} ({times[0]:.10g} s): {cause}",
         source=source,

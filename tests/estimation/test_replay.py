@@ -325,7 +325,12 @@ def test_errors_in_a_gap_of_the_truth_do_not_count(noisy: Path, tmp_path: Path) 
     path = folder / "Robot2_Groundtruth.dat"
     lines = path.read_text().splitlines()
     path.write_text("\n".join(lines[:1000] + lines[2300:]))
-    asked = {"sample_time": 0.2, "bearing_sigma": 0.08, "with_series": True, "filter": "ekf"}
+    asked: dict[str, Any] = {
+        "sample_time": 0.2,
+        "bearing_sigma": 0.08,
+        "with_series": True,
+        "filter": "ekf",
+    }
     whole, gapped = (replay(load_log(each), **asked) for each in (noisy, folder))
     known = gapped.known
     assert gapped.unknown_truth_s == pytest.approx(13.0, abs=0.3)

@@ -161,7 +161,7 @@ def _seen(name: str, x: float, y: float) -> object:
 FAULTS: list[tuple[str, object, str]] = [
     ("/r2/odom", PLACED, "has messages geometry_msgs/msg/PoseStamped; allowed are nav_msgs/msg"),
     ("/r3/sightings", OF.detections(1.0, []), "is there without /r3/odom; record both"),
-    ("/r2/odom", OF.twist(1.0, np.nan, 0.0), "reading 2: speed is nan; a finite number up to 1"),
+    ("/r2/odom", OF.twist(1.0, np.inf, 0.0), "reading 2: speed is inf; a finite number up to 1"),
     ("/r2/bearings", _seen("pole", 0.0, 0.0), "reading 1: the target is where the robot is; no"),
     ("/landmarks", _seen("pole", 1.0, 3.0), "class_id is 'pole'; it is at two places; landmarks"),
     ("/landmarks", _seen("r2", 1.0, 3.0), "class_id is 'r2'; a robot has this name as well"),
