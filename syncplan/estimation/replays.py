@@ -36,7 +36,7 @@ from syncplan.estimation.replay_settings import (
 )
 from syncplan.estimation.replay_tuning import Tuning, tuned
 from syncplan.estimation.trials import MonteCarloResult, accuracy
-from syncplan.options import options_of
+from syncplan.options import lists_options, options_of
 from syncplan.orbits.error_states import ERROR_STATES
 from syncplan.orbits.noise import Noise
 from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
@@ -47,6 +47,7 @@ OPTIONS = ReplayOptions().filter_options
 """Default options of the filter on a recording."""
 
 
+@lists_options(ReplaySettings, FilterOptions)
 def replay(
     log: Log,
     options: FilterOptions | None = None,

@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 from syncplan.guidance.flight_options import FlightOptions
+from syncplan.options import lists_options
 from syncplan.planning.filter_choice import FilterChoice, asked_filter, flown_filter
 from syncplan.planning.plan_files import PlanSubject, in_world, planned
 from syncplan.planning.plan_flights import (
@@ -20,6 +21,7 @@ ROBUST_IN_FLIGHT = FilterChoice(
 )
 
 
+@lists_options(FlightOptions)
 def fly(
     subject: PlanSubject,
     options: FlightOptions | None = None,

@@ -32,6 +32,7 @@ from syncplan.estimation.trials import (
     merge,
     trial_errors,
 )
+from syncplan.options import lists_options
 from syncplan.orbits.contacts import Windows, find_windows
 from syncplan.orbits.sightings import Sightings
 from syncplan.orbits.team import Team
@@ -191,6 +192,7 @@ class TrialRun:
         return self.options.trials
 
 
+@lists_options(FilterOptions)
 def validate(
     subject: PlanSubject,
     options: FilterOptions | None = None,

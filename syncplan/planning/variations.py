@@ -9,6 +9,7 @@ import numpy as np
 
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import FilterOptions, options_with
+from syncplan.options import lists_options
 from syncplan.orbits.circles import position
 from syncplan.orbits.graphs import bottleneck
 from syncplan.phrases import listed
@@ -64,6 +65,7 @@ class Sweep(Result, list[ValidatedRow]):
         return f"<{type(self).__name__} of {self.name}: {labels}>"
 
 
+@lists_options(FilterOptions)
 def sweep(
     scenario: Scenario,
     name: str,
@@ -306,6 +308,7 @@ def joined_worlds(worlds: Sequence[str], results: Sequence[Validation]) -> Stres
     return StressTest(nominal, tuple(sorted(rows, key=lambda row: row.harm, reverse=True)))
 
 
+@lists_options(FilterOptions)
 def stressed(
     subject: PlanSubject,
     options: FilterOptions | None = None,

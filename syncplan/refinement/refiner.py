@@ -17,6 +17,7 @@ from pydantic import ValidationError
 from syncplan.arrays import Array, as_pairs
 from syncplan.documents import finite_or_none
 from syncplan.errors import InputError
+from syncplan.options import lists_options
 from syncplan.orbits.circles import Orbits
 from syncplan.orbits.contacts import reachable_pairs
 from syncplan.planning.judged_team import bound_is_affordable
@@ -73,6 +74,7 @@ _ACTIVE = 0.01
 """Room, as a share of a constraint's size, up to which it counts as active."""
 
 
+@lists_options(RefineOptions)
 @single_threaded_blas
 def refine(
     subject: PlanSubject,
