@@ -43,7 +43,7 @@ else:
     Contract = Literal[*(name for name, kind in DOCUMENTS.items() if kind.published)]
 
 
-@schemas.command(name="schema", epilog="Example: syncplan schema scenario")
+@schemas.command(name="schema", epilog="\b\nExample: syncplan schema scenario")
 def _schema(
     contract: Annotated[Contract, typer.Argument(help="Which document")] = "scenario",
     output: Output = None,
@@ -69,9 +69,9 @@ def application(command: str = "") -> typer.Typer:
         name="syncplan",
         no_args_is_help=True,
         pretty_exceptions_enable=False,
-        rich_markup_mode="rich",
+        rich_markup_mode=None,
         help="Synchronised circular orbits that let a team of robots localise itself.",
-        epilog="Example: syncplan plan examples/scenarios/paper-grid-same.yaml -o plan.json",
+        epilog="\b\nExample: syncplan plan examples/scenarios/paper-grid-same.yaml -o plan.json",
     )
     known = [group for group, names in GROUPS.items() if command in names]
     for group in known or GROUPS:

@@ -20,7 +20,8 @@ designs = typer.Typer()
 
 
 @designs.command(
-    name="design", epilog="Example: syncplan design brief.yaml -o design.json --plan-out plan.json"
+    name="design",
+    epilog="\b\nExample: syncplan design brief.yaml -o design.json --plan-out plan.json",
 )
 def _design(
     brief: Annotated[

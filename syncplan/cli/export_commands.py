@@ -38,7 +38,7 @@ Target = Annotated[
 
 @exporters.command(
     name="export",
-    epilog="Example: syncplan export plan.json --format qgc -o missions --altitude-m 60",
+    epilog="\b\nExample: syncplan export plan.json --format qgc -o missions --altitude-m 60",
 )
 @takes_options(ExportOptions)
 def _export(

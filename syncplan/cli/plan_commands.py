@@ -51,7 +51,7 @@ class Bound(StrEnum):
 
 
 @plans.command(
-    name="plan", epilog="Example: syncplan plan scenario.yaml -o plan.json --require-observable"
+    name="plan", epilog="\b\nExample: syncplan plan scenario.yaml -o plan.json --require-observable"
 )
 def _plan(
     subject: arguments.SubjectFile,
@@ -166,7 +166,8 @@ _Processes = Annotated[int | None, optional(min=1, help="Processes; all cores if
 
 @plans.command(
     name="refine",
-    epilog="Example: syncplan refine plan.json -o better.json --objective logdet --center-box-m 5",
+    epilog="\b\n"
+    "Example: syncplan refine plan.json -o better.json --objective logdet --center-box-m 5",
 )
 def _refine(
     subject: arguments.SubjectFile,
@@ -212,7 +213,7 @@ def _refine(
     return _refined(given, changes, processes, output, format_, status, paper=paper)
 
 
-@plans.command(name="place", epilog="Example: syncplan place links.yaml -o placed.json")
+@plans.command(name="place", epilog="\b\nExample: syncplan place links.yaml -o placed.json")
 def _place(
     scenario: arguments.ScenarioFile,
     output: arguments.Output = None,
@@ -250,7 +251,7 @@ def _place(
 
 @plans.command(
     name="landmarks",
-    epilog="Example: syncplan landmarks scenario.yaml --candidates sites.yaml --choose 3 "
+    epilog="\b\nExample: syncplan landmarks scenario.yaml --candidates sites.yaml --choose 3 "
     "--scenario-out chosen.yaml",
 )
 def _landmarks(
@@ -357,7 +358,7 @@ losses = typer.Typer()
 
 @losses.command(
     name="what-if",
-    epilog="Example: syncplan what-if plan.json --lose v3,L1",
+    epilog="\b\nExample: syncplan what-if plan.json --lose v3,L1",
 )
 def _what_if(
     subject: arguments.SubjectFile,

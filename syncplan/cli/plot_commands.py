@@ -98,7 +98,7 @@ ThemeShown = Annotated[
 
 @plots.command(
     name="plot",
-    epilog="Example: syncplan plot plan.json -o plan.html\n\n"
+    epilog="\b\nExample: syncplan plot plan.json -o plan.html\n\n\b\n"
     "Example: syncplan plot plan.json --figure formation --figure timeline --width 400 "
     "--theme dark -o plan.png",
 )
@@ -135,7 +135,7 @@ def _plot(
     return 0
 
 
-@plots.command(name="report", epilog="Example: syncplan report plan.json -o report.html")
+@plots.command(name="report", epilog="\b\nExample: syncplan report plan.json -o report.html")
 def _report(
     file: SubjectFile,
     output: Annotated[

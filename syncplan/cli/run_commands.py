@@ -47,7 +47,7 @@ Values = Annotated[str | None, optional("--values", help="Values of --key, such 
 
 @runs.command(
     name="validate",
-    epilog="Example: syncplan validate plan.json --trials 500 --seed 1 -o report.json",
+    epilog="\b\nExample: syncplan validate plan.json --trials 500 --seed 1 -o report.json",
 )
 @arguments.takes_options(ValidationOptions)
 def _validate(
@@ -118,7 +118,8 @@ def _help_of(key: SweptOption) -> str:
 
 @runs.command(
     name="sweep",
-    epilog="Example: syncplan sweep scenario.yaml --angular-rate 0.2,0.4,0.6,0.8,1.0 --connected",
+    epilog="\b\n"
+    "Example: syncplan sweep scenario.yaml --angular-rate 0.2,0.4,0.6,0.8,1.0 --connected",
 )
 @_with_options_of_swept_keys
 @arguments.takes_options(
@@ -181,7 +182,8 @@ def _key_named(name: str) -> SweptKey:
 
 @runs.command(
     name="fly",
-    epilog="Example: syncplan fly plan.json --trials 200 --wind 1.5,0 --lose v3@60 -o flight.json",
+    epilog="\b\n"
+    "Example: syncplan fly plan.json --trials 200 --wind 1.5,0 --lose v3@60 -o flight.json",
 )
 @arguments.takes_options(FlightOptions, without=("substeps", "model"))
 def _fly(
@@ -227,7 +229,7 @@ Recording = Annotated[
 
 @replays.command(
     name="replay",
-    epilog="Example: syncplan replay mrclam6 --landmarks 7,15 --series -o report.json",
+    epilog="\b\nExample: syncplan replay mrclam6 --landmarks 7,15 --series -o report.json",
 )
 @arguments.takes_options(ReplayOptions)
 def _replay(

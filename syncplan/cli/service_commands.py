@@ -26,7 +26,8 @@ services = typer.Typer()
 
 
 @services.command(
-    name="serve", epilog="Example: SYNCPLAN_DATA_DIR=/var/lib/syncplan syncplan serve --port 8000"
+    name="serve",
+    epilog="\b\nExample: SYNCPLAN_DATA_DIR=/var/lib/syncplan syncplan serve --port 8000",
 )
 def _serve(
     host: Annotated[str | None, optional(help="Address to listen on (default 127.0.0.1)")] = None,
@@ -101,7 +102,7 @@ def _listening(host: str, port: int) -> socket.socket:
 
 @services.command(
     name="worker",
-    epilog="Example: SYNCPLAN_DATABASE_URL=postgresql://syncplan@db/syncplan syncplan worker",
+    epilog="\b\nExample: SYNCPLAN_DATABASE_URL=postgresql://syncplan@db/syncplan syncplan worker",
 )
 def _worker(
     host: Annotated[

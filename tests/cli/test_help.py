@@ -1,0 +1,28 @@
+"""Help at any width: names of options and examples are whole."""
+
+from typing import Any
+
+import pytest
+from typer.main import get_command
+
+from syncplan.cli.command_line import GROUPS, application
+
+COMMANDS = [name for names in GROUPS.values() for name in names]
+
+
+@pytest.mark.parametrize("width", [60, 80, 119, 160])
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_cuts_no_names(
+    name: str, width: int, printed: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", str(width))
+    text = printed(name, "--help")
+    command: Any = get_command(application())
+    lines = text.splitlines()
+    for parameter in command.commands[name].params:
+        for option in filter(lambda one: one.startswith("-"), parameter.opts):
+            assert any(option in line for line in lines), option
+    assert "…" not in text
+    assert any(line.lstrip().startswith("Example: ") for line in lines)
+    # what is longer than the window stays on its line, to be copied
+    assert max(len(line) for line in lines if "Example" not in line and "--" not in line) <= width
