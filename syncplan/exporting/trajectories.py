@@ -32,12 +32,24 @@ if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
 
+FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")
+"""What begins a cell that spreadsheets take for a formula."""
+
+
 def write_poses(flown: ScheduledPlan) -> Written:
     """Return one row for each vehicle at each sample: time, name, x, y, z in m, heading in rad.
 
     `utc` follows if the scenario has a start_time, `lat_deg` and `lon_deg` if it has a geo_origin.
-    Headings are in [-pi, pi). Raises InputError as sampled_poses does.
+    Headings are in [-pi, pi). Raises InputError as sampled_poses does, and for a name that a
+    spreadsheet would take for a formula.
     """
+    for name in flown.names:
+        if name.startswith(FORMULA):
+            raise InputError(
+                f"{name!r} would be a formula in a spreadsheet; rename the vehicle so that its name "
+                "does not begin with =, +, -, @, a tab or a line break",
+                key="formation",
+            )
     poses, start = sampled_poses(flown), start_of(flown.plan)
     places = places_of(flown, poses.positions)
     headings = wrap(poses.headings)

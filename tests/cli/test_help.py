@@ -20,6 +20,8 @@ def test_help_cuts_no_names(
     command: Any = get_command(application())
     lines = text.splitlines()
     for parameter in command.commands[name].params:
+        if getattr(parameter, "hidden", False):
+            continue
         for option in filter(lambda one: one.startswith("-"), parameter.opts):
             assert any(option in line for line in lines), option
     assert "…" not in text

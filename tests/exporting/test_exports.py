@@ -154,6 +154,14 @@ def test_titles_avoid_what_systems_reserve() -> None:
 # --- poses --------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("name", ["=cmd|calc", "+1", "-v", "@v"])
+def test_names_that_a_spreadsheet_would_compute_are_refused_for_csv(name: str) -> None:
+    plan = team(formation={"centers_m": {name: [-40, 10], "mid": [30, 0], "c": [90, 40]}})
+    with pytest.raises(InputError, match=f"{re.escape(repr(name))} would be a formula.*rename"):
+        export(plan, "csv", ExportOptions(altitude_m=5.0))
+    assert contents(export(plan, "qgc", ExportOptions(altitude_m=5.0)), ".plan")
+
+
 def test_poses_read_by_csv_are_the_plan() -> None:
     plan = team(formation={"centers_m": {'a, "b"': [-40, 10], "mid": [30, 0], "c": [90, 40]}})
     made = export(plan, "csv", ExportOptions(altitude_m=5.0, sample_time_s=0.5, turns=1))
