@@ -1,6 +1,7 @@
-"""Wording of lists, whose first items are named and the rest counted, and of shares."""
+"""Wording of lists, whose first items are named and the rest counted, of shares and of places."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
 
 
 def listed(phrases: Sequence[str], most: int) -> str:
@@ -25,3 +26,31 @@ def percent(share: float, interval: tuple[float, float] | None = None) -> str:
     """Return a share in per cent, to three digits: "12.5 %", or "12.5 % (3.5 % to 29 %)"."""
     text = f"{100.0 * share:.3g} %"
     return text if interval is None else f"{text} ({' to '.join(map(percent, interval))})"
+
+
+class Places:
+    """Words for places of a team, in m: as many decimals as tell its places apart, wherever it is.
+
+    Parameters
+    ----------
+    team : places (x, y) among which the team is
+    radii : of circles around them, m
+    """
+
+    def __init__(self, team: Iterable[Sequence[float]], radii: Iterable[float] = ()) -> None:
+        spans = [max(values) - min(values) for values in zip(*team, strict=True)]
+        extent = max(spans, default=0.0) + 2.0 * max(radii, default=0.0) or 1.0
+        self._decimals = max(0, 4 - math.floor(math.log10(extent)))
+
+    def words(self, place: Sequence[float]) -> str:
+        """Return the words for a place (x, y)."""
+        return ", ".join(map(self._word, place))
+
+    def _word(self, value: float) -> str:
+        # mere rounding errors become zero, and never "-0"
+        value = round(value, 9) + 0.0
+        if abs(value) < 10.0 ** (5 - self._decimals):
+            return f"{value:.5g}"
+        # five digits would not do
+        text = f"{value:.{self._decimals}f}"
+        return text.rstrip("0").rstrip(".") if self._decimals else text

@@ -4,7 +4,7 @@ import { attempt, button, byId, element, notice, options, present, shown } from 
 import { Fields } from "./fields.js";
 import { freeCenter, freeSite } from "./free_space.js";
 import { switchOf } from "./losses.js";
-import { landmarksOf, mean, polygonsOf, roundBelow, vehiclesOf, withDirection, withValue } from "./scenario.js";
+import { landmarksOf, mean, placesIn, polygonsOf, roundBelow, vehiclesOf, withDirection, withValue } from "./scenario.js";
 import { addBody, BODIES, copyChosen, placesOf, removeChosen, withAligned, withoutChosen } from "./selection.js";
 import { askJson } from "./service.js";
 
@@ -139,7 +139,7 @@ export function bodyPart(store, storePlan) {
     // that phases were lost is said already, and matters more
     const { links } = store.scenario.formation;
     const link = links?.length > scenario.formation.links?.length ? `, with the link ${links.at(-1).join("-")}` : "";
-    if (!given) notice(`${BODIES[kind].all(store.scenario).at(-1).name} added at ${shown(at.x)}, ${shown(at.y)} m${link}.`);
+    if (!given) notice(`${BODIES[kind].all(store.scenario).at(-1).name} added at ${placesIn(store.scenario)(at)}${link}.`);
     byId("chosen").focus();
   }
 

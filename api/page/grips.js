@@ -3,7 +3,7 @@
 
 import { shown } from "./elements.js";
 import { circlesOf, poseAt } from "./marks.js";
-import { landmarksOf, rounded, withRadius } from "./scenario.js";
+import { landmarksOf, placesIn, rounded, withRadius } from "./scenario.js";
 import { BODIES } from "./selection.js";
 
 /**
@@ -18,6 +18,7 @@ const LEAST_RADIUS_M = 0.01;
 
 /** The bodies of a scenario, as grips. @returns {(Grip & {radius: number})[]} */
 export function bodiesOf(scenario, plan) {
+  const place = placesIn(scenario);
   const vehicles = circlesOf(scenario, plan).map((one, k) => ({ ...one, kind: "vehicle", k, title: one.name, label: `Circle of ${one.name}, centre at ${place(one)}` }));
   const landmarks = landmarksOf(scenario).map((one, k) => ({ ...one, radius: 0, kind: "landmark", k, title: one.name, label: `Landmark ${one.name} at ${place(one)}` }));
   return [...vehicles, ...landmarks];
@@ -48,10 +49,6 @@ export function movedTo(scenario, plan, { kind, k }, { x, y }, turned) {
   if (kind === "radius") return { scenario: withRadius(scenario, k, Math.max(rounded(Math.hypot(east, north), 3), LEAST_RADIUS_M)) };
   const phase = Math.atan2(north, east) - circle.sense * turned;
   return { scenario, phase: { k, phase_rad: ((phase % TURN) + TURN) % TURN } };
-}
-
-function place({ x, y }) {
-  return `${shown(x)}, ${shown(y)} m`;
 }
 
 function degrees(angle) {

@@ -292,6 +292,17 @@ export function mean(values) {
   return values.reduce((sum, one) => sum + one, 0) / values.length;
 }
 
+/** Return what words a place: with as many decimals as tell places of the team apart, wherever it is.
+ * @returns {(place: {x: number, y: number}) => string} */
+export function placesIn(scenario) {
+  const all = vehiclesOf(scenario);
+  const spans = ["x", "y"].map((axis) => Math.max(...all.map((one) => one[axis])) - Math.min(...all.map((one) => one[axis])));
+  const extent = Math.max(...spans) + 2 * Math.max(...all.map((one) => one.radius));
+  const decimals = Math.max(0, 3 - Math.floor(Math.log10(extent)));
+  const word = (value) => (Math.abs(value) < 10 ** (4 - decimals) ? rounded(value, 4) : Number(value.toFixed(decimals)));
+  return ({ x, y }) => `${word(x)}, ${word(y)} m`;
+}
+
 /** Return a number rounded to so many digits, as people would type it. */
 export function rounded(value, digits) {
   return Number(value.toPrecision(digits));

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from syncplan.cli.fitted_tables import MOST_ROWS, FittedTable, cell
 from syncplan.orbits.lost_parts import phrase_of
-from syncplan.phrases import listed, percent
+from syncplan.phrases import Places, listed, percent
 from syncplan.placement.centers import Placement
 from syncplan.planning.judged_team import PlanVerdict
 from syncplan.planning.plan_records import FlownPlan
@@ -82,11 +82,15 @@ def show_sites(document: SitesDocument, console: Console) -> None:
         goes=("share", "seen by", "position m"),
     )
     order = sorted(document.candidates, key=lambda site: (not site.chosen, -site.share))
+    places = Places([site.position_m for site in document.candidates])
     for site in order[:MOST_ROWS]:
-        x, y = site.position_m
         chosen = "[green]yes[/]" if site.chosen else ""
         sites.add_row(
-            escape(site.name), f"{x:.5g}, {y:.5g}", f"{site.share:.3f}", str(site.seen_by), chosen
+            escape(site.name),
+            places.words(site.position_m),
+            f"{site.share:.3f}",
+            str(site.seen_by),
+            chosen,
         )
     sites.count_hidden(len(order) - MOST_ROWS)
     console.print(sites)
@@ -213,8 +217,10 @@ def show_placement(placed: Placement, console: Console) -> None:
     """Print a placement: centres and the gaps between their circles."""
     names = placed.scenario.vehicle_names
     table = FittedTable("centres found", ("vehicle", "centre m"))
-    for name, center in list(zip(names, placed.centers.tolist(), strict=True))[:MOST_ROWS]:
-        table.add_row(escape(name), _point((center[0], center[1])))
+    centers = placed.centers.tolist()
+    places = Places(centers)
+    for name, center in list(zip(names, centers, strict=True))[:MOST_ROWS]:
+        table.add_row(escape(name), places.words(center))
     table.count_hidden(len(names) - MOST_ROWS)
     console.print(table)
     if len(placed.gaps):
@@ -247,15 +253,17 @@ def _vehicle_table(document: PlanDocument) -> FittedTable:
         goes=("heading", "position m", "sense", "R m", "speed m/s", "phase", "centre m"),
     )
     errors = document.predicted_rms_m.vehicles
+    circles = document.vehicles
+    places = Places([one.center_m for one in circles], [one.radius_m for one in circles])
     for vehicle in document.vehicles[:MOST_ROWS]:
         table.add_row(
             escape(vehicle.name),
-            _point(vehicle.center_m),
+            places.words(vehicle.center_m),
             f"{vehicle.radius_m:g}",
             vehicle.direction,
             f"{vehicle.phase_rad:.4f}",
             f"{vehicle.speed_mps:.4g}",
-            _point(vehicle.position_m),
+            places.words(vehicle.position_m),
             f"{vehicle.heading_rad:.4f}",
             cell(errors[vehicle.name]),
             *(() if flight is None else (flight.error_of(vehicle.name),)),
@@ -325,12 +333,6 @@ def _add_meeting(
         slip,
         str(meeting.rank),
     )
-
-
-def _point(point: tuple[float, float]) -> str:
-    # mere rounding errors become zero, and never "-0"
-    x, y = (round(value, 9) + 0.0 for value in point)
-    return f"{x:.5g}, {y:.5g}"
 
 
 def determined_line(document: PlanDocument) -> str | None:

@@ -46,8 +46,8 @@ def write_poses(flown: ScheduledPlan) -> Written:
     for name in flown.names:
         if name.startswith(FORMULA):
             raise InputError(
-                f"{name!r} would be a formula in a spreadsheet; rename the vehicle so that its name "
-                "does not begin with =, +, -, @, a tab or a line break",
+                f"{name!r} would be a formula in a spreadsheet; rename the vehicle: its name must "
+                "not begin with =, +, -, @, a tab or a line break",
                 key="formation",
             )
     poses, start = sampled_poses(flown), start_of(flown.plan)

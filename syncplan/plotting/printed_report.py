@@ -17,7 +17,7 @@ from typing import Any, get_args
 
 from syncplan import __version__
 from syncplan.observability.sliding_windows import SEARCHED_PERIODS
-from syncplan.phrases import in_words, listed
+from syncplan.phrases import Places, in_words, listed
 from syncplan.planning.judged_team import Level
 from syncplan.planning.plans import Plan
 from syncplan.plotting.figure_style import DARK, FigureStyle
@@ -217,8 +217,9 @@ def _facts(document: PlanDocument) -> Iterator[tuple[str, str, str]]:
         least = f"{_metres(nearest.min_m, 4)}, {'-'.join(nearest.between)}"
         yield "Least separation", least, required
     if document.scenario.landmarks:
+        words = _places_of(document.vehicles).words
         places = [
-            f"{name} ({_place(place)})"
+            f"{name} ({words(place)})"
             for name, place in zip(
                 document.scenario.landmark_names, document.scenario.landmarks, strict=True
             )
@@ -234,12 +235,6 @@ def _facts(document: PlanDocument) -> Iterator[tuple[str, str, str]]:
 
 def _metres(value: float | None, digits: int) -> str:
     return "unknown" if value is None else f"{value:.{digits}g} m"
-
-
-def _place(place: tuple[float, float]) -> str:
-    # rounding errors become zero, and never "-0"
-    x, y = (round(one, 9) + 0.0 for one in place)
-    return f"{x:.5g}, {y:.5g}"
 
 
 # --- vehicles -------------------------------------------------------------------------------------
@@ -283,13 +278,17 @@ def _span(values: Sequence[float]) -> str:
     return least if least == most else f"{least} to {most}"
 
 
+def _places_of(rows: Sequence[VehicleOrbit]) -> Places:
+    return Places([one.center_m for one in rows], [one.radius_m for one in rows])
+
+
 def _table(rows: Sequence[VehicleOrbit], errors: dict[str, float | None]) -> str:
     head = "".join(f'<th scope="col">{one}</th>' for one in _COLUMNS)
-    body = ""
+    body, places = "", _places_of(rows)
     for one in rows:
         error = errors.get(one.name)
         cells = (
-            _place(one.center_m),
+            places.words(one.center_m),
             f"{one.radius_m:.5g}",
             one.direction,
             f"{one.phase_rad:.4f}",

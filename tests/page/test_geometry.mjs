@@ -4,6 +4,7 @@ import assert from "node:assert/strict";
 import test from "node:test";
 import { covarianceAt, magnificationOf } from "../../api/page/ellipses.js";
 import { ellipseOf, placeAt, withinReach } from "../../api/page/geometry.js";
+import { placesIn } from "../../api/page/scenario.js";
 
 const TURN = 2 * Math.PI;
 const SAMPLES = 400;
@@ -97,4 +98,13 @@ test("ellipses are magnified by a round number up to half the mean radius, and n
   // 95 % lie within 2.4477 sigma: 10 m is 4.0855 sigma of 1 m
   assert.deepEqual([1, 0.4, 0.04, 3, 5, 0].map(of), [2, 10, 100, 1, 1, 1]);
   assert.deepEqual([4.0855 / 2.01, 4.0855 / 1.99].map(of), [2, 1]);
+});
+
+test("places are told apart far from the origin too", () => {
+  const scenario = (x, y) => ({ orbit: { radius_m: 20, direction: "ccw" }, sensor: {}, formation: { centers_m: [[x, y], [x + 70, y]] } });
+  const near = placesIn(scenario(0, 0));
+  assert.equal(near({ x: 19.1067, y: -0.5 }), "19.11, -0.5 m");
+  const far = placesIn(scenario(465000, 5249000));
+  assert.equal(far({ x: 465023.44, y: 5249000 }), "465023.4, 5249000 m");
+  assert.notEqual(far({ x: 465000, y: 5249000 }), far({ x: 465000.2, y: 5249000 }));
 });
