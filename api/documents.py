@@ -12,6 +12,7 @@ from syncplan.errors import InputError
 from syncplan.planning.plan_files import Loaded, loaded_from
 from syncplan.planning.plans import Plan
 from syncplan.recordings.log import Overview, overview_of, pack_log
+from syncplan.recordings.recording_formats import Stamps
 from syncplan.reports.plan_report import plan_document
 from syncplan.runtime.files import as_text
 from syncplan.scenario.loading import decoded, parse_document
@@ -91,17 +92,17 @@ class PackedRecording:
     overview: str
 
 
-def packed_recording(body: bytes, name: str | None) -> PackedRecording:
-    """Return the recording in an archive, renamed if a name is given.
+def packed_recording(body: bytes, name: str | None, stamps: Stamps) -> PackedRecording:
+    """Return the recording in an archive, with times by `stamps`, renamed if a name is given.
 
     Raises InputError, whose key is the file at fault.
     """
     from syncplan.recordings.recording_formats import read_archive
 
     try:
-        log = read_archive(io.BytesIO(body))
+        log = read_archive(io.BytesIO(body), stamps=stamps)
     except InputError as error:
-        raise InputError(error.problem, key=error.source) from None
+        raise InputError(error.problem, key=error.source or error.key) from None
     named = log if name is None else replace(log, name=name)
     return PackedRecording(pack_log(named), json.dumps(asdict(overview_of(named))))
 

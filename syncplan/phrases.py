@@ -28,6 +28,11 @@ def percent(share: float, interval: tuple[float, float] | None = None) -> str:
     return text if interval is None else f"{text} ({' to '.join(map(percent, interval))})"
 
 
+def metres(value: float, digits: int = 4) -> str:
+    """Return a length in m: what is under a tenth of a millimetre is a rounding error, and 0."""
+    return f"{round(value, 4) + 0.0:.{digits}g}"
+
+
 class Places:
     """Words for places of a team, in m: as many decimals as tell its places apart, wherever it is.
 

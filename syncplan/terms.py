@@ -48,6 +48,18 @@ TERMS: Mapping[str, Term] = MappingProxyType(
             "on the planned circles, no unbiased filter has a smaller one.",
             forms=("predicted error",),
         ),
+        "window bound": Term(
+            "Least error of a vehicle's position by the sightings of one window alone, without "
+            "what was known before."
+        ),
+        "polish": Term(
+            "Local search, from the best phases of a coarse one such as a relaxation, which also "
+            "bounds the margin."
+        ),
+        "unlisted": Term(
+            "Meeting of vehicles that formation.links does not list together; its sightings count, "
+            "too."
+        ),
         "least separation": Term(
             "Shortest distance between two vehicles at any time; in a scenario, the shortest that "
             "is allowed."

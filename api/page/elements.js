@@ -111,7 +111,8 @@ export function byId(id) {
 /** Return a number as people read it: so many digits, no exponent where that can be. */
 export function shown(value, unit = "", digits = 4) {
   if (value === null || value === undefined) return "—";
-  const text = rounded(value, digits).toString();
+  // what is under a tenth of a millimetre is a rounding error
+  const text = rounded(unit === "m" && Math.abs(value) < 5e-5 ? 0 : value, digits).toString();
   return unit ? `${text} ${unit}` : text;
 }
 

@@ -4,7 +4,7 @@ import { element, folded, present, shown, table } from "./elements.js";
 import { gained } from "./jobs.js";
 import { explained } from "./terms.js";
 
-/** share of the least separation that may be lost without a word */
+/** share of the least separation, or phase tolerance, that may be lost without a word */
 const KEPT_SHARE = 0.9;
 /** What a result says, by the kind of its job. */
 const OUTCOMES = { refinement: refined, validation: validated, flight: flown };
@@ -30,6 +30,7 @@ function refined(plan) {
     badge(improved && go ? "good" : "", improved ? `Predicted error ${gained({ before, after })}` : "No better plan was found"),
     element("p", {}, ...explained(improved ? `Rank ${before.rank} → ${after.rank}.` : reason)),
     improved && after.least_distance_m !== null && separationOf(before.least_distance_m, after.least_distance_m),
+    improved && meetingsOf(before, after),
   ];
 }
 
@@ -38,6 +39,15 @@ function separationOf(before, after) {
   const text = `Least separation ${shown(before)} → ${shown(after, "m")}.`;
   if (after >= KEPT_SHARE * before) return element("p", {}, ...explained(text));
   return remark(`⚠ ${text}`, "Vehicles come closer to each other than before. “Least separation” in the scenario limits this.");
+}
+
+/** What becomes of the meetings: error may be paid for in time to spare, too. Results of earlier versions do not say. */
+function meetingsOf({ least_tolerance_rad: had, meetings: earlier }, { least_tolerance_rad: has, meetings, widest_meeting_m: widest }) {
+  if (had === undefined || had === null || has === null) return null;
+  const counts = `Meetings a period ${shown(earlier)} → ${shown(meetings)}, the widest ${shown(widest, "m")} apart.`;
+  const text = `Phase tolerance of the links ${shown(had)} → ${shown(has, "rad")}, at the least.`;
+  if (has >= KEPT_SHARE * had) return element("p", {}, ...explained(`${text} ${counts}`));
+  return remark(`⚠ ${text}`, `Vehicles may be less late than before. ${counts}`);
 }
 
 function validated(report, lost) {

@@ -27,6 +27,7 @@ from api.service import CurrentService, Service
 from api.storage import holdings
 from api.storage.holdings import Answer
 from api.storage.job_records import hold_owner
+from syncplan.recordings.recording_formats import STAMPS, Stamps
 from syncplan.scenario.quantities import Name
 
 router = APIRouter(
@@ -60,6 +61,7 @@ async def create_recording(
     name: Annotated[
         Name | None, Query(description="Its name in reports; as in the archive if not given")
     ] = None,
+    stamps: Annotated[Stamps, Query(description=STAMPS)] = "header",
 ) -> Response:
     """Read a recording of real robots and keep it for a while, to be replayed.
 
@@ -69,7 +71,9 @@ async def create_recording(
 
     async def compute() -> PackedRecording:
         await run_in_threadpool(_refuse_more, call)
-        packed: PackedRecording = await computed(call, "packed_recording", call.body, name)
+        packed: PackedRecording = await computed(
+            call, "packed_recording", call.body, name, stamps
+        )
         return packed
 
     def store(connection: Connection, packed: PackedRecording) -> Answer:

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from syncplan.cli.fitted_tables import MOST_ROWS, FittedTable, cell
 from syncplan.orbits.lost_parts import phrase_of
-from syncplan.phrases import Places, listed, percent
+from syncplan.phrases import Places, listed, metres, percent
 from syncplan.placement.centers import Placement
 from syncplan.planning.judged_team import PlanVerdict
 from syncplan.planning.plan_records import FlownPlan
@@ -20,6 +20,7 @@ from syncplan.reports.plan_report import LandmarkLink, Link, PlanDocument, Predi
 from syncplan.reports.refinement_report import RefinementResult
 from syncplan.reports.sites_report import SitesDocument
 from syncplan.scenario.objectives import ROWS
+from syncplan.terms import TERMS
 
 MOST_NAMED = 12
 """Most names in a line."""
@@ -57,7 +58,7 @@ def flown_line(flight: FlownPlan) -> str:
         share, pair = percent(least.kept_share), "-".join(least.between)
         found.append(f"each pair keeps at least {share} of its meetings ({pair})")
     if flight.least_separation_m is not None:
-        found.append(f"closest two vehicles {flight.least_separation_m[1]:.3g} m")
+        found.append(f"closest two vehicles {metres(flight.least_separation_m[1], 3)} m")
     if flight.error:
         found.append(f"error {flight.error} m (RMS, 95 % interval)")
     lost = percent(flight.filter_lost_share, flight.filter_lost_interval)
@@ -186,7 +187,7 @@ def show_plan(document: PlanDocument, console: Console) -> None:
     nearest = document.separation
     if nearest.min_m is not None and nearest.between is not None:
         console.print(
-            f"least separation {nearest.min_m:.4g} m, {escape('-'.join(nearest.between))}"
+            f"least separation {metres(nearest.min_m)} m, {escape('-'.join(nearest.between))}"
         )
     if document.flight is not None:
         console.print(escape(flown_line(document.flight)))
@@ -200,9 +201,22 @@ def show_plan(document: PlanDocument, console: Console) -> None:
             console.print(merits)
         held = document.refinement.active_constraints
         if held:
-            console.print(f"held by: {escape(listed(held, MOST_NAMED))}")
+            named = escape(listed(held, MOST_NAMED))
+            console.print(f"limits reached (box: how far a centre may move): {named}")
+    for term in _terms_in(document):
+        console.print(f"[dim]{term}: {TERMS[term].meaning}[/]")
     if document.verdict is not None:
         show_findings(document.verdict, console)
+
+
+def _terms_in(document: PlanDocument) -> list[str]:
+    """Terms of the field in the text of a plan that are not words of everyday engineering."""
+    shown = {
+        "polish": "polish" in document.synchronisation.method,
+        "unlisted": bool(document.incidental_links),
+        "window bound": document.refinement is not None,
+    }
+    return [term for term in shown if shown[term]]
 
 
 def _print_errors(document: PlanDocument, console: Console) -> None:
@@ -238,7 +252,8 @@ def _synchronisation(document: PlanDocument) -> str:
     bound = "" if record.bound_m is None else f", bound {record.bound_m:.4g} m"
     shares = [one.contact_share for one in document.links if one.contact_share is not None]
     seen = f"; {100.0 * min(shares):.3g} % or more of attainable contact" if shares else ""
-    return f"phases: {record.method}{seen}; smallest margin {record.smallest_margin_m:.4g} m{bound}"
+    margin = f"smallest margin {metres(record.smallest_margin_m)} m{bound}"
+    return f"phases: {record.method}{seen}; {margin}"
 
 
 def _vehicle_table(document: PlanDocument) -> FittedTable:
@@ -309,16 +324,17 @@ def _refinement_table(result: RefinementResult) -> FittedTable:
         f"refined for {result.objective}, {len(result.starts)} starts", ("", "before", "after")
     )
     for row in ROWS:
-        table.add_row(row.heading, *(_figure(getattr(one, row.key)) for one in (before, after)))
+        figures = (getattr(one, row.key) for one in (before, after))
+        table.add_row(row.heading, *(_figure(one, row.unit) for one in figures))
     return table
 
 
-def _figure(value: float | None) -> str:
+def _figure(value: float | None, unit: str) -> str:
     if value is None:
         return "-"
     if isinstance(value, bool):
         return "holds" if value else "does not hold"
-    return f"{value:.4g}"
+    return metres(value) if unit == "m" else f"{value:.4g}"
 
 
 def _add_meeting(

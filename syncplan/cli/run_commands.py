@@ -22,7 +22,7 @@ from syncplan.errors import InputError
 from syncplan.estimation.filter_options import SweepOptions, ValidationOptions
 from syncplan.estimation.replay_settings import ReplayOptions
 from syncplan.guidance.flight_options import FlightOptions
-from syncplan.recordings.recording_formats import Stamps
+from syncplan.recordings.recording_formats import STAMPS, Stamps
 from syncplan.scenario.dotted_keys import SWEPT_KEYS, SweptKey, SweptOption, swept_key
 
 if TYPE_CHECKING:
@@ -236,9 +236,7 @@ def _replay(
     log: Recording,
     output: arguments.Output = None,
     format_: arguments.Shown = console.Format.auto,
-    stamps: Annotated[
-        Stamps, typer.Option(help="Times of a bag: of message headers, or of their receipt")
-    ] = "header",
+    stamps: Annotated[Stamps, typer.Option(help=STAMPS)] = "header",
     *,
     options: ReplayOptions,
 ) -> int:

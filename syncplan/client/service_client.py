@@ -27,7 +27,7 @@ from syncplan.planning.plan_files import loaded_from, plan_of, stated
 from syncplan.planning.planner import BoundChoice
 from syncplan.planning.plans import Plan
 from syncplan.planning.validation import Validation, conclude, trial_run
-from syncplan.recordings.recording_formats import archived
+from syncplan.recordings.recording_formats import Stamps, archived
 from syncplan.reports.job_contract import JobKindName, JobState, has_ended
 from syncplan.reports.loss_report import WhatIfDocument
 from syncplan.reports.replay_report import ReplayDocument
@@ -267,12 +267,14 @@ class Client:
 
     # --- recordings ---
 
-    def upload(self, recording: str | Path, *, name: str | None = None) -> RemoteRecording:
+    def upload(
+        self, recording: str | Path, *, name: str | None = None, stamps: Stamps = "header"
+    ) -> RemoteRecording:
         """Upload a folder, bag or archive; return the recording, which the service keeps a while.
 
-        Without a name, it has that of its folder. Raises InputError.
+        Without a name, it has that of its folder; `stamps` is as in load_log. Raises InputError.
         """
-        parameters = None if name is None else {"name": name}
+        parameters = {"stamps": stamps} | ({} if name is None else {"name": name})
         body = archived(Path(recording))
         answer = self._remote.send("POST", "/v1/recordings", body, parameters)
         return RemoteRecording.of(values_of(answer, "robots"))

@@ -18,11 +18,11 @@ from syncplan.arrays import Array
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.bounds import LossBounds, posterior_bound
 from syncplan.orbits.circles import Orbits
-from syncplan.orbits.contacts import closest_approach, find_windows
+from syncplan.orbits.contacts import closest_approach, find_windows, met_pairs
 from syncplan.orbits.sightings import remainder_of, single_losses
 from syncplan.orbits.team import Team, team_of
 from syncplan.planning.judged_team import landmark_limit, separation_limit
-from syncplan.planning.planner import judge, met_pairs
+from syncplan.planning.planner import judge
 from syncplan.planning.plans import Plan
 from syncplan.scenario.areas import Area
 from syncplan.scenario.brief import Brief

@@ -187,6 +187,13 @@ def find_windows(team: Team, pairs: tuple[Index, Index] | None = None) -> Window
     return _classified(asked, _splits(asked))
 
 
+def met_pairs(team: Team, windows: Windows) -> set[tuple[int, int]]:
+    """Return the vehicle pairs (a < b) in contact at some time, either way."""
+    met = (np.diff(windows.first) > 0) & (windows.targets < team.count)
+    a, b = windows.observers[met], windows.targets[met]
+    return set(zip(np.minimum(a, b).tolist(), np.maximum(a, b).tolist(), strict=True))
+
+
 def _splits(asked: _DirectedPairs) -> Array:
     """(p, k) sorted angles where a contact may begin or end; infinite where there are fewer."""
     orbits, sensors, motion, a = (

@@ -12,7 +12,7 @@ from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.observability.rank import assess_remainder, assess_team
 from syncplan.orbits.error_states import ERROR_STATES, layout_of
 from syncplan.orbits.sightings import Loss, remainder_of
-from syncplan.phrases import joined, listed, percent
+from syncplan.phrases import joined, listed, metres, percent
 from syncplan.planning.judged_team import JudgedTeam, Level, Remark, separation_limit
 from syncplan.planning.plan_records import OPEN_LOOP, FlownPlan
 from syncplan.planning.share_test import (
@@ -157,8 +157,8 @@ def too_close_in_flight(judged: JudgedTeam) -> Iterator[Remark]:
     yield Remark(
         _level(flight.too_close_share, flight),
         f"vehicles came nearer than {limit.worded(judged.orbits.radii)} in "
-        f"{_share(flight.too_close_share, flight)}: {worst:.3g} m in the worst, {median:.3g} m in "
-        "the median one",
+        f"{_share(flight.too_close_share, flight)}: {metres(worst, 3)} m in the worst, "
+        f"{metres(median, 3)} m in the median one",
         cure=cure_of(
             ("move the circles apart", True),
             ("know the start better", True),

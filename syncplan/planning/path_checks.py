@@ -6,6 +6,7 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.orbits.contacts import reachable_pairs
+from syncplan.phrases import metres
 from syncplan.planning.judged_team import (
     MOST_NAMED,
     TOLERANCE,
@@ -27,7 +28,7 @@ def vehicles_too_close(judged: JudgedTeam) -> Iterator[Remark]:
     limit = separation_limit(judged.scenario).worded(judged.orbits.radii)
     each = [
         (
-            f"{names[one.a]} and {names[one.b]} come to {one.distance:.4g} m of each other at "
+            f"{names[one.a]} and {names[one.b]} come to {metres(one.distance)} m of each other at "
             f"{one.time:.4g} s of each period, below {limit}",
             (names[one.a], names[one.b]),
         )
@@ -51,7 +52,7 @@ def landmarks_too_close(judged: JudgedTeam) -> Iterator[Remark]:
     names, landmarks = scenario.vehicle_names, scenario.landmark_names
     each = [
         (
-            f"{names[vehicle]} passes {landmarks[landmark]} at {away:.4g} m, below {limit}",
+            f"{names[vehicle]} passes {landmarks[landmark]} at {metres(away)} m, below {limit}",
             (names[vehicle], landmarks[landmark]),
         )
         for vehicle, landmark, away in zip(a[order], b[order], clear[order], strict=True)

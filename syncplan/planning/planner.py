@@ -129,7 +129,7 @@ def judged(
     team, orbits = assessed.team, assessed.team.orbits
     names = scenario.vehicle_names
     listed = [(a, b) for a, b in pairs.tolist()]
-    met = met_pairs(team, assessed.windows)
+    met = contacts.met_pairs(team, assessed.windows)
     kept = [pair for pair in listed if pair in met]
     unlisted = sorted(met - set(listed))
     modes = tuple(name_modes(assessed, names, scenario.landmark_names))
@@ -163,13 +163,6 @@ def judged(
 
 
 # --- links --------------------------------------------------------------------------------------
-
-
-def met_pairs(team: Team, windows: contacts.Windows) -> set[tuple[int, int]]:
-    """Return the vehicle pairs (a < b) in contact at some time, either way."""
-    met = (np.diff(windows.first) > 0) & (windows.targets < team.count)
-    a, b = windows.observers[met], windows.targets[met]
-    return set(zip(np.minimum(a, b).tolist(), np.maximum(a, b).tolist(), strict=True))
 
 
 def _unmet(

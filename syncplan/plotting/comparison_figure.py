@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from syncplan.errors import InputError
-from syncplan.phrases import listed
+from syncplan.phrases import listed, metres
 from syncplan.planning.plans import Plan
 from syncplan.plotting import canvas
 from syncplan.plotting.accuracy_figures import bars
@@ -99,7 +99,7 @@ def _merit_bars(
     for number, (side, color, pattern) in enumerate(_SIDES):
         own = values[number * len(rows) :][: len(rows)]
         trace = bars(f"{side}{suffix}", side, labels, own, color, pattern)
-        trace["text"] = ["none" if value is None else f"{value:.3g}" for value in own]
+        trace["text"] = ["none" if value is None else metres(value, 3) for value in own]
         trace |= {"textposition": "outside", "cliponaxis": False, "legendgroup": side}
         trace |= {"showlegend": not suffix, "xaxis": f"x{suffix}", "yaxis": f"y{suffix}"}
         if lying:

@@ -15,6 +15,7 @@ import numpy as np
 from syncplan.arrays import Array, Index
 from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.orbits.circles import Orbits, perpendicular
+from syncplan.phrases import metres
 from syncplan.planning.plans import Plan
 from syncplan.plotting.canvas import escaped
 from syncplan.plotting.figure_style import GREEN, MUTED, SKY, VERMILLION
@@ -96,9 +97,10 @@ def body_names(plan: Plan) -> list[str]:
 
 def hover(meeting: LinkVerdict, names: list[str], shown: Standing) -> str:
     """Return the hover text of a meeting; `names` are escaped."""
+    least = metres(meeting.min_distance)
     lines = [
         f"{names[meeting.a]}-{names[meeting.b]}, {shown.text}",
-        f"least distance {meeting.min_distance:.4g} m, in contact {meeting.contact:.4g} s a period",
+        f"least distance {least} m, in contact {meeting.contact:.4g} s a period",
     ]
     if meeting.reason:
         lines.append(escaped(meeting.reason))

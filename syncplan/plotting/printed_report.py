@@ -17,7 +17,7 @@ from typing import Any, get_args
 
 from syncplan import __version__
 from syncplan.observability.sliding_windows import SEARCHED_PERIODS
-from syncplan.phrases import Places, in_words, listed
+from syncplan.phrases import Places, in_words, listed, metres
 from syncplan.planning.judged_team import Level
 from syncplan.planning.plans import Plan
 from syncplan.plotting.figure_style import DARK, FigureStyle
@@ -234,7 +234,7 @@ def _facts(document: PlanDocument) -> Iterator[tuple[str, str, str]]:
 
 
 def _metres(value: float | None, digits: int) -> str:
-    return "unknown" if value is None else f"{value:.{digits}g} m"
+    return "unknown" if value is None else f"{metres(value, digits)} m"
 
 
 # --- vehicles -------------------------------------------------------------------------------------

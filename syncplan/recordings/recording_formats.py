@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     from syncplan.recordings.log import Log
 
 Stamps = Literal["header", "received"]
-"""Times of a recording's messages: of their headers, or of their receipt by the recorder."""
+"""Which times the readings of a recording have."""
+
+STAMPS = "Times of a bag: of message headers, or of their receipt"
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,11 +53,9 @@ class RecordingFormat:
         """Return the recording; raises InputError naming file, line and fault."""
         from syncplan.recordings.log import tidied
 
-        if stamps not in get_args(Stamps):
-            allowed = " or ".join(get_args(Stamps))
-            raise InputError(f"{stamps!r} given; allowed is {allowed}", key="stamps")
-        if stamps == "received" and not self.received:
-            problem = f"{self.title} recordings have no times of receipt; ROS 2 bags do"
+        known = get_args(Stamps) if self.received else ("header",)
+        if stamps not in known:
+            problem = f"{stamps!r} given; {self.title} recordings have {' or '.join(known)}"
             raise InputError(problem, key="stamps")
         reader = _function(self.reader)
         return tidied(reader(path, stamps=stamps) if self.received else reader(path))
@@ -122,7 +122,7 @@ def read_archive(stream: BinaryIO, source: str = "", *, stamps: Stamps = "header
             # the reader's source, without the temporary folder
             inner = error.source.replace(str(folder), folder.name, 1)
             place = ": ".join(filter(None, (source, inner)))
-            raise InputError(error.problem, source=place) from None
+            raise InputError(error.problem, source=place, key=error.key) from None
 
 
 def archived(path: Path) -> bytes:

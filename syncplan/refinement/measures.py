@@ -6,7 +6,7 @@ the plan that is refined, even where radii have changed.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,11 +15,18 @@ from syncplan.errors import NoSolutionError
 from syncplan.estimation.bounds import posterior_bound, window_bound
 from syncplan.observability.rank import Assessment, assess_team
 from syncplan.orbits.circles import Orbits, relative_motion
-from syncplan.orbits.contacts import closest_approach, landmark_gaps, least_distances
+from syncplan.orbits.contacts import (
+    closest_approach,
+    find_windows,
+    landmark_gaps,
+    least_distances,
+    met_pairs,
+)
 from syncplan.orbits.sightings import Sightings, sightings_over
 from syncplan.planning.judged_team import TOLERANCE
 from syncplan.refinement.problem import WINDOW_BOUND, RefineProblem
 from syncplan.scenario.objectives import Figures
+from syncplan.synchronisation.contact_tables import contact_tolerances
 
 # --- margins --------------------------------------------------------------------------------------
 
@@ -266,6 +273,22 @@ def measure(problem: RefineProblem, orbits: Orbits, *, predict: bool = True) -> 
         objectives={name: form.exact(measured) for name, form in FORMS.items()},
     )
     return Measurement(figures, margins_of(problem, orbits, contact))
+
+
+def with_meetings(problem: RefineProblem, orbits: Orbits, figures: Figures) -> Figures:
+    """Return the figures with those of meetings, which the search does without: they take long.
+
+    Tolerance and widest meeting are those of the links that the problem keeps.
+    """
+    team = problem.team.on(orbits)
+    pairs = problem.kept[problem.kept[:, 1] < team.count]
+    least, _ = least_distances(relative_motion(orbits, pairs[:, 0], pairs[:, 1]))
+    return replace(
+        figures,
+        meetings=len(met_pairs(team, find_windows(team))),
+        least_tolerance=float(np.min(contact_tolerances(team, pairs), initial=math.inf)),
+        widest_meeting=float(np.max(least)) if len(pairs) else math.inf,
+    )
 
 
 def _predicted(problem: RefineProblem, assessed: Assessment) -> Array:

@@ -25,7 +25,7 @@ from syncplan.planning.plan_files import PlanSubject, planned
 from syncplan.planning.plan_records import RefinementRecord, StartResult
 from syncplan.planning.planner import BoundChoice, Pilot, judge, with_flights
 from syncplan.planning.plans import Plan
-from syncplan.refinement.measures import Measurement, measure
+from syncplan.refinement.measures import Measurement, measure, with_meetings
 from syncplan.refinement.problem import WINDOW_BOUND, RefineProblem, orbits_of
 from syncplan.refinement.problem_setup import problem_of, refuse_conflicts
 from syncplan.runtime.machine import single_threaded_blas, usable_cores
@@ -115,6 +115,8 @@ def refine(
     refuse_conflicts(given, problem, chosen)
     predict = problem.objective.predicted or bound_is_affordable(given.team, problem.duration)
     before = measure(problem, given.orbits, predict=predict)
+    figures = with_meetings(problem, given.orbits, before.figures)
+    before = replace(before, figures=figures)
     case = _Case(given, chosen, problem, before, predict, began)
     attempts, cut_short = _search(case, workers, progress, better, earlier)
     return with_flights(_best(case, attempts, cut_short, bound), pilot)
@@ -291,15 +293,15 @@ def _best(case: _Case, attempts: list["Attempt"], cut_short: bool, bound: BoundC
     )
     if best is None or best.after is None:
         return replace(given, refinement=record)
-    record = replace(
-        record,
-        cleared=best.after.shortfall < before.shortfall,
-        after=best.after.figures,
-        active=_active(best.after),
-    )
     found = _better_plan(case, best)
     steady = given.prediction.steady is not None
     judged = judge(found.scenario, found.orbits, bound=bound, steady=steady)
+    record = replace(
+        record,
+        cleared=best.after.shortfall < before.shortfall,
+        after=found.after,
+        active=_active(best.after),
+    )
     return replace(
         judged, refinement=record, placement=given.placement, centres_placed=given.centres_placed
     )
@@ -323,7 +325,8 @@ def _better_plan(case: _Case, attempt: "Attempt") -> BetterPlan:
     assert attempt.after is not None
     orbits = orbits_of(attempt.circles, case.given.orbits)
     moved = _moved(case.given, case.options, orbits)
-    return BetterPlan(moved, orbits, case.before.figures, attempt.after.figures)
+    after = with_meetings(case.problem, orbits, attempt.after.figures)
+    return BetterPlan(moved, orbits, case.before.figures, after)
 
 
 def _record(attempt: "Attempt", objective: Objective) -> StartResult:

@@ -18,6 +18,9 @@ class _ComparedPlan(DocumentPart):
 
     rank: int
     certified: bool
+    meetings: int | None = Field(
+        default=None, description="Pairs of vehicles that meet; null, like others, in older files"
+    )
 
 
 def _merit_fields() -> dict[str, Any]:
@@ -25,7 +28,7 @@ def _merit_fields() -> dict[str, Any]:
     return {
         one.key: (
             float if one.finite else float | None,
-            Field(description=one.description or None),
+            Field(default=... if one.finite else None, description=one.description or None),
         )
         for one in FIGURES
         if one.name not in _ComparedPlan.model_fields

@@ -5,6 +5,7 @@ syncplan.refinement.nlp computes the objectives. The names D-, E- and T-optimali
 experiment design: Pukelsheim, Optimal Design of Experiments (1993), chapter 6.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -148,6 +149,13 @@ def listed() -> str:
 _VERDICTS = (
     FigureOfMerit(name="rank", label="rank", finite=True),
     FigureOfMerit(name="certified", label="certificate", finite=True),
+    FigureOfMerit(name="meetings", label="meetings a period"),
+    FigureOfMerit(
+        name="least_tolerance",
+        unit="rad",
+        label="least phase tolerance",
+        description="How far a phase may slip before a link is lost, for the link nearest to that",
+    ),
 )
 _WINDOW_BOUND = FigureOfMerit(
     name="window_bound",
@@ -160,9 +168,16 @@ DISTANCES = (
     FigureOfMerit(
         name="least_distance",
         unit="m",
-        label="least distance",
+        label="least separation",
         caption="least distance\nof two vehicles",
         description="The closest two vehicles come",
+    ),
+    FigureOfMerit(
+        name="widest_meeting",
+        unit="m",
+        label="closest approach, widest meeting",
+        caption="closest approach,\nwidest meeting",
+        description="The closest two vehicles come whose link has the largest such distance",
     ),
     FigureOfMerit(
         name="contact_margin",
@@ -173,8 +188,6 @@ DISTANCES = (
     ),
 )
 """Figures in metres that are not errors."""
-
-"""Figures in metres that are no errors."""
 
 _ERRORS = tuple(one for one in OBJECTIVES.values() if one.unit)
 _INFORMATION = tuple(one for one in OBJECTIVES.values() if not one.unit)
@@ -211,6 +224,9 @@ class Figures:
         range for the samples it needs; infinite where none must be kept
     objectives : value of each objective by name, positions in the mean radius of the plan that was
         refined; logdet is -inf if unobservable, predicted errors are NaN if not computed
+    meetings : number of pairs of vehicles that meet; NaN if not computed, like those below
+    least_tolerance : least phase tolerance of a link in rad
+    widest_meeting : largest closest approach of a link's vehicles in m
     """
 
     rank: int
@@ -219,6 +235,9 @@ class Figures:
     least_distance: float
     contact_margin: float
     objectives: Mapping[str, float]
+    meetings: float = math.nan
+    least_tolerance: float = math.nan
+    widest_meeting: float = math.nan
 
     def __getattr__(self, name: str) -> float:
         if name in OBJECTIVES:

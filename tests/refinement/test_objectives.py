@@ -51,7 +51,7 @@ def test_objectives_that_need_observability_cannot_rank_plans_without_it() -> No
 
 def test_figures_offer_objectives_as_attributes_also_from_another_process() -> None:
     objectives = {name: float(k) for k, name in enumerate(OBJECTIVES)}
-    figures = Figures(6, True, 1.0, 2.0, 3.0, objectives)
+    figures = Figures(6, True, 1.0, 2.0, 3.0, objectives, 7, 1.5, 30.0)
     copy = pickle.loads(pickle.dumps(figures))
     assert copy == figures
     assert copy.trace == objectives["trace"]

@@ -336,6 +336,12 @@ def test_a_client_replays(noisy: Path, server: Server, tmp_path: Path) -> None:
         assert client.upload(archive).name == "hall"
         (bag,) = write_bag(load_log(noisy), tmp_path / "bag").glob("*.mcap")
         assert client.upload(bag).robots == kept.robots
+        empty = write_bag(load_log(noisy), tmp_path / "empty" / "bag", empty_stamps=True)
+        with pytest.raises(InputError, match="were stamps left empty"):
+            client.upload(empty)
+        assert client.upload(empty, stamps="received").robots == kept.robots
+        with pytest.raises(InputError, match="'received' given; MRCLAM recordings have header"):
+            client.upload(noisy, stamps="received")
         with pytest.raises(InputError, match="no such file or folder"):
             client.upload(tmp_path / "nowhere")
 
@@ -347,7 +353,7 @@ def test_what_may_be_asked_is_what_the_command_line_offers() -> None:
     for name, key in keys.items():
         assert options[name] == ReplayRequest.model_fields[key].default, key
     assert set(keys.values()) == set(ReplayRequest.model_fields)
-    assert set(options) - set(keys) == {"log", "output", "format_"}
+    assert set(options) - set(keys) == {"log", "output", "format_", "stamps"}
 
 
 def test_a_recording_of_too_much_is_refused() -> None:
@@ -380,13 +386,13 @@ def test_few_recordings_are_taken_in_at_a_time() -> None:
 
 
 def test_what_is_packed_is_the_recording(tmp_path: Path) -> None:
-    made = packed_recording(SMALL, "field")
+    made = packed_recording(SMALL, "field", "header")
     log = unpack_log(made.data)
     assert (log.name, log.robots[0].name, log.robots[0].ranges.tolist()) == ("field", "rover", [8])
     assert pack_log(log) == made.data
     assert json.loads(made.overview)["name"] == "field"
     with pytest.raises(InputError) as refused:
-        packed_recording(zipped({"odometry.csv": b"robot"}), None)
+        packed_recording(zipped({"odometry.csv": b"robot"}), None, "header")
     assert refused.value.key == "recording/odometry.csv"
 
 

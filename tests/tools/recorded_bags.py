@@ -18,10 +18,11 @@ NANO = 1_000_000_000
 
 
 class BagMessages:
-    """Messages of the types that recordings need."""
+    """Messages of the types that recordings need; with `empty_stamps`, all are of time 0."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, empty_stamps: bool = False) -> None:
         self._types = typestore().types
+        self._pace = 0 if empty_stamps else NANO
 
     def detections(
         self, time: float, seen: Iterable[tuple[str, float, float]], *, others: bool = False
@@ -84,7 +85,7 @@ class BagMessages:
 
     def _header(self, time: float) -> Any:
         stamp = self._new(
-            "builtin_interfaces/msg/Time", *divmod(round(Fraction(time) * NANO), NANO)
+            "builtin_interfaces/msg/Time", *divmod(round(Fraction(time) * self._pace), NANO)
         )
         return self._new("std_msgs/msg/Header", stamp, "map")
 
@@ -95,9 +96,11 @@ class BagMessages:
 _NONE = np.zeros(36)
 
 
-def write_bag(log: Log, folder: Path, storage: str = "MCAP") -> Path:
-    """Write a recording as a bag; return its folder."""
-    return write_messages(folder, _messages(log), storage)
+def write_bag(
+    log: Log, folder: Path, storage: str = "MCAP", *, empty_stamps: bool = False
+) -> Path:
+    """Write a recording as a bag; return its folder. Times of receipt are those of the log."""
+    return write_messages(folder, _messages(log, BagMessages(empty_stamps=empty_stamps)), storage)
 
 
 def write_messages(folder: Path, messages: Iterable[Message], storage: str = "MCAP") -> Path:
@@ -116,8 +119,7 @@ def write_messages(folder: Path, messages: Iterable[Message], storage: str = "MC
     return folder
 
 
-def _messages(log: Log) -> list[Message]:
-    of = BagMessages()
+def _messages(log: Log, of: BagMessages) -> list[Message]:
     names = names_of(log)
     begin = min(float(robot.odometry[0, 0]) for robot in log.robots)
     fixed = [
