@@ -35,9 +35,15 @@ export PIP_DISABLE_PIP_VERSION_CHECK = 1
 # the checks start hundreds of processes: each would compile all modules anew
 unexport PYTHONDONTWRITEBYTECODE
 
+# a line of dots every four seconds, as long as a recipe goes on
+going = while sleep 4 >/dev/null 2>&1; do echo ... >&2; done & trap "kill $$!" EXIT;
+# a command, and what it prints; at a terminal it has a progress bar
+shown = @echo '$(1)'; test -t 2 || { $(going) }; $(1)
+
 # uv installs in a tenth of pip's time and checks the locked hashes. Where uv can't reach the package
 # index, pip installs; it checks the hashes of a whole list alone, so it takes all that is locked
-install = sed -n '/^uv==/,/[^\]$$/p' requirements.lock > $(VENV)/uv.lock && \
+install = @$(going) echo "installing into $(VENV), a minute unless packages are cached" >&2; \
+	sed -n '/^uv==/,/[^\]$$/p' requirements.lock > $(VENV)/uv.lock && \
 	$(BIN)/pip install --quiet --require-hashes --requirement $(VENV)/uv.lock && \
 	$(BIN)/uv pip install --quiet --python $(BIN)/python --constraint requirements.lock \
 		--build-constraint requirements.lock --editable $(1) || \
@@ -49,8 +55,8 @@ install = sed -n '/^uv==/,/[^\]$$/p' requirements.lock > $(VENV)/uv.lock && \
 	postgresql chromium container-steps benchmarks lock clean
 
 demo: $(VENV)/.run
-	$(BIN)/syncplan plan $(DEMO) --format table
-	$(BIN)/syncplan validate $(DEMO) --trials 200 --seed 1 --format table
+	$(call shown,$(BIN)/syncplan plan $(DEMO) --format table)
+	$(call shown,$(BIN)/syncplan validate $(DEMO) --trials 200 --seed 1 --format table)
 
 serve: $(VENV)/.api
 	$(BIN)/syncplan serve

@@ -1,8 +1,8 @@
-"""Words for places: those of a team are told apart, wherever it is."""
+"""Words for places, those of a team told apart wherever it is, and for lengths."""
 
 import pytest
 
-from syncplan.phrases import Places
+from syncplan.phrases import Places, metres
 
 
 @pytest.mark.parametrize(
@@ -25,6 +25,13 @@ def test_places_a_ten_thousandth_of_the_extent_apart_differ() -> None:
     for begin in (0.0, 1e3, 465e3, 5249e3):
         places = Places([(begin, 0.0), (begin + 70.0, 0.0)], [20.0])
         assert places.words((begin, 0.0)) != places.words((begin + 0.011, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("length", "words"), [(2.41e-05, "0"), (-3e-15, "0"), (6e-05, "0.0001"), (19.966, "19.97")]
+)
+def test_a_residue_is_no_length(length: float, words: str) -> None:
+    assert metres(length) == words
 
 
 def test_one_vehicle_is_as_large_as_its_circle() -> None:

@@ -47,7 +47,7 @@ function meetingsOf({ least_tolerance_rad: had, meetings: earlier }, { least_tol
   const counts = `Meetings a period ${shown(earlier)} → ${shown(meetings)}, the widest ${shown(widest, "m")} apart.`;
   const text = `Phase tolerance of the links ${shown(had)} → ${shown(has, "rad")}, at the least.`;
   if (has >= KEPT_SHARE * had) return element("p", {}, ...explained(`${text} ${counts}`));
-  return remark(`⚠ ${text}`, `Vehicles may be less late than before. ${counts}`);
+  return remark(`⚠ ${text}`, `Meetings bear less delay than before. ${counts}`);
 }
 
 function validated(report, lost) {

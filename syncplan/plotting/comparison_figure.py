@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from syncplan.errors import InputError
-from syncplan.phrases import listed, metres
+from syncplan.phrases import Places, listed, metres
 from syncplan.planning.plans import Plan
 from syncplan.plotting import canvas
 from syncplan.plotting.accuracy_figures import bars
@@ -192,7 +192,11 @@ def _circles(plan: Plan, side: str, color: str, dash: str, view: MapView) -> lis
     everyone = np.ones(plan.orbits.count, dtype=bool)
     turns = ["counter-clockwise" if sense > 0.0 else "clockwise" for sense in plan.orbits.senses]
     names = [canvas.escaped(name) for name in plan.scenario.vehicle_names]
-    texts = [f"{name} {side}, {turn}" for name, turn in zip(names, turns, strict=True)]
+    words = map(Places(centers, plan.orbits.radii).words, centers)
+    texts = [
+        f"{name} {side}, {turn}: {place} m"
+        for name, turn, place in zip(names, turns, words, strict=True)
+    ]
     symbol = "circle" if side == "after" else "circle-open"
     shown = {"type": "scatter", "uid": f"centers-{side}", "mode": "markers"}
     return [
@@ -204,7 +208,7 @@ def _circles(plan: Plan, side: str, color: str, dash: str, view: MapView) -> lis
             "y": canvas.numbers(centers[:, 1], view.places),
             "text": texts,
             "marker": {"symbol": symbol, "size": view.mark_px(5.0), "color": color},
-            "hovertemplate": "%{text}: %{x} m, %{y} m<extra></extra>",
+            "hovertemplate": "%{text}<extra></extra>",
             "legendgroup": side,
             "showlegend": False,
         },

@@ -118,9 +118,10 @@ class MapView:
 
     def axes(self) -> canvas.Spec:
         """Return both axes, at one scale; the plot shows more where it has room."""
-        low, high = self.low, self.high
-        across = {"range": canvas.numbers([low[0], high[0]], 6), "constrain": "range"}
-        up = {"range": canvas.numbers([low[1], high[1]], 6), "constrain": "range"}
+        across, up = (
+            {"range": canvas.numbers(ends, 6), "constrain": "range", "exponentformat": "none"}
+            for ends in zip(self.low, self.high, strict=True)
+        )
         return {
             "xaxis": canvas.axis("x (east), m", **across),
             "yaxis": canvas.axis("y (north), m", **up, scaleanchor="x", scaleratio=1),

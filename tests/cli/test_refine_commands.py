@@ -13,6 +13,7 @@ import pytest
 from syncplan.cli import command_line
 from syncplan.scenario.bounded_yaml import load_yaml
 from syncplan.scenario.loading import load_scenario, with_landmarks
+from syncplan.terms import TERMS
 from tests.tools.processes import PATIENCE_S
 from tests.tools.scenarios import FILES
 
@@ -54,6 +55,36 @@ def test_refine_returns_a_better_plan_with_its_record(run: Any) -> None:
         for axis in (0, 1):
             assert abs(one["center_m"][axis] - other["center_m"][axis]) <= 2.0 + 1e-9
     assert plan["vehicles"][0]["phase_rad"] == pytest.approx(before[0]["phase_rad"])
+
+
+def test_the_table_of_a_refinement_shows_what_it_costs_and_explains_itself(
+    run: Any, tmp_path: Path
+) -> None:
+    plans = {"after": tmp_path / "after.json", "before": tmp_path / "before.json"}
+    asked = ("--paper", "--format", "table", "-o")
+    status, out, _ = run("refine", ALTERNATE, *QUICK, *asked, str(plans["after"]))
+    assert status == 0
+    assert run("plan", ALTERNATE, "--paper", "-o", str(plans["before"]))[0] == 0
+    shown: dict[str, list[str]] = {"meetings a period": [], "least phase tolerance, rad": []}
+    shown |= {"closest approach, widest meeting, m": [], "least separation, m": []}
+    for side in ("before", "after"):
+        plan = json.loads(plans[side].read_text())
+        links = plan["links"]
+        values = (
+            len(links) + len(plan["incidental_links"]),
+            min(link["phase_tolerance_rad"] for link in links),
+            max(link["min_distance_m"] for link in links),
+            plan["separation"]["min_m"],
+        )
+        for label, value in zip(shown, values, strict=True):
+            shown[label].append(f"{value:.4g}")
+    rows = {line[:38].strip(): line[38:].split() for line in out.splitlines()}
+    assert {label: rows[label] for label in shown} == shown
+    assert shown["least phase tolerance, rad"][0] != shown["least phase tolerance, rad"][1]
+    assert "limits reached (box: how far a centre may move): box of v1" in out
+    explained = out.splitlines()
+    for term in ("window bound", "unlisted"):
+        assert any(line.startswith(f"{term}: {TERMS[term].meaning[:40]}") for line in explained)
 
 
 @pytest.mark.long

@@ -99,7 +99,7 @@ def test_a_robots_own_barcode_was_misread_and_one_that_saw_nobody_is_no_fault(
 BAD = [
     ("Robot1_Odometry.dat", 9, "1.0\t2.0", "line 9 has 2 columns; needed are time, speed, turn"),
     ("Robot1_Odometry.dat", 9, "1.0\t2.0\tfast", "line 9: turn rate is 'fast'; a number is needed"),
-    ("Robot2_Groundtruth.dat", 8, "1\t2\tnan\t4", "line 8, '1 2 nan 4': holds a value that is not"),
+    ("Robot2_Groundtruth.dat", 8, "1\t2\tinf\t4", "line 8, '1 2 inf 4': holds a value that is not"),
     ("Robot2_Groundtruth.dat", 8, "1\t2\t3\t4", "line 8, '1 2 3 4': its time is before that"),
     ("Robot3_Measurement.dat", 3, "1e300\t13\t3\t4", "line 3, '1e300 13 3 4': holds a value over"),
     ("Robot3_Measurement.dat", 3, "1\t1.5\t3\t4", "line 3, '1 1.5 3 4': barcode is not whole"),

@@ -76,7 +76,10 @@ def test_what_refinement_may_move_by_suits_the_opened_team(visit: Visit, page: P
 
 def test_refining_shows_what_it_costs_in_separation(visit: Visit, page: Page) -> None:
     refine(page)
-    reported = page.locator("#job-outcome .remark")
+    reported = page.locator("#job-outcome .remark").filter(has_text="Least separation")
+    tolerance = page.locator("#job-outcome .remark").filter(has_text="Phase tolerance of the links")
+    expect(tolerance).to_contain_text(re.compile(r"2.094 → 1\.\d+ rad, at the least"))
+    expect(tolerance).to_contain_text(re.compile(r"Meetings a period 7 → 7, the widest 30[\d.]* m"))
     expect(reported).to_contain_text(re.compile(r"Least separation 30 → [\d.]+ m"))
     expect(reported).to_contain_text("“Least separation” in the scenario limits this")
     badge = page.locator("#job-outcome .badge")

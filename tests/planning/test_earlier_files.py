@@ -15,7 +15,7 @@ from syncplan.planning.plan_files import loaded_from, plan_of
 from syncplan.plotting.figures import specs_of
 from syncplan.reports.flight_report import FlightDocument
 from syncplan.reports.loss_report import WhatIfDocument
-from syncplan.reports.plan_report import PlanDocument
+from syncplan.reports.plan_report import PlanDocument, plan_document
 from syncplan.reports.validation_report import SweepReport, ValidationDocument
 from tests.tools.scenarios import findings_of
 
@@ -68,6 +68,15 @@ def test_a_plan_has_the_verdict_that_it_had_until_it_is_judged_again() -> None:
     assert GONE & {finding.code for finding in document.verdict.findings}
     assert document.start_up is not None
     assert document.start_up.pilot is not None
+
+
+def test_a_refinement_of_an_earlier_version_knows_nothing_of_tolerances() -> None:
+    plan = syncplan.load_plan(FOLDER / "refined.json")
+    record = plan_document(plan).refinement
+    assert record is not None
+    assert record.after.least_distance_m == pytest.approx(23.3296945428528)
+    assert record.after.meetings is record.after.least_tolerance_rad is None
+    assert record.after.widest_meeting_m is None
 
 
 @pytest.mark.parametrize("name", ["plan", "refined"])

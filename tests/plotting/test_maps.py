@@ -188,6 +188,20 @@ def test_a_comparison_shows_and_says_which_vehicles_turn_round() -> None:
     assert note_of(same).endswith("all keep their direction")
 
 
+def test_far_from_the_origin_places_are_told_apart_under_the_pointer_and_at_the_axes() -> None:
+    east, north = 465000.0, 5249000.0
+    made = plan(small(formation={"centers_m": [[east, north], [east + 70.25, north]]}))
+    spec = spec_of(made, "comparison", after=made)
+    centers = trace_of(spec, "centers-after")
+    assert [text.split(": ")[1] for text in centers["text"]] == [
+        "465000, 5249000 m",
+        "465070.25, 5249000 m",
+    ]
+    assert centers["hovertemplate"] == "%{text}<extra></extra>"
+    # no thousands cut to "465k"
+    assert {spec["layout"][axis]["exponentformat"] for axis in ("xaxis", "yaxis")} == {"none"}
+
+
 def test_ranks_and_kinds_of_links_differ_in_more_than_width_and_colour() -> None:
     made = plan(small(landmarks_m=[[35.0, 40.0]]), bound="never")
     link, landmark = made.links[0], made.landmark_links[0]

@@ -152,7 +152,9 @@ def test_a_bag_is_read_by_times_of_receipt(numbers: Path, tmp_path: Path) -> Non
     stamped = write_bag(log, tmp_path / "stamped" / "bag")
     empty = write_bag(log, tmp_path / "empty" / "bag", empty_stamps=True)
     assert_same(load_log(empty, stamps="received"), load_log(stamped))
-    with pytest.raises(InputError, match=r"all \(0 s\): were stamps left empty\? --stamps received"):
+    with pytest.raises(
+        InputError, match=r"all \(0 s\): were stamps left empty\? --stamps received"
+    ):
         load_log(empty)
     with pytest.raises(InputError, match="stamps: 'received' given; MRCLAM recordings have header"):
         load_log(numbers, stamps="received")

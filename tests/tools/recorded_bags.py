@@ -96,9 +96,7 @@ class BagMessages:
 _NONE = np.zeros(36)
 
 
-def write_bag(
-    log: Log, folder: Path, storage: str = "MCAP", *, empty_stamps: bool = False
-) -> Path:
+def write_bag(log: Log, folder: Path, storage: str = "MCAP", *, empty_stamps: bool = False) -> Path:
     """Write a recording as a bag; return its folder. Times of receipt are those of the log."""
     return write_messages(folder, _messages(log, BagMessages(empty_stamps=empty_stamps)), storage)
 
