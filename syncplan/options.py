@@ -10,7 +10,7 @@ client take the name, the type, the default and the sentence from it.
 
 import operator
 from collections.abc import Callable, Mapping
-from dataclasses import Field, dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields
 from difflib import get_close_matches
 from functools import wraps
 from inspect import Parameter, Signature, signature
@@ -155,54 +155,34 @@ class RunOptions:
 
 # --- options as keywords ------------------------------------------------------------------------
 
-
 F = TypeVar("F", bound=Callable[..., Any])
 
 
 def lists_options(*kinds: type) -> Callable[[F], F]:
-    """Return a decorator that puts options into a function's signature, in place of **keywords.
+    """Return a decorator that puts the fields of classes into a signature, in place of **keywords.
 
-    They are those that dataclasses or Pydantic models declare. A keyword that the signature does
-    not have raises TypeError, which names the nearest one that it has.
+    A keyword that is not in it raises TypeError, which names the nearest one that is.
     """
+    listed = {
+        name: one.replace(kind=Parameter.KEYWORD_ONLY)
+        for kind in kinds
+        for name, one in signature(kind).parameters.items()
+    }
 
     def decorated(function: F) -> F:
-        given = signature(function).parameters.values()
-        own = {one.name: one for one in given if one.kind != Parameter.VAR_KEYWORD}
-        listed = {one.name: one for kind in kinds for one in _keywords(kind)}
-        shown = Signature(
-            [*own.values(), *(one for name, one in listed.items() if name not in own)]
-        )
-        former = {one.name for kind in kinds for one in _declared(kind) if one.metadata["former"]}
+        given = signature(function).parameters.items()
+        written = {name: one for name, one in given if one.kind != Parameter.VAR_KEYWORD}
+        shown = written | {name: one for name, one in listed.items() if name not in written}
 
         @wraps(function)
         def called(*positional: Any, **named: Any) -> Any:
-            for name in named.keys() - shown.parameters.keys() - former:
-                nearest = get_close_matches(name, shown.parameters, 1)
+            for name in named.keys() - shown.keys():
+                nearest = get_close_matches(name, shown, 1)
                 meant = f"; did you mean {nearest[0]!r}?" if nearest else ""
                 raise TypeError(f"{function.__name__}() has no argument {name!r}{meant}")
             return function(*positional, **named)
 
-        called.__signature__ = shown  # type: ignore[attr-defined]
+        called.__signature__ = Signature([*shown.values()])  # type: ignore[attr-defined]
         return cast(F, called)
 
     return decorated
-
-
-def _keywords(kind: type) -> list[Parameter]:
-    """Keywords for the options of a dataclass, or the keys of a Pydantic model."""
-    keys = getattr(kind, "model_fields", {})
-    declared = [
-        (name, key.get_default(call_default_factory=True), key.annotation)
-        for name, key in keys.items()
-    ]
-    shown = [one for one in _declared(kind) if not one.metadata["former"]]
-    declared += [(one.name, one.default, one.type) for one in shown]
-    return [
-        Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=of_type)
-        for name, default, of_type in declared
-    ]
-
-
-def _declared(kind: type) -> list[Field[Any]]:
-    return [one for one in fields(kind) if one.metadata] if is_dataclass(kind) else []

@@ -11,7 +11,6 @@ filter_options     choice of filter, its gate, number and length of trials
 consistency        ANEES, NIS, coverage
 filter_setup       states, motion model, initial variances, gate, sightings and readings of a run
 start_search       search for batch solutions: tempering, credibility, further starts
-reference_filter   the filter in plain NumPy, one trial at a time, written to be read
 kernels            compilation of functions, and the lanes they run over
 air_kernels        processes and motion in moving air, compiled
 motion_kernels     prediction, and the frame of the covariance

@@ -20,7 +20,7 @@ errors and starts right strays by fourth order in T in steady wind. Among gusts 
 0.15 v T times the standard deviation of the angle by which a sample's gust turns the direction.
 Without wind the directions turn evenly, and headings are tangents of the circle.
 
-Source: the displacement along an arc, as in `reference_filter`.
+Source: the displacement along an arc, as in docs/theory.md.
 """
 
 from collections.abc import Mapping

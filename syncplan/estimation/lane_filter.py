@@ -5,7 +5,7 @@ The state stacks the poses (x, y, heading) of n vehicles and the bias states of 
     predict   by the motion readings                      `motion_kernels`
     correct   by the sightings, one after another         `correction_kernels`
 
-`reference_filter` does this in NumPy for one trial and is the one to read; these kernels filter
+`tests.tools.reference_filter` does this in NumPy for one trial, to be read; these kernels filter
 many trials at a time, a lane each. With second-order noise in its set-up the extended filter is the
 second-order filter.
 

@@ -91,7 +91,7 @@ def motion_in(setup: FilterSetup, step: int) -> MotionModel:
 
 @inner
 def shortening(half_turn: float, substeps: int) -> tuple[float, float]:
-    """Return the ratio s(a) of chord to path and its derivative by a; see `reference_filter`.
+    """Return the ratio s(a) of chord to path and its derivative by a; see docs/theory.md.
 
     a is `half_turn` in rad.
     """

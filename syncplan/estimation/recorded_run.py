@@ -22,7 +22,7 @@ Econometrica 55 (the variance of sums).
 from collections.abc import Callable
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as NotYetError
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from threading import Thread
 from types import MappingProxyType
 
@@ -186,36 +186,17 @@ def filtered(run: RecordedRun, options: FilterOptions, progress: Seen | None = N
     samples = run.clock.samples if options.with_series else None
     counted = empty_statistics(1, run.layout.size, samples, sightings)
     x, P = _in_thread(run, options, counted, progress)
-    judged_from = run.setup.judged_from
-    result = result_of([counted], n, steps=run.clock.samples, judged_from=judged_from)
+    counted.series[~run.known[: len(counted.series)]] = np.nan
+    judged_from, known = run.setup.judged_from, run.known[1:]
+    result = result_of([counted], n, steps=len(known), judged_from=judged_from, known=known)
     if not np.isfinite(result.mean_squares).all():
         raise NoSolutionError(
             "the filter diverged: its errors are no longer finite; larger sigmas may help"
         )
-    result = _where_known(result, run)
     innovations, weights = counted.innovations[..., 0].T
     sigmas = np.sqrt(np.diag(P[3 * n :, 3 * n :, 0]))
     estimates = _estimates(run.truth, result)
     return FilteredRun(result, innovations, weights, x[3 * n :, 0], sigmas, estimates)
-
-
-def _where_known(result: MonteCarloResult, run: RecordedRun) -> MonteCarloResult:
-    """Means over the samples at which the truth is known; elsewhere, the series is NaN."""
-    if run.known.all():
-        return result
-    known, setup, samples = run.known[1:], run.setup, np.arange(1, len(run.known))
-    late = 2 * samples > setup.samples
-    judged = (samples % setup.sample_every == 0) | (samples == setup.samples)
-    judged &= known & (samples > setup.judged_from)
-    for branch in result.branches:
-        branch.sums[~run.known] = np.nan
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return replace(
-            result,
-            mean_squares=result.mean_squares * len(known) / known.sum(),
-            late_mean_squares=result.late_mean_squares * late.sum() / (late & known).sum(),
-            coverage_samples=3 * int(judged.sum()),
-        )
 
 
 def _estimates(truth: Array, result: MonteCarloResult) -> Array:

@@ -168,14 +168,19 @@ def result_of(
     seed: int = 0,
     first_trial: int = 0,
     judged_from: int = 0,
+    known: Flags | None = None,
 ) -> MonteCarloResult:
     """Return the result of a chunk of trials of `steps` samples, from `first_trial` on.
 
     `count` is the number of vehicles. NEES and coverage were taken at every tenth sample after
-    `judged_from`, and at the last. The statistics share one series; `first_trial` is a multiple of
-    CHUNK_TRIALS, and there are at most as many trials.
+    `judged_from`, and at the last. Of `known` (steps,), errors were taken at those samples alone.
+    The statistics share one series; `first_trial` is a multiple of CHUNK_TRIALS, and there are at
+    most as many trials.
     """
-    sampled = -(-steps // SAMPLE_EVERY) - judged_from // SAMPLE_EVERY
+    taken = np.ones(steps, dtype=bool) if known is None else known
+    sample = np.arange(1, steps + 1)
+    judged = (sample % SAMPLE_EVERY == 0) | (sample == steps)
+    sampled = int(np.sum(taken & judged & (sample > judged_from)))
 
     def per_trial(name: str) -> Array:
         lanes_last = np.concatenate([getattr(one, name) for one in statistics], axis=-1)
@@ -185,10 +190,10 @@ def result_of(
         return values[:, : 3 * count].reshape(-1, count, 3)
 
     samples = per_trial("nees_samples")
-    with np.errstate(invalid="ignore"):
+    squares, covered = per_trial("squares") / np.sum(taken), per_trial("covered")
+    with np.errstate(invalid="ignore", divide="ignore"):
         nees = per_trial("nees") / samples
-    squares, covered = per_trial("squares") / steps, per_trial("covered")
-    late_squares = per_trial("late_squares") / (steps - steps // 2)
+        late_squares = per_trial("late_squares") / np.sum(taken[steps // 2 :])
     series = statistics[0].series
     return MonteCarloResult(
         seed=seed,

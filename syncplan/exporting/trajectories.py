@@ -45,11 +45,9 @@ def write_poses(flown: ScheduledPlan) -> Written:
     """
     for name in flown.names:
         if name.startswith(FORMULA):
-            raise InputError(
-                f"{name!r} would be a formula in a spreadsheet; rename the vehicle: its name must "
-                "not begin with =, +, -, @, a tab or a line break",
-                key="formation",
-            )
+            allowed = "its name must not begin with =, +, -, @, a tab or a line break"
+            problem = f"{name!r} would be a formula in a spreadsheet; rename the vehicle: {allowed}"
+            raise InputError(problem, key="formation")
     poses, start = sampled_poses(flown), start_of(flown.plan)
     places = places_of(flown, poses.positions)
     headings = wrap(poses.headings)

@@ -12,7 +12,7 @@ not recorded. A target that is empty, or neither another robot nor a landmark, w
 import csv
 import itertools
 from collections import defaultdict
-from collections.abc import Container, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -261,30 +261,24 @@ def _check_cells(table: CsvTable, column: Column) -> None:
 # --- the files of a recording -------------------------------------------------------------------
 
 
-_ROBOT = Column("robot", named=True)
-_TIME = Column("time_s")
+_ROBOT, _TIME = Column("robot", named=True), Column("time_s")
+
+
+def _readings(*names: str, optional: bool = False) -> Iterable[Column]:
+    return (Column(name, gaps=True, optional=optional) for name in names)
+
 
 FILES: Mapping[str, tuple[Column, ...]] = MappingProxyType(
     {
-        "odometry.csv": (
-            _ROBOT,
-            _TIME,
-            Column("speed_mps", gaps=True),
-            Column("turn_rate_rad_s", gaps=True),
-        ),
+        "odometry.csv": (_ROBOT, _TIME, *_readings("speed_mps", "turn_rate_rad_s")),
         "sightings.csv": (
             _ROBOT,
             _TIME,
             Column("target", named=True, gaps=True),
-            Column("bearing_rad", gaps=True, optional=True),
-            Column("range_m", gaps=True, optional=True),
+            *_readings("bearing_rad", "range_m", optional=True),
         ),
         "landmarks.csv": (Column("name", named=True), Column("x_m"), Column("y_m")),
-        "truth.csv": (
-            _ROBOT,
-            _TIME,
-            *(Column(name, gaps=True) for name in ("x_m", "y_m", "heading_rad")),
-        ),
+        "truth.csv": (_ROBOT, _TIME, *_readings("x_m", "y_m", "heading_rad")),
     }
 )
 """Files of the layout and their columns; truth.csv may be left out."""

@@ -11,7 +11,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from syncplan.arrays import Array, Flags, Index
+from syncplan.arrays import Array, Index
 from syncplan.errors import InputError
 from syncplan.phrases import listed
 from syncplan.recordings.recorded_files import MOST_ROBOTS, name_problem
@@ -21,6 +21,12 @@ NOBODY = -1
 
 EQUAL_STAMPS = 3
 """Rows of odometry with one time, on average, above which its times cannot be right."""
+
+EMPTY = "sightings have neither a bearing nor a distance: they do not count"
+REPEATED = (
+    "sightings repeat another one, with equal robot, time, target and values: each counts once"
+)
+"""What notes say, after a number, of sightings that were left out."""
 
 MOST_LISTED, MOST_NAMED = 20, 8
 """Most landmarks that a message names; most targets that nobody knows."""
@@ -107,45 +113,33 @@ def tidied(log: Log) -> Log:
     Its notes count what was left out. A number is lacking where it is NaN. Sightings are equal if
     time, target and values are. Raises InputError for a robot whose times cannot be right.
     """
-    robots = [_tidied(robot) for robot in log.robots]
-    notes = [*log.notes]
-    for what in ("odometry", "truth"):
-        lacking = sum(
-            len(getattr(before, what)) - len(getattr(after, what))
-            for before, after in zip(log.robots, robots, strict=True)
-        )
-        if lacking:
-            notes.append(f"{lacking} rows of the {what} lack a number: they do not count")
-    empty = sum(int(np.sum(_is_empty(robot))) for robot in log.robots)
-    if empty:
-        notes.append(f"{empty} sightings have neither a bearing nor a distance: they do not count")
-    merged = sum(len(robot.times) for robot in log.robots) - empty
-    merged -= sum(len(robot.times) for robot in robots)
-    if merged:
-        notes.append(
-            f"{merged} sightings repeat another one, with equal robot, time, target and values: "
-            "each counts once"
-        )
-    for robot in robots:
+    robots, counts = [], Counter[str]()
+    for given in log.robots:
+        robot, left_out = _tidied(given)
         _check_times(robot, log.name)
-    return replace(log, robots=tuple(robots), notes=tuple(notes))
+        robots.append(robot)
+        counts += left_out
+    notes = (f"{count} {phrase}" for phrase, count in counts.items())
+    return replace(log, robots=tuple(robots), notes=(*log.notes, *notes))
 
 
-def _tidied(robot: RobotLog) -> RobotLog:
+def _tidied(robot: RobotLog) -> tuple[RobotLog, Counter[str]]:
+    """Robot without what does not count, and how much that is, by the rest of the note on it."""
     rows = np.column_stack([robot.times, robot.subjects, robot.bearings, robot.ranges])
-    there = np.flatnonzero(~_is_empty(robot))
+    there = np.flatnonzero(~np.isnan(rows[:, 2:]).all(axis=1))
     # NaN differs from itself
     _, first = np.unique(np.nan_to_num(rows[there], nan=np.inf), axis=0, return_index=True)
     kept = np.sort(there[first])
-    seen = {name: getattr(robot, name)[kept] for name in SeenBodies._fields}
-    odometry, truth = (
-        table[~np.isnan(table).any(axis=1)] for table in (robot.odometry, robot.truth)
-    )
-    return replace(robot, odometry=odometry, truth=truth, **seen)
-
-
-def _is_empty(robot: RobotLog) -> Flags:
-    return np.isnan(robot.bearings) & np.isnan(robot.ranges)
+    counts = {}
+    changes = {name: getattr(robot, name)[kept] for name in SeenBodies._fields}
+    for name in ("odometry", "truth"):
+        table = getattr(robot, name)
+        changes[name] = table[~np.isnan(table).any(axis=1)]
+        phrase = f"rows of the {name} lack a number: they do not count"
+        counts[phrase] = len(table) - len(changes[name])
+    counts[EMPTY] = len(rows) - len(there)
+    counts[REPEATED] = len(there) - len(kept)
+    return replace(robot, **changes), Counter(counts)
 
 
 def _check_times(robot: RobotLog, source: str) -> None:
@@ -160,10 +154,8 @@ def _check_times(robot: RobotLog, source: str) -> None:
     cause = "were their digits cut off? Write all of them"
     if not times.any():
         cause = "were stamps left empty? --stamps received reads a bag by the times of receipt"
-    raise InputError(
-        f"the times of the odometry of {robot.name} are equal, {runs} ({times[0]:.10g} s): {cause}",
-        source=source,
-    )
+    problem = f"the times of the odometry of {robot.name} are equal, {runs} ({times[0]:.10g} s)"
+    raise InputError(f"{problem}: {cause}", source=source)
 
 
 # --- overview -----------------------------------------------------------------------------------

@@ -13,11 +13,11 @@ from syncplan.estimation.batch_problem import FAR, Prior, Trajectory, Window, tr
 from syncplan.estimation.batch_solution import THINNING, BatchSolution, _thinned, problem_of, solve
 from syncplan.estimation.filter_setup import DELAY, DISTANCE_KIND, FilterSetup
 from syncplan.estimation.kernels import lanes_of
-from syncplan.estimation.reference_filter import moved_state, sighted
 from syncplan.estimation.start_search import is_credible
 from syncplan.orbits.circles import wrap
 from tests.tools.filter_scenes import ALL, BUT_CLOCKS, Scene, a_team, derivative, scene_of
 from tests.tools.plain_filters import in_step
+from tests.tools.reference_filter import moved_state, sighted
 
 BEGIN, SAMPLES = 5, 6
 LANES = lanes_of(3, 2)

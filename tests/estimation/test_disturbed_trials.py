@@ -14,7 +14,6 @@ from syncplan.estimation.filter_setup import (
     DISTANCE_KIND,
 )
 from syncplan.estimation.montecarlo import run_trials
-from syncplan.estimation.reference_filter import displacement, moved_state, sighted
 from syncplan.estimation.trial_readings import possible_sightings
 from syncplan.estimation.trials import MonteCarloResult, merge, pack, series, state_series, unpack
 from syncplan.orbits.circles import heading, position, wrap
@@ -25,6 +24,7 @@ from syncplan.orbits.sighting_kinds import of_targets
 from syncplan.orbits.team import Team
 from tests.estimation.test_montecarlo import bytes_of
 from tests.tools.filter_scenes import ALL, Scene, a_team, quiet, scene_of, true_state
+from tests.tools.reference_filter import displacement, moved_state, sighted
 
 NOISELESS = Noise(0.0, 0.0, 0.0, 0.0)
 TINY = 1e-12

@@ -32,14 +32,6 @@ from syncplan.estimation.filter_setup import (
 )
 from syncplan.estimation.kernels import WIDE_UP_TO, has_compiled, kernel, lanes_for
 from syncplan.estimation.lane_filter import EXTENDED, IDEAL, LaneFilter, specimen
-from syncplan.estimation.reference_filter import (
-    displacement,
-    displacement_jacobian,
-    moved_state,
-    predict_state,
-    sighted,
-    transition_of,
-)
 from syncplan.estimation.trial_readings import TrialReadings
 from syncplan.orbits.error_states import layout_of
 from syncplan.orbits.noise import Noise
@@ -57,6 +49,14 @@ from tests.tools.filter_scenes import (
 )
 from tests.tools.inner_kernels import called_alone
 from tests.tools.plain_filters import Plain, extended_steps, ideal_steps
+from tests.tools.reference_filter import (
+    displacement,
+    displacement_jacobian,
+    moved_state,
+    predict_state,
+    sighted,
+    transition_of,
+)
 
 STEPS = 42
 BOTH = pytest.mark.parametrize("lane_filter", [EXTENDED, IDEAL])

@@ -25,7 +25,6 @@ from syncplan.estimation.consistency import gate_threshold
 from syncplan.estimation.filter_setup import FilterRun, MotionModel
 from syncplan.estimation.lane_filter import LaneFilter, specimen
 from syncplan.estimation.recorded_readings import longest_gap
-from syncplan.estimation.reference_filter import predict_state, update_state
 from syncplan.estimation.replay_results import Replay
 from syncplan.estimation.replay_settings import GROUND_ROBOTS, STARTS, ReplaySettings
 from syncplan.estimation.replays import OPTIONS, replay
@@ -39,6 +38,7 @@ from syncplan.reports.replay_report import replay_document
 from tests.searches.recording import CASES
 from tests.tools.processes import PATIENCE_S
 from tests.tools.recordings import CLOCK, LANDMARKS, Recipe, refusal_of, write_recording
+from tests.tools.reference_filter import predict_state, update_state
 
 ALONE: dict[str, Any] = {
     "filter": "ekf",

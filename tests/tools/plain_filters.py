@@ -12,7 +12,9 @@ from syncplan.estimation.filter_setup import (
     FilterSetup,
     start_of,
 )
-from syncplan.estimation.reference_filter import (
+from syncplan.orbits.circles import unit, wrap
+from tests.tools.filter_scenes import Scene, derivative, true_state
+from tests.tools.reference_filter import (
     _errors_of,
     covariance_at_start,
     moved_state,
@@ -21,8 +23,6 @@ from syncplan.estimation.reference_filter import (
     transition_of,
     update_state,
 )
-from syncplan.orbits.circles import unit, wrap
-from tests.tools.filter_scenes import Scene, derivative, true_state
 
 
 class Plain(NamedTuple):

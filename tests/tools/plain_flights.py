@@ -1,6 +1,6 @@
 """The closed loop of a flight in plain NumPy, one trial at a time: to read, and to compare with.
 
-Of the package it takes what is tested by itself: the filter to read of `reference_filter`, the
+It takes what is tested by itself: the filter to read of `reference_filter`, and of the package the
 tracking law to read of `reference_tracking` and the tree of anchors. All else is written again from
 its description: `plain_truth`, late sightings, losses, circles that move to their anchors, the
 bound along the path.
@@ -15,13 +15,6 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.estimation.filter_setup import FilterSetup
-from syncplan.estimation.reference_filter import (
-    covariance_at_start,
-    moved_state,
-    predict_state,
-    sighted,
-    update_state,
-)
 from syncplan.guidance.anchors import Anchors, anchors_of
 from syncplan.guidance.flight_setup import FlightLimits
 from syncplan.guidance.reference_tracking import tracking_commands, tracking_gains
@@ -30,6 +23,13 @@ from syncplan.orbits.sighting_kinds import SIGHTING_KINDS
 from syncplan.planning.plan_flights import FlightRun
 from tests.tools.plain_filters import beyond_tangent
 from tests.tools.plain_truth import PlainTruth, Sighting, planned, steps_until
+from tests.tools.reference_filter import (
+    covariance_at_start,
+    moved_state,
+    predict_state,
+    sighted,
+    update_state,
+)
 
 SURE_SIGMAS, LEAD_PERIODS, LOOKS_IN_PERIOD = 4.0, 0.5, 32
 
