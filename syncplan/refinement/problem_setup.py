@@ -12,6 +12,7 @@ import numpy as np
 from syncplan.arrays import as_pairs
 from syncplan.errors import NoSolutionError
 from syncplan.orbits.sightings import sightings_over
+from syncplan.phrases import Places
 from syncplan.planning.judged_team import landmark_limit, purpose_measure, separation_limit
 from syncplan.planning.plans import Plan
 from syncplan.refinement.measures import Measurement, measure
@@ -189,10 +190,11 @@ def _area_conflicts(problem: RefineProblem) -> list[str]:
     for k in range(problem.orbits.count):
         low, high = freedom.lower[:, k], freedom.upper[:, k]
         if not problem.area.has_room((float(low[2]), float(high[2])), low[:2], high[:2]):
-            where = f"x {low[0]:.4g} to {high[0]:.4g}, y {low[1]:.4g} to {high[1]:.4g} m"
+            ends = low[:2].tolist(), high[:2].tolist()
+            where = " to ".join(f"({Places(ends).words(end)})" for end in ends)
             conflicts.append(
                 f"{names[k]}: no place for a circle of {low[2]:g} m inside area_m and clear of "
-                f"keep_out_m with its centre within {where}"
+                f"keep_out_m with its centre from {where} m"
             )
     return conflicts
 

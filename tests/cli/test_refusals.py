@@ -110,7 +110,8 @@ STAR = {"links": [["v1", f"v{k}"] for k in range(2, 9)]}
         (
             "refine",
             {"area_m": [[0, 0], [30, 0], [30, 30], [0, 30]]},
-            "v1: no place for a circle of 20 m inside area_m",
+            "v1: no place for a circle of 20 m inside area_m and clear of keep_out_m with its "
+            "centre from (0, 0) to (30, 30) m",
         ),
         (
             "refine --vary radii --radius-m 30,40",

@@ -154,3 +154,29 @@ def test_options_stand_after_the_subject(function: Any) -> None:
         if one.kind is one.POSITIONAL_OR_KEYWORD
     ]
     assert positional[-1] == "options"
+
+
+@pytest.mark.parametrize(
+    ("name", "wrong", "right"),
+    [
+        ("validate", "trails", "trials"),
+        ("sweep", "durations", "duration"),
+        ("fly", "outlier", "outliers"),
+        ("refine", "start", "starts"),
+        ("replay", "bearing_sigmas", "bearing_sigma"),
+    ],
+)
+def test_options_are_in_the_signature_and_a_wrong_one_is_named_with_the_nearest(
+    name: str, wrong: str, right: str
+) -> None:
+    function = getattr(syncplan, name)
+    assert right in inspect.signature(function).parameters
+    with pytest.raises(TypeError, match=rf"{name}\(\) has no argument '{wrong}'; .*'{right}'\?"):
+        function(**{wrong: 3})
+
+
+def test_no_public_function_takes_keywords_that_it_does_not_list() -> None:
+    public = [getattr(syncplan, name) for name in syncplan.__all__]
+    for function in filter(inspect.isfunction, public):
+        kinds = {one.kind for one in inspect.signature(function).parameters.values()}
+        assert inspect.Parameter.VAR_KEYWORD not in kinds, function.__name__

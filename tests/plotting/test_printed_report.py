@@ -3,6 +3,7 @@
 import re
 from datetime import date
 from html import unescape
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -51,6 +52,15 @@ def test_a_report_states_the_plan_s_own_figures() -> None:
         error = known.predicted_rms_m.vehicles[one.name]
         row = f"{one.name} {x:g}, {y:g} {one.radius_m:g} {one.direction} {one.phase_rad:.4f}"
         assert f"{row} {error:.3g}" in said
+
+
+def test_places_far_from_the_origin_are_told_apart_in_report_and_table(printed: Any) -> None:
+    source = Path(__file__).parents[1] / "data" / "hard" / "utm.yaml"
+    said = words(syncplan.report_page(plan(source)))
+    assert "v2 465070, 5249000 20 ccw" in said
+    assert "L2 (465190, 5249070)" in said
+    table = printed("plan", str(source), "--paper", "--format", "table")
+    assert re.search(r"v6 +465140, 5249070 +20 +ccw ", table)
 
 
 def test_a_report_of_a_plan_that_is_no_go_says_why_and_what_cures_it() -> None:
