@@ -71,9 +71,7 @@ async def create_recording(
 
     async def compute() -> PackedRecording:
         await run_in_threadpool(_refuse_more, call)
-        packed: PackedRecording = await computed(
-            call, "packed_recording", call.body, name, stamps
-        )
+        packed: PackedRecording = await computed(call, "packed_recording", call.body, name, stamps)
         return packed
 
     def store(connection: Connection, packed: PackedRecording) -> Answer:
