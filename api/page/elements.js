@@ -112,7 +112,7 @@ export function byId(id) {
 export function shown(value, unit = "", digits = 4) {
   if (value === null || value === undefined) return "—";
   // what is under a tenth of a millimetre is a rounding error
-  const text = rounded(unit === "m" && Math.abs(value) < 5e-5 ? 0 : value, digits).toString();
+  const text = rounded(unit === "m" ? Math.round(1e4 * value) / 1e4 : value, digits).toString();
   return unit ? `${text} ${unit}` : text;
 }
 

@@ -2,6 +2,7 @@
 
 import assert from "node:assert/strict";
 import test from "node:test";
+import { shown } from "../../api/page/elements.js";
 import { stepOf } from "../../api/page/scrubbing.js";
 import { around, errorAt, worstOf } from "../../api/page/trace.js";
 
@@ -27,4 +28,9 @@ test("values around one keep away from limits and from points that there are", (
 test("an error that is not known is said to be so", () => {
   assert.equal(errorAt(50, 0.41234, "m"), "0.412 m at 50 m");
   assert.equal(errorAt(0.25, null), "no error known at 0.25");
+});
+
+test("a length under a tenth of a millimetre is a rounding error", () => {
+  assert.deepEqual([shown(2.41e-5, "m"), shown(-3e-15, "m"), shown(6e-5, "m")], ["0 m", "0 m", "0.0001 m"]);
+  assert.equal(shown(2.41e-5, "rad"), "0.0000241 rad");
 });
