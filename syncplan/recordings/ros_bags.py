@@ -347,6 +347,8 @@ def _check_odometry(
 ) -> None:
     """Raise InputError if a robot has no odometry, or no truth where others have."""
     robots = sorted({topic.robot for topic in topics} - {""})
+    if not robots:
+        raise InputError("holds no messages of any robot", source=str(path))
     for robot in robots:
         if robot not in odometry:
             raise InputError("holds no messages", source=f"{path}: {Topic(robot, 'odom').name}")

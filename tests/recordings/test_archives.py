@@ -230,6 +230,17 @@ def test_whatever_a_file_holds_is_replayed_or_refused(
         path.write_bytes(before)
 
 
+def test_a_bag_of_which_no_message_can_be_found_is_refused(
+    small: dict[str, Path], tmp_path: Path
+) -> None:
+    (whole,) = small["MCAP"].glob("*.mcap")
+    before, spoilt = whole.read_bytes(), tmp_path / "spoilt.mcap"
+    # between the header and the first chunk
+    spoilt.write_bytes(before[:71] + bytes(9) + before[71:])
+    with pytest.raises(InputError, match=r"spoilt.mcap: holds no messages of any robot"):
+        load_log(spoilt)
+
+
 @given(data=st.data())
 @pytest.mark.parametrize("kind", ["zip", "", "gz", "xz"])
 def test_whatever_an_archive_holds_is_read_or_refused(
