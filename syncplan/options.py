@@ -10,7 +10,7 @@ client take the name, the type, the default and the sentence from it.
 
 import operator
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, is_dataclass
 from difflib import get_close_matches
 from functools import wraps
 from inspect import Parameter, Signature, signature
@@ -164,9 +164,11 @@ def lists_options(*kinds: type) -> Callable[[F], F]:
     A keyword that is not in it raises TypeError, which names the nearest one that is.
     """
     listed = {
-        name: one.replace(kind=Parameter.KEYWORD_ONLY)
+        name: one.replace(kind=Parameter.KEYWORD_ONLY, annotation=_type_of(kind, one))
         for kind in kinds
         for name, one in signature(kind).parameters.items()
+        # of a dataclass, those that `option` declares
+        if not is_dataclass(kind) or kind.__dataclass_fields__[name].metadata
     }
 
     def decorated(function: F) -> F:
@@ -176,7 +178,7 @@ def lists_options(*kinds: type) -> Callable[[F], F]:
 
         @wraps(function)
         def called(*positional: Any, **named: Any) -> Any:
-            for name in named.keys() - shown.keys():
+            for name in (name for name in named if name not in shown):
                 nearest = get_close_matches(name, shown, 1)
                 meant = f"; did you mean {nearest[0]!r}?" if nearest else ""
                 raise TypeError(f"{function.__name__}() has no argument {name!r}{meant}")
@@ -186,3 +188,8 @@ def lists_options(*kinds: type) -> Callable[[F], F]:
         return cast(F, called)
 
     return decorated
+
+
+def _type_of(kind: type, one: Parameter) -> Any:
+    # that of a Pydantic model is full of its limits
+    return one.annotation if is_dataclass(kind) else Parameter.empty

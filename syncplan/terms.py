@@ -53,8 +53,7 @@ TERMS: Mapping[str, Term] = MappingProxyType(
             "what was known before."
         ),
         "polish": Term(
-            "Local search, from the best phases of a coarse one such as a relaxation, which also "
-            "bounds the margin."
+            "Local search for phases. It starts from those of a coarse one, such as a relaxation."
         ),
         "unlisted": Term(
             "Meeting of vehicles that formation.links does not list together; its sightings count, "

@@ -3,10 +3,10 @@
 // The map is drawn in the page from numbers: the scenario's places, the plan's phases and ranks. Its
 // view changes only when people change it, or open another scenario.
 
-import { byId, shown } from "./elements.js";
+import { byId } from "./elements.js";
 import { arcOf, circlesOf, extentOf, linksOf, motionsOf, pointsOf, poseAt, ringOf, sightOf, titleOf } from "./marks.js";
 import { Looks, mark } from "./looks.js";
-import { polygonsOf } from "./scenario.js";
+import { placesIn, polygonsOf } from "./scenario.js";
 import { DragPan, LineString, MouseWheelZoom, OlMap, PinchZoom, Point, Polygon, Projection, ScaleLine, VectorLayer, VectorSource, View } from "./vendor/openlayers.js";
 
 const MARGIN_PX = 36;
@@ -125,8 +125,10 @@ export class FormationMap {
 
   /** Say where the pointer is. */
   #point(point) {
-    const place = this.#ground?.words(point);
-    byId("pointer").textContent = `${point.map((one) => shown(one)).join(", ")} m${place ? `; ${place}` : ""}`;
+    const { scenario } = this.#store;
+    const [x, y] = point;
+    const words = scenario ? [placesIn(scenario)({ x, y }), this.#ground?.words(point)] : [];
+    byId("pointer").textContent = words.filter(Boolean).join("; ");
   }
 
   /** Show all of the scenario. */

@@ -315,9 +315,8 @@ def _errors(report: ReplayDocument) -> FittedTable:
         values = (robot.rms_x_m, robot.rms_y_m, robot.rms_m, robot.rms_second_half_m)
         table.add_row(
             escape(robot.name),
-            *(f"{value:.3f}" for value in values),
-            f"{robot.rms_heading_rad:.3f}",
-            f"{robot.coverage_3sigma:.4f}",
+            *(cell(value, ".3f") for value in (*values, robot.rms_heading_rad)),
+            cell(robot.coverage_3sigma, ".4f"),
         )
     table.count_hidden(len(report.robots) - MOST_ROWS)
     return table

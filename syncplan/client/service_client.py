@@ -23,6 +23,7 @@ from syncplan.estimation.filter_options import FilterOptions, options_with
 from syncplan.estimation.trials import unpack
 from syncplan.guidance.flight_options import FlightOptions
 from syncplan.guidance.flight_results import unpack_flight
+from syncplan.options import lists_options
 from syncplan.planning.plan_files import loaded_from, plan_of, stated
 from syncplan.planning.planner import BoundChoice
 from syncplan.planning.plans import Plan
@@ -298,6 +299,7 @@ class Client:
         """Start the refinement of a plan; options as in syncplan.refine. See wait."""
         return self._job("POST", f"/v1/plans/{_id(plan)}/refinements", options)
 
+    @lists_options(FilterOptions)
     def validate(
         self,
         plan: RemotePlan | str,
@@ -314,6 +316,7 @@ class Client:
         further = {"stress": True} if stress else {}
         return self._begin(plan, "validations", options_with(options, changes), **further)
 
+    @lists_options(FlightOptions)
     def fly(
         self,
         plan: RemotePlan | str,

@@ -208,8 +208,11 @@ def recorded_nis(total: float, count: int, gate_probability: float | None = None
 
 
 def coverage(covered: Array, samples: int) -> Array:
-    """Return the share (...) of `samples` at which each coordinate is within three sigma."""
-    return np.asarray(covered / samples)
+    """Return the share (...) of `samples` at which each coordinate is within three sigma.
+
+    NaN without samples.
+    """
+    return np.asarray(covered / (samples or np.nan))
 
 
 def _gated_moments(probability: float | None) -> tuple[float, float]:

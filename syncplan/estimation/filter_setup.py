@@ -103,7 +103,7 @@ class FilterSetup(NamedTuple):
     states : the bias states and their effects
     spans : (steps,) s, the length of each step, more than 0
     compared : (steps + 1,) sample of the truth that the state after each step is compared with, or
-        -1; that of step 0 is 0, and that of the last step the last one
+        -1; that of step 0 is 0, and that of the last step the last one, where they are known
     samples : number of samples of the truth after the start
     landmarks : (m, 2) m
     first : (steps + 2,) sightings of step k are first[k] to first[k + 1]

@@ -115,17 +115,18 @@ def seen_over_time(run: RecordedRun, made: FilteredRun, window: float) -> SeenOv
 
 
 def _along_odometry(run: RecordedRun, poses: Array, used: Index, begins: Index) -> Placed:
-    """Positions in windows from samples `begins`, by odometry from the poses there.
+    """Positions in windows from samples `begins`, by odometry from the last known poses till there.
 
     `poses` are (samples + 1, n, 3) m, m, rad.
     """
     setup, n, paths = run.setup, run.layout.count, _paths(run)
     o, t = run.sightings.observers[used], run.sightings.targets[used]
     step_of = setup.sighted_at[used]
-    at_sample = np.flatnonzero(setup.compared >= 0)
+    known = np.maximum.accumulate(np.where(run.known, np.arange(len(run.known)), 0))
 
     def placed(k: int, of: slice) -> tuple[Array, Array]:
-        start, begin = poses[begins[k]], paths[at_sample[begins[k]]]
+        last = known[begins[k]]
+        start, begin = poses[last], paths[run.at_samples[last]]
         turn = start[:, 2] - begin[:, 2]
         now, a, b = paths[step_of[of]], o[of], t[of]
         places = np.empty((len(a), 2, 2))
@@ -134,7 +135,8 @@ def _along_odometry(run: RecordedRun, poses: Array, used: Index, begins: Index) 
             places[:, side] = start[body, :2] + _turned(gone, turn[body])
         fixed = b >= n
         places[fixed, 1] = setup.landmarks[b[fixed] - n]
-        return start[:, :2], places
+        gone = paths[run.at_samples[begins[k]], :, :2] - begin[:, :2]
+        return start[:, :2] + _turned(gone, turn), places
 
     return placed
 

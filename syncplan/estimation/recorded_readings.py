@@ -44,6 +44,11 @@ class Clock:
         """Duration in s."""
         return self.samples * self.sample_time
 
+    def later(self, samples: int) -> "Clock":
+        """Return the clock of a run that begins so many samples later and ends with this one."""
+        begin = self.begin + samples * self.sample_time
+        return Clock(begin, self.sample_time, self.samples - samples)
+
     def since_begin(self, recorded: Array) -> Array:
         """Return recorded times in s since the beginning."""
         return recorded - self.begin
@@ -138,7 +143,8 @@ def truth_known(log: Log, clock: Clock, longest: float | None = None) -> Flags:
     """Return whether the truth of all robots is known at each sample (samples + 1,).
 
     It is at its entries, and between two that are at most `longest` s apart. If None, that is
-    INTERVALS_BRIDGED of a robot's median interval, and at least two samples. True without truth.
+    INTERVALS_BRIDGED of a robot's median interval between different times, and at least two
+    samples. True without truth.
     """
     known = np.ones(clock.samples + 1, dtype=bool)
     for robot in log.robots if log.has_truth else ():
@@ -146,7 +152,8 @@ def truth_known(log: Log, clock: Clock, longest: float | None = None) -> Flags:
         intervals = np.diff(recorded, append=np.inf)
         bridged = longest
         if bridged is None:
-            bridged = max(INTERVALS_BRIDGED * float(np.median(intervals)), 2.0 * clock.sample_time)
+            usual = float(np.median(intervals[intervals > 0.0]))
+            bridged = max(INTERVALS_BRIDGED * usual, 2.0 * clock.sample_time)
         entry = np.maximum(np.searchsorted(recorded, clock.times + SAME_TIME) - 1, 0)
         at_entry = clock.times - recorded[entry] < SAME_TIME
         known &= at_entry | (intervals[entry] <= bridged + SAME_TIME)

@@ -79,6 +79,7 @@ class RecordedRun:
     setup, readings : of the filter, with a single lane
     truth : (samples + 1, n, 3) m, m, rad; zeros if not recorded
     known : (samples + 1,) whether the truth is known; errors of other samples do not count
+    at_samples : (samples + 1,) step of the filter that ends at each sample
     layout : of poses and bias states
     has_truth : whether the true poses of all robots are recorded
     """
@@ -90,6 +91,7 @@ class RecordedRun:
     readings: Readings
     truth: Array
     known: Flags
+    at_samples: Index
     layout: StateLayout
     has_truth: bool
 
@@ -104,8 +106,8 @@ class FilteredRun:
     innovations, weights : (s,) in the unit of each sighting's kind, and 1 over the innovation's
         variance, 0 where the sighting was rejected
     errors, error_sigmas : (e,) estimated lasting errors at the end, in the order of the layout
-    estimates : (samples + 1, n, 3) m, m, rad, estimated poses, headings wrapped; no rows unless a
-        series was kept
+    estimates : (samples + 1, n, 3) m, m, rad, estimated poses, headings wrapped, NaN in gaps of
+        the truth; no rows unless a series was kept
     """
 
     result: MonteCarloResult
@@ -121,15 +123,19 @@ def run_of(log: Log, settings: ReplaySettings, options: FilterOptions) -> Record
     settings.check_start(log.name, has_truth=log.has_truth)
     used = log.landmark_places(settings.landmarks)
     clock = clock_of(log, settings.sample_time, settings.portion)
-    seen, truth = sightings_of(log, clock, used, settings), true_poses(log, clock)
     known = truth_known(log, clock, settings.max_truth_gap)
-    if not known[1:].any():
-        problem = "the truth is known at no sample of the run; bridge longer gaps of it"
+    first = int(np.argmax(known))
+    if not known[first + 1 :].any():
+        problem = "the truth is known at less than two samples of the run; bridge longer gaps of it"
         raise InputError(problem, key="max_truth_gap")
+    if settings.start_poses is None:
+        # nothing is known of a start in a gap of the truth
+        clock, known = clock.later(first), known[first:]
+    seen, truth = sightings_of(log, clock, used, settings), true_poses(log, clock)
     # exact equality: sightings at a sample have the same time
     ends = np.unique(np.concatenate([clock.times, seen.times]))
-    compared = np.full(len(ends), -1)
-    compared[np.searchsorted(ends, clock.times)] = np.where(known, np.arange(len(known)), -1)
+    compared, at_samples = np.full(len(ends), -1), np.searchsorted(ends, clock.times)
+    compared[at_samples] = np.where(known, np.arange(len(known)), -1)
     step_of = np.searchsorted(ends, seen.times)
     sigmas = np.array([settings.bearing_sigma, settings.range_sigma])
     layout = _layout(len(log.robots), settings)
@@ -157,7 +163,9 @@ def run_of(log: Log, settings: ReplaySettings, options: FilterOptions) -> Record
         turn_rates=mean_odometry(log, clock, ends, 2)[..., None],
         sightings=seen.values[:, None],
     )
-    return RecordedRun(clock, seen, used, setup, readings, truth, known, layout, log.has_truth)
+    return RecordedRun(
+        clock, seen, used, setup, readings, truth, known, at_samples, layout, log.has_truth
+    )
 
 
 def _start_of(truth: Array, settings: ReplaySettings, seed: int) -> Array:

@@ -194,6 +194,7 @@ def result_of(
     with np.errstate(invalid="ignore", divide="ignore"):
         nees = per_trial("nees") / samples
         late_squares = per_trial("late_squares") / np.sum(taken[steps // 2 :])
+        states_covered = covered[:, 3 * count :] / sampled
     series = statistics[0].series
     return MonteCarloResult(
         seed=seed,
@@ -201,7 +202,7 @@ def result_of(
         steps=steps,
         mean_squares=of_poses(squares),
         late_mean_squares=of_poses(late_squares),
-        final_errors=of_poses(per_trial("final")),
+        final_errors=of_poses(per_trial("final") if taken[-1] else np.nan * per_trial("final")),
         covered=of_poses(covered).sum(axis=2),
         coverage_samples=3 * sampled,
         nees=nees,
@@ -212,7 +213,7 @@ def result_of(
         branches=(_branch_of(series, count, first_trial),) if len(series) else (),
         state_squares=squares[:, 3 * count :],
         late_state_squares=late_squares[:, 3 * count :],
-        states_covered=covered[:, 3 * count :] / sampled,
+        states_covered=states_covered,
     )
 
 

@@ -107,7 +107,7 @@ def errors_spec(
     title = f"{escaped(report.name or 'Plan')}: errors over time"
     if many:
         metres, rad = (
-            _AIR * float(np.max(whole)) if half is None else half
+            _AIR * float(np.nanmax(whole)) if half is None else half
             for whole, half in zip(reaches, settled, strict=True)
         )
         names = [row.name for row in rows]
@@ -119,8 +119,9 @@ def errors_spec(
 
 def _settled(whole: Array) -> float | None:
     """Half the range of an axis that fits the second half; None if the start is hardly larger."""
-    half = _AIR * float(np.max(whole[len(whole) // 2 :]))
-    return half if 0.0 < _WORTH_CLIPPING * half < float(np.max(whole)) else None
+    # a gap may be as long as the second half
+    half = _AIR * float(np.nanmax(whole[len(whole) // 2 :], initial=0.0))
+    return half if 0.0 < _WORTH_CLIPPING * half < float(np.nanmax(whole)) else None
 
 
 def _reach(row: VehicleSeries, column: int) -> Array:
@@ -137,7 +138,7 @@ def _clipped(
 ) -> str:
     """Note on starts that leave their axes."""
     starts = [
-        (column, float(np.max(_reach(row, column))))
+        (column, float(np.nanmax(_reach(row, column))))
         for group, half in zip(groups, settled, strict=True)
         if half is not None
         for row, column in (places[k] for k in group)

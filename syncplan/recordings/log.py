@@ -116,6 +116,10 @@ def tidied(log: Log) -> Log:
     robots, counts = [], Counter[str]()
     for given in log.robots:
         robot, left_out = _tidied(given)
+        for name in ("odometry", "truth"):
+            if len(getattr(given, name)) and not len(getattr(robot, name)):
+                problem = f"no row of the {name} of {robot.name} has all its numbers"
+                raise InputError(problem, source=log.name)
         _check_times(robot, log.name)
         robots.append(robot)
         counts += left_out
@@ -143,19 +147,24 @@ def _tidied(robot: RobotLog) -> tuple[RobotLog, Counter[str]]:
 
 
 def _check_times(robot: RobotLog, source: str) -> None:
-    """Raise InputError if a robot has no odometry, or if stamps of it are equal in runs."""
-    times = robot.odometry[:, 0]
-    if not len(times):
-        raise InputError(f"{robot.name} has no odometry with numbers", source=source)
-    different = len(np.unique(times))
-    if len(times) <= EQUAL_STAMPS * different:
-        return
-    runs = f"in runs of {len(times) / different:.0f} rows" if different > 1 else "all"
-    cause = "were their digits cut off? Write all of them"
-    if not times.any():
-        cause = "were stamps left empty? --stamps received reads a bag by the times of receipt"
-    problem = f"the times of the odometry of {robot.name} are equal, {runs} ({times[0]:.10g} s)"
-    raise InputError(f"{problem}: {cause}", source=source)
+    """Raise InputError if stamps of a robot's odometry or truth are equal in runs."""
+    for name in ("odometry", "truth"):
+        rows = getattr(robot, name)
+        times = rows[:, 0]
+        different = len(np.unique(times))
+        if name == "truth" and different > 1:
+            # entries may have been recorded again and again
+            rows = np.unique(rows, axis=0)
+        if len(rows) <= EQUAL_STAMPS * different:
+            continue
+        runs = (
+            f"equal in runs of {len(rows) / different:.0f} rows" if different > 1 else "all equal"
+        )
+        cause = "were their digits cut off? Write all of them"
+        if not times.any():
+            cause = "were stamps left empty? --stamps received reads a bag by the times of receipt"
+        problem = f"the times of the {name} of {robot.name} are {runs} ({times[0]:.10g} s)"
+        raise InputError(f"{problem}: {cause}", source=source)
 
 
 # --- overview -----------------------------------------------------------------------------------

@@ -295,7 +295,7 @@ def replay_document(replayed: Replay) -> ReplayDocument:
         ]
         if found
         else _estimates_of(replayed, names),
-        coverage_3sigma=float(found.coverage.mean()) if found else None,
+        coverage_3sigma=finite_or_none(float(found.coverage.mean())) if found else None,
         anees=run_figures.spread_of(found.anees) if found else None,
         nis=run_figures.spread_of(replayed.nis),
         readings=_counts(replayed.bearings),

@@ -311,9 +311,12 @@ def state_errors(
         yield {**shown, "ratio": ratio, "coverage": covered[k]}
 
 
-def errors_of(accuracy: Accuracy, vehicle: int | tuple[()], covered: float) -> dict[str, float]:
-    """Return the fields of Errors for a vehicle; `vehicle` is () for an overall accuracy."""
-    return {
+def errors_of(accuracy: Accuracy, vehicle: int | tuple[()], covered: float) -> dict[str, Any]:
+    """Return the fields of Errors for a vehicle; `vehicle` is () for an overall accuracy.
+
+    Those of which nothing is known are None: of times at which a recording has no truth.
+    """
+    values = {
         "rms_m": float(accuracy.position[vehicle]),
         "rms_second_half_m": float(accuracy.late_position[vehicle]),
         "rms_x_m": float(accuracy.x[vehicle]),
@@ -322,6 +325,7 @@ def errors_of(accuracy: Accuracy, vehicle: int | tuple[()], covered: float) -> d
         "final_error_m": float(accuracy.final_position[vehicle]),
         "coverage_3sigma": covered,
     }
+    return {name: finite_or_none(value) for name, value in values.items()}
 
 
 def ratio_of(

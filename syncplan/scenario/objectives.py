@@ -177,7 +177,7 @@ DISTANCES = (
         unit="m",
         label="closest approach, widest meeting",
         caption="closest approach,\nwidest meeting",
-        description="The closest two vehicles come whose link has the largest such distance",
+        description="Closest approach of the linked vehicles that come the least close",
     ),
     FigureOfMerit(
         name="contact_margin",

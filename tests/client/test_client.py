@@ -277,6 +277,9 @@ def test_what_the_service_refuses_is_an_input_error_with_its_faults(
 ) -> None:
     with pytest.raises(InputError, match="v9@3:4: no vehicle is named v9"):
         client.fly(stored.id, hold=("v9@3:4",))
+    for start in (client.fly, client.validate):
+        with pytest.raises(TypeError, match=r"has no argument 'trails'; did you mean 'trials'\?"):
+            start(stored.id, trails=3)
     with pytest.raises(syncplan.InputError) as caught:
         client.refine(stored, starts=0, seeds=1)
     assert [fault.key for fault in caught.value.faults] == ["seeds", "starts"]

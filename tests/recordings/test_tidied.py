@@ -127,9 +127,9 @@ def test_targets_that_nobody_knows_are_counted_by_their_names(
 @pytest.mark.parametrize(
     ("stamped", "words"),
     [
-        (lambda time: 0.0, r"equal, all \(0 s\): were stamps left empty\? --stamps received"),
-        (lambda time: 1.248e9, r"equal, all \(1248000000 s\): were their digits cut off"),
-        (lambda time: np.floor(time), r"equal, in runs of 18 rows .*: were their digits cut off"),
+        (lambda time: 0.0, r"all equal \(0 s\): were stamps left empty\? --stamps received"),
+        (lambda time: 1.248e9, r"all equal \(1248000000 s\): were their digits cut off"),
+        (lambda time: np.floor(time), r"equal in runs of 18 rows .*: were their digits cut off"),
     ],
     ids=["zero", "rounded", "runs"],
 )
@@ -153,10 +153,41 @@ def test_a_bag_is_read_by_times_of_receipt(numbers: Path, tmp_path: Path) -> Non
     empty = write_bag(log, tmp_path / "empty" / "bag", empty_stamps=True)
     assert_same(load_log(empty, stamps="received"), load_log(stamped))
     with pytest.raises(
-        InputError, match=r"all \(0 s\): were stamps left empty\? --stamps received"
+        InputError, match=r"all equal \(0 s\): were stamps left empty\? --stamps received"
     ):
         load_log(empty)
     with pytest.raises(InputError, match="stamps: 'received' given; MRCLAM recordings have header"):
         load_log(numbers, stamps="received")
     with pytest.raises(InputError, match="stamps: 'sent' given; ROS 2 bag recordings have header"):
         load_log(stamped, stamps="sent")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", ["odometry", "truth"])
+def test_a_robot_of_which_no_row_has_its_numbers_is_named(
+    numbers: Path, tmp_path: Path, name: str
+) -> None:
+    def lacking(lines: list[str]) -> list[str]:
+        rows = [line.split(",") for line in lines]
+        of_one = [[*row[:-1], "nan"] if row[0] == "robot2" else row for row in rows]
+        return [",".join(row) for row in of_one]
+
+    with pytest.raises(InputError, match=f"no row of the {name} of robot2 has all its numbers"):
+        edited(numbers, tmp_path / "log", "csv", **{name: lacking})
+
+
+def test_equal_stamps_of_the_truth_are_refused_and_repeated_entries_are_not(
+    numbers: Path, tmp_path: Path
+) -> None:
+    def cut(lines: list[str]) -> list[str]:
+        rows = [line.split(",") for line in lines[1:]]
+        return [lines[0], *(",".join([r, "0.0", *rest]) for r, _, *rest in rows)]
+
+    with pytest.raises(InputError, match=r"the times of the truth of robot1 are all equal \(0 s\)"):
+        edited(numbers, tmp_path / "cut", "csv", truth=cut)
+    log = edited(
+        numbers,
+        tmp_path / "repeated",
+        "csv",
+        truth=lambda lines: [lines[0], *(line for line in lines[1:] for _ in range(5))],
+    )
+    assert log.has_truth
