@@ -164,17 +164,18 @@ def lists_options(*kinds: type) -> Callable[[F], F]:
     A keyword that is not in it raises TypeError, which names the nearest one that is.
     """
     listed = {
-        name: one.replace(kind=Parameter.KEYWORD_ONLY, annotation=_type_of(kind, one))
+        name: parameter.replace(kind=Parameter.KEYWORD_ONLY, annotation=_type_of(kind, parameter))
         for kind in kinds
-        for name, one in signature(kind).parameters.items()
-        # of a dataclass, those that `option` declares
+        for name, parameter in signature(kind).parameters.items()
+        # of a dataclass, those that are declared as options
         if not is_dataclass(kind) or kind.__dataclass_fields__[name].metadata
     }
 
     def decorated(function: F) -> F:
-        given = signature(function).parameters.items()
-        written = {name: one for name, one in given if one.kind != Parameter.VAR_KEYWORD}
-        shown = written | {name: one for name, one in listed.items() if name not in written}
+        written = signature(function).parameters.items()
+        own = {name: each for name, each in written if each.kind != Parameter.VAR_KEYWORD}
+        # in that order, and with its own where both have one
+        shown = {**own, **listed, **own}
 
         @wraps(function)
         def called(*positional: Any, **named: Any) -> Any:
@@ -190,6 +191,6 @@ def lists_options(*kinds: type) -> Callable[[F], F]:
     return decorated
 
 
-def _type_of(kind: type, one: Parameter) -> Any:
+def _type_of(kind: type, parameter: Parameter) -> Any:
     # that of a Pydantic model is full of its limits
-    return one.annotation if is_dataclass(kind) else Parameter.empty
+    return parameter.annotation if is_dataclass(kind) else Parameter.empty

@@ -16,7 +16,13 @@ from syncplan.placement.centers import Placement
 from syncplan.planning.judged_team import PlanVerdict
 from syncplan.planning.plan_records import FlownPlan
 from syncplan.reports.loss_report import RemainingTeam, WhatIfDocument
-from syncplan.reports.plan_report import LandmarkLink, Link, PlanDocument, PredictedStateError
+from syncplan.reports.plan_report import (
+    LandmarkLink,
+    Link,
+    PlanDocument,
+    PredictedStateError,
+    places_of,
+)
 from syncplan.reports.refinement_report import RefinementResult
 from syncplan.reports.sites_report import SitesDocument
 from syncplan.scenario.objectives import ROWS
@@ -268,8 +274,7 @@ def _vehicle_table(document: PlanDocument) -> FittedTable:
         goes=("heading", "position m", "sense", "R m", "speed m/s", "phase", "centre m"),
     )
     errors = document.predicted_rms_m.vehicles
-    circles = document.vehicles
-    places = Places([one.center_m for one in circles], [one.radius_m for one in circles])
+    places = places_of(document.vehicles)
     for vehicle in document.vehicles[:MOST_ROWS]:
         table.add_row(
             escape(vehicle.name),
@@ -324,8 +329,8 @@ def _refinement_table(result: RefinementResult) -> FittedTable:
         f"refined for {result.objective}, {len(result.starts)} starts", ("", "before", "after")
     )
     for row in ROWS:
-        figures = (getattr(one, row.key) for one in (before, after))
-        table.add_row(row.heading, *(_figure(one, row.unit) for one in figures))
+        values = (getattr(figures, row.key) for figures in (before, after))
+        table.add_row(row.heading, *(_figure(value, row.unit) for value in values))
     return table
 
 

@@ -17,13 +17,13 @@ from typing import Any, get_args
 
 from syncplan import __version__
 from syncplan.observability.sliding_windows import SEARCHED_PERIODS
-from syncplan.phrases import Places, in_words, listed, metres
+from syncplan.phrases import in_words, listed, metres
 from syncplan.planning.judged_team import Level
 from syncplan.planning.plans import Plan
 from syncplan.plotting.figure_style import DARK, FigureStyle
 from syncplan.plotting.formation_figures import formation_spec
 from syncplan.plotting.static_map import legend_entries, map_svg
-from syncplan.reports.plan_report import PlanDocument, VehicleOrbit, plan_document
+from syncplan.reports.plan_report import PlanDocument, VehicleOrbit, places_of, plan_document
 from syncplan.scenario.dotted_keys import numeric_keys
 from syncplan.scenario.specification import Scenario
 
@@ -217,7 +217,7 @@ def _facts(document: PlanDocument) -> Iterator[tuple[str, str, str]]:
         least = f"{_metres(nearest.min_m, 4)}, {'-'.join(nearest.between)}"
         yield "Least separation", least, required
     if document.scenario.landmarks:
-        words = _places_of(document.vehicles).words
+        words = places_of(document.vehicles).words
         places = [
             f"{name} ({words(place)})"
             for name, place in zip(
@@ -278,13 +278,9 @@ def _span(values: Sequence[float]) -> str:
     return least if least == most else f"{least} to {most}"
 
 
-def _places_of(rows: Sequence[VehicleOrbit]) -> Places:
-    return Places([one.center_m for one in rows], [one.radius_m for one in rows])
-
-
 def _table(rows: Sequence[VehicleOrbit], errors: dict[str, float | None]) -> str:
     head = "".join(f'<th scope="col">{one}</th>' for one in _COLUMNS)
-    body, places = "", _places_of(rows)
+    body, places = "", places_of(rows)
     for one in rows:
         error = errors.get(one.name)
         cells = (

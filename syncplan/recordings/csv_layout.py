@@ -314,7 +314,8 @@ def read_csv(folder: Path) -> Log:
             if robot not in truth:
                 problem = f"holds no rows of robot {robot!r}; add them, or remove the file"
                 raise InputError(problem, source=str(known.path))
-    notes = team.notes_on([targets.names[place] for place in targets.places.tolist()])
+    counts = np.bincount(targets.places, minlength=len(targets.names)).tolist()
+    notes = team.notes_on(dict(zip(targets.names, counts, strict=True)))
     return team.log(folder.resolve().name, read, seen, truth, notes)
 
 

@@ -335,9 +335,8 @@ class NamedTeam:
             notes=notes,
         )
 
-    def notes_on(self, targets: Iterable[str]) -> tuple[str, ...]:
-        """Return the note on targets, one for each sighting, that nobody knows; "" has no name."""
-        counts = Counter(targets)
+    def notes_on(self, counts: Mapping[str, int]) -> tuple[str, ...]:
+        """Return the note on targets that nobody knows, by their counts; "" has no name."""
         strangers = {name: counts[name] for name in counts if name and name not in self.subjects}
         if not strangers:
             return ()

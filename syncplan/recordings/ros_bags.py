@@ -15,6 +15,7 @@ compiled to code.
 """
 
 import math
+from collections import Counter
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -197,7 +198,8 @@ def read_topics(path: Path, *, stamps: str = "header") -> dict[Topic, TopicReadi
             message = store.deserialize_cdr(raw, connection.msgtype)
             taken = TOPICS[topic.kind].taken[connection.msgtype](message)
             if stamps == "received":
-                taken = [((received_ns / 1_000_000_000, *one[1:]), name) for one, name in taken]
+                time_s = received_ns / 1_000_000_000
+                taken = [((time_s, *numbers[1:]), name) for numbers, name in taken]
             found.setdefault(topic, []).extend(taken)
             left -= len(taken)
             if left < 0:
@@ -338,7 +340,10 @@ def read_bag(path: Path, *, stamps: str = "header") -> Log:
         ]
         if parts:
             seen[robot] = _merged(parts)
-    targets = [one for topic, found in topics.items() if topic.kind in SEEN for one in found.names]
+    targets = Counter[str]()
+    for topic, readings in topics.items():
+        if topic.kind in SEEN:
+            targets.update(readings.names)
     return team.log(path.resolve().name, odometry, seen, truth, team.notes_on(targets))
 
 

@@ -293,13 +293,13 @@ def _best(case: _Case, attempts: list["Attempt"], cut_short: bool, bound: BoundC
     )
     if best is None or best.after is None:
         return replace(given, refinement=record)
-    found = _better_plan(case, best)
+    better = _better_plan(case, best)
     steady = given.prediction.steady is not None
-    judged = judge(found.scenario, found.orbits, bound=bound, steady=steady)
+    judged = judge(better.scenario, better.orbits, bound=bound, steady=steady)
     record = replace(
         record,
         cleared=best.after.shortfall < before.shortfall,
-        after=found.after,
+        after=better.after,
         active=_active(best.after),
     )
     return replace(

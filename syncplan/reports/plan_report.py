@@ -20,6 +20,7 @@ from syncplan.documents import (
 from syncplan.estimation.start_up_index import StartUpIndex
 from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.orbits.circles import heading, position
+from syncplan.phrases import Places
 from syncplan.planning.judged_team import PlanVerdict
 from syncplan.planning.plan_records import FlownPlan
 from syncplan.planning.plans import Plan
@@ -44,6 +45,11 @@ class VehicleOrbit(DocumentPart):
     phase_rad: float = Field(description="Angle from +x about the centre, in [0, 2 pi)")
     position_m: Point
     heading_rad: float = Field(description="Direction of flight from +x, in [0, 2 pi)")
+
+
+def places_of(vehicles: Sequence[VehicleOrbit]) -> Places:
+    """Return the words for places of a team."""
+    return Places([each.center_m for each in vehicles], [each.radius_m for each in vehicles])
 
 
 class DirectedContact(DocumentPart):

@@ -232,7 +232,7 @@ def _gap_notes(replayed: Replay) -> list[str]:
     if not missing:
         return []
     gaps = _gaps(replayed, [robot.truth for robot in replayed.log.robots])
-    name, gap = max(gaps, key=lambda one: one[1])
+    name, gap = max(gaps, key=lambda gap: gap[1])
     return [
         f"the truth has gaps, {missing:.1f} s in all, the longest of {gap:.2f} s ({name}): errors "
         "there are not known, and figures leave them out"
