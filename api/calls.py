@@ -200,7 +200,10 @@ async def computed(caller: Caller, task: str, *arguments: Any) -> Any:
             retry_after_s=_RETRY_AFTER_S,
         ) from None
     except PoolFullError:
-        raise Unavailable("too many requests are being computed; try again") from None
+        full = "too many requests are being computed"
+        starting = "the processes that compute are starting"
+        cause = full if caller.service.pool.ready else starting
+        raise Unavailable(f"{cause}; try again") from None
     except GivenUpError:
         raise Unavailable("the service is closing; try again") from None
     except TooSlowError:

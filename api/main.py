@@ -172,7 +172,7 @@ def _begun(app: FastAPI, last_first: ExitStack) -> Service:
         ends(closing(guard))
     pool = Pool(
         app.state.share.of(settings.process_count),
-        background=False,
+        later_niceness=settings.job_niceness,
         memory_bytes=settings.task_memory,
         most_waiting=settings.max_plan_queue,
         most_of_owner=settings.max_requests,

@@ -24,6 +24,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 
+from api.computing.child import template
 from api.connections import ConnectionTable, Place
 from api.logs import configure_logs
 from api.metrics import SHARED, Metrics, forget_process
@@ -126,7 +127,7 @@ class _Supervisor:
         """End all processes, in good order if possible."""
         processes = [one.process for one in self._members if one.process is not None]
         for one in processes:
-            one.process.terminate()
+            one.process.send_signal(signal.SIGTERM)
         deadline = time.monotonic() + _GRACE_S
         while time.monotonic() < deadline and any(one.process.poll() is None for one in processes):
             time.sleep(0.02)
@@ -185,6 +186,7 @@ class _Supervisor:
 
 def serve(descriptor: int) -> None:
     """Serve until the supervisor ends this process or itself; main function of the process."""
+    template()
     # imports that the supervisor does not need
     from api.main import create_app
     from api.server import serve_until_told

@@ -1,13 +1,15 @@
-"""A pool of child processes: owners take turns, tasks can be given up, memory stays bounded.
+"""A pool of child processes: owners take turns, long work gives way, memory stays bounded.
 
     submit --> turns of owners --> a thread for each child --> the child process
                  |                                                |
               cancel: left out                        cancel: killed, and started anew
               deadline: left out                      time limit: killed, and started anew
 
-The thread that started a child outlives it, as the kernel ends a child with that thread. One more
-thread watches deadlines. It starts an extra child for an owner that waits with nothing running
-while all children are busy; the extra child serves only such owners, and ends once idle.
+One more thread watches deadlines. It starts an extra child for an owner that waits with nothing
+running while all children are busy; the extra child serves only such owners, and ends once idle.
+Where more tasks run than processes are kept, those of the owners that have computed most lately
+are paused. Where no child may be added, a task of such an owner gives way at its next step, if it
+can resume from there, and waits for another turn.
 """
 
 import logging
@@ -53,12 +55,22 @@ class PoolDepth:
 
 LARGEST_GROWTH_BYTES = 48 * 2**20
 """Memory growth of a child, not counting the libraries it loads, beyond which it is replaced."""
-PATIENCE_S = 1.0
+PATIENCE_S = 0.2
 """Wait of an owner with nothing running before an extra child starts (s)."""
+
+MOST_EXTRA = 8
+"""Most extra children: a paused one takes memory alone."""
+
+LONG_S = 1.0
+"""Time (s) from which a task yields to shorter ones, if it is to."""
+
+_REMEMBERED_S = 60.0
+"""Time (s) in which what an owner has computed is forgotten to a part 1/e."""
 
 _IDLE_S = 5.0
 _LOOK_EVERY_S = 0.1
 _PAUSE_S = 0.2
+_AGAIN_S = 1.0
 
 _KEEPS_CHILD = (GivenUpError, InputError, NoGoError, NoSolutionError, TaskFailedError)
 """Errors after which a child waits for its next task; after others it may still answer this one."""
@@ -67,13 +79,13 @@ _logger = logging.getLogger("syncplan.pool")
 
 
 class Pool:
-    """Child processes, started at once and kept; up to as many again while owners are blocked.
+    """Child processes, started at once and kept; MOST_EXTRA more while owners are blocked.
 
     Parameters
     ----------
-    size : number of processes kept
-    background : whether they prepare to run trials, or to answer requests
+    size : number of processes kept, and of tasks that compute at once
     niceness : niceness of the processes, from 0 to 19
+    later_niceness : niceness from the time on when a task has computed for LONG_S
     memory_bytes : most memory of a process before OutOfMemoryError; no limit if None
     most_waiting : tasks that may wait before PoolFullError; no limit if None
     most_of_owner : tasks of one owner that may wait or run before OwnerBusyError; no limit if None
@@ -83,15 +95,15 @@ class Pool:
         self,
         size: int,
         *,
-        background: bool,
         niceness: int = 0,
+        later_niceness: int = 0,
         memory_bytes: int | None = None,
         most_waiting: int | None = None,
         most_of_owner: int | None = None,
     ) -> None:
         self.size = size
-        self._background = background
         self._niceness = niceness
+        self._later_niceness = later_niceness
         self._memory_bytes = memory_bytes
         self._most_waiting = math.inf if most_waiting is None else most_waiting
         self._most_of_owner = math.inf if most_of_owner is None else most_of_owner
@@ -99,6 +111,8 @@ class Pool:
         self._running: set[Ticket] = set()
         self._starting: set[Child] = set()
         self._idle_since: dict[str, float] = {}
+        # s, computed lately
+        self._spent: dict[str, float] = {}
         self._extra = 0
         self._children = 0
         self.ready = False
@@ -137,6 +151,7 @@ class Pool:
         deadline_s: float | None = None,
         retries: int = 1,
         progress: Progress | None = None,
+        resumes: bool = False,
     ) -> Ticket:
         """Submit a task; raises PoolFullError, OwnerBusyError.
 
@@ -144,6 +159,7 @@ class Pool:
         is killed, and it fails with TooSlowError. `deadline_s` limits how long it waits and runs:
         it fails with PoolFullError if it mostly waited, else with TooSlowError. A task whose
         process is killed is tried again `retries` times. `progress` is called from another thread.
+        One that `resumes` from the searches that it has reported may fail with GaveWayError.
         """
         now = time.monotonic()
         deadline = math.inf if deadline_s is None else now + deadline_s
@@ -155,6 +171,7 @@ class Pool:
             deadline,
             retries,
             progress,
+            resumes,
             now,
             self._give_up,
             self._interrupt,
@@ -235,12 +252,13 @@ class Pool:
 
     def _watch(self) -> None:
         """Give up tasks past their deadlines, and help blocked owners."""
+        now = time.monotonic()
         while True:
             with self._clock:
                 self._clock.wait(None if self._is_idle() else _LOOK_EVERY_S)
                 if self._closed:
                     return
-                now = time.monotonic()
+                before, now = now, time.monotonic()
                 late = [one for one in self._turns if one.deadline <= now]
                 for ticket in late:
                     self._turns.remove(ticket.owner, ticket)
@@ -248,8 +266,12 @@ class Pool:
                     self._kill_if_due(ticket, now)
                     if ticket.deadline <= now:
                         late.append(ticket)
+                self._share(now - before)
                 if self._blocks(now):
-                    self._start_extra(now)
+                    if self._extra < MOST_EXTRA:
+                        self._start_extra(now)
+                    else:
+                        self._ask_to_give_way()
             for ticket in late:
                 ticket.settle(ticket.late())
 
@@ -257,11 +279,31 @@ class Pool:
         return not self._turns and not self._running
 
     def _blocks(self, now: float) -> bool:
-        """Whether an owner with nothing running has waited too long, and a child may be added."""
-        if len(self._running) < self.size + self._extra or self._extra >= self.size:
+        """Whether an owner with nothing running has waited too long while all children are busy."""
+        if len(self._running) < self.size + self._extra:
             return False
         first = [(self._turns.first_of(one).submitted, one) for one in self._turns.idle_owners()]
         return any(now - max(at, self._idle_since.get(one, 0.0)) > PATIENCE_S for at, one in first)
+
+    def _share(self, elapsed: float) -> None:
+        """Let as many tasks compute as processes are kept: of the owners that have spent least."""
+        kept = math.exp(-elapsed / _REMEMBERED_S)
+        self._spent = {owner: kept * s for owner, s in self._spent.items() if s > elapsed}
+        for ticket in self._running:
+            spent = ticket.count(elapsed)
+            self._spent[ticket.owner] = self._spent.get(ticket.owner, 0.0) + spent
+        turns = sorted(self._running, key=lambda one: (self._spent[one.owner], one.submitted))
+        for turn, ticket in enumerate(turns):
+            if ticket.child is not None:
+                ticket.child.pause(turn >= self.size)
+                if self._later_niceness > self._niceness and ticket.ran_s > LONG_S:
+                    ticket.child.give_way(self._later_niceness)
+
+    def _ask_to_give_way(self) -> None:
+        """Ask the task of the owner that has spent most, of those that resume, unless one is."""
+        able = [ticket for ticket in self._running if ticket.resumes]
+        if able and not any(ticket.gives_way for ticket in able):
+            max(able, key=lambda ticket: self._spent.get(ticket.owner, 0.0)).gives_way = True
 
     def _start_extra(self, now: float) -> None:
         thread = threading.Thread(target=self._serve_extra, daemon=True, name="child-extra")
@@ -269,8 +311,7 @@ class Pool:
             thread.start()
         except RuntimeError as error:
             _logger.error("no thread could be started: %s", error)
-            # try again once they have waited as long again
-            self._idle_since.update(dict.fromkeys(self._turns.idle_owners(), now))
+            self._idle_since.update(dict.fromkeys(self._turns.idle_owners(), now + _AGAIN_S))
             return
         self._extra += 1
         self._threads.append(thread)
@@ -295,7 +336,7 @@ class Pool:
                     self._turns.done(ticket.owner)
                     self._idle_since[ticket.owner] = time.monotonic()
                     self._work.notify_all()
-            if child is not None and child.growth > LARGEST_GROWTH_BYTES:
+            if child is not None and (child.yielded or child.growth > LARGEST_GROWTH_BYTES):
                 child.end()
                 child = None
             child = child or self._started()
@@ -323,7 +364,6 @@ class Pool:
             return None
         try:
             child = Child(
-                background=self._background,
                 niceness=self._niceness,
                 memory_bytes=self._memory_bytes,
             )
@@ -376,11 +416,12 @@ class Pool:
             limit = ticket.allowed(ticket.began)
         try:
             value = child.call(
-                ticket.task, *ticket.arguments, timeout_s=limit, progress=ticket.progress
+                ticket.task, *ticket.arguments, timeout_s=limit, progress=ticket.report
             )
         except Exception as error:
             return error, None
         finally:
             with self._work:
                 ticket.child, ticket.ended = None, time.monotonic()
+                child.pause(False)
         return None, value

@@ -6,7 +6,7 @@ child keeps the set-up of the job it served last.
 
 import json
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
@@ -174,18 +174,13 @@ def _trial_task(spec: JobSpec) -> TrialTask[Any, Any]:
     return task
 
 
-def warm_up(trials: bool) -> None:
-    """Load what the first task would otherwise wait for: the filter or the figures."""
-    made = plan(scenario_from(_SMALL))
-    as_plan_text(made)
-    if trials:
-        run_part(trial_run(made, trials=1, duration=1.0), 0, 1, threads=1)
-    else:
-        ready()
-
-
-def warm_up_searches() -> None:
-    """Load what the first search of phases would otherwise wait for."""
+def load() -> Iterator[None]:
+    """Load what tasks would otherwise wait for: most of it first, then what searches need."""
+    small = plan(scenario_from(_SMALL))
+    as_plan_text(small)
+    run_part(trial_run(small, trials=1, duration=1.0), 0, 1, threads=1)
+    ready()
+    yield
     plan(scenario_from(_ODD_CYCLE), pilot=False)
 
 

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
 from api.computing.child import Child, TooSlowError
-from api.job_kinds.job_kind import Progress
+from api.job_kinds.job_kind import FinishedSearch, Progress, Shown
 
 # --- tasks ----------------------------------------------------------------------------------------
 
@@ -42,6 +42,10 @@ class PoolFullError(Exception):
     """Too many tasks are waiting already, or this one waited too long for its turn."""
 
 
+class GaveWayError(Exception):
+    """The task was ended after a step that it resumes from: others wait for its process."""
+
+
 class OwnerBusyError(PoolFullError):
     """The owner has as many tasks waiting and running as one owner may have."""
 
@@ -58,9 +62,12 @@ class Ticket:
     timeout_s : longest time it may run (s); None for no limit
     deadline : monotonic time by which there must be an answer, waiting included; or infinite
     retries : number of further tries after its process was killed
+    resumes : whether it goes on, submitted again, from the searches that it has reported
     give_up, interrupted : functions that `cancel` and `interrupt` call
     submitted, began, ended : monotonic times; `began` when a process that was ready got it
     killed_at : monotonic time at which its process is killed; infinite unless it was given up
+    paused_s : time for which its process was paused (s)
+    gives_way : whether it is to end at its next finished search
     """
 
     task: str
@@ -70,6 +77,7 @@ class Ticket:
     deadline: float
     retries: int
     progress: Progress | None
+    resumes: bool
     submitted: float
     give_up: Callable[["Ticket", bool], None]
     interrupted: Callable[["Ticket"], None]
@@ -78,13 +86,32 @@ class Ticket:
     began: float | None = None
     ended: float | None = None
     killed_at: float = math.inf
+    paused_s: float = 0.0
+    gives_way: bool = False
 
     @property
     def ran_s(self) -> float:
-        """Time that a process has spent on it (s); 0 before it begins."""
+        """Time that a process has spent on it (s), pauses left out; 0 before it begins."""
         if self.began is None:
             return 0.0
-        return (time.monotonic() if self.ended is None else self.ended) - self.began
+        until = time.monotonic() if self.ended is None else self.ended
+        return max(until - self.began - self.paused_s, 0.0)
+
+    def count(self, elapsed: float) -> float:
+        """Return how much of the time elapsed (s) it computed; the rest counts as paused."""
+        if self.child is None:
+            return 0.0
+        if self.child.paused:
+            self.paused_s += elapsed
+            return 0.0
+        return elapsed
+
+    def report(self, progress: int | Shown | FinishedSearch) -> None:
+        """Pass progress to the caller; raises GaveWayError once it is to give way and can."""
+        if self.progress is not None:
+            self.progress(progress)
+        if self.gives_way and isinstance(progress, FinishedSearch):
+            raise GaveWayError
 
     def settle(self, error: Exception | None, value: Any = None) -> None:
         """Pass the outcome to the caller, unless it has one or no longer waits."""
@@ -114,7 +141,8 @@ class Ticket:
 
     def late(self) -> Exception:
         """Return the error of a task past its deadline, by whether it mostly waited or ran."""
-        if self.began is None or self.began - self.submitted > self.deadline - self.began:
+        waited_s = math.inf if self.began is None else self.began - self.submitted + self.paused_s
+        if waited_s > self.ran_s:
             return PoolFullError()
         return TooSlowError()
 

@@ -26,7 +26,7 @@ from api.computing.child import (
     TooSlowError,
 )
 from api.computing.pool import Pool
-from api.computing.turns import GivenUpError, PoolFullError, Ticket
+from api.computing.turns import GaveWayError, GivenUpError, PoolFullError, Ticket
 from api.job_kinds.job_kind import EarlierWork, FinishedSearch, Shown, TrialTask
 from api.job_kinds.job_table import JOB_KINDS
 from api.jobs.job_counts import JobCounts
@@ -305,6 +305,9 @@ async def _tried(part: Part) -> Any:
             raise _internal(f"{part.name} was begun {MOST_ATTEMPTS} times and never finished")
         try:
             return await _tried_once(part, history)
+        except GaveWayError:
+            # it has finished a search at least, and takes its next turn
+            await _withdraw(part)
         except ChildNotStartedError as error:
             # not the part's fault
             _logger.error("%s of job %s waits: %s", part.name, part.job_id, error)
@@ -355,12 +358,13 @@ async def _tried_once(part: Part, history: PartHistory) -> Any:
             # the part itself counts the children that die
             retries=0,
             progress=watched.take,
+            resumes=part.resumes,
         )
         try:
             value = await asyncio.wrap_future(watched.ticket.future)
             outcome = "done"
             return value
-        except GivenUpError:
+        except (GivenUpError, GaveWayError):
             outcome = "given-up"
             raise
         except ChildGoneError:

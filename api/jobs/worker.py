@@ -49,7 +49,6 @@ class Worker:
         size = settings.process_count
         self.pool = Pool(
             size,
-            background=True,
             niceness=settings.job_niceness,
             memory_bytes=settings.task_memory,
         )

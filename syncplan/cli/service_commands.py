@@ -46,10 +46,8 @@ def _serve(
 ) -> NoReturn:
     """Serve plans, refinements and validations over HTTP; settings from SYNCPLAN_* variables."""
     _require_extra()
-    from api.logs import configure_logs
-    from api.security import refuse_exposure
+    from api.computing.child import template
     from api.settings import load_settings
-    from api.storage.database import open_database
 
     settings = load_settings(
         host=host,
@@ -58,6 +56,13 @@ def _serve(
         embedded_worker=embedded_worker,
         http_processes=http_processes,
     )
+    if settings.http_processes == 1:
+        # loads what computes while this process loads what serves
+        template()
+    from api.logs import configure_logs
+    from api.security import refuse_exposure
+    from api.storage.database import open_database
+
     refuse_exposure(settings)
     configure_logs(settings.log_level)
     # a fault of the database is reported in one line here, but with a trace by uvicorn
@@ -119,12 +124,15 @@ def _worker(
 ) -> NoReturn:
     """Work on the jobs of a service, beside it or on another machine, until it is stopped."""
     _require_extra()
-    from api.logs import configure_logs
-    from api.security import refuse_exposure
+    from api.computing.child import template
     from api.settings import load_settings
-    from api.storage.database import open_database
 
     settings = load_settings(worker_host=host, worker_port=port)
+    template()
+    from api.logs import configure_logs
+    from api.security import refuse_exposure
+    from api.storage.database import open_database
+
     refuse_exposure(settings, worker=True)
     configure_logs(settings.log_level)
     database = open_database(settings.database)

@@ -17,6 +17,7 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from multiprocessing.connection import Connection, Pipe
+from typing import Protocol
 
 from syncplan.runtime.machine import defer_garbage
 
@@ -43,8 +44,35 @@ CHILD_VARIABLES = {
 """Variables that children get instead of their parent's."""
 
 
+class RunningProcess(Protocol):
+    """What is used of a process: methods of subprocess.Popen."""
+
+    @property
+    def pid(self) -> int:
+        """Number of the process."""
+        ...
+
+    def poll(self) -> int | None:
+        """Return the exit status; None while the process runs."""
+        ...
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Return the exit status once the process has ended; raises TimeoutExpired."""
+        ...
+
+    def send_signal(self, number: int, /) -> None:
+        """Send a signal, unless the process has ended."""
+        ...
+
+    def kill(self) -> None:
+        """End the process at once."""
+        ...
+
+
 class ChildProcess:
     """Running child process; `connection` carries picklable messages both ways.
+
+    It runs a new interpreter; syncplan.runtime.template_process forks processes instead.
 
     Parameters
     ----------
@@ -69,7 +97,7 @@ class ChildProcess:
             parent=os.getpid(),
         )
         with theirs:
-            self.process = subprocess.Popen(
+            self.process: RunningProcess = subprocess.Popen(
                 [sys.executable, "-P", "-c", code],
                 stdin=subprocess.DEVNULL,
                 stdout=errors,
@@ -84,13 +112,15 @@ class ChildProcess:
         lines = self._errors.read().decode(errors="replace").strip().splitlines()
         return lines[-1] if lines else f"exit status {self.process.poll()}"
 
+    def wait_until_begun(self) -> None:
+        """Wait until the process is there; raises EOFError if it never will be."""
+
     def end(self) -> None:
         """Close the connection, which ends the process, and wait for its end."""
         if self.connection.closed:
             return
         # closing alone does nothing while another thread waits for a message
-        with contextlib.suppress(OSError), socket.socket(fileno=os.dup(self._descriptor)) as both:
-            both.shutdown(socket.SHUT_RDWR)
+        shut_down(self._descriptor)
         self.connection.close()
         try:
             self.process.wait(timeout=_GRACE_S)
@@ -106,6 +136,12 @@ class ChildProcess:
             self.process.wait()
 
 
+def shut_down(descriptor: int) -> None:
+    """Shut a connection down: whoever waits for a message at either end is at its end."""
+    with contextlib.suppress(OSError), socket.socket(fileno=os.dup(descriptor)) as both:
+        both.shutdown(socket.SHUT_RDWR)
+
+
 def _environment() -> dict[str, str]:
     return {name: value for name, value in os.environ.items() if not _WITHHELD.match(name)}
 
@@ -117,8 +153,13 @@ def connect_to_parent(descriptor: int) -> Connection:
 
 
 def begin(parent: int) -> None:
-    """Defer garbage, and have the kernel end this process with its parent's thread, if it can."""
+    """Defer garbage, and end with the parent, if the kernel can."""
     defer_garbage()
+    end_with(parent)
+
+
+def end_with(parent: int) -> None:
+    """Have the kernel end this process with its parent's thread, if it can."""
     if not sys.platform.startswith("linux"):
         return
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)

@@ -56,8 +56,7 @@ class Hollow(Child):
     def __init__(self, **_: object) -> None:
         self.begun.append(self)
         self.growth = 0
-        self.killed = False
-        self.pid = 0
+        self.killed = self.paused = self.yielded = False
         self._killed = threading.Event()
 
     def wait_until_ready(self) -> None:
@@ -69,6 +68,10 @@ class Hollow(Child):
             self._killed.wait()
             raise ChildGoneError
         return task
+
+    def pause(self, paused: bool) -> None:
+        """Note whether the child is paused."""
+        self.paused = paused
 
     def kill(self) -> None:
         """End the task at work."""

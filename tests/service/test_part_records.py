@@ -60,7 +60,7 @@ def test_a_database_that_is_away_adds_nothing_to_what_a_part_took(database: Data
     with database.writing() as connection:
         job_id = begun(connection)
         part_records.begin_part(connection, job_id, BEGINNING, VERSION)
-    with contextlib.closing(Pool(1, background=False)) as pool:
+    with contextlib.closing(Pool(1)) as pool:
         ticket = pool.submit("ready")
         ticket.future.result()
     assert ticket.ended is not None

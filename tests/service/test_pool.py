@@ -29,6 +29,7 @@ from api.jobs.workflows import batches_of
 from api.service import limits_of
 from api.settings import load_settings
 from syncplan.estimation.trials import CHUNK_TRIALS
+from syncplan.runtime.child_processes import ChildProcess
 from tests.service.conftest import Hollow
 from tests.tools.processes import PATIENCE_S, command, family, wait_until
 from tests.tools.scenarios import FILES, shared_circles
@@ -52,7 +53,7 @@ SHORT = ("made_plan", GRID, "yaml", LIMITS, False)
 @contextlib.contextmanager
 def own_pool(**options: Any) -> Iterator[Pool]:
     """A pool of one process for a test alone."""
-    made = Pool(1, **{"background": True, **options})
+    made = Pool(1, **options)
     try:
         yield made
     finally:
@@ -85,32 +86,41 @@ def begun(ticket: Ticket) -> bool:
 
 def processes_of(parent: int) -> list[int]:
     """Processes of the pools of a process."""
-    return [one for one in family(parent)[1:] if "api.computing.child" in command(one)]
+    _template, *forked = (one for one in family(parent)[1:] if "template_process" in command(one))
+    return forked
 
 
 def test_a_child_yields_as_far_as_it_is_asked_to(pool: Pool) -> None:
+    # also one that replaces a child forked before all was loaded
+    for _ in range(2):
+        pool.call("ready")
     niceness = {os.getpriority(os.PRIO_PROCESS, one) for one in processes_of(os.getpid())}
     assert os.nice(0) + 7 in niceness
 
 
-def test_a_child_inherits_no_secret_and_no_file_but_its_pipe(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_child_inherits_no_secret(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("SYNCPLAN_DATA_DIR", "PGPASSFILE", "OTEL_EXPORTER", "AWS_SECRET_ACCESS_KEY"):
         monkeypatch.setenv(name, "not-for-children")
-    with (tmp_path / "kept").open("w") as kept:
-        os.set_inheritable(kept.fileno(), True)
-        child = Child(background=False)
-        process = Path(f"/proc/{child.pid}")
-        # its program has begun, and opens and closes nothing while it is looked at
-        wait_until(lambda: bool((process / "environ").read_bytes()))
-        os.kill(child.pid, signal.SIGSTOP)
-        wait_until(lambda: ") T " in (process / "stat").read_text())
-        files = [os.readlink(one) for one in (process / "fd").iterdir()]
-        environment = (process / "environ").read_text()
-        child.end()
+    # as templates are started
+    child = ChildProcess("syncplan.runtime.template_process", "serve_forks")
+    process = Path(f"/proc/{child.process.pid}")
+    # its program has begun
+    wait_until(lambda: bool((process / "environ").read_bytes()))
+    environment = (process / "environ").read_text()
+    child.kill()
+    child.end()
     assert "not-for-children" not in environment
     assert f"\0PATH={os.environ['PATH']}\0" in f"\0{environment}\0"
+
+
+def test_a_child_inherits_no_file_but_its_pipe(tmp_path: Path) -> None:
+    with (tmp_path / "kept").open("w") as kept:
+        os.set_inheritable(kept.fileno(), True)
+        child = Child()
+        child.wait_until_ready()
+        folder = Path(f"/proc/{child.pid}/fd")
+        files = [os.readlink(one) for one in folder.iterdir()]
+        child.end()
     assert kept.name not in files
     assert sum(one.startswith("socket:") for one in files) == 1
 
@@ -175,7 +185,7 @@ def test_a_task_that_is_asked_to_end_ends_by_itself() -> None:
                 complaints.append((str(error), self.killed))
                 raise
 
-    child = Watched(background=True)
+    child = Watched()
     child.wait_until_ready()
     with pytest.raises(TooSlowError):
         child.call(*LONG, timeout_s=0.5)
@@ -187,7 +197,7 @@ def test_a_task_that_is_asked_to_end_ends_by_itself() -> None:
 
 def test_a_task_that_needs_more_memory_than_it_may_use_fails_for_that_reason() -> None:
     crowd = json.dumps(shared_circles(8)).encode()
-    with own_pool(background=False, memory_bytes=2**29) as pool:
+    with own_pool(memory_bytes=2**29) as pool:
         with pytest.raises(OutOfMemoryError):
             pool.call("made_plan", crowd, "json", LIMITS, False)
         assert pool.call(*SHORT) == MADE
@@ -202,11 +212,14 @@ def test_a_child_stays_though_tasks_load_libraries() -> None:
         "sensor": {"range_m": 50.0},
     }
     body = json.dumps(triangle).encode()
-    with own_pool(background=False) as pool:
+    with own_pool() as pool:
+        # one that was forked before all was loaded is replaced after its first task
         pool.call(*SHORT)
+        pool.call(*SHORT)
+        before = pool.depth().started
         for _ in range(2):
             pool.call("made_plan", body, "json", LIMITS, False)
-        assert pool.depth().started == 1
+        assert pool.depth().started == before
 
 
 # --- queues and deadlines, of children without processes ------------------------------------------

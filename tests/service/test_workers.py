@@ -108,7 +108,7 @@ def test_a_service_whose_processes_are_starting_is_not_ready(
 ) -> None:
     loaded = threading.Event()
     monkeypatch.setattr(Hollow, "wait_until_ready", lambda _: loaded.wait())
-    pool = Pool(1, background=False)
+    pool = Pool(1)
     service = Mock(pool=pool, heartbeat=None)
     service.settings.dead_after_s = 1.0
     with contextlib.closing(pool):

@@ -1,0 +1,224 @@
+"""A process that has loaded what others need: they are forked from it and share its memory.
+
+    TemplateProcess.fork --- descriptors ---> the template process --- fork ---> ForkedProcess
+           ^                                                                          |
+           +------------------------------- messages ---------------------------------+
+
+The template has one thread, so that no fork copies a lock that another thread holds. The kernel
+ends it with the process that uses it, and its children with it. Children are held by descriptors,
+not by numbers, which the kernel uses again. Where there are no such descriptors (they came with
+Linux 5.3), each process loads everything by itself.
+"""
+
+import contextlib
+import logging
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import traceback
+import weakref
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from multiprocessing.connection import Connection, Pipe, wait
+from typing import NoReturn
+
+from syncplan.runtime.child_processes import (
+    ChildProcess,
+    connect_to_parent,
+    end_with,
+    shut_down,
+)
+from syncplan.runtime.machine import keep_loaded
+
+FORKS = sys.platform.startswith("linux") and hasattr(os, "pidfd_open")
+"""Whether processes are forked from a template on this system."""
+
+_PAUSE_S = 0.5
+
+_logger = logging.getLogger("syncplan.template")
+
+
+class TemplateProcess:
+    """Template process, started anew if it ends, for as long as this process runs.
+
+    Parameters
+    ----------
+    module : module that it imports
+    load : function of the module; a generator that loads everything in stages
+    serve : function of the module that children call with their descriptor, and with whether all
+        stages were loaded
+    """
+
+    def __init__(self, module: str, load: str, serve: str) -> None:
+        self._names = module, load, serve
+        # open for as long as this process runs: requests wait while the template is started anew
+        self._requests, self._served = socket.socketpair()
+        if FORKS:
+            # the kernel ends a process with the thread that started it
+            threading.Thread(target=self._keep, daemon=True, name="template").start()
+
+    def fork(self) -> ChildProcess:
+        """Return a process that calls `serve`, forked at the end of the stage being loaded."""
+        if not FORKS:
+            child = ChildProcess(__name__, "serve_alone")
+            child.connection.send(self._names)
+            return child
+        return ForkedProcess(self._requests)
+
+    def _keep(self) -> None:
+        while True:
+            try:
+                process = ChildProcess(__name__, "serve_forks", keep=[self._served.fileno()])
+                process.connection.send((self._served.fileno(), *self._names))
+                with contextlib.suppress(EOFError):
+                    process.connection.recv()
+                process.end()
+            except OSError as error:
+                _logger.error("the template process could not be started: %s", error)
+            else:
+                _logger.error("the template process ended and is started anew")
+            time.sleep(_PAUSE_S)
+
+
+class ForkedProcess(ChildProcess):
+    """Process forked from a template, which waits for requests at the other end of a socket.
+
+    It is the leader of a process group with the processes that it starts. There is no exit status:
+    the template is its parent.
+    """
+
+    def __init__(self, requests: socket.socket) -> None:
+        self.connection, theirs = Pipe()
+        self._descriptor = self.connection.fileno()
+        self._errors = tempfile.TemporaryFile()  # noqa: SIM115
+        self.process: _Forked = _Forked(self._descriptor)
+        with theirs:
+            socket.send_fds(requests, [b"f"], [theirs.fileno(), self._errors.fileno()])
+
+    def wait_until_begun(self) -> None:
+        """Wait until the process is there; raises EOFError if it never will be."""
+        self.process.hold(self.connection.recv())
+
+
+class _Forked:
+    """A forked process, held by a descriptor of it, with the methods of subprocess.Popen."""
+
+    def __init__(self, connection_at: int) -> None:
+        self.pid = 0
+        self._connection_at = connection_at
+
+    def hold(self, pid: int) -> None:
+        """Hold the process of this number."""
+        self._descriptor = os.pidfd_open(pid)
+        weakref.finalize(self, os.close, self._descriptor)
+        self.pid = pid
+
+    def poll(self) -> int | None:
+        """Return -1 once the process has ended; None while it runs."""
+        return None if self.pid and not wait([self._descriptor], 0.0) else -1
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Return -1 once the process has ended; raises TimeoutExpired."""
+        if self.pid and not wait([self._descriptor], timeout):
+            raise subprocess.TimeoutExpired("a forked process", timeout or 0.0)
+        return -1
+
+    def send_signal(self, number: int, /) -> None:
+        """Send a signal to the process and those that it has started."""
+        if self.poll() is None:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(self.pid, number)
+
+    def kill(self) -> None:
+        """End the process at once, or as soon as it is forked."""
+        if self.pid:
+            self.send_signal(signal.SIGKILL)
+        else:
+            shut_down(self._connection_at)
+
+
+# --- in the template, and in what is forked from it -----------------------------------------------
+
+
+def serve_forks(descriptor: int) -> None:
+    """Load all stages and fork on request, then and between them; main function of the template."""
+    connection = connect_to_parent(descriptor)
+    requests_at, module, load, serve = connection.recv()
+    library = import_module(module)
+    template = _Template(
+        socket.socket(fileno=requests_at), connection, getattr(library, serve), os.getpid()
+    )
+    # the kernel forgets children that have ended
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+    for _ in getattr(library, load)():
+        keep_loaded()
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                template.fork(complete=False)
+    keep_loaded()
+    while True:
+        template.fork(complete=True)
+
+
+@dataclass(frozen=True, slots=True)
+class _Template:
+    """Socket of requests, connection to the parent, main function of children, own number."""
+
+    requests: socket.socket
+    connection: Connection
+    serve: Callable[[int, bool], None]
+    pid: int
+
+    def fork(self, *, complete: bool) -> None:
+        """Fork a process for the next request.
+
+        Raises BlockingIOError if there is none and not all stages are loaded.
+        """
+        # Python 3.11 leaves out the flags that recv_fds is given
+        self.requests.setblocking(complete)
+        _, descriptors, *_ = socket.recv_fds(self.requests, 1, 2)
+        try:
+            forked = os.fork() == 0
+        except OSError as error:
+            # the parent sees the end of the connection
+            print(error, file=sys.stderr, flush=True)
+            forked = False
+        if forked:
+            self._begin(*descriptors, complete=complete)
+        for at in descriptors:
+            os.close(at)
+
+    def _begin(self, connection_at: int, errors_at: int, *, complete: bool) -> NoReturn:
+        status = 1
+        try:
+            self.requests.close()
+            self.connection.close()
+            os.setpgid(0, 0)
+            signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+            for at in (1, 2):
+                os.dup2(errors_at, at)
+            os.close(errors_at)
+            end_with(self.pid)
+            Connection(os.dup(connection_at)).send(os.getpid())
+            self.serve(connection_at, complete)
+            status = 0
+        except BaseException:
+            traceback.print_exc()
+        finally:
+            sys.stderr.flush()
+            os._exit(status)
+
+
+def serve_alone(descriptor: int) -> None:
+    """Load all stages, then serve: main function where nothing is forked."""
+    module, load, serve = Connection(os.dup(descriptor)).recv()
+    library = import_module(module)
+    for _ in getattr(library, load)():
+        pass
+    getattr(library, serve)(descriptor, True)
