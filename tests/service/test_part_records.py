@@ -11,6 +11,7 @@ from sqlalchemy import Connection, func, select
 
 from api.computing import child
 from api.computing.pool import Pool
+from api.computing.turns import GaveWayError
 from api.following import events_after
 from api.job_kinds.job_kind import Batch, JobReport
 from api.jobs import parts
@@ -92,11 +93,32 @@ def test_a_part_that_can_not_be_computed_fails_its_job_with_the_reason(
     title: str,
     said: str,
 ) -> None:
-    future: Future[None] = Future()
-    future.set_exception(error)
-    pool = Mock()
-    pool.submit.return_value = Mock(future=future, ran_s=0.0)
     monkeypatch.setattr(parts, "_PAUSE_S", 0.0)
+    pool = pool_of(*[error] * tries)
+    result, ended = computed(database, monkeypatch, pool)
+    assert result is None
+    assert (ended.state, pool.submit.call_count) == ("failed", tries)
+    reported = json.loads(str(ended.error))
+    assert (reported["title"], said in reported["detail"]) == (title, True), reported
+
+
+def pool_of(*outcomes: object) -> Mock:
+    """A pool of which each task comes to the next of these outcomes."""
+    tickets = []
+    for outcome in outcomes:
+        future: Future[object] = Future()
+        if isinstance(outcome, Exception):
+            future.set_exception(outcome)
+        else:
+            future.set_result(outcome)
+        tickets.append(Mock(future=future, ran_s=0.0))
+    return Mock(submit=Mock(side_effect=tickets))
+
+
+def computed(
+    database: Database, monkeypatch: pytest.MonkeyPatch, pool: Mock
+) -> tuple[object, job_records.JobRow]:
+    """The result of a part that a pool computes, and its job afterwards."""
     settings = load_settings(task_memory_bytes=600 * 2**20, job_task_s=2.0)
     watch = parts.PartWatch(database, VERSION)
     runtime = parts.Runtime(settings, database, Mock(), pool, Mock(), watch)
@@ -105,14 +127,22 @@ def test_a_part_that_can_not_be_computed_fails_its_job_with_the_reason(
         job_id = begun(connection)
         job = job_records.begun_job(connection, job_id, VERSION)
     assert job is not None
+    part = parts.Part(job, BEGINNING, "it", "ready", resumes=True)
     with contextlib.closing(watch):
-        assert asyncio.run(parts.computed(parts.Part(job, BEGINNING, "it", "ready"))) is None
+        result = asyncio.run(parts.computed(part))
     with database.reading() as connection:
-        ended = job_records.find_job(connection, "ann", job_id)
-    assert ended is not None
-    assert (ended.state, pool.submit.call_count) == ("failed", tries)
-    reported = json.loads(str(ended.error))
-    assert (reported["title"], said in reported["detail"]) == (title, True), reported
+        row = job_records.find_job(connection, "ann", job_id)
+    assert row is not None
+    return result, row
+
+
+def test_a_part_that_gives_way_often_is_computed_all_the_same(
+    database: Database, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(parts, "MOST_ATTEMPTS", 5)
+    pool = pool_of(*[GaveWayError()] * 20, "result")
+    assert computed(database, monkeypatch, pool)[0] == "result"
+    assert all(call.kwargs["resumes"] for call in pool.submit.call_args_list)
 
 
 def test_parts_that_are_no_batches_are_not_among_them(connection: Connection) -> None:

@@ -7,6 +7,7 @@ import signal
 import threading
 import time
 from collections.abc import Iterator
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -23,15 +24,15 @@ from api.computing.child import (
 )
 from api.computing.pool import Pool
 from api.computing.tasks import made_plan
-from api.computing.turns import GivenUpError, OwnerBusyError, PoolFullError, Ticket
-from api.job_kinds.job_kind import Batch, JobSpec
+from api.computing.turns import GaveWayError, GivenUpError, OwnerBusyError, PoolFullError, Ticket
+from api.job_kinds.job_kind import Batch, FinishedSearch, JobSpec, Progress
 from api.jobs.workflows import batches_of
 from api.service import limits_of
 from api.settings import load_settings
 from syncplan.estimation.trials import CHUNK_TRIALS
 from syncplan.runtime.child_processes import ChildProcess
 from tests.service.conftest import Hollow
-from tests.tools.processes import PATIENCE_S, command, family, wait_until
+from tests.tools.processes import PATIENCE_S, alive, command, family, wait_until
 from tests.tools.scenarios import FILES, shared_circles
 
 LIMITS = limits_of(load_settings())
@@ -222,6 +223,27 @@ def test_a_child_stays_though_tasks_load_libraries() -> None:
         assert pool.depth().started == before
 
 
+@pytest.mark.long
+def test_tasks_beyond_the_processes_kept_are_paused_and_long_ones_yield() -> None:
+    with own_pool(later_niceness=5) as pool:
+        tickets = [pool.submit(*LONG, owner=owner) for owner in ("ann", "bob")]
+        wait_until(lambda: all(begun(ticket) for ticket in tickets))
+        children = [ticket.child.pid for ticket in tickets if ticket.child is not None]
+        for child in children:
+            wait_until(partial(stopped, child), every_s=0.01)
+        wait_until(lambda: {os.getpriority(os.PRIO_PROCESS, child) for child in children} == {5})
+        for ticket in tickets:
+            ticket.cancel()
+        wait_until(lambda: not any(alive(child) for child in children))
+        pool.call("ready")
+        assert os.getpriority(os.PRIO_PROCESS, processes_of(os.getpid())[-1]) == 0
+
+
+def stopped(process: int) -> bool:
+    """Whether a process is stopped by a signal."""
+    return ") T " in Path(f"/proc/{process}/stat").read_text()
+
+
 # --- queues and deadlines, of children without processes ------------------------------------------
 
 
@@ -374,6 +396,47 @@ def test_long_tasks_of_one_owner_never_block_another(
     assert not begun(long[1])
     # the extra process ends once it is idle
     wait_until(lambda: narrow.depth().processes == 1)
+
+
+def test_owners_who_have_computed_most_are_paused_in_turn(narrow: Pool) -> None:
+    began = time.monotonic()
+    first, second = held(narrow, "ann"), held(narrow, "bob")
+
+    def computes(ticket: Ticket, other: Ticket) -> bool:
+        assert ticket.child is not None
+        assert other.child is not None
+        return other.child.paused and not ticket.child.paused
+
+    # ann has computed for longer
+    wait_until(lambda: computes(second, first), every_s=0.01)
+    wait_until(lambda: computes(first, second), every_s=0.01)
+    wait_until(lambda: computes(second, first), every_s=0.01)
+    # pauses do not count
+    assert first.ran_s + second.ran_s < time.monotonic() - began + 0.5
+    first.cancel()
+    wait_until(lambda: second.child is not None and not second.child.paused)
+
+
+def test_where_no_child_may_be_added_work_that_resumes_gives_way(
+    narrow: Pool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("api.computing.pool.MOST_EXTRA", 0)
+    searches: list[FinishedSearch] = []
+
+    def call(self: Hollow, task: str, *_: Any, progress: Progress, **__: Any) -> str:
+        while task == "search" and not self.killed:
+            searches.append(FinishedSearch(len(searches), b""))
+            progress(searches[-1])
+            time.sleep(0.05)
+        return task
+
+    monkeypatch.setattr(Hollow, "call", call)
+    ticket = narrow.submit("search", owner="ann", resumes=True)
+    wait_until(lambda: begun(ticket))
+    assert end_of(narrow.submit("short", owner="bob")) == "short"
+    with pytest.raises(GaveWayError):
+        end_of(ticket)
+    assert searches
 
 
 def test_a_full_queue_makes_room_for_an_owner_with_less_in_it(narrow: Pool) -> None:
