@@ -27,11 +27,7 @@ from api.job_kinds.job_kind import FinishedSearch, Progress, Shown
 
 
 LEAST_RUN_S = 2.0
-"""Time (s) that a task may run before its process is killed, once nobody waits for it.
-
-It is about the time (s) that a new process takes to start, so that impatient clients cost at most
-as much in new processes as they were given in computing.
-"""
+"""Time (s) that a task may run before its process is killed, once nobody waits for it."""
 
 
 class GivenUpError(Exception):
