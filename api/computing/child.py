@@ -116,9 +116,10 @@ class Child:
 
     def give_way(self, niceness: int) -> None:
         """Raise the niceness of the process, for good, to so much above that of this process."""
-        self.yielded = True
-        with contextlib.suppress(OSError):
-            os.setpriority(os.PRIO_PGRP, self.pid, min(os.nice(0) + niceness, 19))
+        if not self.yielded:
+            self.yielded = True
+            with contextlib.suppress(OSError):
+                os.setpriority(os.PRIO_PGRP, self.pid, min(os.nice(0) + niceness, 19))
 
     def kill(self) -> None:
         """Kill the process without waiting for its end; a call under way raises ChildGoneError."""

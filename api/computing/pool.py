@@ -67,6 +67,7 @@ LONG_S = 1.0
 _REMEMBERED_S = 60.0
 """Time (s) in which what an owner has computed is forgotten to a part 1/e."""
 
+_FORGOTTEN_S = 0.01
 _IDLE_S = 5.0
 _LOOK_EVERY_S = 0.1
 _PAUSE_S = 0.2
@@ -266,7 +267,7 @@ class Pool:
                     self._kill_if_due(ticket, now)
                     if ticket.deadline <= now:
                         late.append(ticket)
-                self._share(now - before)
+                self._share(now, now - before)
                 if self._blocks(now):
                     if self._extra < MOST_EXTRA:
                         self._start_extra(now)
@@ -285,19 +286,26 @@ class Pool:
         first = [(self._turns.first_of(one).submitted, one) for one in self._turns.idle_owners()]
         return any(now - max(at, self._idle_since.get(one, 0.0)) > PATIENCE_S for at, one in first)
 
-    def _share(self, elapsed: float) -> None:
+    def _share(self, now: float, elapsed: float) -> None:
         """Let as many tasks compute as processes are kept: of the owners that have spent least."""
         kept = math.exp(-elapsed / _REMEMBERED_S)
-        self._spent = {owner: kept * s for owner, s in self._spent.items() if s > elapsed}
+        self._spent = {owner: kept * s for owner, s in self._spent.items() if s > _FORGOTTEN_S}
         for ticket in self._running:
-            spent = ticket.count(elapsed)
-            self._spent[ticket.owner] = self._spent.get(ticket.owner, 0.0) + spent
+            if ticket.child is not None and ticket.child.paused:
+                ticket.paused_s += min(elapsed, now - (ticket.began or now))
+            self._count(ticket)
         turns = sorted(self._running, key=lambda one: (self._spent[one.owner], one.submitted))
         for turn, ticket in enumerate(turns):
             if ticket.child is not None:
                 ticket.child.pause(turn >= self.size)
                 if self._later_niceness > self._niceness and ticket.ran_s > LONG_S:
                     ticket.child.give_way(self._later_niceness)
+
+    def _count(self, ticket: Ticket) -> None:
+        """Add what a task has computed since it was last counted to what its owner has spent."""
+        spent = self._spent.get(ticket.owner, 0.0)
+        self._spent[ticket.owner] = spent + ticket.ran_s - ticket.counted_s
+        ticket.counted_s = ticket.ran_s
 
     def _ask_to_give_way(self) -> None:
         """Ask the task of the owner that has spent most, of those that resume, unless one is."""
@@ -333,6 +341,7 @@ class Pool:
             finally:
                 with self._work:
                     self._running.discard(ticket)
+                    self._count(ticket)
                     self._turns.done(ticket.owner)
                     self._idle_since[ticket.owner] = time.monotonic()
                     self._work.notify_all()

@@ -62,7 +62,7 @@ class Ticket:
     give_up, interrupted : functions that `cancel` and `interrupt` call
     submitted, began, ended : monotonic times; `began` when a process that was ready got it
     killed_at : monotonic time at which its process is killed; infinite unless it was given up
-    paused_s : time for which its process was paused (s)
+    paused_s, counted_s : time for which its process was paused, and computing time counted (s)
     gives_way : whether it is to end at its next finished search
     """
 
@@ -83,6 +83,7 @@ class Ticket:
     ended: float | None = None
     killed_at: float = math.inf
     paused_s: float = 0.0
+    counted_s: float = 0.0
     gives_way: bool = False
 
     @property
@@ -92,15 +93,6 @@ class Ticket:
             return 0.0
         until = time.monotonic() if self.ended is None else self.ended
         return max(until - self.began - self.paused_s, 0.0)
-
-    def count(self, elapsed: float) -> float:
-        """Return how much of the time elapsed (s) it computed; the rest counts as paused."""
-        if self.child is None:
-            return 0.0
-        if self.child.paused:
-            self.paused_s += elapsed
-            return 0.0
-        return elapsed
 
     def report(self, progress: int | Shown | FinishedSearch) -> None:
         """Pass progress to the caller; raises GaveWayError once it is to give way and can."""

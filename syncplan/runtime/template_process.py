@@ -36,7 +36,15 @@ from syncplan.runtime.child_processes import (
 )
 from syncplan.runtime.machine import keep_loaded
 
-FORKS = sys.platform.startswith("linux") and hasattr(os, "pidfd_open")
+
+def _has_descriptors() -> bool:
+    with contextlib.suppress(AttributeError, OSError):
+        os.close(os.pidfd_open(os.getpid()))
+        return True
+    return False
+
+
+FORKS = _has_descriptors()
 """Whether processes are forked from a template on this system."""
 
 _PAUSE_S = 0.5
@@ -154,8 +162,9 @@ def serve_forks(descriptor: int) -> None:
     template = _Template(
         socket.socket(fileno=requests_at), connection, getattr(library, serve), os.getpid()
     )
-    # the kernel forgets children that have ended
-    signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+    # the kernel forgets children that have ended; a signal to all of a service is its server's
+    for number in (signal.SIGCHLD, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
     for _ in getattr(library, load)():
         keep_loaded()
         with contextlib.suppress(BlockingIOError):
@@ -200,7 +209,8 @@ class _Template:
             self.requests.close()
             self.connection.close()
             os.setpgid(0, 0)
-            signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+            for number in (signal.SIGCHLD, signal.SIGTERM):
+                signal.signal(number, signal.SIG_DFL)
             for at in (1, 2):
                 os.dup2(errors_at, at)
             os.close(errors_at)
