@@ -1,8 +1,8 @@
 """Database: connections, transactions, the file of SQLite, waiting out an outage.
 
 SQLite keeps two files beside an open database. They are gone once the last process that used it has
-ended in good order, and on a full disk they can't be made, even to read. A small reserve is kept
-beside its file for them.
+ended in good order, and on a full disk they can't be made, even to read. Nor can anything be
+deleted there: a deletion is written to the log first. A reserve is kept beside its file for both.
 
 The check that the database can be written to leaves nothing in it: a transaction writes as much as
 a plan takes and is rolled back. PostgreSQL makes room in its files for that. SQLite would keep the
@@ -43,20 +43,19 @@ from syncplan.errors import InputError
 # --- a reserve on the disk ------------------------------------------------------------------------
 
 
-_RESERVE_BYTES = 2**17
+_RESERVES_BYTES = [6 * 2**20 >> halvings for halvings in range(6)]
+"""Sizes of a reserve: the first holds the log of SQLite, the last what opening a file takes."""
 
 
 def keep_reserve(database: Path) -> None:
-    """Reserve disk space for a database, if there is any and none is reserved yet."""
-    reserve = _reserve_of(database)
+    """Reserve disk space for a database, the largest reserve that there is room for."""
     with contextlib.suppress(OSError):
-        opened = os.open(reserve, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600)
-        try:
-            os.posix_fallocate(opened, 0, _RESERVE_BYTES)
-        except OSError:
-            reserve.unlink()
-        finally:
-            os.close(opened)
+        opened = os.open(_reserve_of(database), os.O_CREAT | os.O_WRONLY, 0o600)
+        for size in _RESERVES_BYTES:
+            with contextlib.suppress(OSError):
+                os.posix_fallocate(opened, 0, size)
+                break
+        os.close(opened)
 
 
 def release_reserve(database: Path) -> bool:
@@ -197,6 +196,7 @@ class Database:
     def __init__(self, engine: Engine) -> None:
         self.engine = engine
         self.is_sqlite = engine.dialect.name == "sqlite"
+        self._file = Path(engine.url.database or "")
         self._write_check = WriteCheck(engine)
 
     def reading(self) -> Connection:
@@ -216,6 +216,33 @@ class Database:
             if unavailable(error):
                 self._write_check.failed(error)
             raise
+
+    def freeing(self, delete: Callable[[Connection], R]) -> R:
+        """Return the result of a transaction that deletes; a full disk does not prevent it.
+
+        On SQLite, it then runs in the room of the reserve, and the log is emptied to make room for
+        the next one.
+        """
+        try:
+            with self.writing() as connection:
+                return delete(connection)
+        except DBAPIError as error:
+            if not (self.is_sqlite and error.connection_invalidated):
+                raise
+        try:
+            with self.writing() as connection:
+                # nobody takes the reserve back while this transaction holds its lock
+                release_reserve(self._file)
+                # overwriting what is deleted would take as much room; closed after this
+                connection.detach()
+                connection.exec_driver_sql("PRAGMA secure_delete = OFF")
+                return delete(connection)
+        finally:
+            with contextlib.suppress(DBAPIError):
+                with self.reading() as connection:
+                    connection.exec_driver_sql("PRAGMA wal_checkpoint(TRUNCATE)")
+                with self.writing():
+                    keep_reserve(self._file)
 
     def autocommitting(self) -> Connection:
         """Return a connection for the caller to close; each statement is its own transaction."""
