@@ -328,10 +328,17 @@ async def answer_once(
         known = await run_in_threadpool(_known, call)
         if known is not None:
             return _response(known)
-    value = await compute()
-    if together and call.key is None:
-        return _response(await call.service.writer.write(lambda open_: store(open_, value)))
-    return _response(await run_in_threadpool(_stored, call, value, store))
+    try:
+        value = await compute()
+        if together and call.key is None:
+            return _response(await call.service.writer.write(lambda open_: store(open_, value)))
+        return _response(await run_in_threadpool(_stored, call, value, store))
+    except (AnswerTakenError, ServiceError):
+        # what refuses this request may be the effect of an equal one
+        known = None if call.key is None else await run_in_threadpool(_known, call)
+        if known is None:
+            raise
+        return _response(known)
 
 
 def _known(call: Call) -> Answer | None:
@@ -346,16 +353,11 @@ def _known(call: Call) -> Answer | None:
 
 
 def _stored(call: Call, value: T, store: Callable[[Connection, T], Answer]) -> Answer:
-    try:
-        with call.service.database.writing() as connection:
-            answer = store(connection, value)
-            if call.key is not None:
-                keep_answer(connection, call.owner, call.key, answer)
-            return answer
-    except AnswerTakenError:
-        known = _known(call)
-        assert known is not None
-        return known
+    with call.service.database.writing() as connection:
+        answer = store(connection, value)
+        if call.key is not None:
+            keep_answer(connection, call.owner, call.key, answer)
+        return answer
 
 
 def _response(answer: Answer) -> Response:

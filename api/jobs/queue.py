@@ -32,7 +32,9 @@ from syncplan import __version__
 # --- rows -----------------------------------------------------------------------------------------
 
 
-# DefaultSerializer and deserialize_value are not public: `refuse_pickles` checks that they work
+# not public, both watched by tests/attacks/test_store_pickles.py (pickles_are_refused):
+# DefaultSerializer reads pickles, and no setting of DBOS keeps it from rows that name it;
+# deserialize_value reads rows, and shows at each start that the replacement is in use
 
 JSON_ROWS: Serializer = DBOSPortableJSONSerializer()
 """Serializer of rows."""
@@ -182,7 +184,8 @@ class JobQueue:
 
     def promote(self, version: str, timestamp: int) -> None:
         """Make a version the newest, dated by a timestamp in ms."""
-        # unlike `set_latest_application_version`, this does not read the machine's clock
+        # not public: `set_latest_application_version` reads the machine's clock, which may be
+        # behind, and test_the_newest_version_that_lives_begins_jobs would fail
         self.client._sys_db.update_application_version_timestamp(version, timestamp)
 
     def close(self) -> None:

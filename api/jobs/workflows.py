@@ -35,7 +35,7 @@ from api.storage import job_records, part_records
 from api.storage.holdings import add_plan
 from api.storage.job_records import BegunJob
 from api.storage.part_records import BEGINNING, CONCLUSION
-from api.storage.tables import moment, new_id
+from api.storage.tables import next_id, plans
 from syncplan.estimation.trials import CHUNK_TRIALS
 
 SHORTEST_S = 1.0
@@ -178,7 +178,7 @@ async def _succeed(job: BegunJob, result: PlanText | JobReport | None) -> None:
     def keep(connection: Connection) -> bool:
         if isinstance(result, JobReport):
             return job_records.end_job(connection, job_id, "succeeded", report=result)
-        plan_id = new_id(moment(connection))
+        plan_id, _ = next_id(connection, plans, job.owner)
         if not job_records.end_job(connection, job_id, "succeeded", plan_id=plan_id):
             return False
         add_plan(connection, job.owner, result, plan_id=plan_id, parent_id=job.plan_id)

@@ -1,6 +1,7 @@
 """Routes that submit, read, follow, cancel and delete jobs, and return their results."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Header, Query, Request, Response
@@ -127,9 +128,7 @@ def read_job(row: Owned) -> Job:
 )
 def remove_job(row: Owned, service: CurrentService) -> None:
     """Delete a job that has ended, with its report and its events; a plan that it made stays."""
-    with service.database.writing() as connection:
-        gone = job_records.delete_job(connection, row.id)
-    if not gone:
+    if not service.database.freeing(partial(job_records.delete_job, job_id=row.id)):
         raise Conflict(f"the job is {row.state}; cancel it first, or wait for its end")
 
 

@@ -10,11 +10,16 @@ from urllib.parse import urlencode
 
 from fastapi import APIRouter, Depends, Header, Path, Query, Request, Response
 from sqlalchemy import Connection, Row
-from starlette.concurrency import run_in_threadpool
 
 from api.calls import CurrentCall, accepts, answer_once, computed
 from api.documents import PlanText
-from api.problems import NotFound, PreconditionFailed, StorageFull, problem_responses
+from api.problems import (
+    NotFound,
+    PreconditionFailed,
+    ServiceError,
+    StorageFull,
+    problem_responses,
+)
 from api.responses import PlanPage, PlanSummary, StoredPlan
 from api.security import CurrentOwner
 from api.service import CurrentService, Service, service_of
@@ -25,6 +30,7 @@ from api.storage.holdings import (
     add_plan,
     body_of,
     delete_plan,
+    find_plans,
     has_room,
     list_plans,
     rename_plan,
@@ -65,8 +71,9 @@ Identifier = Annotated[
 OnPaper = Annotated[
     bool, Query(description="Leave out the flights: the verdict rests on paper alone")
 ]
+_TAG_LENGTH = 64
 _TAGS = "Entity tags as ETag gave them, separated by commas, or *"
-_IfMatch = Annotated[str | None, Header(alias="If-Match", description=_TAGS)]
+_IfMatch = Annotated[str, Header(alias="If-Match", description=_TAGS)]
 
 
 @router.post(
@@ -140,7 +147,7 @@ async def read_plan(
     """The plan, byte for byte as it was made; nothing but its name changes."""
     row = await find_or_refuse(service_of(request), owner, plan_id)
     headers = {"etag": f'"{row.etag}"', "cache-control": "private, no-cache"}
-    if if_none_match is not None and _names(if_none_match, row.etag):
+    if if_none_match is not None and _tags(if_none_match) & {"*", row.etag}:
         return Response(status_code=304, headers=headers)
     return Response(body_of(row), headers=headers, media_type="application/json")
 
@@ -152,25 +159,23 @@ async def read_plan(
     summary="Rename a plan",
     responses=problem_responses(401, 404, 406, 412, 413, 415, 422, 429, 503, 507),
 )
-async def change_plan(
-    plan_id: Identifier, call: CurrentCall, if_match: _IfMatch = None
-) -> Response:
+async def change_plan(plan_id: Identifier, call: CurrentCall, if_match: _IfMatch = "*") -> Response:
     """Give the plan's scenario another name; the plan's tag changes with it.
 
     Earlier jobs about it, and plans refined from it before, keep the old name.
     """
 
     async def compute() -> tuple[str, str]:
-        row = await _find_matching(call.service, call.owner, plan_id, if_match)
+        row = await find_or_refuse(call.service, call.owner, plan_id)
         renamed: tuple[str, str] = await computed(
             call, "renamed_plan", call.body, call.syntax, row.text
         )
         return renamed
 
     def store(connection: Connection, renamed: tuple[str, str]) -> Answer:
-        row = rename_plan(connection, call.owner, plan_id, *renamed)
+        row = rename_plan(connection, call.owner, plan_id, _tags(if_match), *renamed)
         if row is None:
-            raise _no_plan(plan_id)
+            raise _mismatch(connection, call.owner, plan_id, if_match)
         return Answer(call.digest, 200, {"etag": f'"{row.etag}"'}, body_of(row))
 
     return await answer_once(call, compute, store)
@@ -183,20 +188,19 @@ async def change_plan(
     summary="Delete a plan",
     responses=problem_responses(401, 404, 406, 412, 422, 503, 507),
 )
-async def remove_plan(
+def remove_plan(
     plan_id: Identifier,
     service: CurrentService,
     owner: CurrentOwner,
-    if_match: _IfMatch = None,
+    if_match: _IfMatch = "*",
 ) -> None:
     """Delete a plan; jobs about it, and plans refined from it, stay."""
-    await _find_matching(service, owner, plan_id, if_match)
-    await run_in_threadpool(_delete, service, owner, plan_id)
 
+    def remove(connection: Connection) -> None:
+        if not delete_plan(connection, owner, plan_id, _tags(if_match)):
+            raise _mismatch(connection, owner, plan_id, if_match)
 
-def _delete(service: Service, owner: str, plan_id: str) -> None:
-    with service.database.writing() as connection:
-        delete_plan(connection, owner, plan_id)
+    service.database.freeing(remove)
 
 
 async def find_or_refuse(service: Service, owner: str, plan_id: str) -> PlanRow:
@@ -207,21 +211,20 @@ async def find_or_refuse(service: Service, owner: str, plan_id: str) -> PlanRow:
     return row
 
 
-async def _find_matching(
-    service: Service, owner: str, plan_id: str, if_match: str | None
-) -> PlanRow:
-    """Return an owner's plan; raises NotFound, and PreconditionFailed for another tag than its."""
-    row = await find_or_refuse(service, owner, plan_id)
-    if if_match is not None and not _names(if_match, row.etag):
-        raise PreconditionFailed(f"the plan's tag is {row.etag}, not {if_match}")
-    return row
+def _mismatch(connection: Connection, owner: str, plan_id: str, if_match: str) -> ServiceError:
+    """Problem of a change that met no plan: it is gone, or has another tag."""
+    row = find_plans(connection, [(owner, plan_id)])[0]
+    if row is None:
+        return _no_plan(plan_id)
+    return PreconditionFailed(f"the plan's tag is {row.etag}, not {if_match}")
 
 
 def _no_plan(plan_id: str) -> NotFound:
     return NotFound(f"there is no plan {plan_id}")
 
 
-def _names(condition: str, etag: str) -> bool:
-    """Whether a condition, "*" or a list of tags, names this tag."""
+def _tags(condition: str) -> set[str]:
+    """Tags that a condition names, as far as a plan can have them; "*" stands for any."""
     tags = {tag.strip().removeprefix("W/").strip('"') for tag in condition.split(",")}
-    return bool(tags & {"*", etag})
+    # a header has room for thousands of others, which a statement would hold up writers with
+    return {tag for tag in tags if tag == "*" or len(tag) == _TAG_LENGTH}

@@ -154,10 +154,12 @@ def remove_recording(
 ) -> None:
     """Delete a recording unless an unfinished job is about it; reports of its replays stay."""
     find_recording_or_refuse(service, owner, recording_id)
-    with service.database.writing() as connection:
+
+    def remove(connection: Connection) -> bool:
         hold_owner(connection, owner)
-        gone = holdings.delete_recording(connection, owner, recording_id)
-    if not gone:
+        return holdings.delete_recording(connection, owner, recording_id)
+
+    if not service.database.freeing(remove):
         raise Conflict("a job about the recording has not ended; wait for it, or cancel it")
 
 

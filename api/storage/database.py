@@ -1,8 +1,8 @@
 """Database: connections, transactions, the file of SQLite, waiting out an outage.
 
 SQLite keeps two files beside an open database. They are gone once the last process that used it has
-ended in good order, and on a full disk they can't be made, even to read. A small reserve is kept
-beside its file for them.
+ended in good order, and on a full disk they can't be made, even to read. Nor can anything be
+deleted there: a deletion is written to the log first. A reserve is kept beside its file for both.
 
 The check that the database can be written to leaves nothing in it: a transaction writes as much as
 a plan takes and is rolled back. PostgreSQL makes room in its files for that. SQLite would keep the
@@ -13,6 +13,7 @@ that on SQLite a check takes a tenth of a millisecond.
 
 import contextlib
 import logging
+import math
 import os
 import secrets
 import sqlite3
@@ -21,6 +22,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from shutil import disk_usage
 from typing import Any, ParamSpec, TypeVar
 
 from sqlalchemy import (
@@ -43,20 +45,25 @@ from syncplan.errors import InputError
 # --- a reserve on the disk ------------------------------------------------------------------------
 
 
-_RESERVE_BYTES = 2**17
+_RESERVE_BYTES = 6 * 2**20
+"""For what SQLite's log may hold when the disk gets full, and for a deletion."""
+_LEAST_RESERVE_BYTES = 2**17
+"""For opening the file."""
+_LOG_BYTES = 2**21
+_LOG_PAGES = 2**8
+"""Length of SQLite's log at which it is written to the file."""
 
 
-def keep_reserve(database: Path) -> None:
-    """Reserve disk space for a database, if there is any and none is reserved yet."""
-    reserve = _reserve_of(database)
+def keep_reserve(database: Path, spared: int = _LOG_BYTES) -> None:
+    """Reserve disk space for a database, as far as there is more than is spared for its log."""
     with contextlib.suppress(OSError):
-        opened = os.open(reserve, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600)
-        try:
-            os.posix_fallocate(opened, 0, _RESERVE_BYTES)
-        except OSError:
-            reserve.unlink()
-        finally:
-            os.close(opened)
+        opened = os.open(_reserve_of(database), os.O_CREAT | os.O_WRONLY, 0o600)
+        room = disk_usage(database.parent).free - spared
+        for size in (min(_RESERVE_BYTES, room), _LEAST_RESERVE_BYTES):
+            with contextlib.suppress(OSError):
+                os.posix_fallocate(opened, 0, size)
+                break
+        os.close(opened)
 
 
 def release_reserve(database: Path) -> bool:
@@ -197,6 +204,7 @@ class Database:
     def __init__(self, engine: Engine) -> None:
         self.engine = engine
         self.is_sqlite = engine.dialect.name == "sqlite"
+        self._file = Path(engine.url.database or "")
         self._write_check = WriteCheck(engine)
 
     def reading(self) -> Connection:
@@ -216,6 +224,36 @@ class Database:
             if unavailable(error):
                 self._write_check.failed(error)
             raise
+
+    def freeing(self, delete: Callable[[Connection], R]) -> R:
+        """Return the result of a transaction that deletes; a full disk does not prevent it.
+
+        On SQLite, it then runs in the room of the reserve. The log is emptied, and may grow again
+        by as much as is free inside the file.
+        """
+        if not self.is_sqlite or disk_usage(self._file.parent).free > _LOG_BYTES:
+            try:
+                with self.writing() as connection:
+                    return delete(connection)
+            except DBAPIError as error:
+                if not (self.is_sqlite and error.connection_invalidated):
+                    raise
+        try:
+            with self.writing() as connection:
+                # nobody takes the reserve back while this transaction holds its lock
+                release_reserve(self._file)
+                # overwriting what is deleted would take as much room; closed after this
+                connection.detach()
+                connection.exec_driver_sql("PRAGMA secure_delete = OFF")
+                return delete(connection)
+        finally:
+            spared = 0
+            with contextlib.suppress(DBAPIError), self.reading() as connection:
+                connection.exec_driver_sql("PRAGMA wal_checkpoint(TRUNCATE)")
+                free = "SELECT * FROM pragma_freelist_count, pragma_page_size"
+                spared = math.prod(connection.exec_driver_sql(free).one())
+            with contextlib.suppress(DBAPIError), self.writing():
+                keep_reserve(self._file, min(_LOG_BYTES, spared))
 
     def autocommitting(self) -> Connection:
         """Return a connection for the caller to close; each statement is its own transaction."""
@@ -310,6 +348,7 @@ def _engine(url: str, sqlite: bool) -> Engine:
         connection.isolation_level = None
         connection.execute("PRAGMA journal_mode=WAL")
         connection.execute("PRAGMA synchronous=FULL")
+        connection.execute(f"PRAGMA wal_autocheckpoint={_LOG_PAGES}")
         connection.execute("PRAGMA foreign_keys=ON")
 
     return engine

@@ -6,11 +6,12 @@ request that is repeated with its Idempotency-Key gets the earlier answer.
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from sqlalchemy import (
+    ColumnElement,
     Connection,
     Exists,
     Row,
@@ -28,7 +29,7 @@ from sqlalchemy import (
 from sqlalchemy.exc import IntegrityError
 
 from api.documents import PackedRecording, PlanText
-from api.storage.tables import NOW, answers, jobs, moment, new_id, newest, plans, recordings
+from api.storage.tables import NOW, answers, jobs, newest, next_id, plans, recordings
 from syncplan.reports.job_contract import UNFINISHED
 
 # --- plans ----------------------------------------------------------------------------------------
@@ -71,9 +72,9 @@ def add_plan(
     parent_id: str | None = None,
 ) -> PlanRow:
     """Store a plan, under a new identifier if none is given, and return it."""
-    created_at = moment(connection)
+    following, created_at = next_id(connection, plans, owner)
     row = PlanRow(
-        id=plan_id or new_id(created_at),
+        id=plan_id or following,
         parent_id=parent_id,
         created_at=created_at,
         etag=_etag(made.text),
@@ -103,19 +104,28 @@ def list_plans(
 
 
 def rename_plan(
-    connection: Connection, owner: str, plan_id: str, name: str, text: str
+    connection: Connection, owner: str, plan_id: str, tags: Collection[str], name: str, text: str
 ) -> PlanRow | None:
-    """Store an owner's plan under another name and return it; None if it is gone."""
-    mine = update(plans).where(plans.c.id == plan_id, plans.c.owner == owner)
+    """Store an owner's plan with one of these tags under another name and return it.
+
+    Returns None if it is gone or has another tag.
+    """
+    mine = update(plans).where(_tagged(owner, plan_id, tags))
     shown = (plans.c[one] for one in PlanRow.__dataclass_fields__)
     values = {"name": name, "text": text, "etag": _etag(text)}
     found = connection.execute(mine.values(values).returning(*shown)).first()
     return None if found is None else PlanRow(*found)
 
 
-def delete_plan(connection: Connection, owner: str, plan_id: str) -> None:
-    """Delete an owner's plan, if it is there."""
-    connection.execute(delete(plans).where(plans.c.id == plan_id, plans.c.owner == owner))
+def delete_plan(connection: Connection, owner: str, plan_id: str, tags: Collection[str]) -> bool:
+    """Delete an owner's plan if it has one of these tags; return whether it was there."""
+    return bool(connection.execute(delete(plans).where(_tagged(owner, plan_id, tags))).rowcount)
+
+
+def _tagged(owner: str, plan_id: str, tags: Collection[str]) -> ColumnElement[bool]:
+    """Condition of an owner's plan that has one of these tags; any tag if they contain "*"."""
+    mine = (plans.c.id == plan_id) & (plans.c.owner == owner)
+    return mine if "*" in tags else mine & plans.c.etag.in_(tags)
 
 
 def has_room(connection: Connection, owner: str, most: int) -> bool:
@@ -162,8 +172,8 @@ _SHOWN = tuple(recordings.c[name] for name in RecordingRow.__dataclass_fields__)
 
 def add_recording(connection: Connection, owner: str, packed: PackedRecording) -> RecordingRow:
     """Store a recording and return it."""
-    created_at = moment(connection)
-    row = RecordingRow(new_id(created_at), created_at, len(packed.data), packed.overview)
+    following = next_id(connection, recordings, owner)
+    row = RecordingRow(*following, len(packed.data), packed.overview)
     values = {**asdict(row), "owner": owner, "data": packed.data}
     connection.execute(insert(recordings).values(values))
     return row

@@ -21,9 +21,8 @@ from api.storage.tables import (
     job_results,
     job_starts,
     jobs,
-    moment,
-    new_id,
     newest,
+    next_id,
     recordings,
 )
 from syncplan.reports.job_contract import UNFINISHED, EndState, JobKindName, JobState
@@ -76,8 +75,7 @@ _THERE = jobs.c.deleted == 0
 
 def add_job(connection: Connection, owner: str, new: NewJob) -> JobRow:
     """Enter a job as queued and return it."""
-    created_at = moment(connection)
-    job_id = new_id(created_at)
+    job_id, created_at = next_id(connection, jobs, owner)
     connection.execute(
         insert(jobs).values(
             **asdict(new),

@@ -26,6 +26,7 @@ from sqlalchemy import (
     String,
     Table,
     Text,
+    func,
     select,
 )
 from sqlalchemy.ext.compiler import compiles
@@ -87,10 +88,26 @@ def newest(
     return connection.execute(query).all()
 
 
-def new_id(time: str) -> str:
-    """Return an identifier that sorts by time: a UUID of version 7 (RFC 9562, section 5.7)."""
+def next_id(connection: Connection, table: Table, owner: str) -> tuple[str, str]:
+    """Return an identifier that follows all of an owner's in a table, and the current time.
+
+    After a clock was set back, identifiers run ahead of it, so that a new row is the newest.
+    """
+    last = select(func.max(table.c.id)).where(table.c.owner == owner)
+    time, newest_id = connection.execute(select(NOW, last.scalar_subquery())).one()
+    return new_id(time, after=newest_id), time
+
+
+def new_id(time: str, after: str | None = None) -> str:
+    """Return an identifier that sorts by time: a UUID of version 7 (RFC 9562, section 5.7).
+
+    It sorts after another one if that is given, as if made a millisecond later where it must.
+    """
     since = datetime.fromisoformat(time) - datetime(1970, 1, 1, tzinfo=UTC)
-    value = (since // timedelta(milliseconds=1)) << 80 | secrets.randbits(80)
+    stamp = since // timedelta(milliseconds=1)
+    if after is not None:
+        stamp = max(stamp, (UUID(after).int >> 80) + 1)
+    value = stamp << 80 | secrets.randbits(80)
     value = value & ~(0xF << 76) | 0x7 << 76
     value = value & ~(0x3 << 62) | 0x2 << 62
     return str(UUID(int=value))

@@ -1,4 +1,7 @@
-"""A full disk: readiness says what storing says, what is stored is read, also after a restart."""
+"""A full disk: readiness says what storing says, what is stored is read, also after a restart.
+
+What fills it can be deleted.
+"""
 
 import contextlib
 import time
@@ -12,6 +15,8 @@ from tests.tools.api_servers import problem
 from tests.tools.busy_children import busy
 from tests.tools.full_disk import fill, no_room, small_disk
 from tests.tools.processes import wait_until
+from tests.tools.record_examples import RECORDED
+from tests.tools.recordings import zipped
 from tests.tools.scenarios import document
 from tests.tools.serving import Postgres, free_port, own_postgres
 from tests.tools.survival import Site, quick, refinement, validation
@@ -104,6 +109,30 @@ def test_a_restart_on_a_full_disk_serves_what_is_stored(tmp_path: Path) -> None:
         see_only_reads_served(site, plan_id, 507)
         ballast.unlink()
         see_all_served(site)
+
+
+def test_what_is_stored_on_a_full_disk_can_be_deleted(tmp_path: Path) -> None:
+    with small_disk() as disk, quick(tmp_path, SYNCPLAN_DATA_DIR=str(disk / "data")) as site:
+        site.serve()
+        plan_ids = [site.hand_in_plan("pair") for _ in range(10)]
+        job_id = site.hand_in(validation(10, 0))
+        site.wait_for(job_id, "succeeded")
+        archive = zipped({f"hall/{name}": text.encode() for name, text in RECORDED.items()})
+        zipped_type = {"content-type": "application/zip"}
+        kept = site.ask("POST", "/v1/recordings", content=archive, headers=zipped_type)
+        ballast = fill(disk)
+        see_only_reads_served(site, plan_ids[0], 507)
+        stored = [f"/v1/plans/{plan_id}" for plan_id in plan_ids]
+        for path in (kept.headers["location"], f"/v1/jobs/{job_id}", *stored):
+            assert site.ask("DELETE", path).status_code == 204, path
+            problem(site.ask("GET", path), 404)
+        # there is room for as much again
+        wait_until(
+            lambda: site.ask("POST", "/v1/plans", json=document()).status_code == 201,
+            otherwise=site.logs,
+        )
+        ballast.unlink()
+        site.wait_for(site.hand_in(validation(10, 0)), "succeeded")
 
 
 @pytest.mark.parametrize("kind", ["sqlite", "postgresql"])

@@ -165,7 +165,7 @@ def test_a_plan_that_another_process_deletes_is_gone_at_once(
     row = added(database, "ann")
     assert asyncio.run(reader.find("ann", row.id)) == row
     with other.writing() as connection:
-        delete_plan(connection, "ann", row.id)
+        delete_plan(connection, "ann", row.id, ["*"])
     assert asyncio.run(reader.find("ann", row.id)) is None
 
 

@@ -1,19 +1,33 @@
 """What the service keeps: plans as their bytes, jobs that end once, events without gaps."""
 
+import contextlib
 import json
+import os
 import re
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
 
 import pytest
-from sqlalchemy import Connection, create_engine, event, insert, select, update
+from sqlalchemy import (
+    Connection,
+    Table,
+    create_engine,
+    delete,
+    event,
+    insert,
+    literal,
+    select,
+    update,
+)
 from sqlalchemy.exc import IntegrityError, OperationalError
 
-from api.documents import PlanText
+from api.documents import PackedRecording, PlanText
 from api.following import MOST_EVENTS, events_after
 from api.job_kinds.job_kind import Batch, JobReport
 from api.storage import executors, holdings, job_records, part_records, tables
@@ -28,8 +42,10 @@ from api.storage.database import (
 from api.storage.migrations import NEWEST
 from syncplan.errors import InputError
 from syncplan.runtime.files import as_text
+from tests.tools.full_disk import fill, small_disk
 
 MADE = PlanText('{\n "version": "1"\n}\n', "survey", 6, True, 1.5)
+LARGE = replace(MADE, text=f"{MADE.text}{'-' * 60_000}")
 BATCHES = [Batch(0, 0, 32), Batch(0, 32, 8)]
 
 
@@ -64,6 +80,31 @@ def test_identifiers_sort_by_time_and_are_uuids_of_version_7() -> None:
     began = datetime(2026, 5, 1, 9, 0, 0, 123000, UTC)
     assert all(int(one.replace("-", "")[:12], 16) == began.timestamp() * 1000 for one in made)
     assert max(made) < tables.new_id("2026-05-01T09:00:00.124000Z")
+
+
+@pytest.mark.parametrize("table", [tables.plans, tables.jobs, tables.recordings], ids=str)
+def test_what_an_owner_stores_is_the_newest_whatever_was_done_to_the_clock(
+    connection: Connection, monkeypatch: pytest.MonkeyPatch, table: Table
+) -> None:
+    packed = PackedRecording(b"0123", '{"name": "hall"}')
+    store: dict[str, Callable[[str], str]] = {
+        "plans": lambda owner: holdings.add_plan(connection, owner, MADE).id,
+        "jobs": partial(job, connection),
+        "recordings": lambda owner: holdings.add_recording(connection, owner, packed).id,
+    }
+    add, now = store[table.name], tables.moment(connection)
+    made = []
+    for ago_s in (0.0, -86400.0, 0.0, 3600.0, 3600.0, -86400.0):
+        monkeypatch.setattr(tables, "NOW", literal(tables.earlier(now, ago_s)))
+        made += [add("ann"), add("ann")]
+    assert made == sorted(made)
+    assert len(set(made)) == len(made)
+    # the clock of the others is their own
+    monkeypatch.setattr(tables, "NOW", literal(now))
+    assert add("bob")[:13] == made[0][:13]
+    # what is gone no longer leads a list
+    connection.execute(delete(table).where(table.c.owner == "ann"))
+    assert add("ann")[:13] == made[0][:13]
 
 
 @pytest.mark.usefixtures("wrong_clock")
@@ -374,10 +415,68 @@ def test_writing_is_tried_once_in_a_while_and_leaves_nothing(database: Database)
 def test_room_is_kept_to_open_a_database_on_a_full_disk(tmp_path: Path) -> None:
     path, reserve = tmp_path / "syncplan.db", tmp_path / "syncplan.db-reserve"
     open_database(f"sqlite:///{path}").close()
-    assert reserve.stat().st_blocks * 512 >= 100_000
+    assert reserve.stat().st_blocks * 512 == 6 * 2**20
     assert release_reserve(path)
     assert not reserve.exists()
     assert not release_reserve(path)
+
+
+def stored_until_full(database: Database, owner: str) -> list[str]:
+    """Store plans of an owner until the disk is full; returns their identifiers."""
+    stored: list[str] = []
+    with contextlib.suppress(OperationalError):
+        while len(stored) < 1000:
+            with database.writing() as connection:
+                row = holdings.add_plan(connection, owner, LARGE)
+            stored.append(row.id)
+    return stored
+
+
+def test_what_fills_the_disk_can_be_deleted() -> None:
+    with small_disk() as disk:
+        url, reserve = f"sqlite:///{disk / 'syncplan.db'}", disk / "syncplan.db-reserve"
+        database = open_database(url)
+        with database.writing() as connection:
+            # larger than the reserve
+            packed = PackedRecording(os.urandom(2**23), "{}")
+            kept = holdings.add_recording(connection, "ann", packed).id
+            plan_ids = [holdings.add_plan(connection, "ann", LARGE).id for _ in range(20)]
+        # its end empties the log
+        database.close()
+        database = open_database(url)
+        fill(disk)
+        assert stored_until_full(database, "bob") == []
+        assert database.freeing(partial(holdings.delete_recording, owner="ann", recording_id=kept))
+        # what is free now can be used again, and does not keep more from being deleted
+        assert len(stored_until_full(database, "bob")) > 10
+        for plan_id in plan_ids:
+            gone = partial(holdings.delete_plan, owner="ann", plan_id=plan_id, tags=["*"])
+            assert database.freeing(gone)
+            stored_until_full(database, "bob")
+        assert reserve.stat().st_blocks * 512 > 2**21
+        with database.reading() as connection:
+            assert holdings.count_recordings(connection, "ann") == 0
+            assert holdings.list_plans(connection, "ann", 10, None) == []
+        database.close()
+
+
+def test_a_deletion_that_finds_no_reserve_either_leaves_all_as_it_was() -> None:
+    with small_disk() as disk:
+        database = open_database(f"sqlite:///{disk / 'syncplan.db'}")
+        with database.writing() as connection:
+            row = holdings.add_plan(connection, "ann", MADE)
+        with database.reading() as connection:
+            connection.exec_driver_sql("PRAGMA wal_checkpoint(TRUNCATE)")
+        release_reserve(disk / "syncplan.db")
+        ballast = fill(disk)
+        gone = partial(holdings.delete_plan, owner="ann", plan_id=row.id, tags=["*"])
+        with pytest.raises(OperationalError, match="disk is full"):
+            database.freeing(gone)
+        with database.reading() as connection:
+            assert holdings.find_plans(connection, [("ann", row.id)]) == [row]
+        ballast.unlink()
+        assert database.freeing(gone)
+        database.close()
 
 
 def test_plans_are_forgotten_by_their_age_alone(connection: Connection) -> None:
