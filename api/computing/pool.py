@@ -5,7 +5,7 @@
               cancel: left out                        cancel: killed, and started anew
               deadline: left out                      time limit: killed, and started anew
 
-One more thread watches deadlines. It starts an extra child for an owner that waits with nothing
+One more thread watches deadlines. It calls for an extra child where an owner waits with nothing
 running while all children are busy; the extra child serves only such owners, and ends once idle.
 Where more tasks run than processes are kept, those of the owners that have computed most lately
 are paused. Where no child may be added, a task of such an owner gives way at its next step, if it
@@ -38,7 +38,7 @@ class PoolDepth:
 
     Attributes
     ----------
-    processes : number of child processes, including the present extra ones
+    processes : number of child processes, extra and starting ones included
     running, waiting : numbers of tasks
     owners : number of owners with waiting tasks
     oldest_s : s, longest wait of a waiting task, 0 if none waits
@@ -71,7 +71,6 @@ _FORGOTTEN_S = 0.01
 _IDLE_S = 5.0
 _LOOK_EVERY_S = 0.1
 _PAUSE_S = 0.2
-_AGAIN_S = 1.0
 
 _KEEPS_CHILD = (GivenUpError, InputError, NoGoError, NoSolutionError, TaskFailedError)
 """Errors after which a child waits for its next task; after others it may still answer this one."""
@@ -110,21 +109,21 @@ class Pool:
         self._most_of_owner = math.inf if most_of_owner is None else most_of_owner
         self._turns: Turns[Ticket] = Turns()
         self._running: set[Ticket] = set()
-        self._starting: set[Child] = set()
+        self._children: set[Child] = set()
         self._idle_since: dict[str, float] = {}
         # s, computed lately
         self._spent: dict[str, float] = {}
-        self._extra = 0
-        self._children = 0
+        self._begun = 0
         self.ready = False
         """Whether a process has been ready for tasks since the pool began."""
         self._closed = False
         lock = threading.RLock()
         self._work = threading.Condition(lock)
         self._clock = threading.Condition(lock)
+        self._help = threading.Condition(lock)
         self._threads = [
-            threading.Thread(target=self._serve, daemon=True, name=f"child-{k}")
-            for k in range(size)
+            threading.Thread(target=self._serve, args=(k >= size,), daemon=True, name=f"child-{k}")
+            for k in range(size + MOST_EXTRA)
         ]
         self._threads.append(threading.Thread(target=self._watch, daemon=True, name="deadlines"))
         for thread in self._threads:
@@ -135,12 +134,12 @@ class Pool:
         with self._work:
             first = min((one.submitted for one in self._turns), default=None)
             return PoolDepth(
-                processes=self.size + self._extra,
+                processes=len(self._children),
                 running=len(self._running),
                 waiting=len(self._turns),
                 owners=self._turns.owners,
                 oldest_s=0.0 if first is None else time.monotonic() - first,
-                started=self._children,
+                started=self._begun,
             )
 
     def submit(
@@ -201,17 +200,16 @@ class Pool:
             self._closed = True
             waiting = self._turns.clear()
             running = list(self._running)
-            starting = list(self._starting)
-            threads = list(self._threads)
-            self._work.notify_all()
-            self._clock.notify_all()
+            children = list(self._children)
+            for condition in (self._work, self._clock, self._help):
+                condition.notify_all()
         for ticket in waiting:
             ticket.settle(GivenUpError())
         for ticket in running:
             ticket.cancel()
-        for child in starting:
+        for child in children:
             child.kill()
-        for thread in threads:
+        for thread in self._threads:
             thread.join(timeout=5.0)
 
     def _room_for(self, owner: str) -> Ticket | None:
@@ -269,9 +267,8 @@ class Pool:
                         late.append(ticket)
                 self._share(now, now - before)
                 if self._blocks(now):
-                    if self._extra < MOST_EXTRA:
-                        self._start_extra(now)
-                    else:
+                    self._help.notify()
+                    if len(self._running) == self.size + MOST_EXTRA:
                         self._ask_to_give_way()
             for ticket in late:
                 ticket.settle(ticket.late())
@@ -281,7 +278,7 @@ class Pool:
 
     def _blocks(self, now: float) -> bool:
         """Whether an owner with nothing running has waited too long while all children are busy."""
-        if len(self._running) < self.size + self._extra:
+        if len(self._running) < self.size:
             return False
         first = [(self._turns.first_of(one).submitted, one) for one in self._turns.idle_owners()]
         return any(now - max(at, self._idle_since.get(one, 0.0)) > PATIENCE_S for at, one in first)
@@ -313,58 +310,50 @@ class Pool:
         if able and not any(ticket.gives_way for ticket in able):
             max(able, key=lambda ticket: self._spent.get(ticket.owner, 0.0)).gives_way = True
 
-    def _start_extra(self, now: float) -> None:
-        thread = threading.Thread(target=self._serve_extra, daemon=True, name="child-extra")
-        try:
-            thread.start()
-        except RuntimeError as error:
-            _logger.error("no thread could be started: %s", error)
-            self._idle_since.update(dict.fromkeys(self._turns.idle_owners(), now + _AGAIN_S))
-            return
-        self._extra += 1
-        self._threads.append(thread)
-
-    def _serve_extra(self) -> None:
-        self._serve(extra=True)
-        with self._work:
-            self._extra -= 1
-            self._threads.remove(threading.current_thread())
-
     # --- children -------------------------------------------------------------------------------
 
-    def _serve(self, extra: bool = False) -> None:
-        """Pass tasks to a child, one at a time; start a new child when there is none."""
-        child = self._started()
-        while (ticket := self._next(extra)) is not None:
-            try:
-                child = self._run(ticket, child)
-            finally:
-                with self._work:
-                    self._running.discard(ticket)
-                    self._count(ticket)
-                    self._turns.done(ticket.owner)
-                    self._idle_since[ticket.owner] = time.monotonic()
-                    self._work.notify_all()
-            if child is not None and (child.yielded or child.growth > LARGEST_GROWTH_BYTES):
-                child.end()
+    def _serve(self, extra: bool) -> None:
+        """Pass tasks to a child, one at a time; an extra one is started for a task, others kept."""
+        child = None if extra else self._started()
+        while not self._closed:
+            ticket = self._next(extra, keeps=child is not None)
+            if ticket is not None:
+                try:
+                    child = self._run(ticket, child)
+                finally:
+                    with self._work:
+                        self._running.discard(ticket)
+                        self._count(ticket)
+                        self._turns.done(ticket.owner)
+                        self._idle_since[ticket.owner] = time.monotonic()
+                        self._work.notify_all()
+            worn = child is not None and (child.yielded or child.growth > LARGEST_GROWTH_BYTES)
+            if child is not None and (worn or ticket is None):
+                self._end(child)
                 child = None
-            child = child or self._started()
+            if child is None and not extra:
+                child = self._started()
         if child is not None:
-            child.end()
+            self._end(child)
 
-    def _next(self, extra: bool) -> Ticket | None:
-        """Wait for the next task; None once closed, or once an extra child has been idle."""
-        until = time.monotonic() + _IDLE_S if extra else math.inf
+    def _end(self, child: Child) -> None:
+        """End a child."""
         with self._work:
+            self._children.discard(child)
+        child.end()
+
+    def _next(self, extra: bool, keeps: bool) -> Ticket | None:
+        """Wait for the next task; None once closed, or where an extra child has been idle."""
+        with self._work:
+            if extra:
+                self._help.wait(_IDLE_S if keeps else None)
             while not self._closed:
                 ticket = self._turns.take(idle_owners=extra)
                 if ticket is not None:
                     self._running.add(ticket)
+                if ticket is not None or extra:
                     return ticket
-                left = until - time.monotonic()
-                if left <= 0.0:
-                    break
-                self._work.wait(None if math.isinf(left) else left)
+                self._work.wait()
         return None
 
     def _started(self) -> Child | None:
@@ -380,20 +369,17 @@ class Pool:
             _logger.error("no process could be started: %s", error)
             return None
         with self._work:
-            self._children += 1
-            self._starting.add(child)
+            self._begun += 1
+            self._children.add(child)
             if self._closed:
                 child.kill()
         try:
             child.wait_until_ready()
         except ChildGoneError as error:
-            child.end()
             if not self._closed:
                 _logger.error("a process ended before it was ready: %s", error)
+            self._end(child)
             return None
-        finally:
-            with self._work:
-                self._starting.discard(child)
         self.ready = True
         return child
 
@@ -404,7 +390,7 @@ class Pool:
             error, value = self._tried(ticket, child)
             kept = error is None or isinstance(error, _KEEPS_CHILD)
             if child is not None and (child.killed or not kept):
-                child.end()
+                self._end(child)
                 child = None
             if not isinstance(error, ChildGoneError) or ticket.future.done():
                 break
