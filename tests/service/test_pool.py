@@ -85,10 +85,14 @@ def begun(ticket: Ticket) -> bool:
     return ticket.child is not None
 
 
+def forks_of(parent: int) -> list[int]:
+    """The template of a process, and what is forked from it."""
+    return [child for child in family(parent)[1:] if "template_process" in command(child)]
+
+
 def processes_of(parent: int) -> list[int]:
     """Processes of the pools of a process."""
-    _template, *forked = (one for one in family(parent)[1:] if "template_process" in command(one))
-    return forked
+    return forks_of(parent)[1:]
 
 
 def test_a_child_yields_as_far_as_it_is_asked_to(pool: Pool) -> None:
@@ -154,6 +158,15 @@ def test_a_task_whose_process_dies_is_done_by_another(pool: Pool) -> None:
     for one in processes_of(os.getpid()):
         os.kill(one, signal.SIGKILL)
     assert end_of(ticket)
+
+
+@pytest.mark.long
+def test_a_template_that_is_killed_is_started_anew(pool: Pool) -> None:
+    before = forks_of(os.getpid())
+    os.kill(before[0], signal.SIGKILL)
+    wait_until(lambda: not any(map(alive, before)))
+    assert pool.call(*SHORT) == MADE
+    assert not set(before) & set(forks_of(os.getpid()))
 
 
 def test_a_task_that_a_caller_leaves_may_nearly_finish_and_keeps_its_process(pool: Pool) -> None:

@@ -1,5 +1,6 @@
 """A worker beside a server: its own paths, and jobs as both count them and show them as traces."""
 
+import asyncio
 import contextlib
 import re
 import sqlite3
@@ -12,6 +13,7 @@ import httpx2
 import pytest
 from opentelemetry.proto.trace.v1.trace_pb2 import Span, Status
 
+from api.calls import Caller, computed
 from api.computing.pool import Pool
 from api.jobs.job_counts import JobCounts
 from api.metrics import Metrics
@@ -115,6 +117,12 @@ def test_a_service_whose_processes_are_starting_is_not_ready(
         wait_until(lambda: bool(hollow))
         with pytest.raises(Unavailable, match="starting"):
             readyz(service)
+        # a request waits, and is not said to be one of too many
+        service.settings.plan_timeout_s = 0.2
+        request = Mock(receive=asyncio.Event().wait)
+        request.app.state.service = service
+        with pytest.raises(Unavailable, match="starting"):
+            asyncio.run(computed(Caller(request, "ann"), "ready"))
         loaded.set()
         wait_until(lambda: pool.ready)
         assert readyz(service).status == "ok"
