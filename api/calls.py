@@ -23,6 +23,7 @@ from api.problems import KeyReused, ServiceError, TooManyRequests, TooMuchWork, 
 from api.security import CurrentOwner
 from api.service import Service, service_of
 from api.storage.holdings import Answer, AnswerTakenError, find_answer, keep_answer
+from api.storage.owner_bytes import excess
 
 # --- media types ----------------------------------------------------------------------------------
 
@@ -317,22 +318,34 @@ async def answer_once(
     store: Callable[[Connection, T], Answer],
     *,
     together: bool = False,
+    adds: bool = True,
 ) -> Response:
     """Compute the result of a request, store it with its answer, and return the answer.
 
     A repeated Idempotency-Key gets the earlier answer; raises KeyReused if the key belongs to
     another request. With `together`, the results of several requests may be stored in one
-    transaction; `store` must then meet no lock of others.
+    transaction; `store` must then meet no lock of others. Raises StorageFull if the owner would
+    keep more bytes than allowed; unless the request `adds` any, only its answer is not kept then.
     """
     if call.key is not None:
         known = await run_in_threadpool(_known, call)
         if known is not None:
             return _response(known)
+
+    def change(connection: Connection) -> Answer:
+        answer = store(connection, value)
+        full = excess(connection, call.owner, call.service.settings.max_owner_bytes)
+        if full is not None and adds:
+            raise full
+        if full is None and call.key is not None:
+            keep_answer(connection, call.owner, call.key, answer)
+        return answer
+
     try:
         value = await compute()
         if together and call.key is None:
-            return _response(await call.service.writer.write(lambda open_: store(open_, value)))
-        return _response(await run_in_threadpool(_stored, call, value, store))
+            return _response(await call.service.writer.write(change))
+        return _response(await run_in_threadpool(_stored, call, change))
     except (AnswerTakenError, ServiceError):
         # what refuses this request may be the effect of an equal one
         known = None if call.key is None else await run_in_threadpool(_known, call)
@@ -352,12 +365,9 @@ def _known(call: Call) -> Answer | None:
     return known
 
 
-def _stored(call: Call, value: T, store: Callable[[Connection, T], Answer]) -> Answer:
+def _stored(call: Call, change: Callable[[Connection], Answer]) -> Answer:
     with call.service.database.writing() as connection:
-        answer = store(connection, value)
-        if call.key is not None:
-            keep_answer(connection, call.owner, call.key, answer)
-        return answer
+        return change(connection)
 
 
 def _response(answer: Answer) -> Response:

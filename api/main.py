@@ -125,6 +125,7 @@ def create_app(settings: Settings | None = None, share: Share = ALONE) -> FastAP
         recording_routes.router,
         job_routes.router,
         rendition_routes.router,
+        service_routes.usage,
         service_routes.schemas,
     ):
         app.include_router(routes, prefix="/v1")

@@ -92,6 +92,7 @@ ANSWERS = {
     "judgeLosses": "What losses do to the plan",
     "chooseLandmarks": "The landmarks chosen, and the plan with them",
     "exportPlan": "A zip archive",
+    "readUsage": "What you use, and the most allowed",
     "readScenarioSchema": "The schema",
     "readPlanSchema": "The schema",
     "checkHealth": "It is alive",

@@ -94,6 +94,29 @@ class RecordingPage(_Answer):
     """Path of the next page; null on the last"""
 
 
+class KeptBytes(_Answer):
+    """Bytes of an owner's plans, jobs with their events and results, answers under an
+    Idempotency-Key, and recordings; each counts with its content and some hundred bytes more.
+    """
+
+    plans: int
+    jobs: int
+    answers: int
+    recordings: int
+
+
+class Usage(_Answer):
+    """What an owner uses of the service, and the most allowed."""
+
+    bytes: KeptBytes
+    max_bytes: int
+    """Most bytes of all kinds together"""
+    computing_s: float
+    """Computing time of the jobs of the last 24 hours"""
+    max_job_seconds: float
+    """Computing time in 24 hours after which no more jobs are taken"""
+
+
 class FigureValues(_Answer):
     """A figure for Plotly."""
 

@@ -204,6 +204,8 @@ class Settings(BaseSettings):
     """how long recordings are kept, in seconds"""
     max_recordings: Count = 20
     """most stored recordings of one owner before no more can be posted"""
+    max_owner_bytes: Count = 2**31
+    """most bytes of one owner's plans, jobs, answers and recordings before no more are taken"""
     keep_answers_s: Seconds = 86400.0
     """how long an answer is kept under its Idempotency-Key, in seconds"""
     heartbeat_s: Seconds = 2.0

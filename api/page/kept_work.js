@@ -17,6 +17,7 @@ export function offerKeptWork({ open, compare }) {
 function show(open, compare) {
   const list = element("div", { class: "tabs", role: "tablist", "aria-label": "Kept work" });
   const listed = element("div", { id: "kept-list", role: "tabpanel" });
+  const used = element("p", { id: "usage", class: "hint" });
   const fault = alert();
   /** the name of the recording that is replayed */
   let replayed = "";
@@ -58,7 +59,7 @@ function show(open, compare) {
       acts: (row) => [act("Replay", (pressed) => replay(row, pressed)), rename(row), remove(row)],
     },
   };
-  const dialog = dialogue("kept", "Kept work", { class: "broad" }, list, listed, fault, ...replays.elements);
+  const dialog = dialogue("kept", "Kept work", { class: "broad" }, list, listed, used, fault, ...replays.elements);
   const close = () => dialog.close();
   const titles = Object.fromEntries(Object.entries(kinds).map(([name, { title }]) => [name, title]));
   const parts = tabs(list, titles, () => attemptAt(fault, renew), () => "kept-list");
@@ -78,8 +79,9 @@ function show(open, compare) {
     const kind = parts.current();
     const { title, heads, cells, acts } = kinds[kind];
     listed.setAttribute("aria-labelledby", `tab-${kind}`);
-    const { items, next } = await askJson("GET", at);
+    const [{ items, next }, usage] = await Promise.all([askJson("GET", at), askJson("GET", "v1/usage")]);
     if (kind !== parts.current()) return;
+    used.textContent = usageOf(usage);
     const all = [...before, ...items];
     const rows = all.map((one) => [...cells(one), element("div", { class: "row" }, acts(one))]);
     const kept = element("div", { class: "front", tabindex: "0", role: "region", "aria-label": title }, table([...heads, ""], rows));
@@ -126,6 +128,12 @@ function show(open, compare) {
     replayed = name;
     await replays.follow(job, pressed);
   }
+}
+
+/** What is kept and was computed, and the most allowed. */
+function usageOf({ bytes, max_bytes: most, computing_s: computing, max_job_seconds: longest }) {
+  const kept = Object.values(bytes).reduce((sum, size) => sum + size, 0);
+  return `Kept: ${shown(kept / 2 ** 20, "MiB")} of ${shown(most / 2 ** 20, "MiB")}. Computing time of jobs in 24 hours: ${shown(computing / 3600, "h")} of ${shown(longest / 3600, "h")}.`;
 }
 
 /** How far off each robot of a recording was, and the report. */

@@ -22,7 +22,6 @@ from api.storage import job_records
 from api.storage.holdings import Answer, body_of
 from api.storage.job_records import JobRow, NewJob
 from api.storage.part_records import computed_seconds
-from api.storage.tables import earlier, moment
 from api.telemetry import current_traceparent
 from syncplan.reports.job_contract import JobState
 
@@ -32,7 +31,6 @@ _JSON = [Depends(accepts("application/json"))]
 _SUBMITTED = problem_responses(401, 404, 406, 413, 415, 422, 429, 503, 507)
 _RETRY_AFTER_S = 5
 _RETRY_AFTER_SECONDS_S = 600
-_DAY_S = 86400.0
 
 
 def _offer(kind: JobKind) -> None:
@@ -218,7 +216,7 @@ async def _changed(row: JobRow, call: Call, change: Callable[[Connection], bool]
             raise NotFound(f"there is no job {row.id}")
         return Answer(call.digest, 200, {}, job_answer(now).model_dump_json())
 
-    return await answer_once(call, nothing, store)
+    return await answer_once(call, nothing, store, adds=False)
 
 
 @router.get(
@@ -315,8 +313,7 @@ async def _submit(
 def _refuse_more_seconds(connection: Connection, call: Call) -> None:
     """Raise TooManyRequests if the owner's jobs have used up their computing time."""
     most_s = call.service.settings.max_job_seconds
-    since = earlier(moment(connection), _DAY_S)
-    spent_s = computed_seconds(connection, call.owner, since)
+    spent_s = computed_seconds(connection, call.owner)
     if spent_s >= most_s:
         raise TooManyRequests(
             f"your jobs of the last 24 hours have computed for {spent_s:.1f} s, the most allowed "

@@ -1,4 +1,4 @@
-"""Routes of the service itself: health, readiness, metrics and schemas."""
+"""Routes of the service itself: health, readiness, metrics, usage and schemas."""
 
 from functools import cache
 from typing import Any, Literal
@@ -11,9 +11,11 @@ from sqlalchemy.exc import DBAPIError
 from api.calls import accepts
 from api.failures import failure_of
 from api.problems import Unavailable, problem_responses
-from api.responses import StoredPlan
+from api.responses import KeptBytes, StoredPlan, Usage
 from api.security import CurrentOwner
 from api.service import CurrentService
+from api.storage.owner_bytes import bytes_kept
+from api.storage.part_records import computed_seconds
 from syncplan.scenario.specification import Scenario
 
 # --- health ---------------------------------------------------------------------------------------
@@ -77,6 +79,31 @@ def metrics(request: Request, owner: CurrentOwner) -> Response:
     """Requests and refusals, jobs and their waiting times, child processes and their tasks."""
     body, content_type = request.app.state.metrics.render()
     return Response(body, media_type=content_type)
+
+
+# --- usage ----------------------------------------------------------------------------------------
+
+
+usage = APIRouter(tags=["usage"])
+
+
+@usage.get(
+    "/usage",
+    dependencies=[Depends(accepts("application/json"))],
+    operation_id="readUsage",
+    summary="Read your usage",
+    responses=problem_responses(401, 406, 503),
+)
+def read_usage(service: CurrentService, owner: CurrentOwner) -> Usage:
+    """The bytes that you keep, the computing time of your jobs, and the most allowed."""
+    settings = service.settings
+    with service.database.reading() as connection:
+        return Usage(
+            bytes=KeptBytes(**bytes_kept(connection, owner)),
+            max_bytes=settings.max_owner_bytes,
+            computing_s=computed_seconds(connection, owner),
+            max_job_seconds=settings.max_job_seconds,
+        )
 
 
 # --- schemas --------------------------------------------------------------------------------------

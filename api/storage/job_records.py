@@ -148,7 +148,9 @@ def end_job(
     plan_id: str | None = None,
 ) -> bool:
     """End a job, once; return whether this call ended it."""
-    values: dict[str, Any] = {"state": state, "ended_at": NOW, "result_plan_id": plan_id}
+    # only a job under way is computed from its plan
+    values: dict[str, Any] = {"state": state, "ended_at": NOW, "plan_text": None}
+    values["result_plan_id"] = plan_id
     if error is not None:
         values["error"] = json.dumps(error)
     if state == "succeeded":

@@ -8,10 +8,11 @@ tests/service/test_migrations.py upgrades a database written by version 1 and co
 from sqlalchemy import Connection, delete, insert, inspect, select
 from sqlalchemy.schema import CreateColumn
 
+from api.storage.owner_bytes import count_bytes
 from api.storage.tables import METADATA, schema_version
 from syncplan.errors import InputError
 
-NEWEST = 5
+NEWEST = 6
 """Version of `api.storage.tables`, incremented with every addition to them."""
 
 USABLE_FROM = 1
@@ -48,6 +49,7 @@ def upgrade(connection: Connection) -> None:
             if column.name not in there:
                 specified = CreateColumn(column).compile(dialect=connection.dialect)
                 connection.exec_driver_sql(f"ALTER TABLE {table.name} ADD COLUMN {specified}")
+    count_bytes(connection)
     connection.execute(delete(schema_version))
     newest = {"version": NEWEST, "usable_from": USABLE_FROM}
     connection.execute(insert(schema_version).values(newest))

@@ -14,7 +14,7 @@ from sqlalchemy import Connection, func, insert, or_, select, update
 
 from api.job_kinds.job_kind import Batch
 from api.storage.job_records import change
-from api.storage.tables import job_parts, job_starts, jobs
+from api.storage.tables import earlier, job_parts, job_starts, jobs, moment
 from syncplan.reports.job_contract import UNFINISHED
 
 BEGINNING = -1
@@ -22,6 +22,8 @@ BEGINNING = -1
 
 CONCLUSION = -2
 """Number of the part that makes the report from finished batches."""
+
+_DAY_S = 86400.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,8 +105,12 @@ def worked_on(connection: Connection, job_ids: set[str], version: str) -> dict[s
     return {row[0]: bool(row[1]) for row in connection.execute(query)}
 
 
-def computed_seconds(connection: Connection, owner: str, since: str) -> float:
-    """Return the computing time (s) of an owner's jobs that had not ended before a time."""
+def computed_seconds(connection: Connection, owner: str, since: str | None = None) -> float:
+    """Return the computing time (s) of an owner's jobs that had not ended before a time.
+
+    Without a time, it is that of 24 hours ago.
+    """
+    since = since or earlier(moment(connection), _DAY_S)
     query = select(func.coalesce(func.sum(jobs.c.computed_s), 0.0)).where(
         jobs.c.owner == owner, or_(jobs.c.ended_at.is_(None), jobs.c.ended_at >= since)
     )

@@ -12,6 +12,7 @@ from typing import Any
 from uuid import UUID
 
 from sqlalchemy import (
+    BigInteger,
     Boolean,
     Column,
     Connection,
@@ -151,7 +152,7 @@ jobs = Table(
     Column("state", String(16), nullable=False),
     Column("request", Text, nullable=False),
     Column("plan_id", String(36)),
-    # a copy, so that deleting the plan does not break the job
+    # a copy until the job ends, so that deleting the plan does not break it
     Column("plan_text", Text),
     Column("done", Integer, nullable=False),
     Column("total", Integer, nullable=False),
@@ -264,6 +265,16 @@ executors = Table(
     Column("version", String(40)),
     # its last heartbeat, by the database's clock
     Column("seen_at", String(27)),
+)
+
+# bytes that an owner keeps of a kind, as `api.storage.owner_bytes` counts them: the sum of its rows
+owner_bytes = Table(
+    "owner_bytes",
+    METADATA,
+    Column("owner", String(80), primary_key=True),
+    Column("kind", String(16), primary_key=True),
+    Column("slot", Integer, primary_key=True),
+    Column("bytes", BigInteger, nullable=False),
 )
 
 # when a worker of a version was last alive, by the database's clock

@@ -103,6 +103,24 @@ class RemotePlanSummary:
 
 
 @dataclass(frozen=True, slots=True)
+class RemoteUsage:
+    """What the owner of a key uses of the service, and the most allowed.
+
+    Attributes
+    ----------
+    bytes : bytes kept, by kind: plans, jobs, answers, recordings
+    max_bytes : most bytes of all kinds together
+    computing_s : computing time of the jobs of the last 24 hours
+    max_job_seconds : computing time in 24 hours after which no more jobs are taken
+    """
+
+    bytes: Mapping[str, int]
+    max_bytes: int
+    computing_s: float
+    max_job_seconds: float
+
+
+@dataclass(frozen=True, slots=True)
 class RemoteJob:
     """A job of the service in the state last requested.
 
@@ -206,6 +224,10 @@ class Client:
     def close(self) -> None:
         """Close the connection."""
         self._remote.close()
+
+    def usage(self) -> RemoteUsage:
+        """Return the bytes that the service keeps and the computing time, with their limits."""
+        return RemoteUsage(**values_of(self._remote.send("GET", "/v1/usage"), "max_bytes"))
 
     # --- plans ---
 

@@ -115,6 +115,19 @@ def test_work_is_listed_renamed_and_deleted(client: Client) -> None:
     assert job.id not in {one.id for one in client.jobs()}
 
 
+def test_usage_is_read(client: Client, http: httpx2.Client) -> None:
+    before = client.usage()
+    plan = client.plan(document(landmarks_m=LANDMARKS))
+    after = client.usage()
+    assert after.bytes["plans"] > before.bytes["plans"]
+    assert after.bytes["recordings"] == 0
+    assert after.max_bytes == 2**31
+    assert after.max_job_seconds >= after.computing_s >= 0.0
+    assert http.get("/v1/usage").json()["max_bytes"] == after.max_bytes
+    client.delete(plan)
+    assert client.usage().bytes["plans"] == before.bytes["plans"]
+
+
 def test_lists_are_read_page_by_page(client: Client) -> None:
     with standing() as (paged, stand):
         row = {one.name: None for one in fields(RemotePlanSummary)}

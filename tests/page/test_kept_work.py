@@ -1,5 +1,6 @@
 """Plans, jobs and recordings that the service keeps, listed on the page."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +53,21 @@ def test_plans_are_listed_and_dealt_with(visit: Visit, page: Page, server: Serve
     row.get_by_role("button", name="Delete").click()
     expect(row).to_have_count(0)
     assert httpx2.get(f"{server.url}/v1/plans/{made['id']}").status_code == 404
+
+
+def test_usage_is_shown_with_its_limits(visit: Visit, page: Page, server: Server) -> None:
+    made = httpx2.post(f"{server.url}/v1/plans", json=document()).json()
+    used = kept(page, "Plans").locator("#usage")
+    expect(used).to_have_text(
+        re.compile(
+            r"^Kept: [0-9.e-]+ MiB of 2048 MiB\. "
+            r"Computing time of jobs in 24 hours: [0-9.e-]+ h of 720 h\.$"
+        )
+    )
+    kibibytes = sum(httpx2.get(f"{server.url}/v1/usage").json()["bytes"].values()) / 2**10
+    stated = float((used.text_content() or "").split()[1])
+    assert abs(2**10 * stated - kibibytes) < 1.0
+    httpx2.delete(f"{server.url}/v1/plans/{made['id']}")
 
 
 def test_jobs_are_listed_opened_and_deleted(visit: Visit, page: Page, server: Server) -> None:

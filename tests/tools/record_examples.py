@@ -290,6 +290,7 @@ def _refused(recorder: _Recorder, plan: str) -> None:
 
 
 def _others(recorder: _Recorder) -> None:
+    recorder.ask("readUsage", "some", "Some of each", "GET", "/v1/usage")
     recorder.ask("readScenarioSchema", "schema", "The schema", "GET", "/v1/schemas/scenario")
     recorder.ask("readPlanSchema", "schema", "The schema", "GET", "/v1/schemas/plan")
     recorder.ask("checkHealth", "alive", "It is", "GET", "/healthz")
