@@ -49,7 +49,7 @@ def test_every_row_counts_for_its_owner_until_it_goes(address: str | None, tmp_p
     try:
         with database.writing() as connection:
             plan_ids = [holdings.add_plan(connection, who, TEXT).id for who in ("ann", "bob")]
-            holdings.rename_plan(connection, "ann", plan_ids[0], "other", "o" * 5000)
+            holdings.rename_plan(connection, "ann", plan_ids[0], {"*"}, "other", "o" * 5000)
             packed = PackedRecording(b"\x00\xff" * 3000, "{}")
             recorded = holdings.add_recording(connection, "ann", packed).id
             holdings.rename_recording(connection, "ann", recorded, '{"name": "other"}')
@@ -72,7 +72,7 @@ def test_every_row_counts_for_its_owner_until_it_goes(address: str | None, tmp_p
             job_records.forget_jobs(connection, jobs)
             holdings.forget_answers(connection, tables.earlier(tables.moment(connection), -60.0))
             holdings.delete_recording(connection, "ann", recorded)
-            holdings.delete_plan(connection, "ann", plan_ids[0])
+            holdings.delete_plan(connection, "ann", plan_ids[0], {"*"})
             assert set(owner_bytes.bytes_kept(connection, "ann").values()) == {0}
             see_sums(connection, "bob")
     finally:
