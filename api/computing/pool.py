@@ -361,10 +361,7 @@ class Pool:
         if self._closed:
             return None
         try:
-            child = Child(
-                niceness=self._niceness,
-                memory_bytes=self._memory_bytes,
-            )
+            child = Child(niceness=self._niceness, memory_bytes=self._memory_bytes)
         except OSError as error:
             _logger.error("no process could be started: %s", error)
             return None
@@ -408,6 +405,7 @@ class Pool:
                 return GivenUpError(), None
             ticket.child = child
             ticket.began, ticket.ended = time.monotonic(), None
+            ticket.paused_s = ticket.counted_s = 0.0
             limit = ticket.allowed(ticket.began)
         try:
             value = child.call(
