@@ -1,8 +1,8 @@
 """Outermost middleware, which answers, limits, logs and counts every request.
 
     request id --> size of the body --> the application --> headers, counts, a line
-                                             |
-                                   any exception: a problem
+                                             |                        |
+                                   any exception: a problem    unread answers: in pieces
 
 One middleware that passes on every message replaces three. FastAPI's `max_body_size` answers in
 plain text, not with a problem (tests/service/test_problems.py).
@@ -12,6 +12,7 @@ import logging
 import re
 import time
 import uuid
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
@@ -25,10 +26,19 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from api.failures import TABLE, answer_to, failure_of, problem_answer, route_template
 from api.logs import REQUEST_ID
 from api.metrics import Metrics
+from api.problems import UnreadAnswers
 
 REQUEST_LOGGER = "api.requests"
 PROBES = frozenset({"/healthz", "/readyz", "/metrics"})
 """Paths that machines poll: logged only at level debug while they succeed."""
+
+PIECE_BYTES = 64 * 2**10
+"""Bytes of an answer passed on at a time; a larger one counts as unread until its last piece."""
+MOST_UNREAD_OF_OWNER = 64 * 2**20
+"""Most bytes of large answers that an owner has asked for and not read; one may be larger."""
+MOST_UNREAD = 512 * 2**20
+"""Most of all owners together, beside the first of each."""
+_RETRY_AFTER_S = 5.0
 
 _ID_HEADER = b"x-request-id"
 _SANE = re.compile(r"[A-Za-z0-9._-]{1,64}")
@@ -118,6 +128,7 @@ class Answering:
     metrics: Metrics
     body_limit_bytes: int
     larger: Mapping[str, int]
+    unread: Counter[str] = field(default_factory=Counter)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer one request, whatever happens inside; pass on anything but HTTP untouched."""
@@ -129,7 +140,9 @@ class Answering:
         scope.setdefault("state", {})["request_id"] = request_id
         token = REQUEST_ID.set(request_id)
         limit = self.larger.get(scope["path"], self.body_limit_bytes)
-        exchange = _Exchange(scope, receive, send, self.metrics, request_id.encode(), limit)
+        exchange = _Exchange(
+            scope, receive, send, self.metrics, request_id.encode(), limit, self.unread
+        )
         with self.metrics.in_flight.track_inprogress():
             try:
                 await exchange.run(self.app)
@@ -148,11 +161,13 @@ class _Exchange:
     _metrics: Metrics
     _request_id: bytes
     _limit: int
+    _unread: Counter[str]
     _started: float = field(default_factory=time.perf_counter)
     _taken: int = 0
     _status: int | None = None
     _sent: int = 0
     _complete: bool = False
+    _held: int = 0
 
     async def run(self, app: ASGIApp) -> None:
         """Send the application's answer, or a problem if it fails."""
@@ -164,7 +179,11 @@ class _Exchange:
                 # the server sees an answer without its end and closes the connection
                 _failures.error("answer cut short: %s", type(error).__name__, exc_info=error)
                 return
-            response = await answer_to(Request(self.scope), error)
+            # Starlette takes an answer that `send` refuses for begun, and wraps the error
+            cause = error.__cause__ if isinstance(error.__cause__, UnreadAnswers) else error
+            response = await answer_to(Request(self.scope), cause)
+            # or the error, through its trace, would keep itself and the refused answer
+            del cause
             await response(self.scope, self._receive, self.send)
 
     async def receive(self) -> Message:
@@ -177,19 +196,29 @@ class _Exchange:
 
     async def send(self, message: Message) -> None:
         if message["type"] == "http.response.start":
+            headers = [pair for pair in message.get("headers", ()) if pair[0] != _ID_HEADER]
+            self._hold(int(dict(headers).get(b"content-length", 0)))
             self._status = message["status"]
             self._count(str(self._status))
-            headers = [pair for pair in message.get("headers", ()) if pair[0] != _ID_HEADER]
             headers.append((_ID_HEADER, self._request_id))
             message = {**message, "headers": with_security(headers)}
-        await self._send(message)
+        body = message.get("body", b"")
+        last = max(0, len(body) - 1) // PIECE_BYTES * PIECE_BYTES
+        # pieces of an owner's answer are copied: one that waits would keep the whole
+        parts = body if self._held or not last else memoryview(body)
+        for start in range(0, last, PIECE_BYTES):
+            piece = parts[start : start + PIECE_BYTES]
+            await self._send({**message, "body": piece, "more_body": True})
+        await self._send({**message, "body": parts[last:]} if last else message)
         if message["type"] == "http.response.body":
-            self._sent += len(message.get("body", b""))
+            self._sent += len(body)
             self._complete = not message.get("more_body", False)
 
     def over(self) -> None:
-        """Log the request, and count it if nothing was answered."""
+        """Log the request, count it if nothing was answered, and forget its unread answer."""
         scope, status = self.scope, self._status
+        if self._held:
+            self._unread[scope["state"]["owner"]] -= self._held
         if status is None:
             self._count("unanswered")
         quiet = scope["path"] in PROBES and status is not None and status < 400
@@ -217,6 +246,25 @@ class _Exchange:
         reason = self.scope.get("state", {}).get("reason")
         if reason is not None:
             self._metrics.refused(status, reason)
+
+    def _hold(self, size: int) -> None:
+        """Count a large answer as unread; raises UnreadAnswers, though never for an owner's first.
+
+        Answers without an owner are the same for all and take no memory of their own.
+        """
+        owner = self.scope["state"].get("owner")
+        if owner is None or size <= PIECE_BYTES:
+            return
+        of_owner, of_all = self._unread[owner], self._unread.total()
+        if of_owner and (of_owner + size > MOST_UNREAD_OF_OWNER or of_all + size > MOST_UNREAD):
+            raise UnreadAnswers(
+                f"{of_owner / 2**20:.1f} MiB of your answers are unread, {of_all / 2**20:.1f} of "
+                f"all; this one of {size / 2**20:.1f} is too much: allowed are "
+                f"{MOST_UNREAD_OF_OWNER / 2**20:g} and {MOST_UNREAD / 2**20:g}; read them first",
+                retry_after_s=_RETRY_AFTER_S,
+            )
+        self._unread[owner] += size
+        self._held = size
 
     def _check_announced(self) -> None:
         length = Headers(scope=self.scope).get("content-length", "")

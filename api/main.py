@@ -51,6 +51,7 @@ def without_routes(settings: Settings, *, tally: JobTally | None = None, **optio
         version=__version__,
         docs_url=None,
         redoc_url=None,
+        openapi_url=None,
         **options,
     )
     app.state.settings = settings
@@ -77,7 +78,7 @@ def create_worker_app(
     settings: Settings, database: Database, worker: Worker, counts: JobCounts
 ) -> FastAPI:
     """Return the application of a running worker, with only the paths that machines poll."""
-    app = without_routes(settings, tally=counts.tally, openapi_url=None, telemetry=OFF)
+    app = without_routes(settings, tally=counts.tally, telemetry=OFF)
     app.state.service = Service(
         settings,
         limits_of(settings),

@@ -12,7 +12,8 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
-from fastapi import FastAPI
+from fastapi import FastAPI, Response
+from fastapi.responses import JSONResponse
 from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
@@ -194,6 +195,9 @@ def document_operations(app: FastAPI) -> None:
     plain = app.openapi
     # FastAPI's documented way to extend the document, which is made when it is first requested
     setattr(app, "openapi", cache(lambda: _completed(plain(), app.state.settings)))  # noqa: B010
+    # the same bytes for all, however slowly they are read
+    whole = cache(lambda: JSONResponse(app.openapi()).body)
+    app.add_route("/openapi.json", lambda _: Response(whole(), media_type=_JSON))
 
 
 def operations(document: Tree) -> Iterator[Tree]:

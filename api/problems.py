@@ -176,6 +176,10 @@ class KeysThrottled(TooManyRequests):
     """429: the address has presented too many wrong keys."""
 
 
+class UnreadAnswers(TooManyRequests):
+    """429: the owner has too many large answers that it does not read."""
+
+
 class WrongHost(ServiceError):
     """421: a service without keys does not answer under this name."""
 

@@ -25,7 +25,7 @@ from api.logs import SeldomLog
 from api.protocol import HttpProtocol, crowd
 from api.readings import connection_readings
 from api.service import Ending
-from syncplan.runtime.machine import keep_loaded
+from syncplan.runtime.machine import keep_loaded, return_memory
 
 # --- taking connections ---------------------------------------------------------------------------
 
@@ -242,6 +242,7 @@ def serve_until_told(app: FastAPI, listening: socket.socket, place: Place | None
     """
     server = _server_of(app, place)
     keep_loaded()
+    return_memory()
     # uvicorn handles signals itself, ends in good order and raises them again, which is no failure
     signal.signal(signal.SIGTERM, lambda number, frame: server.handle_exit(number, frame))
     with contextlib.suppress(KeyboardInterrupt, SystemExit):

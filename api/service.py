@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, fields
 from threading import Event
 from typing import Annotated
 
+from anyio import CapacityLimiter
 from fastapi import Depends, Request
 
 from api.computing.pool import Pool
@@ -66,6 +67,7 @@ class Service:
     pool : processes for requests; those for jobs are the worker's
     counts : counts of the jobs that end in this process
     heartbeat : heartbeat of this process; None if it runs no jobs
+    results : limits the results of jobs that are read from the database at a time
     """
 
     settings: Settings
@@ -78,6 +80,7 @@ class Service:
     writer: PlanWriter
     heartbeat: Guard | None = None
     uploads: Uploads = field(default_factory=Uploads)
+    results: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(MOST))
 
 
 def service_of(request: Request) -> Service:

@@ -2,8 +2,9 @@
 
 from collections.abc import Callable
 from functools import partial
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
+from anyio import to_thread
 from fastapi import APIRouter, Depends, Header, Query, Request, Response
 from sqlalchemy import Connection
 from starlette.concurrency import run_in_threadpool
@@ -24,6 +25,8 @@ from api.storage.job_records import JobRow, NewJob
 from api.storage.part_records import computed_seconds
 from api.telemetry import current_traceparent
 from syncplan.reports.job_contract import JobState
+
+T = TypeVar("T")
 
 router = APIRouter(tags=["jobs"])
 
@@ -235,7 +238,7 @@ async def read_result(row: Owned, service: CurrentService, owner: CurrentOwner) 
         plan = await find_or_refuse(service, owner, row.result_plan_id)
         headers = {"content-location": f"/v1/plans/{plan.id}", "etag": f'"{plan.etag}"'}
         return Response(body_of(plan), headers=headers, media_type="application/json")
-    report = await run_in_threadpool(report_or_refuse, service, row)
+    report = await result_or_refuse(service, row, job_records.report_of)
     return Response(report, media_type="application/json")
 
 
@@ -250,25 +253,32 @@ async def read_result(row: Owned, service: CurrentService, owner: CurrentOwner) 
         **problem_responses(401, 404, 406, 409, 422, 503),
     },
 )
-def read_trials(row: Owned, service: CurrentService) -> Response:
+async def read_trials(row: Owned, service: CurrentService) -> Response:
     """The figures of each trial of a validation or a flight, as NumPy arrays in an .npz archive."""
     if row.state != "succeeded" or not JOB_KINDS[row.kind].keeps_trials:
         kinds = plurals(lambda kind: kind.keeps_trials)
         raise Conflict(f"the job is a {row.kind}, {row.state}; {kinds} that succeeded have one")
-    with service.database.reading() as connection:
-        trials = job_records.trials_of(connection, row.id)
-    if trials is None:
-        raise NotFound(f"the result of job {row.id} was deleted")
+    trials = await result_or_refuse(service, row, job_records.trials_of)
     return Response(trials, media_type="application/octet-stream")
 
 
-def report_or_refuse(service: Service, row: JobRow) -> str:
-    """Return the report of a job that succeeded; raises NotFound once it is deleted."""
-    with service.database.reading() as connection:
-        report = job_records.report_of(connection, row.id)
-    if report is None:
+async def result_or_refuse(
+    service: Service, row: JobRow, read: Callable[[Connection, str], T | None]
+) -> T:
+    """Return what `read` finds of a job that succeeded; raises NotFound once it is deleted.
+
+    Results may be large: few are read at a time, so that not all are in memory before any counts
+    as an unread answer.
+    """
+
+    def found() -> T | None:
+        with service.database.reading() as connection:
+            return read(connection, row.id)
+
+    result = await to_thread.run_sync(found, limiter=service.results)
+    if result is None:
         raise NotFound(f"the result of job {row.id} was deleted")
-    return report
+    return result
 
 
 async def _submit(

@@ -19,11 +19,11 @@ from api.job_kinds.job_table import JOB_KINDS, plurals
 from api.jobs.queue import VERSION
 from api.problems import Conflict, NotFound, problem_responses
 from api.responses import FigureValues, Preview
-from api.routes.job_routes import Owned, report_or_refuse
+from api.routes.job_routes import Owned, result_or_refuse
 from api.routes.page_routes import compressed
 from api.routes.plan_routes import Identifier, OnPaper, find_or_refuse
 from api.storage.holdings import Answer
-from api.storage.job_records import begun_job
+from api.storage.job_records import begun_job, report_of
 from api.storage.part_records import finished_batches, first_batches
 from syncplan.errors import InputError
 from syncplan.exporting.format_table import ALL, FORMATS, AutopilotName, VehicleName
@@ -183,7 +183,7 @@ async def read_job_figure(
     if row.state != "succeeded" or JOB_KINDS[row.kind].figures is None:
         kinds = plurals(lambda kind: kind.figures is not None)
         raise Conflict(f"the job is a {row.kind}, {row.state}; {kinds} that succeeded have figures")
-    text = await run_in_threadpool(report_or_refuse, caller.service, row)
+    text = await result_or_refuse(caller.service, row, report_of)
     return await _drawn(caller, "report_figure", text, row.kind, figure, style)
 
 

@@ -4,6 +4,7 @@ from functools import cache
 from typing import Any, Literal
 
 from fastapi import APIRouter, Depends, Request, Response
+from fastapi.responses import JSONResponse
 from pydantic import BaseModel
 from pydantic.json_schema import JsonSchemaMode
 from sqlalchemy.exc import DBAPIError
@@ -117,27 +118,29 @@ _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 @cache
-def _schema(model: type[BaseModel], mode: JsonSchemaMode) -> dict[str, Any]:
-    return {"$schema": _DIALECT, **model.model_json_schema(mode=mode)}
+def _schema(model: type[BaseModel], mode: JsonSchemaMode) -> bytes:
+    return bytes(JSONResponse({"$schema": _DIALECT, **model.model_json_schema(mode=mode)}).body)
 
 
 @schemas.get(
     "/scenario",
+    response_model=dict[str, Any],
     operation_id="readScenarioSchema",
     summary="Schema of scenarios",
     responses=problem_responses(406),
 )
-async def read_scenario_schema() -> dict[str, Any]:
+async def read_scenario_schema() -> Response:
     """The JSON Schema of the scenarios that POST /plans takes."""
-    return _schema(Scenario, "validation")
+    return Response(_schema(Scenario, "validation"), media_type="application/json")
 
 
 @schemas.get(
     "/plan",
+    response_model=dict[str, Any],
     operation_id="readPlanSchema",
     summary="Schema of plans",
     responses=problem_responses(406),
 )
-async def read_plan_schema() -> dict[str, Any]:
+async def read_plan_schema() -> Response:
     """The JSON Schema of a stored plan."""
-    return _schema(StoredPlan, "serialization")
+    return Response(_schema(StoredPlan, "serialization"), media_type="application/json")
