@@ -87,7 +87,10 @@ def begun(ticket: Ticket) -> bool:
 
 def forks_of(parent: int) -> list[int]:
     """The template of a process, and what is forked from it."""
-    return [child for child in family(parent)[1:] if "template_process" in command(child)]
+    for child in family(parent, generations=1)[1:]:
+        if "template_process" in command(child):
+            return family(child)
+    return []
 
 
 def processes_of(parent: int) -> list[int]:

@@ -53,13 +53,14 @@ def command(process: int) -> str:
     return ""
 
 
-def family(process: int) -> list[int]:
-    """Return a process and all that come of it."""
+def family(process: int, generations: int = 100) -> list[int]:
+    """Return a process and all that come of it, of so many generations at most."""
     parents = {int(entry): _stat(int(entry)) for entry in os.listdir("/proc") if entry.isdigit()}
-    found = [process]
-    for one in found:
-        found += [child for child, fields in parents.items() if fields and int(fields[1]) == one]
-    return found
+    members, newest = [process], [process]
+    for _ in range(generations):
+        newest = [child for child, fields in parents.items() if fields and int(fields[1]) in newest]
+        members += newest
+    return members
 
 
 def memory(process: int) -> int:
