@@ -54,7 +54,6 @@ def _designed(spec: JobSpec, earlier: EarlierWork, workers: int, progress: Progr
 
 DESIGN = JobKind(
     name="design",
-    plural="designs",
     unit="searches",
     request=DesignRequest,
     operation=JobOperation(
@@ -65,7 +64,6 @@ DESIGN = JobKind(
         "what the best one misses, and what would help: a job that reports them. Its events carry "
         "the front found so far.",
         body="The brief",
-        body_required=True,
     ),
     task=WholeTask(compute=_designed, finishes=True),
     report=DesignDocument,

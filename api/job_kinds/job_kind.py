@@ -193,7 +193,7 @@ class JobOperation:
     ----------
     id : operationId in the OpenAPI document
     path : path below /v1; holds {plan_id} or {recording_id} if the job is about one
-    body, body_required : description of the body, and whether it is required
+    body : description of the body
     """
 
     id: str
@@ -201,7 +201,6 @@ class JobOperation:
     summary: str
     description: str
     body: str
-    body_required: bool
 
     @property
     def about(self) -> Literal["plan", "recording"] | None:
@@ -217,7 +216,6 @@ class JobKind:
 
     Attributes
     ----------
-    name, plural : name of the kind, and its plural in sentences
     unit : unit of its work
     report : model of the resulting report; None if the result is a plan
     figures : subject kind of that report's figures; None if none can be drawn
@@ -225,7 +223,6 @@ class JobKind:
     """
 
     name: JobKindName
-    plural: str
     unit: str
     request: type[JobRequest]
     operation: JobOperation
@@ -233,6 +230,11 @@ class JobKind:
     report: type[BaseModel] | None = None
     figures: SubjectKind | None = None
     keeps_trials: bool = False
+
+    @property
+    def plural(self) -> str:
+        """Plural of its name, in sentences and paths."""
+        return f"{self.name}s"
 
     @property
     def finishes(self) -> bool:

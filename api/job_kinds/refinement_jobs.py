@@ -76,7 +76,6 @@ def _refined(spec: JobSpec, earlier: EarlierWork, workers: int, progress: Progre
 
 REFINEMENT = JobKind(
     name="refinement",
-    plural="refinements",
     unit="starts",
     request=RefinementRequest,
     operation=JobOperation(
@@ -86,7 +85,6 @@ REFINEMENT = JobKind(
         description="Move phases, centres and radii to the best plan near this one: a job that "
         "makes a plan. Its events carry the best plan so far.",
         body="What changes of the plan's own options; nothing if empty",
-        body_required=False,
     ),
     task=WholeTask(compute=_refined, finishes=True),
 )

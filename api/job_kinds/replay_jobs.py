@@ -74,7 +74,6 @@ def _replayed(spec: JobSpec, _earlier: EarlierWork, _workers: int, progress: Pro
 
 REPLAY = JobKind(
     name="replay",
-    plural="replays",
     unit="sightings",
     request=ReplayRequest,
     operation=JobOperation(
@@ -84,7 +83,6 @@ REPLAY = JobKind(
         description="Run the filter on what real robots recorded: a job that reports errors "
         "against the recorded truth, if there is any, and consistency.",
         body="What the filter assumes; defaults if empty",
-        body_required=False,
     ),
     task=WholeTask(compute=_replayed),
     report=ReplayDocument,

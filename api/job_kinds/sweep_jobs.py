@@ -195,7 +195,6 @@ def _report(spec: JobSpec, concluded: Sequence[Validation]) -> JobReport:
 
 SWEEP = JobKind(
     name="sweep",
-    plural="sweeps",
     unit="trials",
     request=SweepRequest,
     operation=JobOperation(
@@ -205,7 +204,6 @@ SWEEP = JobKind(
         description="Vary one key of a scenario, plan and validate each value: a job that reports "
         "them all.",
         body="The scenario, what is varied, and how to fly",
-        body_required=True,
     ),
     task=TrialTask(runs=_runs, method=FILTER_TRIALS, report=_report),
     report=SweepReport,

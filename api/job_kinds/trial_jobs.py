@@ -108,7 +108,6 @@ def _validation_report(spec: JobSpec, concluded: Sequence[Validation]) -> JobRep
 
 VALIDATION = JobKind(
     name="validation",
-    plural="validations",
     unit="trials",
     request=ValidationRequest,
     operation=JobOperation(
@@ -118,7 +117,6 @@ VALIDATION = JobKind(
         description="Fly a plan many times with the filter: a job that reports errors and "
         "consistency.",
         body="How to fly; defaults if empty",
-        body_required=False,
     ),
     task=TrialTask(runs=_validation_runs, method=FILTER_TRIALS, report=_validation_report),
     report=ValidationDocument,
@@ -210,7 +208,6 @@ def _flight_report(_: JobSpec, concluded: "Sequence[Flight]") -> JobReport:
 
 FLIGHT = JobKind(
     name="flight",
-    plural="flights",
     unit="trials",
     request=FlightRequest,
     operation=JobOperation(
@@ -220,7 +217,6 @@ FLIGHT = JobKind(
         description="Fly a plan many times in closed loop, by vehicles that steer by their own "
         "estimates, in wind, with losses: a job that reports errors, separation and meetings kept.",
         body="How to fly, and what goes wrong; defaults if empty",
-        body_required=False,
     ),
     task=TrialTask(
         runs=_flight_runs,
