@@ -28,6 +28,7 @@ from syncplan.estimation.filter_options import ValidationOptions
 from syncplan.estimation.trials import pack, unpack
 from syncplan.guidance.flight_events import events_of
 from syncplan.guidance.flight_options import GUIDANCES, FlightOptions
+from syncplan.guidance.flight_results import pack_flight, unpack_flight
 from syncplan.planning.filter_choice import asked_filter
 from syncplan.planning.plan_files import Loaded, plan_of
 from syncplan.planning.validation import TrialRun, Validation, conclude, run_part, trial_run
@@ -76,13 +77,11 @@ def _validation_concluded(run: TrialRun, parts: Sequence[bytes]) -> Validation:
     return conclude(run, [unpack(one) for one in parts])
 
 
-def _validation_effort(run: TrialRun) -> float:
-    """Number of samples and sightings of a trial."""
-    return run.steps + len(run.sightings.observers)
-
-
 FILTER_TRIALS: TrialMethod[TrialRun, Validation] = TrialMethod(
-    _validation_computed, _validation_concluded, _validation_effort
+    _validation_computed,
+    _validation_concluded,
+    # samples and sightings of a trial
+    effort=lambda run: run.steps + len(run.sightings.observers),
 )
 
 
@@ -181,27 +180,18 @@ def _flight_runs(spec: JobSpec) -> "list[FlightRun]":
 
 
 def _flight_computed(run: "FlightRun", first: int, trials: int, progress: TrialProgress) -> bytes:
-    from syncplan.guidance.flight_results import pack_flight
     from syncplan.planning.plan_flights import fly_part
 
     return pack_flight(fly_part(run, first, trials, threads=1, progress=progress))
 
 
 def _flight_concluded(run: "FlightRun", parts: Sequence[bytes]) -> "Flight":
-    from syncplan.guidance.flight_results import unpack_flight
     from syncplan.planning.plan_flights import conclude_flight
 
     return conclude_flight(run, [unpack_flight(one) for one in parts])
 
 
-def _flight_effort(run: "FlightRun") -> float:
-    """Number of samples of a flight."""
-    return run.team.steps
-
-
 def _flight_report(_: JobSpec, concluded: "Sequence[Flight]") -> JobReport:
-    from syncplan.guidance.flight_results import pack_flight
-
     (flight,) = concluded
     return JobReport(as_text(flight_document(flight).as_json()), trials=pack_flight(flight.result))
 
@@ -220,7 +210,8 @@ FLIGHT = JobKind(
     ),
     task=TrialTask(
         runs=_flight_runs,
-        method=TrialMethod(_flight_computed, _flight_concluded, _flight_effort),
+        # samples of a flight
+        method=TrialMethod(_flight_computed, _flight_concluded, lambda run: run.team.steps),
         report=_flight_report,
     ),
     report=FlightDocument,
