@@ -25,11 +25,11 @@ from api.logs import REQUEST_ID
 from api.problems import (
     MEDIA_TYPE,
     FaultEntry,
-    Problem,
     ServiceError,
     StorageFull,
     Unavailable,
     printable,
+    problem_document,
     shown,
     title_of,
 )
@@ -221,17 +221,17 @@ def problem_answer(request: Request, failure: FailedRequest) -> Response:
         return Response(status_code=failure.status, headers=headers)
     if failure.status == 405:
         headers = {**headers, "Allow": ", ".join(_methods(request))}
-    problem = Problem(
+    document = problem_document(
+        failure.status,
+        printable(failure.detail),
+        REQUEST_ID.get() or str(request.scope.get("state", {}).get("request_id", "")),
+        failure.title,
         type=failure.type,
-        title=failure.title or title_of(failure.status),
-        status=failure.status,
-        detail=printable(failure.detail),
         instance=quote(request.url.path),
         errors=list(failure.errors) or None,
-        request_id=REQUEST_ID.get() or str(request.scope.get("state", {}).get("request_id", "")),
     )
     # in ASCII: a fault may hold characters that UTF-8 can't encode
-    content = json.dumps(problem.model_dump(exclude_none=True)).encode()
+    content = json.dumps(document).encode()
     return Response(content, failure.status, headers=headers, media_type=MEDIA_TYPE)
 
 
