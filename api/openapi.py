@@ -299,8 +299,7 @@ def _definitions(*models: type[BaseModel]) -> Tree:
     _, definitions = models_json_schema(
         [(model, "validation") for model in models], ref_template=REFERENCE
     )
-    found: Tree = definitions["$defs"]
-    return found
+    return dict(definitions["$defs"])
 
 
 def _bound(schema: Tree, key: str, most: float) -> None:

@@ -116,17 +116,13 @@ class SweepRequest(TrialRequest):
                 f"give exactly one of {', '.join(_SWEPT)}, or key with values; {named} given",
             )
         if self.key is not None:
-            self._check_key(self.key)
+            try:
+                swept_key(self.key)
+            except InputError as error:
+                raise fault("key", error.problem) from None
         if not self._values():
             raise fault(self._list(), "is empty; give a list such as [0.2, 0.4]")
         return self
-
-    @staticmethod
-    def _check_key(key: str) -> None:
-        try:
-            swept_key(key)
-        except InputError as error:
-            raise fault("key", error.problem) from None
 
     def work(self, subject: JobSubject, limits: RequestLimits) -> int:
         """Return the number of trials of all rows; raises InputError if it exceeds a limit."""
