@@ -183,7 +183,7 @@ _AT_ONCE = 100
 _logger = logging.getLogger("syncplan.following")
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(eq=False)
 class JobWatch:
     """Followers of jobs and the reader that serves them; used on one event loop.
 
@@ -198,18 +198,15 @@ class JobWatch:
     most_streams: int
     keyring: Keyring
     is_ending: Callable[[], bool]
-    _keys_version: int = field(init=False)
-    _jobs: dict[str, FollowedJob] = field(default_factory=dict)
-    _streams: Counter[str] = field(default_factory=Counter)
-    _joined: asyncio.Event = field(default_factory=asyncio.Event)
-    _tasks: dict[str, asyncio.Task[None]] = field(default_factory=dict)
-    _away: bool = False
-    _thread: ThreadPoolExecutor = field(
-        default_factory=lambda: ThreadPoolExecutor(1, thread_name_prefix="following")
-    )
 
     def __post_init__(self) -> None:
         self._keys_version = self.keyring.version
+        self._jobs: dict[str, FollowedJob] = {}
+        self._streams: Counter[str] = Counter()
+        self._joined = asyncio.Event()
+        self._tasks: dict[str, asyncio.Task[None]] = {}
+        self._away = False
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="following")
 
     @property
     def streams(self) -> int:

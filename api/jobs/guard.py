@@ -141,7 +141,7 @@ _SWEEP_EVERY_S = 20.0
 _SWEPT_AT_ONCE = 20
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(eq=False)
 class Guard:
     """Thread that keeps this process on the list of live processes and watches the others.
 
@@ -159,21 +159,16 @@ class Guard:
     at_work: Collection[str] = ()
     job_over: Callable[[str], None] = lambda _job_id: None
     clock: Callable[[], float] = time.monotonic
-    _stranded: StrandedJobs = field(init=False)
-    _seen: dict[str, tuple[int, float]] = field(default_factory=dict)
-    _looked: float = field(init=False)
-    _swept: float = field(init=False)
-    _beaten: float = field(init=False)
-    _watched_s: float = 0.0
-    _dropped: set[str] = field(default_factory=set)
-    _stop: threading.Event = field(default_factory=threading.Event)
-    _thread: threading.Thread = field(init=False)
 
     def __post_init__(self) -> None:
         # a process that runs no jobs leaves those of other versions to workers
         grace_s = None if self.executor_id is None else self.settings.version_grace_s
         self._stranded = StrandedJobs(self.database, self.queue, grace_s, self.job_over)
+        self._seen: dict[str, tuple[int, float]] = {}
         self._looked = self._swept = self._beaten = self.clock()
+        self._watched_s = 0.0
+        self._dropped: set[str] = set()
+        self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True, name="guard")
 
     @property
