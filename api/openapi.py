@@ -44,7 +44,7 @@ class Body:
         return not self.models or any(field.is_required() for field in fields)
 
 
-_JOB_OPERATIONS = tuple(kind.operation.id for kind in JOB_KINDS.values())
+_JOB_OPERATIONS = tuple(kind.operation for kind in JOB_KINDS.values())
 
 _PLANNED = Body(
     (Scenario, PlanFile),
@@ -58,7 +58,7 @@ BODIES = {
     "renamePlan": Body((PlanRenaming,), "The name"),
     "createRecording": Body((), "A zip or tar archive of a recording's folder", ARCHIVES),
     "renameRecording": Body((RecordingRenaming,), "The name"),
-    **{one.operation.id: Body((one.request,), one.operation.body) for one in JOB_KINDS.values()},
+    **{one.operation: Body((one.request,), one.body) for one in JOB_KINDS.values()},
 }
 """Request bodies by operation; other operations take none."""
 

@@ -9,7 +9,7 @@ from pydantic import ConfigDict, Field, GetJsonSchemaHandler, model_validator
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
-from api.job_kinds.job_kind import JobKind, JobOperation, JobReport, JobSpec, JobSubject, TrialTask
+from api.job_kinds.job_kind import JobKind, JobReport, JobSpec, JobSubject, TrialTask
 from api.job_kinds.option_requests import TRUTH, TrialRequest, takes_options, with_keys
 from api.job_kinds.trial_jobs import FILTER_TRIALS
 from api.limits import RequestLimits, check_at_most, check_size, check_trials
@@ -193,14 +193,11 @@ SWEEP = JobKind(
     name="sweep",
     unit="trials",
     request=SweepRequest,
-    operation=JobOperation(
-        id="sweepScenario",
-        path="/sweeps",
-        summary="Sweep a scenario",
-        description="Vary one key of a scenario, plan and validate each value: a job that reports "
-        "them all.",
-        body="The scenario, what is varied, and how to fly",
-    ),
+    operation="sweepScenario",
+    summary="Sweep a scenario",
+    description="Vary one key of a scenario, plan and validate each value: a job that reports "
+    "them all.",
+    body="The scenario, what is varied, and how to fly",
     task=TrialTask(runs=_runs, method=FILTER_TRIALS, report=_report),
     report=SweepReport,
     figures="sweep",

@@ -14,7 +14,6 @@ from pydantic import Field, Strict
 from api.documents import loaded_plan
 from api.job_kinds.job_kind import (
     JobKind,
-    JobOperation,
     JobReport,
     JobSpec,
     JobSubject,
@@ -109,14 +108,11 @@ VALIDATION = JobKind(
     name="validation",
     unit="trials",
     request=ValidationRequest,
-    operation=JobOperation(
-        id="validatePlan",
-        path="/plans/{plan_id}/validations",
-        summary="Validate a plan",
-        description="Fly a plan many times with the filter: a job that reports errors and "
-        "consistency.",
-        body="How to fly; defaults if empty",
-    ),
+    operation="validatePlan",
+    summary="Validate a plan",
+    description="Fly a plan many times with the filter: a job that reports errors and consistency.",
+    body="How to fly; defaults if empty",
+    about="plan",
     task=TrialTask(runs=_validation_runs, method=FILTER_TRIALS, report=_validation_report),
     report=ValidationDocument,
     figures="run",
@@ -200,14 +196,12 @@ FLIGHT = JobKind(
     name="flight",
     unit="trials",
     request=FlightRequest,
-    operation=JobOperation(
-        id="flyPlan",
-        path="/plans/{plan_id}/flights",
-        summary="Fly a plan",
-        description="Fly a plan many times in closed loop, by vehicles that steer by their own "
-        "estimates, in wind, with losses: a job that reports errors, separation and meetings kept.",
-        body="How to fly, and what goes wrong; defaults if empty",
-    ),
+    operation="flyPlan",
+    summary="Fly a plan",
+    description="Fly a plan many times in closed loop, by vehicles that steer by their own "
+    "estimates, in wind, with losses: a job that reports errors, separation and meetings kept.",
+    body="How to fly, and what goes wrong; defaults if empty",
+    about="plan",
     task=TrialTask(
         runs=_flight_runs,
         # samples of a flight

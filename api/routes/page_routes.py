@@ -48,7 +48,7 @@ def tables_script(tiles: Tiles | None = None) -> str:
         for name, autopilot in AUTOPILOTS.items()
         for vehicle, title in autopilot.titles.items()
     }
-    of_plans = [kind for kind in JOB_KINDS.values() if kind.operation.about == "plan"]
+    of_plans = [kind for kind in JOB_KINDS.values() if kind.about == "plan"]
     drawn = {"plan", *(kind.figures for kind in of_plans)}
     # a comparison of two plans is what their reader looks at first
     figures = sorted(
