@@ -210,9 +210,8 @@ class Metrics:
         self._refusals = registered(Counter, "syncplan_http_refusals", registry)
         self.in_flight = registered(Gauge, "syncplan_http_requests_in_flight", registry)
         self.jobs = jobs or JobTally()
-        self._of_process = _Watched()
-        self._of_service = _Watched()
-        for one in (self.jobs.registry, self._of_process, self._of_service):
+        self._watched: dict[Owner, _Watched] = {"process": _Watched(), "service": _Watched()}
+        for one in (self.jobs.registry, *self._watched.values()):
             registry.register(one)
         self._process = ProcessCollector(registry=registry)
         self._published = _Published()
@@ -230,13 +229,12 @@ class Metrics:
 
     def watch(self, *sources: Source, of: Owner = "process") -> None:
         """Add sources for each scrape to read."""
-        watched = self._of_process if of == "process" else self._of_service
-        watched.sources += sources
+        self._watched[of].sources += sources
 
     def publish(self) -> None:
         """Make the readings of this process visible to scrapes of the others."""
         with self._publishing:
-            for collector in (self._of_process, self._process):
+            for collector in (self._watched["process"], self._process):
                 for family in collector.collect():
                     self._published.take(family)
 
@@ -247,7 +245,7 @@ class Metrics:
             self.publish()
             registry = CollectorRegistry()
             MultiProcessCollector(registry)  # type: ignore[no-untyped-call]
-            registry.register(self._of_service)
+            registry.register(self._watched["service"])
         return generate_latest(registry), CONTENT_TYPE_PLAIN_0_0_4
 
 

@@ -39,7 +39,6 @@ from syncplan.reports.validation_report import (
     validation_document,
 )
 from syncplan.runtime.files import as_text
-from syncplan.scenario.specification import Scenario
 
 if TYPE_CHECKING:
     from syncplan.planning.plan_flights import Flight, FlightRun
@@ -154,16 +153,13 @@ class FlightRequest(TrialRequest):
         options = self.run_options()
         length, guidance = self.length(scenario), GUIDANCES[options.guidance]
         check_flights(options.trials, scenario, length, guidance, limits)
-        self._check_events(options, scenario)
-        return options.trials
-
-    def _check_events(self, options: FlightOptions, scenario: Scenario) -> None:
-        """Raise InputError for a filter that can't fly, and for events that can't happen."""
+        # a filter that can't fly and events that can't happen are refused too
         with our_keys(FlightOptions):
             choice = asked_filter(scenario, options)
             if choice is not None:
                 replace(options, filter=choice.name)
-            events_of(options, scenario, self.length(scenario))
+            events_of(options, scenario, length)
+        return options.trials
 
 
 @lru_cache(maxsize=2)

@@ -213,14 +213,13 @@ async def _drawn(caller: Caller, task: str, *arguments: Any) -> Response:
 # --- printed reports ------------------------------------------------------------------------------
 
 
-@router.get(
+@_read(
     "/plans/{plan_id}/report",
     tags=["figures"],
     dependencies=[Depends(accepts("text/html"))],
     response_class=HTMLResponse,
     operation_id="printPlan",
     summary="Print a plan",
-    responses=problem_responses(401, 404, 406, 422, 429, 503),
 )
 async def read_printed_plan(plan_id: Identifier, caller: CurrentCaller) -> Response:
     """A page that prints on one sheet: map, verdict, vehicles, and what the figures assume."""
