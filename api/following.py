@@ -69,7 +69,7 @@ def newest_events(
 ) -> Iterable[Row[str, int, str]]:
     """Return (job, number, JSON) of each job's events after the number given for it, in order.
 
-    With `most`, only so many of them.
+    If `most` is given, only that many of them.
     """
     wanted = (
         and_(job_events.c.job_id == job_id, job_events.c.number > number)
@@ -359,11 +359,10 @@ def _look(connection: Connection, asked: Mapping[str, int]) -> dict[str, Found]:
 
 async def _within(seconds: float, event: asyncio.Event) -> bool:
     """Return whether an event is set within a time."""
-    try:
+    with contextlib.suppress(TimeoutError):
         async with asyncio.timeout(seconds):
             return await event.wait()
-    except TimeoutError:
-        return False
+    return False
 
 
 _HEADERS = {"cache-control": "no-cache", "x-accel-buffering": "no"}

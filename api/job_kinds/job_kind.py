@@ -192,7 +192,7 @@ class JobKind:
     Attributes
     ----------
     unit : unit of its work
-    operation : operationId in the OpenAPI document, which the summary and the description are of
+    operation, summary, description : operationId of its operation, and the texts about it
     body : description of the request's body
     about : kind of stored object that the job is about
     report : model of the resulting report; None if the result is a plan

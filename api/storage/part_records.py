@@ -286,7 +286,7 @@ def finished_batches(
 
 
 def _hold(connection: Connection, job_id: str) -> Row[int, int, int] | None:
-    """Lock an unfinished job before its batches, as all writers do; what is read of it."""
+    """Lock an unfinished job before its batches, as all writers do; return (done, total, begun)."""
     query = select(jobs.c.done, jobs.c.total, jobs.c.begun).where(
         jobs.c.id == job_id, jobs.c.state.in_(UNFINISHED)
     )
