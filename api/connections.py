@@ -14,7 +14,6 @@ import logging
 import mmap
 import os
 import resource
-import struct
 import tempfile
 from collections import Counter
 from collections.abc import Callable
@@ -80,12 +79,12 @@ def limits_of_connections(settings: Settings, descriptors: int) -> ConnectionLim
 
 def raise_limit() -> int:
     """Raise this process's limit of open files as far as the system allows, and return it."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    wanted = _ENOUGH if hard == resource.RLIM_INFINITY else min(hard, _ENOUGH)
-    if soft != resource.RLIM_INFINITY and soft < wanted:
-        resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
-        return wanted
-    return _ENOUGH if soft == resource.RLIM_INFINITY else soft
+    given = resource.getrlimit(resource.RLIMIT_NOFILE)
+    soft, hard = (_ENOUGH if one == resource.RLIM_INFINITY else one for one in given)
+    wanted = min(hard, _ENOUGH)
+    if soft < wanted:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, given[1]))
+    return max(soft, wanted)
 
 
 class Guest(Protocol):
@@ -180,7 +179,7 @@ class Connections:
 # --- several processes on one socket -------------------------------------------------------------
 
 
-_ENTRY = struct.Struct("=I")
+_ENTRY_BYTES = 4
 _AWAY = 2**32 - 1
 
 
@@ -194,14 +193,13 @@ class ConnectionTable:
 
     def __init__(self, descriptor: int, count: int) -> None:
         self.descriptor = descriptor
-        self.count = count
-        self._memory = mmap.mmap(descriptor, count * _ENTRY.size)
+        self._entries = memoryview(mmap.mmap(descriptor, count * _ENTRY_BYTES)).cast("I")
 
     @classmethod
     def made(cls, count: int) -> "ConnectionTable":
         """Return a table for `count` processes, none of which takes connections yet."""
         with tempfile.TemporaryFile() as file:
-            file.truncate(count * _ENTRY.size)
+            file.truncate(count * _ENTRY_BYTES)
             table = cls(os.dup(file.fileno()), count)
         for number in range(count):
             table.leave(number)
@@ -209,7 +207,7 @@ class ConnectionTable:
 
     def enter(self, number: int, connections: int) -> None:
         """Set the number of connections of a process."""
-        _ENTRY.pack_into(self._memory, number * _ENTRY.size, connections)
+        self._entries[number] = connections
 
     def leave(self, number: int) -> None:
         """Mark a process as taking no connections, so that no other gives way to it."""
@@ -217,8 +215,7 @@ class ConnectionTable:
 
     def least(self) -> int:
         """Return the smallest connection count of any process."""
-        entries: list[int] = [entry for (entry,) in _ENTRY.iter_unpack(self._memory[:])]
-        return min(entries)
+        return min(self._entries)
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,8 +9,7 @@ import logging
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from enum import Enum
-from typing import Any
+from typing import Any, Literal
 from urllib.parse import quote
 
 from fastapi.exceptions import RequestValidationError
@@ -26,11 +25,11 @@ from api.logs import REQUEST_ID
 from api.problems import (
     MEDIA_TYPE,
     FaultEntry,
-    Problem,
     ServiceError,
     StorageFull,
     Unavailable,
     printable,
+    problem_document,
     shown,
     title_of,
 )
@@ -61,12 +60,8 @@ _DISK_FULL = "53100"
 _READ_ONLY = ("25006", "attempt to write a readonly database")
 
 
-class Logged(Enum):
-    """Log entry of a failure, in addition to the line of its request."""
-
-    NOTHING = "nothing"
-    LINE = "line"
-    TRACE = "trace"
+Logged = Literal["nothing", "line", "trace"]
+"""Log entry of a failure, in addition to the line of its request."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,12 +78,12 @@ class FailedRequest:
     reason: str
     headers: dict[str, str] = field(default_factory=dict)
     errors: tuple[FaultEntry, ...] = ()
-    logged: Logged = Logged.NOTHING
+    logged: Logged = "nothing"
     type: str = "about:blank"
     title: str = ""
 
 
-def _deliberate(error: ServiceError, logged: Logged = Logged.NOTHING) -> FailedRequest:
+def _deliberate(error: ServiceError, logged: Logged = "nothing") -> FailedRequest:
     # the class of the error, such as too-many-requests
     reason = re.sub(r"(?<=[a-z])(?=[A-Z])", "-", type(error).__name__).lower()
     return FailedRequest(error.status, error.detail, reason, error.headers, error.errors, logged)
@@ -164,12 +159,12 @@ def _system(error: OSError) -> FailedRequest:
     return _unforeseen(error)
 
 
-def _unforeseen(error: Exception) -> FailedRequest:
-    return FailedRequest(500, INTERNAL, "internal", logged=Logged.TRACE)
+def _unforeseen(error: Exception, detail: str = INTERNAL) -> FailedRequest:
+    return FailedRequest(500, detail, "internal", logged="trace")
 
 
 def _with_line(error: ServiceError) -> FailedRequest:
-    return _deliberate(error, Logged.LINE)
+    return _deliberate(error, "line")
 
 
 TABLE: dict[type[Exception], Callable[[Any], FailedRequest]] = {
@@ -179,7 +174,7 @@ TABLE: dict[type[Exception], Callable[[Any], FailedRequest]] = {
     NoSolutionError: lambda error: FailedRequest(
         422, str(error), "no-solution", type=NO_SOLUTION, title="No solution"
     ),
-    SyncplanError: lambda error: FailedRequest(500, str(error), "internal", logged=Logged.TRACE),
+    SyncplanError: lambda error: _unforeseen(error, str(error)),
     RequestValidationError: _invalid,
     HTTPException: _http,
     ClientDisconnect: lambda _: FailedRequest(
@@ -208,9 +203,9 @@ _log = logging.getLogger("api.problems")
 async def answer_to(request: Request, error: Exception) -> Response:
     """Return the problem that answers an exception, and write its log entry."""
     failure = failure_of(error)
-    if failure.logged is Logged.TRACE:
+    if failure.logged == "trace":
         _log.error("unforeseen: %s", type(error).__name__, exc_info=error)
-    elif failure.logged is Logged.LINE:
+    elif failure.logged == "line":
         cause = printable(str(getattr(error, "orig", None) or error))
         _log.warning("%s: %s", type(error).__name__, cause)
     return problem_answer(request, failure)
@@ -226,17 +221,17 @@ def problem_answer(request: Request, failure: FailedRequest) -> Response:
         return Response(status_code=failure.status, headers=headers)
     if failure.status == 405:
         headers = {**headers, "Allow": ", ".join(_methods(request))}
-    problem = Problem(
+    document = problem_document(
+        failure.status,
+        printable(failure.detail),
+        REQUEST_ID.get() or str(request.scope.get("state", {}).get("request_id", "")),
+        failure.title,
         type=failure.type,
-        title=failure.title or title_of(failure.status),
-        status=failure.status,
-        detail=printable(failure.detail),
         instance=quote(request.url.path),
         errors=list(failure.errors) or None,
-        request_id=REQUEST_ID.get() or str(request.scope.get("state", {}).get("request_id", "")),
     )
     # in ASCII: a fault may hold characters that UTF-8 can't encode
-    content = json.dumps(problem.model_dump(exclude_none=True)).encode()
+    content = json.dumps(document).encode()
     return Response(content, failure.status, headers=headers, media_type=MEDIA_TYPE)
 
 

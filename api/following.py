@@ -19,7 +19,7 @@ from itertools import dropwhile, islice
 from typing import Concatenate, ParamSpec, TypeVar
 
 from fastapi.sse import KEEPALIVE_COMMENT, format_sse_event
-from sqlalchemy import Connection, and_, or_, select
+from sqlalchemy import Connection, Row, and_, or_, select
 from starlette.responses import StreamingResponse
 from starlette.types import Receive, Scope, Send
 
@@ -54,13 +54,8 @@ def events_after(
 
     For further events, ask again from the last one on.
     """
-    query = (
-        select(job_events.c.number, job_events.c.data)
-        .where(job_events.c.job_id == job_id, job_events.c.number > number)
-        .order_by(job_events.c.number)
-        .limit(most)
-    )
-    return [(row[0], row[1]) for row in connection.execute(query)]
+    newest = newest_events(connection, {job_id: number}, most)
+    return [(number, data) for _, number, data in newest]
 
 
 def heads_of(connection: Connection, job_ids: Sequence[str]) -> dict[str, JobHead]:
@@ -70,9 +65,12 @@ def heads_of(connection: Connection, job_ids: Sequence[str]) -> dict[str, JobHea
 
 
 def newest_events(
-    connection: Connection, after: Mapping[str, int]
-) -> Iterator[tuple[str, int, str]]:
-    """Yield (job, number, JSON) of each job's events after the number given for it, in order."""
+    connection: Connection, after: Mapping[str, int], most: int | None = None
+) -> Iterable[Row[str, int, str]]:
+    """Return (job, number, JSON) of each job's events after the number given for it, in order.
+
+    If `most` is given, only that many of them.
+    """
     wanted = (
         and_(job_events.c.job_id == job_id, job_events.c.number > number)
         for job_id, number in after.items()
@@ -81,9 +79,9 @@ def newest_events(
         select(job_events.c.job_id, job_events.c.number, job_events.c.data)
         .where(or_(*wanted))
         .order_by(job_events.c.job_id, job_events.c.number)
+        .limit(most)
     )
-    for row in connection.execute(query):
-        yield row[0], row[1], row[2]
+    return connection.execute(query)
 
 
 # --- followed jobs --------------------------------------------------------------------------------
@@ -185,29 +183,24 @@ _AT_ONCE = 100
 _logger = logging.getLogger("syncplan.following")
 
 
+@dataclass(eq=False)
 class JobWatch:
     """Followers of jobs and the reader that serves them; used on one event loop.
 
-    Parameters
+    Attributes
     ----------
     most_streams : most streams that an owner may have open
     keyring : valid keys; a stream ends when its key does
     is_ending : whether the server is about to end, and with it all streams
     """
 
-    def __init__(
-        self,
-        database: Database,
-        *,
-        most_streams: int,
-        keyring: Keyring,
-        is_ending: Callable[[], bool],
-    ) -> None:
-        self._database = database
-        self._keyring = keyring
-        self._keys_version = keyring.version
-        self._most_streams = most_streams
-        self._is_ending = is_ending
+    database: Database
+    most_streams: int
+    keyring: Keyring
+    is_ending: Callable[[], bool]
+
+    def __post_init__(self) -> None:
+        self._keys_version = self.keyring.version
         self._jobs: dict[str, FollowedJob] = {}
         self._streams: Counter[str] = Counter()
         self._joined = asyncio.Event()
@@ -229,9 +222,9 @@ class JobWatch:
     @contextlib.contextmanager
     def following(self, follower: Follower) -> Iterator[None]:
         """Keep a follower until the block ends; raises TooManyRequests."""
-        if self._streams[follower.owner] >= self._most_streams:
+        if self._streams[follower.owner] >= self.most_streams:
             raise TooManyRequests(
-                f"you have {self._most_streams} event streams open, the most allowed; close one, "
+                f"you have {self.most_streams} event streams open, the most allowed; close one, "
                 "or ask for the job itself from time to time",
                 retry_after_s=_RETRY_AFTER_S,
             )
@@ -307,11 +300,11 @@ class JobWatch:
     async def _tick(self) -> None:
         """End streams when the server or their keys end, even while the reader waits."""
         while self._jobs:
-            if self._is_ending():
+            if self.is_ending():
                 self._end_all()
-            if self._keyring.version != self._keys_version:
-                self._keys_version = self._keyring.version
-                self._end_all(lambda one: not self._keyring.admits(one.owner, one.key))
+            if self.keyring.version != self._keys_version:
+                self._keys_version = self.keyring.version
+                self._end_all(lambda one: not self.keyring.admits(one.owner, one.key))
             await asyncio.sleep(_LOOK_EVERY_S)
 
     async def _reading(
@@ -320,12 +313,12 @@ class JobWatch:
         """Run a query in the reader's thread; return its result, None if the database is away."""
 
         def read() -> R:
-            with self._database.reading() as connection:
+            with self.database.reading() as connection:
                 return query(connection, *args, **kwargs)
 
         reading = asyncio.get_running_loop().run_in_executor(self._thread, read)
         while not (await asyncio.wait([reading], timeout=_LOOK_EVERY_S))[0]:
-            if self._is_ending():
+            if self.is_ending():
                 reading.cancel()
                 return None
         error = reading.exception()
@@ -366,11 +359,10 @@ def _look(connection: Connection, asked: Mapping[str, int]) -> dict[str, Found]:
 
 async def _within(seconds: float, event: asyncio.Event) -> bool:
     """Return whether an event is set within a time."""
-    try:
+    with contextlib.suppress(TimeoutError):
         async with asyncio.timeout(seconds):
             return await event.wait()
-    except TimeoutError:
-        return False
+    return False
 
 
 _HEADERS = {"cache-control": "no-cache", "x-accel-buffering": "no"}

@@ -114,12 +114,10 @@ class KeyFile:
             raise InputError(content, source=str(self.path))
         try:
             keys = keys_of_lines(content.decode())
-        except UnicodeDecodeError:
-            raise InputError(
-                "is not UTF-8; give NAME:KEY, one a line", source=str(self.path)
-            ) from None
         except ValueError as error:
-            raise InputError(str(error), source=str(self.path)) from None
+            is_text = not isinstance(error, UnicodeDecodeError)
+            problem = str(error) if is_text else "is not UTF-8; give NAME:KEY, one a line"
+            raise InputError(problem, source=str(self.path)) from None
         self._warn_of_readers(mode)
         return keys
 

@@ -10,15 +10,8 @@ import sys
 import time
 import traceback
 from contextvars import ContextVar
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
-
-
-@dataclass(slots=True)
-class _Silence:
-    until: float
-    cases: int = 0
 
 
 class SeldomLog:
@@ -27,7 +20,8 @@ class SeldomLog:
     def __init__(self, logger: logging.Logger, every_s: float = 10.0) -> None:
         self._logger = logger
         self._every_s = every_s
-        self._silences: dict[str, _Silence] = {}
+        # of each kind: until when it is silent, and the number of cases since its last line
+        self._silences: dict[str, tuple[float, int]] = {}
 
     def warn(self, kind: str, message: str, **fields: object) -> None:
         """Log a case of `kind` with the number of cases since the last line, or only count it.
@@ -35,13 +29,12 @@ class SeldomLog:
         There must be few kinds: an entry is kept for each.
         """
         now = time.monotonic()
-        silence = self._silences.get(kind)
-        if silence is not None and now < silence.until:
-            silence.cases += 1
+        until, before = self._silences.get(kind, (now, 0))
+        if now < until:
+            self._silences[kind] = until, before + 1
             return
-        cases = 1 if silence is None else silence.cases + 1
-        self._silences[kind] = _Silence(now + self._every_s)
-        self._logger.warning(message, extra={"kind": kind, "cases": cases, **fields})
+        self._silences[kind] = now + self._every_s, 0
+        self._logger.warning(message, extra={"kind": kind, "cases": before + 1, **fields})
 
 
 # --- JSON lines -----------------------------------------------------------------------------------

@@ -12,7 +12,8 @@ import os
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from functools import partial
+from typing import Any, Literal, TypeVar
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, ProcessCollector
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
@@ -25,6 +26,7 @@ JOB_S = (0.1, 0.5, 1, 2.5, 5, 10, 30, 60, 300, 900, 3600, 14400)
 
 MetricType = Literal["counter", "gauge", "histogram"]
 Owner = Literal["process", "service"]
+Over = Literal["livesum", "livemax", "livemin"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,19 +36,20 @@ class MetricEntry:
     Attributes
     ----------
     name : exposed name; for a counter, without its suffix `_total`
+    buckets : upper bounds of a histogram's buckets
     of : whether the figure is one of each process, to be combined over processes, or one of the
         whole service, which every process reads from the database alike
-    buckets : upper bounds of a histogram's buckets
-    over : whether values of several processes are added up, or the largest is taken
+    over : prometheus_client's mode of a gauge: whether values of several processes are added up, or
+        the largest or the least is taken
     """
 
-    name: str
     type: MetricType
+    name: str
     meaning: str
     labels: tuple[str, ...] = ()
-    of: Owner = "process"
     buckets: tuple[float, ...] = ()
-    over: Literal["sum", "max"] = "sum"
+    of: Owner = "process"
+    over: Over = "livesum"
 
     @property
     def exposed(self) -> str:
@@ -54,106 +57,75 @@ class MetricEntry:
         return self.name + {"counter": "_total", "histogram": "_count", "gauge": ""}[self.type]
 
 
+_counter = partial(MetricEntry, "counter")
+_histogram = partial(MetricEntry, "histogram")
+_gauge = partial(MetricEntry, "gauge")
+_service_gauge = partial(MetricEntry, "gauge", of="service")
+
 _ENTRIES = (
-    MetricEntry(
-        "syncplan_http_requests", "counter", "Requests answered", ("method", "route", "status")
-    ),
-    MetricEntry(
+    _counter("syncplan_http_requests", "Requests answered", ("method", "route", "status")),
+    _histogram(
         "syncplan_http_request_duration_seconds",
-        "histogram",
         "Time from a request to the first byte of its answer",
         ("method", "route", "status"),
-        buckets=REQUEST_S,
+        REQUEST_S,
     ),
-    MetricEntry("syncplan_http_requests_in_flight", "gauge", "Requests being answered"),
-    MetricEntry(
+    _gauge("syncplan_http_requests_in_flight", "Requests being answered"),
+    _counter(
         "syncplan_http_refusals",
-        "counter",
         "Requests answered with a problem, by its reason",
         ("status", "reason"),
     ),
-    MetricEntry("syncplan_connections", "gauge", "Connections, those held for probes included"),
-    MetricEntry(
+    _gauge("syncplan_connections", "Connections, those held for probes included"),
+    _counter(
         "syncplan_connections_refused",
-        "counter",
         "Connections and requests refused before the application, by reason",
         ("reason",),
     ),
-    MetricEntry("syncplan_streams", "gauge", "Open streams of events"),
-    MetricEntry("syncplan_jobs", "gauge", "Jobs in each state", ("state",), of="service"),
-    MetricEntry(
-        "syncplan_jobs_unfinished",
-        "gauge",
-        "Jobs that wait or run, by kind",
-        ("kind", "state"),
-        of="service",
-    ),
-    MetricEntry(
+    _gauge("syncplan_streams", "Open streams of events"),
+    _service_gauge("syncplan_jobs", "Jobs in each state", ("state",)),
+    _service_gauge("syncplan_jobs_unfinished", "Jobs that wait or run, by kind", ("kind", "state")),
+    _service_gauge(
         "syncplan_jobs_oldest_queued_seconds",
-        "gauge",
         "Age of the job that has waited longest for a worker, 0 if none waits",
-        of="service",
     ),
-    MetricEntry(
-        "syncplan_parts_unfinished",
-        "gauge",
-        "Parts of running jobs without a result",
-        of="service",
-    ),
-    MetricEntry(
+    _service_gauge("syncplan_parts_unfinished", "Parts of running jobs without a result"),
+    _service_gauge(
         "syncplan_parts_oldest_queued_seconds",
-        "gauge",
         "Age of the part that has waited longest for a worker, 0 if none waits",
-        of="service",
     ),
-    MetricEntry("syncplan_workers", "gauge", "Workers, by version", ("version",), of="service"),
-    MetricEntry(
-        "syncplan_heartbeat_age_seconds",
-        "gauge",
-        "Age of each worker's last heartbeat",
-        ("worker",),
-        of="service",
+    _service_gauge("syncplan_workers", "Workers, by version", ("version",)),
+    _service_gauge(
+        "syncplan_heartbeat_age_seconds", "Age of each worker's last heartbeat", ("worker",)
     ),
-    MetricEntry(
-        "syncplan_job_wait_seconds",
-        "histogram",
-        "Time from a job's request to its start",
-        ("kind",),
-        buckets=JOB_S,
+    _histogram(
+        "syncplan_job_wait_seconds", "Time from a job's request to its start", ("kind",), JOB_S
     ),
-    MetricEntry(
+    _histogram(
         "syncplan_job_duration_seconds",
-        "histogram",
         "Time from a job's start to its end",
         ("kind", "outcome"),
-        buckets=JOB_S,
+        JOB_S,
     ),
-    MetricEntry(
+    _histogram(
         "syncplan_part_duration_seconds",
-        "histogram",
         "Computing time of a part of a job",
         ("part", "outcome"),
-        buckets=JOB_S,
+        JOB_S,
     ),
-    MetricEntry("syncplan_job_failures", "counter", "Jobs that failed", ("kind", "reason")),
-    MetricEntry("syncplan_processes_busy", "gauge", "Child processes at work"),
-    MetricEntry("syncplan_pool_processes", "gauge", "Child processes of a pool", ("pool",)),
-    MetricEntry(
-        "syncplan_pool_tasks", "gauge", "Tasks that wait in a pool or run", ("pool", "state")
-    ),
-    MetricEntry(
-        "syncplan_pool_owners_waiting", "gauge", "Owners whose tasks wait in a pool", ("pool",)
-    ),
-    MetricEntry(
+    _counter("syncplan_job_failures", "Jobs that failed", ("kind", "reason")),
+    _gauge("syncplan_processes_busy", "Child processes at work"),
+    _gauge("syncplan_pool_processes", "Child processes of a pool", ("pool",)),
+    _gauge("syncplan_pool_tasks", "Tasks that wait in a pool or run", ("pool", "state")),
+    _gauge("syncplan_pool_owners_waiting", "Owners whose tasks wait in a pool", ("pool",)),
+    _gauge(
         "syncplan_pool_oldest_waiting_seconds",
-        "gauge",
         "Age of the task that has waited longest in a pool, 0 if none waits",
         ("pool",),
-        over="max",
+        over="livemax",
     ),
-    MetricEntry(
+    _counter(
         "syncplan_pool_children_started",
-        "counter",
         "Child processes started: at the start, and each in place of one that was killed or had "
         "grown",
         ("pool",),
@@ -163,19 +135,16 @@ _ENTRIES = (
 METRICS: Mapping[str, MetricEntry] = {entry.name: entry for entry in _ENTRIES}
 """Every metric by its name."""
 
+M = TypeVar("M", Counter, Histogram, Gauge)
 
-def as_counter(name: str, registry: CollectorRegistry) -> Counter:
-    """Return a counter for an entry of the table."""
+
+def registered(kind: type[M], name: str, registry: CollectorRegistry) -> M:
+    """Return a metric of prometheus_client for an entry of the table."""
     entry = METRICS[name]
-    return Counter(entry.name, entry.meaning, entry.labels, registry=registry)
-
-
-def as_histogram(name: str, registry: CollectorRegistry) -> Histogram:
-    """Return a histogram for an entry of the table."""
-    entry = METRICS[name]
-    return Histogram(
-        entry.name, entry.meaning, entry.labels, buckets=entry.buckets, registry=registry
-    )
+    options: dict[str, Any] = {"multiprocess_mode": entry.over} if kind is Gauge else {}
+    if entry.buckets:
+        options["buckets"] = entry.buckets
+    return kind(entry.name, entry.meaning, entry.labels, registry=registry, **options)
 
 
 # --- jobs -----------------------------------------------------------------------------------------
@@ -189,10 +158,10 @@ class JobTally:
 
     def __init__(self) -> None:
         self.registry = CollectorRegistry()
-        self._waits = as_histogram("syncplan_job_wait_seconds", self.registry)
-        self._durations = as_histogram("syncplan_job_duration_seconds", self.registry)
-        self._failures = as_counter("syncplan_job_failures", self.registry)
-        self._parts = as_histogram("syncplan_part_duration_seconds", self.registry)
+        self._waits = registered(Histogram, "syncplan_job_wait_seconds", self.registry)
+        self._durations = registered(Histogram, "syncplan_job_duration_seconds", self.registry)
+        self._failures = registered(Counter, "syncplan_job_failures", self.registry)
+        self._parts = registered(Histogram, "syncplan_part_duration_seconds", self.registry)
 
     def ended(
         self, kind: str, outcome: str, *, waited_s: float, took_s: float, reason: str | None = None
@@ -220,7 +189,7 @@ Source = Callable[[], Readings]
 SHARED = "PROMETHEUS_MULTIPROC_DIR"
 """Environment variable that names the folder of shared metrics, set before processes start."""
 
-_EARLIEST = ("process_start_time_seconds", "process_max_fds")
+_OVER: Mapping[str, Over] = {"process_start_time_seconds": "livemin", "process_max_fds": "livemin"}
 """Figures of which the service reports the least over its processes."""
 
 NO_ROUTE = "none"
@@ -236,17 +205,13 @@ class Metrics:
 
     def __init__(self, jobs: JobTally | None = None) -> None:
         self._registry = registry = CollectorRegistry()
-        self._requests = as_counter("syncplan_http_requests", registry)
-        self._latency = as_histogram("syncplan_http_request_duration_seconds", registry)
-        self._refusals = as_counter("syncplan_http_refusals", registry)
-        in_flight = METRICS["syncplan_http_requests_in_flight"]
-        self.in_flight = Gauge(
-            in_flight.name, in_flight.meaning, registry=registry, multiprocess_mode="livesum"
-        )
+        self._requests = registered(Counter, "syncplan_http_requests", registry)
+        self._latency = registered(Histogram, "syncplan_http_request_duration_seconds", registry)
+        self._refusals = registered(Counter, "syncplan_http_refusals", registry)
+        self.in_flight = registered(Gauge, "syncplan_http_requests_in_flight", registry)
         self.jobs = jobs or JobTally()
-        self._of_process = _Watched()
-        self._of_service = _Watched()
-        for one in (self.jobs.registry, self._of_process, self._of_service):
+        self._watched: dict[Owner, _Watched] = {"process": _Watched(), "service": _Watched()}
+        for one in (self.jobs.registry, *self._watched.values()):
             registry.register(one)
         self._process = ProcessCollector(registry=registry)
         self._published = _Published()
@@ -264,13 +229,12 @@ class Metrics:
 
     def watch(self, *sources: Source, of: Owner = "process") -> None:
         """Add sources for each scrape to read."""
-        watched = self._of_process if of == "process" else self._of_service
-        watched.sources += sources
+        self._watched[of].sources += sources
 
     def publish(self) -> None:
         """Make the readings of this process visible to scrapes of the others."""
         with self._publishing:
-            for collector in (self._of_process, self._process):
+            for collector in (self._watched["process"], self._process):
                 for family in collector.collect():
                     self._published.take(family)
 
@@ -281,7 +245,7 @@ class Metrics:
             self.publish()
             registry = CollectorRegistry()
             MultiProcessCollector(registry)  # type: ignore[no-untyped-call]
-            registry.register(self._of_service)
+            registry.register(self._watched["service"])
         return generate_latest(registry), CONTENT_TYPE_PLAIN_0_0_4
 
 
@@ -330,10 +294,7 @@ def _copy_of(family: Metric, labels: tuple[str, ...]) -> Counter | Gauge:
     name, meaning = family.name, family.documentation
     if family.type == "counter":
         return Counter(name, meaning, labels, registry=None)
-    if name in _EARLIEST:
-        return Gauge(name, meaning, labels, registry=None, multiprocess_mode="livemin")
-    largest = name in METRICS and METRICS[name].over == "max"
-    mode: Literal["livemax", "livesum"] = "livemax" if largest else "livesum"
+    mode = METRICS[name].over if name in METRICS else _OVER.get(name, "livesum")
     return Gauge(name, meaning, labels, registry=None, multiprocess_mode=mode)
 
 

@@ -32,22 +32,23 @@ from syncplan.scenario.specification import Scenario
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """Body of a request: one of `models`, and whether it is required.
-
-    It is JSON or YAML, or bytes of one of `media`.
-    """
+    """Body of a request: one of `models`, in JSON or YAML, or bytes of one of `media`."""
 
     models: tuple[type[BaseModel], ...]
-    required: bool
     description: str
     media: tuple[str, ...] = ()
 
+    @property
+    def required(self) -> bool:
+        """Whether the body can't be left out."""
+        fields = (field for model in self.models for field in model.model_fields.values())
+        return not self.models or any(field.is_required() for field in fields)
 
-_JOB_OPERATIONS = tuple(kind.operation.id for kind in JOB_KINDS.values())
+
+_JOB_OPERATIONS = tuple(kind.operation for kind in JOB_KINDS.values())
 
 _PLANNED = Body(
     (Scenario, PlanFile),
-    True,
     "A scenario, as in its file, to find phases for; or a plan, as in its file, whose own "
     "orbits are judged with its scenario: of a plan, `scenario` and `vehicles` are read",
 )
@@ -55,13 +56,10 @@ _PLANNED = Body(
 BODIES = {
     "createPlan": _PLANNED,
     "previewScenario": _PLANNED,
-    "renamePlan": Body((PlanRenaming,), True, "The name"),
-    "createRecording": Body((), True, "A zip or tar archive of a recording's folder", ARCHIVES),
-    "renameRecording": Body((RecordingRenaming,), True, "The name"),
-    **{
-        one.operation.id: Body((one.request,), one.operation.body_required, one.operation.body)
-        for one in JOB_KINDS.values()
-    },
+    "renamePlan": Body((PlanRenaming,), "The name"),
+    "createRecording": Body((), "A zip or tar archive of a recording's folder", ARCHIVES),
+    "renameRecording": Body((RecordingRenaming,), "The name"),
+    **{one.operation: Body((one.request,), one.body) for one in JOB_KINDS.values()},
 }
 """Request bodies by operation; other operations take none."""
 
@@ -279,19 +277,15 @@ _EVENT = {
 
 
 def _request_body(body: Body, examples: Tree) -> Tree:
-    if body.media:
-        raw: Tree = {"schema": {"type": "string", "format": "binary"}}
-        content = dict.fromkeys(body.media, raw)
-        return {"description": body.description, "required": body.required, "content": content}
-    schemas = [{"$ref": REFERENCE.format(model=model.__name__)} for model in body.models]
-    content = {
-        "schema": schemas[0] if len(schemas) == 1 else {"anyOf": schemas},
-        "examples": examples,
-    }
+    content: Tree = {"schema": {"type": "string", "format": "binary"}}
+    if body.models:
+        schemas = [{"$ref": REFERENCE.format(model=model.__name__)} for model in body.models]
+        schema = schemas[0] if len(schemas) == 1 else {"anyOf": schemas}
+        content = {"schema": schema, "examples": examples}
     return {
         "description": body.description,
         "required": body.required,
-        "content": {_JSON: content, _YAML: content},
+        "content": dict.fromkeys(body.media or (_JSON, _YAML), content),
     }
 
 
@@ -310,8 +304,7 @@ def _definitions(*models: type[BaseModel]) -> Tree:
     _, definitions = models_json_schema(
         [(model, "validation") for model in models], ref_template=REFERENCE
     )
-    found: Tree = definitions["$defs"]
-    return found
+    return dict(definitions["$defs"])
 
 
 def _bound(schema: Tree, key: str, most: float) -> None:

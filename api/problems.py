@@ -69,6 +69,15 @@ def title_of(status: int) -> str:
         return "Client Error" if status < 500 else "Server Error"
 
 
+def problem_document(
+    status: int, detail: str, request_id: str, title: str = "", **further: Any
+) -> dict[str, Any]:
+    """Return a problem for JSON; the title is that of the status unless another is given."""
+    title = title or title_of(status)
+    problem = Problem(title=title, status=status, detail=detail, request_id=request_id, **further)
+    return problem.model_dump(exclude_none=True)
+
+
 def printable(text: str, longest: int = _LONGEST_TEXT) -> str:
     """Return text as one line of printable characters, shortened to `longest`."""
     text = text if len(text) <= longest else text[: longest - 3] + "..."
@@ -261,19 +270,14 @@ def problem_responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
 
 def _response(status: int) -> dict[str, Any]:
     title = title_of(status)
-    example = Problem(
-        title=title,
-        status=status,
-        detail=_DETAILS.get(status, title.lower()),
-        errors=[_FAULT] if status == 422 else None,
-        request_id=_ID,
-    )
+    errors = [_FAULT] if status == 422 else None
+    example = problem_document(status, _DETAILS.get(status, title.lower()), _ID, errors=errors)
     response: dict[str, Any] = {
         "description": title,
         "content": {
             MEDIA_TYPE: {
                 "schema": {"$ref": REFERENCE.format(model="Problem")},
-                "example": example.model_dump(mode="json", exclude_none=True),
+                "example": example,
             }
         },
     }

@@ -22,7 +22,7 @@ from uvicorn.protocols.http.httptools_impl import (
 
 from api.answering import with_security
 from api.connections import NEVER, ConnectionLimits, Connections
-from api.problems import MEDIA_TYPE, Problem, title_of
+from api.problems import MEDIA_TYPE, problem_document
 from api.security import network_of
 
 # --- refusals -------------------------------------------------------------------------------------
@@ -50,13 +50,8 @@ class Refusal:
     def as_bytes(self) -> bytes:
         """Return the whole answer, a problem document with its own request id."""
         request_id = uuid.uuid4().hex
-        problem = Problem(
-            title=title_of(self.status),
-            status=self.status,
-            detail=self.detail,
-            request_id=request_id,
-        )
-        content = json.dumps(problem.model_dump(exclude_none=True)).encode()
+        document = problem_document(self.status, self.detail, request_id)
+        content = json.dumps(document).encode()
         headers = [
             (b"content-type", MEDIA_TYPE.encode()),
             (b"content-length", str(len(content)).encode()),
@@ -84,17 +79,10 @@ LARGE_FRAMING = Refusal(
 ENDING = Refusal("ending", 503, "the service is about to end; try again", retry_after_s=2)
 
 
-def late_head(limits: ConnectionLimits) -> Refusal:
-    """Return the refusal of a head that took too long."""
+def late(part: str, limit_s: float) -> Refusal:
+    """Return the refusal of the head or the body of a request that took too long."""
     return Refusal(
-        "late-head", 408, f"the head of the request did not arrive within {limits.head_s:g} s"
-    )
-
-
-def late_body(limits: ConnectionLimits) -> Refusal:
-    """Return the refusal of a body that took too long."""
-    return Refusal(
-        "late-body", 408, f"the body of the request did not arrive within {limits.body_s:g} s"
+        f"late-{part}", 408, f"the {part} of the request did not arrive within {limit_s:g} s"
     )
 
 
@@ -232,7 +220,8 @@ class HttpProtocol(HttpToolsProtocol):
         if not self._admitted:
             self._admitted = self.counted.promote(self)
         if not self._admitted and self.url.partition(b"?")[0] not in PROBES:
-            self._stop(crowd(self.limits))
+            self._fault = crowd(self.limits)
+            raise _RefusedError
         super().on_headers_complete()
         if not self._admitted:
             self.cycle.keep_alive = False
@@ -293,11 +282,11 @@ class HttpProtocol(HttpToolsProtocol):
             # the service itself does not read on
             self.due = self._body_due = now + self.limits.body_s
         elif not self._in_head:
-            self._refuse(late_body(self.limits))
+            self._refuse(late("body", self.limits.body_s))
         elif not self._admitted:
             self._refuse(crowd(self.limits))
         elif self._head_bytes:
-            self._refuse(late_head(self.limits))
+            self._refuse(late("head", self.limits.head_s))
         else:
             self._close(now)
 
@@ -361,10 +350,6 @@ class HttpProtocol(HttpToolsProtocol):
     def _abort(self) -> None:
         self._abandon()
         self.transport.abort()
-
-    def _stop(self, refusal: Refusal) -> None:
-        self._fault = refusal
-        raise _RefusedError
 
     def _close(self, now: float) -> None:
         """Close; a client that does not read the end of an answer is cut off later."""

@@ -21,7 +21,6 @@ from api.storage.database import Database
 from api.storage.tables import executors, job_parts, jobs, moment
 from syncplan.reports.job_contract import STATES, UNFINISHED
 
-KEPT_S = 1.0
 _LONGEST_READ_MS = 2000
 
 
@@ -34,7 +33,7 @@ class Cached:
     """
 
     source: Source
-    kept_s: float = KEPT_S
+    kept_s: float = 1.0
     clock: Callable[[], float] = time.monotonic
     _lock: threading.Lock = field(default_factory=threading.Lock)
     _until: float | None = None

@@ -41,12 +41,9 @@ def network_of(address: str) -> str:
     Text that is no address (a Unix socket has none) is returned unchanged.
     """
     try:
-        parsed = ipaddress.ip_address(address)
+        parsed = _parsed(address)
     except ValueError:
         return address
-    mapped = getattr(parsed, "ipv4_mapped", None)
-    if mapped is not None:
-        return str(mapped)
     if parsed.version == 4 or parsed.is_loopback:
         return str(parsed)
     bare = int(parsed) >> _ONE_SITE << _ONE_SITE
@@ -55,9 +52,13 @@ def network_of(address: str) -> str:
 
 def is_this_machine(address: str) -> bool:
     """Return whether an IP address is a loopback address; raises ValueError if it is no address."""
+    return _parsed(address).is_loopback
+
+
+def _parsed(address: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address:
+    """IP address, without the form in which IPv6 presents one of IPv4."""
     parsed = ipaddress.ip_address(address)
-    mapped = getattr(parsed, "ipv4_mapped", None)
-    return bool((mapped or parsed).is_loopback)
+    return getattr(parsed, "ipv4_mapped", None) or parsed
 
 
 # --- hosts and origins ----------------------------------------------------------------------------
@@ -203,10 +204,8 @@ class KeyThrottle:
     def accepted(self, address: str, presented: str) -> None:
         """Remember that the address has presented a known key."""
         proof = _proof(address, presented)
-        if proof in self._proven:
-            self._proven.move_to_end(proof)
-            return
         self._proven[proof] = None
+        self._proven.move_to_end(proof)
         if len(self._proven) > _MOST_PROVEN:
             self._proven.popitem(last=False)
 
@@ -222,12 +221,9 @@ class KeyThrottle:
 
     def _wait_s(self, network: str) -> float:
         """Time until one more refusal is within the limit, in s; 0 if it is now."""
-        forgiven = self._forgiven_at.get(network)
-        if forgiven is None:
-            return 0.0
-        left = forgiven - self._clock()
+        left = self._forgiven_at.get(network, -math.inf) - self._clock()
         if left <= 0.0:
-            del self._forgiven_at[network]
+            self._forgiven_at.pop(network, None)
             return 0.0
         return max(0.0, left - _MINUTE_S + _MINUTE_S / self._most)
 

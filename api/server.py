@@ -82,9 +82,7 @@ async def _in_turn(listening: socket.socket, gives_way: Callable[[], bool]) -> s
                 break
             await asyncio.sleep(_GIVEN_WAY_S)
         with contextlib.suppress(BlockingIOError):
-            one, _ = listening.accept()
-            one.setblocking(False)
-            return one
+            return _accepted(listening)
 
 
 async def _readable(listening: socket.socket) -> None:
@@ -101,19 +99,22 @@ def _waiting(listening: socket.socket) -> Iterator[socket.socket]:
     """Further connections that wait by now, up to a limit; an error is left to the next try."""
     with contextlib.suppress(OSError):
         for _ in range(_AT_ONCE - 1):
-            one, _ = listening.accept()
-            one.setblocking(False)
-            yield one
+            yield _accepted(listening)
+
+
+def _accepted(listening: socket.socket) -> socket.socket:
+    one, _ = listening.accept()
+    one.setblocking(False)
+    return one
 
 
 async def _connect(one: socket.socket, make: Callable[[], asyncio.Protocol]) -> None:
     try:
         await asyncio.get_running_loop().connect_accepted_socket(make, one)
-    except OSError:
-        # the client has already gone
-        one.close()
     except Exception as error:
-        _log.error("connection not taken: %s", type(error).__name__, exc_info=error)
+        # of OSError, the client has already gone
+        if not isinstance(error, OSError):
+            _log.error("connection not taken: %s", type(error).__name__, exc_info=error)
         one.close()
 
 
@@ -127,11 +128,8 @@ class _Spare:
     def turn_away(self, listening: socket.socket, refusal: bytes) -> None:
         """Accept one connection in place of the spare descriptor, answer, and close it."""
         self.close()
-        with contextlib.suppress(OSError):
-            one, _ = listening.accept()
-            with one:
-                one.setblocking(False)
-                one.send(refusal)
+        with contextlib.suppress(OSError), _accepted(listening) as one:
+            one.send(refusal)
         self._hold()
 
     def _hold(self) -> None:
@@ -186,12 +184,9 @@ class LimitedServer(uvicorn.Server):
             connections=self.connections,
         )
         refusal = crowd(self.connections.limits).as_bytes()
+        gives_way = None if self._place is None else self._gives_way
         self._accepting = [
-            asyncio.create_task(
-                accept_connections(
-                    one, make, refusal, None if self._place is None else self._gives_way
-                )
-            )
+            asyncio.create_task(accept_connections(one, make, refusal, gives_way))
             for one in sockets or []
         ]
         if self._place is not None:
@@ -226,13 +221,10 @@ class LimitedServer(uvicorn.Server):
 
     def _end_due(self) -> None:
         now = asyncio.get_running_loop().time()
-        late = [
-            one
-            for one in self.server_state.connections
-            if isinstance(one, HttpProtocol) and (one.due <= now or one.stalled_due <= now)
-        ]
-        for one in late:
-            one.expire(now)
+        # copied: those that expire leave
+        for one in list(self.server_state.connections):
+            if isinstance(one, HttpProtocol) and min(one.due, one.stalled_due) <= now:
+                one.expire(now)
 
 
 def serve_until_told(app: FastAPI, listening: socket.socket, place: Place | None = None) -> bool:

@@ -86,6 +86,13 @@ def _tile_template(value: str) -> str:
     return value
 
 
+def _listed(text: str) -> tuple[str, ...]:
+    return tuple(name.lower() for part in text.split(",") if (name := part.strip()))
+
+
+_FROM_TEXT = {"api_keys": parsed_keys, "allowed_hosts": _listed, "log_level": str.lower}
+"""Functions that read settings from text, by the names of the settings."""
+
 AbsolutePath = Annotated[Path, AfterValidator(_absolute)]
 
 
@@ -255,23 +262,16 @@ class Settings(BaseSettings):
             return self.task_memory_bytes
         return max((usable_memory() or 0) // self.process_count, LEAST_TASK_MEMORY_BYTES)
 
-    @checked("api_keys", mode="before")
+    @checked(*_FROM_TEXT, mode="before")
     @classmethod
-    def _listed_keys(cls, value: Any) -> Any:
-        return parsed_keys(value) if isinstance(value, str) else value
+    def _from_text(cls, value: Any, info: ValidationInfo) -> Any:
+        return _FROM_TEXT[str(info.field_name)](value) if isinstance(value, str) else value
 
     @checked("api_keys")
     @classmethod
     def _sound_keys(cls, value: tuple[ApiKey, ...]) -> tuple[ApiKey, ...]:
         check_keys(value)
         return value
-
-    @checked("allowed_hosts", mode="before")
-    @classmethod
-    def _listed_hosts(cls, value: Any) -> Any:
-        if not isinstance(value, str):
-            return value
-        return tuple(name.lower() for part in value.split(",") if (name := part.strip()))
 
     @checked("allowed_hosts")
     @classmethod
@@ -282,11 +282,6 @@ class Settings(BaseSettings):
                     f"{name!r} must be a name or an address alone, such as plans.example"
                 )
         return value
-
-    @checked("log_level", mode="before")
-    @classmethod
-    def _lower(cls, value: Any) -> Any:
-        return value.lower() if isinstance(value, str) else value
 
     @checked("dead_after_s")
     @classmethod

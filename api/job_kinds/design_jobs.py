@@ -3,7 +3,6 @@
 from api.job_kinds.job_kind import (
     EarlierWork,
     JobKind,
-    JobOperation,
     JobReport,
     JobRequest,
     JobSpec,
@@ -54,19 +53,14 @@ def _designed(spec: JobSpec, earlier: EarlierWork, workers: int, progress: Progr
 
 DESIGN = JobKind(
     name="design",
-    plural="designs",
     unit="searches",
     request=DesignRequest,
-    operation=JobOperation(
-        id="designTeam",
-        path="/designs",
-        summary="Design a team",
-        description="Find the cheapest team that meets a brief, predicted, validated and flown; or "
-        "what the best one misses, and what would help: a job that reports them. Its events carry "
-        "the front found so far.",
-        body="The brief",
-        body_required=True,
-    ),
+    operation="designTeam",
+    summary="Design a team",
+    description="Find the cheapest team that meets a brief, predicted, validated and flown; or "
+    "what the best one misses, and what would help: a job that reports them. Its events carry "
+    "the front found so far.",
+    body="The brief",
     task=WholeTask(compute=_designed, finishes=True),
     report=DesignDocument,
     figures="design",

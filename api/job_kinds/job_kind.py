@@ -186,53 +186,43 @@ class JobRequest(Section):
 
 
 @dataclass(frozen=True, slots=True)
-class JobOperation:
-    """Operation that requests a job of a kind.
-
-    Attributes
-    ----------
-    id : operationId in the OpenAPI document
-    path : path below /v1; holds {plan_id} or {recording_id} if the job is about one
-    body, body_required : description of the body, and whether it is required
-    """
-
-    id: str
-    path: str
-    summary: str
-    description: str
-    body: str
-    body_required: bool
-
-    @property
-    def about(self) -> Literal["plan", "recording"] | None:
-        """Kind of stored object that the job is about."""
-        if "{plan_id}" in self.path:
-            return "plan"
-        return "recording" if "{recording_id}" in self.path else None
-
-
-@dataclass(frozen=True, slots=True)
 class JobKind:
-    """A kind of job.
+    """A kind of job, and the operation that requests one.
 
     Attributes
     ----------
-    name, plural : name of the kind, and its plural in sentences
     unit : unit of its work
+    operation, summary, description : operationId of its operation, and the texts about it
+    body : description of the request's body
+    about : kind of stored object that the job is about
     report : model of the resulting report; None if the result is a plan
     figures : subject kind of that report's figures; None if none can be drawn
     keeps_trials : whether the values of each trial can be read
     """
 
     name: JobKindName
-    plural: str
     unit: str
     request: type[JobRequest]
-    operation: JobOperation
+    operation: str
+    summary: str
+    description: str
+    body: str
     task: WholeTask | TrialTask[Any, Any]
+    about: Literal["plan", "recording"] | None = None
     report: type[BaseModel] | None = None
     figures: SubjectKind | None = None
     keeps_trials: bool = False
+
+    @property
+    def plural(self) -> str:
+        """Plural of its name, in sentences and paths."""
+        return f"{self.name}s"
+
+    @property
+    def path(self) -> str:
+        """Path of its operation, below /v1."""
+        subject = f"/{self.about}s/{{{self.about}_id}}" if self.about else ""
+        return f"{subject}/{self.plural}"
 
     @property
     def finishes(self) -> bool:

@@ -7,7 +7,6 @@ from api.documents import PlanText, as_plan_text, loaded_plan
 from api.job_kinds.job_kind import (
     EarlierWork,
     JobKind,
-    JobOperation,
     JobRequest,
     JobSpec,
     JobSubject,
@@ -76,17 +75,13 @@ def _refined(spec: JobSpec, earlier: EarlierWork, workers: int, progress: Progre
 
 REFINEMENT = JobKind(
     name="refinement",
-    plural="refinements",
     unit="starts",
     request=RefinementRequest,
-    operation=JobOperation(
-        id="refinePlan",
-        path="/plans/{plan_id}/refinements",
-        summary="Refine a plan",
-        description="Move phases, centres and radii to the best plan near this one: a job that "
-        "makes a plan. Its events carry the best plan so far.",
-        body="What changes of the plan's own options; nothing if empty",
-        body_required=False,
-    ),
+    operation="refinePlan",
+    summary="Refine a plan",
+    description="Move phases, centres and radii to the best plan near this one: a job that "
+    "makes a plan. Its events carry the best plan so far.",
+    body="What changes of the plan's own options; nothing if empty",
+    about="plan",
     task=WholeTask(compute=_refined, finishes=True),
 )

@@ -9,7 +9,6 @@ from pydantic import Field, Strict
 from api.job_kinds.job_kind import (
     EarlierWork,
     JobKind,
-    JobOperation,
     JobReport,
     JobRequest,
     JobSpec,
@@ -74,18 +73,14 @@ def _replayed(spec: JobSpec, _earlier: EarlierWork, _workers: int, progress: Pro
 
 REPLAY = JobKind(
     name="replay",
-    plural="replays",
     unit="sightings",
     request=ReplayRequest,
-    operation=JobOperation(
-        id="replayRecording",
-        path="/recordings/{recording_id}/replays",
-        summary="Replay a recording",
-        description="Run the filter on what real robots recorded: a job that reports errors "
-        "against the recorded truth, if there is any, and consistency.",
-        body="What the filter assumes; defaults if empty",
-        body_required=False,
-    ),
+    operation="replayRecording",
+    summary="Replay a recording",
+    description="Run the filter on what real robots recorded: a job that reports errors "
+    "against the recorded truth, if there is any, and consistency.",
+    body="What the filter assumes; defaults if empty",
+    about="recording",
     task=WholeTask(compute=_replayed),
     report=ReplayDocument,
     figures="run",

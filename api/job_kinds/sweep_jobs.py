@@ -9,7 +9,7 @@ from pydantic import ConfigDict, Field, GetJsonSchemaHandler, model_validator
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
-from api.job_kinds.job_kind import JobKind, JobOperation, JobReport, JobSpec, JobSubject, TrialTask
+from api.job_kinds.job_kind import JobKind, JobReport, JobSpec, JobSubject, TrialTask
 from api.job_kinds.option_requests import TRUTH, TrialRequest, takes_options, with_keys
 from api.job_kinds.trial_jobs import FILTER_TRIALS
 from api.limits import RequestLimits, check_at_most, check_size, check_trials
@@ -116,17 +116,13 @@ class SweepRequest(TrialRequest):
                 f"give exactly one of {', '.join(_SWEPT)}, or key with values; {named} given",
             )
         if self.key is not None:
-            self._check_key(self.key)
+            try:
+                swept_key(self.key)
+            except InputError as error:
+                raise fault("key", error.problem) from None
         if not self._values():
             raise fault(self._list(), "is empty; give a list such as [0.2, 0.4]")
         return self
-
-    @staticmethod
-    def _check_key(key: str) -> None:
-        try:
-            swept_key(key)
-        except InputError as error:
-            raise fault("key", error.problem) from None
 
     def work(self, subject: JobSubject, limits: RequestLimits) -> int:
         """Return the number of trials of all rows; raises InputError if it exceeds a limit."""
@@ -195,18 +191,13 @@ def _report(spec: JobSpec, concluded: Sequence[Validation]) -> JobReport:
 
 SWEEP = JobKind(
     name="sweep",
-    plural="sweeps",
     unit="trials",
     request=SweepRequest,
-    operation=JobOperation(
-        id="sweepScenario",
-        path="/sweeps",
-        summary="Sweep a scenario",
-        description="Vary one key of a scenario, plan and validate each value: a job that reports "
-        "them all.",
-        body="The scenario, what is varied, and how to fly",
-        body_required=True,
-    ),
+    operation="sweepScenario",
+    summary="Sweep a scenario",
+    description="Vary one key of a scenario, plan and validate each value: a job that reports "
+    "them all.",
+    body="The scenario, what is varied, and how to fly",
     task=TrialTask(runs=_runs, method=FILTER_TRIALS, report=_report),
     report=SweepReport,
     figures="sweep",

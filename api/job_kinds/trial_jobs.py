@@ -14,7 +14,6 @@ from pydantic import Field, Strict
 from api.documents import loaded_plan
 from api.job_kinds.job_kind import (
     JobKind,
-    JobOperation,
     JobReport,
     JobSpec,
     JobSubject,
@@ -28,6 +27,7 @@ from syncplan.estimation.filter_options import ValidationOptions
 from syncplan.estimation.trials import pack, unpack
 from syncplan.guidance.flight_events import events_of
 from syncplan.guidance.flight_options import GUIDANCES, FlightOptions
+from syncplan.guidance.flight_results import pack_flight, unpack_flight
 from syncplan.planning.filter_choice import asked_filter
 from syncplan.planning.plan_files import Loaded, plan_of
 from syncplan.planning.validation import TrialRun, Validation, conclude, run_part, trial_run
@@ -39,7 +39,6 @@ from syncplan.reports.validation_report import (
     validation_document,
 )
 from syncplan.runtime.files import as_text
-from syncplan.scenario.specification import Scenario
 
 if TYPE_CHECKING:
     from syncplan.planning.plan_flights import Flight, FlightRun
@@ -76,13 +75,11 @@ def _validation_concluded(run: TrialRun, parts: Sequence[bytes]) -> Validation:
     return conclude(run, [unpack(one) for one in parts])
 
 
-def _validation_effort(run: TrialRun) -> float:
-    """Number of samples and sightings of a trial."""
-    return run.steps + len(run.sightings.observers)
-
-
 FILTER_TRIALS: TrialMethod[TrialRun, Validation] = TrialMethod(
-    _validation_computed, _validation_concluded, _validation_effort
+    _validation_computed,
+    _validation_concluded,
+    # samples and sightings of a trial
+    effort=lambda run: run.steps + len(run.sightings.observers),
 )
 
 
@@ -108,18 +105,13 @@ def _validation_report(spec: JobSpec, concluded: Sequence[Validation]) -> JobRep
 
 VALIDATION = JobKind(
     name="validation",
-    plural="validations",
     unit="trials",
     request=ValidationRequest,
-    operation=JobOperation(
-        id="validatePlan",
-        path="/plans/{plan_id}/validations",
-        summary="Validate a plan",
-        description="Fly a plan many times with the filter: a job that reports errors and "
-        "consistency.",
-        body="How to fly; defaults if empty",
-        body_required=False,
-    ),
+    operation="validatePlan",
+    summary="Validate a plan",
+    description="Fly a plan many times with the filter: a job that reports errors and consistency.",
+    body="How to fly; defaults if empty",
+    about="plan",
     task=TrialTask(runs=_validation_runs, method=FILTER_TRIALS, report=_validation_report),
     report=ValidationDocument,
     figures="run",
@@ -161,16 +153,13 @@ class FlightRequest(TrialRequest):
         options = self.run_options()
         length, guidance = self.length(scenario), GUIDANCES[options.guidance]
         check_flights(options.trials, scenario, length, guidance, limits)
-        self._check_events(options, scenario)
-        return options.trials
-
-    def _check_events(self, options: FlightOptions, scenario: Scenario) -> None:
-        """Raise InputError for a filter that can't fly, and for events that can't happen."""
+        # a filter that can't fly and events that can't happen are refused too
         with our_keys(FlightOptions):
             choice = asked_filter(scenario, options)
             if choice is not None:
                 replace(options, filter=choice.name)
-            events_of(options, scenario, self.length(scenario))
+            events_of(options, scenario, length)
+        return options.trials
 
 
 @lru_cache(maxsize=2)
@@ -183,48 +172,36 @@ def _flight_runs(spec: JobSpec) -> "list[FlightRun]":
 
 
 def _flight_computed(run: "FlightRun", first: int, trials: int, progress: TrialProgress) -> bytes:
-    from syncplan.guidance.flight_results import pack_flight
     from syncplan.planning.plan_flights import fly_part
 
     return pack_flight(fly_part(run, first, trials, threads=1, progress=progress))
 
 
 def _flight_concluded(run: "FlightRun", parts: Sequence[bytes]) -> "Flight":
-    from syncplan.guidance.flight_results import unpack_flight
     from syncplan.planning.plan_flights import conclude_flight
 
     return conclude_flight(run, [unpack_flight(one) for one in parts])
 
 
-def _flight_effort(run: "FlightRun") -> float:
-    """Number of samples of a flight."""
-    return run.team.steps
-
-
 def _flight_report(_: JobSpec, concluded: "Sequence[Flight]") -> JobReport:
-    from syncplan.guidance.flight_results import pack_flight
-
     (flight,) = concluded
     return JobReport(as_text(flight_document(flight).as_json()), trials=pack_flight(flight.result))
 
 
 FLIGHT = JobKind(
     name="flight",
-    plural="flights",
     unit="trials",
     request=FlightRequest,
-    operation=JobOperation(
-        id="flyPlan",
-        path="/plans/{plan_id}/flights",
-        summary="Fly a plan",
-        description="Fly a plan many times in closed loop, by vehicles that steer by their own "
-        "estimates, in wind, with losses: a job that reports errors, separation and meetings kept.",
-        body="How to fly, and what goes wrong; defaults if empty",
-        body_required=False,
-    ),
+    operation="flyPlan",
+    summary="Fly a plan",
+    description="Fly a plan many times in closed loop, by vehicles that steer by their own "
+    "estimates, in wind, with losses: a job that reports errors, separation and meetings kept.",
+    body="How to fly, and what goes wrong; defaults if empty",
+    about="plan",
     task=TrialTask(
         runs=_flight_runs,
-        method=TrialMethod(_flight_computed, _flight_concluded, _flight_effort),
+        # samples of a flight
+        method=TrialMethod(_flight_computed, _flight_concluded, lambda run: run.team.steps),
         report=_flight_report,
     ),
     report=FlightDocument,

@@ -141,39 +141,31 @@ _SWEEP_EVERY_S = 20.0
 _SWEPT_AT_ONCE = 20
 
 
+@dataclass(eq=False)
 class Guard:
     """Thread that keeps this process on the list of live processes and watches the others.
 
-    Parameters
+    Attributes
     ----------
     executor_id : identifier of this process; None if it runs no jobs and only looks after others
     at_work : workflows that this process runs, kept current by the caller
     job_over : called with each job that is failed
     """
 
-    def __init__(
-        self,
-        settings: Settings,
-        database: Database,
-        queue: JobQueue,
-        executor_id: str | None,
-        *,
-        at_work: Collection[str] = (),
-        job_over: Callable[[str], None] = lambda _job_id: None,
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
-        self._settings = settings
-        self._database = database
-        self._queue = queue
-        self._client = queue.client
-        self._executor_id = executor_id
-        self._at_work = at_work
-        self._clock = clock
+    settings: Settings
+    database: Database
+    queue: JobQueue
+    executor_id: str | None
+    at_work: Collection[str] = ()
+    job_over: Callable[[str], None] = lambda _job_id: None
+    clock: Callable[[], float] = time.monotonic
+
+    def __post_init__(self) -> None:
         # a process that runs no jobs leaves those of other versions to workers
-        grace_s = None if executor_id is None else settings.version_grace_s
-        self._stranded = StrandedJobs(database, queue, grace_s, job_over)
+        grace_s = None if self.executor_id is None else self.settings.version_grace_s
+        self._stranded = StrandedJobs(self.database, self.queue, grace_s, self.job_over)
         self._seen: dict[str, tuple[int, float]] = {}
-        self._looked = self._swept = self._beaten = clock()
+        self._looked = self._swept = self._beaten = self.clock()
         self._watched_s = 0.0
         self._dropped: set[str] = set()
         self._stop = threading.Event()
@@ -182,14 +174,14 @@ class Guard:
     @property
     def silent_s(self) -> float:
         """Time since the last heartbeat, in seconds."""
-        return self._clock() - self._beaten
+        return self.clock() - self._beaten
 
     def start(self) -> None:
         """Enter this process on the list, unless it runs no jobs, and start the thread."""
         try:
             self.look_after()
         except Exception as error:
-            if self._executor_id is not None or not unavailable(error):
+            if self.executor_id is not None or not unavailable(error):
                 raise
             _logger.warning("could not look after others: %s", error)
         if self._thread.ident is None:
@@ -199,16 +191,16 @@ class Guard:
         """Stop, and remove this process from the list; its work continues elsewhere."""
         self._stop.set()
         self._thread.join(timeout=10.0)
-        if self._executor_id is not None:
+        if self.executor_id is not None:
             try:
-                with self._database.writing() as connection:
-                    executors.forget(connection, self._executor_id)
+                with self.database.writing() as connection:
+                    executors.forget(connection, self.executor_id)
                 self._resume_orphans()
             except Exception as error:
                 _logger.warning("could not remove this process from the list: %s", error)
 
     def _run(self) -> None:
-        while not self._stop.wait(self._settings.heartbeat_s):
+        while not self._stop.wait(self.settings.heartbeat_s):
             try:
                 self.look_after()
             except Exception as error:
@@ -216,26 +208,26 @@ class Guard:
 
     def look_after(self) -> None:
         """Raise this process's count, remove dead processes, and resume their work."""
-        with self._database.writing() as connection:
-            if self._executor_id is not None:
-                executors.beat(connection, self._executor_id, VERSION)
+        with self.database.writing() as connection:
+            if self.executor_id is not None:
+                executors.beat(connection, self.executor_id, VERSION)
             for dead, beats in self._dead(executors.living(connection)).items():
                 _logger.warning("process %s is dead; its jobs continue elsewhere", dead)
                 executors.forget(connection, dead, beats)
             versions = executors.living_versions(connection)
-        self._beaten = self._clock()
-        if self._executor_id is not None:
+        self._beaten = self.clock()
+        if self.executor_id is not None:
             self._take_new_jobs(versions)
         self._resume_orphans()
-        if self._clock() - self._swept >= _SWEEP_EVERY_S:
-            self._swept = self._clock()
+        if self.clock() - self._swept >= _SWEEP_EVERY_S:
+            self._swept = self.clock()
             self._stranded.look()
             self._sweep()
 
     def _dead(self, living: dict[str, int]) -> dict[str, int]:
         """Counts of processes silent for too long; this process has just raised its own."""
-        now = self._clock()
-        self._watched_s += min(now - self._looked, self._settings.heartbeat_s)
+        now = self.clock()
+        self._watched_s += min(now - self._looked, self.settings.heartbeat_s)
         self._looked = now
         self._seen = {
             name: self._seen[name]
@@ -246,28 +238,28 @@ class Guard:
         return {
             name: beats
             for name, (beats, since) in self._seen.items()
-            if self._watched_s - since >= self._settings.dead_after_s
+            if self._watched_s - since >= self.settings.dead_after_s
         }
 
     def _take_new_jobs(self, living: Collection[str | None]) -> None:
         """Make this version the newest, which begins jobs, if the newest has no live worker."""
-        known = self._client.list_application_versions()
+        known = self.queue.client.list_application_versions()
         names = [one["version_name"] for one in known]
         if VERSION in names and names[0] != VERSION and names[0] not in living:
             _logger.warning("version %s is gone; version %s begins jobs now", names[0], VERSION)
-            self._queue.promote(VERSION, known[0]["version_timestamp"] + 1)
+            self.queue.promote(VERSION, known[0]["version_timestamp"] + 1)
 
     def _resume_orphans(self) -> None:
         """Requeue abandoned workflows: of processes not on the list, or dropped by this one."""
         # of this application only: others may keep theirs in the same database
-        begun = self._queue.workflows(status="PENDING", application_name=APPLICATION)
-        with self._database.reading() as connection:
+        begun = self.queue.workflows(status="PENDING", application_name=APPLICATION)
+        with self.database.reading() as connection:
             living = executors.living(connection)
         orphans: dict[str | None, list[str]] = defaultdict(list)
         dropped = set()
         for workflow in begun:
             name = workflow.workflow_id
-            if workflow.executor_id == self._executor_id and name not in self._at_work:
+            if workflow.executor_id == self.executor_id and name not in self.at_work:
                 dropped.add(name)
             # at the first look it may be about to begin, or about to end
             if workflow.executor_id not in living or name in dropped & self._dropped:
@@ -275,17 +267,17 @@ class Guard:
         self._dropped = dropped
         for queue_name, identifiers in orphans.items():
             _logger.warning("resuming %d abandoned workflows", len(identifiers))
-            self._client.resume_workflows(identifiers, queue_name=queue_name)
+            self.queue.client.resume_workflows(identifiers, queue_name=queue_name)
 
     def _sweep(self) -> None:
         """Delete expired records; jobs after their workflows, so that none is left half deleted."""
-        settings = self._settings
-        with self._database.reading() as connection:
+        settings = self.settings
+        with self.database.reading() as connection:
             time = executors.agreed_moment(connection)
             old = ended_before(connection, earlier(time, settings.keep_jobs_s), _SWEPT_AT_ONCE)
         for job_id in old:
-            self._queue.delete(job_id)
-        with self._database.writing() as connection:
+            self.queue.delete(job_id)
+        with self.database.writing() as connection:
             forget_answers(connection, earlier(time, settings.keep_answers_s))
             forget_jobs(connection, old)
             forget_recordings(connection, earlier(time, settings.keep_recordings_s))

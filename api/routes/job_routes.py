@@ -48,22 +48,21 @@ def _offer(kind: JobKind) -> None:
     async def about_nothing(call: CurrentCall) -> Response:
         return await _submit(call, kind)
 
-    operation = kind.operation
     taken: dict[str | None, Callable[..., Any]] = {
         "plan": about_plan,
         "recording": about_recording,
         None: about_nothing,
     }
     router.add_api_route(
-        operation.path,
-        taken[operation.about],
+        kind.path,
+        taken[kind.about],
         methods=["POST"],
         status_code=202,
         response_model=Job,
         dependencies=_JSON,
-        operation_id=operation.id,
-        summary=operation.summary,
-        description=operation.description,
+        operation_id=kind.operation,
+        summary=kind.summary,
+        description=kind.description,
         responses=_SUBMITTED,
     )
 

@@ -10,9 +10,8 @@ import re
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from importlib.resources import files
-from typing import Annotated
 
-from fastapi import APIRouter, Depends, Header, Request, Response
+from fastapi import APIRouter, Request, Response
 
 from api.job_kinds.job_table import JOB_KINDS
 from api.problems import NotFound
@@ -49,7 +48,7 @@ def tables_script(tiles: Tiles | None = None) -> str:
         for name, autopilot in AUTOPILOTS.items()
         for vehicle, title in autopilot.titles.items()
     }
-    of_plans = [kind for kind in JOB_KINDS.values() if kind.operation.about == "plan"]
+    of_plans = [kind for kind in JOB_KINDS.values() if kind.about == "plan"]
     drawn = {"plan", *(kind.figures for kind in of_plans)}
     # a comparison of two plans is what their reader looks at first
     figures = sorted(
@@ -219,53 +218,37 @@ def _tiles(request: Request) -> Tiles | None:
     return Tiles(settings.tiles, settings.tiles_attribution) if settings.tiles else None
 
 
-AskedTiles = Annotated[Tiles | None, Depends(_tiles)]
-Conditions = Annotated[str, Header(alias="If-None-Match")]
-Encodings = Annotated[str, Header(alias="Accept-Encoding")]
-
-
 @router.api_route("/", methods=["GET", "HEAD"])
-def read_page(
-    tiles: AskedTiles, if_none_match: Conditions = "", accept_encoding: Encodings = ""
-) -> Response:
+def read_page(request: Request) -> Response:
     """Return the page."""
-    page = find_asset(PAGE, tiles)
-    assert page is not None
-    return _sent(page, tiles, if_none_match, accept_encoding)
+    tiles = _tiles(request)
+    return _sent(request, _asset(PAGE, tiles), tiles)
 
 
 @router.api_route("/assets/{name:path}", methods=["GET", "HEAD"])
-def read_asset(
-    name: str, tiles: AskedTiles, if_none_match: Conditions = "", accept_encoding: Encodings = ""
-) -> Response:
+def read_asset(request: Request, name: str) -> Response:
     """Return a script, a style, a picture or an example scenario.
 
     A page of an earlier edition gets the present file, which it must not keep.
     """
+    tiles = _tiles(request)
     named, _, rest = name.partition("/")
     found = find_asset(name, tiles) or find_asset(rest, tiles)
     if found is None:
         raise NotFound(f"there is no asset {name}")
-    return _sent(found, tiles, if_none_match, accept_encoding, keep=named == edition(tiles))
+    return _sent(request, found, tiles, keep=named == edition(tiles))
 
 
-def _sent(
-    asset: Asset,
-    tiles: Tiles | None,
-    if_none_match: str,
-    accept_encoding: str,
-    *,
-    keep: bool = False,
-) -> Response:
+def _sent(request: Request, asset: Asset, tiles: Tiles | None, *, keep: bool = False) -> Response:
     headers = {
         "Content-Security-Policy": policy(tiles),
         "Cache-Control": "public, max-age=31536000, immutable" if keep else "no-cache",
         "Vary": "Accept-Encoding",
         "ETag": f'W/"{asset.etag}"',
     }
-    if asset.etag in if_none_match:
+    if asset.etag in request.headers.get("if-none-match", ""):
         return Response(status_code=304, headers=headers)
-    if takes_gzip(accept_encoding):
+    if takes_gzip(request.headers.get("accept-encoding", "")):
         headers["Content-Encoding"] = "gzip"
         return Response(asset.compressed, headers=headers, media_type=asset.media_type)
     return Response(asset.content, headers=headers, media_type=asset.media_type)

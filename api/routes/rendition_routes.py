@@ -39,6 +39,9 @@ from syncplan.reports.sites_report import SitesDocument
 router = APIRouter()
 
 _JSON = [Depends(accepts("application/json"))]
+_read = partial(
+    router.get, dependencies=_JSON, responses=problem_responses(401, 404, 406, 422, 429, 503)
+)
 
 SHOWN = ("theme", "title", "subtitle", "legend")
 """Options of a figure that a request takes; its reader fits it to a page."""
@@ -118,14 +121,12 @@ async def create_preview(
     return compressed(made, call.request.headers.get("accept-encoding", ""))
 
 
-@router.get(
+@_read(
     "/plans/{plan_id}/figures/{figure}",
     tags=["figures"],
-    dependencies=_JSON,
     response_model=FigureValues,
     operation_id="readPlanFigure",
     summary="Draw a plan",
-    responses=problem_responses(401, 404, 406, 422, 429, 503),
 )
 async def read_plan_figure(
     plan_id: Identifier,
@@ -143,14 +144,12 @@ async def read_plan_figure(
     return await _drawn(caller, "plan_figure", row.text, figure, style, parent)
 
 
-@router.get(
+@_read(
     "/plans/{plan_id}/covariances",
     tags=["plans"],
-    dependencies=_JSON,
     response_model=PositionCovariancesDocument,
     operation_id="readPlanCovariances",
     summary="Predict the covariances of positions",
-    responses=problem_responses(401, 404, 406, 422, 429, 503),
 )
 async def read_plan_covariances(plan_id: Identifier, caller: CurrentCaller) -> Response:
     """Error ellipses over the last period, from the bound behind the predicted RMS errors."""
@@ -159,10 +158,9 @@ async def read_plan_covariances(plan_id: Identifier, caller: CurrentCaller) -> R
     return compressed(made, caller.request.headers.get("accept-encoding", ""))
 
 
-@router.get(
+@_read(
     "/jobs/{job_id}/figures/{figure}",
     tags=["figures"],
-    dependencies=_JSON,
     response_model=FigureValues,
     operation_id="readJobFigure",
     summary="Draw a job's report",
@@ -215,14 +213,13 @@ async def _drawn(caller: Caller, task: str, *arguments: Any) -> Response:
 # --- printed reports ------------------------------------------------------------------------------
 
 
-@router.get(
+@_read(
     "/plans/{plan_id}/report",
     tags=["figures"],
     dependencies=[Depends(accepts("text/html"))],
     response_class=HTMLResponse,
     operation_id="printPlan",
     summary="Print a plan",
-    responses=problem_responses(401, 404, 406, 422, 429, 503),
 )
 async def read_printed_plan(plan_id: Identifier, caller: CurrentCaller) -> Response:
     """A page that prints on one sheet: map, verdict, vehicles, and what the figures assume."""
@@ -234,14 +231,12 @@ async def read_printed_plan(plan_id: Identifier, caller: CurrentCaller) -> Respo
 # --- losses ---------------------------------------------------------------------------------------
 
 
-@router.get(
+@_read(
     "/plans/{plan_id}/what-if",
     tags=["plans"],
-    dependencies=_JSON,
     response_model=WhatIfDocument,
     operation_id="judgeLosses",
     summary="Judge losses",
-    responses=problem_responses(401, 404, 406, 422, 429, 503),
 )
 async def read_losses(
     plan_id: Identifier,
@@ -273,14 +268,12 @@ async def read_losses(
 # --- landmarks ------------------------------------------------------------------------------------
 
 
-@router.get(
+@_read(
     "/plans/{plan_id}/landmark-choice",
     tags=["plans"],
-    dependencies=_JSON,
     response_model=SitesDocument,
     operation_id="chooseLandmarks",
     summary="Choose landmarks",
-    responses=problem_responses(401, 404, 406, 422, 429, 503),
 )
 async def read_landmark_choice(
     plan_id: Identifier,

@@ -6,11 +6,11 @@ below zero, and rows once they are begun.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from types import MappingProxyType
 from typing import Any
 
-from sqlalchemy import Connection, func, insert, or_, select, update
+from sqlalchemy import ColumnElement, Connection, Row, and_, func, insert, or_, select, update
 
 from api.job_kinds.job_kind import Batch
 from api.storage.job_records import change
@@ -87,11 +87,15 @@ def _change(
 ) -> PartHistory | None:
     found = connection.execute(
         update(job_parts)
-        .where(job_parts.c.job_id == job_id, job_parts.c.number == number)
+        .where(_is_part(job_id, number))
         .values(**values)
         .returning(job_parts.c.attempts, job_parts.c.deaths, job_parts.c.computed_s)
     ).first()
     return None if found is None else PartHistory(*found)
+
+
+def _is_part(job_id: str, number: int) -> ColumnElement[bool]:
+    return and_(job_parts.c.job_id == job_id, job_parts.c.number == number)
 
 
 def worked_on(connection: Connection, job_ids: set[str], version: str) -> dict[str, bool]:
@@ -145,15 +149,8 @@ A process that still computes an earlier batch then finds none of that number.
 """
 
 _IS_BATCH = job_parts.c.number >= 0
-
-
-@dataclass(frozen=True, slots=True)
-class _Held:
-    """A locked job."""
-
-    done: int
-    total: int
-    begun: int
+_TRIALS = job_parts.c.run, job_parts.c.first_trial, job_parts.c.trials
+"""Columns of a Batch."""
 
 
 def divide_job(
@@ -172,10 +169,8 @@ def divide_job(
         {
             "job_id": job_id,
             "number": begun * _NUMBERS + number,
-            "run": batch.run,
-            "first_trial": batch.first_trial,
-            "trials": batch.trials,
             "done": 0,
+            **asdict(batch),
         }
         for number, batch in enumerate(batches)
     ]
@@ -208,9 +203,7 @@ def unfinished_batches(
 
 def next_batch(connection: Connection, job_id: str, number: int) -> Batch | None:
     """Return a batch to compute; None if its result is there, or there is no such batch."""
-    query = select(job_parts.c.run, job_parts.c.first_trial, job_parts.c.trials).where(
-        job_parts.c.job_id == job_id, job_parts.c.number == number, job_parts.c.data.is_(None)
-    )
+    query = select(*_TRIALS).where(_is_part(job_id, number), job_parts.c.data.is_(None))
     found = connection.execute(query).first()
     return None if found is None else Batch(*found)
 
@@ -232,8 +225,7 @@ def note_progress(
     if number is not None:
         connection.execute(
             update(job_parts)
-            .where(job_parts.c.job_id == job_id, job_parts.c.number == number)
-            .where(job_parts.c.done < done)
+            .where(_is_part(job_id, number), job_parts.c.done < done)
             .values(done=done)
         )
         done = _done_in_batches(connection, job_id)
@@ -254,8 +246,7 @@ def keep_batch(
         return False
     connection.execute(
         update(job_parts)
-        .where(job_parts.c.job_id == job_id, job_parts.c.number == number)
-        .where(job_parts.c.data.is_(None))
+        .where(_is_part(job_id, number), job_parts.c.data.is_(None))
         .values(data=data, done=job_parts.c.trials)
     )
     first = sum(batch.trials for batch, _ in first_batches(connection, job_id)) if shows else 0
@@ -273,13 +264,7 @@ def first_batches(connection: Connection, job_id: str) -> list[tuple[Batch, int]
     Each with its number. Batches that exceed MOST_SHOWN_BYTES together are left out.
     """
     query = (
-        select(
-            job_parts.c.run,
-            job_parts.c.first_trial,
-            job_parts.c.trials,
-            job_parts.c.number,
-            func.length(job_parts.c.data),
-        )
+        select(*_TRIALS, job_parts.c.number, func.length(job_parts.c.data))
         .where(job_parts.c.job_id == job_id, _IS_BATCH, job_parts.c.run == 0)
         .order_by(job_parts.c.first_trial)
     )
@@ -297,7 +282,7 @@ def finished_batches(
 ) -> list[tuple[Batch, bytes]]:
     """Return the results of all batches of a job, or of those with these numbers, in order."""
     query = (
-        select(job_parts.c.run, job_parts.c.first_trial, job_parts.c.trials, job_parts.c.data)
+        select(*_TRIALS, job_parts.c.data)
         .where(job_parts.c.job_id == job_id, _IS_BATCH)
         .order_by(job_parts.c.number)
     )
@@ -306,13 +291,12 @@ def finished_batches(
     return [(Batch(*row[:3]), row[3]) for row in connection.execute(query)]
 
 
-def _hold(connection: Connection, job_id: str) -> _Held | None:
-    """Lock an unfinished job before its batches, as all writers do."""
+def _hold(connection: Connection, job_id: str) -> Row[int, int, int] | None:
+    """Lock an unfinished job before its batches, as all writers do; return (done, total, begun)."""
     query = select(jobs.c.done, jobs.c.total, jobs.c.begun).where(
         jobs.c.id == job_id, jobs.c.state.in_(UNFINISHED)
     )
-    found = connection.execute(query.with_for_update()).first()
-    return None if found is None else _Held(*found)
+    return connection.execute(query.with_for_update()).first()
 
 
 def _done_in_batches(connection: Connection, job_id: str) -> int:

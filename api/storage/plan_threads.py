@@ -17,7 +17,6 @@ import asyncio
 import queue
 import threading
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from sqlalchemy import Connection
@@ -31,13 +30,8 @@ R = TypeVar("R")
 _PATIENCE_S = 5.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Question(Generic[T, R]):
-    """A question, the loop that waits for the answer, and the future of the answer."""
-
-    question: T
-    loop: asyncio.AbstractEventLoop
-    future: "asyncio.Future[R]"
+_Question = tuple[T, asyncio.Future[R]]
+"""A question, and the future of its answer."""
 
 
 class GroupThread(Generic[T, R]):
@@ -66,15 +60,15 @@ class GroupThread(Generic[T, R]):
     async def ask(self, question: T) -> R:
         """Return the answer to a question; only one event loop may ask."""
         loop = asyncio.get_running_loop()
-        asked: _Question[T, R] = _Question(question, loop, loop.create_future())
-        self._turn.append(asked)
+        future: asyncio.Future[R] = loop.create_future()
+        self._turn.append((question, future))
         if not self._started:
             self._started = True
             self._thread.start()
         if len(self._turn) == 1:
             # after all other questions of this turn of the loop
             loop.call_soon(self._hand_over)
-        return await asked.future
+        return await future
 
     def close(self) -> None:
         """End the thread once it has answered all questions."""
@@ -101,26 +95,27 @@ class GroupThread(Generic[T, R]):
     def _settle(self, group: list[_Question[T, R]]) -> None:
         outcomes: Sequence[R | Exception]
         try:
-            outcomes = self._answer([one.question for one in group])
+            outcomes = self._answer([question for question, _ in group])
         except Exception as error:
             outcomes = [error] * len(group)
-        answered = list(zip(group, outcomes, strict=True))
+        futures = [future for _, future in group]
+        answered = list(zip(futures, outcomes, strict=True))
         try:
-            group[0].loop.call_soon_threadsafe(_deliver, answered)
+            futures[0].get_loop().call_soon_threadsafe(_deliver, answered)
         except RuntimeError:
             # the loop has ended, and with it all that waited
             return
 
 
-def _deliver(answered: list[tuple[_Question[T, R], R | Exception]]) -> None:
-    for asked, outcome in answered:
+def _deliver(answered: list[tuple[asyncio.Future[R], R | Exception]]) -> None:
+    for future, outcome in answered:
         # a caller that has gone has cancelled its future
-        if asked.future.done():
+        if future.done():
             continue
         if isinstance(outcome, Exception):
-            asked.future.set_exception(outcome)
+            future.set_exception(outcome)
         else:
-            asked.future.set_result(outcome)
+            future.set_result(outcome)
 
 
 # --- reading --------------------------------------------------------------------------------------
@@ -148,20 +143,17 @@ class PlanReader:
         self._drop()
 
     def _found(self, asked: Sequence[tuple[str, str]]) -> list[PlanRow | None]:
-        if self._connection is not None:
-            try:
-                return find_plans(self._connection, asked)
-            except Exception as error:
-                self._drop()
-                if not unavailable(error):
-                    raise
-                # the connection may have been cut long ago: a new one decides
-        self._connection = self._database.autocommitting()
+        is_new = self._connection is None
         try:
+            if self._connection is None:
+                self._connection = self._database.autocommitting()
             return find_plans(self._connection, asked)
-        except Exception:
+        except Exception as error:
             self._drop()
-            raise
+            if is_new or not unavailable(error):
+                raise
+        # the connection may have been cut long ago: a new one decides
+        return self._found(asked)
 
     def _drop(self) -> None:
         connection, self._connection = self._connection, None
