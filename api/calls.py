@@ -19,7 +19,14 @@ from starlette.requests import ClientDisconnect
 
 from api.computing.child import ChildGoneError, OutOfMemoryError, TooSlowError
 from api.computing.turns import GivenUpError, OwnerBusyError, PoolFullError, Ticket
-from api.problems import KeyReused, ServiceError, TooManyRequests, TooMuchWork, Unavailable
+from api.problems import (
+    STARTING,
+    KeyReused,
+    ServiceError,
+    TooManyRequests,
+    TooMuchWork,
+    Unavailable,
+)
 from api.security import CurrentOwner
 from api.service import Service, service_of
 from api.storage.holdings import Answer, AnswerTakenError, find_answer, keep_answer
@@ -201,10 +208,8 @@ async def computed(caller: Caller, task: str, *arguments: Any) -> Any:
             retry_after_s=_RETRY_AFTER_S,
         ) from None
     except PoolFullError:
-        full = "too many requests are being computed"
-        starting = "the processes that compute are starting"
-        cause = full if caller.service.pool.ready else starting
-        raise Unavailable(f"{cause}; try again") from None
+        crowded = "too many requests are being computed; try again"
+        raise Unavailable(crowded if caller.service.pool.ready else STARTING) from None
     except GivenUpError:
         raise Unavailable("the service is closing; try again") from None
     except TooSlowError:

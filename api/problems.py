@@ -201,6 +201,10 @@ class ForeignPage(ServiceError):
     status = 403
 
 
+STARTING = "the processes that compute are starting; try again"
+"""Detail of answers before a process is there to compute."""
+
+
 class Unavailable(ServiceError):
     """503: the service can't answer now; try again after `retry_after_s`."""
 

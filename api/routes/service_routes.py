@@ -11,7 +11,7 @@ from sqlalchemy.exc import DBAPIError
 
 from api.calls import accepts
 from api.failures import failure_of
-from api.problems import Unavailable, problem_responses
+from api.problems import STARTING, Unavailable, problem_responses
 from api.responses import KeptBytes, StoredPlan, Usage
 from api.security import CurrentOwner
 from api.service import CurrentService
@@ -59,7 +59,7 @@ def readyz(service: CurrentService) -> Health:
         detail = failure_of(error).detail
         raise Unavailable(f"{detail}; what is stored can be read") from error
     if not service.pool.ready:
-        raise Unavailable("the processes that compute are starting; try again")
+        raise Unavailable(STARTING)
     silent_s = 0.0 if service.heartbeat is None else service.heartbeat.silent_s
     if silent_s > service.settings.dead_after_s:
         raise Unavailable(f"no heartbeat for {silent_s:.0f} s; other workers take over its jobs")
