@@ -11,6 +11,7 @@ Linux 5.3), each process loads everything by itself.
 """
 
 import contextlib
+import gc
 import logging
 import os
 import signal
@@ -166,13 +167,19 @@ def serve_forks(descriptor: int) -> None:
     for number in (signal.SIGCHLD, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
     for _ in getattr(library, load)():
-        keep_loaded()
+        _settle()
         with contextlib.suppress(BlockingIOError):
             while True:
                 template.fork(complete=False)
-    keep_loaded()
+    _settle()
     while True:
         template.fork(complete=True)
+
+
+def _settle() -> None:
+    """Keep what is loaded out of the way of garbage collection and of what children allocate."""
+    gc.collect()
+    keep_loaded()
 
 
 @dataclass(frozen=True, slots=True)
