@@ -126,8 +126,8 @@ _ENTRIES = (
     ),
     _counter(
         "syncplan_pool_children_started",
-        "Child processes started: at the start, and each in place of one that was killed or had "
-        "grown",
+        "Child processes started: at the start, for owners that would have to wait, and in place "
+        "of those that were killed, had grown or were idle after a task",
         ("pool",),
     ),
 )

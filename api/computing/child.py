@@ -58,6 +58,8 @@ class Child:
         self._process.connection.send((niceness, memory_bytes, self._scratch.folder))
         self.growth = 0.0
         self.killed = self.paused = self.yielded = False
+        self.fresh = False
+        """Whether it shares all memory with the template, as before its first task."""
 
     @property
     def pid(self) -> int:
@@ -68,7 +70,7 @@ class Child:
         """Wait until the process is there and can take tasks; raises ChildGoneError."""
         try:
             self._process.wait_until_begun()
-            self._process.connection.recv()
+            _, self.fresh = self._process.connection.recv()
         except (EOFError, OSError):
             raise ChildGoneError(self._process.complaint()) from None
 
@@ -82,6 +84,7 @@ class Child:
         """Return the result of a task; raises InputError, NoSolutionError or an error above."""
         deadline = None if timeout_s is None else time.monotonic() + timeout_s + GRACE_S
         connection = self._process.connection
+        self.fresh = False
         try:
             connection.send((task, arguments, timeout_s))
             while True:

@@ -313,10 +313,14 @@ class Pool:
     # --- children -------------------------------------------------------------------------------
 
     def _serve(self, extra: bool) -> None:
-        """Pass tasks to a child, one at a time; an extra one is started for a task, others kept."""
+        """Pass tasks to a child, one at a time; start an extra one for a task, others beforehand.
+
+        One that has been idle since its task ends: a fresh one shares more memory.
+        """
         child = None if extra else self._started()
         while not self._closed:
-            ticket = self._next(extra, keeps=child is not None)
+            fresh = child is None or (child.fresh and not extra)
+            ticket = self._next(extra, None if fresh else _IDLE_S)
             if ticket is not None:
                 try:
                     child = self._run(ticket, child)
@@ -342,18 +346,19 @@ class Pool:
             self._children.discard(child)
         child.end()
 
-    def _next(self, extra: bool, keeps: bool) -> Ticket | None:
-        """Wait for the next task; None once closed, or where an extra child has been idle."""
+    def _next(self, extra: bool, idle_s: float | None) -> Ticket | None:
+        """Wait for the next task; None once closed, or once a child has been idle for `idle_s`."""
+        until = math.inf if idle_s is None else time.monotonic() + idle_s
         with self._work:
             if extra:
-                self._help.wait(_IDLE_S if keeps else None)
+                self._help.wait(idle_s)
             while not self._closed:
                 ticket = self._turns.take(idle_owners=extra)
                 if ticket is not None:
                     self._running.add(ticket)
-                if ticket is not None or extra:
+                if ticket is not None or extra or time.monotonic() >= until:
                     return ticket
-                self._work.wait()
+                self._work.wait(None if idle_s is None else until - time.monotonic())
         return None
 
     def _started(self) -> Child | None:

@@ -25,7 +25,7 @@ from api.computing.child import (
 from api.job_kinds.job_kind import FinishedSearch, Progress, Shown
 from syncplan.errors import InputError, NoGoError, NoSolutionError, ProcessEndedError
 from syncplan.runtime.child_processes import connect_to_parent
-from syncplan.runtime.machine import limit_memory, trim_memory
+from syncplan.runtime.machine import limit_memory
 
 # --- time limit -----------------------------------------------------------------------------------
 
@@ -78,7 +78,6 @@ class Alarm:
 
 
 _PROGRESS_EVERY_S = 0.2
-_IDLE_S = 2.0
 _WITH_PROGRESS = {"computed_batch", "computed_job"}
 
 load = tasks.load
@@ -93,7 +92,7 @@ def serve(descriptor: int, complete: bool) -> None:
     if memory_bytes is not None:
         limit_memory(memory_bytes)
     alarm = Alarm()
-    connection.send(("ready", None))
+    connection.send(("ready", complete))
 
     def progress_every() -> Progress:
         last = time.monotonic()
@@ -112,8 +111,6 @@ def serve(descriptor: int, complete: bool) -> None:
     first_memory, libraries = 0, 0
     with contextlib.suppress(EOFError, BrokenPipeError):
         while True:
-            if not connection.poll(_IDLE_S):
-                trim_memory()
             name, arguments, timeout_s = connection.recv()
             extra = (progress_every(),) if name in _WITH_PROGRESS else ()
             try:

@@ -163,6 +163,21 @@ def test_a_task_whose_process_dies_is_done_by_another(pool: Pool) -> None:
     assert end_of(ticket)
 
 
+def test_a_child_that_has_been_idle_is_replaced_by_a_fresh_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("api.computing.pool._IDLE_S", 0.5)
+    with own_pool() as pool:
+        assert pool.call(*SHORT) == MADE
+        before = pool.depth().started
+        wait_until(lambda: pool.depth().started > before)
+        # which stays until it has had a task
+        wait_until(lambda: pool.depth().processes == 1)
+        before = pool.depth().started
+        time.sleep(1.5)
+        assert pool.depth().started == before
+
+
 @pytest.mark.long
 def test_a_template_that_is_killed_is_started_anew(pool: Pool) -> None:
     before = forks_of(os.getpid())
