@@ -184,7 +184,7 @@ def load() -> Iterator[None]:
     run_part(trial_run(flown, trials=1, duration=1.0), 0, 1, threads=1)
     judged_losses(text, [], 1, "auto")
     printed_report(text, "")
-    import casadi  # noqa: F401
+    import syncplan.refinement.smooth_team  # noqa: F401
 
 
 def ready() -> None:
