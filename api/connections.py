@@ -31,8 +31,10 @@ NEVER = float("inf")
 
 _MOST_BY_DEFAULT = 4096
 _LEAST_BY_DEFAULT = 32
-_OTHER_DESCRIPTORS = 256
-"""Descriptors left for the database, child processes, the reserve, and files."""
+_OTHER_DESCRIPTORS = 320
+"""Descriptors left for the database, extra child processes, the reserve, and files."""
+_DESCRIPTORS_OF_PROCESS = 8
+"""Descriptors of a child process, of requests and of jobs."""
 
 _log = logging.getLogger("api.connections")
 
@@ -65,7 +67,8 @@ class ConnectionLimits:
 
 def limits_of_connections(settings: Settings, descriptors: int) -> ConnectionLimits:
     """Return the limits from the settings, for a process with this many file descriptors."""
-    spare = max(_LEAST_BY_DEFAULT, descriptors - _OTHER_DESCRIPTORS)
+    others = _OTHER_DESCRIPTORS + _DESCRIPTORS_OF_PROCESS * settings.process_count
+    spare = max(_LEAST_BY_DEFAULT, descriptors - others)
     total = settings.max_connections or min(_MOST_BY_DEFAULT, spare)
     return ConnectionLimits(
         total=total,

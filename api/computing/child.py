@@ -12,7 +12,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from api.computing.scratch import Scratch, sweep
-from syncplan.runtime.template_process import TemplateProcess
+from syncplan.runtime.template_process import FORKS, TemplateProcess
 
 if TYPE_CHECKING:
     from api.job_kinds.job_kind import Progress
@@ -54,8 +54,12 @@ class Child:
 
     def __init__(self, *, niceness: int = 0, memory_bytes: int | None = None) -> None:
         self._scratch = Scratch()
-        self._process = template().fork()
-        self._process.connection.send((niceness, memory_bytes, self._scratch.folder))
+        try:
+            self._process = template().fork()
+            self._process.connection.send((niceness, memory_bytes, self._scratch.folder))
+        except OSError:
+            self._scratch.remove()
+            raise
         self.growth = 0.0
         self.killed = self.paused = self.yielded = False
         self.fresh = False
@@ -70,7 +74,8 @@ class Child:
         """Wait until the process is there and can take tasks; raises ChildGoneError."""
         try:
             self._process.wait_until_begun()
-            _, self.fresh = self._process.connection.recv()
+            self._process.connection.recv()
+            self.fresh = True
         except (EOFError, OSError):
             raise ChildGoneError(self._process.complaint()) from None
 
@@ -84,7 +89,7 @@ class Child:
         """Return the result of a task; raises InputError, NoSolutionError or an error above."""
         deadline = None if timeout_s is None else time.monotonic() + timeout_s + GRACE_S
         connection = self._process.connection
-        self.fresh = False
+        self.fresh = not FORKS
         try:
             connection.send((task, arguments, timeout_s))
             while True:
@@ -111,6 +116,10 @@ class Child:
         """Send SIGINT: a search returns the best it has, and any other task ignores it."""
         self._process.process.send_signal(signal.SIGINT)
 
+    def alarm(self) -> None:
+        """Tell the process that the time of its task is over."""
+        self._process.process.send_signal(signal.SIGALRM)
+
     def pause(self, paused: bool) -> None:
         """Stop the process, or have it go on."""
         if paused != self.paused:
@@ -119,7 +128,7 @@ class Child:
 
     def give_way(self, niceness: int) -> None:
         """Raise the niceness of the process, for good, to so much above that of this process."""
-        if not self.yielded:
+        if FORKS and not self.yielded:
             self.yielded = True
             with contextlib.suppress(OSError):
                 os.setpriority(os.PRIO_PGRP, self.pid, min(os.nice(0) + niceness, 19))

@@ -19,7 +19,14 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-from api.computing.child import Child, ChildGoneError, ChildNotStartedError, TaskFailedError
+from api.computing.child import (
+    GRACE_S,
+    Child,
+    ChildGoneError,
+    ChildNotStartedError,
+    TaskFailedError,
+    TooSlowError,
+)
 from api.computing.turns import (
     LEAST_RUN_S,
     GivenUpError,
@@ -65,7 +72,7 @@ LONG_S = 1.0
 """Time (s) from which a task yields to shorter ones, if it is to."""
 
 _REMEMBERED_S = 60.0
-"""Time (s) in which what an owner has computed is forgotten to a part 1/e."""
+"""Time (s) in which what an owner has computed decays by the factor 1/e."""
 
 _FORGOTTEN_S = 0.01
 _IDLE_S = 5.0
@@ -155,9 +162,9 @@ class Pool:
     ) -> Ticket:
         """Submit a task; raises PoolFullError, OwnerBusyError.
 
-        `timeout_s` limits how long it runs: the task is asked to end, a little later its process
-        is killed, and it fails with TooSlowError. `deadline_s` limits how long it waits and runs:
-        it fails with PoolFullError if it mostly waited, else with TooSlowError. A task whose
+        `timeout_s` limits how long it computes: the task is asked to end, a little later its
+        process is killed, and it fails with TooSlowError. `deadline_s` limits how long it waits and
+        runs: it fails with PoolFullError if it mostly waited, else with TooSlowError. A task whose
         process is killed is tried again `retries` times. `progress` is called from another thread.
         One that `resumes` from the searches that it has reported may fail with GaveWayError.
         """
@@ -240,6 +247,7 @@ class Pool:
         with self._work:
             # under the lock, so that it is still at this task
             if ticket.child is not None:
+                ticket.finishing = True
                 ticket.child.interrupt()
 
     def _kill_if_due(self, ticket: Ticket, now: float) -> None:
@@ -291,12 +299,25 @@ class Pool:
             if ticket.child is not None and ticket.child.paused:
                 ticket.paused_s += min(elapsed, now - (ticket.began or now))
             self._count(ticket)
-        turns = sorted(self._running, key=lambda one: (self._spent[one.owner], one.submitted))
+        turns = sorted(
+            self._running,
+            key=lambda task: (not task.is_ending, self._spent[task.owner], task.submitted),
+        )
         for turn, ticket in enumerate(turns):
             if ticket.child is not None:
+                self._keep_time(ticket, ticket.child)
                 ticket.child.pause(turn >= self.size)
                 if self._later_niceness > self._niceness and ticket.ran_s > LONG_S:
                     ticket.child.give_way(self._later_niceness)
+
+    def _keep_time(self, ticket: Ticket, child: Child) -> None:
+        """Ask a task to end once its time is computed, and kill its process if it goes on."""
+        over_s = -1.0 if ticket.timeout_s is None else ticket.ran_s - ticket.timeout_s
+        if over_s > GRACE_S:
+            child.kill()
+        elif over_s > 0.0 and not ticket.timed_out:
+            ticket.timed_out = True
+            child.alarm()
 
     def _count(self, ticket: Ticket) -> None:
         """Add what a task has computed since it was last counted to what its owner has spent."""
@@ -411,13 +432,18 @@ class Pool:
             ticket.child = child
             ticket.began, ticket.ended = time.monotonic(), None
             ticket.paused_s = ticket.counted_s = 0.0
+            ticket.finishing = ticket.timed_out = False
             limit = ticket.allowed(ticket.began)
         try:
             value = child.call(
                 ticket.task, *ticket.arguments, timeout_s=limit, progress=ticket.report
             )
+        except TooSlowError as error:
+            # one that was paused has mostly waited
+            return (ticket.late() if time.monotonic() >= ticket.deadline else error), None
         except Exception as error:
-            return error, None
+            gone = isinstance(error, ChildGoneError) and ticket.timed_out
+            return (TooSlowError() if gone else error), None
         finally:
             with self._work:
                 ticket.child, ticket.ended = None, time.monotonic()

@@ -4,7 +4,6 @@ At its time limit, a task is first interrupted by an alarm and cleans up as afte
 """
 
 import contextlib
-import math
 import os
 import signal
 import sys
@@ -49,9 +48,9 @@ class Alarm:
         signal.signal(signal.SIGALRM, self._ring)
 
     def set(self, seconds: float | None) -> None:
-        """Start the time of a task; None sets no limit."""
+        """Start a task, whose time is over after so many seconds, or once the parent says so."""
+        self._set = True
         if seconds is not None:
-            self._set = True
             signal.setitimer(signal.ITIMER_REAL, max(seconds, _LEAST_S), _AGAIN_S)
 
     @contextlib.contextmanager
@@ -83,7 +82,7 @@ _WITH_PROGRESS = {"computed_batch", "computed_job"}
 load = tasks.load
 
 
-def serve(descriptor: int, complete: bool) -> None:
+def serve(descriptor: int) -> None:
     """Run tasks until the parent ends; main function of the process."""
     connection = connect_to_parent(descriptor)
     niceness, memory_bytes, os.environ["TMPDIR"] = connection.recv()
@@ -92,7 +91,7 @@ def serve(descriptor: int, complete: bool) -> None:
     if memory_bytes is not None:
         limit_memory(memory_bytes)
     alarm = Alarm()
-    connection.send(("ready", complete))
+    connection.send(("ready", None))
 
     def progress_every() -> Progress:
         last = time.monotonic()
@@ -123,9 +122,7 @@ def serve(descriptor: int, complete: bool) -> None:
             # libraries that a task loads stay in use, and are not loaded again
             if len(sys.modules) > libraries:
                 first_memory, libraries = _memory(), len(sys.modules)
-            # one that was forked early is replaced, too: others share what it would load
-            growth = _memory() - first_memory if complete else math.inf
-            connection.send(("growth", growth))
+            connection.send(("growth", _memory() - first_memory))
             connection.send(answer)
 
 

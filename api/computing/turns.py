@@ -60,10 +60,11 @@ class Ticket:
     retries : number of further tries after its process was killed
     resumes : whether it goes on, submitted again, from the searches that it has reported
     give_up, interrupted : functions that `cancel` and `interrupt` call
+    timed_out : whether it was asked to end as its time is over
     submitted, began, ended : monotonic times; `began` when a process that was ready got it
     killed_at : monotonic time at which its process is killed; infinite unless it was given up
     paused_s, counted_s : time for which its process was paused, and computing time counted (s)
-    gives_way : whether it is to end at its next finished search
+    gives_way, finishing : whether it is to end at its next finished search, or early
     """
 
     task: str
@@ -85,6 +86,13 @@ class Ticket:
     paused_s: float = 0.0
     counted_s: float = 0.0
     gives_way: bool = False
+    finishing: bool = False
+    timed_out: bool = False
+
+    @property
+    def is_ending(self) -> bool:
+        """Whether it was asked to end, for which it must not be paused."""
+        return self.gives_way or self.finishing or self.timed_out
 
     @property
     def ran_s(self) -> float:
@@ -122,10 +130,8 @@ class Ticket:
         self.interrupted(self)
 
     def allowed(self, now: float) -> float | None:
-        """Return how long the task may run if it begins now (s); None for no limit."""
-        left = max(self.deadline - now, LEAST_RUN_S)
-        limit = min(left, math.inf if self.timeout_s is None else self.timeout_s)
-        return None if math.isinf(limit) else limit
+        """Return how long after now (s) an answer must be there; None for no limit."""
+        return None if math.isinf(self.deadline) else max(self.deadline - now, LEAST_RUN_S)
 
     def late(self) -> Exception:
         """Return the error of a task past its deadline, by whether it mostly waited or ran."""

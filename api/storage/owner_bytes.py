@@ -5,7 +5,7 @@ that rows of processes of the previous version count as well, and nothing is sum
 stored. A row counts with its texts and data, and with ROW_BYTES for everything else of it.
 """
 
-from sqlalchemy import Connection, LargeBinary, Text, text
+from sqlalchemy import Connection, LargeBinary, Table, Text, text
 
 from api.problems import StorageFull
 from api.storage.tables import METADATA
@@ -41,9 +41,10 @@ def count_bytes(connection: Connection) -> None:
     on_postgresql = connection.dialect.name == "postgresql"
     if on_postgresql:
         # sessions count in rows of their own: in the same, they would wait for each other
-        octets, slot, name_in = "octet_length({0}.{1})", "pg_backend_pid() & 63", " ON {}"
+        octets, slot, name_in = "octet_length({0}.{1})", "pg_backend_pid() & 255", " ON {}"
         # nobody writes meanwhile; in the order in which transactions write them
-        execute("LOCK TABLE jobs, plans, recordings, answers")
+        counted = ", ".join(name for name, table in METADATA.tables.items() if _texts(table))
+        execute(f"LOCK TABLE {counted}")
     execute("DELETE FROM owner_bytes")
 
     def run_at(event: str, table: str, does: str) -> None:
@@ -58,7 +59,7 @@ def count_bytes(connection: Connection) -> None:
 
     cleared = ""
     for name, table in METADATA.tables.items():
-        texts = [column.name for column in table.c if isinstance(column.type, Text | LargeBinary)]
+        texts = _texts(table)
         if not texts:
             continue
         kind, owner = name, "{0}.owner"
@@ -78,3 +79,8 @@ def count_bytes(connection: Connection) -> None:
         execute(add.format(name, "sum", f"FROM {name} GROUP BY 1"))
     # while the owner of the job is known
     run_at("BEFORE DELETE", "jobs", cleared)
+
+
+def _texts(table: Table) -> list[str]:
+    """Columns of a table that hold texts or data."""
+    return [column.name for column in table.c if isinstance(column.type, Text | LargeBinary)]

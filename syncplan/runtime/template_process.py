@@ -5,8 +5,8 @@
            +------------------------------- messages ---------------------------------+
 
 The template has one thread, so that no fork copies a lock that another thread holds. The kernel
-ends it with the process that uses it, and its children with it. Children are held by descriptors,
-not by numbers, which the kernel uses again. Where there are no such descriptors (they came with
+ends it with the process that uses it, and its children with it. Children are held by descriptors:
+the kernel uses numbers of processes again. Where there are no such descriptors (they came with
 Linux 5.3), each process loads everything by itself.
 """
 
@@ -49,6 +49,8 @@ FORKS = _has_descriptors()
 """Whether processes are forked from a template on this system."""
 
 _PAUSE_S = 0.5
+_SOUND_S = 30.0
+"""Lifetime (s) from which a template counts as well started."""
 
 _logger = logging.getLogger("syncplan.template")
 
@@ -60,8 +62,7 @@ class TemplateProcess:
     ----------
     module : module that it imports
     load : function of the module; a generator that loads everything in stages
-    serve : function of the module that children call with their descriptor, and with whether all
-        stages were loaded
+    serve : function of the module that children call with their descriptor
     """
 
     def __init__(self, module: str, load: str, serve: str) -> None:
@@ -81,18 +82,21 @@ class TemplateProcess:
         return ForkedProcess(self._requests)
 
     def _keep(self) -> None:
+        pause_s = _PAUSE_S
         while True:
+            began = time.monotonic()
             try:
                 process = ChildProcess(__name__, "serve_forks", keep=[self._served.fileno()])
-                process.connection.send((self._served.fileno(), *self._names))
-                with contextlib.suppress(EOFError):
-                    process.connection.recv()
-                process.end()
             except OSError as error:
                 _logger.error("the template process could not be started: %s", error)
             else:
-                _logger.error("the template process ended and is started anew")
-            time.sleep(_PAUSE_S)
+                with contextlib.suppress(EOFError, OSError):
+                    process.connection.send((self._served.fileno(), *self._names))
+                    process.connection.recv()
+                _logger.error("the template process ended: %s", process.complaint())
+                process.end()
+            pause_s = _PAUSE_S if time.monotonic() - began > _SOUND_S else 2.0 * pause_s
+            time.sleep(min(pause_s, _SOUND_S))
 
 
 class ForkedProcess(ChildProcess):
@@ -106,7 +110,7 @@ class ForkedProcess(ChildProcess):
         self.connection, theirs = Pipe()
         self._descriptor = self.connection.fileno()
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115
-        self.process: _Forked = _Forked(self._descriptor)
+        self.process: _Forked = _Forked(self.connection)
         with theirs:
             socket.send_fds(requests, [b"f"], [theirs.fileno(), self._errors.fileno()])
 
@@ -115,12 +119,15 @@ class ForkedProcess(ChildProcess):
         self.process.hold(self.connection.recv())
 
 
+_OF_GROUP = (signal.SIGSTOP, signal.SIGCONT, signal.SIGKILL)
+
+
 class _Forked:
     """A forked process, held by a descriptor of it, with the methods of subprocess.Popen."""
 
-    def __init__(self, connection_at: int) -> None:
+    def __init__(self, connection: Connection) -> None:
         self.pid = 0
-        self._connection_at = connection_at
+        self._connection = connection
 
     def hold(self, pid: int) -> None:
         """Hold the process of this number."""
@@ -139,17 +146,20 @@ class _Forked:
         return -1
 
     def send_signal(self, number: int, /) -> None:
-        """Send a signal to the process and those that it has started."""
+        """Send a signal to the process; stop, continue and kill also those that it has started."""
         if self.poll() is None:
             with contextlib.suppress(ProcessLookupError):
-                os.killpg(self.pid, number)
+                if number in _OF_GROUP:
+                    os.killpg(self.pid, number)
+                else:
+                    signal.pidfd_send_signal(self._descriptor, number)
 
     def kill(self) -> None:
         """End the process at once, or as soon as it is forked."""
         if self.pid:
             self.send_signal(signal.SIGKILL)
-        else:
-            shut_down(self._connection_at)
+        elif not self._connection.closed:
+            shut_down(self._connection.fileno())
 
 
 # --- in the template, and in what is forked from it -----------------------------------------------
@@ -188,7 +198,7 @@ class _Template:
 
     requests: socket.socket
     connection: Connection
-    serve: Callable[[int, bool], None]
+    serve: Callable[[int], None]
     pid: int
 
     def fork(self, *, complete: bool) -> None:
@@ -200,17 +210,18 @@ class _Template:
         self.requests.setblocking(complete)
         _, descriptors, *_ = socket.recv_fds(self.requests, 1, 2)
         try:
-            forked = os.fork() == 0
+            # without room for both, the kernel passes fewer
+            forked = len(descriptors) == 2 and os.fork() == 0
         except OSError as error:
             # the parent sees the end of the connection
             print(error, file=sys.stderr, flush=True)
             forked = False
         if forked:
-            self._begin(*descriptors, complete=complete)
+            self._begin(*descriptors)
         for at in descriptors:
             os.close(at)
 
-    def _begin(self, connection_at: int, errors_at: int, *, complete: bool) -> NoReturn:
+    def _begin(self, connection_at: int, errors_at: int) -> NoReturn:
         status = 1
         try:
             self.requests.close()
@@ -223,7 +234,7 @@ class _Template:
             os.close(errors_at)
             end_with(self.pid)
             Connection(os.dup(connection_at)).send(os.getpid())
-            self.serve(connection_at, complete)
+            self.serve(connection_at)
             status = 0
         except BaseException:
             traceback.print_exc()
@@ -238,4 +249,4 @@ def serve_alone(descriptor: int) -> None:
     library = import_module(module)
     for _ in getattr(library, load)():
         pass
-    getattr(library, serve)(descriptor, True)
+    getattr(library, serve)(descriptor)

@@ -30,7 +30,7 @@ from api.jobs.workflows import batches_of
 from api.service import limits_of
 from api.settings import load_settings
 from syncplan.estimation.trials import CHUNK_TRIALS
-from syncplan.runtime.child_processes import ChildProcess
+from syncplan.runtime.template_process import TemplateProcess
 from tests.service.conftest import Hollow
 from tests.tools.processes import PATIENCE_S, alive, command, family, wait_until
 from tests.tools.scenarios import FILES, shared_circles
@@ -87,10 +87,11 @@ def begun(ticket: Ticket) -> bool:
 
 def forks_of(parent: int) -> list[int]:
     """The template of a process, and what is forked from it."""
-    for child in family(parent, generations=1)[1:]:
-        if "template_process" in command(child):
-            return family(child)
-    return []
+    templates = (
+        child for child in family(parent, generations=1)[1:] if "template_process" in command(child)
+    )
+    # a test has one beside, of which nothing is forked any more
+    return max(map(family, templates), key=len, default=[])
 
 
 def processes_of(parent: int) -> list[int]:
@@ -109,12 +110,9 @@ def test_a_child_yields_as_far_as_it_is_asked_to(pool: Pool) -> None:
 def test_a_child_inherits_no_secret(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("SYNCPLAN_DATA_DIR", "PGPASSFILE", "OTEL_EXPORTER", "AWS_SECRET_ACCESS_KEY"):
         monkeypatch.setenv(name, "not-for-children")
-    # as templates are started
-    child = ChildProcess("syncplan.runtime.template_process", "serve_forks")
-    process = Path(f"/proc/{child.process.pid}")
-    # its program has begun
-    wait_until(lambda: bool((process / "environ").read_bytes()))
-    environment = (process / "environ").read_text()
+    child = TemplateProcess("tests.tools.forked", "load", "serve").fork()
+    child.wait_until_begun()
+    environment = Path(f"/proc/{child.process.pid}/environ").read_text()
     child.kill()
     child.end()
     assert "not-for-children" not in environment
@@ -252,6 +250,26 @@ def test_a_child_stays_though_tasks_load_libraries() -> None:
         for _ in range(2):
             pool.call("made_plan", body, "json", LIMITS, False)
         assert pool.depth().started == before
+
+
+@pytest.mark.long
+def test_pauses_count_towards_no_time_limit_and_one_that_is_to_end_is_not_paused() -> None:
+    with own_pool() as pool:
+        other = pool.submit(*LONG, owner="ann")
+        wait_until(lambda: begun(other))
+        began = time.monotonic()
+        limited = pool.submit(*LONG, owner="bob", timeout_s=1.5)
+        with pytest.raises(TooSlowError):
+            end_of(limited)
+        # each has computed for about half of the time
+        assert limited.ran_s < 0.8 * (time.monotonic() - began)
+        limited = pool.submit(*LONG, owner="bob", deadline_s=3.0)
+        with pytest.raises((TooSlowError, PoolFullError)):
+            end_of(limited)
+        assert other.child is not None
+        other.interrupt()
+        wait_until(lambda: other.child is not None and not other.child.paused)
+        other.cancel()
 
 
 @pytest.mark.long

@@ -1,0 +1,14 @@
+"""Functions for a template process whose children do nothing."""
+
+import time
+from collections.abc import Iterator
+
+
+def load() -> Iterator[None]:
+    """Load nothing, in one stage."""
+    yield
+
+
+def serve(_descriptor: int) -> None:
+    """Be there."""
+    time.sleep(3600.0)
