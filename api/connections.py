@@ -83,7 +83,7 @@ def limits_of_connections(settings: Settings, descriptors: int) -> ConnectionLim
 def raise_limit() -> int:
     """Raise this process's limit of open files as far as the system allows, and return it."""
     given = resource.getrlimit(resource.RLIMIT_NOFILE)
-    soft, hard = (_ENOUGH if one == resource.RLIM_INFINITY else one for one in given)
+    soft, hard = (_ENOUGH if limit == resource.RLIM_INFINITY else limit for limit in given)
     wanted = min(hard, _ENOUGH)
     if soft < wanted:
         resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, given[1]))

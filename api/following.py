@@ -304,7 +304,7 @@ class JobWatch:
                 self._end_all()
             if self.keyring.version != self._keys_version:
                 self._keys_version = self.keyring.version
-                self._end_all(lambda one: not self.keyring.admits(one.owner, one.key))
+                self._end_all(lambda stream: not self.keyring.admits(stream.owner, stream.key))
             await asyncio.sleep(_LOOK_EVERY_S)
 
     async def _reading(

@@ -59,7 +59,7 @@ BODIES = {
     "renamePlan": Body((PlanRenaming,), "The name"),
     "createRecording": Body((), "A zip or tar archive of a recording's folder", ARCHIVES),
     "renameRecording": Body((RecordingRenaming,), "The name"),
-    **{one.operation: Body((one.request,), one.body) for one in JOB_KINDS.values()},
+    **{kind.operation: Body((kind.request,), kind.body) for kind in JOB_KINDS.values()},
 }
 """Request bodies by operation; other operations take none."""
 

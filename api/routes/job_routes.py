@@ -270,11 +270,11 @@ async def result_or_refuse(
     as an unread answer.
     """
 
-    def found() -> T | None:
+    def stored() -> T | None:
         with service.database.reading() as connection:
             return read(connection, row.id)
 
-    result = await to_thread.run_sync(found, limiter=service.results)
+    result = await to_thread.run_sync(stored, limiter=service.results)
     if result is None:
         raise NotFound(f"the result of job {row.id} was deleted")
     return result

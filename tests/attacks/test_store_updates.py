@@ -173,8 +173,8 @@ def test_what_is_stored_after_the_clock_was_set_back_is_listed_first(
         assert listed(dan, "/v1/plans") == [then, ahead]
         refined = dan.post(f"{at}/refinements", json={"starts": 1}).headers["location"]
         done(dan, refined)
-        made = dan.get(f"{refined}/result").json()["id"]
-        assert listed(dan, "/v1/plans") == [made, then, ahead]
+        refined_id = dan.get(f"{refined}/result").json()["id"]
+        assert listed(dan, "/v1/plans") == [refined_id, then, ahead]
         # a page that was asked for before stays what it was
         page = dan.get(f"/v1/plans?before={then}").json()["items"]
         assert [entry["id"] for entry in page] == [ahead]

@@ -120,12 +120,12 @@ def test_large_answers_that_nobody_reads_take_bounded_memory_from_no_one_else(
                 assert reads_whole(bob, his)
                 assert ann.get("/v1/plans").status_code == 200
                 assert "allowed are 64 and 512" in problem(ann.get(path), 429).detail
-                said = [rest_of(one) for one in slow]
+                said = [rest_of(reader) for reader in slow]
             wait_until(lambda: reads_whole(ann, path))
-        wholes = [one.body == REPORT.encode() for one in said if one.status == 200]
+        wholes = [answer.body == REPORT.encode() for answer in said if answer.status == 200]
         assert wholes == [True] * 4
-        assert {one.status for one in said} == {200, 429}
-        assert all("retry-after: " in one.head for one in said if one.status == 429)
+        assert {answer.status for answer in said} == {200, 429}
+        assert all("retry-after: " in answer.head for answer in said if answer.status == 429)
         assert 'reason="unread-answers"' in ann.get("/metrics").text
     growth = [f"{(value - before) / 2**20:.0f} MiB" for value in (held, peak[0], memory(process))]
     print("held, at most, afterwards:", *growth)
@@ -194,8 +194,8 @@ async def asked_at_once(app: FastAPI, *asked: tuple[str, int]) -> list[int]:
         scope = {"type": "http", "method": "GET", "path": path, "headers": [], "query_string": b""}
         await app(scope, nothing, send)
         start, *parts = answers
-        bodies = [bytes(one["body"]) for one in parts]
-        assert [one.get("more_body", False) for one in parts] == [True] * len(parts[1:]) + [False]
+        bodies = [bytes(part["body"]) for part in parts]
+        assert [part.get("more_body", False) for part in parts] == [True] * len(parts[1:]) + [False]
         assert max(map(len, bodies)) <= PIECE_BYTES
         if start["status"] == 200:
             assert b"".join(bodies) == bytes(range(256)) * (pieces * PIECE_BYTES // 256)

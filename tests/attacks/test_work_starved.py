@@ -35,7 +35,7 @@ def state(http: httpx2.Client, job: str) -> str:
 @pytest.mark.long
 def test_refinements_of_others_do_not_keep_a_small_job_waiting(server: Server) -> None:
     with contextlib.ExitStack() as stack:
-        ann, *greedy = (stack.enter_context(speaking(server, one)) for one in ("ann", *GREEDY))
+        ann, *greedy = (stack.enter_context(speaking(server, owner)) for owner in ("ann", *GREEDY))
         plan = planned(ann)["id"]
         refinements = []
         for http in greedy:

@@ -54,11 +54,11 @@ SHORT = ("made_plan", GRID, "yaml", LIMITS, False)
 @contextlib.contextmanager
 def own_pool(**options: Any) -> Iterator[Pool]:
     """A pool of one process for a test alone."""
-    made = Pool(1, **options)
+    pool = Pool(1, **options)
     try:
-        yield made
+        yield pool
     finally:
-        made.close()
+        pool.close()
 
 
 @pytest.fixture(scope="module")
@@ -125,10 +125,10 @@ def test_a_child_inherits_no_file_but_its_pipe(tmp_path: Path) -> None:
         child = Child()
         child.wait_until_ready()
         folder = Path(f"/proc/{child.pid}/fd")
-        files = [os.readlink(one) for one in folder.iterdir()]
+        files = [os.readlink(file) for file in folder.iterdir()]
         child.end()
     assert kept.name not in files
-    assert sum(one.startswith("socket:") for one in files) == 1
+    assert sum(file.startswith("socket:") for file in files) == 1
 
 
 def test_a_fault_of_a_task_is_no_error_that_clients_hear_of(pool: Pool) -> None:

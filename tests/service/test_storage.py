@@ -93,18 +93,18 @@ def test_what_an_owner_stores_is_the_newest_whatever_was_done_to_the_clock(
         "recordings": lambda owner: holdings.add_recording(connection, owner, packed).id,
     }
     add, now = store[table.name], tables.moment(connection)
-    made = []
+    identifiers = []
     for ago_s in (0.0, -86400.0, 0.0, 3600.0, 3600.0, -86400.0):
         monkeypatch.setattr(tables, "NOW", literal(tables.earlier(now, ago_s)))
-        made += [add("ann"), add("ann")]
-    assert made == sorted(made)
-    assert len(set(made)) == len(made)
+        identifiers += [add("ann"), add("ann")]
+    assert identifiers == sorted(identifiers)
+    assert len(set(identifiers)) == len(identifiers)
     # the clock of the others is their own
     monkeypatch.setattr(tables, "NOW", literal(now))
-    assert add("bob")[:13] == made[0][:13]
+    assert add("bob")[:13] == identifiers[0][:13]
     # what is gone no longer leads a list
     connection.execute(delete(table).where(table.c.owner == "ann"))
-    assert add("ann")[:13] == made[0][:13]
+    assert add("ann")[:13] == identifiers[0][:13]
 
 
 @pytest.mark.usefixtures("wrong_clock")

@@ -38,7 +38,7 @@ def summed_bytes(connection: Connection) -> dict[str, Counter[str]]:
         for row in connection.execute(select(table)).mappings():
             owner = row["owner"] if "owner" in row else owners[row["job_id"]]
             values = [row[column] for column in columns if row[column] is not None]
-            size = sum(len(one.encode() if isinstance(one, str) else one) for one in values)
+            size = sum(len(value.encode() if isinstance(value, str) else value) for value in values)
             kind = table.name if "owner" in row else "jobs"
             sums.setdefault(owner, Counter())[kind] += ROW_BYTES + size
     return sums
