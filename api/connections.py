@@ -32,9 +32,7 @@ NEVER = float("inf")
 _MOST_BY_DEFAULT = 4096
 _LEAST_BY_DEFAULT = 32
 _OTHER_DESCRIPTORS = 320
-"""Descriptors left for the database, extra child processes, the reserve, and files."""
-_DESCRIPTORS_OF_PROCESS = 8
-"""Descriptors of a child process, of requests and of jobs."""
+"""Descriptors left for the database, child processes (four each), the reserve, and files."""
 
 _log = logging.getLogger("api.connections")
 
@@ -67,8 +65,7 @@ class ConnectionLimits:
 
 def limits_of_connections(settings: Settings, descriptors: int) -> ConnectionLimits:
     """Return the limits from the settings, for a process with this many file descriptors."""
-    others = _OTHER_DESCRIPTORS + _DESCRIPTORS_OF_PROCESS * settings.process_count
-    spare = max(_LEAST_BY_DEFAULT, descriptors - others)
+    spare = max(_LEAST_BY_DEFAULT, descriptors - _OTHER_DESCRIPTORS)
     total = settings.max_connections or min(_MOST_BY_DEFAULT, spare)
     return ConnectionLimits(
         total=total,

@@ -77,10 +77,10 @@ def test_whoever_leaves_twice_is_counted_once() -> None:
     ("descriptors", "given", "total", "per_address"),
     [
         (100_000, {}, 4096, 2048),
-        (1024, {}, 768, 384),
+        (1024, {}, 704, 352),
         (200, {}, 32, 16),
         (1024, {"max_connections": 10}, 10, 5),
-        (1024, {"max_connections_per_address": 10}, 768, 10),
+        (1024, {"max_connections_per_address": 10}, 704, 10),
         (1024, {"max_connections": 1}, 1, 1),
     ],
 )
