@@ -211,8 +211,8 @@ class Metrics:
         self.in_flight = registered(Gauge, "syncplan_http_requests_in_flight", registry)
         self.jobs = jobs or JobTally()
         self._watched: dict[Owner, _Watched] = {"process": _Watched(), "service": _Watched()}
-        for one in (self.jobs.registry, *self._watched.values()):
-            registry.register(one)
+        for collector in (self.jobs.registry, *self._watched.values()):
+            registry.register(collector)
         self._process = ProcessCollector(registry=registry)
         self._published = _Published()
         self._publishing = threading.Lock()

@@ -103,9 +103,9 @@ def _waiting(listening: socket.socket) -> Iterator[socket.socket]:
 
 
 def _accepted(listening: socket.socket) -> socket.socket:
-    one, _ = listening.accept()
-    one.setblocking(False)
-    return one
+    connection, _ = listening.accept()
+    connection.setblocking(False)
+    return connection
 
 
 async def _connect(one: socket.socket, make: Callable[[], asyncio.Protocol]) -> None:
@@ -128,8 +128,8 @@ class _Spare:
     def turn_away(self, listening: socket.socket, refusal: bytes) -> None:
         """Accept one connection in place of the spare descriptor, answer, and close it."""
         self.close()
-        with contextlib.suppress(OSError), _accepted(listening) as one:
-            one.send(refusal)
+        with contextlib.suppress(OSError), _accepted(listening) as connection:
+            connection.send(refusal)
         self._hold()
 
     def _hold(self) -> None:
@@ -222,9 +222,12 @@ class LimitedServer(uvicorn.Server):
     def _end_due(self) -> None:
         now = asyncio.get_running_loop().time()
         # copied: those that expire leave
-        for one in list(self.server_state.connections):
-            if isinstance(one, HttpProtocol) and min(one.due, one.stalled_due) <= now:
-                one.expire(now)
+        for protocol in list(self.server_state.connections):
+            if (
+                isinstance(protocol, HttpProtocol)
+                and min(protocol.due, protocol.stalled_due) <= now
+            ):
+                protocol.expire(now)
 
 
 def serve_until_told(app: FastAPI, listening: socket.socket, place: Place | None = None) -> bool:

@@ -60,7 +60,7 @@ class Child:
         except OSError:
             self._scratch.remove()
             raise
-        self.growth = 0.0
+        self.growth = 0
         self.killed = self.paused = self.yielded = False
         self.fresh = False
         """Whether it shares all memory with the template, as before its first task."""

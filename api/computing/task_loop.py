@@ -70,6 +70,8 @@ class Alarm:
 
     def _ring(self, *_: object) -> None:
         if self._set:
+            # again, also where the parent rang once
+            signal.setitimer(signal.ITIMER_REAL, _AGAIN_S, _AGAIN_S)
             raise TimeUp
 
 

@@ -37,8 +37,8 @@ LOOK_S, IDLE_S = 3.0, 0.15
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     """A server that does no jobs, and waits as long as the attack takes for slow readers."""
     given = {"SYNCPLAN_ANSWER_TIMEOUT_S": "600"}
-    with serving(tmp_path_factory.mktemp("site"), "ann bob", "--no-worker", **given) as one:
-        yield one
+    with serving(tmp_path_factory.mktemp("site"), "ann bob", "--no-worker", **given) as attacked:
+        yield attacked
 
 
 def job_with_report(server: Server, http: httpx2.Client) -> str:
@@ -202,8 +202,8 @@ async def asked_at_once(app: FastAPI, *asked: tuple[str, int]) -> list[int]:
         return int(start["status"])
 
     tasks = []
-    for one in asked:
-        tasks.append(asyncio.create_task(ask(*one)))
+    for request in asked:
+        tasks.append(asyncio.create_task(ask(*request)))
         # until it has come to its first piece
         for _ in range(100):
             await asyncio.sleep(0.0)
