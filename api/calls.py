@@ -197,9 +197,11 @@ async def computed(caller: Caller, task: str, *arguments: Any) -> Any:
     must have been read. Once the client has gone, gives the task up and raises ClientDisconnect.
     """
     settings = caller.service.settings
-    limit = settings.plan_timeout_s
+    limit, pool = settings.plan_timeout_s, caller.service.pool
+    # one that came before there were processes waited for them, even if they are there by its end
+    crowded = "too many requests are being computed; try again" if pool.ready else STARTING
     try:
-        ticket = caller.service.pool.submit(task, *arguments, owner=caller.owner, deadline_s=limit)
+        ticket = pool.submit(task, *arguments, owner=caller.owner, deadline_s=limit)
         return await _while_present(caller.request, ticket)
     except OwnerBusyError:
         raise TooManyRequests(
@@ -208,8 +210,7 @@ async def computed(caller: Caller, task: str, *arguments: Any) -> Any:
             retry_after_s=_RETRY_AFTER_S,
         ) from None
     except PoolFullError:
-        crowded = "too many requests are being computed; try again"
-        raise Unavailable(crowded if caller.service.pool.ready else STARTING) from None
+        raise Unavailable(crowded) from None
     except GivenUpError:
         raise Unavailable("the service is closing; try again") from None
     except TooSlowError:

@@ -175,11 +175,12 @@ def _trial_task(spec: JobSpec) -> TrialTask[Any, Any]:
 
 
 def load() -> Iterator[None]:
-    """Load what tasks would otherwise wait for: most of it first, then what searches need."""
-    flown = plan(scenario_from(_FLOWN))
-    text = as_plan_text(flown).text
+    """Load what tasks would otherwise wait for: first what plans on paper need, then the rest."""
+    plan(scenario_from(_FLOWN), pilot=False)
     ready()
     yield
+    flown = plan(scenario_from(_FLOWN))
+    text = as_plan_text(flown).text
     plan(scenario_from(_ODD_CYCLE), pilot=False)
     run_part(trial_run(flown, trials=1, duration=1.0), 0, 1, threads=1)
     judged_losses(text, [], 1, "auto")

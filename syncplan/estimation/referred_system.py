@@ -17,7 +17,6 @@ import numpy as np
 from syncplan.arrays import Array, Index
 from syncplan.errors import NoSolutionError
 from syncplan.estimation.covariances import RunVariances, variances_along
-from syncplan.estimation.kernels import fused
 from syncplan.estimation.referred_run import GaussMarkov, Run
 from syncplan.estimation.start_up_index import (
     StartUpIndex,
@@ -326,35 +325,16 @@ def _referred_noise(team: Team, arm: Array, moved: Array, scale: float) -> Array
 
     `arm` and `moved` (2, n, steps + 1) are directions from the centres, and displacements.
     """
+    from syncplan.estimation.covariance_kernels import refer
+
     orbits, noise = team.orbits, team.noise
     gain = arc_noise_gain(orbits, team.sensors.sample_time) * np.array(
         [noise.speed_sigma, noise.turn_rate_sigma]
     )
     gain[:, :2] /= scale
     found = np.zeros((6, *arm.shape[1:]))
-    _refer(np.ascontiguousarray(arm), np.ascontiguousarray(moved), gain, orbits.senses, found)
+    refer(np.ascontiguousarray(arm), np.ascontiguousarray(moved), gain, orbits.senses, found)
     return found
-
-
-@fused
-def _refer(arm: Array, moved: Array, gain: Array, senses: Array, found: Array) -> int:
-    """Add the noise of each step after the first, by speed and by turn rate."""
-    for v in range(len(senses)):
-        for source in range(2):
-            along, across, turn = gain[v, 0, source], gain[v, 1, source], gain[v, 2, source]
-            for k in range(1, arm.shape[2]):
-                # heading at the start of the step, a quarter turn from the arm
-                ahead, left = -senses[v] * arm[1, v, k - 1], senses[v] * arm[0, v, k - 1]
-                # referred to time 0, a turn moves the position backwards about the vehicle
-                x = ahead * along - left * across + moved[1, v, k] * turn
-                y = left * along + ahead * across - moved[0, v, k] * turn
-                found[0, v, k] += x * x
-                found[1, v, k] += x * y
-                found[2, v, k] += x * turn
-                found[3, v, k] += y * y
-                found[4, v, k] += y * turn
-                found[5, v, k] += turn * turn
-    return 1
 
 
 def _changing(team: Team, layout: StateLayout, scale: float) -> GaussMarkov | None:

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import httpx2
+import pytest
 from playwright.sync_api import Page, expect
 
 from tests.page.gestures import drawn, part, plan_id_of, validate
@@ -64,9 +65,10 @@ def test_usage_is_shown_with_its_limits(visit: Visit, page: Page, server: Server
             r"Computing time of jobs in 24 hours: [0-9.e-]+ h of 720 h\.$"
         )
     )
-    kibibytes = sum(httpx2.get(f"{server.url}/v1/usage").json()["bytes"].values()) / 2**10
+    mebibytes = sum(httpx2.get(f"{server.url}/v1/usage").json()["bytes"].values()) / 2**20
     stated = float((used.text_content() or "").split()[1])
-    assert abs(2**10 * stated - kibibytes) < 1.0
+    # four digits are shown
+    assert stated == pytest.approx(mebibytes, rel=6e-4)
     httpx2.delete(f"{server.url}/v1/plans/{made['id']}")
 
 
