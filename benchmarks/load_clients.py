@@ -15,13 +15,24 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tests.tools.processes import wait_until
+from tests.tools.processes import family, proportional_memory, wait_until
 from tests.tools.serving import free_port
 
-__all__ = ["KEYS", "LONGEST_S", "Request", "ask", "load", "serving"]
+__all__ = [
+    "KEYS",
+    "LONGEST_S",
+    "Request",
+    "Service",
+    "ask",
+    "is_ready",
+    "load",
+    "serving",
+    "started",
+]
 
-KEYS = {"busy": "busy-0123456789abcdef", "other": "other-0123456789abcdef"}
-"""The keys of a service's two owners."""
+OWNERS = ("busy", "other", *(f"busy{k}" for k in range(5)))
+KEYS = {owner: f"{owner}-0123456789abcdef" for owner in OWNERS}
+"""The keys of a service's owners."""
 
 LONGEST_S = 120.0
 """How long a client waits for an answer."""
@@ -47,19 +58,43 @@ class Request:
         return f"{head}\r\n".encode() + self.body
 
 
+@dataclass(frozen=True, slots=True)
+class Service:
+    """A running service: where it listens, its first process, and the folder of its data."""
+
+    port: int
+    process: int
+    folder: Path
+
+    def memory(self) -> int:
+        """Return the proportional memory (PSS) in bytes of all its processes."""
+        return sum(proportional_memory(process) for process in family(self.process))
+
+    def stored(self) -> int:
+        """Return the bytes of its files, temporary ones included."""
+        sizes = 0
+        for path in self.folder.rglob("*"):
+            with contextlib.suppress(FileNotFoundError):
+                sizes += path.stat().st_size if path.is_file() else 0
+        return sizes
+
+
 @contextlib.contextmanager
-def serving(checkout: Path, *arguments: str, **settings: str) -> Iterator[int]:
-    """A service of a checkout, with two owners; yields its port."""
+def started(checkout: Path, *arguments: str, **settings: str) -> Iterator[Service]:
+    """A service of a checkout for the owners of KEYS, just started."""
     port = free_port()
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "temporary").mkdir()
         environment = {k: v for k, v in os.environ.items() if not k.startswith("SYNCPLAN_")}
         environment |= {
             "PYTHONPATH": str(checkout),
-            "SYNCPLAN_DATA_DIR": folder,
+            "TMPDIR": str(folder / "temporary"),
+            "SYNCPLAN_DATA_DIR": str(folder),
             "SYNCPLAN_API_KEYS": ",".join(f"{name}:{key}" for name, key in KEYS.items()),
             **settings,
         }
-        with (Path(folder) / "log").open("wb") as log:
+        with (folder / "log").open("wb") as log:
             process = subprocess.Popen(
                 [sys.executable, "-m", "syncplan", "serve", "--port", str(port), *arguments],
                 cwd=checkout,
@@ -67,27 +102,40 @@ def serving(checkout: Path, *arguments: str, **settings: str) -> Iterator[int]:
                 stderr=log,
             )
         try:
-            wait_until(lambda: _ready(port))
-            yield port
+            yield Service(port, process.pid, folder)
         finally:
             process.kill()
             process.wait()
 
 
-def _ready(port: int) -> bool:
+@contextlib.contextmanager
+def serving(checkout: Path, *arguments: str, **settings: str) -> Iterator[int]:
+    """A service of a checkout that is ready; yields its port."""
+    with started(checkout, *arguments, **settings) as service:
+        wait_until(lambda: is_ready(service.port))
+        yield service.port
+
+
+def is_ready(port: int) -> bool:
+    """Return whether the service at a port takes requests."""
     with contextlib.suppress(OSError, http.client.HTTPException):
         return ask(port, Request("GET", "/readyz"))[0] == 200
     return False
 
 
 def ask(port: int, request: Request) -> tuple[int, Any]:
-    """Return (status, what the body holds) of one request over a connection of its own."""
+    """Return (status, what the body holds) of one request over a connection of its own.
+
+    A body that is no JSON is returned as bytes.
+    """
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=LONGEST_S)
     headers = {"authorization": f"Bearer {request.key}", "content-type": "application/json"}
     try:
         connection.request(request.method, request.path, request.body or None, headers)
         answer = connection.getresponse()
-        return answer.status, json.loads(answer.read() or b"null")
+        body = answer.read()
+        is_json = "json" in answer.getheader("content-type", "")
+        return answer.status, json.loads(body) if is_json else body
     finally:
         connection.close()
 

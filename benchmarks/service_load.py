@@ -1,8 +1,9 @@
 """The service under load, beside another checkout of it: the two take turns in one run.
 
 Plans read a second with one and with two HTTP processes; plans made a second by eight clients
-beside the library in as many processes; previews beside plans; and what a busy owner, with a
-thousand requests and twenty long jobs, costs another one.
+beside the library in as many processes; previews beside plans; what a busy owner, with a thousand
+requests and twenty long jobs, costs another one; what five owners at the service's limits cost a
+sixth; and start and memory.
 
     python benchmarks/service_load.py [--base PATH] [--parts reads ...] [--write]
 """
@@ -10,6 +11,7 @@ thousand requests and twenty long jobs, costs another one.
 import argparse
 import contextlib
 import json
+import math
 import os
 import subprocess
 import sys
@@ -23,6 +25,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import numpy as np
 
 from benchmarks.busy_owner import BesideBusy, beside_a_busy_owner
+from benchmarks.five_owners import BesideFive, beside_five_owners
+from benchmarks.footprint import IDLE_S, REQUESTS, memory_after, ready_s
 from benchmarks.load_clients import Request, ask, load, serving
 from benchmarks.readme_tables import README, machine, markdown, write_between
 from syncplan.runtime.child_processes import CHILD_VARIABLES
@@ -36,6 +40,7 @@ ROUNDS = 5
 READ_S, PLAN_S, LIBRARY_S = 3.0, 5.0, 5.0
 CLIENTS = 8
 PREVIEWS = 40
+FIVE_OWNERS_S = 300.0
 
 _LIBRARY = """
 import sys, time
@@ -77,8 +82,8 @@ class Row:
 
 
 def _p(taken: Sequence[float], percent: float) -> float:
-    """A percentile in ms of times in s."""
-    return 1e3 * float(np.percentile(taken, percent))
+    """A percentile in ms of times in s; NaN of none."""
+    return 1e3 * float(np.percentile(taken, percent)) if taken else math.nan
 
 
 # --- figures ------------------------------------------------------------------------------------
@@ -241,11 +246,46 @@ def fairness(base: Path | None, body: bytes) -> list[Row]:
     ]
 
 
+def five_owners(base: Path | None, body: bytes) -> list[Row]:
+    """Return what five owners' refinements, validations and slow plans cost a sixth, for 5 min."""
+    now = beside_five_owners(HERE, FIVE_OWNERS_S)
+    before = None if base is None else beside_five_owners(base, FIVE_OWNERS_S)
+
+    def row(what: str, unit: str, of: Callable[[BesideFive], float]) -> Row:
+        return Row(what, unit, None if before is None else of(before), of(now))
+
+    return [
+        row("beside five owners: plans on paper", "", lambda found: len(found.plans_s)),
+        row("these, p50", "ms", lambda found: _p(found.plans_s, 50.0)),
+        row("these, p95", "ms", lambda found: _p(found.plans_s, 95.0)),
+        row("jobs of 16 trials", "", lambda found: len(found.jobs_s)),
+        row("these, p50", "ms", lambda found: _p(found.jobs_s, 50.0)),
+        row("these, p95", "ms", lambda found: _p(found.jobs_s, 95.0)),
+        row("plans and jobs without a result", "", lambda found: found.failed),
+        row("most memory of all processes (PSS)", "MiB", lambda found: found.memory / 2**20),
+        row("most bytes in files", "MiB", lambda found: found.stored / 2**20),
+    ]
+
+
+def at_rest(base: Path | None, body: bytes) -> list[Row]:
+    """Return how soon the service is ready, and its memory after mixed requests."""
+    checkouts = [HERE] if base is None else [HERE, base]
+    times = ready_s(checkouts)
+    sizes = [memory_after(checkout) / 2**20 for checkout in checkouts]
+    idle = f"memory (PSS) {IDLE_S:g} s after {REQUESTS} mixed requests"
+    return [
+        Row(what, unit, None if base is None else values[1], values[0])
+        for what, unit, values in (("start to ready", "s", times), (idle, "MiB", sizes))
+    ]
+
+
 PARTS: dict[str, Callable[[Path | None, bytes], list[Row]]] = {
     "reads": reads,
     "plans": plans,
     "previews": previews,
     "fairness": fairness,
+    "five": five_owners,
+    "rest": at_rest,
 }
 """What is measured, in order, by the name that asks for it alone."""
 

@@ -13,6 +13,7 @@ __all__ = [
     "family",
     "memory",
     "memory_given_back",
+    "proportional_memory",
     "wait_until",
     "worked",
 ]
@@ -67,6 +68,15 @@ def memory(process: int) -> int:
     """Return the bytes of memory that a process holds (RSS)."""
     pages = int(Path(f"/proc/{process}/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE")
+
+
+def proportional_memory(process: int) -> int:
+    """Return a process's bytes of memory, shared ones divided among their holders (PSS)."""
+    with contextlib.suppress(OSError):
+        for line in Path(f"/proc/{process}/smaps_rollup").read_text().splitlines():
+            if line.startswith("Pss:"):
+                return int(line.split()[1]) * 2**10
+    return 0
 
 
 @contextlib.contextmanager
