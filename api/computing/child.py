@@ -63,7 +63,7 @@ class Child:
         self.growth = 0
         self.killed = self.paused = self.yielded = False
         self.fresh = False
-        """Whether it shares all memory with the template, as before its first task."""
+        """Whether it shares all memory with the complete template, as before its first task."""
 
     @property
     def pid(self) -> int:
@@ -75,7 +75,7 @@ class Child:
         try:
             self._process.wait_until_begun()
             self._process.connection.recv()
-            self.fresh = True
+            self.fresh = self._process.complete
         except (EOFError, OSError):
             raise ChildGoneError(self._process.complaint()) from None
 

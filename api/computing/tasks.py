@@ -176,6 +176,7 @@ def _trial_task(spec: JobSpec) -> TrialTask[Any, Any]:
 
 def load() -> Iterator[None]:
     """Load what tasks would otherwise wait for: first what plans on paper need, then the rest."""
+    yield
     plan(scenario_from(_FLOWN), pilot=False)
     ready()
     yield

@@ -72,6 +72,8 @@ class RunningProcess(Protocol):
 class ChildProcess:
     """Running child process; `connection` carries picklable messages both ways.
 
+    `complete` is false for one forked before its template had loaded everything.
+
     It runs a new interpreter; syncplan.runtime.template_process forks processes instead.
 
     Parameters
@@ -86,6 +88,7 @@ class ChildProcess:
         self, module: str, function: str, *, heir: bool = False, keep: Sequence[int] = ()
     ) -> None:
         self.connection, theirs = Pipe()
+        self.complete = True
         self._descriptor = self.connection.fileno()
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115
         errors = None if heir else self._errors

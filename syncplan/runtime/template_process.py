@@ -4,10 +4,12 @@
            ^                                                                          |
            +------------------------------- messages ---------------------------------+
 
-The template has one thread, so that no fork copies a lock that another thread holds. The kernel
-ends it with the process that uses it, and its children with it. Children are held by descriptors:
-the kernel uses numbers of processes again. Where there are no such descriptors (they came with
-Linux 5.3), each process loads everything by itself.
+The template loads in stages, and forks from the first one on: a successor, forked from it, loads
+the next stage and then takes its place. Each has one thread, so that no fork copies a lock that
+another thread holds. The kernel ends the first with the process that uses it, and with the first
+all that come of it. Children are held by descriptors: the kernel uses numbers of processes again.
+Where there are no such descriptors (they came with Linux 5.3), each process loads everything by
+itself.
 """
 
 import contextlib
@@ -24,7 +26,6 @@ import time
 import traceback
 import weakref
 from collections.abc import Callable
-from dataclasses import dataclass
 from importlib import import_module
 from multiprocessing.connection import Connection, Pipe, wait
 from typing import NoReturn
@@ -35,7 +36,7 @@ from syncplan.runtime.child_processes import (
     end_with,
     shut_down,
 )
-from syncplan.runtime.machine import keep_loaded
+from syncplan.runtime.machine import defer_garbage, keep_loaded
 
 
 def _has_descriptors() -> bool:
@@ -74,7 +75,7 @@ class TemplateProcess:
             threading.Thread(target=self._keep, daemon=True, name="template").start()
 
     def fork(self) -> ChildProcess:
-        """Return a process that calls `serve`, forked at the end of the stage being loaded."""
+        """Return a process that calls `serve`, with as many stages as are loaded."""
         if not FORKS:
             child = ChildProcess(__name__, "serve_alone")
             child.connection.send(self._names)
@@ -116,7 +117,8 @@ class ForkedProcess(ChildProcess):
 
     def wait_until_begun(self) -> None:
         """Wait until the process is there; raises EOFError if it never will be."""
-        self.process.hold(self.connection.recv())
+        number, self.complete = self.connection.recv()
+        self.process.hold(number)
 
 
 _OF_GROUP = (signal.SIGSTOP, signal.SIGCONT, signal.SIGKILL)
@@ -166,24 +168,23 @@ class _Forked:
 
 
 def serve_forks(descriptor: int) -> None:
-    """Load all stages and fork on request, then and between them; main function of the template."""
+    """Fork on request as soon as the first stage is loaded; main function of the template.
+
+    For each further stage, a successor loads it and then forks instead, so that none waits for it.
+    """
     connection = connect_to_parent(descriptor)
     requests_at, module, load, serve = connection.recv()
     library = import_module(module)
-    template = _Template(
-        socket.socket(fileno=requests_at), connection, getattr(library, serve), os.getpid()
-    )
+    template = _Template(socket.socket(fileno=requests_at), connection, getattr(library, serve))
     # the kernel forgets children that have ended; a signal to all of a service is its server's
     for number in (signal.SIGCHLD, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
     for _ in getattr(library, load)():
         _settle()
-        with contextlib.suppress(BlockingIOError):
-            while True:
-                template.fork(complete=False)
+        template.hand_over()
     _settle()
-    while True:
-        template.fork(complete=True)
+    template.take_over(complete=True)
+    template.fork_until()
 
 
 def _settle() -> None:
@@ -192,23 +193,64 @@ def _settle() -> None:
     keep_loaded()
 
 
-@dataclass(frozen=True, slots=True)
 class _Template:
-    """Socket of requests, connection to the parent, main function of children, own number."""
+    """The template in one of its processes: requests, connection to the parent."""
 
-    requests: socket.socket
-    connection: Connection
-    serve: Callable[[int], None]
-    pid: int
+    def __init__(
+        self, requests: socket.socket, connection: Connection, serve: Callable[[int], None]
+    ) -> None:
+        self._requests = requests
+        # another of the template's processes may be faster
+        self._requests.setblocking(False)
+        self._connection = connection
+        self._serve = serve
+        self._predecessor: Connection | None = None
+        self._complete = False
 
-    def fork(self, *, complete: bool) -> None:
-        """Fork a process for the next request.
+    def hand_over(self) -> None:
+        """Fork a successor that loads the next stage; returns in it alone.
 
-        Raises BlockingIOError if there is none and not all stages are loaded.
+        This process forks until the successor takes over, and ends with it. Without memory for a
+        successor, it is its own.
         """
+        self.take_over()
+        successor, predecessor = Pipe(duplex=False)
+        parent = os.getpid()
+        try:
+            forked = os.fork() == 0
+        except OSError as error:
+            print(error, file=sys.stderr, flush=True)
+            return
+        if forked:
+            end_with(parent)
+            successor.close()
+            self._predecessor = predecessor
+            defer_garbage()
+            return
+        predecessor.close()
+        self.fork_until(successor)
+        with contextlib.suppress(EOFError):
+            while True:
+                successor.recv()
+        os._exit(1)
+
+    def take_over(self, *, complete: bool = False) -> None:
+        """Fork from now on, in place of the predecessor."""
+        self._complete = complete
+        if self._predecessor is not None:
+            self._predecessor.send(None)
+
+    def fork_until(self, *ends: Connection) -> None:
+        """Fork on request until there is something to read at an end."""
+        while not set(ends).intersection(wait([self._requests, *ends])):
+            with contextlib.suppress(BlockingIOError):
+                self._fork()
+
+    def _fork(self) -> None:
+        """Fork a process for the next request; raises BlockingIOError if there is none."""
         # Python 3.11 leaves out the flags that recv_fds is given
-        self.requests.setblocking(complete)
-        _, descriptors, *_ = socket.recv_fds(self.requests, 1, 2)
+        _, descriptors, *_ = socket.recv_fds(self._requests, 1, 2)
+        parent = os.getpid()
         try:
             # without room for both, the kernel passes fewer
             forked = len(descriptors) == 2 and os.fork() == 0
@@ -217,24 +259,24 @@ class _Template:
             print(error, file=sys.stderr, flush=True)
             forked = False
         if forked:
-            self._begin(*descriptors)
+            self._begin(parent, *descriptors)
         for at in descriptors:
             os.close(at)
 
-    def _begin(self, connection_at: int, errors_at: int) -> NoReturn:
+    def _begin(self, parent: int, connection_at: int, errors_at: int) -> NoReturn:
         status = 1
         try:
-            self.requests.close()
-            self.connection.close()
+            self._requests.close()
+            self._connection.close()
             os.setpgid(0, 0)
             for number in (signal.SIGCHLD, signal.SIGTERM):
                 signal.signal(number, signal.SIG_DFL)
             for at in (1, 2):
                 os.dup2(errors_at, at)
             os.close(errors_at)
-            end_with(self.pid)
-            Connection(os.dup(connection_at)).send(os.getpid())
-            self.serve(connection_at)
+            end_with(parent)
+            Connection(os.dup(connection_at)).send((os.getpid(), self._complete))
+            self._serve(connection_at)
             status = 0
         except BaseException:
             traceback.print_exc()

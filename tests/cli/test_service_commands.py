@@ -237,5 +237,7 @@ def test_a_signal_ends_a_worker(tmp_path: Path, number: signal.Signals) -> None:
 
 
 def niceness_of_children(process: int) -> set[int]:
-    """How far the processes that came of one yield to others, but for their template."""
-    return {os.getpriority(os.PRIO_PROCESS, child) for child in family(process)[2:]}
+    """How far the processes that came of one yield to others, but for their template's."""
+    group = os.getpgid(process)
+    children = [child for child in family(process) if os.getpgid(child) != group]
+    return {os.getpriority(os.PRIO_PROCESS, child) for child in children}

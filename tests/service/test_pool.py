@@ -95,8 +95,8 @@ def forks_of(parent: int) -> list[int]:
 
 
 def processes_of(parent: int) -> list[int]:
-    """Processes of the pools of a process."""
-    return forks_of(parent)[1:]
+    """Processes of the pools of a process: each leads a group, and none of a template's does."""
+    return [process for process in forks_of(parent) if os.getpgid(process) == process]
 
 
 def test_a_child_yields_as_far_as_it_is_asked_to(pool: Pool) -> None:
@@ -172,6 +172,21 @@ def test_a_child_that_has_been_idle_is_replaced_by_a_fresh_one(
         before = pool.depth().started
         time.sleep(1.5)
         assert pool.depth().started == before
+
+
+def test_processes_are_forked_while_their_template_still_loads() -> None:
+    def is_complete(template: TemplateProcess) -> bool:
+        """Fork a process, and return whether it has all stages."""
+        child = template.fork()
+        child.wait_until_begun()
+        child.kill()
+        child.end()
+        return child.complete
+
+    slow = TemplateProcess("tests.tools.forked", "load_for_long", "serve")
+    assert not any(is_complete(slow) for _ in range(2))
+    whole = TemplateProcess("tests.tools.forked", "load", "serve")
+    wait_until(lambda: is_complete(whole))
 
 
 @pytest.mark.long
