@@ -351,7 +351,7 @@ async def answer_once(
         value = await compute()
         if together and call.key is None:
             return _response(await call.service.writer.write(change))
-        return _response(await run_in_threadpool(_stored, call, change))
+        return _response(await run_in_threadpool(call.service.database.write, change))
     except (AnswerTakenError, ServiceError):
         # what refuses this request may be the effect of an equal one
         known = None if call.key is None else await run_in_threadpool(_known, call)
@@ -362,18 +362,12 @@ async def answer_once(
 
 def _known(call: Call) -> Answer | None:
     assert call.key is not None
-    with call.service.database.reading() as connection:
-        known = find_answer(connection, call.owner, call.key)
+    known = call.service.database.read(find_answer, call.owner, call.key)
     if known is not None and known.request_digest != call.digest:
         raise KeyReused(
             f"Idempotency-Key {call.key!r} was used for another request; take a new one"
         )
     return known
-
-
-def _stored(call: Call, change: Callable[[Connection], Answer]) -> Answer:
-    with call.service.database.writing() as connection:
-        return change(connection)
 
 
 def _response(answer: Answer) -> Response:

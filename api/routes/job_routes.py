@@ -16,7 +16,7 @@ from api.job_kinds.job_table import JOB_KINDS, plurals
 from api.problems import Conflict, NotFound, TooManyRequests, problem_responses
 from api.responses import Job, JobPage, job_answer
 from api.routes.plan_routes import Before, Identifier, Limit, find_or_refuse, page_and_next
-from api.routes.recording_routes import find_recording_or_refuse, recording_or_refuse
+from api.routes.recording_routes import recording_or_refuse
 from api.security import CurrentKey, CurrentOwner
 from api.service import CurrentService, Service
 from api.storage import job_records
@@ -87,16 +87,14 @@ def read_jobs(
     state: Annotated[JobState | None, Query(description="Only jobs in this state")] = None,
 ) -> JobPage:
     """Your jobs, newest first, a page at a time."""
-    with service.database.reading() as connection:
-        found = job_records.list_jobs(connection, owner, limit + 1, before, state)
+    found = service.database.read(job_records.list_jobs, owner, limit + 1, before, state)
     rows, following = page_and_next("/v1/jobs", found, limit, state=state)
     return JobPage(items=[job_answer(row) for row in rows], next=following)
 
 
 def _owned(job_id: Identifier, service: CurrentService, owner: CurrentOwner) -> JobRow:
     """Job of the caller; raises NotFound for others."""
-    with service.database.reading() as connection:
-        row = job_records.find_job(connection, owner, job_id)
+    row = service.database.read(job_records.find_job, owner, job_id)
     if row is None:
         raise NotFound(f"there is no job {job_id}")
     return row
@@ -269,12 +267,7 @@ async def result_or_refuse(
     Results may be large: few are read at a time, so that not all are in memory before any counts
     as an unread answer.
     """
-
-    def stored() -> T | None:
-        with service.database.reading() as connection:
-            return read(connection, row.id)
-
-    result = await to_thread.run_sync(stored, limiter=service.results)
+    result = await to_thread.run_sync(service.database.read, read, row.id, limiter=service.results)
     if result is None:
         raise NotFound(f"the result of job {row.id} was deleted")
     return result
@@ -292,7 +285,7 @@ async def _submit(
             text = (await find_or_refuse(service, call.owner, plan_id)).text
         if recording_id is not None:
             found = await run_in_threadpool(
-                find_recording_or_refuse, service, call.owner, recording_id
+                service.database.read, recording_or_refuse, call.owner, recording_id
             )
             overview = found.overview
         asked = (kind.name, call.body, call.syntax, service.limits, text, overview)

@@ -122,8 +122,7 @@ def read_plans(
     before: Before = None,
 ) -> PlanPage:
     """Summaries of your plans, newest first, a page at a time."""
-    with service.database.reading() as connection:
-        found = list_plans(connection, owner, limit + 1, before)
+    found = service.database.read(list_plans, owner, limit + 1, before)
     rows, following = page_and_next("/v1/plans", found, limit)
     return PlanPage(items=[PlanSummary(**one._mapping) for one in rows], next=following)
 
