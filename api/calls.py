@@ -75,6 +75,10 @@ def accepts(*media: str) -> Callable[[Request], Awaitable[str]]:
     return chosen
 
 
+IN_JSON = [Depends(accepts("application/json"))]
+"""Dependencies of a route that answers in JSON alone."""
+
+
 def _ranges(header: str) -> dict[str, float]:
     """Weights by media range; `*/*` alone if the header is empty or can't be read."""
     found: dict[str, float] = {}
@@ -307,11 +311,8 @@ EmptyCall = Annotated[Call, Depends(call_of)]
 """Parameter type of a route that takes no body and ignores one that is sent."""
 
 
-async def _call(
-    request: Request, owner: CurrentOwner, idempotency_key: IdempotencyKey = None
-) -> Call:
-    call = await call_of(request, owner, idempotency_key)
-    return replace(call, syntax=body_kind(request))
+async def _call(call: EmptyCall) -> Call:
+    return replace(call, syntax=body_kind(call.request))
 
 
 CurrentCall = Annotated[Call, Depends(_call)]

@@ -9,7 +9,7 @@ from fastapi import APIRouter, Depends, Header, Query, Request, Response
 from sqlalchemy import Connection
 from starlette.concurrency import run_in_threadpool
 
-from api.calls import Call, CurrentCall, EmptyCall, accepts, answer_once, computed
+from api.calls import IN_JSON, Call, CurrentCall, EmptyCall, accepts, answer_once, computed
 from api.following import EventStream, Follower
 from api.job_kinds.job_kind import JobKind
 from api.job_kinds.job_table import JOB_KINDS, plurals
@@ -29,8 +29,9 @@ from syncplan.reports.job_contract import JobState
 T = TypeVar("T")
 
 router = APIRouter(tags=["jobs"])
+# most of them; the others answer with streams and archives
+_documents = APIRouter(dependencies=IN_JSON)
 
-_JSON = [Depends(accepts("application/json"))]
 _SUBMITTED = problem_responses(401, 404, 406, 413, 415, 422, 429, 503, 507)
 _RETRY_AFTER_S = 5
 _RETRY_AFTER_SECONDS_S = 600
@@ -53,13 +54,12 @@ def _offer(kind: JobKind) -> None:
         "recording": about_recording,
         None: about_nothing,
     }
-    router.add_api_route(
+    _documents.add_api_route(
         kind.path,
         taken[kind.about],
         methods=["POST"],
         status_code=202,
         response_model=Job,
-        dependencies=_JSON,
         operation_id=kind.operation,
         summary=kind.summary,
         description=kind.description,
@@ -71,10 +71,9 @@ for _kind in JOB_KINDS.values():
     _offer(_kind)
 
 
-@router.get(
+@_documents.get(
     "/jobs",
     response_model=JobPage,
-    dependencies=_JSON,
     operation_id="listJobs",
     summary="List jobs",
     responses=problem_responses(401, 406, 422, 503),
@@ -103,10 +102,9 @@ def _owned(job_id: Identifier, service: CurrentService, owner: CurrentOwner) -> 
 Owned = Annotated[JobRow, Depends(_owned)]
 
 
-@router.get(
+@_documents.get(
     "/jobs/{job_id}",
     response_model=Job,
-    dependencies=_JSON,
     operation_id="readJob",
     summary="Read a job",
     responses=problem_responses(401, 404, 406, 422, 503),
@@ -116,10 +114,9 @@ def read_job(row: Owned) -> Job:
     return job_answer(row)
 
 
-@router.delete(
+@_documents.delete(
     "/jobs/{job_id}",
     status_code=204,
-    dependencies=_JSON,
     operation_id="deleteJob",
     summary="Delete a job",
     responses=problem_responses(401, 404, 406, 409, 422, 503, 507),
@@ -157,10 +154,9 @@ async def follow_job(
     return EventStream(request.app.state.watch, Follower(owner, key, row.id, int(last_event_id)))
 
 
-@router.post(
+@_documents.post(
     "/jobs/{job_id}/cancel",
     response_model=Job,
-    dependencies=_JSON,
     operation_id="cancelJob",
     summary="Cancel a job",
     responses=problem_responses(401, 404, 406, 409, 413, 422, 503, 507),
@@ -183,10 +179,9 @@ async def cancel_job(row: Owned, call: EmptyCall) -> Response:
     return answer
 
 
-@router.post(
+@_documents.post(
     "/jobs/{job_id}/finish",
     response_model=Job,
-    dependencies=_JSON,
     operation_id="finishJob",
     summary="End a search early",
     responses=problem_responses(401, 404, 406, 409, 413, 422, 503, 507),
@@ -219,10 +214,9 @@ async def _changed(row: JobRow, call: Call, change: Callable[[Connection], bool]
     return await answer_once(call, nothing, store, adds=False)
 
 
-@router.get(
+@_documents.get(
     "/jobs/{job_id}/result",
     response_model=None,
-    dependencies=_JSON,
     operation_id="readJobResult",
     summary="Read a job's result",
     responses=problem_responses(401, 404, 406, 409, 422, 503),
@@ -322,3 +316,6 @@ def _refuse_more_seconds(connection: Connection, call: Call) -> None:
             f"is {most_s:g} s; wait until older ones are more than 24 hours old",
             retry_after_s=_RETRY_AFTER_SECONDS_S,
         )
+
+
+router.include_router(_documents)

@@ -8,10 +8,10 @@ from functools import partial
 from typing import Annotated, Any, TypeVar
 from urllib.parse import urlencode
 
-from fastapi import APIRouter, Depends, Header, Path, Query, Request, Response
+from fastapi import APIRouter, Header, Path, Query, Request, Response
 from sqlalchemy import Connection, Row
 
-from api.calls import CurrentCall, accepts, answer_once, computed
+from api.calls import IN_JSON, CurrentCall, answer_once, computed
 from api.documents import PlanText
 from api.problems import (
     NotFound,
@@ -59,9 +59,7 @@ def page_and_next(
     return rows[:limit], f"{path}?{urlencode({k: v for k, v in query.items() if v is not None})}"
 
 
-router = APIRouter(
-    prefix="/plans", tags=["plans"], dependencies=[Depends(accepts("application/json"))]
-)
+router = APIRouter(prefix="/plans", tags=["plans"], dependencies=IN_JSON)
 
 _ID = "019a2b3c-4d5e-7f60-8123-456789abcdef"
 

@@ -8,11 +8,11 @@ from sqlalchemy import Connection
 from starlette.concurrency import run_in_threadpool
 
 from api.calls import (
+    IN_JSON,
     Call,
     CurrentCall,
     CurrentCaller,
     IdempotencyKey,
-    accepts,
     answer_once,
     call_of,
     check_archive,
@@ -30,9 +30,7 @@ from api.storage.job_records import hold_owner
 from syncplan.recordings.recording_formats import STAMPS, Stamps
 from syncplan.scenario.quantities import Name
 
-router = APIRouter(
-    prefix="/recordings", tags=["recordings"], dependencies=[Depends(accepts("application/json"))]
-)
+router = APIRouter(prefix="/recordings", tags=["recordings"], dependencies=IN_JSON)
 
 
 async def _upload(

@@ -13,7 +13,7 @@ from fastapi.responses import HTMLResponse
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.concurrency import run_in_threadpool
 
-from api.calls import Caller, CurrentCall, CurrentCaller, accepts, answer_once, computed
+from api.calls import IN_JSON, Caller, CurrentCall, CurrentCaller, accepts, answer_once, computed
 from api.job_kinds.job_kind import Batch, JobSpec
 from api.job_kinds.job_table import JOB_KINDS, plurals
 from api.jobs.queue import VERSION
@@ -38,9 +38,8 @@ from syncplan.reports.sites_report import SitesDocument
 
 router = APIRouter()
 
-_JSON = [Depends(accepts("application/json"))]
 _read = partial(
-    router.get, dependencies=_JSON, responses=problem_responses(401, 404, 406, 422, 429, 503)
+    router.get, dependencies=IN_JSON, responses=problem_responses(401, 404, 406, 422, 429, 503)
 )
 
 SHOWN = ("theme", "title", "subtitle", "legend")
@@ -78,7 +77,7 @@ else:
 @router.post(
     "/previews",
     tags=["figures"],
-    dependencies=_JSON,
+    dependencies=IN_JSON,
     response_model=Preview,
     operation_id="previewScenario",
     summary="Plan a scenario, or judge a plan, without storing it",

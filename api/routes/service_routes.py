@@ -3,13 +3,13 @@
 from functools import cache
 from typing import Any, Literal
 
-from fastapi import APIRouter, Depends, Request, Response
+from fastapi import APIRouter, Request, Response
 from fastapi.responses import JSONResponse
 from pydantic import BaseModel
 from pydantic.json_schema import JsonSchemaMode
 from sqlalchemy.exc import DBAPIError
 
-from api.calls import accepts
+from api.calls import IN_JSON
 from api.failures import failure_of
 from api.problems import STARTING, Unavailable, problem_responses
 from api.responses import KeptBytes, StoredPlan, Usage
@@ -35,7 +35,7 @@ class Health(BaseModel):
     "/healthz",
     operation_id="checkHealth",
     summary="Check liveness",
-    dependencies=[Depends(accepts("application/json"))],
+    dependencies=IN_JSON,
     responses=problem_responses(406),
 )
 async def healthz() -> Health:
@@ -47,7 +47,7 @@ async def healthz() -> Health:
     "/readyz",
     operation_id="checkReadiness",
     summary="Check readiness",
-    dependencies=[Depends(accepts("application/json"))],
+    dependencies=IN_JSON,
     responses=problem_responses(406, 503),
 )
 def readyz(service: CurrentService) -> Health:
@@ -90,7 +90,7 @@ usage = APIRouter(tags=["usage"])
 
 @usage.get(
     "/usage",
-    dependencies=[Depends(accepts("application/json"))],
+    dependencies=IN_JSON,
     operation_id="readUsage",
     summary="Read your usage",
     responses=problem_responses(401, 406, 503),
@@ -110,9 +110,7 @@ def read_usage(service: CurrentService, owner: CurrentOwner) -> Usage:
 # --- schemas --------------------------------------------------------------------------------------
 
 
-schemas = APIRouter(
-    prefix="/schemas", tags=["schemas"], dependencies=[Depends(accepts("application/json"))]
-)
+schemas = APIRouter(prefix="/schemas", tags=["schemas"], dependencies=IN_JSON)
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
