@@ -62,6 +62,7 @@ def _offer(kind: JobKind) -> None:
         response_model=Job,
         operation_id=kind.operation,
         summary=kind.summary,
+        response_description="The job",
         description=kind.description,
         responses=_SUBMITTED,
     )
@@ -76,6 +77,7 @@ for _kind in JOB_KINDS.values():
     response_model=JobPage,
     operation_id="listJobs",
     summary="List jobs",
+    response_description="A page of jobs",
     responses=problem_responses(401, 406, 422, 503),
 )
 def read_jobs(
@@ -107,6 +109,7 @@ Owned = Annotated[JobRow, Depends(_owned)]
     response_model=Job,
     operation_id="readJob",
     summary="Read a job",
+    response_description="The job",
     responses=problem_responses(401, 404, 406, 422, 503),
 )
 def read_job(row: Owned) -> Job:
@@ -119,6 +122,7 @@ def read_job(row: Owned) -> Job:
     status_code=204,
     operation_id="deleteJob",
     summary="Delete a job",
+    response_description="Deleted",
     responses=problem_responses(401, 404, 406, 409, 422, 503, 507),
 )
 def remove_job(row: Owned, service: CurrentService) -> None:
@@ -133,6 +137,7 @@ def remove_job(row: Owned, service: CurrentService) -> None:
     dependencies=[Depends(accepts("text/event-stream"))],
     operation_id="followJob",
     summary="Follow a job",
+    response_description="The job's events, from the first one on or after the one named",
     responses=problem_responses(401, 404, 406, 422, 429, 503),
 )
 async def follow_job(
@@ -159,6 +164,7 @@ async def follow_job(
     response_model=Job,
     operation_id="cancelJob",
     summary="Cancel a job",
+    response_description="The job, cancelled",
     responses=problem_responses(401, 404, 406, 409, 413, 422, 503, 507),
 )
 async def cancel_job(row: Owned, call: EmptyCall) -> Response:
@@ -184,6 +190,7 @@ async def cancel_job(row: Owned, call: EmptyCall) -> Response:
     response_model=Job,
     operation_id="finishJob",
     summary="End a search early",
+    response_description="The job, which ends soon",
     responses=problem_responses(401, 404, 406, 409, 413, 422, 503, 507),
 )
 async def finish_job(row: Owned, call: EmptyCall) -> Response:
@@ -219,6 +226,7 @@ async def _changed(row: JobRow, call: Call, change: Callable[[Connection], bool]
     response_model=None,
     operation_id="readJobResult",
     summary="Read a job's result",
+    response_description="The report, or the plan that a refinement made",
     responses=problem_responses(401, 404, 406, 409, 422, 503),
 )
 async def read_result(row: Owned, service: CurrentService, owner: CurrentOwner) -> Response:
@@ -239,6 +247,7 @@ async def read_result(row: Owned, service: CurrentService, owner: CurrentOwner) 
     dependencies=[Depends(accepts("application/octet-stream"))],
     operation_id="readJobTrials",
     summary="Read the trials of a validation or flight",
+    response_description="NumPy arrays in an .npz archive",
     responses={
         200: {"content": {"application/octet-stream": {}}},
         **problem_responses(401, 404, 406, 409, 422, 503),

@@ -80,6 +80,7 @@ _IfMatch = Annotated[str, Header(alias="If-Match", description=_TAGS)]
     response_model=StoredPlan,
     operation_id="createPlan",
     summary="Plan a scenario, or keep a plan",
+    response_description="The plan, stored",
     responses=problem_responses(401, 406, 413, 415, 422, 429, 503, 507),
 )
 async def create_plan(
@@ -111,6 +112,7 @@ async def create_plan(
     response_model=PlanPage,
     operation_id="listPlans",
     summary="List plans",
+    response_description="A page of plans",
     responses=problem_responses(401, 406, 422, 503),
 )
 def read_plans(
@@ -130,6 +132,7 @@ def read_plans(
     response_model=StoredPlan,
     operation_id="readPlan",
     summary="Read a plan",
+    response_description="The plan",
     responses={
         304: {"description": "Not changed since the tag given"},
         **problem_responses(401, 404, 406, 422, 503),
@@ -154,6 +157,7 @@ async def read_plan(
     response_model=StoredPlan,
     operation_id="renamePlan",
     summary="Rename a plan",
+    response_description="The plan",
     responses=problem_responses(401, 404, 406, 412, 413, 415, 422, 429, 503, 507),
 )
 async def change_plan(plan_id: Identifier, call: CurrentCall, if_match: _IfMatch = "*") -> Response:
@@ -183,6 +187,7 @@ async def change_plan(plan_id: Identifier, call: CurrentCall, if_match: _IfMatch
     status_code=204,
     operation_id="deletePlan",
     summary="Delete a plan",
+    response_description="Deleted",
     responses=problem_responses(401, 404, 406, 412, 422, 503, 507),
 )
 def remove_plan(

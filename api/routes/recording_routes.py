@@ -52,6 +52,7 @@ CurrentUpload = Annotated[Call, Depends(_upload)]
     response_model=Recording,
     operation_id="createRecording",
     summary="Keep a recording",
+    response_description="The recording, stored, in short",
     responses=problem_responses(401, 406, 413, 415, 422, 429, 503, 507),
 )
 async def create_recording(
@@ -88,6 +89,7 @@ async def create_recording(
     response_model=RecordingPage,
     operation_id="listRecordings",
     summary="List recordings",
+    response_description="A page of recordings",
     responses=problem_responses(401, 406, 422, 503),
 )
 def read_recordings(
@@ -104,6 +106,7 @@ def read_recordings(
     response_model=Recording,
     operation_id="readRecording",
     summary="Read what a recording holds",
+    response_description="The recording in short",
     responses=problem_responses(401, 404, 406, 422, 503),
 )
 def read_recording(
@@ -118,6 +121,7 @@ def read_recording(
     response_model=Recording,
     operation_id="renameRecording",
     summary="Rename a recording",
+    response_description="The recording in short",
     responses=problem_responses(401, 404, 406, 413, 415, 422, 429, 503, 507),
 )
 async def change_recording(recording_id: Identifier, call: CurrentCall) -> Response:
@@ -146,6 +150,7 @@ async def change_recording(recording_id: Identifier, call: CurrentCall) -> Respo
     status_code=204,
     operation_id="deleteRecording",
     summary="Delete a recording",
+    response_description="Deleted",
     responses=problem_responses(401, 404, 406, 409, 422, 503, 507),
 )
 def remove_recording(

@@ -35,6 +35,7 @@ class Health(BaseModel):
     "/healthz",
     operation_id="checkHealth",
     summary="Check liveness",
+    response_description="It is alive",
     dependencies=IN_JSON,
     responses=problem_responses(406),
 )
@@ -47,6 +48,7 @@ async def healthz() -> Health:
     "/readyz",
     operation_id="checkReadiness",
     summary="Check readiness",
+    response_description="It is ready",
     dependencies=IN_JSON,
     responses=problem_responses(406, 503),
 )
@@ -70,6 +72,7 @@ def readyz(service: CurrentService) -> Health:
     "/metrics",
     operation_id="readMetrics",
     summary="Figures for Prometheus",
+    response_description="The figures, in Prometheus' text format",
     response_class=Response,
     responses={
         200: {"content": {"text/plain": {"schema": {"type": "string"}}}},
@@ -93,6 +96,7 @@ usage = APIRouter(tags=["usage"])
     dependencies=IN_JSON,
     operation_id="readUsage",
     summary="Read your usage",
+    response_description="What you use, and the most allowed",
     responses=problem_responses(401, 406, 503),
 )
 def read_usage(service: CurrentService, owner: CurrentOwner) -> Usage:
@@ -125,6 +129,7 @@ def _schema(model: type[BaseModel], mode: JsonSchemaMode) -> bytes:
     response_model=dict[str, Any],
     operation_id="readScenarioSchema",
     summary="Schema of scenarios",
+    response_description="The schema",
     responses=problem_responses(406),
 )
 async def read_scenario_schema() -> Response:
@@ -137,6 +142,7 @@ async def read_scenario_schema() -> Response:
     response_model=dict[str, Any],
     operation_id="readPlanSchema",
     summary="Schema of plans",
+    response_description="The schema",
     responses=problem_responses(406),
 )
 async def read_plan_schema() -> Response:
