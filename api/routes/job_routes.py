@@ -299,7 +299,7 @@ async def _submit(
         job_records.hold_owner(connection, call.owner)
         if recording_id is not None:
             recording_or_refuse(connection, call.owner, recording_id)
-        waiting = len(job_records.unfinished(connection, call.owner))
+        waiting = job_records.count_unfinished(connection, call.owner)
         if waiting >= service.settings.max_queued_jobs:
             raise TooManyRequests(
                 f"you have {waiting} unfinished jobs, the most allowed; "

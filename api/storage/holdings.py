@@ -57,10 +57,9 @@ _LISTED = (
     _GO.label("go"),
 )
 _ADD = insert(plans)
+_COLUMNS = tuple(plans.c[name] for name in PlanRow.__dataclass_fields__)
 # built once: building a statement takes longer than running it
-_FIND = select(
-    plans.c.owner, plans.c.id, plans.c.parent_id, plans.c.created_at, plans.c.etag, plans.c.text
-).where(plans.c.id.in_(bindparam("ids", expanding=True)))
+_FIND = select(plans.c.owner, *_COLUMNS).where(plans.c.id.in_(bindparam("ids", expanding=True)))
 
 
 def add_plan(
@@ -111,9 +110,8 @@ def rename_plan(
     Returns None if it is gone or has another tag.
     """
     mine = update(plans).where(_tagged(owner, plan_id, tags))
-    shown = (plans.c[one] for one in PlanRow.__dataclass_fields__)
     values = {"name": name, "text": text, "etag": _etag(text)}
-    found = connection.execute(mine.values(values).returning(*shown)).first()
+    found = connection.execute(mine.values(values).returning(*_COLUMNS)).first()
     return None if found is None else PlanRow(*found)
 
 
