@@ -52,7 +52,7 @@ ARCHIVES = (
 )
 """Media types of archives; the kind of an archive is detected from its bytes."""
 
-_BODIES = "application/json or application/yaml, in UTF-8"
+_ALLOWED = "the body must be application/json or application/yaml, in UTF-8"
 
 
 def accepts(*media: str) -> Callable[[Request], Awaitable[str]]:
@@ -126,16 +126,16 @@ def body_kind(request: Request) -> Literal["json", "yaml"]:
     if not given or not given[0].strip():
         if headers.get("content-length", "0") == "0" and "transfer-encoding" not in headers:
             return "json"
-        raise _unsupported("no Content-Type", f"the body must be {_BODIES}")
+        raise _unsupported("no Content-Type", _ALLOWED)
     medium, *parameters = (piece.strip() for piece in given[0].split(";"))
     medium = medium.lower()
     is_json = _JSON.fullmatch(medium) is not None
     if len(given) > 1 or not (is_json or medium in _YAML):
-        raise _unsupported(", ".join(given), f"the body must be {_BODIES}")
+        raise _unsupported(", ".join(given), _ALLOWED)
     for parameter in parameters:
         name, _, value = parameter.partition("=")
         if name.strip().lower() == "charset" and value.strip(' "').lower() not in _UTF8:
-            raise _unsupported(given[0], f"the body must be {_BODIES}")
+            raise _unsupported(given[0], _ALLOWED)
     return "json" if is_json else "yaml"
 
 
@@ -145,10 +145,9 @@ def check_archive(request: Request) -> None:
     given = request.headers.getlist("content-type")
     medium = given[0].partition(";")[0].strip().lower() if len(given) == 1 else ""
     if medium not in ARCHIVES:
-        what = ", ".join(given) or "no Content-Type"
         accepted = ", ".join(ARCHIVES)
-        problem = f"{what[:100]}: the body must be a zip or tar archive, sent as one of {accepted}"
-        raise ServiceError(problem, status=415, headers={"Accept": accepted})
+        allowed = f"the body must be a zip or tar archive, sent as one of {accepted}"
+        raise _unsupported(", ".join(given) or "no Content-Type", allowed, accepted)
 
 
 def _check_coding(request: Request) -> None:
@@ -157,12 +156,10 @@ def _check_coding(request: Request) -> None:
         raise _unsupported(f"Content-Encoding {coding}", "the body must not be compressed")
 
 
-def _unsupported(what: str, allowed: str) -> ServiceError:
-    return ServiceError(
-        f"{what[:100]}: {allowed}",
-        status=415,
-        headers={"Accept": "application/json, application/yaml"},
-    )
+def _unsupported(
+    what: str, allowed: str, accepted: str = "application/json, application/yaml"
+) -> ServiceError:
+    return ServiceError(f"{what[:100]}: {allowed}", status=415, headers={"Accept": accepted})
 
 
 # --- callers --------------------------------------------------------------------------------------
