@@ -13,13 +13,7 @@ from sqlalchemy import Connection, Row
 
 from api.calls import IN_JSON, CurrentCall, answer_once, computed
 from api.documents import PlanText
-from api.problems import (
-    NotFound,
-    PreconditionFailed,
-    ServiceError,
-    StorageFull,
-    problem_responses,
-)
+from api.problems import NotFound, PreconditionFailed, ServiceError, problem_responses
 from api.responses import PlanPage, PlanSummary, StoredPlan
 from api.security import CurrentOwner
 from api.service import CurrentService, Service, service_of
@@ -29,13 +23,14 @@ from api.storage.holdings import (
     RecordingRow,
     add_plan,
     body_of,
+    check_room,
     delete_plan,
     find_plans,
-    has_room,
     list_plans,
     rename_plan,
 )
 from api.storage.job_records import JobRow
+from api.storage.tables import plans
 
 Listed = TypeVar("Listed", JobRow, RecordingRow, Row[*tuple[Any, ...]])
 
@@ -96,9 +91,7 @@ async def create_plan(
     asked = (call.body, call.syntax, call.service.limits, steady, paper)
 
     def store(connection: Connection, made: PlanText) -> Answer:
-        most = call.service.settings.max_plans
-        if not has_room(connection, call.owner, most):
-            raise StorageFull(f"you have {most} stored plans, the most allowed; delete some")
+        check_room(connection, plans, call.owner, call.service.settings.max_plans)
         row = add_plan(connection, call.owner, made)
         headers = {"location": f"/v1/plans/{row.id}", "etag": f'"{row.etag}"'}
         return Answer(call.digest, 201, headers, body_of(row))

@@ -19,7 +19,7 @@ from api.calls import (
     computed,
 )
 from api.documents import PackedRecording
-from api.problems import Conflict, NotFound, StorageFull, problem_responses
+from api.problems import Conflict, NotFound, problem_responses
 from api.responses import Recording, RecordingPage, recording_answer
 from api.routes.plan_routes import Before, Identifier, Limit, page_and_next
 from api.security import CurrentOwner
@@ -27,6 +27,7 @@ from api.service import CurrentService
 from api.storage import holdings
 from api.storage.holdings import Answer
 from api.storage.job_records import hold_owner
+from api.storage.tables import recordings
 from syncplan.recordings.recording_formats import STAMPS, Stamps
 from syncplan.scenario.quantities import Name
 
@@ -184,5 +185,4 @@ def _no_recording(recording_id: str) -> NotFound:
 def _check_room(connection: Connection, call: Call) -> None:
     """Raise StorageFull if the owner has as many recordings as allowed."""
     most = call.service.settings.max_recordings
-    if holdings.count_recordings(connection, call.owner) >= most:
-        raise StorageFull(f"you have {most} stored recordings, the most allowed; delete some")
+    holdings.check_room(connection, recordings, call.owner, most)

@@ -15,6 +15,7 @@ from sqlalchemy import (
     Connection,
     Exists,
     Row,
+    Table,
     bindparam,
     case,
     delete,
@@ -29,8 +30,17 @@ from sqlalchemy import (
 from sqlalchemy.exc import IntegrityError
 
 from api.documents import PackedRecording, PlanText
+from api.problems import StorageFull
 from api.storage.tables import NOW, answers, jobs, newest, next_id, plans, recordings
 from syncplan.reports.job_contract import UNFINISHED
+
+
+def check_room(connection: Connection, table: Table, owner: str, most: int) -> None:
+    """Raise StorageFull if an owner has `most` rows of a table, plans or recordings."""
+    counted = select(table.c.id).where(table.c.owner == owner).limit(most).subquery()
+    if connection.execute(select(func.count()).select_from(counted)).scalar_one() >= most:
+        raise StorageFull(f"you have {most} stored {table.name}, the most allowed; delete some")
+
 
 # --- plans ----------------------------------------------------------------------------------------
 
@@ -126,12 +136,6 @@ def _tagged(owner: str, plan_id: str, tags: Collection[str]) -> ColumnElement[bo
     return mine if "*" in tags else mine & plans.c.etag.in_(tags)
 
 
-def has_room(connection: Connection, owner: str, most: int) -> bool:
-    """Return whether an owner has fewer than `most` plans."""
-    counted = select(plans.c.id).where(plans.c.owner == owner).limit(most).subquery()
-    return connection.execute(select(func.count()).select_from(counted)).scalar_one() < most
-
-
 def forget_plans(connection: Connection, older_than: str) -> None:
     """Delete the oldest plans, a hundred at most, that were made before a time."""
     oldest = select(plans.c.id).where(plans.c.created_at < older_than).order_by(plans.c.id)
@@ -196,12 +200,6 @@ def list_recordings(
     """Return up to `limit` of an owner's recordings, newest first, older than `before`."""
     found = newest(connection, recordings, select(*_SHOWN), owner, limit, before)
     return [RecordingRow(*row) for row in found]
-
-
-def count_recordings(connection: Connection, owner: str) -> int:
-    """Return the number of an owner's recordings."""
-    query = select(func.count()).select_from(recordings).where(recordings.c.owner == owner)
-    return connection.execute(query).scalar_one()
 
 
 def delete_recording(connection: Connection, owner: str, recording_id: str) -> bool:
