@@ -287,8 +287,7 @@ async def computed(part: Part) -> Any:
         # its job has ended, or the pool is closed
         await _stay_if_closing(part)
     except _FailedError as failed:
-        document = dict(failed.document)
-        if await in_transaction(job_records.end_job, part.job_id, "failed", error=document):
+        if await in_transaction(job_records.end_job, part.job_id, "failed", error=failed.document):
             await asyncio.to_thread(current().counts.job_over, part.job_id)
     return None
 
@@ -397,7 +396,7 @@ class _FailedError(Exception):
 
     def __init__(self, title: str, detail: str, **more: object) -> None:
         super().__init__(detail)
-        self.document: Mapping[str, object] = {"title": title, "detail": detail, **more}
+        self.document = {"title": title, "detail": detail, **more}
 
 
 def _internal(detail: str) -> _FailedError:

@@ -156,8 +156,7 @@ def end_job(
     if not change(connection, job_id, **values):
         return False
     if report is not None:
-        result = {"job_id": job_id, "text": report.text, "trials": report.trials}
-        connection.execute(insert(job_results).values(result))
+        connection.execute(insert(job_results).values(job_id=job_id, **asdict(report)))
     forget_parts(connection, job_id)
     return True
 
