@@ -52,7 +52,7 @@ ARCHIVES = (
 )
 """Media types of archives; the kind of an archive is detected from its bytes."""
 
-_BODIES = "application/json or application/yaml, in UTF-8"
+_ALLOWED = "the body must be application/json or application/yaml, in UTF-8"
 
 
 def accepts(*media: str) -> Callable[[Request], Awaitable[str]]:
@@ -73,6 +73,10 @@ def accepts(*media: str) -> Callable[[Request], Awaitable[str]]:
         )
 
     return chosen
+
+
+IN_JSON = [Depends(accepts("application/json"))]
+"""Dependencies of a route that answers in JSON alone."""
 
 
 def _ranges(header: str) -> dict[str, float]:
@@ -122,16 +126,16 @@ def body_kind(request: Request) -> Literal["json", "yaml"]:
     if not given or not given[0].strip():
         if headers.get("content-length", "0") == "0" and "transfer-encoding" not in headers:
             return "json"
-        raise _unsupported("no Content-Type", f"the body must be {_BODIES}")
+        raise _unsupported("no Content-Type", _ALLOWED)
     medium, *parameters = (piece.strip() for piece in given[0].split(";"))
     medium = medium.lower()
     is_json = _JSON.fullmatch(medium) is not None
     if len(given) > 1 or not (is_json or medium in _YAML):
-        raise _unsupported(", ".join(given), f"the body must be {_BODIES}")
+        raise _unsupported(", ".join(given), _ALLOWED)
     for parameter in parameters:
         name, _, value = parameter.partition("=")
         if name.strip().lower() == "charset" and value.strip(' "').lower() not in _UTF8:
-            raise _unsupported(given[0], f"the body must be {_BODIES}")
+            raise _unsupported(given[0], _ALLOWED)
     return "json" if is_json else "yaml"
 
 
@@ -141,10 +145,9 @@ def check_archive(request: Request) -> None:
     given = request.headers.getlist("content-type")
     medium = given[0].partition(";")[0].strip().lower() if len(given) == 1 else ""
     if medium not in ARCHIVES:
-        what = ", ".join(given) or "no Content-Type"
         accepted = ", ".join(ARCHIVES)
-        problem = f"{what[:100]}: the body must be a zip or tar archive, sent as one of {accepted}"
-        raise ServiceError(problem, status=415, headers={"Accept": accepted})
+        allowed = f"the body must be a zip or tar archive, sent as one of {accepted}"
+        raise _unsupported(", ".join(given) or "no Content-Type", allowed, accepted)
 
 
 def _check_coding(request: Request) -> None:
@@ -153,12 +156,10 @@ def _check_coding(request: Request) -> None:
         raise _unsupported(f"Content-Encoding {coding}", "the body must not be compressed")
 
 
-def _unsupported(what: str, allowed: str) -> ServiceError:
-    return ServiceError(
-        f"{what[:100]}: {allowed}",
-        status=415,
-        headers={"Accept": "application/json, application/yaml"},
-    )
+def _unsupported(
+    what: str, allowed: str, accepted: str = "application/json, application/yaml"
+) -> ServiceError:
+    return ServiceError(f"{what[:100]}: {allowed}", status=415, headers={"Accept": accepted})
 
 
 # --- callers --------------------------------------------------------------------------------------
@@ -307,11 +308,8 @@ EmptyCall = Annotated[Call, Depends(call_of)]
 """Parameter type of a route that takes no body and ignores one that is sent."""
 
 
-async def _call(
-    request: Request, owner: CurrentOwner, idempotency_key: IdempotencyKey = None
-) -> Call:
-    call = await call_of(request, owner, idempotency_key)
-    return replace(call, syntax=body_kind(request))
+async def _call(call: EmptyCall) -> Call:
+    return replace(call, syntax=body_kind(call.request))
 
 
 CurrentCall = Annotated[Call, Depends(_call)]
@@ -351,7 +349,7 @@ async def answer_once(
         value = await compute()
         if together and call.key is None:
             return _response(await call.service.writer.write(change))
-        return _response(await run_in_threadpool(_stored, call, change))
+        return _response(await run_in_threadpool(call.service.database.write, change))
     except (AnswerTakenError, ServiceError):
         # what refuses this request may be the effect of an equal one
         known = None if call.key is None else await run_in_threadpool(_known, call)
@@ -362,18 +360,12 @@ async def answer_once(
 
 def _known(call: Call) -> Answer | None:
     assert call.key is not None
-    with call.service.database.reading() as connection:
-        known = find_answer(connection, call.owner, call.key)
+    known = call.service.database.read(find_answer, call.owner, call.key)
     if known is not None and known.request_digest != call.digest:
         raise KeyReused(
             f"Idempotency-Key {call.key!r} was used for another request; take a new one"
         )
     return known
-
-
-def _stored(call: Call, change: Callable[[Connection], Answer]) -> Answer:
-    with call.service.database.writing() as connection:
-        return change(connection)
 
 
 def _response(answer: Answer) -> Response:

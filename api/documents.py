@@ -5,7 +5,7 @@ import json
 from dataclasses import asdict, dataclass, replace
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from api.limits import RequestLimits, check_size
 from syncplan.errors import InputError
@@ -16,7 +16,7 @@ from syncplan.recordings.recording_formats import Stamps
 from syncplan.reports.plan_report import plan_document
 from syncplan.runtime.files import as_text
 from syncplan.scenario.loading import decoded, parse_document
-from syncplan.scenario.quantities import Name, Title
+from syncplan.scenario.quantities import Name, Section, Title
 
 Syntax = Literal["json", "yaml"]
 
@@ -66,10 +66,8 @@ def as_plan_text(plan: Plan) -> PlanText:
     )
 
 
-class PlanRenaming(BaseModel):
+class PlanRenaming(Section):
     """Another name for a plan."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     name: Title = Field(description="The scenario's title", examples=["survey"])
 
@@ -107,10 +105,8 @@ def packed_recording(body: bytes, name: str | None, stamps: Stamps) -> PackedRec
     return PackedRecording(pack_log(named), json.dumps(asdict(overview_of(named))))
 
 
-class RecordingRenaming(BaseModel):
+class RecordingRenaming(Section):
     """Another name for a recording."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     name: Name = Field(description="Its name in further reports", examples=["hall"])
 

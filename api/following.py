@@ -15,6 +15,7 @@ from collections import Counter, deque
 from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import dropwhile, islice
 from typing import Concatenate, ParamSpec, TypeVar
 
@@ -311,11 +312,7 @@ class JobWatch:
         self, query: Callable[Concatenate[Connection, P], R], *args: P.args, **kwargs: P.kwargs
     ) -> R | None:
         """Run a query in the reader's thread; return its result, None if the database is away."""
-
-        def read() -> R:
-            with self.database.reading() as connection:
-                return query(connection, *args, **kwargs)
-
+        read = partial(self.database.read, query, *args, **kwargs)
         reading = asyncio.get_running_loop().run_in_executor(self._thread, read)
         while not (await asyncio.wait([reading], timeout=_LOOK_EVERY_S))[0]:
             if self.is_ending():

@@ -63,43 +63,6 @@ BODIES = {
 }
 """Request bodies by operation; other operations take none."""
 
-ANSWERS = {
-    "createPlan": "The plan, stored",
-    "createRecording": "The recording, stored, in short",
-    "listRecordings": "A page of recordings",
-    "readRecording": "The recording in short",
-    "renameRecording": "The recording in short",
-    "deleteRecording": "Deleted",
-    "listPlans": "A page of plans",
-    "readPlan": "The plan",
-    "renamePlan": "The plan",
-    "deletePlan": "Deleted",
-    **dict.fromkeys(_JOB_OPERATIONS, "The job"),
-    "listJobs": "A page of jobs",
-    "readJob": "The job",
-    "deleteJob": "Deleted",
-    "followJob": "The job's events, from the first one on or after the one named",
-    "cancelJob": "The job, cancelled",
-    "finishJob": "The job, which ends soon",
-    "readJobResult": "The report, or the plan that a refinement made",
-    "readJobTrials": "NumPy arrays in an .npz archive",
-    "previewScenario": "The plan, stored nowhere, and the figures asked for",
-    "readPlanFigure": "The figure",
-    "readJobFigure": "The figure",
-    "readPlanCovariances": "The covariances",
-    "printPlan": "The page",
-    "judgeLosses": "What losses do to the plan",
-    "chooseLandmarks": "The landmarks chosen, and the plan with them",
-    "exportPlan": "A zip archive",
-    "readUsage": "What you use, and the most allowed",
-    "readScenarioSchema": "The schema",
-    "readPlanSchema": "The schema",
-    "checkHealth": "It is alive",
-    "checkReadiness": "It is ready",
-    "readMetrics": "The figures, in Prometheus' text format",
-}
-"""Description of each operation's successful answer."""
-
 RESULTS = tuple(dict.fromkeys(kind.report or StoredPlan for kind in JOB_KINDS.values()))
 """Models of readJobResult's answer, which is one of these."""
 
@@ -185,8 +148,6 @@ _JSON, _YAML, _EVENTS = "application/json", "application/yaml", "text/event-stre
 
 Tree = dict[str, Any]
 
-_DONE = {"200", "201", "202", "204"}
-
 
 def document_operations(app: FastAPI) -> None:
     """Complete the OpenAPI document of `app` with what FastAPI can't infer."""
@@ -233,8 +194,6 @@ def _complete(operation: Tree, examples: Tree) -> None:
         one_of = [{"$ref": REFERENCE.format(model=model.__name__)} for model in RESULTS]
         responses["200"]["content"] = {_JSON: {"schema": {"oneOf": one_of}}}
     for status, response in responses.items():
-        if status in _DONE:
-            response["description"] = ANSWERS[name]
         response.setdefault("headers", {}).update(_headers(name, status))
         if (name, status) in FOLLOWING:
             response["links"] = _links(FOLLOWING[name, status])

@@ -1,7 +1,7 @@
 """Models of answers that are not contracts of syncplan itself."""
 
 import json
-from typing import Any
+from typing import Annotated, Any, Generic, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -13,8 +13,8 @@ from syncplan.reports.job_contract import JobKindName, JobState
 from syncplan.reports.plan_report import PlanDocument
 from syncplan.reports.refinement_report import PlanSoFar
 
-_ID = "019a2b3c-4d5e-7f60-8123-456789abcdef"
-_TIME = "2026-05-01T09:00:00.000000Z"
+Id = Annotated[str, Field(examples=["019a2b3c-4d5e-7f60-8123-456789abcdef"])]
+Time = Annotated[str, Field(description="RFC 3339, UTC", examples=["2026-05-01T09:00:00.000000Z"])]
 
 
 class _Answer(BaseModel):
@@ -23,14 +23,22 @@ class _Answer(BaseModel):
     )
 
 
+Entry = TypeVar("Entry", bound=_Answer)
+
+
+class _Page(_Answer, Generic[Entry]):
+    items: list[Entry]
+    next: str | None
+    """Path of the next page; null on the last"""
+
+
 class StoredPlan(PlanDocument):
     """A plan as the library makes it, with what was added when it was stored."""
 
     model_config = ConfigDict(use_attribute_docstrings=True)
 
-    id: str = Field(examples=[_ID])
-    created_at: str = Field(examples=[_TIME])
-    """RFC 3339, UTC"""
+    id: Id
+    created_at: Time
     parent_id: str | None
     """The plan this one was refined from"""
 
@@ -38,11 +46,10 @@ class StoredPlan(PlanDocument):
 class PlanSummary(_Answer):
     """Summary of a plan in lists."""
 
-    id: str = Field(examples=[_ID])
+    id: Id
     parent_id: str | None
     """The plan this one was refined from"""
-    created_at: str = Field(examples=[_TIME])
-    """RFC 3339, UTC"""
+    created_at: Time
     name: str | None = Field(examples=["survey"])
     """The scenario's title"""
     vehicles: int = Field(examples=[6])
@@ -53,20 +60,15 @@ class PlanSummary(_Answer):
     """RMS over all vehicles"""
 
 
-class PlanPage(_Answer):
+class PlanPage(_Page[PlanSummary]):
     """Plans, newest first."""
-
-    items: list[PlanSummary]
-    next: str | None
-    """Path of the next page; null on the last"""
 
 
 class Recording(_Answer):
     """Overview of a recording."""
 
-    id: str = Field(examples=[_ID])
-    created_at: str = Field(examples=[_TIME])
-    """RFC 3339, UTC"""
+    id: Id
+    created_at: Time
     size: int = Field(examples=[184_320])
     """Stored size in bytes"""
     name: str = Field(examples=["hall"])
@@ -86,12 +88,8 @@ class Recording(_Answer):
     """Whether it holds ground truth for every robot"""
 
 
-class RecordingPage(_Answer):
+class RecordingPage(_Page[Recording]):
     """Recordings, newest first."""
-
-    items: list[Recording]
-    next: str | None
-    """Path of the next page; null on the last"""
 
 
 class KeptBytes(_Answer):
@@ -158,7 +156,7 @@ class Failure(_Answer):
 class Job(_Answer):
     """A job: its state, its progress and the path of its result."""
 
-    id: str = Field(examples=[_ID])
+    id: Id
     kind: JobKindName
     state: JobState
     progress: Progress
@@ -168,8 +166,7 @@ class Job(_Answer):
     """The plan it is about; null for a sweep, a replay and a design"""
     recording_id: str | None = Field(default=None, exclude_if=lambda value: value is None)
     """The recording it is about; present only for a replay"""
-    created_at: str = Field(examples=[_TIME])
-    """RFC 3339, UTC"""
+    created_at: Time
     started_at: str | None
     ended_at: str | None
     result: str | None
@@ -180,12 +177,8 @@ class Job(_Answer):
     """Reason why the job failed"""
 
 
-class JobPage(_Answer):
+class JobPage(_Page[Job]):
     """Jobs, newest first."""
-
-    items: list[Job]
-    next: str | None
-    """Path of the next page; null on the last"""
 
 
 class JobEvent(_Answer):
@@ -193,8 +186,7 @@ class JobEvent(_Answer):
 
     state: JobState
     progress: Progress
-    at: str = Field(examples=[_TIME])
-    """RFC 3339, UTC"""
+    at: Time
     doing: str | None = Field(default=None, exclude_if=lambda value: value is None)
     """What is done at present; present only in some events of a design"""
     front: list[FrontPoint] | None = Field(default=None, exclude_if=lambda value: value is None)

@@ -96,6 +96,25 @@ _FROM_TEXT = {"api_keys": parsed_keys, "allowed_hosts": _listed, "log_level": st
 AbsolutePath = Annotated[Path, AfterValidator(_absolute)]
 
 
+def _sound_keys(value: tuple[ApiKey, ...]) -> tuple[ApiKey, ...]:
+    check_keys(value)
+    return value
+
+
+def _bare_hosts(value: tuple[str, ...]) -> tuple[str, ...]:
+    for name in value:
+        if not _HOST.fullmatch(name):
+            raise ValueError(f"{name!r} must be a name or an address alone, such as plans.example")
+    return value
+
+
+def _beyond_heartbeats(value: float, info: ValidationInfo) -> float:
+    beat = info.data.get("heartbeat_s", 0.0)
+    if value < 2.0 * beat:
+        raise ValueError(f"must be at least two heartbeats of {beat:g} s ({PREFIX}HEARTBEAT_S)")
+    return value
+
+
 class Settings(BaseSettings):
     """Everything an operator can set; each field is the variable SYNCPLAN_ plus its name."""
 
@@ -121,13 +140,13 @@ class Settings(BaseSettings):
         description="sqlite:///FILE or postgresql://USER:PASSWORD@HOST/NAME; SQLite in the data "
         "folder if not given",
     )
-    api_keys: Annotated[tuple[ApiKey, ...], NoDecode] = ()
+    api_keys: Annotated[tuple[ApiKey, ...], NoDecode, AfterValidator(_sound_keys)] = ()
     """keys that clients may present: NAME:KEY or KEY, separated by commas"""
     api_keys_file: AbsolutePath | None = None
     """file of further keys, NAME:KEY a line; changes take effect within a second"""
     insecure: bool = False
     """listen beyond this machine without a key"""
-    allowed_hosts: Annotated[tuple[str, ...], NoDecode] = Field(
+    allowed_hosts: Annotated[tuple[str, ...], NoDecode, AfterValidator(_bare_hosts)] = Field(
         default=(),
         description="names, beside those of this machine, under which a service without keys "
         "answers, and whose pages may ask it; separated by commas",
@@ -217,7 +236,7 @@ class Settings(BaseSettings):
     """how long an answer is kept under its Idempotency-Key, in seconds"""
     heartbeat_s: Seconds = 2.0
     """time between a worker's heartbeats, in seconds"""
-    dead_after_s: Seconds = 8.0
+    dead_after_s: Annotated[Seconds, AfterValidator(_beyond_heartbeats)] = 8.0
     """silence after which a worker counts as dead, in seconds"""
     batch_s: Seconds = 7.0
     """target computing time of a batch, in seconds"""
@@ -266,30 +285,6 @@ class Settings(BaseSettings):
     @classmethod
     def _from_text(cls, value: Any, info: ValidationInfo) -> Any:
         return _FROM_TEXT[str(info.field_name)](value) if isinstance(value, str) else value
-
-    @checked("api_keys")
-    @classmethod
-    def _sound_keys(cls, value: tuple[ApiKey, ...]) -> tuple[ApiKey, ...]:
-        check_keys(value)
-        return value
-
-    @checked("allowed_hosts")
-    @classmethod
-    def _bare_hosts(cls, value: tuple[str, ...]) -> tuple[str, ...]:
-        for name in value:
-            if not _HOST.fullmatch(name):
-                raise ValueError(
-                    f"{name!r} must be a name or an address alone, such as plans.example"
-                )
-        return value
-
-    @checked("dead_after_s")
-    @classmethod
-    def _beyond_heartbeats(cls, value: float, info: ValidationInfo) -> float:
-        beat = info.data.get("heartbeat_s", 0.0)
-        if value < 2.0 * beat:
-            raise ValueError(f"must be at least two heartbeats of {beat:g} s ({PREFIX}HEARTBEAT_S)")
-        return value
 
 
 def load_settings(**overrides: Any) -> Settings:

@@ -115,23 +115,19 @@ class StrandedJobs:
         broken = self.queue.workflows(workflow_id_prefix=job.id, status=_BROKEN, limit=1)
         if broken or job.begun >= _MOST_BEGUN:
             _logger.error("job %s was lost: workflows %s", job.id, [one.status for one in broken])
-            with self.database.writing() as connection:
-                ended = job_records.end_job(connection, job.id, "failed", error=_LOST)
-            if ended:
+            if self.database.write(job_records.end_job, job.id, "failed", error=_LOST):
                 self.job_over(job.id)
         elif job in self._suspects:
             _logger.warning("job %s has no workflow; it begins anew", job.id)
             self._begin_anew(job, job.version or ANY_VERSION, keep=True)
 
     def _begin_anew(self, job: WaitingJob, version: str, *, keep: bool) -> None:
-        with self.database.writing() as connection:
-            if not begin_anew(connection, job, version, keep=keep):
-                return
+        if not self.database.write(begin_anew, job, version, keep=keep):
+            return
         # no job is entered without a row, and none twice: if this process ends here, the job has
         # no workflow, and the next look finds it
         self.queue.delete(job.id)
-        with self.database.writing() as connection:
-            self.queue.add_job(connection, job.id, job.owner, version or None)
+        self.database.write(self.queue.add_job, job.id, job.owner, version or None)
 
 
 # --- heartbeats -----------------------------------------------------------------------------------
@@ -193,8 +189,7 @@ class Guard:
         self._thread.join(timeout=10.0)
         if self.executor_id is not None:
             try:
-                with self.database.writing() as connection:
-                    executors.forget(connection, self.executor_id)
+                self.database.write(executors.forget, self.executor_id)
                 self._resume_orphans()
             except Exception as error:
                 _logger.warning("could not remove this process from the list: %s", error)
@@ -253,8 +248,7 @@ class Guard:
         """Requeue abandoned workflows: of processes not on the list, or dropped by this one."""
         # of this application only: others may keep theirs in the same database
         begun = self.queue.workflows(status="PENDING", application_name=APPLICATION)
-        with self.database.reading() as connection:
-            living = executors.living(connection)
+        living = self.database.read(executors.living)
         orphans: dict[str | None, list[str]] = defaultdict(list)
         dropped = set()
         for workflow in begun:

@@ -69,8 +69,7 @@ class JobCounts:
 
     def _life(self, job_id: str) -> JobLife | None:
         try:
-            with self._database.reading() as connection:
-                return life_of(connection, job_id)
+            return self._database.read(life_of, job_id)
         except Exception as error:
             _logger.warning("job %s is not counted: %s", job_id, error)
             return None

@@ -152,9 +152,8 @@ class PartWatch:
         parts = list(self._parts)
         if not parts:
             return
-        with self._database.reading() as connection:
-            job_ids = {part.job_id for part in parts}
-            wanted = part_records.worked_on(connection, job_ids, self._version)
+        job_ids = {part.job_id for part in parts}
+        wanted = self._database.read(part_records.worked_on, job_ids, self._version)
         for part in parts:
             if part.job_id in wanted:
                 part.note(self._database)
@@ -223,8 +222,7 @@ async def in_transaction(
     """Call a function in a transaction, waiting for the database if it is away."""
 
     def transact() -> T:
-        with current().database.writing() as connection:
-            return function(connection, *arguments, **named)
+        return current().database.write(function, *arguments, **named)
 
     return await asyncio.to_thread(patiently, transact)
 
@@ -289,8 +287,7 @@ async def computed(part: Part) -> Any:
         # its job has ended, or the pool is closed
         await _stay_if_closing(part)
     except _FailedError as failed:
-        document = dict(failed.document)
-        if await in_transaction(job_records.end_job, part.job_id, "failed", error=document):
+        if await in_transaction(job_records.end_job, part.job_id, "failed", error=failed.document):
             await asyncio.to_thread(current().counts.job_over, part.job_id)
     return None
 
@@ -399,7 +396,7 @@ class _FailedError(Exception):
 
     def __init__(self, title: str, detail: str, **more: object) -> None:
         super().__init__(detail)
-        self.document: Mapping[str, object] = {"title": title, "detail": detail, **more}
+        self.document = {"title": title, "detail": detail, **more}
 
 
 def _internal(detail: str) -> _FailedError:

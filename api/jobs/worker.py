@@ -46,9 +46,8 @@ class Worker:
         If it is not, raises the error of writing.
         """
         self.executor_id = f"{socket.gethostname()[:32]}-{os.getpid()}-{secrets.token_hex(4)}"
-        size = settings.process_count
         self.pool = Pool(
-            size,
+            settings.process_count,
             niceness=settings.job_niceness,
             memory_bytes=settings.task_memory,
         )
@@ -64,7 +63,6 @@ class Worker:
             at_work=self._runtime.at_work,
             job_over=counts.job_over,
         )
-        self._settings = settings
         self._stopping = threading.Event()
         self._beginning = threading.Thread(target=self._begin_later, daemon=True, name="begin")
         try:
@@ -85,7 +83,7 @@ class Worker:
                     return
 
     def _begin(self) -> None:
-        settings = self._settings
+        settings = self._runtime.settings
         # DBOS would wait for the database, and keep readers waiting too
         self._runtime.database.check_writing()
         # first: others take over the work of a process that is not on the list

@@ -164,8 +164,7 @@ async def _compute_whole(job: BegunJob) -> None:
     runtime = current()
     # processes of its own, in addition to those at work for others
     workers = max(runtime.settings.process_count - runtime.pool.depth().running, 1)
-    name = f"the {job.spec.kind}"
-    part = Part(job, BEGINNING, name, "computed_job", (workers,), resumes=True)
+    part = Part(job, BEGINNING, f"the {job.spec.kind}", "computed_job", (workers,), resumes=True)
     await _succeed(job, await computed(part))
 
 

@@ -9,14 +9,14 @@ from fastapi import APIRouter, Depends, Header, Query, Request, Response
 from sqlalchemy import Connection
 from starlette.concurrency import run_in_threadpool
 
-from api.calls import Call, CurrentCall, EmptyCall, accepts, answer_once, computed
+from api.calls import IN_JSON, Call, CurrentCall, EmptyCall, accepts, answer_once, computed
 from api.following import EventStream, Follower
 from api.job_kinds.job_kind import JobKind
 from api.job_kinds.job_table import JOB_KINDS, plurals
 from api.problems import Conflict, NotFound, TooManyRequests, problem_responses
 from api.responses import Job, JobPage, job_answer
 from api.routes.plan_routes import Before, Identifier, Limit, find_or_refuse, page_and_next
-from api.routes.recording_routes import find_recording_or_refuse, recording_or_refuse
+from api.routes.recording_routes import recording_or_refuse
 from api.security import CurrentKey, CurrentOwner
 from api.service import CurrentService, Service
 from api.storage import job_records
@@ -29,8 +29,9 @@ from syncplan.reports.job_contract import JobState
 T = TypeVar("T")
 
 router = APIRouter(tags=["jobs"])
+# most of them; the others answer with streams and archives
+_documents = APIRouter(dependencies=IN_JSON)
 
-_JSON = [Depends(accepts("application/json"))]
 _SUBMITTED = problem_responses(401, 404, 406, 413, 415, 422, 429, 503, 507)
 _RETRY_AFTER_S = 5
 _RETRY_AFTER_SECONDS_S = 600
@@ -53,15 +54,15 @@ def _offer(kind: JobKind) -> None:
         "recording": about_recording,
         None: about_nothing,
     }
-    router.add_api_route(
+    _documents.add_api_route(
         kind.path,
         taken[kind.about],
         methods=["POST"],
         status_code=202,
         response_model=Job,
-        dependencies=_JSON,
         operation_id=kind.operation,
         summary=kind.summary,
+        response_description="The job",
         description=kind.description,
         responses=_SUBMITTED,
     )
@@ -71,12 +72,12 @@ for _kind in JOB_KINDS.values():
     _offer(_kind)
 
 
-@router.get(
+@_documents.get(
     "/jobs",
     response_model=JobPage,
-    dependencies=_JSON,
     operation_id="listJobs",
     summary="List jobs",
+    response_description="A page of jobs",
     responses=problem_responses(401, 406, 422, 503),
 )
 def read_jobs(
@@ -87,16 +88,14 @@ def read_jobs(
     state: Annotated[JobState | None, Query(description="Only jobs in this state")] = None,
 ) -> JobPage:
     """Your jobs, newest first, a page at a time."""
-    with service.database.reading() as connection:
-        found = job_records.list_jobs(connection, owner, limit + 1, before, state)
+    found = service.database.read(job_records.list_jobs, owner, limit + 1, before, state)
     rows, following = page_and_next("/v1/jobs", found, limit, state=state)
     return JobPage(items=[job_answer(row) for row in rows], next=following)
 
 
 def _owned(job_id: Identifier, service: CurrentService, owner: CurrentOwner) -> JobRow:
     """Job of the caller; raises NotFound for others."""
-    with service.database.reading() as connection:
-        row = job_records.find_job(connection, owner, job_id)
+    row = service.database.read(job_records.find_job, owner, job_id)
     if row is None:
         raise NotFound(f"there is no job {job_id}")
     return row
@@ -105,12 +104,12 @@ def _owned(job_id: Identifier, service: CurrentService, owner: CurrentOwner) -> 
 Owned = Annotated[JobRow, Depends(_owned)]
 
 
-@router.get(
+@_documents.get(
     "/jobs/{job_id}",
     response_model=Job,
-    dependencies=_JSON,
     operation_id="readJob",
     summary="Read a job",
+    response_description="The job",
     responses=problem_responses(401, 404, 406, 422, 503),
 )
 def read_job(row: Owned) -> Job:
@@ -118,12 +117,12 @@ def read_job(row: Owned) -> Job:
     return job_answer(row)
 
 
-@router.delete(
+@_documents.delete(
     "/jobs/{job_id}",
     status_code=204,
-    dependencies=_JSON,
     operation_id="deleteJob",
     summary="Delete a job",
+    response_description="Deleted",
     responses=problem_responses(401, 404, 406, 409, 422, 503, 507),
 )
 def remove_job(row: Owned, service: CurrentService) -> None:
@@ -138,6 +137,7 @@ def remove_job(row: Owned, service: CurrentService) -> None:
     dependencies=[Depends(accepts("text/event-stream"))],
     operation_id="followJob",
     summary="Follow a job",
+    response_description="The job's events, from the first one on or after the one named",
     responses=problem_responses(401, 404, 406, 422, 429, 503),
 )
 async def follow_job(
@@ -159,12 +159,12 @@ async def follow_job(
     return EventStream(request.app.state.watch, Follower(owner, key, row.id, int(last_event_id)))
 
 
-@router.post(
+@_documents.post(
     "/jobs/{job_id}/cancel",
     response_model=Job,
-    dependencies=_JSON,
     operation_id="cancelJob",
     summary="Cancel a job",
+    response_description="The job, cancelled",
     responses=problem_responses(401, 404, 406, 409, 413, 422, 503, 507),
 )
 async def cancel_job(row: Owned, call: EmptyCall) -> Response:
@@ -185,12 +185,12 @@ async def cancel_job(row: Owned, call: EmptyCall) -> Response:
     return answer
 
 
-@router.post(
+@_documents.post(
     "/jobs/{job_id}/finish",
     response_model=Job,
-    dependencies=_JSON,
     operation_id="finishJob",
     summary="End a search early",
+    response_description="The job, which ends soon",
     responses=problem_responses(401, 404, 406, 409, 413, 422, 503, 507),
 )
 async def finish_job(row: Owned, call: EmptyCall) -> Response:
@@ -221,12 +221,12 @@ async def _changed(row: JobRow, call: Call, change: Callable[[Connection], bool]
     return await answer_once(call, nothing, store, adds=False)
 
 
-@router.get(
+@_documents.get(
     "/jobs/{job_id}/result",
     response_model=None,
-    dependencies=_JSON,
     operation_id="readJobResult",
     summary="Read a job's result",
+    response_description="The report, or the plan that a refinement made",
     responses=problem_responses(401, 404, 406, 409, 422, 503),
 )
 async def read_result(row: Owned, service: CurrentService, owner: CurrentOwner) -> Response:
@@ -247,6 +247,7 @@ async def read_result(row: Owned, service: CurrentService, owner: CurrentOwner) 
     dependencies=[Depends(accepts("application/octet-stream"))],
     operation_id="readJobTrials",
     summary="Read the trials of a validation or flight",
+    response_description="NumPy arrays in an .npz archive",
     responses={
         200: {"content": {"application/octet-stream": {}}},
         **problem_responses(401, 404, 406, 409, 422, 503),
@@ -269,12 +270,7 @@ async def result_or_refuse(
     Results may be large: few are read at a time, so that not all are in memory before any counts
     as an unread answer.
     """
-
-    def stored() -> T | None:
-        with service.database.reading() as connection:
-            return read(connection, row.id)
-
-    result = await to_thread.run_sync(stored, limiter=service.results)
+    result = await to_thread.run_sync(service.database.read, read, row.id, limiter=service.results)
     if result is None:
         raise NotFound(f"the result of job {row.id} was deleted")
     return result
@@ -292,7 +288,7 @@ async def _submit(
             text = (await find_or_refuse(service, call.owner, plan_id)).text
         if recording_id is not None:
             found = await run_in_threadpool(
-                find_recording_or_refuse, service, call.owner, recording_id
+                service.database.read, recording_or_refuse, call.owner, recording_id
             )
             overview = found.overview
         asked = (kind.name, call.body, call.syntax, service.limits, text, overview)
@@ -303,7 +299,7 @@ async def _submit(
         job_records.hold_owner(connection, call.owner)
         if recording_id is not None:
             recording_or_refuse(connection, call.owner, recording_id)
-        waiting = len(job_records.unfinished(connection, call.owner))
+        waiting = job_records.count_unfinished(connection, call.owner)
         if waiting >= service.settings.max_queued_jobs:
             raise TooManyRequests(
                 f"you have {waiting} unfinished jobs, the most allowed; "
@@ -329,3 +325,6 @@ def _refuse_more_seconds(connection: Connection, call: Call) -> None:
             f"is {most_s:g} s; wait until older ones are more than 24 hours old",
             retry_after_s=_RETRY_AFTER_SECONDS_S,
         )
+
+
+router.include_router(_documents)

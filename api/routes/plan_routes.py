@@ -8,18 +8,12 @@ from functools import partial
 from typing import Annotated, Any, TypeVar
 from urllib.parse import urlencode
 
-from fastapi import APIRouter, Depends, Header, Path, Query, Request, Response
+from fastapi import APIRouter, Header, Path, Query, Request, Response
 from sqlalchemy import Connection, Row
 
-from api.calls import CurrentCall, accepts, answer_once, computed
+from api.calls import IN_JSON, CurrentCall, answer_once, computed
 from api.documents import PlanText
-from api.problems import (
-    NotFound,
-    PreconditionFailed,
-    ServiceError,
-    StorageFull,
-    problem_responses,
-)
+from api.problems import NotFound, PreconditionFailed, ServiceError, problem_responses
 from api.responses import PlanPage, PlanSummary, StoredPlan
 from api.security import CurrentOwner
 from api.service import CurrentService, Service, service_of
@@ -29,13 +23,14 @@ from api.storage.holdings import (
     RecordingRow,
     add_plan,
     body_of,
+    check_room,
     delete_plan,
     find_plans,
-    has_room,
     list_plans,
     rename_plan,
 )
 from api.storage.job_records import JobRow
+from api.storage.tables import plans
 
 Listed = TypeVar("Listed", JobRow, RecordingRow, Row[*tuple[Any, ...]])
 
@@ -59,9 +54,7 @@ def page_and_next(
     return rows[:limit], f"{path}?{urlencode({k: v for k, v in query.items() if v is not None})}"
 
 
-router = APIRouter(
-    prefix="/plans", tags=["plans"], dependencies=[Depends(accepts("application/json"))]
-)
+router = APIRouter(prefix="/plans", tags=["plans"], dependencies=IN_JSON)
 
 _ID = "019a2b3c-4d5e-7f60-8123-456789abcdef"
 
@@ -82,6 +75,7 @@ _IfMatch = Annotated[str, Header(alias="If-Match", description=_TAGS)]
     response_model=StoredPlan,
     operation_id="createPlan",
     summary="Plan a scenario, or keep a plan",
+    response_description="The plan, stored",
     responses=problem_responses(401, 406, 413, 415, 422, 429, 503, 507),
 )
 async def create_plan(
@@ -97,9 +91,7 @@ async def create_plan(
     asked = (call.body, call.syntax, call.service.limits, steady, paper)
 
     def store(connection: Connection, made: PlanText) -> Answer:
-        most = call.service.settings.max_plans
-        if not has_room(connection, call.owner, most):
-            raise StorageFull(f"you have {most} stored plans, the most allowed; delete some")
+        check_room(connection, plans, call.owner, call.service.settings.max_plans)
         row = add_plan(connection, call.owner, made)
         headers = {"location": f"/v1/plans/{row.id}", "etag": f'"{row.etag}"'}
         return Answer(call.digest, 201, headers, body_of(row))
@@ -113,6 +105,7 @@ async def create_plan(
     response_model=PlanPage,
     operation_id="listPlans",
     summary="List plans",
+    response_description="A page of plans",
     responses=problem_responses(401, 406, 422, 503),
 )
 def read_plans(
@@ -122,8 +115,7 @@ def read_plans(
     before: Before = None,
 ) -> PlanPage:
     """Summaries of your plans, newest first, a page at a time."""
-    with service.database.reading() as connection:
-        found = list_plans(connection, owner, limit + 1, before)
+    found = service.database.read(list_plans, owner, limit + 1, before)
     rows, following = page_and_next("/v1/plans", found, limit)
     return PlanPage(items=[PlanSummary(**one._mapping) for one in rows], next=following)
 
@@ -133,6 +125,7 @@ def read_plans(
     response_model=StoredPlan,
     operation_id="readPlan",
     summary="Read a plan",
+    response_description="The plan",
     responses={
         304: {"description": "Not changed since the tag given"},
         **problem_responses(401, 404, 406, 422, 503),
@@ -157,6 +150,7 @@ async def read_plan(
     response_model=StoredPlan,
     operation_id="renamePlan",
     summary="Rename a plan",
+    response_description="The plan",
     responses=problem_responses(401, 404, 406, 412, 413, 415, 422, 429, 503, 507),
 )
 async def change_plan(plan_id: Identifier, call: CurrentCall, if_match: _IfMatch = "*") -> Response:
@@ -186,6 +180,7 @@ async def change_plan(plan_id: Identifier, call: CurrentCall, if_match: _IfMatch
     status_code=204,
     operation_id="deletePlan",
     summary="Delete a plan",
+    response_description="Deleted",
     responses=problem_responses(401, 404, 406, 412, 422, 503, 507),
 )
 def remove_plan(

@@ -8,31 +8,30 @@ from sqlalchemy import Connection
 from starlette.concurrency import run_in_threadpool
 
 from api.calls import (
+    IN_JSON,
     Call,
     CurrentCall,
     CurrentCaller,
     IdempotencyKey,
-    accepts,
     answer_once,
     call_of,
     check_archive,
     computed,
 )
 from api.documents import PackedRecording
-from api.problems import Conflict, NotFound, StorageFull, problem_responses
+from api.problems import Conflict, NotFound, problem_responses
 from api.responses import Recording, RecordingPage, recording_answer
 from api.routes.plan_routes import Before, Identifier, Limit, page_and_next
 from api.security import CurrentOwner
-from api.service import CurrentService, Service
+from api.service import CurrentService
 from api.storage import holdings
 from api.storage.holdings import Answer
 from api.storage.job_records import hold_owner
+from api.storage.tables import recordings
 from syncplan.recordings.recording_formats import STAMPS, Stamps
 from syncplan.scenario.quantities import Name
 
-router = APIRouter(
-    prefix="/recordings", tags=["recordings"], dependencies=[Depends(accepts("application/json"))]
-)
+router = APIRouter(prefix="/recordings", tags=["recordings"], dependencies=IN_JSON)
 
 
 async def _upload(
@@ -54,6 +53,7 @@ CurrentUpload = Annotated[Call, Depends(_upload)]
     response_model=Recording,
     operation_id="createRecording",
     summary="Keep a recording",
+    response_description="The recording, stored, in short",
     responses=problem_responses(401, 406, 413, 415, 422, 429, 503, 507),
 )
 async def create_recording(
@@ -70,7 +70,8 @@ async def create_recording(
     """
 
     async def compute() -> PackedRecording:
-        await run_in_threadpool(_refuse_more, call)
+        # before reading a recording for which there is no room
+        await run_in_threadpool(call.service.database.read, _check_room, call)
         packed: PackedRecording = await computed(call, "packed_recording", call.body, name, stamps)
         return packed
 
@@ -89,14 +90,14 @@ async def create_recording(
     response_model=RecordingPage,
     operation_id="listRecordings",
     summary="List recordings",
+    response_description="A page of recordings",
     responses=problem_responses(401, 406, 422, 503),
 )
 def read_recordings(
     service: CurrentService, owner: CurrentOwner, limit: Limit = 50, before: Before = None
 ) -> RecordingPage:
     """Your recordings, newest first, a page at a time."""
-    with service.database.reading() as connection:
-        found = holdings.list_recordings(connection, owner, limit + 1, before)
+    found = service.database.read(holdings.list_recordings, owner, limit + 1, before)
     rows, following = page_and_next("/v1/recordings", found, limit)
     return RecordingPage(items=[recording_answer(row) for row in rows], next=following)
 
@@ -106,13 +107,14 @@ def read_recordings(
     response_model=Recording,
     operation_id="readRecording",
     summary="Read what a recording holds",
+    response_description="The recording in short",
     responses=problem_responses(401, 404, 406, 422, 503),
 )
 def read_recording(
     recording_id: Identifier, service: CurrentService, owner: CurrentOwner
 ) -> Recording:
     """Overview of a recording: its robots, landmarks, length and readings."""
-    return recording_answer(find_recording_or_refuse(service, owner, recording_id))
+    return recording_answer(service.database.read(recording_or_refuse, owner, recording_id))
 
 
 @router.patch(
@@ -120,14 +122,16 @@ def read_recording(
     response_model=Recording,
     operation_id="renameRecording",
     summary="Rename a recording",
+    response_description="The recording in short",
     responses=problem_responses(401, 404, 406, 413, 415, 422, 429, 503, 507),
 )
 async def change_recording(recording_id: Identifier, call: CurrentCall) -> Response:
     """Give a recording another name; reports of further replays state it."""
 
     async def compute() -> str:
-        asked = (call.service, call.owner, recording_id)
-        row = await run_in_threadpool(find_recording_or_refuse, *asked)
+        row = await run_in_threadpool(
+            call.service.database.read, recording_or_refuse, call.owner, recording_id
+        )
         renamed: str = await computed(
             call, "renamed_recording", call.body, call.syntax, row.overview
         )
@@ -147,13 +151,14 @@ async def change_recording(recording_id: Identifier, call: CurrentCall) -> Respo
     status_code=204,
     operation_id="deleteRecording",
     summary="Delete a recording",
+    response_description="Deleted",
     responses=problem_responses(401, 404, 406, 409, 422, 503, 507),
 )
 def remove_recording(
     recording_id: Identifier, service: CurrentService, owner: CurrentOwner
 ) -> None:
     """Delete a recording unless an unfinished job is about it; reports of its replays stay."""
-    find_recording_or_refuse(service, owner, recording_id)
+    service.database.read(recording_or_refuse, owner, recording_id)
 
     def remove(connection: Connection) -> bool:
         hold_owner(connection, owner)
@@ -163,18 +168,10 @@ def remove_recording(
         raise Conflict("a job about the recording has not ended; wait for it, or cancel it")
 
 
-def find_recording_or_refuse(
-    service: Service, owner: str, recording_id: str
-) -> holdings.RecordingRow:
-    """Return an owner's recording; raises NotFound, also for recordings of others."""
-    with service.database.reading() as connection:
-        return recording_or_refuse(connection, owner, recording_id)
-
-
 def recording_or_refuse(
     connection: Connection, owner: str, recording_id: str
 ) -> holdings.RecordingRow:
-    """Return an owner's recording within a transaction; raises NotFound."""
+    """Return an owner's recording; raises NotFound, also for recordings of others."""
     row = holdings.find_recording(connection, owner, recording_id)
     if row is None:
         raise _no_recording(recording_id)
@@ -185,13 +182,7 @@ def _no_recording(recording_id: str) -> NotFound:
     return NotFound(f"there is no recording {recording_id}")
 
 
-def _refuse_more(call: Call) -> None:
-    """Raise StorageFull before reading a recording for which there is no room."""
-    with call.service.database.reading() as connection:
-        _check_room(connection, call)
-
-
 def _check_room(connection: Connection, call: Call) -> None:
+    """Raise StorageFull if the owner has as many recordings as allowed."""
     most = call.service.settings.max_recordings
-    if holdings.count_recordings(connection, call.owner) >= most:
-        raise StorageFull(f"you have {most} stored recordings, the most allowed; delete some")
+    holdings.check_room(connection, recordings, call.owner, most)

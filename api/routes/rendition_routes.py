@@ -13,7 +13,7 @@ from fastapi.responses import HTMLResponse
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.concurrency import run_in_threadpool
 
-from api.calls import Caller, CurrentCall, CurrentCaller, accepts, answer_once, computed
+from api.calls import IN_JSON, Caller, CurrentCall, CurrentCaller, accepts, answer_once, computed
 from api.job_kinds.job_kind import Batch, JobSpec
 from api.job_kinds.job_table import JOB_KINDS, plurals
 from api.jobs.queue import VERSION
@@ -38,9 +38,8 @@ from syncplan.reports.sites_report import SitesDocument
 
 router = APIRouter()
 
-_JSON = [Depends(accepts("application/json"))]
 _read = partial(
-    router.get, dependencies=_JSON, responses=problem_responses(401, 404, 406, 422, 429, 503)
+    router.get, dependencies=IN_JSON, responses=problem_responses(401, 404, 406, 422, 429, 503)
 )
 
 SHOWN = ("theme", "title", "subtitle", "legend")
@@ -78,10 +77,11 @@ else:
 @router.post(
     "/previews",
     tags=["figures"],
-    dependencies=_JSON,
+    dependencies=IN_JSON,
     response_model=Preview,
     operation_id="previewScenario",
     summary="Plan a scenario, or judge a plan, without storing it",
+    response_description="The plan, stored nowhere, and the figures asked for",
     responses=problem_responses(401, 406, 413, 415, 422, 429, 503, 507),
 )
 async def create_preview(
@@ -127,6 +127,7 @@ async def create_preview(
     response_model=FigureValues,
     operation_id="readPlanFigure",
     summary="Draw a plan",
+    response_description="The figure",
 )
 async def read_plan_figure(
     plan_id: Identifier,
@@ -150,6 +151,7 @@ async def read_plan_figure(
     response_model=PositionCovariancesDocument,
     operation_id="readPlanCovariances",
     summary="Predict the covariances of positions",
+    response_description="The covariances",
 )
 async def read_plan_covariances(plan_id: Identifier, caller: CurrentCaller) -> Response:
     """Error ellipses over the last period, from the bound behind the predicted RMS errors."""
@@ -164,6 +166,7 @@ async def read_plan_covariances(plan_id: Identifier, caller: CurrentCaller) -> R
     response_model=FigureValues,
     operation_id="readJobFigure",
     summary="Draw a job's report",
+    response_description="The figure",
     responses=problem_responses(401, 404, 406, 409, 422, 429, 503),
 )
 async def read_job_figure(
@@ -220,6 +223,7 @@ async def _drawn(caller: Caller, task: str, *arguments: Any) -> Response:
     response_class=HTMLResponse,
     operation_id="printPlan",
     summary="Print a plan",
+    response_description="The page",
 )
 async def read_printed_plan(plan_id: Identifier, caller: CurrentCaller) -> Response:
     """A page that prints on one sheet: map, verdict, vehicles, and what the figures assume."""
@@ -237,6 +241,7 @@ async def read_printed_plan(plan_id: Identifier, caller: CurrentCaller) -> Respo
     response_model=WhatIfDocument,
     operation_id="judgeLosses",
     summary="Judge losses",
+    response_description="What losses do to the plan",
 )
 async def read_losses(
     plan_id: Identifier,
@@ -274,6 +279,7 @@ async def read_losses(
     response_model=SitesDocument,
     operation_id="chooseLandmarks",
     summary="Choose landmarks",
+    response_description="The landmarks chosen, and the plan with them",
 )
 async def read_landmark_choice(
     plan_id: Identifier,
@@ -338,6 +344,7 @@ class ExportQuery(BaseModel):
     response_class=Response,
     operation_id="exportPlan",
     summary="Export a plan",
+    response_description="A zip archive",
     responses={
         200: {"content": {"application/zip": {}}, "headers": {NOTES: _NOTES_HEADER}},
         **problem_responses(401, 404, 406, 409, 422, 429, 503),

@@ -3,13 +3,13 @@
 from functools import cache
 from typing import Any, Literal
 
-from fastapi import APIRouter, Depends, Request, Response
+from fastapi import APIRouter, Request, Response
 from fastapi.responses import JSONResponse
 from pydantic import BaseModel
 from pydantic.json_schema import JsonSchemaMode
 from sqlalchemy.exc import DBAPIError
 
-from api.calls import accepts
+from api.calls import IN_JSON
 from api.failures import failure_of
 from api.problems import STARTING, Unavailable, problem_responses
 from api.responses import KeptBytes, StoredPlan, Usage
@@ -35,7 +35,8 @@ class Health(BaseModel):
     "/healthz",
     operation_id="checkHealth",
     summary="Check liveness",
-    dependencies=[Depends(accepts("application/json"))],
+    response_description="It is alive",
+    dependencies=IN_JSON,
     responses=problem_responses(406),
 )
 async def healthz() -> Health:
@@ -47,7 +48,8 @@ async def healthz() -> Health:
     "/readyz",
     operation_id="checkReadiness",
     summary="Check readiness",
-    dependencies=[Depends(accepts("application/json"))],
+    response_description="It is ready",
+    dependencies=IN_JSON,
     responses=problem_responses(406, 503),
 )
 def readyz(service: CurrentService) -> Health:
@@ -70,6 +72,7 @@ def readyz(service: CurrentService) -> Health:
     "/metrics",
     operation_id="readMetrics",
     summary="Figures for Prometheus",
+    response_description="The figures, in Prometheus' text format",
     response_class=Response,
     responses={
         200: {"content": {"text/plain": {"schema": {"type": "string"}}}},
@@ -90,9 +93,10 @@ usage = APIRouter(tags=["usage"])
 
 @usage.get(
     "/usage",
-    dependencies=[Depends(accepts("application/json"))],
+    dependencies=IN_JSON,
     operation_id="readUsage",
     summary="Read your usage",
+    response_description="What you use, and the most allowed",
     responses=problem_responses(401, 406, 503),
 )
 def read_usage(service: CurrentService, owner: CurrentOwner) -> Usage:
@@ -110,9 +114,7 @@ def read_usage(service: CurrentService, owner: CurrentOwner) -> Usage:
 # --- schemas --------------------------------------------------------------------------------------
 
 
-schemas = APIRouter(
-    prefix="/schemas", tags=["schemas"], dependencies=[Depends(accepts("application/json"))]
-)
+schemas = APIRouter(prefix="/schemas", tags=["schemas"], dependencies=IN_JSON)
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -127,6 +129,7 @@ def _schema(model: type[BaseModel], mode: JsonSchemaMode) -> bytes:
     response_model=dict[str, Any],
     operation_id="readScenarioSchema",
     summary="Schema of scenarios",
+    response_description="The schema",
     responses=problem_responses(406),
 )
 async def read_scenario_schema() -> Response:
@@ -139,6 +142,7 @@ async def read_scenario_schema() -> Response:
     response_model=dict[str, Any],
     operation_id="readPlanSchema",
     summary="Schema of plans",
+    response_description="The schema",
     responses=problem_responses(406),
 )
 async def read_plan_schema() -> Response:

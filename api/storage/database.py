@@ -23,7 +23,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from shutil import disk_usage
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 from sqlalchemy import (
     Connection,
@@ -199,7 +199,7 @@ _logger = logging.getLogger("syncplan.storage")
 
 
 class Database:
-    """An engine with the two ways to use it: `reading` and `writing`."""
+    """An engine with two ways to use it, reading and writing: in a block or by one function."""
 
     def __init__(self, engine: Engine) -> None:
         self.engine = engine
@@ -225,6 +225,20 @@ class Database:
                 self._write_check.failed(error)
             raise
 
+    def read(
+        self, query: Callable[Concatenate[Connection, P], R], *args: P.args, **kwargs: P.kwargs
+    ) -> R:
+        """Return the result of a function that reads, called with a connection and arguments."""
+        with self.reading() as connection:
+            return query(connection, *args, **kwargs)
+
+    def write(
+        self, change: Callable[Concatenate[Connection, P], R], *args: P.args, **kwargs: P.kwargs
+    ) -> R:
+        """Return the result of a function that is called in a transaction of its own."""
+        with self.writing() as connection:
+            return change(connection, *args, **kwargs)
+
     def freeing(self, delete: Callable[[Connection], R]) -> R:
         """Return the result of a transaction that deletes; a full disk does not prevent it.
 
@@ -233,8 +247,7 @@ class Database:
         """
         if not self.is_sqlite or disk_usage(self._file.parent).free > _LOG_BYTES:
             try:
-                with self.writing() as connection:
-                    return delete(connection)
+                return self.write(delete)
             except DBAPIError as error:
                 if not (self.is_sqlite and error.connection_invalidated):
                     raise

@@ -15,6 +15,7 @@ from sqlalchemy import (
     Connection,
     Exists,
     Row,
+    Table,
     bindparam,
     case,
     delete,
@@ -29,8 +30,17 @@ from sqlalchemy import (
 from sqlalchemy.exc import IntegrityError
 
 from api.documents import PackedRecording, PlanText
+from api.problems import StorageFull
 from api.storage.tables import NOW, answers, jobs, newest, next_id, plans, recordings
 from syncplan.reports.job_contract import UNFINISHED
+
+
+def check_room(connection: Connection, table: Table, owner: str, most: int) -> None:
+    """Raise StorageFull if an owner has `most` rows of a table, plans or recordings."""
+    counted = select(table.c.id).where(table.c.owner == owner).limit(most).subquery()
+    if connection.execute(select(func.count()).select_from(counted)).scalar_one() >= most:
+        raise StorageFull(f"you have {most} stored {table.name}, the most allowed; delete some")
+
 
 # --- plans ----------------------------------------------------------------------------------------
 
@@ -57,10 +67,9 @@ _LISTED = (
     _GO.label("go"),
 )
 _ADD = insert(plans)
+_COLUMNS = tuple(plans.c[name] for name in PlanRow.__dataclass_fields__)
 # built once: building a statement takes longer than running it
-_FIND = select(
-    plans.c.owner, plans.c.id, plans.c.parent_id, plans.c.created_at, plans.c.etag, plans.c.text
-).where(plans.c.id.in_(bindparam("ids", expanding=True)))
+_FIND = select(plans.c.owner, *_COLUMNS).where(plans.c.id.in_(bindparam("ids", expanding=True)))
 
 
 def add_plan(
@@ -111,9 +120,8 @@ def rename_plan(
     Returns None if it is gone or has another tag.
     """
     mine = update(plans).where(_tagged(owner, plan_id, tags))
-    shown = (plans.c[one] for one in PlanRow.__dataclass_fields__)
     values = {"name": name, "text": text, "etag": _etag(text)}
-    found = connection.execute(mine.values(values).returning(*shown)).first()
+    found = connection.execute(mine.values(values).returning(*_COLUMNS)).first()
     return None if found is None else PlanRow(*found)
 
 
@@ -126,12 +134,6 @@ def _tagged(owner: str, plan_id: str, tags: Collection[str]) -> ColumnElement[bo
     """Condition of an owner's plan that has one of these tags; any tag if they contain "*"."""
     mine = (plans.c.id == plan_id) & (plans.c.owner == owner)
     return mine if "*" in tags else mine & plans.c.etag.in_(tags)
-
-
-def has_room(connection: Connection, owner: str, most: int) -> bool:
-    """Return whether an owner has fewer than `most` plans."""
-    counted = select(plans.c.id).where(plans.c.owner == owner).limit(most).subquery()
-    return connection.execute(select(func.count()).select_from(counted)).scalar_one() < most
 
 
 def forget_plans(connection: Connection, older_than: str) -> None:
@@ -198,12 +200,6 @@ def list_recordings(
     """Return up to `limit` of an owner's recordings, newest first, older than `before`."""
     found = newest(connection, recordings, select(*_SHOWN), owner, limit, before)
     return [RecordingRow(*row) for row in found]
-
-
-def count_recordings(connection: Connection, owner: str) -> int:
-    """Return the number of an owner's recordings."""
-    query = select(func.count()).select_from(recordings).where(recordings.c.owner == owner)
-    return connection.execute(query).scalar_one()
 
 
 def delete_recording(connection: Connection, owner: str, recording_id: str) -> bool:

@@ -121,12 +121,10 @@ def hold_owner(connection: Connection, owner: str) -> None:
         connection.execute(select(func.pg_advisory_xact_lock(func.hashtext(owner))))
 
 
-def unfinished(connection: Connection, owner: str | None = None) -> list[str]:
-    """Return the identifiers of jobs that have not ended, of one owner or of all."""
-    query = select(jobs.c.id).where(jobs.c.state.in_(UNFINISHED))
-    if owner is not None:
-        query = query.where(jobs.c.owner == owner)
-    return list(connection.execute(query).scalars())
+def count_unfinished(connection: Connection, owner: str) -> int:
+    """Return the number of an owner's jobs that have not ended."""
+    mine = jobs.c.owner == owner, jobs.c.state.in_(UNFINISHED)
+    return connection.execute(select(func.count()).select_from(jobs).where(*mine)).scalar_one()
 
 
 def state_of(connection: Connection, job_id: str) -> JobState | None:
@@ -158,8 +156,7 @@ def end_job(
     if not change(connection, job_id, **values):
         return False
     if report is not None:
-        result = {"job_id": job_id, "text": report.text, "trials": report.trials}
-        connection.execute(insert(job_results).values(result))
+        connection.execute(insert(job_results).values(job_id=job_id, **asdict(report)))
     forget_parts(connection, job_id)
     return True
 

@@ -5,7 +5,7 @@ added to `api.storage.tables` is nullable or has a server default, for existing 
 tests/service/test_migrations.py upgrades a database written by version 1 and compares.
 """
 
-from sqlalchemy import Connection, delete, insert, inspect, select
+from sqlalchemy import Connection, Table, delete, insert, inspect, select
 from sqlalchemy.schema import CreateColumn
 
 from api.storage.owner_bytes import count_bytes
@@ -44,7 +44,7 @@ def upgrade(connection: Connection) -> None:
         return
     METADATA.create_all(connection)
     for table in METADATA.sorted_tables:
-        there = {column["name"] for column in inspect(connection).get_columns(table.name)}
+        there = _columns(connection, table)
         for column in table.columns:
             if column.name not in there:
                 specified = CreateColumn(column).compile(dialect=connection.dialect)
@@ -55,14 +55,16 @@ def upgrade(connection: Connection) -> None:
     connection.execute(insert(schema_version).values(newest))
 
 
+def _columns(connection: Connection, table: Table) -> set[str]:
+    """Names of the columns that a table has in the database."""
+    return {column["name"] for column in inspect(connection).get_columns(table.name)}
+
+
 def _version(connection: Connection) -> tuple[int, int]:
     """Version of a database, 0 for an empty one, and the oldest that can work on it."""
     if not inspect(connection).has_table(schema_version.name):
         return 0, 0
-    if not any(
-        column["name"] == "usable_from"
-        for column in inspect(connection).get_columns(schema_version.name)
-    ):
+    if "usable_from" not in _columns(connection, schema_version):
         version = connection.execute(select(schema_version.c.version)).scalar() or 0
         return version, version
     row = connection.execute(select(schema_version)).first()

@@ -166,13 +166,8 @@ def divide_job(
     if is_divided(connection, job_id):
         return True
     rows = [
-        {
-            "job_id": job_id,
-            "number": begun * _NUMBERS + number,
-            "done": 0,
-            **asdict(batch),
-        }
-        for number, batch in enumerate(batches)
+        {"job_id": job_id, "number": number, "done": 0, **asdict(batch)}
+        for number, batch in enumerate(batches, begun * _NUMBERS)
     ]
     connection.execute(insert(job_parts), rows)
     return True

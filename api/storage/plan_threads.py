@@ -202,7 +202,6 @@ class PlanWriter:
 
     def _alone(self, change: _Write) -> Any:
         try:
-            with self._database.writing() as connection:
-                return change(connection)
+            return self._database.write(change)
         except Exception as error:
             return error
