@@ -199,7 +199,7 @@ async def computed(caller: Caller, task: str, *arguments: Any) -> Any:
     """
     settings = caller.service.settings
     limit, pool = settings.plan_timeout_s, caller.service.pool
-    # one that came before there were processes waited for them, even if they are there by its end
+    # one that arrived before a process was ready waited for the start, whenever it ends
     crowded = "too many requests are being computed; try again" if pool.ready else STARTING
     try:
         ticket = pool.submit(task, *arguments, owner=caller.owner, deadline_s=limit)

@@ -159,16 +159,16 @@ def _begun(app: FastAPI, last_first: ExitStack) -> Service:
     settings: Settings = app.state.settings
     ends = last_first.enter_context
     database = ends(closing(open_database(settings.database)))
+    queue = ends(closing(JobQueue(settings.database)))
     plans = ends(closing(PlanReader(database)))
     writer = ends(closing(PlanWriter(database)))
     counts = JobCounts(database, app.state.metrics.jobs)
     depths, heartbeat = {}, None
     if settings.embedded_worker:
         # a database that can't be written to just now can still be read
-        worker = ends(closing(Worker(settings, database, counts, patient=True)))
-        queue, depths["jobs"], heartbeat = worker.queue, worker.pool.depth, worker.guard
+        worker = ends(closing(Worker(settings, database, counts, queue, patient=True)))
+        depths["jobs"], heartbeat = worker.pool.depth, worker.guard
     else:
-        queue = ends(closing(JobQueue(settings.database)))
         guard = Guard(settings, database, queue, None, job_over=counts.job_over)
         guard.start()
         ends(closing(guard))

@@ -101,13 +101,6 @@ def _sound_keys(value: tuple[ApiKey, ...]) -> tuple[ApiKey, ...]:
     return value
 
 
-def _bare_hosts(value: tuple[str, ...]) -> tuple[str, ...]:
-    for name in value:
-        if not _HOST.fullmatch(name):
-            raise ValueError(f"{name!r} must be a name or an address alone, such as plans.example")
-    return value
-
-
 def _beyond_heartbeats(value: float, info: ValidationInfo) -> float:
     beat = info.data.get("heartbeat_s", 0.0)
     if value < 2.0 * beat:
@@ -146,7 +139,7 @@ class Settings(BaseSettings):
     """file of further keys, NAME:KEY a line; changes take effect within a second"""
     insecure: bool = False
     """listen beyond this machine without a key"""
-    allowed_hosts: Annotated[tuple[str, ...], NoDecode, AfterValidator(_bare_hosts)] = Field(
+    allowed_hosts: Annotated[tuple[str, ...], NoDecode] = Field(
         default=(),
         description="names, beside those of this machine, under which a service without keys "
         "answers, and whose pages may ask it; separated by commas",
@@ -285,6 +278,16 @@ class Settings(BaseSettings):
     @classmethod
     def _from_text(cls, value: Any, info: ValidationInfo) -> Any:
         return _FROM_TEXT[str(info.field_name)](value) if isinstance(value, str) else value
+
+    @checked("allowed_hosts")
+    @classmethod
+    def _bare_hosts(cls, value: tuple[str, ...]) -> tuple[str, ...]:
+        for name in value:
+            if not _HOST.fullmatch(name):
+                raise ValueError(
+                    f"{name!r} must be a name or an address alone, such as plans.example"
+                )
+        return value
 
 
 def load_settings(**overrides: Any) -> Settings:

@@ -6,6 +6,7 @@ vehicles on paper every two seconds, and for jobs of 16 trials one after the oth
 """
 
 import contextlib
+import http.client
 import json
 import threading
 import time
@@ -43,14 +44,17 @@ class BesideFive:
 
     Attributes
     ----------
-    plans_s, jobs_s : s, plans and jobs that had a result
-    failed : plans and jobs that had none
+    plans_s, jobs_s : s, plans and jobs with a result; those under way at the end count, so far
+    failed : plans and jobs without a result
+    slow, refused : slow plans of the busy owners that were made, and not
     memory, stored : most bytes of all processes (PSS) and of all files
     """
 
     plans_s: list[float] = field(default_factory=list)
     jobs_s: list[float] = field(default_factory=list)
     failed: int = 0
+    slow: int = 0
+    refused: int = 0
     memory: int = 0
     stored: int = 0
 
@@ -68,14 +72,15 @@ def beside_five_owners(checkout: Path, seconds: float) -> BesideFive:
                 validate = partial(clients.run, owner, f"{small}/validations", VALIDATION)
                 clients.repeat(refine)
                 clients.repeat(validate)
-            own = f"{clients.plan('other', SMALL)}/validations"
+            validations = f"{clients.plan('other', SMALL)}/validations"
             for owner in BUSY * SLOW_PLANS:
-                clients.repeat(partial(clients.sent, owner, "/v1/plans", SLOW))
-            clients.repeat(partial(_watch, service, result))
+                slow = partial(clients.sent, owner, "/v1/plans", SLOW)
+                clients.repeat(partial(_count, result, slow))
+            clients.repeat(partial(_watch, service, result), EVERY_S)
             # until all of them are at work
             time.sleep(3.0)
             plan = partial(clients.sent, "other", PAPER, SMALL)
-            job = partial(clients.run, "other", own, {"trials": 16})
+            job = partial(clients.run, "other", validations, {"trials": 16})
             clients.repeat(partial(_time, result, result.plans_s, plan), EVERY_S)
             clients.repeat(partial(_time, result, result.jobs_s, job))
             time.sleep(seconds)
@@ -88,13 +93,19 @@ def _watch(service: Service, result: BesideFive) -> bool:
     return True
 
 
+def _count(result: BesideFive, act: Callable[[], bool]) -> bool:
+    done = act()
+    result.slow += done
+    result.refused += not done
+    return done
+
+
 def _time(result: BesideFive, taken: list[float], act: Callable[[], bool | None]) -> bool:
     began = time.perf_counter()
-    outcome = act()
-    if outcome:
-        taken.append(time.perf_counter() - began)
-    elif outcome is not None:
+    if act() is False:
         result.failed += 1
+    else:
+        taken.append(time.perf_counter() - began)
     return True
 
 
@@ -156,6 +167,6 @@ class _Clients:
     ) -> tuple[int, Any]:
         """Status and body of an answer; status 0 where there is none."""
         text = b"" if body is None else json.dumps(body).encode()
-        with contextlib.suppress(OSError):
+        with contextlib.suppress(OSError, http.client.HTTPException):
             return ask(self._port, Request(method, path, text, KEYS[owner]))
         return 0, None

@@ -1,4 +1,4 @@
-"""How soon a service with default settings is ready, and its memory after mixed requests."""
+"""How soon a service with default settings makes plans, and its memory after mixed requests."""
 
 import json
 import statistics
@@ -12,7 +12,7 @@ from benchmarks.five_owners import SMALL
 from benchmarks.load_clients import Request, ask, is_ready, started
 from tests.tools.processes import wait_until
 
-__all__ = ["IDLE_S", "REQUESTS", "memory_after", "ready_s"]
+__all__ = ["IDLE_S", "REQUESTS", "memory_after", "start_s"]
 
 STARTS = 5
 REQUESTS = 500
@@ -27,24 +27,34 @@ _JOBS: dict[str, dict[str, Any]] = {
 }
 
 
-def ready_s(checkouts: Sequence[Path]) -> list[float]:
-    """Return the median s until each checkout's service says that it is ready; they take turns."""
-    times: list[list[float]] = [[] for _ in checkouts]
+def start_s(checkouts: Sequence[Path]) -> list[tuple[float, float]]:
+    """Return s until each checkout's service is ready, and until it has made a plan, flown.
+
+    Medians of starts in which the checkouts take turns. The plan is asked for at once, and again
+    while it is refused.
+    """
+    times: list[list[tuple[float, float]]] = [[] for _ in checkouts]
+    plan = Request("POST", "/v1/plans", json.dumps(SMALL).encode())
     for _ in range(STARTS):
         for taken, checkout in zip(times, checkouts, strict=True):
             began = time.perf_counter()
             with started(checkout) as service:
                 wait_until(partial(is_ready, service.port), every_s=0.02)
-                taken.append(time.perf_counter() - began)
-    return [statistics.median(taken) for taken in times]
+                ready_s = time.perf_counter() - began
+                wait_until(lambda port=service.port: ask(port, plan)[0] == 201)  # type: ignore[misc]
+                taken.append((ready_s, time.perf_counter() - began))
+    return [
+        (statistics.median(ready), statistics.median(planned))
+        for ready, planned in (zip(*taken, strict=True) for taken in times)
+    ]
 
 
 def memory_after(checkout: Path) -> int:
     """Return the bytes of all processes (PSS) of a checkout's service, after mixed requests.
 
     Of twenty requests, three make plans (flown or on paper), two are previews, two list, twelve
-    read a plan or what comes of it, and one submits a job now and then. Then all jobs end, and the
-    service rests.
+    read a plan or what comes of it, and one submits a job now and then; each waits for the answer
+    to the one before. Then all jobs end, and the service rests.
     """
     with started(checkout) as service:
         wait_until(partial(is_ready, service.port))
@@ -77,4 +87,4 @@ def _send(port: int, number: int) -> None:
 
 def _at_work(port: int) -> bool:
     states = ("queued", "running")
-    return any(ask(port, Request("GET", f"/v1/jobs?state={one}"))[1]["items"] for one in states)
+    return any(ask(port, Request("GET", f"/v1/jobs?state={state}"))[1]["items"] for state in states)

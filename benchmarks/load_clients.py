@@ -72,11 +72,13 @@ class Service:
 
     def stored(self) -> int:
         """Return the bytes of its files, temporary ones included."""
-        sizes = 0
-        for path in self.folder.rglob("*"):
-            with contextlib.suppress(FileNotFoundError):
-                sizes += path.stat().st_size if path.is_file() else 0
-        return sizes
+        stored = 0
+        for folder, _, names in os.walk(self.folder):
+            for name in names:
+                # files come and go
+                with contextlib.suppress(OSError):
+                    stored += Path(folder, name).stat().st_size
+        return stored
 
 
 @contextlib.contextmanager

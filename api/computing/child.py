@@ -63,7 +63,9 @@ class Child:
         self.growth = 0
         self.killed = self.paused = self.yielded = False
         self.fresh = False
-        """Whether it shares all memory with the complete template, as before its first task."""
+        """Whether it shares all memory with the template, as before its first task."""
+        self.complete = False
+        """Whether its template had loaded everything when it was forked."""
 
     @property
     def pid(self) -> int:
@@ -75,7 +77,7 @@ class Child:
         try:
             self._process.wait_until_begun()
             self._process.connection.recv()
-            self.fresh = self._process.complete
+            self.fresh, self.complete = True, self._process.complete
         except (EOFError, OSError):
             raise ChildGoneError(self._process.complaint()) from None
 

@@ -352,7 +352,9 @@ class Pool:
                         self._turns.done(ticket.owner)
                         self._idle_since[ticket.owner] = time.monotonic()
                         self._work.notify_all()
-            worn = child is not None and (child.yielded or child.growth > LARGEST_GROWTH_BYTES)
+            worn = child is not None and (
+                child.yielded or not child.complete or child.growth > LARGEST_GROWTH_BYTES
+            )
             if child is not None and (worn or ticket is None):
                 self._end(child)
                 child = None

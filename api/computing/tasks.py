@@ -175,13 +175,11 @@ def _trial_task(spec: JobSpec) -> TrialTask[Any, Any]:
 
 
 def load() -> Iterator[None]:
-    """Load what tasks would otherwise wait for: first what plans on paper need, then the rest."""
-    yield
-    plan(scenario_from(_FLOWN), pilot=False)
-    ready()
-    yield
+    """Load what tasks would otherwise wait for: first what plans need, then the rest."""
     flown = plan(scenario_from(_FLOWN))
     text = as_plan_text(flown).text
+    ready()
+    yield
     plan(scenario_from(_ODD_CYCLE), pilot=False)
     run_part(trial_run(flown, trials=1, duration=1.0), 0, 1, threads=1)
     judged_losses(text, [], 1, "auto")
@@ -198,11 +196,11 @@ _FLOWN = {
     "orbit": {"radius_m": 20.0, "angular_rate_rad_s": 0.2, "direction": "ccw"},
     "formation": {"centers_m": [[0, 0], [70, 0], [140, 0], [140, 70], [70, 70], [0, 70]]},
     "landmarks_m": [[190, 0], [190, 70]],
-    "sensor": {"range_m": 50.0, "bearing_sigma_rad": 0.1, "sample_time_s": 0.1},
+    "sensor": {"range_m": 50.0, "bearing_sigma_rad": 0.1, "sample_time_s": 1.0},
     "motion": {"speed_sigma_mps": 0.1, "turn_rate_sigma_rad_s": 0.01},
     "initial_sigma": {"position_m": 5.0, "heading_rad": 0.1},
 }
-"""Scenario of the usual size, whose plan is flown."""
+"""Scenario of the usual size and few samples, whose plan is flown."""
 _ODD_CYCLE = {**_FLOWN, "formation": {"centers_m": [[0, 0], [70, 0], [35, 60]]}}
 """Scenario whose phases no rule gives."""
 

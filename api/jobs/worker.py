@@ -38,6 +38,7 @@ class Worker:
         settings: Settings,
         database: Database,
         counts: JobCounts,
+        queue: JobQueue,
         *,
         patient: bool = False,
     ) -> None:
@@ -51,7 +52,7 @@ class Worker:
             niceness=settings.job_niceness,
             memory_bytes=settings.task_memory,
         )
-        self.queue = JobQueue(settings.database)
+        self.queue = queue
         watch = PartWatch(database, VERSION)
         self._runtime = Runtime(settings, database, self.queue, self.pool, counts, watch)
         parts.use(self._runtime)
@@ -121,5 +122,4 @@ class Worker:
         self.pool.close()
         DBOS.destroy(workflow_completion_timeout_sec=0)
         self.guard.close()
-        self.queue.close()
         parts.use(None)

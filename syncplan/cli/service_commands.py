@@ -160,6 +160,7 @@ def _work(
 ) -> None:
     """Work on jobs, and answer on a socket if there is one, until `stop` holds something."""
     from api.jobs.job_counts import JobCounts
+    from api.jobs.queue import JobQueue
     from api.jobs.worker import Worker
     from api.main import create_worker_app
     from api.metrics import JobTally
@@ -170,7 +171,8 @@ def _work(
     send_last_spans = export_spans(settings)
     counts = JobCounts(database, JobTally())
     try:
-        worker = Worker(settings, database, counts)
+        jobs = JobQueue(settings.database)
+        worker = Worker(settings, database, counts, jobs)
     except Exception as error:
         if not unavailable(error):
             raise
@@ -184,6 +186,7 @@ def _work(
     with served:
         stop.get()
     worker.close()
+    jobs.close()
     send_last_spans()
 
 

@@ -147,7 +147,8 @@ def compiled_beside(function: str, vehicles: int) -> Iterator[None]:
     """
     module, _, name = function.partition(":")
     call = f"from {module} import {name}; {name}({vehicles})"
-    code = f"import sys; sys.path[:] = {sys.path!r}; {call}"
+    begin = f"from syncplan.runtime.child_processes import begin; begin({os.getpid()})"
+    code = f"import sys; sys.path[:] = {sys.path!r}; {begin}; {call}"
     unheard: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
     beside: AbstractContextManager[Any] = nullcontext()
     with suppress(OSError):

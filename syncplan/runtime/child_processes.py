@@ -72,7 +72,7 @@ class RunningProcess(Protocol):
 class ChildProcess:
     """Running child process; `connection` carries picklable messages both ways.
 
-    `complete` is false for one forked before its template had loaded everything.
+    `complete` is False if it was forked before its template had loaded everything.
 
     It runs a new interpreter; syncplan.runtime.template_process forks processes instead.
 

@@ -6,10 +6,10 @@
 
 The template loads in stages, and forks from the first one on: a successor, forked from it, loads
 the next stage and then takes its place. Each has one thread, so that no fork copies a lock that
-another thread holds. The kernel ends the first with the process that uses it, and with the first
-all that come of it. Children are held by descriptors: the kernel uses numbers of processes again.
-Where there are no such descriptors (they came with Linux 5.3), each process loads everything by
-itself.
+another thread holds. The kernel ends the first with the process that uses it, and its successors
+and all children with the first. Children are held by descriptors: the kernel uses numbers of
+processes again. Where there are no such descriptors (they came with Linux 5.3), each process loads
+everything by itself.
 """
 
 import contextlib
@@ -75,7 +75,7 @@ class TemplateProcess:
             threading.Thread(target=self._keep, daemon=True, name="template").start()
 
     def fork(self) -> ChildProcess:
-        """Return a process that calls `serve`, with as many stages as are loaded."""
+        """Return a process that calls `serve`, with the stages that are loaded so far."""
         if not FORKS:
             child = ChildProcess(__name__, "serve_alone")
             child.connection.send(self._names)
@@ -112,6 +112,7 @@ class ForkedProcess(ChildProcess):
         self._descriptor = self.connection.fileno()
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115
         self.process: _Forked = _Forked(self.connection)
+        self.complete = False
         with theirs:
             socket.send_fds(requests, [b"f"], [theirs.fileno(), self._errors.fileno()])
 
@@ -210,13 +211,13 @@ class _Template:
     def hand_over(self) -> None:
         """Fork a successor that loads the next stage; returns in it alone.
 
-        This process forks until the successor takes over, and ends with it. Without memory for a
-        successor, it is its own.
+        This process forks until the successor takes over, and ends with it. If no successor can be
+        forked, this process loads the next stage itself; requests wait meanwhile.
         """
         self.take_over()
-        successor, predecessor = Pipe(duplex=False)
         parent = os.getpid()
         try:
+            successor, predecessor = Pipe(duplex=False)
             forked = os.fork() == 0
         except OSError as error:
             print(error, file=sys.stderr, flush=True)

@@ -57,7 +57,7 @@ class Hollow(Child):
         self.begun.append(self)
         self.growth = 0
         self.killed = self.paused = self.yielded = False
-        self.fresh = True
+        self.fresh = self.complete = True
         self._killed = threading.Event()
 
     def wait_until_ready(self) -> None:

@@ -53,12 +53,21 @@ SHORT = ("made_plan", GRID, "yaml", LIMITS, False)
 
 @contextlib.contextmanager
 def own_pool(**options: Any) -> Iterator[Pool]:
-    """A pool of one process for a test alone."""
+    """A pool of one process for a test alone, which no early child is replaced in."""
+    wait_until(template_is_loaded)
     pool = Pool(1, **options)
     try:
         yield pool
     finally:
         pool.close()
+
+
+def template_is_loaded() -> bool:
+    """Whether a child has all that the template loads."""
+    child = Child()
+    child.wait_until_ready()
+    child.end()
+    return child.complete
 
 
 @pytest.fixture(scope="module")
@@ -187,6 +196,17 @@ def test_processes_are_forked_while_their_template_still_loads() -> None:
     assert not any(is_complete(slow) for _ in range(2))
     whole = TemplateProcess("tests.tools.forked", "load", "serve")
     wait_until(lambda: is_complete(whole))
+
+
+def test_a_process_that_was_forked_early_is_replaced_after_its_task(hollow: list[Hollow]) -> None:
+    with own_pool() as pool:
+        wait_until(lambda: len(hollow) == 1)
+        hollow[0].complete = False
+        pool.call("short")
+        wait_until(lambda: len(hollow) == 2)
+        pool.call("short")
+        assert pool.call("short") == "short"
+        assert len(hollow) == 2
 
 
 @pytest.mark.long
