@@ -13,7 +13,7 @@ _POSES = 6
 
 
 @fused
-def refer(arm: Array, moved: Array, gain: Array, senses: Array, found: Array) -> int:
+def refer(arm: Array, moved: Array, gain: Array, senses: Array, noise: Array) -> int:
     """Add the noise of each step after the first, by speed and by turn rate."""
     for v in range(len(senses)):
         for source in range(2):
@@ -24,12 +24,12 @@ def refer(arm: Array, moved: Array, gain: Array, senses: Array, found: Array) ->
                 # referred to time 0, a turn moves the position backwards about the vehicle
                 x = ahead * along - left * across + moved[1, v, k] * turn
                 y = left * along + ahead * across - moved[0, v, k] * turn
-                found[0, v, k] += x * x
-                found[1, v, k] += x * y
-                found[2, v, k] += x * turn
-                found[3, v, k] += y * y
-                found[4, v, k] += y * turn
-                found[5, v, k] += turn * turn
+                noise[0, v, k] += x * x
+                noise[1, v, k] += x * y
+                noise[2, v, k] += x * turn
+                noise[3, v, k] += y * y
+                noise[4, v, k] += y * turn
+                noise[5, v, k] += turn * turn
     return 1
 
 
@@ -165,12 +165,12 @@ def along(
     innovation: Array,
     moves: Array,
     start: int,
-    found: Array,
+    variances: Array,
     states: Array,
 ) -> int:
     """Go on from sample `start` as far as `moves` go; 0 where a variance is not positive.
 
-    Arguments are those of syncplan.estimation.covariances.variances_along.
+    Fill `variances` and `states`, the moves and states of RunVariances.
     """
     size, width = len(covariance), entries.shape[1]
     at_once, vehicles, own = len(halves), len(tracked), tracked.shape[1]
@@ -237,7 +237,7 @@ def along(
                     for q in range(p):
                         shared = covariance[max(i, tracked[v, q]), min(i, tracked[v, q])]
                         total += 2.0 * move * moves[k - start, v, axis, q] * shared
-                found[k - start, v, axis] = total
+                variances[k - start, v, axis] = total
         for c in range(states.shape[1]):
             states[k - start, c] = covariance[3 * vehicles + c, 3 * vehicles + c]
     return 1
