@@ -88,8 +88,8 @@ def read_jobs(
     state: Annotated[JobState | None, Query(description="Only jobs in this state")] = None,
 ) -> JobPage:
     """Your jobs, newest first, a page at a time."""
-    found = service.database.read(job_records.list_jobs, owner, limit + 1, before, state)
-    rows, following = page_and_next("/v1/jobs", found, limit, state=state)
+    listed = service.database.read(job_records.list_jobs, owner, limit + 1, before, state)
+    rows, following = page_and_next("/v1/jobs", listed, limit, state=state)
     return JobPage(items=[job_answer(row) for row in rows], next=following)
 
 
@@ -287,10 +287,10 @@ async def _submit(
         if plan_id is not None:
             text = (await find_or_refuse(service, call.owner, plan_id)).text
         if recording_id is not None:
-            found = await run_in_threadpool(
+            recording = await run_in_threadpool(
                 service.database.read, recording_or_refuse, call.owner, recording_id
             )
-            overview = found.overview
+            overview = recording.overview
         asked = (kind.name, call.body, call.syntax, service.limits, text, overview)
         request, work = await computed(call, "checked_request", *asked)
         return NewJob(kind.name, request, work, plan_id, text, current_traceparent(), recording_id)

@@ -115,8 +115,8 @@ def read_plans(
     before: Before = None,
 ) -> PlanPage:
     """Summaries of your plans, newest first, a page at a time."""
-    found = service.database.read(list_plans, owner, limit + 1, before)
-    rows, following = page_and_next("/v1/plans", found, limit)
+    listed = service.database.read(list_plans, owner, limit + 1, before)
+    rows, following = page_and_next("/v1/plans", listed, limit)
     return PlanPage(items=[PlanSummary(**one._mapping) for one in rows], next=following)
 
 

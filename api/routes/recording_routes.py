@@ -97,8 +97,8 @@ def read_recordings(
     service: CurrentService, owner: CurrentOwner, limit: Limit = 50, before: Before = None
 ) -> RecordingPage:
     """Your recordings, newest first, a page at a time."""
-    found = service.database.read(holdings.list_recordings, owner, limit + 1, before)
-    rows, following = page_and_next("/v1/recordings", found, limit)
+    listed = service.database.read(holdings.list_recordings, owner, limit + 1, before)
+    rows, following = page_and_next("/v1/recordings", listed, limit)
     return RecordingPage(items=[recording_answer(row) for row in rows], next=following)
 
 
