@@ -70,6 +70,14 @@ def template_is_loaded() -> bool:
     return child.complete
 
 
+def keeps_its_process(pool: Pool) -> bool:
+    """Whether a pool goes on with its process after a task, which it does not if it is early."""
+    before = pool.depth().started
+    for _ in range(2):
+        pool.call("ready")
+    return pool.depth().started == before
+
+
 @pytest.fixture(scope="module")
 def shared_pool() -> Iterator[Pool]:
     with own_pool(niceness=7) as made:
@@ -216,6 +224,7 @@ def test_a_template_that_is_killed_is_started_anew(pool: Pool) -> None:
     wait_until(lambda: not any(map(alive, before)))
     assert pool.call(*SHORT) == MADE
     assert not set(before) & set(forks_of(os.getpid()))
+    wait_until(lambda: keeps_its_process(pool))
 
 
 def test_a_task_that_a_caller_leaves_may_nearly_finish_and_keeps_its_process(pool: Pool) -> None:
