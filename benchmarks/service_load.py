@@ -18,7 +18,9 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
@@ -32,6 +34,8 @@ from benchmarks.readme_tables import README, machine, markdown, write_between
 from syncplan.runtime.child_processes import CHILD_VARIABLES
 from syncplan.runtime.machine import usable_cores
 from tests.tools.scenarios import example
+
+R = TypeVar("R")
 
 BEGIN, END = "<!-- load: python benchmarks/service_load.py --write -->", "<!-- end of load -->"
 HEAD = ["", "before", "now", "now / before"]
@@ -226,47 +230,51 @@ def previews(base: Path | None, body: bytes) -> list[Row]:
     ]
 
 
+def compared(
+    base: Path | None,
+    measure: Callable[[Path], R],
+    figures: Sequence[tuple[str, str, Callable[[R], float]]],
+) -> list[Row]:
+    """Return a row for each (label, unit, figure of a result), measured here and at the base."""
+    now = measure(HERE)
+    before = None if base is None else measure(base)
+    return [
+        Row(label, unit, None if before is None else of(before), of(now))
+        for label, unit, of in figures
+    ]
+
+
 def fairness(base: Path | None, body: bytes) -> list[Row]:
     """Return what one owner's thousand requests and twenty long jobs cost another owner."""
-    now = beside_a_busy_owner(HERE, body)
-    before = None if base is None else beside_a_busy_owner(base, body)
-
-    def row(what: str, unit: str, of: Callable[[BesideBusy], float]) -> Row:
-        return Row(what, unit, None if before is None else of(before), of(now))
-
-    return [
-        row("a plan alone, p95", "ms", lambda found: _p(found.alone_s, 95.0)),
-        row("a plan beside a busy owner, p95", "ms", lambda found: _p(found.beside_s, 95.0)),
-        row(
+    figures: list[tuple[str, str, Callable[[BesideBusy], float]]] = [
+        ("a plan alone, p95", "ms", lambda result: _p(result.alone_s, 95.0)),
+        ("a plan beside a busy owner, p95", "ms", lambda result: _p(result.beside_s, 95.0)),
+        (
             "one over the other",
             "x",
-            lambda found: _p(found.beside_s, 95.0) / _p(found.alone_s, 95.0),
+            lambda result: _p(result.beside_s, 95.0) / _p(result.alone_s, 95.0),
         ),
-        row("a job of 10 trials beside it, until it runs", "s", lambda found: found.job_s),
+        ("a job of 10 trials beside it, until it runs", "s", lambda result: result.job_s),
     ]
+    return compared(base, partial(beside_a_busy_owner, body=body), figures)
 
 
 def five_owners(base: Path | None, body: bytes) -> list[Row]:
     """Return what five owners' refinements, validations and slow plans cost a sixth, for 5 min."""
-    now = beside_five_owners(HERE, FIVE_OWNERS_S)
-    before = None if base is None else beside_five_owners(base, FIVE_OWNERS_S)
-
-    def row(what: str, unit: str, of: Callable[[BesideFive], float]) -> Row:
-        return Row(what, unit, None if before is None else of(before), of(now))
-
-    return [
-        row("beside five owners: plans on paper", "", lambda result: len(result.plans_s)),
-        row("these, p50", "ms", lambda result: _p(result.plans_s, 50.0)),
-        row("these, p95", "ms", lambda result: _p(result.plans_s, 95.0)),
-        row("jobs of 16 trials", "", lambda result: len(result.jobs_s)),
-        row("these, p50", "ms", lambda result: _p(result.jobs_s, 50.0)),
-        row("these, p95", "ms", lambda result: _p(result.jobs_s, 95.0)),
-        row("plans and jobs without a result", "", lambda result: result.failed),
-        row("slow plans of the five", "", lambda result: result.slow),
-        row("these, refused", "", lambda result: result.refused),
-        row("most memory of all processes (PSS)", "MiB", lambda result: result.memory / 2**20),
-        row("most bytes in files", "MiB", lambda result: result.stored / 2**20),
+    figures: list[tuple[str, str, Callable[[BesideFive], float]]] = [
+        ("beside five owners: plans on paper", "", lambda result: len(result.plans_s)),
+        ("these, p50", "ms", lambda result: _p(result.plans_s, 50.0)),
+        ("these, p95", "ms", lambda result: _p(result.plans_s, 95.0)),
+        ("jobs of 16 trials", "", lambda result: len(result.jobs_s)),
+        ("these, p50", "ms", lambda result: _p(result.jobs_s, 50.0)),
+        ("these, p95", "ms", lambda result: _p(result.jobs_s, 95.0)),
+        ("plans and jobs without a result", "", lambda result: result.failed),
+        ("slow plans of the five", "", lambda result: result.slow),
+        ("these, refused", "", lambda result: result.refused),
+        ("most memory of all processes (PSS)", "MiB", lambda result: result.memory / 2**20),
+        ("most bytes in files", "MiB", lambda result: result.stored / 2**20),
     ]
+    return compared(base, partial(beside_five_owners, seconds=FIVE_OWNERS_S), figures)
 
 
 def at_rest(base: Path | None, body: bytes) -> list[Row]:

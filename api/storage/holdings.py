@@ -121,8 +121,8 @@ def rename_plan(
     """
     mine = update(plans).where(_tagged(owner, plan_id, tags))
     values = {"name": name, "text": text, "etag": _etag(text)}
-    found = connection.execute(mine.values(values).returning(*_COLUMNS)).first()
-    return None if found is None else PlanRow(*found)
+    renamed = connection.execute(mine.values(values).returning(*_COLUMNS)).first()
+    return None if renamed is None else PlanRow(*renamed)
 
 
 def delete_plan(connection: Connection, owner: str, plan_id: str, tags: Collection[str]) -> bool:
