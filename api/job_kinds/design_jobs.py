@@ -13,12 +13,7 @@ from api.job_kinds.job_kind import (
 )
 from api.limits import RequestLimits, check_at_most
 from syncplan.designs.candidates import check_samples
-from syncplan.designs.ladder import (
-    EVALUATIONS,
-    SEARCHES_OF_CELL,
-    DesignState,
-    cells_of,
-)
+from syncplan.designs.ladder import DesignState, orders_of
 from syncplan.reports.design_report import DesignDocument, design_document, front_point
 from syncplan.runtime.files import as_text
 from syncplan.scenario.brief import Brief
@@ -31,10 +26,10 @@ class DesignRequest(JobRequest, Brief):
         """Return the number of searches; raises InputError if they exceed a limit."""
         check_at_most("team.max", self.team.max, limits.vehicles, " vehicles")
         check_samples(self)
-        cells = len(cells_of(self))
-        evaluations = cells * EVALUATIONS[self.effort]
+        orders = orders_of(self)
+        evaluations = sum(order.evaluations for order in orders)
         check_at_most("effort", evaluations, limits.design_evaluations, " candidates of all teams")
-        return max(SEARCHES_OF_CELL * cells, 1)
+        return max(len(orders), 1)
 
 
 def _designed(spec: JobSpec, earlier: EarlierWork, workers: int, progress: Progress) -> JobReport:

@@ -37,6 +37,9 @@ def _design(
         optional(help="File to write the plan of the winner to, or of the best formation found"),
     ] = None,
     format_: arguments.Shown = console.Format.auto,
+    purchases: Annotated[
+        bool, optional(help="State what changes of the brief would bring also where it is met")
+    ] = False,
     processes: Annotated[
         int | None, optional(min=1, help="Processes; all cores if not given")
     ] = None,
@@ -44,38 +47,43 @@ def _design(
     """Find the cheapest team that meets a brief: field, vehicles, sensors, purpose, error allowed.
 
     The winner is predicted, validated and flown. If none is found, say what is missing and what
-    would help, and exit with 4.
+    would help, and exit with 4. Ctrl-C ends the search with the best formation so far.
     """
     from syncplan.designs.designer import design
     from syncplan.reports.design_report import design_document
     from syncplan.runtime.files import as_text, write_text
+    from syncplan.runtime.task_crew import interruption
     from syncplan.scenario.brief import brief_of
 
     console.check_output(output, brief)
     console.check_output(plan_out, brief)
     given = brief_of(brief)
-    with console.progress_bar("searching", 0) as bar:
-        found = design(
-            given,
-            workers=processes,
-            progress=bar and (lambda state: bar(state.done, state.total, _words(state))),
-        )
-    document = design_document(found)
-    if plan_out is not None and document.plan is not None:
-        write_text(plan_out, as_text(document.plan.as_json()))
-        console.say(f"wrote {plan_out}")
-    console.deliver_document("design", document, output, format_)
-    return 0 if found.status == "met" else NoSolutionError.exit_code
+    if purchases:
+        given = given.model_copy(update={"purchases": True})
+    # until all is written, Ctrl-C ends searches alone
+    with interruption():
+        with console.progress_bar("searching", 0) as bar:
+            result = design(
+                given,
+                workers=processes,
+                progress=bar and (lambda state: bar(state.done, state.total, _words(state))),
+            )
+        document = design_document(result)
+        if plan_out is not None and document.plan is not None:
+            write_text(plan_out, as_text(document.plan.as_json()))
+            console.say(f"wrote {plan_out}")
+        console.deliver_document("design", document, output, format_)
+    return 0 if result.status == "met" else NoSolutionError.exit_code
 
 
 def _words(state: "DesignState") -> str:
     """What a design does, and the least error so far."""
-    fitting = [one for one in state.front if one.found.fits]
+    fitting = [one for one in state.front if one.best.fits]
     if not fitting:
         return state.doing
-    best = min(fitting, key=lambda one: one.found.value)
+    best = min(fitting, key=lambda one: one.best.value)
     return (
-        f"{state.doing}; best {best.found.value:.3g} m with {best.cell.vehicles} vehicles and "
+        f"{state.doing}; best {best.best.value:.3g} m with {best.cell.vehicles} vehicles and "
         f"{best.cell.landmarks} landmarks"
     )
 
@@ -92,6 +100,8 @@ def show_design(document: "DesignDocument", console: Console) -> None:
     )
     if document.proof is not None:
         console.print(escape(document.proof.reason))
+    for finding in document.findings:
+        console.print(f"{finding.code}: {finding.message}")
     if (best := document.best) is not None:
         kinds = {
             "predicted": best.predicted_worst_rms_m,

@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from syncplan.arrays import Array
+from syncplan.arrays import Array, Flags, Index
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.bounds import LossBounds, posterior_bound
 from syncplan.orbits.circles import Orbits
-from syncplan.orbits.contacts import closest_approach, find_windows, met_pairs
+from syncplan.orbits.contacts import Windows, closest_approach, find_windows, met_pairs
 from syncplan.orbits.sightings import remainder_of, single_losses
 from syncplan.orbits.team import Team, team_of
 from syncplan.planning.judged_team import landmark_limit, separation_limit
@@ -40,11 +40,23 @@ SAMPLES = 48
 FIELD_POINTS = 3000
 """Number of grid points in the box around the area, about."""
 
-TRIES = 30
-"""Number of random places for a further vehicle or landmark."""
+LARGE_TEAM = 10
+"""Number of vehicles beyond which a candidate counts as several: its cost grows as their square."""
+
+SCREENED = 0.2
+"""Share of an evaluation that a candidate with a fault counts as."""
+
+WHOLE_STEPS, BODY_STEPS = (0.1, 0.03, 0.01), (0.3, 0.1, 0.03, 0.01)
+"""Standard deviations of steps in the unit cube: of a whole formation, and of one body."""
+
+BODY_SHARE = 0.8
+"""Share of steps that move a single body."""
 
 _APART = 0.1
 """Share of the radius by which two landmarks are apart, at the least."""
+
+STRAY = 3.0
+"""Multiple of the predicted error by which vehicles may come nearer in flight than planned."""
 
 UNFIT = 1e6
 """Value of a candidate with a fault, plus the size of its faults."""
@@ -84,6 +96,10 @@ class Space:
     Parameters
     ----------
     brief, cell : whose candidates
+
+    Attributes
+    ----------
+    spent : number of candidates judged, weighed by team size and by the losses that were judged
     """
 
     def __init__(self, brief: Brief, cell: Cell) -> None:
@@ -96,6 +112,11 @@ class Space:
         self._sites = np.array(sites.listed, dtype=float).reshape(-1, 2)
         self._each = 0 if sites.given else 1 if sites.on_edge else 2
         self._bare = self._bare_team()
+        self._weight = max(1.0, (cell.vehicles / LARGE_TEAM) ** 2)
+        self.spent = 0.0
+        self._bodies, self._round = self._coordinates()
+        sited = replace(self._bare[0], landmarks=np.zeros((cell.landmarks, 2)))
+        self._losses = single_losses(sited) if brief.need.losses else []
 
     @property
     def size(self) -> int:
@@ -167,75 +188,107 @@ class Space:
 
     def formation(self, point: Array) -> tuple[Scenario, Orbits]:
         """Return the scenario and the orbits at a point (size,)."""
-        one = self.candidate(point)
-        keys = self.keys(one)
-        team = self._team(one)
+        candidate = self.candidate(point)
+        keys = self.keys(candidate)
+        team = self._team(candidate)
         pairs = sorted(met_pairs(team, find_windows(team)))
         names = [(f"v{a + 1}", f"v{b + 1}") for a, b in pairs]
         # phases are free, so just those pairs are links that meet
         keys["formation"]["links"] = names
-        return scenario_from(keys), self._orbits(one)
+        return scenario_from(keys), self._orbits(candidate)
 
     # --- judgement --------------------------------------------------------------------------------
 
-    def value(self, point: Array) -> float:
+    def value(self, point: Array, limit: float = np.inf) -> float:
         """Return the worst predicted RMS error in m at a point, or UNFIT and the size of faults.
 
-        Where the need must hold after losses, it is the worst after any single loss.
+        Where the need must hold after losses, it is the worst after any single loss. As soon as a
+        part of it exceeds `limit`, that part is returned.
         """
-        one = self.candidate(point)
-        fault = sum(self._faults(one).values())
+        candidate = self.candidate(point)
+        fault = sum(self._faults(candidate).values())
         if fault > 0.0:
+            self.spent += SCREENED
             return UNFIT + fault
-        team = self._team(one)
+        self.spent += self._weight
+        team = self._team(candidate)
         windows, length = find_windows(team), PERIODS * team.orbits.period
         try:
             worst = float(posterior_bound(team, windows, length).rms_second_half().max())
-            if self.brief.need.losses:
-                whole = LossBounds.along(team, windows, length)
-                for loss in single_losses(team):
-                    left = whole.after(remainder_of(team, loss)).rms_second_half()
-                    worst = max(worst, float(left.max()))
+            near = self._nearness(candidate, STRAY * worst)
+            if near > 0.0:
+                return UNFIT + near
+            if worst <= limit and self._losses:
+                worst = max(worst, self._after_losses(team, windows, length, limit))
         except NoSolutionError:
             return UNFIT
+        return worst
+
+    def _after_losses(self, team: Team, windows: Windows, length: float, limit: float) -> float:
+        """The worst error in m after any loss, or the first that exceeds a limit."""
+        whole, worst = LossBounds.along(team, windows, length), 0.0
+        for loss in tuple(self._losses):
+            self.spent += self._weight
+            left = float(whole.after(remainder_of(team, loss)).rms_second_half().max())
+            if left > worst:
+                worst = left
+                # the loss that decides comes first next time, as it soon exceeds a limit
+                self._losses.remove(loss)
+                self._losses.insert(0, loss)
+            if worst > limit:
+                break
         return worst
 
     def faults(self, point: Array) -> dict[str, float]:
         """Return the size of each fault at a point, by the requirement that it misses."""
         return self._faults(self.candidate(point))
 
-    def _faults(self, one: Candidate) -> dict[str, float]:
+    def _faults(self, candidate: Candidate) -> dict[str, float]:
         """Sizes of faults as shares of lengths; those of vehicles too close only without others."""
-        radii = np.full(self.cell.vehicles, one.radius)
-        clear = self._area.path_clearances(one.centers, radii)
-        area = float(np.maximum(-clear, 0.0).sum()) / one.radius
-        faults = {"area": area + self.measure.shortfall(one.centers, radii), "landmarks": 0.0}
-        if len(one.landmarks):
-            away = np.hypot(*(one.centers[:, None] - one.landmarks[None]).transpose(2, 0, 1))
+        radii = np.full(self.cell.vehicles, candidate.radius)
+        clear = self._area.path_clearances(candidate.centers, radii)
+        area = float(np.maximum(-clear, 0.0).sum()) / candidate.radius
+        faults = {"area": area + self.measure.shortfall(candidate.centers, radii), "landmarks": 0.0}
+        if len(candidate.landmarks):
+            away = np.hypot(
+                *(candidate.centers[:, None] - candidate.landmarks[None]).transpose(2, 0, 1)
+            )
             limit = landmark_limit(self._bare[1]).least(radii)
-            near = np.maximum(limit - np.abs(away - one.radius), 0.0)
-            a, b = np.triu_indices(len(one.landmarks), 1)
-            apart = np.hypot(*(one.landmarks[a] - one.landmarks[b]).T)
-            least = _APART * one.radius
+            near = np.maximum(limit - np.abs(away - candidate.radius), 0.0)
+            a, b = np.triu_indices(len(candidate.landmarks), 1)
+            apart = np.hypot(*(candidate.landmarks[a] - candidate.landmarks[b]).T)
+            least = _APART * candidate.radius
             faults["landmarks"] = float(near.sum() + np.maximum(least - apart, 0.0).sum()) / least
         if not any(faults.values()):
-            least = separation_limit(self._bare[1]).least(radii)
-            nearest = closest_approach(self._orbits(one))
-            distance = least if nearest is None else nearest.distance
-            faults["separation"] = max(1.0 - distance / least, 0.0) if least > 0.0 else 0.0
+            faults["separation"] = self._nearness(candidate)
         return faults
 
-    def extended(self, point: Array, cell: Cell, seed: int) -> Array:
-        """Return the point of a smaller cell with further vehicles and landmarks.
+    def _nearness(self, candidate: Candidate, margin: float = 0.0) -> float:
+        """Share by which vehicles come nearer than the least distance and a margin in m."""
+        least = separation_limit(self._bare[1]).least(np.full(self.cell.vehicles, candidate.radius))
+        nearest = closest_approach(self._orbits(candidate)) if least > 0.0 else None
+        return 0.0 if nearest is None else max(1.0 - nearest.distance / (least + margin), 0.0)
 
-        Of so many random places for them, these are the best.
-        """
-        generator = np.random.default_rng((seed, self.cell.vehicles, self.cell.landmarks))
-        tries = generator.uniform(0.0, 1.0, (TRIES, self.size))
-        return min((self._joined(point, cell, one) for one in tries), key=self.value)
+    # --- points near others -----------------------------------------------------------------------
 
-    def _joined(self, point: Array, cell: Cell, more: Array) -> Array:
-        """The point of a smaller cell, and beyond its coordinates those of another point."""
+    def step(self, generator: np.random.Generator) -> Array:
+        """Return a random step (size,) of one vehicle or landmark, or of all of the formation."""
+        whole = generator.uniform() >= BODY_SHARE
+        chosen = np.arange(self.size)
+        if not whole:
+            chosen = self._bodies[generator.integers(len(self._bodies))]
+        step = np.zeros(self.size)
+        deviation = generator.choice(WHOLE_STEPS if whole else BODY_STEPS)
+        step[chosen] = deviation * generator.standard_normal(len(chosen))
+        return step
+
+    def shifted(self, point: Array, step: Array) -> Array:
+        """Return a point after a step, in the cube; phases, and places on an edge, go round."""
+        after = point + step
+        return np.where(self._round, after % 1.0, np.clip(after, 0.0, 1.0))
+
+    def joined(self, point: Array, cell: Cell, more: Array) -> Array:
+        """Return the point of a smaller cell with the further vehicles and landmarks of `more`."""
         more = more.copy()
         own, count = 1 + self._ranged, self.cell.vehicles
         ends = own, own + cell.vehicles, own + 3 * cell.vehicles
@@ -244,14 +297,32 @@ class Space:
             more[begin : begin + len(part)] = part
         return more
 
-    def _team(self, one: Candidate) -> Team:
-        """The team of a candidate on the coarse sample grid."""
-        team = coarse(self._bare[0].on(self._orbits(one)))
-        return replace(team, landmarks=one.landmarks)
+    def _coordinates(self) -> tuple[list[Index], Flags]:
+        """Coordinates of what all vehicles share, of each vehicle and landmark; which go round."""
+        own, count, each = 1 + self._ranged, self.cell.vehicles, self._each
+        vehicles, sites = own + np.arange(count), own + 3 * count
+        places = own + count + np.arange(2 * count).reshape(-1, 2)
+        bodies = [np.arange(own), *np.column_stack([vehicles, places])]
+        if each:
+            bodies += list(np.arange(sites, self.size).reshape(-1, each))
+        goes_round = np.zeros(self.size, dtype=bool)
+        goes_round[vehicles] = True
+        goes_round[sites:] = each == 1
+        return bodies, goes_round
 
-    def _orbits(self, one: Candidate) -> Orbits:
-        radii, phases = np.full(self.cell.vehicles, one.radius), one.phases % (2.0 * np.pi)
-        return Orbits(one.centers, radii, self._senses, phases, one.speed / one.radius)
+    def _team(self, candidate: Candidate) -> Team:
+        """The team of a candidate on the coarse sample grid."""
+        team = coarse(self._bare[0].on(self._orbits(candidate)))
+        return replace(team, landmarks=candidate.landmarks)
+
+    def _orbits(self, candidate: Candidate) -> Orbits:
+        radii, phases = (
+            np.full(self.cell.vehicles, candidate.radius),
+            candidate.phases % (2.0 * np.pi),
+        )
+        return Orbits(
+            candidate.centers, radii, self._senses, phases, candidate.speed / candidate.radius
+        )
 
     @property
     def _senses(self) -> Array:
@@ -266,14 +337,16 @@ class Space:
         point = np.full(self.size, 0.5)
         count = self.cell.vehicles
         apart = 3.0 * self.brief.vehicle.least_radius(self.brief.vehicle.speeds[1])
-        one = replace(
+        candidate = replace(
             self.candidate(point),
             centers=apart * np.arange(count)[:, None] * np.array([[1.0, 0.0]]),
             landmarks=np.zeros((0, 2)),
         )
-        scenario = scenario_from(self.keys(one))
+        scenario = scenario_from(self.keys(candidate))
         zeros = np.zeros(count)
-        circles = Orbits(one.centers, zeros + one.radius, zeros + 1.0, zeros, scenario.orbit.rate)
+        circles = Orbits(
+            candidate.centers, zeros + candidate.radius, zeros + 1.0, zeros, scenario.orbit.rate
+        )
         return team_of(scenario, circles), scenario
 
 

@@ -1,47 +1,47 @@
-"""The best formation of so many vehicles and landmarks, by CMA-ES in short rounds.
+"""The best formation of so many vehicles and landmarks: random formations, then small steps.
 
-A round begins at a random point; the next one, with smaller steps, around the best that it found;
-and so on in turns, until all evaluations are made.
-
-Source
-------
-Hansen, "The CMA evolution strategy: a tutorial", arXiv 1604.00772, 2016
+A step moves a vehicle, a landmark or the whole formation. If it does not lower the worst error, the
+opposite step is tried; where one helps, longer ones follow in its direction. Only whether a
+formation beats the best matters, so one that cannot is left after its first figures: the error
+without losses, or after the loss that decided before.
 """
 
 import json
-import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import takewhile
-from typing import Any
 
 import numpy as np
 
 from syncplan.arrays import Array
-from syncplan.designs.candidates import UNFIT, Space
-from syncplan.errors import InputError
+from syncplan.designs.candidates import UNFIT, Cell, Space
+from syncplan.scenario.brief import Brief
 
-SPREAD = 0.25
-"""Standard deviation of the first candidates in the unit cube."""
+AT_RANDOM = 0.25
+"""Share of a search that looks at random formations, where it begins with none."""
 
-NEARBY = 0.1
-"""The same around a point that is already good."""
+GROWTH = 1.5
+"""Ratio of a step to the one before it that helped."""
 
-AT_FIRST, AROUND = 1500, 3000
-"""Most evaluations from a random point, and around what these found."""
+LONGEST = 3
+"""Multiple of its evaluations that a search may make as long as a smaller team is better."""
+
+TRIES = 20
+"""Number of random places for a further vehicle or landmark."""
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class Finding:
     """Best candidate of a search.
 
     Attributes
     ----------
+    cell : with the senses of the candidate
     point : (size,) of the unit cube
     value : m, its worst predicted error; from UNFIT on, it has faults
     evaluations : number of candidates looked at
     """
 
+    cell: Cell
     point: Array
     value: float
     evaluations: int
@@ -53,82 +53,67 @@ class Found:
 
     def as_bytes(self) -> bytes:
         """Return the result as JSON, whose numbers read back unchanged."""
-        return json.dumps([self.point.tolist(), self.value, self.evaluations]).encode()
+        cell = self.cell.vehicles, self.cell.landmarks, self.cell.alternate
+        return json.dumps([cell, self.point.tolist(), self.value, self.evaluations]).encode()
 
     @classmethod
-    def of_bytes(cls, data: bytes) -> "Found":
-        """Return the result that `as_bytes` gave."""
-        point, value, evaluations = json.loads(data)
-        return cls(np.array(point), value, evaluations)
+    def of_bytes(cls, data: bytes, cell: Cell) -> "Finding | None":
+        """Return the result that `as_bytes` gave; None if it is not of a cell's search."""
+        parts = json.loads(data)
+        if len(parts) != 4 or parts[0][:2] != [cell.vehicles, cell.landmarks]:
+            return None
+        return cls(Cell(*parts[0]), np.array(parts[1]), parts[2], parts[3])
 
 
 def search(
-    space: Space,
-    evaluations: int,
-    seed: tuple[int, ...],
-    start: Array | None = None,
+    brief: Brief,
+    cell: Cell,
+    budget: float,
+    seed: Sequence[int],
+    starts: Sequence[Finding] = (),
     stop: Callable[[], bool] = lambda: False,
-) -> Found:
-    """Return the best candidate of a space after about so many evaluations.
+) -> Finding:
+    """Return the best candidate of a cell, with either senses, after about `budget` evaluations.
 
-    The search begins near `start`, and its result is no worse, or it begins at random. Where `stop`
-    returns True, it ends early.
+    Evaluations are weighed by what they cost, see Space. The search begins with the best of
+    `starts`, of this cell or of smaller ones, to which vehicles and landmarks are added; its result
+    is no worse than those of this cell. Without starts, it begins at random. Where `stop` returns
+    True, it ends early.
     """
     generator = np.random.default_rng(seed)
-    near = start is not None
-    begin = generator.uniform(0.2, 0.8, space.size) if start is None else start
-    best, made = Found(begin, space.value(begin), 1), 1
-    while made < evaluations and not stop():
-        most = min(AROUND if near else AT_FIRST, evaluations - made)
-        found = _round(space, begin, NEARBY if near else SPREAD, most, generator, stop)
-        made += found.evaluations
-        best = min(best, found, key=lambda one: one.value)
-        begin = generator.uniform(0.2, 0.8, space.size) if near else found.point
-        near = not near
-    return Found(best.point, best.value, made)
+    spaces = [Space(brief, Cell(cell.vehicles, cell.landmarks, both)) for both in (False, True)]
+    best = Finding(cell, np.zeros(0), np.inf, 0)
+    smaller = min((start.value for start in starts), default=np.inf)
+    made = 0
 
+    def points() -> Iterator[tuple[Space, Array]]:
+        for start in starts:
+            space = spaces[start.cell.alternate]
+            for _ in range(1 if space.cell == start.cell else TRIES):
+                more = generator.uniform(size=space.size)
+                yield space, space.joined(start.point, start.cell, more)
+        while not starts and spent() < AT_RANDOM * budget:
+            for space in spaces:
+                yield space, generator.uniform(size=space.size)
+        while spent() < (budget if best.value <= smaller else LONGEST * budget):
+            space, before = spaces[best.cell.alternate], best
+            step = space.step(generator)
+            yield space, space.shifted(best.point, step)
+            if best is before:
+                step = -step
+                yield space, space.shifted(best.point, step)
+            while best is not before:
+                before, step = best, GROWTH * step
+                yield space, space.shifted(best.point, step)
 
-def _round(
-    space: Space,
-    begin: Array,
-    spread: float,
-    evaluations: int,
-    generator: np.random.Generator,
-    stop: Callable[[], bool],
-) -> Found:
-    """The best candidate of a strategy, which ends once it has settled."""
-    strategy = _cma().CMAEvolutionStrategy(
-        begin,
-        spread,
-        {
-            "bounds": [0.0, 1.0],
-            "randn": lambda *shape: generator.standard_normal(shape),
-            "seed": np.nan,
-            "verbose": -9,
-        },
-    )
-    best, made = Found(begin, np.inf, 0), 0
-    while made < evaluations and not strategy.stop() and not stop():
-        points = [np.asarray(one, dtype=float) for one in strategy.ask()]
-        values = list(takewhile(lambda _: not stop(), map(space.value, points)))
-        if len(values) < len(points):
+    def spent() -> float:
+        return sum(space.spent for space in spaces)
+
+    for space, point in points():
+        value = space.value(point, best.value)
+        made += 1
+        if value < best.value:
+            best = Finding(space.cell, point, value, made)
+        if stop():
             break
-        strategy.tell(points, values)
-        made += len(points)
-        first = int(np.argmin(values))
-        if values[first] < best.value:
-            best = Found(points[first], values[first], made)
-    return Found(best.point, best.value, made)
-
-
-def _cma() -> Any:
-    try:
-        # it warns where its own figures are not available
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            import cma
-    except ImportError:
-        raise InputError(
-            "designs need the package cma; install the extra: pip install 'syncplan[design]'"
-        ) from None
-    return cma
+    return Finding(best.cell, best.point, best.value, made)

@@ -3,7 +3,7 @@
     proof that it is impossible, or
     the ladder over teams                                      -> front
     the cheapest that meet the need, refined                   -> plan, losses, flight, validation
-    where none does                                            -> purchases, each searched
+    where none does, or on request                             -> purchases, each searched
 
 A search is on a coarse sample grid; whatever is returned is judged by the exact code.
 """
@@ -50,9 +50,9 @@ class Design(Result):
     best : the winner, or the best formation found; None if there is none
     binding : the requirement that decides; empty if the brief is met
     front : what was found for each number of vehicles and landmarks
-    purchases : what changes of the brief would bring, where it is not met
+    purchases : what changes of the brief would bring, where it is not met or asks for them
     evaluations : number of candidates looked at
-    cut_short : whether Ctrl-C ended the search
+    cut_short : whether its time limit or Ctrl-C ended the search
     """
 
     brief: Brief
@@ -100,7 +100,8 @@ def design(
         front = ladder.search_all()
         best, binding = _best(ladder, front, interrupted.is_set)
         offered: tuple[Purchase, ...] = ()
-        if best is not None and binding and not interrupted.is_set():
+        asked = binding or given.purchases
+        if best is not None and asked and not interrupted.is_set():
             offered = _purchases(ladder, best, interrupted.is_set)
         return Design(
             given,
@@ -110,7 +111,7 @@ def design(
             front=tuple(front),
             purchases=offered,
             evaluations=ladder.evaluations,
-            cut_short=interrupted.is_set(),
+            cut_short=ladder.cut_short or interrupted.is_set(),
         )
 
 
@@ -118,12 +119,12 @@ def _best(
     ladder: Ladder, front: list[FrontCell], stopped: Callable[[], bool]
 ) -> tuple[Judgement | None, str]:
     """The cheapest formation that meets the brief, or the best of all and what it misses."""
-    fitting = [one for one in front if one.found.fits]
+    fitting = [one for one in front if one.best.fits]
     if not fitting:
         return None, _least_fault(ladder.brief, front)
-    nearly = [one for one in fitting if one.found.value <= NEARLY * wanted(ladder.brief.need)]
-    tried = sorted(nearly, key=lambda one: (one.cost, one.found.value))[:MOST_TRIED]
-    tried = tried or [min(fitting, key=lambda one: one.found.value)]
+    nearly = [one for one in fitting if one.best.value <= NEARLY * wanted(ladder.brief.need)]
+    tried = sorted(nearly, key=lambda one: (one.cost, one.best.value))[:MOST_TRIED]
+    tried = tried or [min(fitting, key=lambda one: one.best.value)]
     made: list[Judgement] = []
     for one in tried:
         made.append(judged(ladder.brief, one, stopped, ladder.report))
@@ -139,9 +140,10 @@ def _least_fault(brief: Brief, front: list[FrontCell]) -> str:
     """The largest fault of the formation that comes nearest to having none."""
     if not front:
         return "error"
-    one = min(front, key=lambda one: one.found.value)
-    faults = Space(brief, one.cell).faults(one.found.point)
-    return max(faults, key=lambda name: faults[name])
+    one = min(front, key=lambda one: one.best.value)
+    faults = Space(brief, one.cell).faults(one.best.point)
+    # of circles alone there may be none: vehicles then come too near as they stray
+    return max(faults, key=lambda name: faults[name]) if any(faults.values()) else "separation"
 
 
 def _purchases(
@@ -151,19 +153,20 @@ def _purchases(
 
     Each is searched on from that formation, and refined.
     """
-    brief, start = ladder.brief, (best.start.cell, best.start.found.point)
+    brief, starts = ladder.brief, (best.start.best,)
     offers = []
     for number, offer in enumerate(offers_for(brief, best.start.cell), ladder.searches):
-        order = SearchOrder(number, offer.brief, offer.cell, ladder.budget // 2, start)
+        half = ladder.budget // 2
+        order = SearchOrder(number, offer.brief, offer.cell, half, starts=starts)
         offers.append((offer, order))
     ladder.total += len(offers)
     ladder.carry_out([order for _, order in offers], "searching what would help")
     made = []
     for offer, order in offers:
-        _, found = ladder.made.get(order.number, (None, None))
-        if found is not None and found.fits and not stopped():
-            space = Space(offer.brief, offer.cell)
-            plan = refined(space, space.plan(found.point))
+        bought = ladder.made.get(order.number)
+        if bought is not None and bought.fits and not stopped():
+            space = Space(offer.brief, bought.cell)
+            plan = refined(space, space.plan(bought.point))
             rms = plan.prediction.rms
             if rms is not None and (worst := float(rms.max())) < best.worst:
                 met = worst <= wanted(brief.need)

@@ -59,14 +59,28 @@ def judged(
     Once `stopped` returns True, the formation is neither refined nor tried any further. `report`
     receives what is done, in words.
     """
-    space, need = Space(brief, one.cell), brief.need
-    team = f"{one.cell.vehicles} vehicles and {one.cell.landmarks} landmarks"
-    made = space.plan(one.found.point)
-    if not stopped():
-        report(f"refining {team}")
-        made = refined(space, made)
-    covered = space.measure.covered(made.orbits.centers, made.orbits.radii)
-    judgement = Judgement(one, made, covered=covered)
+    space = Space(brief, one.cell)
+    made = space.plan(one.best.point)
+    plans = [made]
+    # a refinement knows of no losses, and of no flights
+    if not stopped() and not brief.need.losses:
+        report(f"refining {_team(one)}")
+        plans.insert(0, refined(space, made))
+    judgements = []
+    for plan in plans:
+        covered = space.measure.covered(plan.orbits.centers, plan.orbits.radii)
+        judgement = Judgement(one, plan, covered=covered)
+        judgements.append(_judged(brief, judgement, stopped, report))
+        if stopped() or not judgements[-1].binding:
+            return judgements[-1]
+    return judgements[0]
+
+
+def _judged(
+    brief: Brief, judgement: Judgement, stopped: Callable[[], bool], report: Callable[[str], None]
+) -> Judgement:
+    """The judgement of a plan, with the requirement that it misses."""
+    need, made = brief.need, judgement.plan
     binding = _fault(judgement, need)
     if binding:
         return replace(judgement, binding=binding)
@@ -76,7 +90,7 @@ def judged(
         left = [item.worst_predicted_rms for item in what_if(made).losses]
         if any(worst is None or worst > need.worst_rms_m for worst in left):
             return replace(judgement, binding="losses")
-    report(f"flying {team}")
+    report(f"flying {_team(judgement.start)}")
     flight = pilot_flight(made, PilotOptions(limited=False))
     if isinstance(flight, str):
         return replace(judgement, plan=replace(made, unflown=flight), binding="flight")
@@ -88,13 +102,18 @@ def judged(
         return replace(judgement, binding=made.verdict.stops[0].code)
     if stopped():
         return replace(judgement, binding="time")
-    report(f"validating {team}")
+    report(f"validating {_team(judgement.start)}")
     validation = validate(made, trials=TRIALS, seed=brief.seed)
     judgement = replace(judgement, validation=validation)
     if float(validation.accuracy.late_position.max()) > need.worst_rms_m:
         return replace(judgement, binding="filter")
     stops = validation.verdict.stops
     return replace(judgement, binding=stops[0].code) if stops else judgement
+
+
+def _team(one: FrontCell) -> str:
+    """Team of a formation in words."""
+    return f"{one.cell.vehicles} vehicles and {one.cell.landmarks} landmarks"
 
 
 def _fault(judgement: Judgement, need: Need) -> str:

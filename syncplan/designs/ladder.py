@@ -1,26 +1,33 @@
-"""The ladder over teams: cells (vehicles, landmarks) searched alone, then on from their neighbours.
+"""The ladder over teams: cells (vehicles, landmarks) searched alone, then on from smaller ones.
 
-Searches are numbered and begin with the results of earlier ones only, so that neither the number of
-processes nor an interruption changes a result.
+                2 landmarks    3 landmarks
+    2 vehicles      o      ->      o           a vehicle or a landmark is added to the best
+                    |              |           formation of each smaller cell
+    3 vehicles      o      ->      o
+
+A cell is searched on as soon as its smaller neighbours have been, with any number of processes at
+once. Searches are numbered and begin with the results of certain others, so that neither the number
+of processes nor an interruption changes a result.
 """
 
+import math
 import threading
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from syncplan.arrays import Array
-from syncplan.designs.candidates import Cell, Space
-from syncplan.designs.cell_search import Found, search
+from syncplan.designs.candidates import Cell
+from syncplan.designs.cell_search import Finding, search
 from syncplan.runtime.machine import single_threaded_blas
 from syncplan.runtime.task_crew import EarlierSearch, Work, run_orders
 from syncplan.scenario.brief import Brief, Effort
 
-EVALUATIONS: Mapping[Effort, int] = {"quick": 800, "normal": 6000, "thorough": 60_000}
-"""Number of candidates looked at in each cell."""
+EVALUATIONS: Mapping[Effort, int] = {"quick": 180, "normal": 1300, "thorough": 13_000}
+"""Number of candidates looked at in each cell; large teams and losses count as several."""
 
-SEARCHES_OF_CELL = 3
-"""Searches of a cell: with equal senses, with alternate ones, and on from the best."""
+ROUNDS: Mapping[Effort, int] = {"quick": 1, "normal": 3, "thorough": 8}
+"""Number of searches of each cell alone, which share half of its candidates."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,12 +37,12 @@ class FrontCell:
     Attributes
     ----------
     cell : numbers of vehicles and landmarks
-    found : its best candidate, with the error on the coarse grid
+    best : its best candidate, with the error on the coarse grid
     cost : of the team, in the unit of the brief's costs
     """
 
     cell: Cell
-    found: Found
+    best: Finding
     cost: float
 
 
@@ -82,15 +89,50 @@ class SearchOrder:
     number : unique in a design; a search of the same number has the same result
     brief : that of the design, or one with a change
     cell : searched cell
-    evaluations : number of candidates
-    start : cell and point that are known, to begin at; None for a random point
+    evaluations : number of candidates, weighed by what they cost
+    needs : numbers of the searches whose results it begins with
+    starts : results that it begins with; without any, random formations
     """
 
     number: int
     brief: Brief
     cell: Cell
     evaluations: int
-    start: tuple[Cell, Array] | None = None
+    needs: tuple[int, ...] = ()
+    starts: tuple[Finding, ...] = ()
+
+
+def orders_of(brief: Brief) -> list[SearchOrder]:
+    """Return the searches of all cells: each alone, then on from those and from smaller cells.
+
+    Where a cell lacks a smaller neighbour, it is searched alone twice more in its stead.
+    """
+    cells, rounds = cells_of(brief), ROUNDS[brief.effort]
+    half = EVALUATIONS[brief.effort] // 2
+    orders: list[SearchOrder] = []
+    needs: dict[Cell, list[int]] = {}
+    smaller = {
+        cell: [
+            fewer
+            for fewer in (
+                replace(cell, landmarks=cell.landmarks - 1),
+                replace(cell, vehicles=cell.vehicles - 1),
+            )
+            if fewer in cells
+        ]
+        for cell in cells
+    }
+    for cell in cells:
+        needs[cell] = []
+        for _ in range(rounds * (5 - 2 * len(smaller[cell]))):
+            needs[cell].append(len(orders))
+            orders.append(SearchOrder(len(orders), brief, cell, half // rounds))
+    first = len(orders)
+    for cell in cells:
+        others = [first + cells.index(fewer) for fewer in smaller[cell]]
+        number = len(orders)
+        orders.append(SearchOrder(number, brief, cell, half, (*needs[cell], *others)))
+    return orders
 
 
 def search_worker(seed: int) -> Work:
@@ -99,15 +141,10 @@ def search_worker(seed: int) -> Work:
     @single_threaded_blas
     def work(
         order: SearchOrder, stop: threading.Event, _report: Callable[[Any], None]
-    ) -> tuple[SearchOrder, Found, bool]:
-        cell = order.cell
-        space = Space(order.brief, cell)
-        known, point = order.start or (cell, None)
-        if point is not None and known != cell:
-            point = space.extended(point, known, seed)
-        own = (seed, cell.vehicles, cell.landmarks, int(cell.alternate), point is None)
-        found = search(space, order.evaluations, own, point, stop.is_set)
-        return order, found, stop.is_set()
+    ) -> tuple[SearchOrder, Finding, bool]:
+        seeds = seed, order.number
+        best = search(order.brief, order.cell, order.evaluations, seeds, order.starts, stop.is_set)
+        return order, best, stop.is_set()
 
     return work
 
@@ -122,45 +159,37 @@ class Ladder:
     made : results by the number of their search
     searches : number of searches of the cells; those of purchases have numbers from it on
     total : number of all searches
+    cut_short : whether the time limit or Ctrl-C ended the searches
     """
 
     brief: Brief
     workers: int
     progress: DesignProgress
     earlier: EarlierSearch
-    made: dict[int, tuple[Cell, Found]] = field(default_factory=dict)
+    made: dict[int, Finding] = field(default_factory=dict)
+    cut_short: bool = False
 
     def __post_init__(self) -> None:
-        self.cells = cells_of(self.brief)
         self.budget = EVALUATIONS[self.brief.effort]
-        self.total = self.searches = SEARCHES_OF_CELL * len(self.cells)
+        self._orders = orders_of(self.brief)
+        self.total = self.searches = len(self._orders)
+        self._ends = time.monotonic() - self.earlier.spent_s + (self.brief.time_limit_s or math.inf)
 
     def search_all(self) -> list[FrontCell]:
         """Search all cells and return the front."""
-        budget, cells = self.budget, self.cells
-        both = [replace(cell, alternate=alternate) for cell in cells for alternate in (False, True)]
-        self.carry_out(
-            [SearchOrder(k, self.brief, cell, budget // 4) for k, cell in enumerate(both)],
-            "searching each team",
-        )
-        alone = dict(self.made.values())
-        orders = [
-            self._onward(len(both) + k, cell, alone, budget // 2) for k, cell in enumerate(cells)
-        ]
-        self.carry_out(
-            [one for one in orders if one is not None], "searching on from the neighbours"
-        )
+        self.carry_out(self._orders, "searching teams")
         return self.front()
 
     def front(self) -> list[FrontCell]:
         """The best result of each cell, in either sense, in the order of the cells."""
-        best: dict[tuple[int, int], tuple[Cell, Found]] = {}
+        best: dict[tuple[int, int], Finding] = {}
         for number in sorted(number for number in self.made if number < self.searches):
-            cell, found = self.made[number]
-            known = best.get((cell.vehicles, cell.landmarks))
-            if known is None or found.value < known[1].value:
-                best[cell.vehicles, cell.landmarks] = cell, found
-        return [FrontCell(*best[key], self.cost(best[key][0])) for key in sorted(best)]
+            result = self.made[number]
+            key = result.cell.vehicles, result.cell.landmarks
+            best[key] = min(best.get(key, result), result, key=lambda item: item.value)
+        return [
+            FrontCell(best[key].cell, best[key], self.cost(best[key].cell)) for key in sorted(best)
+        ]
 
     def cost(self, cell: Cell) -> float:
         """Cost of a team, without its sensors, by the brief's costs."""
@@ -172,52 +201,50 @@ class Ladder:
         """Report the state of the design."""
         self.progress(DesignState(doing, len(self.made), self.total, self.front()))
 
-    def carry_out(self, orders: list[SearchOrder], doing: str) -> None:
-        """Carry out orders, but for those whose results were kept; Ctrl-C leaves some out."""
-        kept = self.earlier.finished
-        for one in orders:
-            if one.number in kept:
-                self.made[one.number] = one.cell, Found.of_bytes(kept[one.number])
+    def carry_out(self, orders: Sequence[SearchOrder], doing: str) -> None:
+        """Carry out orders, each once the results that it needs are there.
 
-        def take(result: tuple[SearchOrder, Found, bool]) -> None:
-            order, found, stopped = result
-            self.made[order.number] = order.cell, found
+        Those whose results were kept are not repeated. The time limit and Ctrl-C leave some out.
+        """
+        given: set[int] = set()
+
+        def ready() -> list[SearchOrder]:
+            """Orders that can be carried out now and could not before."""
+            now = []
+            for order in orders:
+                if order.number in given or not self.made.keys() >= {*order.needs}:
+                    continue
+                given.add(order.number)
+                data = self.earlier.finished.get(order.number)
+                kept = data and Finding.of_bytes(data, order.cell)
+                if kept:
+                    self.made[order.number] = kept
+                else:
+                    starts = *order.starts, *(self.made[number] for number in order.needs)
+                    now.append(replace(order, starts=starts))
+            return now
+
+        def take(result: tuple[SearchOrder, Finding, bool]) -> list[SearchOrder]:
+            order, best, stopped = result
+            self.made[order.number] = best
             if not stopped:
-                self.earlier.keep(order.number, found.as_bytes())
+                self.earlier.keep(order.number, best.as_bytes())
             self.report(doing)
+            return ready()
 
+        waiting = ready()
         self.report(doing)
-        run_orders(
+        self.cut_short |= run_orders(
             search_worker,
             self.brief.seed,
-            [one for one in orders if one.number not in kept],
+            waiting,
             self.workers,
             begin=lambda order, _busy: order,
             take=take,
+            time_limit_s=self._ends - time.monotonic(),
         )
 
     @property
     def evaluations(self) -> int:
         """Number of candidates looked at."""
-        return sum(found.evaluations for _, found in self.made.values())
-
-    def _onward(
-        self, number: int, cell: Cell, alone: Mapping[Cell, Found], evaluations: int
-    ) -> SearchOrder | None:
-        """The search of a cell from the best of its own and its neighbours' results."""
-        best: tuple[Found, Cell] | None = None
-        for fewer in (
-            cell,
-            replace(cell, landmarks=cell.landmarks - 1),
-            replace(cell, vehicles=cell.vehicles - 1),
-        ):
-            for alternate in (False, True):
-                other = replace(fewer, alternate=alternate)
-                known = alone.get(other)
-                if known is not None and (best is None or known.value < best[0].value):
-                    best = known, other
-        if best is None:
-            return None
-        found, other = best
-        own = replace(cell, alternate=other.alternate)
-        return SearchOrder(number, self.brief, own, evaluations, (other, found.point))
+        return sum(best.evaluations for best in self.made.values())

@@ -6,6 +6,7 @@ from pydantic import Field
 
 from syncplan import __version__
 from syncplan.documents import Document, DocumentPart, OrAbsent, VersionedDocument, finite_or_none
+from syncplan.planning.judged_team import PlanFinding, Remark
 from syncplan.planning.plan_files import stated
 from syncplan.reports.flight_report import FlightDocument, flight_document
 from syncplan.reports.plan_report import PlanDocument, plan_document
@@ -16,6 +17,14 @@ if TYPE_CHECKING:
     from syncplan.designs.designer import Design
     from syncplan.designs.judgement import Judgement
     from syncplan.designs.ladder import FrontCell
+
+
+_CUT_SHORT = Remark(
+    "note",
+    "the search ended at its time limit or was interrupted: teams may be missing from the front, "
+    "and better formations may exist",
+    cure="raise time_limit_s, or leave it out",
+)
 
 
 class FrontPoint(Document):
@@ -95,6 +104,9 @@ class DesignDocument(VersionedDocument):
     evaluations: int = Field(description="Number of formations looked at")
     seed: int
     cut_short: bool = Field(description="Whether the search was ended early")
+    findings: tuple[PlanFinding, ...] = Field(
+        default=(), description="A note `search-cut-short` where the search was ended early"
+    )
     brief: Brief
     plan: PlanDocument | None = Field(description="The formation of `best`, an ordinary plan")
     validation: ValidationDocument | None
@@ -127,6 +139,7 @@ def design_document(found: "Design") -> DesignDocument:
         evaluations=found.evaluations,
         seed=found.brief.seed,
         cut_short=found.cut_short,
+        findings=(PlanFinding.of("search-cut-short", _CUT_SHORT),) if found.cut_short else (),
         brief=found.brief,
         plan=None if best is None else plan_document(best.plan),
         validation=None if checked is None else validation_document(checked),
@@ -139,7 +152,7 @@ def front_point(one: "FrontCell") -> FrontPoint:
     return FrontPoint(
         vehicles=one.cell.vehicles,
         landmarks=one.cell.landmarks,
-        worst_rms_m=one.found.value if one.found.fits else None,
+        worst_rms_m=one.best.value if one.best.fits else None,
         cost=one.cost,
     )
 
@@ -148,9 +161,9 @@ def _with_formation(brief: Brief, one: "FrontCell") -> FrontPoint:
     # not at the top: a search is only loaded by what searches
     from syncplan.designs.candidates import Space
 
-    if not one.found.fits:
+    if not one.best.fits:
         return front_point(one)
-    formation = stated(*Space(brief, one.cell).formation(one.found.point))
+    formation = stated(*Space(brief, one.cell).formation(one.best.point))
     return front_point(one).model_copy(update={"formation": formation})
 
 

@@ -7,10 +7,12 @@ Children ignore Ctrl-C: this process tells them to stop, and they return the bes
 """
 
 import contextlib
+import math
 import os
 import queue
 import signal
 import threading
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -48,52 +50,66 @@ def run_orders(
     workers: int,
     *,
     begin: Callable[[Any, bool], Any],
-    take: Callable[[Any], None],
+    take: Callable[[Any], Sequence[Any] | None],
     report: Callable[[Any], None] | None = None,
+    time_limit_s: float = math.inf,
 ) -> bool:
-    """Carry out orders in so many processes; return whether Ctrl-C cut them short.
+    """Carry out orders in so many processes; return whether the limit or Ctrl-C cut them short.
 
     `worker` is a function of a module, and all else that children are sent can be pickled. Before
     an order, `begin` receives it, and whether others are being carried out; it returns what `work`
-    is given, or None to leave out this order and all further ones. `take` receives each result.
-    Raises ProcessEndedError where a child ends by itself.
+    is given, or None to leave out this order and all further ones. `take` receives each result and
+    may return further orders. Raises ProcessEndedError where a child ends by itself.
     """
     run = _in_children if min(workers, len(orders)) > 1 else _here
-    with interruption() as interrupted:
+    with interruption(time_limit_s) as interrupted:
         if orders:
-            run(_Run(worker, task, list(orders), begin, take, report, interrupted), workers)
+            run(_Run(worker, task, deque(orders), begin, take, report, interrupted), workers)
         return interrupted.is_set()
 
 
 @dataclass(frozen=True, slots=True)
 class _Run:
-    """What run_orders is given, and the event that Ctrl-C sets."""
+    """What run_orders is given, and the event that the time limit and Ctrl-C set."""
 
     worker: Callable[[Any], Work]
     task: Any
-    orders: list[Any]
+    orders: deque[Any]
     begin: Callable[[Any, bool], Any]
-    take: Callable[[Any], None]
+    take: Callable[[Any], Sequence[Any] | None]
     report: Callable[[Any], None] | None
     interrupted: threading.Event
 
 
 @contextlib.contextmanager
-def interruption() -> Iterator[threading.Event]:
-    """Context of an event that Ctrl-C sets, if this is the main thread.
+def interruption(time_limit_s: float = math.inf) -> Iterator[threading.Event]:
+    """Context of an event that is set after a time limit, and by Ctrl-C if this is the main thread.
 
     Contexts may be nested: Ctrl-C sets the events of all, and of those that are entered later.
     """
     event = threading.Event()
+    timer = threading.Timer(min(time_limit_s, threading.TIMEOUT_MAX), event.set)
+    timer.daemon = True
+    if math.isfinite(time_limit_s):
+        timer.start()
+    try:
+        with _set_by_ctrl_c(event):
+            yield event
+    finally:
+        timer.cancel()
+
+
+@contextlib.contextmanager
+def _set_by_ctrl_c(event: threading.Event) -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
-        yield event
+        yield
         return
     if _entered and _entered[-1].is_set():
         event.set()
     _entered.append(event)
     before = signal.signal(signal.SIGINT, _interrupt)
     try:
-        yield event
+        yield
     finally:
         signal.signal(signal.SIGINT, before)
         _entered.pop()
@@ -109,33 +125,38 @@ def _interrupt(*_: object) -> None:
 
 
 def _here(run: _Run, _workers: int) -> None:
-    work = run.worker(run.task)
-    for order in run.orders:
-        message = None if run.interrupted.is_set() else run.begin(order, False)
+    work, orders = run.worker(run.task), run.orders
+    while orders and not run.interrupted.is_set():
+        message = run.begin(orders.popleft(), False)
         if message is None:
             return
-        run.take(work(message, run.interrupted, run.report or _ignored))
+        orders.extend(run.take(work(message, run.interrupted, run.report or _ignored)) or ())
 
 
 def _in_children(run: _Run, workers: int) -> None:
     orders = run.orders
     messages: queue.Queue[Any] = queue.Queue()
     children: list[_Child] = []
+    idle: list[_Child] = []
     busy: set[int] = set()
 
-    def give(child: _Child) -> None:
-        message = run.begin(orders[0], bool(busy)) if orders else None
-        if message is None:
-            orders.clear()
-            return
-        orders.pop(0)
-        child.send(message)
-        busy.add(child.number)
+    def give() -> None:
+        """Give orders to idle children, and to new ones up to the number of processes."""
+        while orders and len(busy) < workers:
+            message = run.begin(orders[0], bool(busy))
+            if message is None:
+                orders.clear()
+                return
+            orders.popleft()
+            if not idle:
+                idle.append(_Child(len(children), run.worker, run.task, messages))
+                children.append(idle[-1])
+            child = idle.pop()
+            child.send(message)
+            busy.add(child.number)
 
     try:
-        for number in range(min(workers, len(orders))):
-            children.append(_Child(number, run.worker, run.task, messages))
-            give(children[-1])
+        give()
         stopping = False
         while busy:
             if run.interrupted.is_set() and not stopping:
@@ -150,9 +171,12 @@ def _in_children(run: _Run, workers: int) -> None:
             if kind == "progress" and run.report is not None:
                 run.report(value)
             elif kind == "done":
-                run.take(value)
+                further = run.take(value)
                 busy.discard(number)
-                give(children[number])
+                idle.append(children[number])
+                if not stopping:
+                    orders.extend(further or ())
+                    give()
             elif kind == "gone" and number in busy:
                 raise ProcessEndedError(
                     f"a process of the search ended: {children[number].process.complaint()}"
@@ -195,6 +219,8 @@ def serve_orders(descriptor: int) -> None:
     module, name = connection.recv()
     work = getattr(import_module(module), name)(connection.recv())
     keep_loaded()
+    # as Ctrl-C, it is the parent's to handle
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
     orders: queue.Queue[Any] = queue.Queue()
     stop = threading.Event()
     threading.Thread(target=_take_orders, args=(connection, orders, stop), daemon=True).start()

@@ -204,6 +204,15 @@ class Brief(Section):
         default=None, description="Least distance a vehicle may come to a landmark"
     )
     effort: Effort = Field(default="normal", description="Length of the search")
+    time_limit_s: Annotated[float, Field(gt=0, le=1e6)] | None = Field(
+        default=None,
+        description="Longest time of the searches; the best formations found are judged after it",
+        examples=[600.0],
+    )
+    purchases: bool = Field(
+        default=False,
+        description="Whether to search what changes of the brief would bring also where it is met",
+    )
     seed: Annotated[int, Field(ge=0, le=2**63 - 1)] = Field(
         default=0, description="Seed of the search"
     )

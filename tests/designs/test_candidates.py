@@ -116,12 +116,22 @@ def test_landmarks_stand_where_the_brief_lets_them() -> None:
 
 
 def test_a_search_is_never_worse_than_its_start() -> None:
-    space, generator = _space(Cell(3, 2)), np.random.default_rng(8)
-    start = generator.uniform(0.2, 0.8, space.size)
-    long = search(space, 200, (1,), start)
+    given = brief(**EASY)
+    long = search(given, Cell(3, 2), 100, (1,))
     assert long.fits
-    # two candidates more hardly find a better one
-    assert search(space, 2, (2,), long.point).value <= long.value
+    # few candidates more hardly find a better one
+    again = search(given, Cell(3, 2), 2, (2,), [long])
+    assert again.value <= long.value
+    assert again.evaluations >= 2
+
+
+def test_a_search_begins_with_the_best_of_its_starts() -> None:
+    given = brief(**EASY, landmarks={"max": 3})
+    starts = [search(given, Cell(2, 2), 30, (seed,)) for seed in range(3)]
+    # a landmark more cannot worsen what the others show
+    for landmarks in (2, 3):
+        found = search(given, Cell(2, landmarks), 1, (3,), starts)
+        assert found.value <= min(start.value for start in starts) * (1.0 + 1e-9)
 
 
 def test_senses_alternate_where_the_cell_says_so() -> None:
@@ -133,12 +143,49 @@ def test_senses_alternate_where_the_cell_says_so() -> None:
 
 def test_a_larger_cell_begins_with_the_smaller_ones_formation() -> None:
     small, large = _space(Cell(2, 1)), _space(Cell(3, 2))
-    point = np.random.default_rng(4).uniform(0.0, 1.0, small.size)
-    before, after = small.candidate(point), large.candidate(large.extended(point, small.cell, 0))
+    generator = np.random.default_rng(4)
+    point, more = (generator.uniform(0.0, 1.0, space.size) for space in (small, large))
+    before, after = small.candidate(point), large.candidate(large.joined(point, small.cell, more))
     np.testing.assert_array_equal(after.centers[:2], before.centers)
     np.testing.assert_array_equal(after.phases[:2], before.phases)
     np.testing.assert_array_equal(after.landmarks[:1], before.landmarks)
     assert after.radius == before.radius
+
+
+@pytest.mark.parametrize("landmarks", [{"max": 2}, {"max": 2, "on_edge": True}])
+def test_a_step_moves_one_body_or_all_and_stays_in_the_cube(landmarks: dict[str, Any]) -> None:
+    space, generator = _space(Cell(3, 2), landmarks=landmarks), np.random.default_rng(9)
+    point = generator.uniform(0.0, 1.0, space.size)
+    before, bodies = space.candidate(point), set[tuple[bool, ...]]()
+    for _ in range(300):
+        near = space.shifted(point, space.step(generator))
+        assert np.all((near >= 0.0) & (near <= 1.0))
+        after = space.candidate(near)
+        rows = zip(
+            [*before.centers, *before.landmarks], [*after.centers, *after.landmarks], strict=True
+        )
+        if after.radius == before.radius:
+            bodies.add(tuple(bool(np.any(a != b)) for a, b in rows))
+    # each of three vehicles and two landmarks alone
+    alone = {tuple(k == body for k in range(5)) for body in range(5)}
+    assert bodies == alone
+
+
+def test_a_candidate_that_cannot_beat_the_limit_costs_less() -> None:
+    need = {"worst_rms_m": 2.0, "losses": 1}
+    space = _space(Cell(3, 3), need=need, landmarks={"max": 3})
+    generator = np.random.default_rng(5)
+    points = [generator.uniform(0.0, 1.0, space.size) for _ in range(300)]
+    point = next(point for point in points if space.value(point) < UNFIT)
+    before = space.spent
+    worst = space.value(point)
+    # all of three vehicles, three sensors and three landmarks, and the whole team
+    assert space.spent - before == 10.0
+    before = space.spent
+    part = space.value(point, 0.5 * worst)
+    assert 0.5 * worst < part <= worst
+    # the loss that decided comes first
+    assert space.spent - before <= 2.0
 
 
 # --- what no formation meets ----------------------------------------------------------------------

@@ -33,12 +33,12 @@ def _events(http: httpx2.Client, job: str) -> list[JobEvent]:
 
 def test_a_design_is_the_librarys_and_its_events_carry_the_front(ann: httpx2.Client) -> None:
     job = _handed_in(ann, "/v1/designs", {**FIELD, "team": {"min": 2, "max": 4}})
-    assert done(ann, job)["progress"] == {"done": 9, "total": 9}
+    assert done(ann, job)["progress"] == {"done": 14, "total": 14}
     result = ann.get(f"{job}/result").text
     here = design(brief(team={"min": 2, "max": 4}), workers=1)
     assert result == as_text(design_document(here).as_json())
     shown = [one for one in _events(ann, job) if one.front]
-    assert shown[0].doing == "searching each team"
+    assert shown[0].doing == "searching teams"
     last = shown[-1].front
     assert last is not None
     front = DesignDocument.model_validate_json(result).front
@@ -109,11 +109,11 @@ def test_a_bad_brief_is_refused_by_its_key(ann: httpx2.Client) -> None:
     ("keys", "message"),
     [
         ({"team": {"max": 11}}, "team.max: 11 vehicles asked for; this service takes up to 10"),
-        ({"effort": "normal"}, "effort: 12000 candidates of all teams asked for; .* up to 2000"),
+        ({"effort": "normal"}, "effort: 6484 candidates of all teams asked for; .* up to 2000"),
     ],
 )
 def test_a_design_beyond_the_limits_is_refused(keys: dict[str, Any], message: str) -> None:
-    assert checked_request("design", json.dumps(FIELD).encode(), "json", LIMITS, None)[1] == 6
+    assert checked_request("design", json.dumps(FIELD).encode(), "json", LIMITS, None)[1] == 10
     body = json.dumps({**FIELD, **keys}).encode()
     with pytest.raises(InputError, match=message):
         checked_request("design", body, "json", LIMITS, None)
