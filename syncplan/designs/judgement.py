@@ -87,7 +87,9 @@ def _judged(
     if stopped():
         return replace(judgement, binding="time")
     if need.losses:
-        left = [item.worst_predicted_rms for item in what_if(made).losses]
+        left = [
+            item.worst_predicted_rms if item.observable else None for item in what_if(made).losses
+        ]
         if any(worst is None or worst > need.worst_rms_m for worst in left):
             return replace(judgement, binding="losses")
     report(f"flying {_team(judgement.start)}")

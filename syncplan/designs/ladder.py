@@ -72,7 +72,7 @@ def cells_of(brief: Brief) -> list[Cell]:
     keep = brief.purpose.keep
     first = max(brief.team.min, keep.count if keep else 1)
     # fewer landmarks cannot be observed, see impossibility
-    needed = 1 if brief.heading_sigma_rad is not None else 2
+    needed = (1 if brief.heading_sigma_rad is not None else 2) + brief.need.losses
     return [
         Cell(count, sites)
         for count in range(first, brief.team.max + 1)

@@ -6,7 +6,7 @@ radius, where the distance is negative if the centre is on the wrong side. A pat
 within it, is also clear of a keep-out that it goes round.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,6 +22,29 @@ _ARC_ERROR = 2e-4
 
 _CONVEX = 1e-12
 """Share of its area by which a polygon may fall short of its hull and still count as convex."""
+
+
+def _buffered(polygon: Any, distance: float) -> Any:
+    """Polygon grown by `distance` m, fast.
+
+    GEOS first fills dents of up to 1 % of the distance: growth may come out too large, and what is
+    shrunk too small, or even empty.
+    """
+    return polygon.buffer(distance, quad_segs=_ARC_SEGMENTS)
+
+
+def _grown(polygon: Any, distance: float) -> Any:
+    """Polygon grown by `distance` m edge by edge, where GEOS fills nothing.
+
+    Arcs are polygons within true ones: growth is too small by up to `_ARC_ERROR`, and what is
+    shrunk too large.
+    """
+    import shapely
+
+    corners = shapely.get_coordinates(polygon)
+    edges = shapely.linestrings(np.stack([corners[:-1], corners[1:]], axis=1))
+    near = shapely.union_all(shapely.buffer(edges, abs(distance), quad_segs=_ARC_SEGMENTS))
+    return polygon.union(near) if distance > 0.0 else polygon.difference(near)
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +133,8 @@ class Area:
         """Return whether a path with a radius in `radii` and its centre in the box can lie clear.
 
         `radii` are the least and the largest in m. Not exact where they differ: the least is
-        tested for passing outside keep-outs, the largest for going round them.
+        tested for passing outside keep-outs, the largest for going round them. False holds despite
+        arcs and rounding: circles smaller by 2e-4 of the radius have no room either.
         """
         import shapely
 
@@ -118,7 +142,7 @@ class Area:
         if self.path_clearances(middle[None], np.array(radii[:1])).min() >= 0.0:
             return True
         least, most = radii[0] * (1.0 - _ARC_ERROR), radii[1] * (1.0 + _ARC_ERROR)
-        room = self._room(least, middle, round_them=most)
+        room = self._room(least, middle, round_them=most, grow=_grown)
         box = (
             shapely.box(*lower, *upper)
             if np.all(lower < upper)
@@ -158,14 +182,21 @@ class Area:
         return np.stack([self.inside.min(axis=0), self.inside.max(axis=0)])
 
     def largest_radius(self) -> float:
-        """Return the radius in m of the largest circle within the outer polygon, to 1 mm."""
+        """Return the radius in m of the largest circle within the outer polygon, to 1 mm.
+
+        Less where the search for it ends early, as it may in large or intricate polygons.
+        """
         import shapely
 
         return float(shapely.length(shapely.maximum_inscribed_circle(self._outer, 1e-3)))
 
-    def size(self, *, grown: float = 0.0) -> float:
-        """Return the size in m^2 without keep-outs, or of the outer polygon grown by some m."""
-        return float((self._outer.buffer(grown) if grown else self._open).area)
+    def size(self) -> float:
+        """Return the size in m^2 without keep-outs."""
+        return float(self._open.area)
+
+    def most_size(self, grown: float) -> float:
+        """Return an upper limit of the size in m^2 of the outer polygon grown by some m."""
+        return float(_grown(self._outer, grown + _ARC_ERROR * max(grown, 0.0)).area)
 
     def grid(self, count: int) -> tuple[Array, float]:
         """Return the (p, 2) m of a grid, about `count` in the bounding box, that lie open.
@@ -219,10 +250,13 @@ class Area:
         closed = shapely.union_all([shapely.Polygon(one) for one in self.outside])
         return shapely.difference(self._outer, closed)
 
-    def _room(self, radius: float, near: Array, *, round_them: float) -> Any:
+    def _room(
+        self, radius: float, near: Array, *, round_them: float, grow: Callable[..., Any] = _buffered
+    ) -> Any:
         """Region of the centres whose circles lie clear; around `near` if there is no outer limit.
 
-        Includes the centres of circles of radius `round_them` m that go round a keep-out.
+        Includes the centres of circles of radius `round_them` m that go round a keep-out. By
+        `_buffered` it may lack narrow parts.
         """
         import shapely
 
@@ -231,10 +265,10 @@ class Area:
         room = (
             shapely.box(*(near - reach), *(near + reach))
             if self.inside is None
-            else shapely.Polygon(self.inside).buffer(-radius, quad_segs=_ARC_SEGMENTS)
+            else grow(self._outer, -radius)
         )
         for one in self.outside:
-            closed = shapely.Polygon(one).buffer(radius, quad_segs=_ARC_SEGMENTS)
+            closed = grow(shapely.Polygon(one), radius)
             discs = shapely.buffer(shapely.points(one), round_them, quad_segs=_ARC_SEGMENTS)
             orbits = shapely.intersection(room, shapely.intersection_all(discs))
             room = shapely.union(room.difference(closed), orbits)

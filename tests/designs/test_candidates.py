@@ -200,6 +200,9 @@ PLANTED: list[tuple[dict[str, Any], str]] = [
     ({"landmarks": {"max": 0}}, "rank"),
     ({"landmarks": {"max": 1}}, "rank"),
     ({"landmarks": {"max": 0}, "heading_sigma_rad": 0.05}, "rank"),
+    ({"landmarks": {"max": 2}, "need": {"worst_rms_m": 99.0, "losses": 1}}, "rank"),
+    ({"landmarks": {"max": 1}, "need": {"worst_rms_m": 99.0, "losses": 1},
+      "heading_sigma_rad": 0.05}, "rank"),
     ({"purpose": {"cover": {"share": 0.9, "swath_m": 12.0}}}, "area"),
     ({"purpose": {"visit_m": [[100.0, 60.0], [230.0, 60.0]]}}, "area"),
     ({"team": {"max": 6}, "purpose": {"keep": {"count": 6, "spread_m": 160.0}}}, "area"),
@@ -271,12 +274,12 @@ def _fits_somewhere(given: Brief, draws: int, generator: np.random.Generator) ->
 
 
 def _observable_somewhere(given: Brief) -> bool:
-    """Whether some drawn formation is observable with all landmarks that may be."""
+    """Whether some drawn formation is observable with all landmarks that may be, less losses."""
     easy = brief(
         **given.model_dump(include={"landmarks", "heading_sigma_rad"}, exclude_none=True),
         purpose={"keep": {"count": 1, "spread_m": 1.0}},
         sensor={"range_m": 500.0},
     )
-    space = Space(easy, Cell(3, easy.landmarks.most))
+    space = Space(easy, Cell(3, max(easy.landmarks.most - given.need.losses, 0)))
     points = np.random.default_rng(3).uniform(0.0, 1.0, (20, space.size))
     return any(space.plan(point).observable for point in points)

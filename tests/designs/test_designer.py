@@ -106,6 +106,18 @@ def test_a_winner_that_cannot_be_flown_does_not_meet_the_brief(
     )
 
 
+def test_a_loss_that_leaves_the_team_unobservable_decides_however_small_its_errors(
+    met: Searched, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    best = met[0].best
+    assert best is not None
+    monkeypatch.setattr(judgement, "refined", lambda *_: replace(best.plan, flight=None))
+    # about the landmark that is left, the team turns little in ten periods
+    given = brief(need={"worst_rms_m": 1e3, "losses": 1})
+    again = judgement.judged(given, best.start, lambda: False, lambda _: None)
+    assert (again.binding, again.flight) == ("losses", None)
+
+
 def test_kept_searches_are_not_repeated_and_give_the_same_design_on_two_processes(
     met: Searched,
 ) -> None:

@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+import pytest
 import shapely
 from hypothesis import assume, given
 from hypothesis import example as known
@@ -10,6 +11,7 @@ from hypothesis import strategies as st
 
 from syncplan.arrays import Array
 from syncplan.scenario.areas import Area
+from tests.tools.planted_briefs import draw_planted
 
 # lengths to the millimetre: closer corners make shapely divide by zero
 COORDINATES = st.integers(-60_000, 60_000).map(lambda mm: mm / 1000.0)
@@ -132,3 +134,22 @@ def test_a_disc_that_fits_nowhere_may_have_room_round_a_keep_out() -> None:
     np.testing.assert_array_equal(area.nearest_clear(centers, radii, paths=True), centers)
     assert area.has_room((20.0, 20.0), centers[0] - 1.0, centers[0] + 1.0)
     assert not area.has_room((6.0, 6.0), centers[0] - 1.0, centers[0] + 1.0)
+
+
+@pytest.mark.parametrize("number", [272, 980])
+def test_the_largest_circle_of_an_area_with_shallow_corners_has_room(number: int) -> None:
+    planted = draw_planted(np.random.default_rng(number), edge=True)
+    area = Area.of(planted.brief.area_m, planted.brief.keep_out_m)
+    radius = planted.radius
+    assert area.path_clearances(planted.centers[:1], np.array([radius])).min() >= -1e-9
+    assert area.has_room((radius, radius), *area.corners)
+    assert not area.has_room((1.01 * radius, 1.01 * radius), *area.corners)
+
+
+@pytest.mark.parametrize("grown", [-4.9, -2.0, -1e-6, 0.0, 1e-6, 3.0, 500.0])
+def test_the_most_that_a_grown_rectangle_measures_is_hardly_more_than_it_does(grown: float) -> None:
+    area = Area(np.array([[0.0, 0.0], [20.0, 0.0], [20.0, 10.0], [0.0, 10.0]]))
+    exact = (20.0 + 2.0 * grown) * (10.0 + 2.0 * grown)
+    if grown > 0.0:
+        exact -= (4.0 - np.pi) * grown**2
+    assert exact * (1.0 - 1e-12) <= area.most_size(grown) <= exact * (1.0 + 1e-3)
