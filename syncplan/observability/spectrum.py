@@ -158,7 +158,7 @@ def _sparse_observability(
     blocks: Sequence[Block], size: int, scale: float, parts: Sequence[Index]
 ) -> Observability:
     factor = factored(blocks, parts, size)
-    rows = _sparse_rows(blocks, size)
+    rows = sparse_matrix(blocks, size)
     values = np.full(size, np.nan)
     values[0] = np.sqrt(_greatest(lambda vector: rows.T @ (rows @ vector), size, 1)[0][0])
     null = _NullRows(factor)
@@ -200,8 +200,8 @@ def _set_aside(
     return factored(blocks, [*others, columns], size, columns.tolist())
 
 
-def _sparse_rows(blocks: Sequence[Block], size: int) -> Any:
-    """The rows (r, size) of all blocks as a sparse matrix."""
+def sparse_matrix(blocks: Sequence[Block], size: int) -> Any:
+    """Return the rows (r, size) of all blocks as a sparse matrix."""
     from scipy.sparse import csr_array
 
     none = np.zeros(0, dtype=np.int64)

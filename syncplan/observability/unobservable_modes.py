@@ -3,7 +3,7 @@
 The null space of the windowed matrix is matched against motions that have a name, simplest first:
 a shift or turn of vehicles that nothing ties to the ground, a turn about the only landmark seen,
 a stretch along lines of sight that never turn. Any other direction is described by the vehicles
-that move most.
+that move most, also where a motion that has a name comes close to it but still changes sightings.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -13,7 +13,8 @@ from functools import partial
 import numpy as np
 
 from syncplan.arrays import Array, Index
-from syncplan.observability.rank import Assessment, LinkInformation
+from syncplan.observability.rank import Assessment, LinkInformation, lone_rows, reduced_blocks
+from syncplan.observability.spectrum import RANK_TOLERANCE, sparse_matrix
 from syncplan.orbits.circles import Orbits, perpendicular, position, unit
 from syncplan.orbits.contacts import circle_gaps
 from syncplan.orbits.graphs import components
@@ -91,12 +92,16 @@ def name_modes(
 ) -> list[UnobservableMode]:
     """Return a named mode for each dimension of the null space, the simplest first.
 
-    In large teams, no more are named once they move MOST_MOTIONS vehicles in all.
+    The windowed matrix M bears out each name: |M v| / |v| of its motion v is no more than the
+    singular values that do not count. In large teams, no more are named once they move MOST_MOTIONS
+    vehicles in all.
     """
     team, result = assessed.team, assessed.observability
     null_space, missing = result.null_space, len(result.null_space)
     if missing == 0:
         return []
+    blocks = reduced_blocks(assessed.information, team.count, lone_rows(team, assessed.sightings))
+    matrix = sparse_matrix(blocks, result.state_dim)
     places = position(team.orbits, 0.0)
     naming = _Naming(team, places, names, landmark_names, assessed.information, result.scale)
     chosen: list[_Candidate] = []
@@ -109,6 +114,9 @@ def name_modes(
         moving = np.flatnonzero(vector)
         parts = null_space[:, moving] @ vector[moving]
         if 1.0 - parts @ parts > MATCH_TOLERANCE**2:
+            continue
+        # what lies outside may be small, and still be sighted sharply
+        if np.linalg.norm(matrix @ vector) > RANK_TOLERANCE * assessed.largest:
             continue
         inside = null_space.T @ parts
         new = inside - basis.T @ (basis @ inside)

@@ -129,6 +129,35 @@ def draw_equipped_team(generator: np.random.Generator, most: int = 5) -> Team:
     return replace(team, sensors=sensors, errors=errors, obstacles=tuple(triangles))
 
 
+def draw_parallel_team(generator: np.random.Generator) -> Team:
+    """Return a row of vehicles whose lines of sight hardly turn, with up to two landmarks.
+
+    Radii are equal and phases on the rules to a share of 1e-9 to 1e-3; of two landmarks, half are
+    as near to each other. Sensors are those of `draw_equipped_team`.
+    """
+    team = draw_equipped_team(generator, most=6)
+    count, size = team.count, float(team.orbits.radii.mean())
+    off, apart = 10.0 ** generator.uniform(-9.0, -3.0, 2)
+    centers = size * np.column_stack([2.3 * np.arange(count), np.zeros(count)])
+    phases = np.pi * np.arange(count)
+    senses = np.ones(count)
+    if generator.random() < 0.7:
+        senses[1::2] = -1.0
+    number = int(generator.integers(3))
+    landmarks = centers[generator.integers(0, count, number)]
+    landmarks += size * generator.uniform(-1.5, 1.5, (number, 2))
+    if number == 2 and generator.random() < 0.5:
+        landmarks[1] = landmarks[0] + apart * size * generator.uniform(-1.0, 1.0, 2)
+    orbits = replace(
+        team.orbits,
+        centers=centers,
+        radii=size * (1.0 + off * generator.uniform(-1.0, 1.0, count)),
+        senses=senses,
+        phases=phases + off * generator.uniform(-1.0, 1.0, count),
+    )
+    return replace(team, orbits=orbits, landmarks=landmarks)
+
+
 def sightings_of(team: Team, last_step: int) -> Sightings:
     """Return what the team sees from step 0 to `last_step`."""
     windows = find_windows(team)
