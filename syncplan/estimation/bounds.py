@@ -79,16 +79,17 @@ def posterior_bound(
     Errors that the filter estimates are states too, with their sigmas as the start.
     `start_up` adds the start-up index, from the same recursion. `lumped` computes the bound of a
     large team by lumps of sightings, without the index, unless an error that the filter estimates
-    changes. Raises NoSolutionError where the covariance stops being positive definite in floating
-    point: sigmas that span too many orders of magnitude.
+    changes or lumps would save little. Raises NoSolutionError where the covariance stops being
+    positive definite in floating point: sigmas that span too many orders of magnitude.
     """
     steps = steps_within(duration, team.sensors.sample_time)
     system = ReferredSystem.along(team, windows, steps, layout_of(team))
+    exact = system.with_index if start_up else system.bound
     if lumped and system.run.changing is None:
         from syncplan.estimation.lumped_bound import lumped_bound
 
-        return system.from_start(lambda covariance: lumped_bound(system, covariance))
-    return system.from_start(system.with_index if start_up else system.bound)
+        return system.from_start(lambda covariance: lumped_bound(system, covariance, exact))
+    return system.from_start(exact)
 
 
 @dataclass(frozen=True, slots=True)

@@ -56,6 +56,7 @@ class PosteriorBound:
         unit; None if the state consists of poses alone
     accuracy : estimated relative error of the RMS position bound, the largest of any vehicle; 0
         where the recursion is exact
+    longest_lump : s, limit on the length of lumps; 0 where the recursion is exact
     """
 
     position_variance: Array
@@ -63,6 +64,7 @@ class PosteriorBound:
     start_up: StartUpIndex | None = None
     errors: Array | None = None
     accuracy: float = 0.0
+    longest_lump: float = 0.0
 
     def until(self, samples: float) -> "PosteriorBound":
         """Return the bound along the first `samples`, rounded down, or all if there are fewer."""

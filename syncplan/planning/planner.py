@@ -274,8 +274,8 @@ def _bound_along(
     if not found.accuracy:
         return found, ""
     return found, (
-        f"the errors of {team.count} vehicles are predicted from sightings lumped over a sixteenth "
-        f"of a period, to an estimated {100.0 * found.accuracy:.2g} %"
+        f"the errors of {team.count} vehicles are predicted from sightings lumped over up to "
+        f"{found.longest_lump:.2g} s, to an estimated {100.0 * found.accuracy:.2g} %"
     )
 
 
