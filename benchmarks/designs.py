@@ -11,27 +11,21 @@ first formation without a fault is found, and until the end.
 import statistics
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks import Figure, print_figures
-from syncplan.designs.candidates import UNFIT, Cell, Space
+from syncplan.designs.candidates import UNFIT
 from syncplan.designs.designer import design
 from syncplan.designs.ladder import DesignState, FrontCell, Ladder
 from syncplan.runtime.machine import single_threaded_blas, usable_cores
 from syncplan.runtime.task_crew import EarlierSearch
 from syncplan.scenario.brief import Brief, brief_of
+from tests.tools.fronts import simple_search
 
 ROOT = Path(__file__).resolve().parents[1]
 BRIEFS = sorted((ROOT / "examples" / "briefs").glob("*.yaml"))
-
-AT_RANDOM, CHANGES, STEPS = 200, 600, (0.1, 0.03, 0.01)
-"""Evaluations of the simple search, and the standard deviations of its changes in the unit cube."""
 
 FIRST_TARGET_S, TARGET_S, WORST_SHARE = 10.0, 180.0, 103.0
 
@@ -52,28 +46,6 @@ SEEDS, LEAST_KNOWN_M, CELL_TARGET_S = 3, 0.233, 90.0
 Result = tuple[
     dict[str, list[float]], list[tuple[float, float]], dict[str, tuple[float, float, int]]
 ]
-
-
-def simple_search(brief: Brief, cell: Cell) -> float:
-    """Return the least worst error in m that the simple search of a team finds."""
-    generator = np.random.default_rng(0)
-    spaces = [Space(brief, replace(cell, alternate=alternate)) for alternate in (False, True)]
-    best: tuple[float, Space, np.ndarray[Any, Any]] | None = None
-    for k in range(AT_RANDOM):
-        space = spaces[k % 2]
-        point = generator.uniform(size=space.size)
-        value = space.value(point)
-        if best is None or value < best[0]:
-            best = value, space, point
-    assert best is not None
-    value, space, point = best
-    for _ in range(CHANGES):
-        step = generator.choice(STEPS) * generator.standard_normal(space.size)
-        near = np.clip(point + step, 0.0, 1.0)
-        error = space.value(near)
-        if error < value:
-            value, point = error, near
-    return value
 
 
 def front_of(brief: Brief) -> list[FrontCell]:

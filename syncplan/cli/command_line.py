@@ -5,7 +5,6 @@ import gc
 import os
 import signal
 import sys
-import threading
 from importlib import import_module
 from typing import TYPE_CHECKING, Annotated, Literal, NoReturn
 
@@ -117,9 +116,8 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     defer_garbage()
     # it is not looked for at the end either
     atexit.register(gc.freeze)
-    if threading.current_thread() is threading.main_thread():
-        # as Ctrl-C: searches write the best that they have
-        signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
+    # as Ctrl-C: searches write the best that they have
+    signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
     try:
         open_closed_streams()
         with reader_may_leave():

@@ -82,10 +82,7 @@ def _words(state: "DesignState") -> str:
     if not fitting:
         return state.doing
     best = min(fitting, key=lambda one: one.best.value)
-    return (
-        f"{state.doing}; best {best.best.value:.3g} m with {best.cell.vehicles} vehicles and "
-        f"{best.cell.landmarks} landmarks"
-    )
+    return f"{state.doing}; best {best.best.value:.3g} m with {best.cell}"
 
 
 def show_design(document: "DesignDocument", console: Console) -> None:

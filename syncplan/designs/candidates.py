@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from syncplan.arrays import Array, Flags, Index
+from syncplan.arrays import Array
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.bounds import LossBounds, posterior_bound
 from syncplan.orbits.circles import Orbits
@@ -70,6 +70,10 @@ class Cell:
     landmarks: int
     alternate: bool = False
 
+    def __str__(self) -> str:
+        """Return the numbers in words."""
+        return f"{self.vehicles} vehicles and {self.landmarks} landmarks"
+
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
@@ -114,7 +118,19 @@ class Space:
         self._bare = self._bare_team()
         self._weight = max(1.0, (cell.vehicles / LARGE_TEAM) ** 2)
         self.spent = 0.0
-        self._bodies, self._round = self._coordinates()
+        numbers = 1 + np.arange(cell.vehicles + cell.landmarks)
+        vehicles, landmarks = np.split(numbers, [cell.vehicles])
+        parts = (
+            np.zeros(1 + self._ranged),
+            vehicles,
+            vehicles.repeat(2),
+            landmarks.repeat(self._each),
+        )
+        # which body a coordinate moves, 0 for what all share, and whether it goes round
+        self._bodies = np.concatenate(parts)
+        self._round = np.repeat(
+            [False, True, False, self._each == 1], [len(part) for part in parts]
+        )
         sited = replace(self._bare[0], landmarks=np.zeros((cell.landmarks, 2)))
         self._losses = single_losses(sited) if brief.need.losses else []
 
@@ -206,7 +222,7 @@ class Space:
         part of it exceeds `limit`, that part is returned.
         """
         candidate = self.candidate(point)
-        fault = sum(self._faults(candidate).values())
+        fault = sum(self.faults(candidate).values())
         if fault > 0.0:
             self.spent += SCREENED
             return UNFIT + fault
@@ -239,12 +255,11 @@ class Space:
                 break
         return worst
 
-    def faults(self, point: Array) -> dict[str, float]:
-        """Return the size of each fault at a point, by the requirement that it misses."""
-        return self._faults(self.candidate(point))
+    def faults(self, candidate: Candidate) -> dict[str, float]:
+        """Return the size of each fault of a candidate, by the requirement that it misses.
 
-    def _faults(self, candidate: Candidate) -> dict[str, float]:
-        """Sizes of faults as shares of lengths; those of vehicles too close only without others."""
+        Sizes are shares of lengths. Vehicles count as too close only without other faults.
+        """
         radii = np.full(self.cell.vehicles, candidate.radius)
         clear = self._area.path_clearances(candidate.centers, radii)
         area = float(np.maximum(-clear, 0.0).sum()) / candidate.radius
@@ -274,13 +289,9 @@ class Space:
     def step(self, generator: np.random.Generator) -> Array:
         """Return a random step (size,) of one vehicle or landmark, or of all of the formation."""
         whole = generator.uniform() >= BODY_SHARE
-        chosen = np.arange(self.size)
-        if not whole:
-            chosen = self._bodies[generator.integers(len(self._bodies))]
-        step = np.zeros(self.size)
         deviation = generator.choice(WHOLE_STEPS if whole else BODY_STEPS)
-        step[chosen] = deviation * generator.standard_normal(len(chosen))
-        return step
+        chosen = whole | (self._bodies == generator.choice(self._bodies))
+        return np.where(chosen, deviation * generator.standard_normal(self.size), 0.0)
 
     def shifted(self, point: Array, step: Array) -> Array:
         """Return a point after a step, in the cube; phases, and places on an edge, go round."""
@@ -296,19 +307,6 @@ class Space:
         for begin, part in zip(begins, np.split(point, ends), strict=True):
             more[begin : begin + len(part)] = part
         return more
-
-    def _coordinates(self) -> tuple[list[Index], Flags]:
-        """Coordinates of what all vehicles share, of each vehicle and landmark; which go round."""
-        own, count, each = 1 + self._ranged, self.cell.vehicles, self._each
-        vehicles, sites = own + np.arange(count), own + 3 * count
-        places = own + count + np.arange(2 * count).reshape(-1, 2)
-        bodies = [np.arange(own), *np.column_stack([vehicles, places])]
-        if each:
-            bodies += list(np.arange(sites, self.size).reshape(-1, each))
-        goes_round = np.zeros(self.size, dtype=bool)
-        goes_round[vehicles] = True
-        goes_round[sites:] = each == 1
-        return bodies, goes_round
 
     def _team(self, candidate: Candidate) -> Team:
         """The team of a candidate on the coarse sample grid."""

@@ -22,7 +22,7 @@ AT_RANDOM = 0.25
 GROWTH = 1.5
 """Ratio of a step to the one before it that helped."""
 
-LONGEST = 3
+LONGEST = 8
 """Multiple of its evaluations that a search may make as long as a smaller team is better."""
 
 TRIES = 20

@@ -141,7 +141,8 @@ def _least_fault(brief: Brief, front: list[FrontCell]) -> str:
     if not front:
         return "error"
     one = min(front, key=lambda one: one.best.value)
-    faults = Space(brief, one.cell).faults(one.best.point)
+    space = Space(brief, one.cell)
+    faults = space.faults(space.candidate(one.best.point))
     # of circles alone there may be none: vehicles then come too near as they stray
     return max(faults, key=lambda name: faults[name]) if any(faults.values()) else "separation"
 
@@ -153,22 +154,22 @@ def _purchases(
 
     Each is searched on from that formation, and refined.
     """
-    brief, starts = ladder.brief, (best.start.best,)
-    offers = []
-    for number, offer in enumerate(offers_for(brief, best.start.cell), ladder.searches):
-        half = ladder.budget // 2
-        order = SearchOrder(number, offer.brief, offer.cell, half, starts=starts)
-        offers.append((offer, order))
+    starts, half = (best.start.best,), ladder.budget // 2
+    offers = dict(enumerate(offers_for(ladder.brief, best.start.cell), ladder.searches))
     ladder.total += len(offers)
-    ladder.carry_out([order for _, order in offers], "searching what would help")
+    orders = [
+        SearchOrder(number, offer.brief, offer.cell, half, starts=starts)
+        for number, offer in offers.items()
+    ]
+    ladder.carry_out(orders, "searching what would help")
     made = []
-    for offer, order in offers:
-        bought = ladder.made.get(order.number)
+    for number, offer in offers.items():
+        bought = ladder.made.get(number)
         if bought is not None and bought.fits and not stopped():
             space = Space(offer.brief, bought.cell)
             plan = refined(space, space.plan(bought.point))
             rms = plan.prediction.rms
             if rms is not None and (worst := float(rms.max())) < best.worst:
-                met = worst <= wanted(brief.need)
+                met = worst <= wanted(ladder.brief.need)
                 made.append(Purchase(offer.words, offer.cost, plan, worst, met))
     return tuple(sorted(made, key=lambda one: one.worst))

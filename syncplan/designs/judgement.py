@@ -64,7 +64,7 @@ def judged(
     plans = [made]
     # a refinement knows of no losses, and of no flights
     if not stopped() and not brief.need.losses:
-        report(f"refining {_team(one)}")
+        report(f"refining {one.cell}")
         plans.insert(0, refined(space, made))
     judgements = []
     for plan in plans:
@@ -86,13 +86,13 @@ def _judged(
         return replace(judgement, binding=binding)
     if stopped():
         return replace(judgement, binding="time")
-    if need.losses:
-        left = [
-            item.worst_predicted_rms if item.observable else None for item in what_if(made).losses
-        ]
-        if any(worst is None or worst > need.worst_rms_m for worst in left):
-            return replace(judgement, binding="losses")
-    report(f"flying {_team(judgement.start)}")
+    left = what_if(made).losses if need.losses else ()
+    if any(
+        not (item.observable and (item.worst_predicted_rms or float("inf")) <= need.worst_rms_m)
+        for item in left
+    ):
+        return replace(judgement, binding="losses")
+    report(f"flying {judgement.start.cell}")
     flight = pilot_flight(made, PilotOptions(limited=False))
     if isinstance(flight, str):
         return replace(judgement, plan=replace(made, unflown=flight), binding="flight")
@@ -104,18 +104,13 @@ def _judged(
         return replace(judgement, binding=made.verdict.stops[0].code)
     if stopped():
         return replace(judgement, binding="time")
-    report(f"validating {_team(judgement.start)}")
+    report(f"validating {judgement.start.cell}")
     validation = validate(made, trials=TRIALS, seed=brief.seed)
     judgement = replace(judgement, validation=validation)
     if float(validation.accuracy.late_position.max()) > need.worst_rms_m:
         return replace(judgement, binding="filter")
     stops = validation.verdict.stops
     return replace(judgement, binding=stops[0].code) if stops else judgement
-
-
-def _team(one: FrontCell) -> str:
-    """Team of a formation in words."""
-    return f"{one.cell.vehicles} vehicles and {one.cell.landmarks} landmarks"
 
 
 def _fault(judgement: Judgement, need: Need) -> str:

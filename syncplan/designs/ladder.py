@@ -107,32 +107,20 @@ def orders_of(brief: Brief) -> list[SearchOrder]:
 
     Where a cell lacks a smaller neighbour, it is searched alone twice more in its stead.
     """
-    cells, rounds = cells_of(brief), ROUNDS[brief.effort]
-    half = EVALUATIONS[brief.effort] // 2
-    orders: list[SearchOrder] = []
-    needs: dict[Cell, list[int]] = {}
-    smaller = {
-        cell: [
-            fewer
-            for fewer in (
-                replace(cell, landmarks=cell.landmarks - 1),
-                replace(cell, vehicles=cell.vehicles - 1),
-            )
-            if fewer in cells
+    cells, rounds, half = cells_of(brief), ROUNDS[brief.effort], EVALUATIONS[brief.effort] // 2
+    alone: list[SearchOrder] = []
+    onward: list[SearchOrder] = []
+    for number, cell in enumerate(cells):
+        smaller = [
+            other
+            for other, few in enumerate(cells)
+            if (cell.vehicles - few.vehicles, cell.landmarks - few.landmarks) in ((0, 1), (1, 0))
         ]
-        for cell in cells
-    }
-    for cell in cells:
-        needs[cell] = []
-        for _ in range(rounds * (5 - 2 * len(smaller[cell]))):
-            needs[cell].append(len(orders))
-            orders.append(SearchOrder(len(orders), brief, cell, half // rounds))
-    first = len(orders)
-    for cell in cells:
-        others = [first + cells.index(fewer) for fewer in smaller[cell]]
-        number = len(orders)
-        orders.append(SearchOrder(number, brief, cell, half, (*needs[cell], *others)))
-    return orders
+        first = len(cells) + len(alone)
+        own = range(first, first + rounds * (5 - 2 * len(smaller)))
+        alone += [SearchOrder(k, brief, cell, half // rounds) for k in own]
+        onward.append(SearchOrder(number, brief, cell, half, (*own, *smaller)))
+    return alone + onward
 
 
 def search_worker(seed: int) -> Work:
@@ -182,13 +170,12 @@ class Ladder:
 
     def front(self) -> list[FrontCell]:
         """The best result of each cell, in either sense, in the order of the cells."""
+        made = [self.made[number] for number in sorted(self.made) if number < self.searches]
         best: dict[tuple[int, int], Finding] = {}
-        for number in sorted(number for number in self.made if number < self.searches):
-            result = self.made[number]
-            key = result.cell.vehicles, result.cell.landmarks
-            best[key] = min(best.get(key, result), result, key=lambda item: item.value)
+        for result in sorted(made, key=lambda result: result.value, reverse=True):
+            best[result.cell.vehicles, result.cell.landmarks] = result
         return [
-            FrontCell(best[key].cell, best[key], self.cost(best[key].cell)) for key in sorted(best)
+            FrontCell(item.cell, item, self.cost(item.cell)) for _, item in sorted(best.items())
         ]
 
     def cost(self, cell: Cell) -> float:

@@ -19,12 +19,7 @@ if TYPE_CHECKING:
     from syncplan.designs.ladder import FrontCell
 
 
-_CUT_SHORT = Remark(
-    "note",
-    "the search ended at its time limit or was interrupted: teams may be missing from the front, "
-    "and better formations may exist",
-    cure="raise time_limit_s, or leave it out",
-)
+_CUT_SHORT = "the search was ended early: teams may be missing, and better formations may exist"
 
 
 class FrontPoint(Document):
@@ -139,7 +134,9 @@ def design_document(found: "Design") -> DesignDocument:
         evaluations=found.evaluations,
         seed=found.brief.seed,
         cut_short=found.cut_short,
-        findings=(PlanFinding.of("search-cut-short", _CUT_SHORT),) if found.cut_short else (),
+        findings=(PlanFinding.of("search-cut-short", Remark("note", _CUT_SHORT)),)
+        if found.cut_short
+        else (),
         brief=found.brief,
         plan=None if best is None else plan_document(best.plan),
         validation=None if checked is None else validation_document(checked),

@@ -90,29 +90,16 @@ def interruption(time_limit_s: float = math.inf) -> Iterator[threading.Event]:
     event = threading.Event()
     timer = threading.Timer(min(time_limit_s, threading.TIMEOUT_MAX), event.set)
     timer.daemon = True
-    if math.isfinite(time_limit_s):
-        timer.start()
-    try:
-        with _set_by_ctrl_c(event):
-            yield event
-    finally:
-        timer.cancel()
-
-
-@contextlib.contextmanager
-def _set_by_ctrl_c(event: threading.Event) -> Iterator[None]:
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    if _entered and _entered[-1].is_set():
-        event.set()
-    _entered.append(event)
-    before = signal.signal(signal.SIGINT, _interrupt)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-        _entered.pop()
+    timer.start()
+    with contextlib.ExitStack() as end:
+        end.callback(timer.cancel)
+        if threading.current_thread() is threading.main_thread():
+            if _entered and _entered[-1].is_set():
+                event.set()
+            _entered.append(event)
+            end.callback(_entered.pop)
+            end.callback(signal.signal, signal.SIGINT, signal.signal(signal.SIGINT, _interrupt))
+        yield event
 
 
 _entered: list[threading.Event] = []

@@ -30,7 +30,7 @@ def test_faults_are_those_of_the_plan() -> None:
     fits = 0
     for _ in range(50):
         point = generator.uniform(0.0, 1.0, space.size)
-        faults = space.faults(point)
+        faults = space.faults(space.candidate(point))
         if any(faults.values()):
             assert space.value(point) >= UNFIT
             continue

@@ -1,8 +1,10 @@
-"""Search for a winner of a design that breaks its brief.
+"""Search for a winner of a design that breaks its brief, and for a front that is easily beaten.
 
 Briefs are of all purposes, with keep-outs, obstacles, wind and limits of bank and turn rate. Fails
 where a winner is not GO or does not hold its brief by dense sampling, or where its error in a
-validation or in flights, of other seeds than the design's, is above the need.
+validation or in flights, of other seeds than the design's, is above the need. Fails, too, where a
+vehicle or a landmark more makes the front worse, and where more than one team in ten is worse by
+3 % than the best of a simple search.
 """
 
 from collections import Counter
@@ -11,14 +13,17 @@ from typing import Any
 
 import numpy as np
 
+from syncplan.designs.candidates import UNFIT
 from syncplan.designs.designer import design
 from syncplan.flight.flying import fly
 from syncplan.planning.validation import validate
 from syncplan.scenario.brief import Brief, brief_of
-from tests.searches import Search
+from tests.searches import Search, most_of
 from tests.tools.briefs import FIELD, broken
+from tests.tools.fronts import simple_search, worsened
 
 TRIALS = 40
+MOST_BEATEN = 0.1
 
 CHANCE = 1.15
 """Multiple of the need that other trials may reach: the spread of an RMS of 40 trials."""
@@ -67,15 +72,23 @@ def draw_brief(number: int) -> Brief:
     return brief_of(keys)
 
 
-def draw(number: int) -> tuple[list[str], str]:
-    """Return what the winner of a design breaks, and the status of the design."""
+def draw(number: int) -> tuple[list[str], tuple[str, float]]:
+    """Return what a design breaks, its status, and its error over that of a simple search.
+
+    The last is that of a team of the front, 1 where neither search has a formation without fault.
+    """
     brief = draw_brief(number)
     designed = design(brief, workers=1)
+    faults, ratio = worsened(designed.front), 1.0
+    if designed.front:
+        team = designed.front[number % len(designed.front)]
+        simple = simple_search(brief, team.cell)
+        ratio = team.best.value / simple if min(team.best.value, simple) < UNFIT else 1.0
     if designed.status != "met":
-        return [], designed.status
+        return faults, (designed.status, ratio)
     assert designed.best is not None
     winner = designed.best.plan
-    faults = broken(brief, winner)
+    faults += broken(brief, winner)
     if not winner.verdict.go:
         faults.append("NO-GO")
     limit = CHANCE * brief.need.worst_rms_m
@@ -84,13 +97,18 @@ def draw(number: int) -> tuple[list[str], str]:
         worst = float(again.accuracy.late_position.max())
         if not worst <= limit:
             faults.append(f"{run.__name__}: {worst:.3g} m, limit {limit:.3g} m")
-    return faults, designed.status
+    return faults, (designed.status, ratio)
 
 
-def judge(cases: Mapping[int, str], chance: float) -> list[str]:
-    """Print how many designs have each status."""
-    print(dict(Counter(cases.values())))
+def judge(cases: Mapping[int, tuple[str, float]], chance: float) -> list[str]:
+    """Print how many designs have each status; return whether simple searches beat too many."""
+    print(dict(Counter(status for status, _ in cases.values())))
+    ratios = np.array([ratio for _, ratio in cases.values()])
+    print(f"errors over those of a simple search: median {np.median(ratios):.2f}")
+    beaten = [number for number, (_, ratio) in cases.items() if ratio > 1.03]
+    if len(beaten) > (most := most_of(len(cases), MOST_BEATEN, chance)):
+        return [f"{len(beaten)} beaten by a simple search, at most {most:.3g} may: {beaten[:5]}"]
     return []
 
 
-SEARCH = Search(draw, judge, draws=1)
+SEARCH = Search(draw, judge, draws=3)
