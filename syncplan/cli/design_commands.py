@@ -49,19 +49,20 @@ def _design(
     The winner is predicted, validated and flown. If none is found, say what is missing and what
     would help, and exit with 4. Ctrl-C ends the search with the best formation so far.
     """
-    from syncplan.designs.designer import design
-    from syncplan.reports.design_report import design_document
-    from syncplan.runtime.files import as_text, write_text
     from syncplan.runtime.task_crew import interruption
-    from syncplan.scenario.brief import brief_of
 
-    console.check_output(output, brief)
-    console.check_output(plan_out, brief)
-    given = brief_of(brief)
-    if purchases:
-        given = given.model_copy(update={"purchases": True})
     # until all is written, Ctrl-C ends searches alone
     with interruption():
+        from syncplan.designs.designer import design
+        from syncplan.reports.design_report import design_document
+        from syncplan.runtime.files import as_text, write_text
+        from syncplan.scenario.brief import brief_of
+
+        console.check_output(output, brief)
+        console.check_output(plan_out, brief)
+        given = brief_of(brief)
+        if purchases:
+            given = given.model_copy(update={"purchases": True})
         with console.progress_bar("searching", 0) as bar:
             result = design(
                 given,

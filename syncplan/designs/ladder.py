@@ -214,6 +214,7 @@ class Ladder:
         def take(result: tuple[SearchOrder, Finding, bool]) -> list[SearchOrder]:
             order, best, stopped = result
             self.made[order.number] = best
+            self.cut_short |= stopped
             if not stopped:
                 self.earlier.keep(order.number, best.as_bytes())
             self.report(doing)
@@ -221,7 +222,7 @@ class Ladder:
 
         waiting = ready()
         self.report(doing)
-        self.cut_short |= run_orders(
+        run_orders(
             search_worker,
             self.brief.seed,
             waiting,
@@ -230,6 +231,7 @@ class Ladder:
             take=take,
             time_limit_s=self._ends - time.monotonic(),
         )
+        self.cut_short |= any(order.number not in self.made for order in orders)
 
     @property
     def evaluations(self) -> int:

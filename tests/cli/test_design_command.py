@@ -1,6 +1,11 @@
 """syncplan design: a brief at the command line."""
 
 import json
+import os
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -76,3 +81,39 @@ def test_a_bad_brief_is_refused_in_one_line(refused: Any, brief_file: Path) -> N
 
 def test_briefs_and_designs_are_no_scenarios(refused: Any, brief_file: Path) -> None:
     assert "is a brief where a scenario or a plan is wanted" in refused("plan", str(brief_file))
+
+
+def test_purchases_are_stated_on_request(
+    run: Any, brief_file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        "syncplan.designs.designer.offers_for", lambda *given: offers_for(*given)[:2]
+    )
+    status, out, _ = run("design", str(brief_file), "--processes", "1", "--purchases")
+    found = json.loads(out)
+    assert (status, found["status"], found["brief"]["purchases"]) == (0, "met", True)
+    assert found["purchases"]
+    assert all(offer["worst_rms_m"] > 0.0 for offer in found["purchases"])
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("after_s", "number"), [(2.0, signal.SIGINT), (4.0, signal.SIGTERM), (7.0, signal.SIGTERM)]
+)
+def test_a_design_that_a_signal_ends_is_written_whole(
+    after_s: float, number: signal.Signals, tmp_path: Path
+) -> None:
+    given, design, plan = (tmp_path / name for name in ("brief.json", "design.json", "plan.json"))
+    given.write_text(json.dumps(FIELD | {"effort": "thorough"}))
+    files = "-o", str(design), "--plan-out", str(plan)
+    command = [sys.executable, "-m", "syncplan", "design", str(given), *files]
+    # as `timeout` does, to all processes of the group
+    process = subprocess.Popen(command, stderr=subprocess.DEVNULL, start_new_session=True)
+    time.sleep(after_s)
+    os.killpg(process.pid, number)
+    assert process.wait(30.0) == 4
+    found = DOCUMENTS["design"].model.model_validate_json(design.read_text()).model_dump()
+    assert (found["cut_short"], found["findings"][0]["code"]) == (True, "search-cut-short")
+    if found["best"] is not None:
+        assert load_plan(plan).team.count == found["best"]["vehicles"]
+    assert {path.name for path in tmp_path.iterdir()} <= {given.name, design.name, plan.name}

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from syncplan.designs import designer, judgement, ladder
-from syncplan.designs.candidates import Cell
+from syncplan.designs.candidates import Cell, Space
 from syncplan.designs.designer import Design, design
 from syncplan.designs.ladder import DesignState
 from syncplan.designs.purchases import offers_for
@@ -147,6 +147,46 @@ def test_ctrl_c_ends_a_design_with_the_best_so_far(moment: str, met: Searched) -
     assert found.best.plan.verdict.go
     # nothing further was begun
     assert len(told) == 1
+
+
+def test_a_time_limit_ends_the_searches_and_the_best_is_judged(
+    met: Searched, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ladder, "EVALUATIONS", {"quick": 10**6})
+    found = design(brief(time_limit_s=2.0), workers=2)
+    assert found.cut_short
+    assert [finding.code for finding in design_document(found).findings] == ["search-cut-short"]
+    assert found.best is not None
+    assert found.best.flight is not None
+    # what was kept is not searched again, though no time is left
+    monkeypatch.setattr(ladder, "EVALUATIONS", {"quick": 120})
+    earlier = EarlierSearch(met[2], spent_s=10.0)
+    resumed = design(brief(time_limit_s=2.0), workers=1, earlier=earlier)
+    assert not resumed.cut_short
+    assert (resumed.status, resumed.evaluations) == (met[0].status, met[0].evaluations)
+
+
+def test_results_that_an_earlier_version_kept_are_searched_anew(met: Searched) -> None:
+    _, _, kept = met
+    older = {0: b"[[0.5, 0.5], 0.1, 7]", 1: kept[1], **{k: kept[k] for k in range(2, 9)}}
+    found, _, made = _searched(brief(), 1, older)
+    assert sorted(made) == [0, 9]
+    assert made[0] == kept[0]
+    assert found.evaluations == met[0].evaluations
+
+
+def test_a_formation_is_judged_where_its_refinement_fails_in_flight(
+    met: Searched, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    best = met[0].best
+    assert best is not None
+    refined = judgement.refined(Space(met[0].brief, best.start.cell), best.plan)
+    monkeypatch.setattr(judgement, "refined", lambda *_: replace(refined, flight=None))
+    flights = iter(["no filter can fly", best.flight])
+    monkeypatch.setattr(judgement, "pilot_flight", lambda *_: next(flights))
+    monkeypatch.setattr(judgement, "validate", lambda *_, **__: best.validation)
+    again = judgement.judged(met[0].brief, best.start, lambda: False, lambda _: None)
+    assert (again.binding, again.flight) == ("", best.flight)
 
 
 def test_a_need_that_no_team_meets_names_the_error_and_what_would_help() -> None:
