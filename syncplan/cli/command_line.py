@@ -5,7 +5,9 @@ import gc
 import os
 import signal
 import sys
+import threading
 from importlib import import_module
+from types import FrameType
 from typing import TYPE_CHECKING, Annotated, Literal, NoReturn
 
 import typer
@@ -116,8 +118,8 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     defer_garbage()
     # it is not looked for at the end either
     atexit.register(gc.freeze)
-    # as Ctrl-C: searches write the best that they have
-    signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, _interrupt)
     try:
         open_closed_streams()
         with reader_may_leave():
@@ -152,6 +154,12 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     if status == INTERRUPTED:
         say("interrupted; nothing was written")
     sys.exit(status if isinstance(status, int) else 0)
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    """Do as at Ctrl-C, also where a shell has Ctrl-C ignored: searches write the best they have."""
+    handler = signal.getsignal(signal.SIGINT)
+    (handler if callable(handler) else signal.default_int_handler)(number, frame)
 
 
 def _usage_fault(error: TyperException, arguments: list[str]) -> str:

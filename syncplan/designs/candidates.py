@@ -52,8 +52,14 @@ WHOLE_STEPS, BODY_STEPS = (0.1, 0.03, 0.01), (0.3, 0.1, 0.03, 0.01)
 BODY_SHARE = 0.8
 """Share of steps that move a single body."""
 
+_COLLISION = 1e-6
+"""Share of the radius up to which a distance counts as none."""
+
 _APART = 0.1
 """Share of the radius by which two landmarks are apart, at the least."""
+
+OF_LOSS = 0.25
+"""Share of an evaluation that a loss counts as: less than its cost, as there is more to search."""
 
 STRAY = 3.0
 """Multiple of the predicted error by which vehicles may come nearer in flight than planned."""
@@ -118,19 +124,17 @@ class Space:
         self._bare = self._bare_team()
         self._weight = max(1.0, (cell.vehicles / LARGE_TEAM) ** 2)
         self.spent = 0.0
-        numbers = 1 + np.arange(cell.vehicles + cell.landmarks)
-        vehicles, landmarks = np.split(numbers, [cell.vehicles])
+        n, each = cell.vehicles, self._each
+        bodies = 1 + np.arange(n + cell.landmarks)
         parts = (
             np.zeros(1 + self._ranged),
-            vehicles,
-            vehicles.repeat(2),
-            landmarks.repeat(self._each),
+            bodies[:n],
+            bodies[:n].repeat(2),
+            bodies[n:].repeat(each),
         )
         # which body a coordinate moves, 0 for what all share, and whether it goes round
         self._bodies = np.concatenate(parts)
-        self._round = np.repeat(
-            [False, True, False, self._each == 1], [len(part) for part in parts]
-        )
+        self._round = np.repeat([False, True, False, each == 1], [len(part) for part in parts])
         sited = replace(self._bare[0], landmarks=np.zeros((cell.landmarks, 2)))
         self._losses = single_losses(sited) if brief.need.losses else []
 
@@ -244,7 +248,7 @@ class Space:
         """The worst error in m after any loss, or the first that exceeds a limit."""
         whole, worst = LossBounds.along(team, windows, length), 0.0
         for loss in tuple(self._losses):
-            self.spent += self._weight
+            self.spent += OF_LOSS * self._weight
             left = float(whole.after(remainder_of(team, loss)).rms_second_half().max())
             if left > worst:
                 worst = left
@@ -281,8 +285,10 @@ class Space:
     def _nearness(self, candidate: Candidate, margin: float = 0.0) -> float:
         """Share by which vehicles come nearer than the least distance and a margin in m."""
         least = separation_limit(self._bare[1]).least(np.full(self.cell.vehicles, candidate.radius))
-        nearest = closest_approach(self._orbits(candidate)) if least > 0.0 else None
-        return 0.0 if nearest is None else max(1.0 - nearest.distance / (least + margin), 0.0)
+        # without a limit, vehicles that turn against each other still need circles of their own
+        wanted = least + margin if least > 0.0 else _COLLISION * candidate.radius
+        nearest = closest_approach(self._orbits(candidate))
+        return 0.0 if nearest is None else max(1.0 - nearest.distance / wanted, 0.0)
 
     # --- points near others -----------------------------------------------------------------------
 
@@ -298,14 +304,21 @@ class Space:
         after = point + step
         return np.where(self._round, after % 1.0, np.clip(after, 0.0, 1.0))
 
-    def joined(self, point: Array, cell: Cell, more: Array) -> Array:
-        """Return the point of a smaller cell with the further vehicles and landmarks of `more`."""
+    def joined(self, point: Array, cell: Cell, more: Array, *, share: bool = False) -> Array:
+        """Return the point of a smaller cell with the further vehicles and landmarks of `more`.
+
+        With `share`, these vehicles fly on circles of others with the same sense.
+        """
         more = more.copy()
         own, count = 1 + self._ranged, self.cell.vehicles
         ends = own, own + cell.vehicles, own + 3 * cell.vehicles
         begins = 0, own, own + count, own + 3 * count
         for begin, part in zip(begins, np.split(point, ends), strict=True):
             more[begin : begin + len(part)] = part
+        places = more[begins[2] : begins[3]].reshape(-1, 2)
+        for k in range(cell.vehicles, count if share else 0):
+            (same,) = np.nonzero(self._senses[:k] == self._senses[k])
+            places[k] = places[same[int(places[k, 0] * len(same))]] if len(same) else places[k]
         return more
 
     def _team(self, candidate: Candidate) -> Team:
@@ -318,9 +331,8 @@ class Space:
             np.full(self.cell.vehicles, candidate.radius),
             candidate.phases % (2.0 * np.pi),
         )
-        return Orbits(
-            candidate.centers, radii, self._senses, phases, candidate.speed / candidate.radius
-        )
+        rate = candidate.speed / candidate.radius
+        return Orbits(candidate.centers, radii, self._senses, phases, rate)
 
     @property
     def _senses(self) -> Array:

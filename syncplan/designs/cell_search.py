@@ -8,7 +8,7 @@ without losses, or after the loss that decided before.
 
 import json
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,7 +26,7 @@ LONGEST = 8
 """Multiple of its evaluations that a search may make as long as a smaller team is better."""
 
 TRIES = 20
-"""Number of random places for a further vehicle or landmark."""
+"""Number of random places for a further vehicle or landmark; half of them share a circle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,10 +59,13 @@ class Finding:
     @classmethod
     def of_bytes(cls, data: bytes, cell: Cell) -> "Finding | None":
         """Return the result that `as_bytes` gave; None if it is not of a cell's search."""
-        parts = json.loads(data)
-        if len(parts) != 4 or parts[0][:2] != [cell.vehicles, cell.landmarks]:
+        try:
+            (*numbers, alternate), point, value, evaluations = json.loads(data)
+        except (TypeError, ValueError):
             return None
-        return cls(Cell(*parts[0]), np.array(parts[1]), parts[2], parts[3])
+        if numbers != [cell.vehicles, cell.landmarks]:
+            return None
+        return cls(replace(cell, alternate=alternate), np.array(point), value, evaluations)
 
 
 def search(
@@ -73,7 +76,7 @@ def search(
     starts: Sequence[Finding] = (),
     stop: Callable[[], bool] = lambda: False,
 ) -> Finding:
-    """Return the best candidate of a cell, with either senses, after about `budget` evaluations.
+    """Return the best candidate of a cell, with either sense, after about `budget` evaluations.
 
     Evaluations are weighed by what they cost, see Space. The search begins with the best of
     `starts`, of this cell or of smaller ones, to which vehicles and landmarks are added; its result
@@ -81,7 +84,9 @@ def search(
     True, it ends early.
     """
     generator = np.random.default_rng(seed)
-    spaces = [Space(brief, Cell(cell.vehicles, cell.landmarks, both)) for both in (False, True)]
+    # a single vehicle has no other to alternate with
+    senses = (False, True)[: cell.vehicles]
+    spaces = [Space(brief, replace(cell, alternate=alternate)) for alternate in senses]
     best = Finding(cell, np.zeros(0), np.inf, 0)
     smaller = min((start.value for start in starts), default=np.inf)
     made = 0
@@ -89,9 +94,9 @@ def search(
     def points() -> Iterator[tuple[Space, Array]]:
         for start in starts:
             space = spaces[start.cell.alternate]
-            for _ in range(1 if space.cell == start.cell else TRIES):
+            for k in range(1 if space.cell == start.cell else TRIES):
                 more = generator.uniform(size=space.size)
-                yield space, space.joined(start.point, start.cell, more)
+                yield space, space.joined(start.point, start.cell, more, share=k % 2 == 1)
         while not starts and spent() < AT_RANDOM * budget:
             for space in spaces:
                 yield space, generator.uniform(size=space.size)

@@ -2,7 +2,7 @@
 
     proof that it is impossible, or
     the ladder over teams                                      -> front
-    the cheapest that meet the need, refined                   -> plan, losses, flight, validation
+    the cheapest that meet the need, refined or as found       -> plan, losses, flight, validation
     where none does, or on request                             -> purchases, each searched
 
 A search is on a coarse sample grid; whatever is returned is judged by the exact code.
@@ -15,13 +15,8 @@ from typing import Any, Literal
 
 from syncplan.designs.candidates import Space, check_samples
 from syncplan.designs.impossibility import Proof, proof_against
-from syncplan.designs.judgement import Judgement, judged, refined, wanted
-from syncplan.designs.ladder import (
-    DesignProgress,
-    FrontCell,
-    Ladder,
-    SearchOrder,
-)
+from syncplan.designs.judgement import Judgement, judged, refined, survives, wanted
+from syncplan.designs.ladder import EVALUATIONS, DesignProgress, FrontCell, Ladder, SearchOrder
 from syncplan.designs.purchases import Purchase, offers_for
 from syncplan.errors import InputError
 from syncplan.results import Result
@@ -101,7 +96,7 @@ def design(
         best, binding = _best(ladder, front, interrupted.is_set)
         offered: tuple[Purchase, ...] = ()
         asked = binding or given.purchases
-        if best is not None and asked and not interrupted.is_set():
+        if best is not None and asked and not (ladder.cut_short or interrupted.is_set()):
             offered = _purchases(ladder, best, interrupted.is_set)
         return Design(
             given,
@@ -139,7 +134,7 @@ def _best(
 def _least_fault(brief: Brief, front: list[FrontCell]) -> str:
     """The largest fault of the formation that comes nearest to having none."""
     if not front:
-        return "error"
+        return "time"
     one = min(front, key=lambda one: one.best.value)
     space = Space(brief, one.cell)
     faults = space.faults(space.candidate(one.best.point))
@@ -154,7 +149,8 @@ def _purchases(
 
     Each is searched on from that formation, and refined.
     """
-    starts, half = (best.start.best,), ladder.budget // 2
+    need, starts = ladder.brief.need, (best.start.best,)
+    half = EVALUATIONS[ladder.brief.effort] // 2
     offers = dict(enumerate(offers_for(ladder.brief, best.start.cell), ladder.searches))
     ladder.total += len(offers)
     orders = [
@@ -169,7 +165,8 @@ def _purchases(
             space = Space(offer.brief, bought.cell)
             plan = refined(space, space.plan(bought.point))
             rms = plan.prediction.rms
-            if rms is not None and (worst := float(rms.max())) < best.worst:
-                met = worst <= wanted(ladder.brief.need)
+            worst = float("inf") if rms is None else float(rms.max())
+            if bought.value < best.start.best.value if need.losses else worst < best.worst:
+                met = worst <= wanted(need) and survives(plan, need)
                 made.append(Purchase(offer.words, offer.cost, plan, worst, met))
     return tuple(sorted(made, key=lambda one: one.worst))

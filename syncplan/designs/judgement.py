@@ -56,43 +56,45 @@ def judged(
 ) -> Judgement:
     """Return the judgement of a formation, in the order of what each part of it costs.
 
+    It is judged as refined and, where that does not meet the brief, as it was found. Where neither
+    does, the judgement of the refined one is returned.
+
     Once `stopped` returns True, the formation is neither refined nor tried any further. `report`
     receives what is done, in words.
     """
     space = Space(brief, one.cell)
     made = space.plan(one.best.point)
-    plans = [made]
-    # a refinement knows of no losses, and of no flights
-    if not stopped() and not brief.need.losses:
+    better = made
+    if not stopped():
         report(f"refining {one.cell}")
-        plans.insert(0, refined(space, made))
-    judgements = []
-    for plan in plans:
-        covered = space.measure.covered(plan.orbits.centers, plan.orbits.radii)
-        judgement = Judgement(one, plan, covered=covered)
-        judgements.append(_judged(brief, judgement, stopped, report))
-        if stopped() or not judgements[-1].binding:
-            return judgements[-1]
-    return judgements[0]
+        better = refined(space, made)
+    first = _judged(space, one, better, stopped, report)
+    if not first.binding or better is made or stopped():
+        return first
+    # a refinement knows nothing of flights
+    second = _judged(space, one, made, stopped, report)
+    return first if second.binding else second
 
 
 def _judged(
-    brief: Brief, judgement: Judgement, stopped: Callable[[], bool], report: Callable[[str], None]
+    space: Space,
+    start: FrontCell,
+    made: Plan,
+    stopped: Callable[[], bool],
+    report: Callable[[str], None],
 ) -> Judgement:
     """The judgement of a plan, with the requirement that it misses."""
-    need, made = brief.need, judgement.plan
+    need, orbits = space.brief.need, made.orbits
+    covered = space.measure.covered(orbits.centers, orbits.radii)
+    judgement = Judgement(start, made, covered=covered)
     binding = _fault(judgement, need)
     if binding:
         return replace(judgement, binding=binding)
     if stopped():
         return replace(judgement, binding="time")
-    left = what_if(made).losses if need.losses else ()
-    if any(
-        not (item.observable and (item.worst_predicted_rms or float("inf")) <= need.worst_rms_m)
-        for item in left
-    ):
+    if not survives(made, need):
         return replace(judgement, binding="losses")
-    report(f"flying {judgement.start.cell}")
+    report(f"flying {start.cell}")
     flight = pilot_flight(made, PilotOptions(limited=False))
     if isinstance(flight, str):
         return replace(judgement, plan=replace(made, unflown=flight), binding="flight")
@@ -104,8 +106,8 @@ def _judged(
         return replace(judgement, binding=made.verdict.stops[0].code)
     if stopped():
         return replace(judgement, binding="time")
-    report(f"validating {judgement.start.cell}")
-    validation = validate(made, trials=TRIALS, seed=brief.seed)
+    report(f"validating {start.cell}")
+    validation = validate(made, trials=TRIALS, seed=space.brief.seed)
     judgement = replace(judgement, validation=validation)
     if float(validation.accuracy.late_position.max()) > need.worst_rms_m:
         return replace(judgement, binding="filter")
@@ -128,12 +130,21 @@ def wanted(need: Need) -> float:
     return need.worst_rms_m * (1.0 - need.margin)
 
 
+def survives(made: Plan, need: Need) -> bool:
+    """Return whether a plan holds its need after any one loss, if it has to."""
+    return not need.losses or all(
+        item.observable and (item.worst_predicted_rms or float("inf")) <= need.worst_rms_m
+        for item in what_if(made).losses
+    )
+
+
 def refined(space: Space, made: Plan) -> Plan:
     """Return a plan of a space with better phases and centres; it serves the purpose still.
 
-    A plan that is not GO is returned as it is.
+    A plan that is not GO is returned as it is, and one that has to survive losses, which a
+    refinement leaves out.
     """
-    if not made.verdict.go:
+    if not made.verdict.go or space.brief.need.losses:
         return made
     return refine(
         made,

@@ -24,7 +24,7 @@ from syncplan.runtime.task_crew import EarlierSearch, Work, run_orders
 from syncplan.scenario.brief import Brief, Effort
 
 EVALUATIONS: Mapping[Effort, int] = {"quick": 180, "normal": 1300, "thorough": 13_000}
-"""Number of candidates looked at in each cell; large teams and losses count as several."""
+"""Number of candidates looked at in a cell that has both smaller neighbours, by their weight."""
 
 ROUNDS: Mapping[Effort, int] = {"quick": 1, "normal": 3, "thorough": 8}
 """Number of searches of each cell alone, which share half of its candidates."""
@@ -158,7 +158,6 @@ class Ladder:
     cut_short: bool = False
 
     def __post_init__(self) -> None:
-        self.budget = EVALUATIONS[self.brief.effort]
         self._orders = orders_of(self.brief)
         self.total = self.searches = len(self._orders)
         self._ends = time.monotonic() - self.earlier.spent_s + (self.brief.time_limit_s or math.inf)
@@ -180,9 +179,8 @@ class Ladder:
 
     def cost(self, cell: Cell) -> float:
         """Cost of a team, without its sensors, by the brief's costs."""
-        return (
-            cell.vehicles * self.brief.prefer.vehicle + cell.landmarks * self.brief.prefer.landmark
-        )
+        prefer = self.brief.prefer
+        return cell.vehicles * prefer.vehicle + cell.landmarks * prefer.landmark
 
     def report(self, doing: str) -> None:
         """Report the state of the design."""

@@ -269,6 +269,8 @@ def purpose_served(problem: RefineProblem, circles: ca.MX) -> Blocks:
     else:
         assert purpose.keep is not None
         owners = measure.kept_pairs()
+        if not len(owners):
+            return stacked_blocks([], orbits.count)
         function = _keeping_apart(purpose.keep.spread_m / scale)
     names, lower = ["purpose"] * len(owners), np.full(len(owners), 1.0 + _SAFETY)
     return blocks_of(function, circles, owners, parameters, lower, names)

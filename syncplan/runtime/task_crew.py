@@ -88,11 +88,14 @@ def interruption(time_limit_s: float = math.inf) -> Iterator[threading.Event]:
     Contexts may be nested: Ctrl-C sets the events of all, and of those that are entered later.
     """
     event = threading.Event()
-    timer = threading.Timer(min(time_limit_s, threading.TIMEOUT_MAX), event.set)
-    timer.daemon = True
-    timer.start()
     with contextlib.ExitStack() as end:
-        end.callback(timer.cancel)
+        if time_limit_s <= 0.0:
+            event.set()
+        elif time_limit_s < math.inf:
+            timer = threading.Timer(time_limit_s, event.set)
+            timer.daemon = True
+            timer.start()
+            end.callback(timer.cancel)
         if threading.current_thread() is threading.main_thread():
             if _entered and _entered[-1].is_set():
                 event.set()
@@ -180,7 +183,12 @@ class _Child:
         self, number: int, worker: Callable[[Any], Work], task: Any, messages: "queue.Queue[Any]"
     ) -> None:
         self.number, self.messages = number, messages
-        self.process = ChildProcess(__name__, "serve_orders")
+        # a child that is being started is spared: signals are the parent's to handle
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
+        try:
+            self.process = ChildProcess(__name__, "serve_orders")
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
         self.send((worker.__module__, worker.__qualname__))
         self.send(task)
         threading.Thread(target=self._listen, daemon=True).start()
@@ -206,8 +214,6 @@ def serve_orders(descriptor: int) -> None:
     module, name = connection.recv()
     work = getattr(import_module(module), name)(connection.recv())
     keep_loaded()
-    # as Ctrl-C, it is the parent's to handle
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
     orders: queue.Queue[Any] = queue.Queue()
     stop = threading.Event()
     threading.Thread(target=_take_orders, args=(connection, orders, stop), daemon=True).start()

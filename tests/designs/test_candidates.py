@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from syncplan.arrays import Array
-from syncplan.designs.candidates import SAMPLES, UNFIT, Cell, Space, coarse
+from syncplan.designs.candidates import OF_LOSS, SAMPLES, UNFIT, Cell, Space, coarse
 from syncplan.designs.cell_search import search
 from syncplan.designs.impossibility import proof_against
 from syncplan.scenario.areas import Area
@@ -180,12 +180,12 @@ def test_a_candidate_that_cannot_beat_the_limit_costs_less() -> None:
     before = space.spent
     worst = space.value(point)
     # all of three vehicles, three sensors and three landmarks, and the whole team
-    assert space.spent - before == 10.0
+    assert space.spent - before == 1.0 + 9.0 * OF_LOSS
     before = space.spent
     part = space.value(point, 0.5 * worst)
     assert 0.5 * worst < part <= worst
     # the loss that decided comes first
-    assert space.spent - before <= 2.0
+    assert space.spent - before <= 1.0 + OF_LOSS
 
 
 # --- what no formation meets ----------------------------------------------------------------------

@@ -168,9 +168,14 @@ def test_a_time_limit_ends_the_searches_and_the_best_is_judged(
 
 def test_results_that_an_earlier_version_kept_are_searched_anew(met: Searched) -> None:
     _, _, kept = met
-    older = {0: b"[[0.5, 0.5], 0.1, 7]", 1: kept[1], **{k: kept[k] for k in range(2, 9)}}
+    older = {
+        0: b"[[0.5, 0.5], 0.1, 7]",
+        5: b"[1, 2",
+        1: kept[1],
+        **{k: kept[k] for k in (2, 3, 4, 6, 7, 8)},
+    }
     found, _, made = _searched(brief(), 1, older)
-    assert sorted(made) == [0, 9]
+    assert sorted(made) == [0, 5, 9]
     assert made[0] == kept[0]
     assert found.evaluations == met[0].evaluations
 
@@ -260,3 +265,8 @@ def test_a_sample_time_too_short_for_the_largest_circle_is_refused_before_the_se
 def test_no_process_is_refused(workers: int) -> None:
     with pytest.raises(InputError, match=f"workers: {workers} given"):
         design(brief(), workers=workers)
+
+
+def test_a_purpose_of_a_single_vehicle_is_refined() -> None:
+    purpose = {"keep": {"count": 1, "spread_m": 1.0}}
+    assert design(brief(purpose=purpose, team={"max": 2}), workers=1).status == "met"
