@@ -235,10 +235,12 @@ class Space:
         windows, length = find_windows(team), PERIODS * team.orbits.period
         try:
             worst = float(posterior_bound(team, windows, length).rms_second_half().max())
+            if worst > limit:
+                return worst
             near = self._nearness(candidate, STRAY * worst)
             if near > 0.0:
                 return UNFIT + near
-            if worst <= limit and self._losses:
+            if self._losses:
                 worst = max(worst, self._after_losses(team, windows, length, limit))
         except NoSolutionError:
             return UNFIT

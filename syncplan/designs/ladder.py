@@ -23,7 +23,7 @@ from syncplan.runtime.machine import single_threaded_blas
 from syncplan.runtime.task_crew import EarlierSearch, Work, run_orders
 from syncplan.scenario.brief import Brief, Effort
 
-EVALUATIONS: Mapping[Effort, int] = {"quick": 180, "normal": 1300, "thorough": 13_000}
+EVALUATIONS: Mapping[Effort, int] = {"quick": 150, "normal": 1100, "thorough": 11_000}
 """Number of candidates looked at in a cell that has both smaller neighbours, by their weight."""
 
 ROUNDS: Mapping[Effort, int] = {"quick": 1, "normal": 3, "thorough": 8}
