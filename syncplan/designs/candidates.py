@@ -249,14 +249,13 @@ class Space:
     def _after_losses(self, team: Team, windows: Windows, length: float, limit: float) -> float:
         """The worst error in m after any loss, or the first that exceeds a limit."""
         whole, worst = LossBounds.along(team, windows, length), 0.0
-        for loss in tuple(self._losses):
+        for k, loss in enumerate(tuple(self._losses)):
             self.spent += OF_LOSS * self._weight
-            left = float(whole.after(remainder_of(team, loss)).rms_second_half().max())
-            if left > worst:
-                worst = left
+            error = float(whole.after(remainder_of(team, loss)).rms_second_half().max())
+            if error > worst:
+                worst = error
                 # the loss that decides comes first next time, as it soon exceeds a limit
-                self._losses.remove(loss)
-                self._losses.insert(0, loss)
+                self._losses.insert(0, self._losses.pop(k))
             if worst > limit:
                 break
         return worst
@@ -266,19 +265,17 @@ class Space:
 
         Sizes are shares of lengths. Vehicles count as too close only without other faults.
         """
-        radii = np.full(self.cell.vehicles, candidate.radius)
-        clear = self._area.path_clearances(candidate.centers, radii)
-        area = float(np.maximum(-clear, 0.0).sum()) / candidate.radius
-        faults = {"area": area + self.measure.shortfall(candidate.centers, radii), "landmarks": 0.0}
-        if len(candidate.landmarks):
-            away = np.hypot(
-                *(candidate.centers[:, None] - candidate.landmarks[None]).transpose(2, 0, 1)
-            )
+        centers, sites, radius = candidate.centers, candidate.landmarks, candidate.radius
+        radii = np.full(self.cell.vehicles, radius)
+        clear = self._area.path_clearances(centers, radii)
+        area = float(np.maximum(-clear, 0.0).sum()) / radius
+        faults = {"area": area + self.measure.shortfall(centers, radii), "landmarks": 0.0}
+        if len(sites):
+            away = np.hypot(*(centers[:, None] - sites[None]).transpose(2, 0, 1))
             limit = landmark_limit(self._bare[1]).least(radii)
-            near = np.maximum(limit - np.abs(away - candidate.radius), 0.0)
-            a, b = np.triu_indices(len(candidate.landmarks), 1)
-            apart = np.hypot(*(candidate.landmarks[a] - candidate.landmarks[b]).T)
-            least = _APART * candidate.radius
+            near = np.maximum(limit - np.abs(away - radius), 0.0)
+            a, b = np.triu_indices(len(sites), 1)
+            apart, least = np.hypot(*(sites[a] - sites[b]).T), _APART * radius
             faults["landmarks"] = float(near.sum() + np.maximum(least - apart, 0.0).sum()) / least
         if not any(faults.values()):
             faults["separation"] = self._nearness(candidate)
@@ -306,19 +303,19 @@ class Space:
         after = point + step
         return np.where(self._round, after % 1.0, np.clip(after, 0.0, 1.0))
 
-    def joined(self, point: Array, cell: Cell, more: Array, *, share: bool = False) -> Array:
-        """Return the point of a smaller cell with the further vehicles and landmarks of `more`.
+    def joined(self, point: Array, cell: Cell, generator: np.random.Generator) -> Array:
+        """Return the point of a smaller cell with further vehicles and landmarks, at random.
 
-        With `share`, these vehicles fly on circles of others with the same sense.
+        In half of the cases, these vehicles fly on circles of others with the same sense.
         """
-        more = more.copy()
+        more = generator.uniform(size=self.size)
         own, count = 1 + self._ranged, self.cell.vehicles
         ends = own, own + cell.vehicles, own + 3 * cell.vehicles
         begins = 0, own, own + count, own + 3 * count
         for begin, part in zip(begins, np.split(point, ends), strict=True):
             more[begin : begin + len(part)] = part
         places = more[begins[2] : begins[3]].reshape(-1, 2)
-        for k in range(cell.vehicles, count if share else 0):
+        for k in range(cell.vehicles, count if generator.uniform() < 0.5 else 0):
             (same,) = np.nonzero(self._senses[:k] == self._senses[k])
             places[k] = places[same[int(places[k, 0] * len(same))]] if len(same) else places[k]
         return more
@@ -329,11 +326,8 @@ class Space:
         return replace(team, landmarks=candidate.landmarks)
 
     def _orbits(self, candidate: Candidate) -> Orbits:
-        radii, phases = (
-            np.full(self.cell.vehicles, candidate.radius),
-            candidate.phases % (2.0 * np.pi),
-        )
-        rate = candidate.speed / candidate.radius
+        radius, phases = candidate.radius, candidate.phases % (2.0 * np.pi)
+        radii, rate = np.full(self.cell.vehicles, radius), candidate.speed / radius
         return Orbits(candidate.centers, radii, self._senses, phases, rate)
 
     @property

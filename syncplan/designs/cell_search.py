@@ -26,7 +26,7 @@ LONGEST = 8
 """Multiple of its evaluations that a search may make as long as a smaller team is better."""
 
 TRIES = 20
-"""Number of random places for a further vehicle or landmark; half of them share a circle."""
+"""Number of random places for a further vehicle or landmark."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,16 +87,14 @@ def search(
     # a single vehicle has no other to alternate with
     senses = (False, True)[: cell.vehicles]
     spaces = [Space(brief, replace(cell, alternate=alternate)) for alternate in senses]
-    best = Finding(cell, np.zeros(0), np.inf, 0)
+    best, evaluations = Finding(cell, np.zeros(0), np.inf, 0), 0
     smaller = min((start.value for start in starts), default=np.inf)
-    made = 0
 
     def points() -> Iterator[tuple[Space, Array]]:
         for start in starts:
             space = spaces[start.cell.alternate]
-            for k in range(1 if space.cell == start.cell else TRIES):
-                more = generator.uniform(size=space.size)
-                yield space, space.joined(start.point, start.cell, more, share=k % 2 == 1)
+            for _ in range(1 if space.cell == start.cell else TRIES):
+                yield space, space.joined(start.point, start.cell, generator)
         while not starts and spent() < AT_RANDOM * budget:
             for space in spaces:
                 yield space, generator.uniform(size=space.size)
@@ -116,9 +114,9 @@ def search(
 
     for space, point in points():
         value = space.value(point, best.value)
-        made += 1
+        evaluations += 1
         if value < best.value:
-            best = Finding(space.cell, point, value, made)
+            best = Finding(space.cell, point, value, evaluations)
         if stop():
             break
-    return Finding(best.cell, best.point, best.value, made)
+    return replace(best, evaluations=evaluations)

@@ -9,7 +9,7 @@ A search is on a coarse sample grid; whatever is returned is judged by the exact
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -164,9 +164,9 @@ def _purchases(
         if bought is not None and bought.fits and not stopped():
             space = Space(offer.brief, bought.cell)
             plan = refined(space, space.plan(bought.point))
-            rms = plan.prediction.rms
-            worst = float("inf") if rms is None else float(rms.max())
-            if bought.value < best.start.best.value if need.losses else worst < best.worst:
+            worst = replace(best, plan=plan).worst
+            helps = bought.value < best.start.best.value if need.losses else worst < best.worst
+            if helps and worst < float("inf"):
                 met = worst <= wanted(need) and survives(plan, need)
                 made.append(Purchase(offer.words, offer.cost, plan, worst, met))
     return tuple(sorted(made, key=lambda one: one.worst))

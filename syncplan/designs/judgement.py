@@ -34,7 +34,6 @@ class Judgement:
     plan : refined, and with its pilot flight where it was flown
     flight, validation : None where an earlier judgement failed; no flight where filters broke down
     binding : the requirement that it misses; empty if it meets the brief
-    covered : share of the area that is covered; None for other purposes
     """
 
     start: FrontCell
@@ -42,7 +41,6 @@ class Judgement:
     flight: Flight | None = None
     validation: Validation | None = None
     binding: str = ""
-    covered: float | None = None
 
     @property
     def worst(self) -> float:
@@ -68,25 +66,19 @@ def judged(
     if not stopped():
         report(f"refining {one.cell}")
         better = refined(space, made)
-    first = _judged(space, one, better, stopped, report)
+    first = _judged(brief, Judgement(one, better), stopped, report)
     if not first.binding or better is made or stopped():
         return first
     # a refinement knows nothing of flights
-    second = _judged(space, one, made, stopped, report)
+    second = _judged(brief, Judgement(one, made), stopped, report)
     return first if second.binding else second
 
 
 def _judged(
-    space: Space,
-    start: FrontCell,
-    made: Plan,
-    stopped: Callable[[], bool],
-    report: Callable[[str], None],
+    brief: Brief, judgement: Judgement, stopped: Callable[[], bool], report: Callable[[str], None]
 ) -> Judgement:
     """The judgement of a plan, with the requirement that it misses."""
-    need, orbits = space.brief.need, made.orbits
-    covered = space.measure.covered(orbits.centers, orbits.radii)
-    judgement = Judgement(start, made, covered=covered)
+    need, made, cell = brief.need, judgement.plan, judgement.start.cell
     binding = _fault(judgement, need)
     if binding:
         return replace(judgement, binding=binding)
@@ -94,7 +86,7 @@ def _judged(
         return replace(judgement, binding="time")
     if not survives(made, need):
         return replace(judgement, binding="losses")
-    report(f"flying {start.cell}")
+    report(f"flying {cell}")
     flight = pilot_flight(made, PilotOptions(limited=False))
     if isinstance(flight, str):
         return replace(judgement, plan=replace(made, unflown=flight), binding="flight")
@@ -106,8 +98,8 @@ def _judged(
         return replace(judgement, binding=made.verdict.stops[0].code)
     if stopped():
         return replace(judgement, binding="time")
-    report(f"validating {start.cell}")
-    validation = validate(made, trials=TRIALS, seed=space.brief.seed)
+    report(f"validating {cell}")
+    validation = validate(made, trials=TRIALS, seed=brief.seed)
     judgement = replace(judgement, validation=validation)
     if float(validation.accuracy.late_position.max()) > need.worst_rms_m:
         return replace(judgement, binding="filter")

@@ -117,9 +117,9 @@ def orders_of(brief: Brief) -> list[SearchOrder]:
             if (cell.vehicles - few.vehicles, cell.landmarks - few.landmarks) in ((0, 1), (1, 0))
         ]
         first = len(cells) + len(alone)
-        own = range(first, first + rounds * (5 - 2 * len(smaller)))
-        alone += [SearchOrder(k, brief, cell, half // rounds) for k in own]
-        onward.append(SearchOrder(number, brief, cell, half, (*own, *smaller)))
+        first_searches = range(first, first + rounds * (5 - 2 * len(smaller)))
+        alone += [SearchOrder(k, brief, cell, half // rounds) for k in first_searches]
+        onward.append(SearchOrder(number, brief, cell, half, (*first_searches, *smaller)))
     return alone + onward
 
 
@@ -170,9 +170,8 @@ class Ladder:
     def front(self) -> list[FrontCell]:
         """The best result of each cell, in either sense, in the order of the cells."""
         made = [self.made[number] for number in sorted(self.made) if number < self.searches]
-        best: dict[tuple[int, int], Finding] = {}
-        for result in sorted(made, key=lambda result: result.value, reverse=True):
-            best[result.cell.vehicles, result.cell.landmarks] = result
+        made.sort(key=lambda result: result.value, reverse=True)
+        best = {(result.cell.vehicles, result.cell.landmarks): result for result in made}
         return [
             FrontCell(item.cell, item, self.cost(item.cell)) for _, item in sorted(best.items())
         ]

@@ -6,7 +6,7 @@ from pydantic import Field
 
 from syncplan import __version__
 from syncplan.documents import Document, DocumentPart, OrAbsent, VersionedDocument, finite_or_none
-from syncplan.planning.judged_team import PlanFinding, Remark
+from syncplan.planning.judged_team import PlanFinding, Remark, purpose_measure
 from syncplan.planning.plan_files import stated
 from syncplan.reports.flight_report import FlightDocument, flight_document
 from syncplan.reports.plan_report import PlanDocument, plan_document
@@ -165,7 +165,8 @@ def _with_formation(brief: Brief, one: "FrontCell") -> FrontPoint:
 
 
 def _team(best: "Judgement") -> DesignedTeam:
-    checked, flown = best.validation, best.flight
+    checked, flown, orbits = best.validation, best.flight, best.plan.orbits
+    measure = purpose_measure(best.plan.scenario)
     return DesignedTeam(
         vehicles=best.start.cell.vehicles,
         landmarks=best.start.cell.landmarks,
@@ -177,5 +178,5 @@ def _team(best: "Judgement") -> DesignedTeam:
         flown_worst_rms_m=None
         if flown is None
         else finite_or_none(float(flown.accuracy.late_position.max())),
-        covered_share=best.covered,
+        covered_share=measure.covered(orbits.centers, orbits.radii) if measure else None,
     )

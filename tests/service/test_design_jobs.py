@@ -109,7 +109,7 @@ def test_a_bad_brief_is_refused_by_its_key(ann: httpx2.Client) -> None:
     ("keys", "message"),
     [
         ({"team": {"max": 11}}, "team.max: 11 vehicles asked for; this service takes up to 10"),
-        ({"effort": "normal"}, "effort: 6484 candidates of all teams asked for; .* up to 2000"),
+        ({"effort": "normal"}, "effort: 5492 candidates of all teams asked for; .* up to 2000"),
     ],
 )
 def test_a_design_beyond_the_limits_is_refused(keys: dict[str, Any], message: str) -> None:

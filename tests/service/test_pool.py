@@ -402,7 +402,9 @@ def test_a_pool_outlives_a_system_without_room_for_a_process(
     monkeypatch.setattr(Hollow, "__init__", refuse_twice)
     with own_pool() as pool:
         assert pool.call("short") == "short"
-    assert (len(refused), len(hollow)) == (2, 1)
+    # where threads are slow, an extra child may have begun too
+    assert len(refused) == 2
+    assert hollow
 
 
 def test_a_caller_who_went_away_harms_nobody(narrow: Pool) -> None:
