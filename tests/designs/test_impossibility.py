@@ -27,7 +27,7 @@ def test_what_a_formation_just_meets_is_never_proven_impossible(number: int) -> 
 @pytest.mark.parametrize(
     "first",
     [
-        pytest.param(0, marks=pytest.mark.long),
+        pytest.param(0, marks=pytest.mark.documented),
         *(pytest.param(first, marks=pytest.mark.documented) for first in (500, 1000, 1500)),
     ],
 )

@@ -27,7 +27,7 @@ def test_a_design_shows_its_front_and_opens_any_team(visit: Visit, page: Page) -
     _handed_in(page, _brief())
     panel = page.locator("#design")
     expect(panel.locator("#design-job-text")).to_contain_text(
-        re.compile(r"of 6 searches; searching")
+        re.compile(r"of 10 searches; searching")
     )
     expect(panel.locator(".badge")).to_contain_text("Met: need 2 m", timeout=180_000)
     assert accessibility_faults(page) == []

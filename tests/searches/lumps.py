@@ -97,4 +97,4 @@ def judge(cases: Mapping[int, tuple[float, float]], chance: float) -> list[str]:
     return []
 
 
-SEARCH = Search(draw, judge, draws=60)
+SEARCH = Search(draw, judge, draws=16)
