@@ -79,11 +79,11 @@ def _design(
 
 def _words(state: "DesignState") -> str:
     """What a design does, and the least error so far."""
-    fitting = [one for one in state.front if one.best.fits]
+    fitting = [team.best for team in state.front if team.best.fits]
     if not fitting:
         return state.doing
-    best = min(fitting, key=lambda one: one.best.value)
-    return f"{state.doing}; best {best.best.value:.3g} m with {best.cell}"
+    best = min(fitting, key=lambda best: best.value)
+    return f"{state.doing}; best {best.value:.3g} m with {best.cell}"
 
 
 def show_design(document: "DesignDocument", console: Console) -> None:

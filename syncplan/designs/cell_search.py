@@ -30,7 +30,7 @@ TRIES = 20
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class BestCandidate:
     """Best candidate of a search.
 
     Attributes
@@ -57,7 +57,7 @@ class Finding:
         return json.dumps([cell, self.point.tolist(), self.value, self.evaluations]).encode()
 
     @classmethod
-    def of_bytes(cls, data: bytes, cell: Cell) -> "Finding | None":
+    def of_bytes(cls, data: bytes, cell: Cell) -> "BestCandidate | None":
         """Return the result that `as_bytes` gave; None if it is not of a cell's search."""
         try:
             (*numbers, alternate), point, value, evaluations = json.loads(data)
@@ -73,9 +73,9 @@ def search(
     cell: Cell,
     budget: float,
     seed: Sequence[int],
-    starts: Sequence[Finding] = (),
+    starts: Sequence[BestCandidate] = (),
     stop: Callable[[], bool] = lambda: False,
-) -> Finding:
+) -> BestCandidate:
     """Return the best candidate of a cell, with either sense, after about `budget` evaluations.
 
     Evaluations are weighed by what they cost, see Space. The search begins with the best of
@@ -87,7 +87,7 @@ def search(
     # a single vehicle has no other to alternate with
     senses = (False, True)[: cell.vehicles]
     spaces = [Space(brief, replace(cell, alternate=alternate)) for alternate in senses]
-    best, evaluations = Finding(cell, np.zeros(0), np.inf, 0), 0
+    best, evaluations = BestCandidate(cell, np.zeros(0), np.inf, 0), 0
     smaller = min((start.value for start in starts), default=np.inf)
 
     def points() -> Iterator[tuple[Space, Array]]:
@@ -116,7 +116,7 @@ def search(
         value = space.value(point, best.value)
         evaluations += 1
         if value < best.value:
-            best = Finding(space.cell, point, value, evaluations)
+            best = BestCandidate(space.cell, point, value, evaluations)
         if stop():
             break
     return replace(best, evaluations=evaluations)

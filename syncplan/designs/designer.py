@@ -114,20 +114,20 @@ def _best(
     ladder: Ladder, front: list[FrontCell], stopped: Callable[[], bool]
 ) -> tuple[Judgement | None, str]:
     """The cheapest formation that meets the brief, or the best of all and what it misses."""
-    fitting = [one for one in front if one.best.fits]
+    fitting = [team for team in front if team.best.fits]
     if not fitting:
         return None, _least_fault(ladder.brief, front)
-    nearly = [one for one in fitting if one.best.value <= NEARLY * wanted(ladder.brief.need)]
-    tried = sorted(nearly, key=lambda one: (one.cost, one.best.value))[:MOST_TRIED]
-    tried = tried or [min(fitting, key=lambda one: one.best.value)]
+    nearly = [team for team in fitting if team.best.value <= NEARLY * wanted(ladder.brief.need)]
+    tried = sorted(nearly, key=lambda team: (team.cost, team.best.value))[:MOST_TRIED]
+    tried = tried or [min(fitting, key=lambda team: team.best.value)]
     made: list[Judgement] = []
-    for one in tried:
-        made.append(judged(ladder.brief, one, stopped, ladder.report))
+    for team in tried:
+        made.append(judged(ladder.brief, team, stopped, ladder.report))
         if not made[-1].binding:
             return made[-1], ""
         if stopped():
             break
-    best = min(made, key=lambda one: one.worst)
+    best = min(made, key=lambda judgement: judgement.worst)
     return best, best.binding
 
 
@@ -135,9 +135,9 @@ def _least_fault(brief: Brief, front: list[FrontCell]) -> str:
     """The largest fault of the formation that comes nearest to having none."""
     if not front:
         return "time"
-    one = min(front, key=lambda one: one.best.value)
-    space = Space(brief, one.cell)
-    faults = space.faults(space.candidate(one.best.point))
+    best = min((team.best for team in front), key=lambda best: best.value)
+    space = Space(brief, best.cell)
+    faults = space.faults(space.candidate(best.point))
     # of circles alone there may be none: vehicles then come too near as they stray
     return max(faults, key=lambda name: faults[name]) if any(faults.values()) else "separation"
 
@@ -151,7 +151,7 @@ def _purchases(
     """
     need, starts = ladder.brief.need, (best.start.best,)
     half = EVALUATIONS[ladder.brief.effort] // 2
-    offers = dict(enumerate(offers_for(ladder.brief, best.start.cell), ladder.searches))
+    offers = dict(enumerate(offers_for(ladder.brief, best.start.best.cell), ladder.searches))
     ladder.total += len(offers)
     orders = [
         SearchOrder(number, offer.brief, offer.cell, half, starts=starts)
@@ -169,4 +169,4 @@ def _purchases(
             if helps and worst < float("inf"):
                 met = worst <= wanted(need) and survives(plan, need)
                 made.append(Purchase(offer.words, offer.cost, plan, worst, met))
-    return tuple(sorted(made, key=lambda one: one.worst))
+    return tuple(sorted(made, key=lambda purchase: purchase.worst))

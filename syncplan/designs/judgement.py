@@ -50,7 +50,7 @@ class Judgement:
 
 
 def judged(
-    brief: Brief, one: FrontCell, stopped: Callable[[], bool], report: Callable[[str], None]
+    brief: Brief, team: FrontCell, stopped: Callable[[], bool], report: Callable[[str], None]
 ) -> Judgement:
     """Return the judgement of a formation, in the order of what each part of it costs.
 
@@ -60,17 +60,17 @@ def judged(
     Once `stopped` returns True, the formation is neither refined nor tried any further. `report`
     receives what is done, in words.
     """
-    space = Space(brief, one.cell)
-    made = space.plan(one.best.point)
+    space = Space(brief, team.best.cell)
+    made = space.plan(team.best.point)
     better = made
     if not stopped():
-        report(f"refining {one.cell}")
+        report(f"refining {team.best.cell}")
         better = refined(space, made)
-    first = _judged(brief, Judgement(one, better), stopped, report)
+    first = _judged(brief, Judgement(team, better), stopped, report)
     if not first.binding or better is made or stopped():
         return first
     # a refinement knows nothing of flights
-    second = _judged(brief, Judgement(one, made), stopped, report)
+    second = _judged(brief, Judgement(team, made), stopped, report)
     return first if second.binding else second
 
 
@@ -78,7 +78,7 @@ def _judged(
     brief: Brief, judgement: Judgement, stopped: Callable[[], bool], report: Callable[[str], None]
 ) -> Judgement:
     """The judgement of a plan, with the requirement that it misses."""
-    need, made, cell = brief.need, judgement.plan, judgement.start.cell
+    need, made, cell = brief.need, judgement.plan, judgement.start.best.cell
     binding = _fault(judgement, need)
     if binding:
         return replace(judgement, binding=binding)

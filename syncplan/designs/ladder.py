@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from syncplan.designs.candidates import Cell
-from syncplan.designs.cell_search import Finding, search
+from syncplan.designs.cell_search import BestCandidate, search
 from syncplan.runtime.machine import single_threaded_blas
 from syncplan.runtime.task_crew import EarlierSearch, Work, run_orders
 from syncplan.scenario.brief import Brief, Effort
@@ -36,13 +36,11 @@ class FrontCell:
 
     Attributes
     ----------
-    cell : numbers of vehicles and landmarks
-    best : its best candidate, with the error on the coarse grid
+    best : best candidate of its cell, with the error on the coarse grid
     cost : of the team, in the unit of the brief's costs
     """
 
-    cell: Cell
-    best: Finding
+    best: BestCandidate
     cost: float
 
 
@@ -99,7 +97,7 @@ class SearchOrder:
     cell: Cell
     evaluations: int
     needs: tuple[int, ...] = ()
-    starts: tuple[Finding, ...] = ()
+    starts: tuple[BestCandidate, ...] = ()
 
 
 def orders_of(brief: Brief) -> list[SearchOrder]:
@@ -110,12 +108,10 @@ def orders_of(brief: Brief) -> list[SearchOrder]:
     cells, rounds, half = cells_of(brief), ROUNDS[brief.effort], EVALUATIONS[brief.effort] // 2
     alone: list[SearchOrder] = []
     onward: list[SearchOrder] = []
-    for number, cell in enumerate(cells):
-        smaller = [
-            other
-            for other, few in enumerate(cells)
-            if (cell.vehicles - few.vehicles, cell.landmarks - few.landmarks) in ((0, 1), (1, 0))
-        ]
+    numbers = {cell: number for number, cell in enumerate(cells)}
+    for cell, number in numbers.items():
+        fewer = Cell(cell.vehicles, cell.landmarks - 1), Cell(cell.vehicles - 1, cell.landmarks)
+        smaller = [numbers[other] for other in fewer if other in numbers]
         first = len(cells) + len(alone)
         first_searches = range(first, first + rounds * (5 - 2 * len(smaller)))
         alone += [SearchOrder(k, brief, cell, half // rounds) for k in first_searches]
@@ -129,7 +125,7 @@ def search_worker(seed: int) -> Work:
     @single_threaded_blas
     def work(
         order: SearchOrder, stop: threading.Event, _report: Callable[[Any], None]
-    ) -> tuple[SearchOrder, Finding, bool]:
+    ) -> tuple[SearchOrder, BestCandidate, bool]:
         seeds = seed, order.number
         best = search(order.brief, order.cell, order.evaluations, seeds, order.starts, stop.is_set)
         return order, best, stop.is_set()
@@ -154,7 +150,7 @@ class Ladder:
     workers: int
     progress: DesignProgress
     earlier: EarlierSearch
-    made: dict[int, Finding] = field(default_factory=dict)
+    made: dict[int, BestCandidate] = field(default_factory=dict)
     cut_short: bool = False
 
     def __post_init__(self) -> None:
@@ -172,9 +168,7 @@ class Ladder:
         made = [self.made[number] for number in sorted(self.made) if number < self.searches]
         made.sort(key=lambda result: result.value, reverse=True)
         best = {(result.cell.vehicles, result.cell.landmarks): result for result in made}
-        return [
-            FrontCell(item.cell, item, self.cost(item.cell)) for _, item in sorted(best.items())
-        ]
+        return [FrontCell(best[team], self.cost(best[team].cell)) for team in sorted(best)]
 
     def cost(self, cell: Cell) -> float:
         """Cost of a team, without its sensors, by the brief's costs."""
@@ -200,7 +194,7 @@ class Ladder:
                     continue
                 given.add(order.number)
                 data = self.earlier.finished.get(order.number)
-                kept = data and Finding.of_bytes(data, order.cell)
+                kept = data and BestCandidate.of_bytes(data, order.cell)
                 if kept:
                     self.made[order.number] = kept
                 else:
@@ -208,7 +202,7 @@ class Ladder:
                     now.append(replace(order, starts=starts))
             return now
 
-        def take(result: tuple[SearchOrder, Finding, bool]) -> list[SearchOrder]:
+        def take(result: tuple[SearchOrder, BestCandidate, bool]) -> list[SearchOrder]:
             order, best, stopped = result
             self.made[order.number] = best
             self.cut_short |= stopped

@@ -108,68 +108,70 @@ class DesignDocument(VersionedDocument):
     flight: FlightDocument | None
 
 
-def design_document(found: "Design") -> DesignDocument:
+def design_document(designed: "Design") -> DesignDocument:
     """Return the document of a design."""
-    best, proof = found.best, found.proof
+    best, proof = designed.best, designed.proof
     checked = None if best is None else best.validation
     flown = None if best is None else best.flight
     return DesignDocument(
         version=__version__,
-        name=found.brief.name,
-        status=found.status,
-        binding=found.binding,
+        name=designed.brief.name,
+        status=designed.status,
+        binding=designed.binding,
         proof=None if proof is None else ImpossibilityProof(kind=proof.kind, reason=proof.reason),
         best=None if best is None else _team(best),
-        front=[_with_formation(found.brief, one) for one in found.front],
+        front=[_with_formation(designed.brief, team) for team in designed.front],
         purchases=[
             OfferedPurchase(
-                change=one.words,
-                worst_rms_m=one.worst,
-                met=one.met,
-                cost=one.cost,
-                formation=stated(one.plan.scenario, one.plan.orbits),
+                change=purchase.words,
+                worst_rms_m=purchase.worst,
+                met=purchase.met,
+                cost=purchase.cost,
+                formation=stated(purchase.plan.scenario, purchase.plan.orbits),
             )
-            for one in found.purchases
+            for purchase in designed.purchases
         ],
-        evaluations=found.evaluations,
-        seed=found.brief.seed,
-        cut_short=found.cut_short,
+        evaluations=designed.evaluations,
+        seed=designed.brief.seed,
+        cut_short=designed.cut_short,
         findings=(PlanFinding.of("search-cut-short", Remark("note", _CUT_SHORT)),)
-        if found.cut_short
+        if designed.cut_short
         else (),
-        brief=found.brief,
+        brief=designed.brief,
         plan=None if best is None else plan_document(best.plan),
         validation=None if checked is None else validation_document(checked),
         flight=None if flown is None else flight_document(flown),
     )
 
 
-def front_point(one: "FrontCell") -> FrontPoint:
+def front_point(team: "FrontCell") -> FrontPoint:
     """Return a point of the front of a design, done or under way."""
+    best = team.best
     return FrontPoint(
-        vehicles=one.cell.vehicles,
-        landmarks=one.cell.landmarks,
-        worst_rms_m=one.best.value if one.best.fits else None,
-        cost=one.cost,
+        vehicles=best.cell.vehicles,
+        landmarks=best.cell.landmarks,
+        worst_rms_m=best.value if best.fits else None,
+        cost=team.cost,
     )
 
 
-def _with_formation(brief: Brief, one: "FrontCell") -> FrontPoint:
+def _with_formation(brief: Brief, team: "FrontCell") -> FrontPoint:
     # not at the top: a search is only loaded by what searches
     from syncplan.designs.candidates import Space
 
-    if not one.best.fits:
-        return front_point(one)
-    formation = stated(*Space(brief, one.cell).formation(one.best.point))
-    return front_point(one).model_copy(update={"formation": formation})
+    point, best = front_point(team), team.best
+    if not best.fits:
+        return point
+    formation = stated(*Space(brief, best.cell).formation(best.point))
+    return point.model_copy(update={"formation": formation})
 
 
 def _team(best: "Judgement") -> DesignedTeam:
     checked, flown, orbits = best.validation, best.flight, best.plan.orbits
     measure = purpose_measure(best.plan.scenario)
     return DesignedTeam(
-        vehicles=best.start.cell.vehicles,
-        landmarks=best.start.cell.landmarks,
+        vehicles=best.start.best.cell.vehicles,
+        landmarks=best.start.best.cell.landmarks,
         cost=best.start.cost,
         predicted_worst_rms_m=finite_or_none(best.worst),
         validated_worst_rms_m=None

@@ -90,10 +90,10 @@ def test_purchases_are_stated_on_request(
         "syncplan.designs.designer.offers_for", lambda *given: offers_for(*given)[:2]
     )
     status, out, _ = run("design", str(brief_file), "--processes", "1", "--purchases")
-    found = json.loads(out)
-    assert (status, found["status"], found["brief"]["purchases"]) == (0, "met", True)
-    assert found["purchases"]
-    assert all(offer["worst_rms_m"] > 0.0 for offer in found["purchases"])
+    document = json.loads(out)
+    assert (status, document["status"], document["brief"]["purchases"]) == (0, "met", True)
+    assert document["purchases"]
+    assert all(offer["worst_rms_m"] > 0.0 for offer in document["purchases"])
 
 
 @pytest.mark.long
@@ -112,8 +112,8 @@ def test_a_design_that_a_signal_ends_is_written_whole(
     time.sleep(after_s)
     os.killpg(process.pid, number)
     assert process.wait(30.0) == 4
-    found = DOCUMENTS["design"].model.model_validate_json(design.read_text()).model_dump()
-    assert (found["cut_short"], found["findings"][0]["code"]) == (True, "search-cut-short")
-    if found["best"] is not None:
-        assert load_plan(plan).team.count == found["best"]["vehicles"]
+    document = DOCUMENTS["design"].model.model_validate_json(design.read_text()).model_dump()
+    assert (document["cut_short"], document["findings"][0]["code"]) == (True, "search-cut-short")
+    if document["best"] is not None:
+        assert load_plan(plan).team.count == document["best"]["vehicles"]
     assert {path.name for path in tmp_path.iterdir()} <= {given.name, design.name, plan.name}

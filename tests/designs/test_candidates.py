@@ -130,8 +130,8 @@ def test_a_search_begins_with_the_best_of_its_starts() -> None:
     starts = [search(given, Cell(2, 2), 30, (seed,)) for seed in range(3)]
     # a landmark more cannot worsen what the others show
     for landmarks in (2, 3):
-        found = search(given, Cell(2, landmarks), 1, (3,), starts)
-        assert found.value <= min(start.value for start in starts) * (1.0 + 1e-9)
+        best = search(given, Cell(2, landmarks), 1, (3,), starts)
+        assert best.value <= min(start.value for start in starts) * (1.0 + 1e-9)
 
 
 def test_senses_alternate_where_the_cell_says_so() -> None:

@@ -70,7 +70,7 @@ def test_a_winner_holds_its_brief(met: Searched) -> None:
         assert run.accuracy.late_position.max() <= 2.0
     # no cheaper cell nearly met the need and was passed over
     cheaper = [one for one in found.front if one.cost < best.start.cost]
-    assert all(one.best.value > designer.NEARLY * 1.9 for one in cheaper)
+    assert all(team.best.value > designer.NEARLY * 1.9 for team in cheaper)
 
 
 def test_a_winner_that_its_validation_stops_does_not_meet_the_brief(
@@ -153,11 +153,11 @@ def test_a_time_limit_ends_the_searches_and_the_best_is_judged(
     met: Searched, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(ladder, "EVALUATIONS", {"quick": 10**6})
-    found = design(brief(time_limit_s=2.0), workers=2)
-    assert found.cut_short
-    assert [finding.code for finding in design_document(found).findings] == ["search-cut-short"]
-    assert found.best is not None
-    assert found.best.flight is not None
+    designed = design(brief(time_limit_s=2.0), workers=2)
+    assert designed.cut_short
+    assert [finding.code for finding in design_document(designed).findings] == ["search-cut-short"]
+    assert designed.best is not None
+    assert designed.best.flight is not None
     # what was kept is not searched again, though no time is left
     monkeypatch.setattr(ladder, "EVALUATIONS", {"quick": 120})
     earlier = EarlierSearch(met[2], spent_s=10.0)
@@ -174,10 +174,10 @@ def test_results_that_an_earlier_version_kept_are_searched_anew(met: Searched) -
         1: kept[1],
         **{k: kept[k] for k in (2, 3, 4, 6, 7, 8)},
     }
-    found, _, made = _searched(brief(), 1, older)
+    designed, _, made = _searched(brief(), 1, older)
     assert sorted(made) == [0, 5, 9]
     assert made[0] == kept[0]
-    assert found.evaluations == met[0].evaluations
+    assert designed.evaluations == met[0].evaluations
 
 
 def test_a_formation_is_judged_where_its_refinement_fails_in_flight(
@@ -185,7 +185,7 @@ def test_a_formation_is_judged_where_its_refinement_fails_in_flight(
 ) -> None:
     best = met[0].best
     assert best is not None
-    refined = judgement.refined(Space(met[0].brief, best.start.cell), best.plan)
+    refined = judgement.refined(Space(met[0].brief, best.start.best.cell), best.plan)
     monkeypatch.setattr(judgement, "refined", lambda *_: replace(refined, flight=None))
     flights = iter(["no filter can fly", best.flight])
     monkeypatch.setattr(judgement, "pilot_flight", lambda *_: next(flights))
@@ -251,7 +251,7 @@ def test_a_purpose_that_no_formation_serves_binds() -> None:
     found = design(brief(team={"max": 2}, purpose={"cover": cover}), workers=1)
     assert (found.status, found.binding) == ("not_found", "area")
     assert found.best is None
-    assert all(not one.best.fits for one in found.front)
+    assert all(not team.best.fits for team in found.front)
 
 
 def test_a_sample_time_too_short_for_the_largest_circle_is_refused_before_the_search() -> None:

@@ -174,11 +174,11 @@ def _system(made: Plan, duration: float) -> ReferredSystem:
 def test_lumps_of_one_sample_leave_out_nothing(name: str) -> None:
     system = _system(CASES[name](), 40.0)
     exact, run = system.bound(system.start), lumps.lumped(system.run, 64, 6, 1e9)
-    found = system.carried(system.known(after) for after in lumps._along(run, system.start))
-    np.testing.assert_allclose(found.position_variance, exact.position_variance, rtol=1e-4)
-    np.testing.assert_allclose(found.heading_variance, exact.heading_variance, rtol=1e-4)
-    if exact.errors is not None and found.errors is not None:
-        np.testing.assert_allclose(found.errors, exact.errors, rtol=1e-4)
+    bound = system.carried(system.known(after) for after in lumps._along(run, system.start))
+    np.testing.assert_allclose(bound.position_variance, exact.position_variance, rtol=1e-4)
+    np.testing.assert_allclose(bound.heading_variance, exact.heading_variance, rtol=1e-4)
+    if exact.errors is not None and bound.errors is not None:
+        np.testing.assert_allclose(bound.errors, exact.errors, rtol=1e-4)
 
 
 @pytest.mark.parametrize("name", CASES)

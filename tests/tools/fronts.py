@@ -38,7 +38,7 @@ def simple_search(brief: Brief, cell: Cell) -> float:
 
 def worsened(front: Sequence[FrontCell]) -> list[str]:
     """Return the teams of a front that are worse than one with a vehicle or landmark less."""
-    teams = {(team.cell.vehicles, team.cell.landmarks): team.best.value for team in front}
+    teams = {(team.best.cell.vehicles, team.best.cell.landmarks): team.best.value for team in front}
     return [
         f"{vehicles}/{landmarks}: {value:.4g} m, {fewer[0]}/{fewer[1]}: {teams[fewer]:.4g} m"
         for (vehicles, landmarks), value in teams.items()

@@ -47,7 +47,9 @@ def draw_planted(generator: np.random.Generator, *, edge: bool) -> Planted:
     purpose, radius = _purpose(generator, corners, centers, radius)
     keep_outs = [] if "cover" in purpose else _keep_outs(generator, centers, radius, size)
     least = radius * (1.0 - _gap(generator, radius))
-    keys: dict[str, Any] = {"keep_out_m": [one.tolist() for one in keep_outs]} if keep_outs else {}
+    keys: dict[str, Any] = (
+        {"keep_out_m": [polygon.tolist() for polygon in keep_outs]} if keep_outs else {}
+    )
     return Planted(
         brief(
             area_m=corners.tolist(),
