@@ -17,7 +17,7 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.bounds import LossBounds, posterior_bound
-from syncplan.orbits.circles import Orbits
+from syncplan.orbits.circles import Orbits, position
 from syncplan.orbits.contacts import Windows, closest_approach, find_windows, met_pairs
 from syncplan.orbits.sightings import remainder_of, single_losses
 from syncplan.orbits.team import Team, team_of
@@ -207,7 +207,11 @@ class Space:
         return judge(*self.formation(point))
 
     def formation(self, point: Array) -> tuple[Scenario, Orbits]:
-        """Return the scenario and the orbits at a point (size,)."""
+        """Return the scenario and the orbits at a point (size,).
+
+        The run begins at the moment of the period after which vehicles stay apart for longest:
+        until sightings show where they are, they are off by the initial errors.
+        """
         candidate = self.candidate(point)
         keys = self.keys(candidate)
         team = self._team(candidate)
@@ -215,7 +219,16 @@ class Space:
         names = [(f"v{a + 1}", f"v{b + 1}") for a, b in pairs]
         # phases are free, so just those pairs are links that meet
         keys["formation"]["links"] = names
-        return scenario_from(keys), self._orbits(candidate)
+        scenario, orbits = scenario_from(keys), self._orbits(candidate)
+        turns = np.arange(SAMPLES) * 2.0 * np.pi / SAMPLES
+        places = position(orbits, turns / orbits.rate)
+        a, b = np.triu_indices(orbits.count, 1)
+        limit = separation_limit(scenario).least(orbits.radii)
+        limit += STRAY * self.brief.initial_sigma.position_m
+        near = (np.hypot(*(places[:, a] - places[:, b]).T) < limit).any(axis=0)
+        begin = max(range(SAMPLES), key=lambda k: np.argmax(np.roll(near, -k)))
+        phases = (orbits.phases + orbits.senses * turns[begin]) % (2.0 * np.pi)
+        return scenario, replace(orbits, phases=phases)
 
     # --- judgement --------------------------------------------------------------------------------
 

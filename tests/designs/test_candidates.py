@@ -176,6 +176,34 @@ def test_a_step_moves_one_body_or_all_and_stays_in_the_cube(landmarks: dict[str,
     assert bodies == alone
 
 
+def test_a_run_begins_when_vehicles_stay_apart_for_longest() -> None:
+    space, generator = _space(Cell(3, 2, alternate=True)), np.random.default_rng(10)
+    cases = 0
+    for _ in range(20):
+        point = generator.uniform(0.0, 1.0, space.size)
+        scenario, orbits = space.formation(point)
+        # the circles are those of the candidate, all at another moment
+        turned = orbits.senses * (orbits.phases - 2.0 * np.pi * point[1:4])
+        np.testing.assert_allclose(np.exp(1j * turned), np.exp(1j * turned[0]))
+        limit = 0.1 * orbits.radii[0] + 3.0 * scenario.initial_sigma.position_m
+        times = np.linspace(0.0, 2.0 * orbits.period, 9600, endpoint=False)
+        places = orbits.centers + orbits.radii[:, None] * np.stack(
+            [
+                np.cos(orbits.phases + orbits.senses * orbits.rate * times[:, None]),
+                np.sin(orbits.phases + orbits.senses * orbits.rate * times[:, None]),
+            ],
+            axis=-1,
+        )
+        apart = np.stack([np.hypot(*(places[:, k] - places[:, k - 1]).T) for k in range(3)])
+        near = np.flatnonzero((apart < limit).any(axis=0))
+        if len(near) and len(near) < 9600:
+            cases += 1
+            gaps = np.diff(near)
+            # by a sample at either end
+            assert near[0] >= gaps.max() - 2 * 100
+    assert cases > 3
+
+
 def test_a_candidate_that_cannot_beat_the_limit_costs_less() -> None:
     need = {"worst_rms_m": 2.0, "losses": 1}
     space = _space(Cell(3, 3), need=need, landmarks={"max": 3})
