@@ -18,8 +18,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks import Figure, print_figures
 from syncplan.designs.candidates import UNFIT
+from syncplan.designs.cell_search import BestCandidate
 from syncplan.designs.designer import design
-from syncplan.designs.ladder import DesignState, FrontCell, Ladder
+from syncplan.designs.ladder import DesignState, Ladder
 from syncplan.runtime.machine import single_threaded_blas, usable_cores
 from syncplan.runtime.task_crew import EarlierSearch
 from syncplan.scenario.brief import Brief, brief_of
@@ -49,7 +50,7 @@ Fronts = dict[str, tuple[list[float], int]]
 Result = tuple[Fronts, list[tuple[float, float]], dict[str, tuple[float, float, int]]]
 
 
-def front_of(brief: Brief) -> list[FrontCell]:
+def front_of(brief: Brief) -> list[BestCandidate]:
     """Return the front that the searches of a brief find."""
     return Ladder(brief, usable_cores(), lambda _state: None, EarlierSearch()).search_all()
 
@@ -61,7 +62,7 @@ def shares() -> Fronts:
     for path in FRONTS:
         brief = brief_of(path).model_copy(update={"effort": "quick"})
         front = front_of(brief)
-        pairs = [(team.best.value, simple_search(brief, team.best.cell)) for team in front]
+        pairs = [(team.value, simple_search(brief, team.cell)) for team in front]
         errors = [100.0 * ours / simple for ours, simple in pairs if max(ours, simple) < UNFIT]
         by_brief[path.stem] = errors, len(worsened(front))
     return by_brief
@@ -74,7 +75,7 @@ def spread() -> list[tuple[float, float]]:
         began = time.perf_counter()
         brief = brief_of({**TEAM, "seed": seed})
         (team,) = front_of(brief)
-        rows.append((team.best.value, time.perf_counter() - began))
+        rows.append((team.value, time.perf_counter() - began))
     return rows
 
 
@@ -83,7 +84,7 @@ def times(path: Path) -> tuple[float, float, int]:
     began, first = time.perf_counter(), [float("inf")]
 
     def progress(state: DesignState) -> None:
-        if any(team.best.fits for team in state.front):
+        if any(team.fits for team in state.front):
             first[0] = min(first[0], time.perf_counter() - began)
 
     designed = design(path, progress=progress)

@@ -39,11 +39,11 @@ def _designed(spec: JobSpec, earlier: EarlierWork, workers: int, progress: Progr
     brief = Brief.model_validate_json(spec.request)
 
     def heard(state: DesignState) -> None:
-        front = [front_point(one).as_json() for one in state.front]
+        front = [front_point(brief, team).as_json() for team in state.front]
         progress(Shown(state.done, {"doing": state.doing, "front": front}))
 
-    found = design(brief, workers=workers, progress=heard, earlier=earlier.resumed(progress))
-    return JobReport(as_text(design_document(found).as_json()))
+    designed = design(brief, workers=workers, progress=heard, earlier=earlier.resumed(progress))
+    return JobReport(as_text(design_document(designed).as_json()))
 
 
 DESIGN = JobKind(

@@ -32,7 +32,8 @@ export const key = {
 export async function ask(method, path, { body, type, accept, headers, signal } = {}) {
   /** @type {Record<string, string>} */
   const sent = { Accept: accept || "application/json", ...headers };
-  if (key.get()) sent.Authorization = `Bearer ${key.get()}`;
+  const shown = key.get();
+  if (shown) sent.Authorization = `Bearer ${shown}`;
   if (body !== undefined) sent["Content-Type"] = type || "application/json";
   let answer;
   try {
@@ -42,6 +43,8 @@ export async function ask(method, path, { body, type, accept, headers, signal } 
     throw new Unreachable("the service can't be reached");
   }
   if (answer.status === 401) {
+    // a key that was entered meanwhile is another question
+    if (key.get() !== shown) return ask(method, path, { body, type, accept, headers, signal });
     document.dispatchEvent(new Event("syncplan:key"));
     throw new Refusal(401, { detail: "This service needs a key. Enter yours to continue." });
   }

@@ -7,7 +7,6 @@ import signal
 import sys
 import threading
 from importlib import import_module
-from types import FrameType
 from typing import TYPE_CHECKING, Annotated, Literal, NoReturn
 
 import typer
@@ -156,10 +155,10 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     sys.exit(status if isinstance(status, int) else 0)
 
 
-def _interrupt(number: int, frame: FrameType | None) -> None:
+def _interrupt(*_: object) -> None:
     """Do as at Ctrl-C, also where a shell has Ctrl-C ignored: searches write the best they have."""
     handler = signal.getsignal(signal.SIGINT)
-    (handler if callable(handler) else signal.default_int_handler)(number, frame)
+    (handler if callable(handler) else signal.default_int_handler)(signal.SIGINT, None)
 
 
 def _usage_fault(error: TyperException, arguments: list[str]) -> str:

@@ -61,8 +61,7 @@ def _design(
         console.check_output(output, brief)
         console.check_output(plan_out, brief)
         given = brief_of(brief)
-        if purchases:
-            given = given.model_copy(update={"purchases": True})
+        given = given.model_copy(update={"purchases": purchases or given.purchases})
         with console.progress_bar("searching", 0) as bar:
             result = design(
                 given,
@@ -79,7 +78,7 @@ def _design(
 
 def _words(state: "DesignState") -> str:
     """What a design does, and the least error so far."""
-    fitting = [team.best for team in state.front if team.best.fits]
+    fitting = [team for team in state.front if team.fits]
     if not fitting:
         return state.doing
     best = min(fitting, key=lambda best: best.value)

@@ -25,7 +25,7 @@ from syncplan.planning.judged_team import landmark_limit, separation_limit
 from syncplan.planning.planner import judge
 from syncplan.planning.plans import Plan
 from syncplan.scenario.areas import Area
-from syncplan.scenario.brief import Brief
+from syncplan.scenario.brief import Brief, Prefer
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.purposes import PurposeMeasure
 from syncplan.scenario.rules import excess
@@ -76,6 +76,10 @@ class Cell:
     landmarks: int
     alternate: bool = False
 
+    def cost(self, prefer: Prefer) -> float:
+        """Return the cost of the team, without its sensors."""
+        return self.vehicles * prefer.vehicle + self.landmarks * prefer.landmark
+
     def __str__(self) -> str:
         """Return the numbers in words."""
         return f"{self.vehicles} vehicles and {self.landmarks} landmarks"
@@ -109,6 +113,7 @@ class Space:
 
     Attributes
     ----------
+    size : number of coordinates of a point
     spent : number of candidates judged, weighed by team size and by the losses that were judged
     """
 
@@ -121,27 +126,20 @@ class Space:
         sites = brief.landmarks
         self._sites = np.array(sites.listed, dtype=float).reshape(-1, 2)
         self._each = 0 if sites.given else 1 if sites.on_edge else 2
-        self._bare = self._bare_team()
+        # every second vehicle turns the other way where senses alternate
+        self._senses = np.where(cell.alternate * np.arange(cell.vehicles) % 2, -1.0, 1.0)
         self._weight = max(1.0, (cell.vehicles / LARGE_TEAM) ** 2)
         self.spent = 0.0
-        n, each = cell.vehicles, self._each
-        bodies = 1 + np.arange(n + cell.landmarks)
-        parts = (
-            np.zeros(1 + self._ranged),
-            bodies[:n],
-            bodies[:n].repeat(2),
-            bodies[n:].repeat(each),
-        )
         # which body a coordinate moves, 0 for what all share, and whether it goes round
+        shared = np.zeros(1 + self._ranged)
+        vehicles, others = np.split(1 + np.arange(cell.vehicles + cell.landmarks), [cell.vehicles])
+        parts = shared, vehicles, vehicles.repeat(2), others.repeat(self._each)
         self._bodies = np.concatenate(parts)
-        self._round = np.repeat([False, True, False, each == 1], [len(part) for part in parts])
+        self._round = np.repeat([False, True, False, self._each == 1], [*map(len, parts)])
+        self.size = len(self._bodies)
+        self._bare = self._bare_team()
         sited = replace(self._bare[0], landmarks=np.zeros((cell.landmarks, 2)))
         self._losses = single_losses(sited) if brief.need.losses else []
-
-    @property
-    def size(self) -> int:
-        """Number of coordinates of a point."""
-        return 1 + self._ranged + 3 * self.cell.vehicles + self._each * self.cell.landmarks
 
     def candidate(self, point: Array) -> Candidate:
         """Return the candidate at a point (size,) of the unit cube."""
@@ -216,9 +214,8 @@ class Space:
         keys = self.keys(candidate)
         team = self._team(candidate)
         pairs = sorted(met_pairs(team, find_windows(team)))
-        names = [(f"v{a + 1}", f"v{b + 1}") for a, b in pairs]
         # phases are free, so just those pairs are links that meet
-        keys["formation"]["links"] = names
+        keys["formation"]["links"] = [(f"v{a + 1}", f"v{b + 1}") for a, b in pairs]
         scenario, orbits = scenario_from(keys), self._orbits(candidate)
         turns = np.arange(SAMPLES) * 2.0 * np.pi / SAMPLES
         places = position(orbits, turns / orbits.rate)
@@ -322,12 +319,11 @@ class Space:
         In half of the cases, these vehicles fly on circles of others with the same sense.
         """
         more = generator.uniform(size=self.size)
-        own, count = 1 + self._ranged, self.cell.vehicles
-        ends = own, own + cell.vehicles, own + 3 * cell.vehicles
-        begins = 0, own, own + count, own + 3 * count
-        for begin, part in zip(begins, np.split(point, ends), strict=True):
-            more[begin : begin + len(part)] = part
-        places = more[begins[2] : begins[3]].reshape(-1, 2)
+        bodies, count = self._bodies, self.cell.vehicles
+        given = (bodies <= cell.vehicles) | (bodies > count) & (bodies <= count + cell.landmarks)
+        more[given] = point
+        first = 1 + self._ranged + count
+        places = more[first : first + 2 * count].reshape(-1, 2)
         for k in range(cell.vehicles, count if generator.uniform() < 0.5 else 0):
             (same,) = np.nonzero(self._senses[:k] == self._senses[k])
             places[k] = places[same[int(places[k, 0] * len(same))]] if len(same) else places[k]
@@ -343,30 +339,16 @@ class Space:
         radii, rate = np.full(self.cell.vehicles, radius), candidate.speed / radius
         return Orbits(candidate.centers, radii, self._senses, phases, rate)
 
-    @property
-    def _senses(self) -> Array:
-        """Senses (n,): every second vehicle turns the other way where they alternate."""
-        senses = np.ones(self.cell.vehicles)
-        if self.cell.alternate:
-            senses[1::2] = -1.0
-        return senses
-
     def _bare_team(self) -> tuple[Team, Scenario]:
         """A team of the cell with the brief's sensors and noise, anywhere, and its scenario."""
-        point = np.full(self.size, 0.5)
-        count = self.cell.vehicles
         apart = 3.0 * self.brief.vehicle.least_radius(self.brief.vehicle.speeds[1])
         candidate = replace(
-            self.candidate(point),
-            centers=apart * np.arange(count)[:, None] * np.array([[1.0, 0.0]]),
+            self.candidate(np.full(self.size, 0.5)),
+            centers=apart * np.arange(self.cell.vehicles)[:, None] * np.array([[1.0, 0.0]]),
             landmarks=np.zeros((0, 2)),
         )
         scenario = scenario_from(self.keys(candidate))
-        zeros = np.zeros(count)
-        circles = Orbits(
-            candidate.centers, zeros + candidate.radius, zeros + 1.0, zeros, scenario.orbit.rate
-        )
-        return team_of(scenario, circles), scenario
+        return team_of(scenario, self._orbits(candidate)), scenario
 
 
 def check_samples(brief: Brief) -> None:

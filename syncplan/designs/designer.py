@@ -14,9 +14,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 from syncplan.designs.candidates import Space, check_samples
+from syncplan.designs.cell_search import BestCandidate
 from syncplan.designs.impossibility import Proof, proof_against
 from syncplan.designs.judgement import Judgement, judged, refined, survives, wanted
-from syncplan.designs.ladder import EVALUATIONS, DesignProgress, FrontCell, Ladder, SearchOrder
+from syncplan.designs.ladder import EVALUATIONS, DesignProgress, Ladder, SearchOrder
 from syncplan.designs.purchases import Purchase, offers_for
 from syncplan.errors import InputError
 from syncplan.results import Result
@@ -44,7 +45,7 @@ class Design(Result):
     proof : why it is impossible; None otherwise
     best : the winner, or the best formation found; None if there is none
     binding : the requirement that decides; empty if the brief is met
-    front : what was found for each number of vehicles and landmarks
+    front : the best candidate for each number of vehicles and landmarks
     purchases : what changes of the brief would bring, where it is not met or asks for them
     evaluations : number of candidates looked at
     cut_short : whether its time limit or Ctrl-C ended the search
@@ -55,7 +56,7 @@ class Design(Result):
     binding: str
     proof: Proof | None = None
     best: Judgement | None = None
-    front: tuple[FrontCell, ...] = ()
+    front: tuple[BestCandidate, ...] = ()
     purchases: tuple[Purchase, ...] = ()
     evaluations: int = 0
     cut_short: bool = False
@@ -105,21 +106,21 @@ def design(
             best=best,
             front=tuple(front),
             purchases=offered,
-            evaluations=ladder.evaluations,
+            evaluations=sum(team.evaluations for team in ladder.made.values()),
             cut_short=ladder.cut_short or interrupted.is_set(),
         )
 
 
 def _best(
-    ladder: Ladder, front: list[FrontCell], stopped: Callable[[], bool]
+    ladder: Ladder, front: list[BestCandidate], stopped: Callable[[], bool]
 ) -> tuple[Judgement | None, str]:
     """The cheapest formation that meets the brief, or the best of all and what it misses."""
-    fitting = [team for team in front if team.best.fits]
+    fitting = [team for team in front if team.fits]
     if not fitting:
         return None, _least_fault(ladder.brief, front)
-    nearly = [team for team in fitting if team.best.value <= NEARLY * wanted(ladder.brief.need)]
-    tried = sorted(nearly, key=lambda team: (team.cost, team.best.value))[:MOST_TRIED]
-    tried = tried or [min(fitting, key=lambda team: team.best.value)]
+    nearly = [team for team in fitting if team.value <= NEARLY * wanted(ladder.brief.need)]
+    nearly.sort(key=lambda team: (team.cell.cost(ladder.brief.prefer), team.value))
+    tried = nearly[:MOST_TRIED] or [min(fitting, key=lambda team: team.value)]
     made: list[Judgement] = []
     for team in tried:
         made.append(judged(ladder.brief, team, stopped, ladder.report))
@@ -131,11 +132,11 @@ def _best(
     return best, best.binding
 
 
-def _least_fault(brief: Brief, front: list[FrontCell]) -> str:
+def _least_fault(brief: Brief, front: list[BestCandidate]) -> str:
     """The largest fault of the formation that comes nearest to having none."""
     if not front:
         return "time"
-    best = min((team.best for team in front), key=lambda best: best.value)
+    best = min(front, key=lambda team: team.value)
     space = Space(brief, best.cell)
     faults = space.faults(space.candidate(best.point))
     # of circles alone there may be none: vehicles then come too near as they stray
@@ -149,12 +150,12 @@ def _purchases(
 
     Each is searched on from that formation, and refined.
     """
-    need, starts = ladder.brief.need, (best.start.best,)
+    need, start = ladder.brief.need, best.start
     half = EVALUATIONS[ladder.brief.effort] // 2
-    offers = dict(enumerate(offers_for(ladder.brief, best.start.best.cell), ladder.searches))
+    offers = dict(enumerate(offers_for(ladder.brief, start.cell), ladder.searches))
     ladder.total += len(offers)
     orders = [
-        SearchOrder(number, offer.brief, offer.cell, half, starts=starts)
+        SearchOrder(number, offer.brief, offer.cell, half, starts=(start,))
         for number, offer in offers.items()
     ]
     ladder.carry_out(orders, "searching what would help")
@@ -165,7 +166,7 @@ def _purchases(
             space = Space(offer.brief, bought.cell)
             plan = refined(space, space.plan(bought.point))
             worst = replace(best, plan=plan).worst
-            helps = bought.value < best.start.best.value if need.losses else worst < best.worst
+            helps = bought.value < start.value if need.losses else worst < best.worst
             if helps and worst < float("inf"):
                 met = worst <= wanted(need) and survives(plan, need)
                 made.append(Purchase(offer.words, offer.cost, plan, worst, met))

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from syncplan.designs.candidates import Space
-from syncplan.designs.ladder import FrontCell
+from syncplan.designs.cell_search import BestCandidate
 from syncplan.planning.loss_study import what_if
 from syncplan.planning.pilot_flight import pilot_flight
 from syncplan.planning.pilot_options import PilotOptions
@@ -36,7 +36,7 @@ class Judgement:
     binding : the requirement that it misses; empty if it meets the brief
     """
 
-    start: FrontCell
+    start: BestCandidate
     plan: Plan
     flight: Flight | None = None
     validation: Validation | None = None
@@ -50,7 +50,7 @@ class Judgement:
 
 
 def judged(
-    brief: Brief, team: FrontCell, stopped: Callable[[], bool], report: Callable[[str], None]
+    brief: Brief, team: BestCandidate, stopped: Callable[[], bool], report: Callable[[str], None]
 ) -> Judgement:
     """Return the judgement of a formation, in the order of what each part of it costs.
 
@@ -60,11 +60,11 @@ def judged(
     Once `stopped` returns True, the formation is neither refined nor tried any further. `report`
     receives what is done, in words.
     """
-    space = Space(brief, team.best.cell)
-    made = space.plan(team.best.point)
+    space = Space(brief, team.cell)
+    made = space.plan(team.point)
     better = made
     if not stopped():
-        report(f"refining {team.best.cell}")
+        report(f"refining {team.cell}")
         better = refined(space, made)
     first = _judged(brief, Judgement(team, better), stopped, report)
     if not first.binding or better is made or stopped():
@@ -78,7 +78,7 @@ def _judged(
     brief: Brief, judgement: Judgement, stopped: Callable[[], bool], report: Callable[[str], None]
 ) -> Judgement:
     """The judgement of a plan, with the requirement that it misses."""
-    need, made, cell = brief.need, judgement.plan, judgement.start.best.cell
+    need, made, cell = brief.need, judgement.plan, judgement.start.cell
     binding = _fault(judgement, need)
     if binding:
         return replace(judgement, binding=binding)

@@ -31,20 +31,6 @@ ROUNDS: Mapping[Effort, int] = {"quick": 1, "normal": 3, "thorough": 8}
 
 
 @dataclass(frozen=True, slots=True)
-class FrontCell:
-    """What a search found for so many vehicles and landmarks.
-
-    Attributes
-    ----------
-    best : best candidate of its cell, with the error on the coarse grid
-    cost : of the team, in the unit of the brief's costs
-    """
-
-    best: BestCandidate
-    cost: float
-
-
-@dataclass(frozen=True, slots=True)
 class DesignState:
     """State of a design under way.
 
@@ -52,13 +38,13 @@ class DesignState:
     ----------
     doing : what is done at present, in words
     done, total : searches; those of purchases are added to the total where there are some
-    front : what was found so far for each number of vehicles and landmarks
+    front : the best candidate so far for each number of vehicles and landmarks
     """
 
     doing: str
     done: int
     total: int
-    front: Sequence[FrontCell]
+    front: Sequence[BestCandidate]
 
 
 DesignProgress = Callable[[DesignState], None]
@@ -158,22 +144,17 @@ class Ladder:
         self.total = self.searches = len(self._orders)
         self._ends = time.monotonic() - self.earlier.spent_s + (self.brief.time_limit_s or math.inf)
 
-    def search_all(self) -> list[FrontCell]:
+    def search_all(self) -> list[BestCandidate]:
         """Search all cells and return the front."""
         self.carry_out(self._orders, "searching teams")
         return self.front()
 
-    def front(self) -> list[FrontCell]:
+    def front(self) -> list[BestCandidate]:
         """The best result of each cell, in either sense, in the order of the cells."""
         made = [self.made[number] for number in sorted(self.made) if number < self.searches]
         made.sort(key=lambda result: result.value, reverse=True)
         best = {(result.cell.vehicles, result.cell.landmarks): result for result in made}
-        return [FrontCell(best[team], self.cost(best[team].cell)) for team in sorted(best)]
-
-    def cost(self, cell: Cell) -> float:
-        """Cost of a team, without its sensors, by the brief's costs."""
-        prefer = self.brief.prefer
-        return cell.vehicles * prefer.vehicle + cell.landmarks * prefer.landmark
+        return [best[team] for team in sorted(best)]
 
     def report(self, doing: str) -> None:
         """Report the state of the design."""
@@ -223,8 +204,3 @@ class Ladder:
             time_limit_s=self._ends - time.monotonic(),
         )
         self.cut_short |= any(order.number not in self.made for order in orders)
-
-    @property
-    def evaluations(self) -> int:
-        """Number of candidates looked at."""
-        return sum(best.evaluations for best in self.made.values())

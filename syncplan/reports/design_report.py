@@ -14,9 +14,11 @@ from syncplan.reports.validation_report import ValidationDocument, validation_do
 from syncplan.scenario.brief import Brief
 
 if TYPE_CHECKING:
+    from syncplan.designs.cell_search import BestCandidate
     from syncplan.designs.designer import Design
     from syncplan.designs.judgement import Judgement
-    from syncplan.designs.ladder import FrontCell
+    from syncplan.planning.plan_flights import Flight
+    from syncplan.planning.validation import Validation
 
 
 _CUT_SHORT = "the search was ended early: teams may be missing, and better formations may exist"
@@ -119,7 +121,7 @@ def design_document(designed: "Design") -> DesignDocument:
         status=designed.status,
         binding=designed.binding,
         proof=None if proof is None else ImpossibilityProof(kind=proof.kind, reason=proof.reason),
-        best=None if best is None else _team(best),
+        best=None if best is None else _team(designed.brief, best),
         front=[_with_formation(designed.brief, team) for team in designed.front],
         purchases=[
             OfferedPurchase(
@@ -144,41 +146,40 @@ def design_document(designed: "Design") -> DesignDocument:
     )
 
 
-def front_point(team: "FrontCell") -> FrontPoint:
+def front_point(brief: Brief, team: "BestCandidate") -> FrontPoint:
     """Return a point of the front of a design, done or under way."""
-    best = team.best
     return FrontPoint(
-        vehicles=best.cell.vehicles,
-        landmarks=best.cell.landmarks,
-        worst_rms_m=best.value if best.fits else None,
-        cost=team.cost,
+        vehicles=team.cell.vehicles,
+        landmarks=team.cell.landmarks,
+        worst_rms_m=team.value if team.fits else None,
+        cost=team.cell.cost(brief.prefer),
     )
 
 
-def _with_formation(brief: Brief, team: "FrontCell") -> FrontPoint:
+def _with_formation(brief: Brief, team: "BestCandidate") -> FrontPoint:
     # not at the top: a search is only loaded by what searches
     from syncplan.designs.candidates import Space
 
-    point, best = front_point(team), team.best
-    if not best.fits:
+    point = front_point(brief, team)
+    if not team.fits:
         return point
-    formation = stated(*Space(brief, best.cell).formation(best.point))
+    formation = stated(*Space(brief, team.cell).formation(team.point))
     return point.model_copy(update={"formation": formation})
 
 
-def _team(best: "Judgement") -> DesignedTeam:
-    checked, flown, orbits = best.validation, best.flight, best.plan.orbits
+def _team(brief: Brief, best: "Judgement") -> DesignedTeam:
+    orbits, cell = best.plan.orbits, best.start.cell
     measure = purpose_measure(best.plan.scenario)
     return DesignedTeam(
-        vehicles=best.start.best.cell.vehicles,
-        landmarks=best.start.best.cell.landmarks,
-        cost=best.start.cost,
+        vehicles=cell.vehicles,
+        landmarks=cell.landmarks,
+        cost=cell.cost(brief.prefer),
         predicted_worst_rms_m=finite_or_none(best.worst),
-        validated_worst_rms_m=None
-        if checked is None
-        else finite_or_none(float(checked.accuracy.late_position.max())),
-        flown_worst_rms_m=None
-        if flown is None
-        else finite_or_none(float(flown.accuracy.late_position.max())),
+        validated_worst_rms_m=_worst(best.validation),
+        flown_worst_rms_m=_worst(best.flight),
         covered_share=measure.covered(orbits.centers, orbits.radii) if measure else None,
     )
+
+
+def _worst(run: "Validation | Flight | None") -> float | None:
+    return None if run is None else finite_or_none(float(run.accuracy.late_position.max()))

@@ -69,8 +69,9 @@ def test_a_winner_holds_its_brief(met: Searched) -> None:
     for run in (best.validation, best.flight):
         assert run.accuracy.late_position.max() <= 2.0
     # no cheaper cell nearly met the need and was passed over
-    cheaper = [one for one in found.front if one.cost < best.start.cost]
-    assert all(team.best.value > designer.NEARLY * 1.9 for team in cheaper)
+    costs = {team.cell: team.cell.cost(found.brief.prefer) for team in found.front}
+    cheaper = [team for team in found.front if costs[team.cell] < costs[best.start.cell]]
+    assert all(team.value > designer.NEARLY * 1.9 for team in cheaper)
 
 
 def test_a_winner_that_its_validation_stops_does_not_meet_the_brief(
@@ -185,7 +186,7 @@ def test_a_formation_is_judged_where_its_refinement_fails_in_flight(
 ) -> None:
     best = met[0].best
     assert best is not None
-    refined = judgement.refined(Space(met[0].brief, best.start.best.cell), best.plan)
+    refined = judgement.refined(Space(met[0].brief, best.start.cell), best.plan)
     monkeypatch.setattr(judgement, "refined", lambda *_: replace(refined, flight=None))
     flights = iter(["no filter can fly", best.flight])
     monkeypatch.setattr(judgement, "pilot_flight", lambda *_: next(flights))
@@ -251,7 +252,7 @@ def test_a_purpose_that_no_formation_serves_binds() -> None:
     found = design(brief(team={"max": 2}, purpose={"cover": cover}), workers=1)
     assert (found.status, found.binding) == ("not_found", "area")
     assert found.best is None
-    assert all(not team.best.fits for team in found.front)
+    assert all(not team.fits for team in found.front)
 
 
 def test_a_sample_time_too_short_for_the_largest_circle_is_refused_before_the_search() -> None:

@@ -21,7 +21,7 @@ BRIEFS = [
 def _beaten(given: Brief, every: int) -> list[str]:
     """What worsens in a front, and which of its teams a simple search beats by over 3 %."""
     front = Ladder(given, 2, lambda _state: None, EarlierSearch()).search_all()
-    errors = {team.best.cell: team.best.value for team in front[::every]}
+    errors = {team.cell: team.value for team in front[::every]}
     simple = {cell: simple_search(given, cell) for cell in errors}
     return worsened(front) + [
         f"{cell}: {errors[cell]} m, simple search {simple[cell]} m"

@@ -17,9 +17,7 @@ def test_five_purchases_bring_the_errors_stated() -> None:
     designed = design(given)
     assert designed.status == "met"
     assert designed.best is not None
-    bought = {
-        offer.words: offer.brief for offer in offers_for(given, designed.best.start.best.cell)
-    }
+    bought = {offer.words: offer.brief for offer in offers_for(given, designed.best.start.cell)}
     purchases = design_document(designed).purchases
     assert len(purchases) >= 5
     for purchase in purchases[:5]:

@@ -112,6 +112,23 @@ def test_a_key_is_changed_and_hides_others_plans(keyless: Visit, guarded: Server
         )
 
 
+def test_a_refusal_that_comes_after_a_new_key_asks_for_no_other(keyless: Visit) -> None:
+    keyless.expect_complaints("401")
+    page = keyless.page
+    held: list[Route] = []
+    enter_key(page, key_of("ann"))
+    keyless.settle()
+    page.evaluate("sessionStorage.clear()")
+    page.route("**/v1/previews?*", lambda route: held.append(route), times=1)
+    with page.expect_request("**/v1/previews?*"):
+        page.get_by_label("Desynchronise by").fill("0.2")
+    page.evaluate(f"sessionStorage.setItem('syncplan-key', '{key_of('ann')}')")
+    held[0].continue_()
+    keyless.settle()
+    keyless.verdict("Observable: rank 18 of 18")
+    expect(page.get_by_role("button", name="Change key")).to_be_visible()
+
+
 def test_of_two_that_are_opened_at_once_the_later_one_stays(visit: Visit, page: Page) -> None:
     held: list[Route] = []
     page.route(f"**/examples/{ALTERNATE}.yaml", lambda route: held.append(route))

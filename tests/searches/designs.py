@@ -82,8 +82,8 @@ def draw(number: int) -> tuple[list[str], tuple[str, float]]:
     faults, ratio = worsened(designed.front), 1.0
     if designed.front:
         team = designed.front[number % len(designed.front)]
-        simple = simple_search(brief, team.best.cell)
-        ratio = team.best.value / simple if min(team.best.value, simple) < UNFIT else 1.0
+        simple = simple_search(brief, team.cell)
+        ratio = team.value / simple if min(team.value, simple) < UNFIT else 1.0
     if designed.status != "met":
         return faults, (designed.status, ratio)
     assert designed.best is not None

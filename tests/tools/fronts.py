@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from syncplan.designs.candidates import Cell, Space
-from syncplan.designs.ladder import FrontCell
+from syncplan.designs.cell_search import BestCandidate
 from syncplan.scenario.brief import Brief
 
 AT_RANDOM, CHANGES, STEPS = 200, 600, (0.1, 0.03, 0.01)
@@ -36,9 +36,9 @@ def simple_search(brief: Brief, cell: Cell) -> float:
     return value
 
 
-def worsened(front: Sequence[FrontCell]) -> list[str]:
+def worsened(front: Sequence[BestCandidate]) -> list[str]:
     """Return the teams of a front that are worse than one with a vehicle or landmark less."""
-    teams = {(team.best.cell.vehicles, team.best.cell.landmarks): team.best.value for team in front}
+    teams = {(team.cell.vehicles, team.cell.landmarks): team.value for team in front}
     return [
         f"{vehicles}/{landmarks}: {value:.4g} m, {fewer[0]}/{fewer[1]}: {teams[fewer]:.4g} m"
         for (vehicles, landmarks), value in teams.items()
