@@ -109,9 +109,9 @@ def figures(result: Result) -> list[Figure]:
     rows.append(
         Figure(f"all {len(every)} teams, geometric mean", statistics.geometric_mean(every), "%")
     )
-    rows.append(Figure("  worse by over 3 %", sum(error > WORST_SHARE for error in every), "", 0.0))
+    rows.append(Figure("  worse by over 3 %", sum(error > WORST_SHARE for error in every), "", 1.0))
     worse = sum(count for _, count in fronts.values())
-    rows.append(Figure("  worse than a smaller team", worse, "", 0.0))
+    rows.append(Figure("  worse than a smaller team", worse, "", 1.0))
     for seed, (value, seconds) in enumerate(seeds):
         rows.append(Figure(f"least error of a team, seed {seed}", value, "m", 1.1 * LEAST_KNOWN_M))
         rows.append(Figure("  time of its searches", seconds, "s", CELL_TARGET_S))
