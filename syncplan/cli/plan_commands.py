@@ -288,7 +288,7 @@ def _landmarks(
     source, text = read_text(subject)
     values = parse_document(text, source)
     loaded = loaded_from(values, source=source, max_vehicles=max_vehicles or MAX_VEHICLES)
-    sites = load_candidates(candidates)
+    sites = load_candidates(candidates, loaded.scenario.geo_origin)
     new_sites(loaded.scenario, sites, source=candidates)
     before = plan_of(loaded)
     choice = choose_landmarks(before, sites, choose, seed=seed, pilot=False)

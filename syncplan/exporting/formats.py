@@ -9,10 +9,12 @@ from syncplan.exporting.exported_files import Export, ExportedFile, as_archive, 
 from syncplan.exporting.format_table import ALL, FORMATS, ExportFormat, ExportOptions
 from syncplan.exporting.mission_routes import snapped_radii
 from syncplan.exporting.missions import flies_loiter_turns
-from syncplan.exporting.scheduled_plan import ScheduledPlan, ground_error, scheduled
+from syncplan.exporting.scheduled_plan import ScheduledPlan, scheduled
 from syncplan.exporting.sidecar import sidecar_file
+from syncplan.orbits.circles import extent
 from syncplan.planning.planner import BoundChoice, judge
 from syncplan.planning.plans import Plan
+from syncplan.scenario.ground import map_departure
 
 __all__ = [
     "ALL",
@@ -26,8 +28,8 @@ __all__ = [
     "write_files",
 ]
 
-PLANE_ERROR_M = 0.5
-"""Difference between plane and ground from which a note reports it."""
+MAP_ERROR_M = 0.5
+"""Departure of the flat map from which a note reports it."""
 
 
 def export(plan: Plan, format: str, options: ExportOptions | None = None) -> Export:
@@ -54,7 +56,7 @@ def export(plan: Plan, format: str, options: ExportOptions | None = None) -> Exp
             key="autopilot",
         )
     flown = scheduled(plan, asked, chosen.altitude_m)
-    notes = _ground_notes(flown) if chosen.on_earth else []
+    notes = _map_notes(flown) if chosen.on_earth else []
     if chosen.mission and asked.snap_radius and flies_loiter_turns(flown):
         flown, snapped = _snapped(flown)
         notes += snapped
@@ -119,15 +121,13 @@ def _all(plan: Plan, options: ExportOptions) -> Export:
     return Export(ALL, tuple(files), tuple(notes))
 
 
-def _ground_notes(flown: ScheduledPlan) -> list[str]:
-    orbits = flown.plan.orbits
-    reach = float(np.max(np.hypot(*orbits.centers.T) + orbits.radii))
-    error = ground_error(reach)
-    if error < PLANE_ERROR_M:
+def _map_notes(flown: ScheduledPlan) -> list[str]:
+    departure = map_departure(flown.origin, extent(flown.plan.orbits, flown.plan.landmarks))
+    if departure < MAP_ERROR_M:
         return []
     return [
-        f"the team reaches {reach / 1000.0:.4g} km from geo_origin, where plane and ground differ "
-        f"by {error:.2g} m; put the origin in the middle of the team"
+        f"distances on the flat map and on the ground differ by up to {departure:.2g} m over the "
+        "team's extent; put geo_origin in its middle"
     ]
 
 

@@ -1,4 +1,4 @@
-"""Files for maps: circles, centres, entry points and landmarks as GeoJSON or KML 2.2."""
+"""Files for maps: circles, centres, entries, landmarks and areas as GeoJSON or KML 2.2."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -8,9 +8,11 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.exporting.exported_files import ExportedFile, Written
-from syncplan.exporting.scheduled_plan import ScheduledPlan, geodetic, moment, start_of
+from syncplan.exporting.fences import polygons_of
+from syncplan.exporting.scheduled_plan import ScheduledPlan, moment, start_of
 from syncplan.orbits.circles import position, unit
 from syncplan.runtime.files import as_text
+from syncplan.scenario.ground import DEGREE_DIGITS, lat_lon_of, rings_of
 
 POINTS_PER_TURN = 180
 
@@ -37,8 +39,8 @@ def tracks_of(flown: ScheduledPlan) -> list[VehicleTrack]:
     turn = 2.0 * np.pi / POINTS_PER_TURN * np.arange(POINTS_PER_TURN)
     phases = orbits.phases[:, None] + orbits.senses[:, None] * turn
     points = orbits.centers[:, None] + orbits.radii[:, None, None] * unit(phases)
-    circles = geodetic(origin, np.concatenate([points, points[:, :1]], axis=1))
-    centers, entries = geodetic(origin, orbits.centers), geodetic(origin, position(orbits, 0.0))
+    circles = lat_lon_of(origin, np.concatenate([points, points[:, :1]], axis=1))
+    centers, entries = lat_lon_of(origin, orbits.centers), lat_lon_of(origin, position(orbits, 0.0))
     return [
         VehicleTrack(name, circles[k], centers[k], entries[k]) for k, name in enumerate(flown.names)
     ]
@@ -46,7 +48,7 @@ def tracks_of(flown: ScheduledPlan) -> list[VehicleTrack]:
 
 def landmark_places(flown: ScheduledPlan) -> dict[str, Array]:
     """Return latitude and longitude of each landmark by its name."""
-    places = geodetic(flown.origin, flown.plan.landmarks)
+    places = lat_lon_of(flown.origin, flown.plan.landmarks)
     return dict(zip(flown.plan.scenario.landmark_names, places, strict=True))
 
 
@@ -71,10 +73,6 @@ def parted(places: Array) -> list[Array]:
 
 
 # --- GeoJSON ------------------------------------------------------------------------------------
-
-
-DIGITS = 9
-"""Decimals of degrees, which resolve a tenth of a millimetre."""
 
 
 def write_geojson(flown: ScheduledPlan) -> Written:
@@ -102,6 +100,8 @@ def write_geojson(flown: ScheduledPlan) -> Written:
         ]
     for name, place in landmark_places(flown).items():
         features.append(_feature(_point_geometry(place), {"kind": "landmark", "landmark": name}))
+    for polygon in polygons_of(flown):
+        features.append(_feature(_polygon_geometry(polygon.places), {"kind": polygon.kind}))
     collection = {"type": "FeatureCollection", "features": features}
     name = f"{flown.title}.geojson"
     return Written(files=(ExportedFile(name, as_text(collection).encode()),))
@@ -122,8 +122,15 @@ def _line_geometry(places: Array) -> dict[str, Any]:
     return {"type": "MultiLineString", "coordinates": parts}
 
 
+def _polygon_geometry(places: Array) -> dict[str, Any]:
+    rings = [[[_position(*place) for place in ring.tolist()]] for ring in rings_of(places)]
+    if len(rings) == 1:
+        return {"type": "Polygon", "coordinates": rings[0]}
+    return {"type": "MultiPolygon", "coordinates": rings}
+
+
 def _position(latitude: float, longitude: float) -> list[float]:
-    return [round(longitude, DIGITS), round(latitude, DIGITS)]
+    return [round(longitude, DEGREE_DIGITS), round(latitude, DEGREE_DIGITS)]
 
 
 # --- KML ----------------------------------------------------------------------------------------
@@ -153,6 +160,8 @@ def write_kml(flown: ScheduledPlan) -> Written:
         _track(folder, flown, k)
     for name, place in landmark_places(flown).items():
         _point(document, name, place, 0.0)
+    for polygon in polygons_of(flown):
+        _polygon(_placemark(document, polygon.kind.replace("_", " ")), rings_of(polygon.places))
     Xml.indent(root, space=" ")
     content = Xml.tostring(root, encoding="utf-8", xml_declaration=True) + b"\n"
     return Written(files=(ExportedFile(f"{flown.title}.kml", content),))
@@ -167,6 +176,15 @@ def _circle(placemark: Xml.Element, parts: list[Array], height: float) -> None:
         _text(line, "coordinates", " ".join(_coordinates(one, height, ",") for one in part))
 
 
+def _polygon(placemark: Xml.Element, rings: list[Array]) -> None:
+    """Add a polygon on the ground, in parts where it crosses the antimeridian."""
+    parent = placemark if len(rings) == 1 else Xml.SubElement(placemark, "MultiGeometry")
+    for ring in rings:
+        boundary = Xml.SubElement(Xml.SubElement(parent, "Polygon"), "outerBoundaryIs")
+        line = Xml.SubElement(boundary, "LinearRing")
+        _text(line, "coordinates", " ".join(_coordinates(place, 0.0, ",") for place in ring))
+
+
 def _track(folder: Xml.Element, flown: ScheduledPlan, k: int) -> None:
     """Add the timed track of vehicle k, if the moment of time 0 is known."""
     start = start_of(flown.plan)
@@ -175,7 +193,7 @@ def _track(folder: Xml.Element, flown: ScheduledPlan, k: int) -> None:
     orbits = flown.plan.orbits
     wanted = int(np.ceil(flown.duration / orbits.period * POINTS_PER_TURN)) + 1
     times = np.linspace(0.0, flown.duration, min(wanted, MOST_TRACK_POINTS))
-    places = geodetic(flown.origin, position(orbits, times)[:, k])
+    places = lat_lon_of(flown.origin, position(orbits, times)[:, k])
     track = Xml.SubElement(_placemark(folder, f"{flown.names[k]} flight"), "gx:Track")
     _text(track, "altitudeMode", "relativeToGround")
     for time in times.tolist():

@@ -29,9 +29,10 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.errors import InputError
-from syncplan.exporting.scheduled_plan import ScheduledPlan, check_amount, geodetic, start_second
+from syncplan.exporting.scheduled_plan import ScheduledPlan, check_amount, start_second
 from syncplan.orbits.circles import Orbits, position, unit
 from syncplan.phrases import listed
+from syncplan.scenario.ground import lat_lon_of
 
 Parameters = tuple[float | None, float, float, float | None]
 
@@ -144,8 +145,8 @@ def loiter_missions(flown: ScheduledPlan) -> tuple[list[Mission], list[str]]:
     """
     orbits = flown.plan.orbits
     notes = [*_radius_notes(flown), *_rate_notes(flown)]
-    entries = geodetic(flown.origin, position(orbits, 0.0))
-    centers = geodetic(flown.origin, orbits.centers)
+    entries = lat_lon_of(flown.origin, position(orbits, 0.0))
+    centers = lat_lon_of(flown.origin, orbits.centers)
     waits, missions = waiting_items(flown), []
     for k in range(orbits.count):
         # clockwise is positive in MAVLink, counter-clockwise here
@@ -305,7 +306,7 @@ def waypoint_missions(flown: ScheduledPlan) -> tuple[list[Mission], list[str]]:
         accepted = _acceptance(flown, radius, legs)
         first, *others = (
             waypoint_item(flown, place, altitude, accepted)
-            for place in geodetic(flown.origin, _corners(orbits, k, legs, count))
+            for place in lat_lon_of(flown.origin, _corners(orbits, k, legs, count))
         )
         before = (speed_item(flown, speed), first, *waits)
         missions.append(Mission((*before, *others), speed, start_item=len(before) + 1))

@@ -6,11 +6,13 @@ longitude, altitude, autocontinue; item 0 is home (MAVLink, "File Formats").
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from syncplan.exporting.exported_files import ExportedFile, Written
+from syncplan.exporting.fences import Fence, fence_notes, fences_of
 from syncplan.exporting.mission_routes import (
     WAYPOINT,
     Mission,
@@ -20,6 +22,7 @@ from syncplan.exporting.mission_routes import (
 )
 from syncplan.exporting.scheduled_plan import ScheduledPlan, start_of, start_second
 from syncplan.runtime.files import as_text
+from syncplan.scenario.ground import DEGREE_DIGITS
 
 _GRAVITY = 9.81
 _STEEP = 45.0
@@ -38,7 +41,8 @@ def missions_of(flown: ScheduledPlan) -> tuple[list[Mission], list[str]]:
     """
     made = loiter_missions if flies_loiter_turns(flown) else waypoint_missions
     missions, notes = made(flown)
-    return missions, [*notes, *_airspeed_notes(flown), *_waiting_notes(flown)]
+    notes = [*notes, *_airspeed_notes(flown), *_waiting_notes(flown), *fence_notes(flown)]
+    return missions, notes
 
 
 def write_missions(
@@ -134,9 +138,20 @@ def _plan(flown: ScheduledPlan, mission: Mission) -> dict[str, Any]:
                 _qgc_item(item, number) for number, item in enumerate(mission.items, start=1)
             ],
         },
-        "geoFence": {"version": 2, "circles": [], "polygons": []},
+        "geoFence": {"version": 2, "circles": [], "polygons": _qgc_fences(flown)},
         "rallyPoints": {"version": 2, "points": []},
     }
+
+
+def _qgc_fences(flown: ScheduledPlan) -> list[dict[str, Any]]:
+    return [
+        {
+            "version": 1,
+            "inclusion": fence.kind == "area",
+            "polygon": fence.places.round(DEGREE_DIGITS).tolist(),
+        }
+        for fence in fences_of(flown)
+    ]
 
 
 def _qgc_item(item: MissionItem, number: int) -> dict[str, Any]:
@@ -164,14 +179,42 @@ def _qgc_item(item: MissionItem, number: int) -> dict[str, Any]:
 
 HEADER = "QGC WPL 110"
 FRAME_GLOBAL = 0
+INCLUSION, EXCLUSION = 5001, 5002
+"""Commands of the corners of fences; their first parameter is the number of corners."""
+
+MOST_CORNERS = 255
+"""Most corners of a fence that ArduPilot stores: it counts them in one byte."""
 
 
 def write_ardupilot(flown: ScheduledPlan) -> Written:
     """Return a .waypoints file for each vehicle; altitudes are above home, home's above the sea.
 
-    Raises InputError as missions_of does.
+    The fences are a list of their own, for all vehicles. Raises InputError as missions_of does.
     """
-    return write_missions(flown, "waypoints", _wpl_text)
+    written, fences = write_missions(flown, "waypoints", _wpl_text), fences_of(flown)
+    if not fences:
+        return written
+    notes, most = written.notes, max(len(fence.places) for fence in fences)
+    if most > MOST_CORNERS:
+        notes += (f"a fence has {most} corners, and ArduPilot stores up to {MOST_CORNERS}",)
+    file = ExportedFile(f"{flown.title}-fence.txt", _fence_text(fences).encode())
+    return replace(written, files=(*written.files, file), notes=notes)
+
+
+def _fence_text(fences: list[Fence]) -> str:
+    items = [
+        MissionItem(
+            INCLUSION if fence.kind == "area" else EXCLUSION,
+            FRAME_GLOBAL,
+            (float(len(fence.places)), 0.0, 0.0, 0.0),
+            latitude,
+            longitude,
+            0.0,
+        )
+        for fence in fences
+        for latitude, longitude in fence.places.tolist()
+    ]
+    return "\n".join([HEADER, *map(_wpl_line, items, range(len(items)))]) + "\n"
 
 
 def _wpl_text(flown: ScheduledPlan, mission: Mission) -> str:
@@ -191,7 +234,7 @@ def _wpl_text(flown: ScheduledPlan, mission: Mission) -> str:
 def _wpl_line(item: MissionItem, number: int) -> str:
     fields = [
         str(number),
-        "1" if number == 0 else "0",
+        "1" if number == 0 and item.command == WAYPOINT else "0",
         str(item.frame),
         str(item.command),
         *(f"{value or 0.0:.6f}" for value in item.parameters),

@@ -23,38 +23,59 @@ from syncplan.planning.planner import BoundChoice, Pilot, judge, with_flights
 from syncplan.planning.plans import Plan
 from syncplan.results import Result
 from syncplan.runtime.machine import single_threaded_blas
+from syncplan.scenario.lat_lon_keys import PlacedSection
 from syncplan.scenario.loading import parse_values, read_text, scenario_from
-from syncplan.scenario.quantities import ListedOrNamed, Point, Section, validation_fault
+from syncplan.scenario.models import GeoOrigin
+from syncplan.scenario.quantities import (
+    ListedOrNamed,
+    ListedOrNamedPlaces,
+    Point,
+    in_degrees,
+    validation_fault,
+)
 from syncplan.scenario.rules import check_landmarks, check_names
 from syncplan.scenario.specification import Scenario
 
+DEGREES = "candidates_lat_lon_deg"
+"""Key of candidates in degrees."""
 
-class CandidateSites(Section):
+
+class CandidateSites(PlacedSection):
     """Candidate sites for landmarks."""
 
     candidates_m: ListedOrNamed = Field(
         description="Positions [x, y]: a list (S1, S2, ...) or a mapping of names",
         examples=[[[190.0, 0.0], [190.0, 70.0]]],
     )
+    candidates_lat_lon_deg: ListedOrNamedPlaces | None = in_degrees("candidates_m")
+    geo_origin: GeoOrigin | None = Field(default=None, description="That of the scenario")
 
 
-def load_candidates(path: str | Path) -> dict[str, Point]:
+def load_candidates(path: str | Path, origin: GeoOrigin | None = None) -> dict[str, Point]:
     """Return the candidates of a YAML or JSON file by name, in m; "-" reads standard input.
 
-    The file holds a list of [x, y], a mapping of names, or either under the key `candidates_m`.
+    The file holds a list of [x, y], a mapping of names, or either under the key `candidates_m`; or
+    latitudes and longitudes under `candidates_lat_lon_deg`, which need the scenario's `origin`.
     Raises InputError naming the file, the key, its value and what is allowed.
     """
     name, text = read_text(path)
-    return named_candidates(parse_values(text, name), source=name)
+    return named_candidates(parse_values(text, name), origin, source=name)
 
 
-def named_candidates(values: Any, *, source: str = "") -> dict[str, Point]:
+def named_candidates(
+    values: Any, origin: GeoOrigin | None = None, *, source: str = ""
+) -> dict[str, Point]:
     """Return candidates by name, in m, from a list or array (S, 2) or a mapping of names.
 
     Sites without names are called S1, S2, ... Raises InputError.
     """
-    wrapped = isinstance(values, Mapping) and set(values) == {"candidates_m"}
-    document = {"candidates_m": _plain(values["candidates_m"] if wrapped else values)}
+    keys = set(values) if isinstance(values, Mapping) else set()
+    if keys == {DEGREES} and origin is None:
+        raise InputError(
+            "is missing in the scenario, and the sites are in degrees", key="geo_origin"
+        )
+    key = DEGREES if keys == {DEGREES} else "candidates_m"
+    document = {key: _plain(values[key] if keys == {key} else values), "geo_origin": origin}
     try:
         sites = CandidateSites.model_validate(document).candidates_m
     except ValidationError as error:
@@ -80,7 +101,7 @@ def new_sites(scenario: Scenario, candidates: Any, *, source: str = "") -> dict[
 
     Raises InputError where a name is taken, or two sites, or a site and a landmark, coincide.
     """
-    sites = named_candidates(candidates, source=source)
+    sites = named_candidates(candidates, scenario.geo_origin, source=source)
     names = [*scenario.landmark_names, *sites]
     try:
         check_names(scenario.vehicle_names, names)

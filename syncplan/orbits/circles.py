@@ -76,6 +76,17 @@ def unit(angle: ArrayLike) -> Array:
     return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
 
+EXTENT_POINTS = 32
+"""Points of a circle that stand for it in an extent: to half a per cent of the radius."""
+
+
+def extent(orbits: Orbits, landmarks: Array) -> Array:
+    """Return points (k, 2) m around all circles, and the landmarks (l, 2) m."""
+    around = unit(2.0 * np.pi / EXTENT_POINTS * np.arange(EXTENT_POINTS))
+    circles = orbits.centers[:, None] + orbits.radii[:, None, None] * around
+    return np.concatenate([circles.reshape(-1, 2), landmarks.reshape(-1, 2)])
+
+
 def perpendicular(vector: Array) -> Array:
     """Return the vectors turned a quarter turn counter-clockwise, shape (..., 2)."""
     return np.stack([-vector[..., 1], vector[..., 0]], axis=-1)

@@ -3,10 +3,36 @@
 from collections.abc import Iterator, Sequence
 from math import radians
 
+import numpy as np
+
+from syncplan.orbits.circles import extent
 from syncplan.phrases import listed
 from syncplan.planning.judged_team import MOST_NAMED, FindingCure, JudgedTeam, Level, Remark
 from syncplan.scenario.angle_sigmas import AngleSigma, angle_sigmas
 from syncplan.scenario.dotted_keys import IN_TRUTH
+from syncplan.scenario.ground import map_departure
+
+# --- the flat map ---------------------------------------------------------------------------------
+
+
+FLAT_MAP_SHARE = 0.1
+"""Departure of the flat map over the least predicted error of a vehicle from which it matters."""
+
+
+def flat_map(judged: JudgedTeam) -> Iterator[Remark]:
+    """Yield the finding that the ground is too curved for the map, beside the predicted errors."""
+    origin, rms = judged.scenario.geo_origin, judged.prediction.rms
+    if origin is None or rms is None:
+        return
+    departure = map_departure(origin, extent(judged.orbits, np.array(judged.scenario.landmarks)))
+    if departure > FLAT_MAP_SHARE * float(rms.min()):
+        yield Remark(
+            "warning",
+            f"distances on the flat map and on the ground differ by up to {departure:.2g} m over "
+            f"the team's extent: more than a tenth of the least predicted error, {rms.min():.2g} m",
+            cure="put geo_origin in the middle of the team, or fly smaller teams",
+        )
+
 
 # --- sigmas of angles -----------------------------------------------------------------------------
 

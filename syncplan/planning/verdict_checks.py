@@ -72,6 +72,7 @@ def bound_estimated(judged: JudgedTeam) -> Iterator[Remark]:
 
 CHECKS: dict[str, Callable[[JudgedTeam], Iterable[Remark]]] = {
     "angle-sigma-large": scenario_checks.angle_sigmas_large,
+    "flat-map": scenario_checks.flat_map,
     "unobservable": observability_checks.unobservable,
     "weakly-observable": observability_checks.weakly_observable,
     "needs-prior": observability_checks.needs_prior,

@@ -1,7 +1,7 @@
 """Plans as documents."""
 
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -19,7 +19,7 @@ from syncplan.documents import (
 )
 from syncplan.estimation.start_up_index import StartUpIndex
 from syncplan.observability.link_verdicts import LinkVerdict
-from syncplan.orbits.circles import heading, position
+from syncplan.orbits.circles import extent, heading, position
 from syncplan.phrases import Places
 from syncplan.planning.judged_team import PlanVerdict
 from syncplan.planning.plan_records import FlownPlan
@@ -31,6 +31,7 @@ from syncplan.reports.observability_report import (
     observability_of,
 )
 from syncplan.reports.refinement_report import RefinementResult, refinement_result
+from syncplan.scenario.ground import DEGREE_DIGITS, WIDEST_M, lat_lon_of, map_departure
 from syncplan.scenario.specification import Scenario
 
 
@@ -176,6 +177,26 @@ class SynchronisationRecord(DocumentPart):
     alternating_proven_largest: bool | None
 
 
+LatLon = Annotated[
+    tuple[float, float], Field(description="Latitude and longitude in degrees, WGS 84")
+]
+
+
+class PlacesOnGround(Document):
+    """The places of a plan on the ground, and the departure of the flat map from it."""
+
+    centers_lat_lon_deg: dict[str, LatLon] = Field(description="Centre of each vehicle's circle")
+    landmarks_lat_lon_deg: dict[str, LatLon]
+    area_lat_lon_deg: OrAbsent[list[LatLon]] = None
+    keep_out_lat_lon_deg: OrAbsent[list[list[LatLon]]] = None
+    obstacles_lat_lon_deg: OrAbsent[list[list[LatLon]]] = None
+    visit_lat_lon_deg: OrAbsent[list[LatLon]] = None
+    map_departure_m: float = Field(
+        description="Largest difference of a distance on the flat map and on the ground, between "
+        "any two places of circles and landmarks; of a sphere with the curvature at the origin"
+    )
+
+
 class PlanDocument(VersionedDocument):
     """A plan: orbits, meetings and the verdict on observability."""
 
@@ -185,6 +206,11 @@ class PlanDocument(VersionedDocument):
     scenario: Scenario
     period_s: float
     vehicles: list[VehicleOrbit]
+    ground: OrAbsent[PlacesOnGround] = Field(
+        default=None,
+        description="The places in degrees; absent without a geo_origin, over 1,000 km from it "
+        "and from older files",
+    )
     links: list[Link]
     landmark_links: list[LandmarkLink]
     incidental_links: list[Link]
@@ -233,6 +259,7 @@ def plan_document(plan: Plan) -> PlanDocument:
         scenario=plan.scenario,
         period_s=plan.orbits.period,
         vehicles=_vehicles(plan, names),
+        ground=places_on_ground(plan),
         links=[_link(plan, item, names) for item in plan.links],
         landmark_links=[
             _landmark_link(plan, item, names, landmarks) for item in plan.landmark_links
@@ -288,6 +315,35 @@ def _vehicles(plan: Plan, names: list[str]) -> list[VehicleOrbit]:
         )
         for k in range(orbits.count)
     ]
+
+
+def places_on_ground(plan: Plan) -> PlacesOnGround | None:
+    """Return the places of a plan in degrees; None without a geo_origin, or too far from it."""
+    scenario, origin = plan.scenario, plan.scenario.geo_origin
+    reached = extent(plan.orbits, plan.landmarks)
+    if origin is None or np.hypot(*reached.T).max() > WIDEST_M:
+        return None
+
+    def places(points: Any) -> list[LatLon]:
+        given = np.asarray(points, dtype=float).reshape(-1, 2)
+        return [point_of(place) for place in lat_lon_of(origin, given).round(DEGREE_DIGITS)]
+
+    def named(names: Sequence[str], points: Any) -> dict[str, LatLon]:
+        return dict(zip(names, places(points), strict=True))
+
+    def each(polygons: Sequence[Any] | None) -> list[list[LatLon]] | None:
+        return None if polygons is None else [places(polygon) for polygon in polygons]
+
+    visited = scenario.purpose and scenario.purpose.visit_m
+    return PlacesOnGround(
+        centers_lat_lon_deg=named(scenario.vehicle_names, plan.orbits.centers),
+        landmarks_lat_lon_deg=named(scenario.landmark_names, plan.landmarks),
+        area_lat_lon_deg=None if scenario.area_m is None else places(scenario.area_m),
+        keep_out_lat_lon_deg=each(scenario.keep_out_m),
+        obstacles_lat_lon_deg=each(scenario.obstacles_m),
+        visit_lat_lon_deg=None if not visited else places(visited),
+        map_departure_m=map_departure(origin, reached),
+    )
 
 
 def _link(plan: Plan, item: LinkVerdict, names: list[str]) -> Link:

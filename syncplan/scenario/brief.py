@@ -9,16 +9,21 @@ from pydantic import Field, model_validator
 
 from syncplan.scenario import models, rules
 from syncplan.scenario.disturbances import Filter, InitialSigma, Motion, Wind
+from syncplan.scenario.lat_lon_keys import PlacedSection
 from syncplan.scenario.loading import parse_document, read_text
 from syncplan.scenario.purposes import Purpose
 from syncplan.scenario.quantities import (
     Length,
     ListedOrNamed,
+    ListedOrNamedPlaces,
+    Many,
+    Place,
     Point,
     Polygon,
     Section,
     Title,
     fault,
+    in_degrees,
     points_of,
 )
 from syncplan.scenario.truths import CompassSigma
@@ -106,10 +111,12 @@ class Sites(Section):
     candidates_m: ListedOrNamed | None = Field(
         default=None, description="Sites to choose from", examples=[[[0.0, 0.0], [100.0, 0.0]]]
     )
+    candidates_lat_lon_deg: ListedOrNamedPlaces | None = in_degrees("candidates_m")
     on_edge: bool = Field(default=False, description="Whether they stand on the area's edge")
     given: ListedOrNamed | None = Field(
         default=None, description="Landmarks that are there already", examples=[[[0.0, 0.0]]]
     )
+    given_lat_lon_deg: ListedOrNamedPlaces | None = in_degrees("given")
 
     @model_validator(mode="after")
     def _one_kind(self) -> Self:
@@ -169,7 +176,7 @@ class Prefer(Section):
     )
 
 
-class Brief(Section):
+class Brief(PlacedSection):
     """What a team must do, what it may consist of, and the error that is allowed."""
 
     name: Title = Field(default="", description="Title", examples=["field survey"])
@@ -177,12 +184,15 @@ class Brief(Section):
         description="Corners [x, y], in order, of the polygon that all circles lie within",
         examples=[[[0.0, 0.0], [300.0, 0.0], [300.0, 200.0], [0.0, 200.0]]],
     )
+    area_lat_lon_deg: Many[Place] | None = in_degrees("area_m")
     keep_out_m: rules.Polygons | None = Field(
         default=None, description="Polygons that no path may pass through"
     )
+    keep_out_lat_lon_deg: rules.PolygonsOfPlaces | None = in_degrees("keep_out_m")
     obstacles_m: rules.Polygons | None = Field(
         default=None, description="Polygons that block sight"
     )
+    obstacles_lat_lon_deg: rules.PolygonsOfPlaces | None = in_degrees("obstacles_m")
     vehicle: Vehicle
     sensor: models.Sensor
     heading_sigma_rad: CompassSigma | None = Field(
@@ -202,6 +212,10 @@ class Brief(Section):
     )
     landmark_clearance_m: Annotated[float, Field(ge=0, le=1e7)] | None = Field(
         default=None, description="Least distance a vehicle may come to a landmark"
+    )
+    geo_origin: models.GeoOrigin | None = Field(
+        default=None,
+        description="Where on Earth [0, 0] lies; the middle of the places in degrees if not given",
     )
     effort: Effort = Field(default="normal", description="Length of the search")
     time_limit_s: Annotated[float, Field(gt=0, le=1e6)] | None = Field(
@@ -251,6 +265,7 @@ class Brief(Section):
             "initial_sigma",
             "min_separation_m",
             "landmark_clearance_m",
+            "geo_origin",
         )
         values = self.model_dump(include=set(names), exclude_none=True)
         return values

@@ -10,10 +10,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 from pydantic import ValidationError
 
 from syncplan.errors import InputError
 from syncplan.runtime.files import as_text
+from syncplan.scenario.ground import DEGREE_DIGITS, lat_lon_of
+from syncplan.scenario.lat_lon_keys import place_keys
 from syncplan.scenario.models import MAX_VEHICLES
 from syncplan.scenario.other_documents import refuse_other_documents
 from syncplan.scenario.quantities import Point, described, validation_fault
@@ -210,18 +213,19 @@ def with_landmarks(
 ) -> str:
     """Return a scenario file's text with the given landmarks, in m by name, in place of its own.
 
-    YAML keeps comments, order and the style of the other keys. A plan file yields its scenario.
+    YAML keeps comments, order and the style of the other keys. Where places are in degrees, so are
+    the landmarks, and the origin is stated. A plan file yields its scenario.
     Raises InputError if the result is not a scenario.
     """
     document = parse_document(text, source)
     whole: dict[str, Any] = document["scenario"] if is_plan(document) else document
-    named = {name: [_plain(x), _plain(y)] for name, (x, y) in landmarks.items()}
+    keys = _landmark_keys(whole, landmarks)
     if as_json:
-        edited = as_text({**whole, "landmarks_m": named})
+        edited = as_text({**whole, **keys})
     elif whole is document and not text.lstrip().startswith("{"):
-        edited = _edited_yaml(text, named)
+        edited = _edited_yaml(text, keys)
     else:
-        edited = _as_yaml({**whole, "landmarks_m": named})
+        edited = _as_yaml({**whole, **keys})
     try:
         # loading the file has accepted any team beyond the usual limit
         scenario_from(parse_document(edited, ""), max_vehicles=sys.maxsize)
@@ -232,14 +236,28 @@ def with_landmarks(
     return edited
 
 
-def _edited_yaml(text: str, landmarks: dict[str, list[float]]) -> str:
+def _landmark_keys(document: Mapping[str, Any], landmarks: Mapping[str, Point]) -> dict[str, Any]:
+    """The keys of landmarks in m, or in degrees with their origin if a document has degrees."""
+    if not any(key.degrees is not None for key in place_keys(document, Scenario)):
+        return {"landmarks_m": {name: [_plain(x), _plain(y)] for name, (x, y) in landmarks.items()}}
+    origin = scenario_from(document, max_vehicles=sys.maxsize).geo_origin
+    assert origin is not None
+    places = lat_lon_of(origin, np.array(list(landmarks.values()))).round(DEGREE_DIGITS)
+    return {
+        "geo_origin": origin.model_dump(),
+        "landmarks_lat_lon_deg": dict(zip(landmarks, places.tolist(), strict=True)),
+    }
+
+
+def _edited_yaml(text: str, keys: dict[str, Any]) -> str:
     from ruamel.yaml import YAML
 
     yaml = YAML()
     yaml.preserve_quotes = True
     yaml.width = _WIDEST
     document = yaml.load(text)
-    document["landmarks_m"] = _mapping(landmarks)
+    for key, value in keys.items():
+        document[key] = _mapping(value) if key.startswith("landmarks") else value
     return _dumped(yaml, document)
 
 

@@ -20,14 +20,18 @@ from syncplan.scenario.objectives import (
 )
 from syncplan.scenario.quantities import (
     Angle,
+    Latitude,
     Length,
     ListedOrNamed,
+    ListedOrNamedPlaces,
+    Longitude,
     Many,
     Name,
     OneOrMany,
     Pair,
     Section,
     fault,
+    in_degrees,
 )
 
 # --- limits and refinement ------------------------------------------------------------------------
@@ -132,8 +136,6 @@ def _check_order(key: str, limits: tuple[float, float] | None) -> None:
 # --- place on Earth -------------------------------------------------------------------------------
 
 
-Latitude = Annotated[float, Field(ge=-90, le=90)]
-Longitude = Annotated[float, Field(ge=-180, le=180)]
 Altitude = Annotated[float, Field(ge=-1000, le=100_000)]
 
 
@@ -264,16 +266,24 @@ class Orbit(Section):
         return float(speed or 0.0) / radius
 
 
+_DEGREES = "centers_lat_lon_deg"
+_SHAPED = ("shape", "count", "columns", "spacing_m", "gap_m")
+
+
 class Formation(Section):
     """Centres of circles (listed, a shape, or yet to be found), and the pairs to synchronise."""
 
     model_config = ConfigDict(
         json_schema_extra={
             "anyOf": [
-                _given("centers_m", absent=("shape", "count", "columns", "spacing_m", "gap_m")),
-                _given("shape", "count", "spacing_m", absent=("centers_m", "gap_m")),
-                _given("shape", "count", "gap_m", absent=("centers_m", "spacing_m")),
-                _given("links", absent=("centers_m", "shape", "columns", "spacing_m", "gap_m")),
+                _given("centers_m", absent=(_DEGREES, *_SHAPED)),
+                _given(_DEGREES, absent=("centers_m", *_SHAPED)),
+                _given("shape", "count", "spacing_m", absent=("centers_m", _DEGREES, "gap_m")),
+                _given("shape", "count", "gap_m", absent=("centers_m", _DEGREES, "spacing_m")),
+                _given(
+                    "links",
+                    absent=("centers_m", _DEGREES, "shape", "columns", "spacing_m", "gap_m"),
+                ),
             ]
         }
     )
@@ -283,6 +293,7 @@ class Formation(Section):
         description="Centres [x, y]: a list (vehicles are v1, v2, ...) or a mapping of names",
         examples=[[[0.0, 0.0], [70.0, 0.0]]],
     )
+    centers_lat_lon_deg: ListedOrNamedPlaces | None = in_degrees("centers_m")
     shape: ShapeName | None = Field(
         default=None, description="A shape instead of centers_m", examples=["ring"]
     )

@@ -14,7 +14,16 @@ from pydantic import Field, model_validator
 from syncplan.arrays import Array, Index
 from syncplan.phrases import percent
 from syncplan.scenario.areas import Area
-from syncplan.scenario.quantities import Length, Many, Point, Polygon, Section, fault
+from syncplan.scenario.quantities import (
+    Length,
+    Many,
+    Place,
+    Point,
+    Polygon,
+    Section,
+    fault,
+    in_degrees,
+)
 
 MOST_KEPT = 50
 """Largest number of vehicles to keep apart."""
@@ -53,6 +62,7 @@ class Purpose(Section):
         description="Points [x, y] that some circle passes within within_m",
         examples=[[[40.0, 40.0], [120.0, 60.0]]],
     )
+    visit_lat_lon_deg: Many[Place] | None = in_degrees("visit_m")
     within_m: Length = Field(
         default=5.0, description="Distance within which a point counts as visited", examples=[5.0]
     )

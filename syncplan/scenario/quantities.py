@@ -9,7 +9,7 @@ import itertools
 import json
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
 from typing import Annotated, Any, Literal, NoReturn, Self, TypeVar
 
@@ -38,6 +38,7 @@ from syncplan.errors import Fault, InputError
 
 
 T = TypeVar("T")
+Location = tuple[int | str, ...]
 
 PORTION = 1000
 """Number of values in a chunk; the check ends with the first chunk that has faults."""
@@ -68,19 +69,39 @@ def _portion(values: list[Any], start: int, check: ValidatorFunctionWrapHandler)
     try:
         checked: list[Any] = check(values)
     except ValidationError as error:
-        faults: list[InitErrorDetails] = [
-            {
-                # the text is a template
-                "type": PydanticCustomError(
-                    fault["type"], as_template(fault["msg"]), fault.get("ctx")
-                ),
-                "loc": (int(fault["loc"][0]) + start, *fault["loc"][1:]),
-                "input": fault["input"],
-            }
-            for fault in error.errors(include_url=False)
-        ]
-        raise ValidationError.from_exception_data(error.title, faults) from None
+        raise _again(error, lambda loc: (int(loc[0]) + start, *loc[1:])) from None
     return checked
+
+
+def with_keys(error: ValidationError, names: Mapping[str, str]) -> ValidationError:
+    """Return an error with dotted keys, and keys below them, exchanged for others."""
+
+    def exchanged(location: Location, inner: str) -> str:
+        key = dotted(location, inner)
+        for name, other in names.items():
+            if key == name or key.startswith((f"{name}[", f"{name}.")):
+                section = dotted(location)
+                return (other + key.removeprefix(name)).removeprefix(f"{section}.")
+        return inner
+
+    return _again(error, lambda location: location, exchanged)
+
+
+def _again(
+    error: ValidationError,
+    located: Callable[[Location], Location],
+    keyed: Callable[[Location, str], str] = lambda _, inner: inner,
+) -> ValidationError:
+    """The error with its locations, and the keys below them, changed."""
+    faults: list[InitErrorDetails] = []
+    for item in error.errors(include_url=False):
+        context = dict(item.get("ctx") or {})
+        if "key" in context:
+            context["key"] = keyed(item["loc"], context["key"])
+        # the text is a template
+        kind = PydanticCustomError(item["type"], as_template(item["msg"]), context or None)
+        faults.append({"type": kind, "loc": located(item["loc"]), "input": item["input"]})
+    return ValidationError.from_exception_data(error.title, faults)
 
 
 def as_template(text: str) -> str:
@@ -114,11 +135,12 @@ def validation_fault(error: ValidationError, model: type[BaseModel], source: str
 
 
 def _fault(item: dict[str, Any], model: type[BaseModel]) -> Fault:
-    key = _dotted(item["loc"], item.get("ctx", {}).get("key", ""))
+    key = dotted(item["loc"], item.get("ctx", {}).get("key", ""))
     return Fault(key, *_remedy(item, model))
 
 
-def _dotted(location: tuple[int | str, ...], inner: str) -> str:
+def dotted(location: Location, inner: str = "") -> str:
+    """Return the key at a location as users write it; `inner` is one below it."""
     key = ""
     for part in location:
         if part in _TAGS or part == "[key]":
@@ -159,21 +181,22 @@ def _remedy(fault: dict[str, Any], model: type[BaseModel]) -> tuple[str, str]:
     return message, described(fault["input"])
 
 
-def _model_at(model: type[BaseModel], location: tuple[int | str, ...]) -> type[BaseModel]:
+def _model_at(model: type[BaseModel], location: Location) -> type[BaseModel]:
     """The innermost model that contains a location, by its field names."""
     for part in location:
         field = model.model_fields.get(str(part))
-        inner = _model_in(field.annotation) if field is not None else None
+        inner = model_in(field.annotation) if field is not None else None
         if inner is not None:
             model = inner
     return model
 
 
-def _model_in(annotation: Any) -> type[BaseModel] | None:
+def model_in(annotation: Any) -> type[BaseModel] | None:
+    """Return the model that an annotation names, if it does."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     for argument in getattr(annotation, "__args__", ()):
-        found = _model_in(argument)
+        found = model_in(argument)
         if found is not None:
             return found
     return None
@@ -252,6 +275,9 @@ Name = Annotated[
 Title = Annotated[str, StringConstraints(max_length=200, pattern=rf"^{_PRINTING}*$")]
 Point = Annotated[tuple[Coordinate, Coordinate], Strict(False)]
 Polygon = Many[Point]
+Latitude = Annotated[float, Field(ge=-90, le=90)]
+Longitude = Annotated[float, Field(ge=-180, le=180)]
+Place = Annotated[tuple[Latitude, Longitude], Strict(False)]
 Pair = Annotated[tuple[Name, Name], Strict(False)]
 Sense = Literal["ccw", "cw"]
 
@@ -280,11 +306,22 @@ class _WithNamesDescribed:
 OneOrMany = Annotated[
     Annotated[T, Tag("one")] | Annotated[Many[T], Tag("many")], Discriminator(_kind)
 ]
-ListedOrNamed = Annotated[
-    Annotated[Many[Point], Tag("listed")]
-    | Annotated[dict[Name, Point], _WithNamesDescribed(), WrapValidator(in_portions), Tag("named")],
+_ListedOrNamed = Annotated[
+    Annotated[Many[T], Tag("listed")]
+    | Annotated[dict[Name, T], _WithNamesDescribed(), WrapValidator(in_portions), Tag("named")],
     Discriminator(_named),
 ]
+ListedOrNamed = _ListedOrNamed[Point]
+ListedOrNamedPlaces = _ListedOrNamed[Place]
+
+
+def in_degrees(twin: str) -> Any:
+    """Return the field of places in degrees, instead of a key in metres."""
+    return Field(
+        default=None,
+        description=f"[latitude, longitude] of each place, instead of {twin}",
+        exclude=True,
+    )
 
 
 def points_of(given: Sequence[Point] | Mapping[str, Point]) -> list[Point]:

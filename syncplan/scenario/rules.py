@@ -8,7 +8,7 @@ from pydantic import BeforeValidator
 
 from syncplan.scenario.areas import polygon_fault
 from syncplan.scenario.models import Limits, RefineOptions
-from syncplan.scenario.quantities import FURTHEST_M, Many, Pair, Point, Polygon, fault
+from syncplan.scenario.quantities import FURTHEST_M, Many, Pair, Place, Point, Polygon, fault
 
 # --- polygons -------------------------------------------------------------------------------------
 
@@ -26,6 +26,7 @@ def _not_one_alone(value: Any) -> Any:
 
 
 Polygons = Annotated[Many[Polygon], BeforeValidator(_not_one_alone)]
+PolygonsOfPlaces = Annotated[Many[Many[Place]], BeforeValidator(_not_one_alone)]
 
 
 def check_polygons(polygons: Mapping[str, Sequence[Point]]) -> None:

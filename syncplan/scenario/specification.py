@@ -18,16 +18,20 @@ from syncplan.scenario.disturbances import (
     error_sigma,
 )
 from syncplan.scenario.formations import SHAPES
+from syncplan.scenario.lat_lon_keys import PlacedSection
 from syncplan.scenario.purposes import Purpose
 from syncplan.scenario.quantities import (
     ListedOrNamed,
+    ListedOrNamedPlaces,
+    Many,
     OneOrMany,
+    Place,
     Point,
     Polygon,
-    Section,
     StartTime,
     Title,
     fault,
+    in_degrees,
     points_of,
 )
 from syncplan.scenario.truths import CompassSigma, Truth, true_world
@@ -37,7 +41,7 @@ T = TypeVar("T")
 Duration = Annotated[float, Field(gt=0, le=1e9)]
 
 
-class Scenario(Result, Section):
+class Scenario(Result, PlacedSection):
     """A formation to plan: circles, sensors, landmarks and noise."""
 
     name: Title = Field(default="", description="Title", examples=["survey"])
@@ -48,6 +52,7 @@ class Scenario(Result, Section):
         description="Known landmarks [x, y]: a list (L1, L2, ...) or a mapping of names",
         examples=[[[190.0, 0.0], [190.0, 70.0]]],
     )
+    landmarks_lat_lon_deg: ListedOrNamedPlaces | None = in_degrees("landmarks_m")
     sensor: OneOrMany[models.Sensor] = Field(description="One sensor for all, or one per vehicle")
     heading_sigma_rad: OneOrMany[CompassSigma | None] = Field(
         default=None,
@@ -99,17 +104,20 @@ class Scenario(Result, Section):
         description="Corners [x, y], in order, of the polygon that all circles must lie within",
         examples=[[[-50.0, -50.0], [250.0, -50.0], [250.0, 150.0], [-50.0, 150.0]]],
     )
+    area_lat_lon_deg: Many[Place] | None = in_degrees("area_m")
     keep_out_m: rules.Polygons | None = Field(
         default=None,
         description="Polygons that no path may pass through; a circle may go round one",
         examples=[[[[100.0, 20.0], [110.0, 20.0], [105.0, 30.0]]]],
     )
+    keep_out_lat_lon_deg: rules.PolygonsOfPlaces | None = in_degrees("keep_out_m")
     obstacles_m: rules.Polygons | None = Field(
         default=None,
         description="Polygons that block sight; what blocks paths is keep_out_m, and one polygon "
         "may stand in both",
         examples=[[[[100.0, 30.0], [110.0, 30.0], [105.0, 40.0]]]],
     )
+    obstacles_lat_lon_deg: rules.PolygonsOfPlaces | None = in_degrees("obstacles_m")
     purpose: Purpose | None = Field(
         default=None,
         description="What the circles are flown for; a plan that misses it is NO-GO",
@@ -126,7 +134,8 @@ class Scenario(Result, Section):
     )
     geo_origin: models.GeoOrigin | None = Field(
         default=None,
-        description="Where on Earth [0, 0] lies; exports to maps and autopilots need it",
+        description="Where on Earth [0, 0] lies; exports to maps and autopilots need it; the "
+        "middle of places in degrees if not given",
     )
 
     @model_validator(mode="after")

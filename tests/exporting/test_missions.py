@@ -265,7 +265,7 @@ def test_a_scenario_without_a_geo_origin_is_refused_where_it_is_needed(name: str
 
 def test_far_from_the_origin_the_reader_is_warned_and_further_refused() -> None:
     far = team(formation={"centers_m": [[0, 0], [60e3, 0], [0, 60e3]]})
-    assert "60.03 km from geo_origin, where plane and ground differ by 1.8 m" in " ".join(
+    assert "on the flat map and on the ground differ by up to 3.1 m" in " ".join(
         export(far, "geojson", ExportOptions(force=True)).notes
     )
     further = team(formation={"centers_m": [[0, 0], [2e6, 0], [0, 60]]})
