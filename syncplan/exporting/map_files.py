@@ -155,13 +155,14 @@ def write_kml(flown: ScheduledPlan) -> Written:
     for k, track in enumerate(tracks_of(flown)):
         folder, height = Xml.SubElement(document, "Folder"), flown.altitudes[k]
         _text(folder, "name", track.name)
-        _circle(_placemark(folder, f"{track.name} circle"), parted(track.circle), height)
-        _point(folder, f"{track.name} entry", track.entry, height)
+        _circle(_placemark(folder, f"{track.name} circle", "circle"), parted(track.circle), height)
+        _point(folder, f"{track.name} entry", "entry", track.entry, height)
         _track(folder, flown, k)
     for name, place in landmark_places(flown).items():
-        _point(document, name, place, 0.0)
+        _point(document, name, "landmark", place, 0.0)
     for polygon in polygons_of(flown):
-        _polygon(_placemark(document, polygon.kind.replace("_", " ")), rings_of(polygon.places))
+        placemark = _placemark(document, polygon.kind.replace("_", " "), polygon.kind)
+        _polygon(placemark, rings_of(polygon.places))
     Xml.indent(root, space=" ")
     content = Xml.tostring(root, encoding="utf-8", xml_declaration=True) + b"\n"
     return Written(files=(ExportedFile(f"{flown.title}.kml", content),))
@@ -194,7 +195,7 @@ def _track(folder: Xml.Element, flown: ScheduledPlan, k: int) -> None:
     wanted = int(np.ceil(flown.duration / orbits.period * POINTS_PER_TURN)) + 1
     times = np.linspace(0.0, flown.duration, min(wanted, MOST_TRACK_POINTS))
     places = lat_lon_of(flown.origin, position(orbits, times)[:, k])
-    track = Xml.SubElement(_placemark(folder, f"{flown.names[k]} flight"), "gx:Track")
+    track = Xml.SubElement(_placemark(folder, f"{flown.names[k]} flight", "flight"), "gx:Track")
     _text(track, "altitudeMode", "relativeToGround")
     for time in times.tolist():
         _text(track, "when", moment(start, time))
@@ -202,15 +203,18 @@ def _track(folder: Xml.Element, flown: ScheduledPlan, k: int) -> None:
         _text(track, "gx:coord", _coordinates(place, flown.altitudes[k], " "))
 
 
-def _point(parent: Xml.Element, name: str, place: Array, height: float) -> None:
-    point = Xml.SubElement(_placemark(parent, name), "Point")
+def _point(parent: Xml.Element, name: str, kind: str, place: Array, height: float) -> None:
+    point = Xml.SubElement(_placemark(parent, name, kind), "Point")
     _text(point, "altitudeMode", "relativeToGround")
     _text(point, "coordinates", _coordinates(place, height, ","))
 
 
-def _placemark(parent: Xml.Element, name: str) -> Xml.Element:
+def _placemark(parent: Xml.Element, name: str, kind: str) -> Xml.Element:
+    """Add a placemark; `kind` is as in GeoJSON, for programs that read the file."""
     placemark = Xml.SubElement(parent, "Placemark")
     _text(placemark, "name", name)
+    data = Xml.SubElement(Xml.SubElement(placemark, "ExtendedData"), "Data", {"name": "kind"})
+    _text(data, "value", kind)
     return placemark
 
 

@@ -1,0 +1,1 @@
+"""Files of the field: KML, KMZ, GeoJSON, GPX, QGroundControl plans, fence lists, survey points."""

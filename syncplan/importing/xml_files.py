@@ -1,0 +1,163 @@
+"""KML 2, KMZ and GPX 1, of any namespace."""
+
+import io
+import re
+import zipfile
+import zlib
+from collections.abc import Iterator, Mapping
+from typing import Any
+from xml.etree import ElementTree as Xml
+from xml.parsers import expat
+
+from syncplan.errors import InputError
+from syncplan.importing.features import FeatureList, Geometry, color_of, section_of
+
+LARGEST_BYTES = 32 * 2**20
+"""Largest file, also once unpacked."""
+
+DEEPEST = 100
+"""Most elements within each other."""
+
+
+def read_kmz(data: bytes, into: FeatureList) -> None:
+    """Add the features of the first KML file of an archive."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            names = [name for name in archive.namelist() if name.lower().endswith(".kml")]
+            if not names:
+                raise InputError("holds no .kml file", source=into.source)
+            with archive.open(names[0]) as file:
+                text = file.read(LARGEST_BYTES + 1)
+    except (zipfile.BadZipFile, zlib.error, RuntimeError, NotImplementedError, EOFError) as error:
+        raise InputError(f"is no readable archive: {error}", source=into.source) from None
+    if len(text) > LARGEST_BYTES:
+        raise InputError(f"unpacks to more than {LARGEST_BYTES // 2**20} MiB", source=into.source)
+    read_xml(text, into)
+
+
+def read_xml(data: bytes, into: FeatureList) -> None:
+    """Add the features of a KML or GPX file."""
+    root = _parsed(data, into.source)
+    if root.tag == "gpx":
+        _read_gpx(root, into)
+    elif root.tag == "kml" or root.find(".//Placemark") is not None:
+        _read_kml(root, into)
+    else:
+        raise InputError(f"is XML of {root.tag!r}; give KML or GPX", source=into.source)
+
+
+def _parsed(data: bytes, source: str) -> Xml.Element:
+    """The root element; names of elements are without namespaces, declared or not."""
+    builder, parser, depth = Xml.TreeBuilder(), expat.ParserCreate(), 0
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > DEEPEST:
+            raise InputError(f"nests more than {DEEPEST} elements", source=source)
+        builder.start(tag.rpartition(":")[2], attributes)
+
+    def end(tag: str) -> None:
+        nonlocal depth
+        depth -= 1
+        builder.end(tag.rpartition(":")[2])
+
+    def refuse(*_: Any) -> None:
+        raise InputError("has a document type; save it without <!DOCTYPE>", source=source)
+
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.CharacterDataHandler, parser.buffer_text = builder.data, True
+    parser.StartDoctypeDeclHandler = refuse
+    try:
+        parser.Parse(data, True)
+    except (expat.ExpatError, ValueError, LookupError) as error:
+        raise InputError(f"is no readable XML: {error}", source=source) from None
+    return builder.close()
+
+
+def _text(element: Xml.Element, tag: str) -> str:
+    return (element.findtext(tag) or "").strip()
+
+
+# --- KML ------------------------------------------------------------------------------------------
+
+
+_GEOMETRIES: Mapping[str, Geometry] = {
+    "LinearRing": "polygon",
+    "LineString": "line",
+    "Point": "point",
+}
+
+
+def _read_kml(root: Xml.Element, into: FeatureList) -> None:
+    styles = {style.get("id", ""): style for style in root.iter("Style")}
+    for pair in root.iter("StyleMap"):
+        normal = next((each for each in pair.iter("Pair") if _text(each, "key") == "normal"), pair)
+        url = _text(normal, "styleUrl").rpartition("#")[2]
+        if url in styles:
+            styles[pair.get("id", "")] = styles[url]
+    for mark, folder in _placemarks(root, ""):
+        style = mark.find(".//Style")
+        if style is None:
+            style = styles.get(_text(mark, "styleUrl").rpartition("#")[2])
+        data = {each.get("name"): _text(each, "value") for each in mark.iter("Data")}
+        about = {"folder": folder, "color": _color(style), "section": section_of(data.get("kind"))}
+        name = _text(mark, "name")
+        for polygon in mark.iter("Polygon"):
+            rings = [
+                _positions(ring)
+                for side in ("outerBoundaryIs", "innerBoundaryIs")
+                for boundary in polygon.findall(side)
+                for ring in boundary.iter("LinearRing")
+            ]
+            into.add("polygon", name, rings or [[]], **about)
+        inside = {id(ring) for polygon in mark.iter("Polygon") for ring in polygon.iter()}
+        for tag, geometry in (
+            ("LinearRing", "polygon"),
+            ("LineString", "line"),
+            ("Point", "point"),
+        ):
+            for element in mark.iter(tag):
+                if id(element) not in inside:
+                    into.add(geometry, name, [_positions(element)], **about)
+    for link in root.iter("NetworkLink"):
+        into.notes.append(f"the network link {_text(link, 'name') or 'without a name'} is not read")
+
+
+def _placemarks(element: Xml.Element, folder: str) -> Iterator[tuple[Xml.Element, str]]:
+    """Every placemark, with the names of its folders."""
+    for child in element:
+        if child.tag == "Placemark":
+            yield child, folder
+        elif child.tag in ("Document", "Folder", "kml"):
+            name = _text(child, "name") if child.tag == "Folder" else ""
+            yield from _placemarks(child, " / ".join(filter(None, (folder, name))))
+
+
+def _positions(element: Xml.Element) -> list[list[str]]:
+    """Positions of an element; blanks around commas are a common mistake."""
+    text = re.sub(r"\s*,\s*", ",", element.findtext("coordinates") or "")
+    return [position.split(",") for position in text.split()]
+
+
+def _color(style: Xml.Element | None) -> tuple[int, int, int] | None:
+    for tag in ("PolyStyle", "LineStyle"):
+        part = None if style is None else style.find(tag)
+        if part is not None and (color := color_of(_text(part, "color"), "abgr")):
+            return color
+    return None
+
+
+# --- GPX ------------------------------------------------------------------------------------------
+
+
+def _read_gpx(root: Xml.Element, into: FeatureList) -> None:
+    for point in root.iter("wpt"):
+        into.add("point", _text(point, "name"), [[_position(point)]])
+    for tag, part in (("rte", "rtept"), ("trk", "trkpt")):
+        for track in root.iter(tag):
+            into.add("line", _text(track, "name"), [map(_position, track.iter(part))])
+
+
+def _position(point: Xml.Element) -> tuple[str | None, str | None]:
+    return point.get("lon"), point.get("lat")
