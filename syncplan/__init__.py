@@ -43,6 +43,7 @@ Packages, each using only those before it; each lists its modules
     documents         common parts of all JSON documents
     orbits            circles, contact windows, least distances, sightings
     synchronisation   senses and phases
+    importing         places from files of the field
     placement         centres, from links or from a gap
     observability     rank, certificate, unobservable modes
     estimation        bounds, the filter, Monte Carlo, replays
@@ -88,6 +89,7 @@ __all__ = [
     "export",
     "figures",
     "fly",
+    "import_places",
     "load_log",
     "load_plan",
     "load_scenario",
@@ -123,6 +125,7 @@ _HOME = {
     "WhatIf": "planning.loss_study",
     "export": "exporting.formats",
     "fly": "flight.flying",
+    "import_places": "importing.imported_places",
     "load_log": "recordings.recording_formats",
     "load_scenario": "scenario.loading",
     "place": "placement.centers",
@@ -145,6 +148,7 @@ if TYPE_CHECKING:
     from syncplan.exporting.formats import export
     from syncplan.flight.flying import fly
     from syncplan.flight.navigator import Navigator
+    from syncplan.importing.imported_places import import_places
     from syncplan.landmarks.site_choice import choose_landmarks
     from syncplan.placement.centers import place
     from syncplan.planning.loss_study import WhatIf, what_if

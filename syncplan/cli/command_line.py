@@ -23,6 +23,7 @@ INTERNAL_FAULT = 1
 INTERRUPTED = 130
 
 GROUPS = {
+    "import_commands.importers": ("import",),
     "plan_commands.plans": ("plan", "refine", "place", "landmarks"),
     "design_commands.designs": ("design",),
     "run_commands.runs": ("validate", "sweep", "fly"),

@@ -112,11 +112,7 @@ def _read_kml(root: Xml.Element, into: FeatureList) -> None:
             ]
             into.add("polygon", name, rings or [[]], **about)
         inside = {id(ring) for polygon in mark.iter("Polygon") for ring in polygon.iter()}
-        for tag, geometry in (
-            ("LinearRing", "polygon"),
-            ("LineString", "line"),
-            ("Point", "point"),
-        ):
+        for tag, geometry in _GEOMETRIES.items():
             for element in mark.iter(tag):
                 if id(element) not in inside:
                     into.add(geometry, name, [_positions(element)], **about)

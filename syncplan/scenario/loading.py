@@ -223,7 +223,7 @@ def with_landmarks(
     if as_json:
         edited = as_text({**whole, **keys})
     elif whole is document and not text.lstrip().startswith("{"):
-        edited = _edited_yaml(text, keys)
+        edited = with_keys(text, keys)
     else:
         edited = _as_yaml({**whole, **keys})
     try:
@@ -249,7 +249,8 @@ def _landmark_keys(document: Mapping[str, Any], landmarks: Mapping[str, Point]) 
     }
 
 
-def _edited_yaml(text: str, keys: dict[str, Any]) -> str:
+def with_keys(text: str, keys: Mapping[str, Any]) -> str:
+    """Return a YAML text with keys added, or given other values; those of None are left out."""
     from ruamel.yaml import YAML
 
     yaml = YAML()
@@ -257,7 +258,10 @@ def _edited_yaml(text: str, keys: dict[str, Any]) -> str:
     yaml.width = _WIDEST
     document = yaml.load(text)
     for key, value in keys.items():
-        document[key] = _mapping(value) if key.startswith("landmarks") else value
+        if value is None:
+            document.pop(key, None)
+        else:
+            document[key] = _laid_out(value)
     return _dumped(yaml, document)
 
 
@@ -276,15 +280,17 @@ def _dumped(yaml: Any, document: Any) -> str:
     return stream.getvalue()
 
 
-def _mapping(landmarks: dict[str, list[float]]) -> Any:
-    """Landmarks, one a line, each with its position in brackets."""
+def _laid_out(value: Any) -> Any:
+    """A value with each name on a line of its own, and each list in brackets."""
     from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
-    mapping = CommentedMap()
-    for name, place in landmarks.items():
-        mapping[name] = CommentedSeq(place)
-        mapping[name].fa.set_flow_style()
-    return mapping
+    if isinstance(value, Mapping):
+        return CommentedMap({name: _laid_out(inner) for name, inner in value.items()})
+    if isinstance(value, list):
+        listed = CommentedSeq(value)
+        listed.fa.set_flow_style()
+        return listed
+    return value
 
 
 def _plain(value: float) -> float:
