@@ -8,7 +8,7 @@ import asyncio
 import hashlib
 import logging
 import re
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -51,6 +51,18 @@ ARCHIVES = (
     "application/octet-stream",
 )
 """Media types of archives; the kind of an archive is detected from its bytes."""
+
+FILES = (
+    "application/octet-stream",
+    "application/vnd.google-earth.kml+xml",
+    "application/vnd.google-earth.kmz",
+    "application/geo+json",
+    "application/gpx+xml",
+    "application/json",
+    "text/csv",
+    "text/plain",
+)
+"""Media types of files of the field; the kind of a file is detected from its bytes."""
 
 _ALLOWED = "the body must be application/json or application/yaml, in UTF-8"
 
@@ -139,14 +151,14 @@ def body_kind(request: Request) -> Literal["json", "yaml"]:
     return "json" if is_json else "yaml"
 
 
-def check_archive(request: Request) -> None:
-    """Raise the problem 415 if the body of a request is not sent as an archive."""
+def check_medium(request: Request, media: Sequence[str], what: str) -> None:
+    """Raise the problem 415 if the body of a request is not sent as one of `media`."""
     _check_coding(request)
     given = request.headers.getlist("content-type")
     medium = given[0].partition(";")[0].strip().lower() if len(given) == 1 else ""
-    if medium not in ARCHIVES:
-        accepted = ", ".join(ARCHIVES)
-        allowed = f"the body must be a zip or tar archive, sent as one of {accepted}"
+    if medium not in media:
+        accepted = ", ".join(media)
+        allowed = f"the body must be {what}, sent as one of {accepted}"
         raise _unsupported(", ".join(given) or "no Content-Type", allowed, accepted)
 
 

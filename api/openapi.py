@@ -17,7 +17,7 @@ from fastapi.responses import JSONResponse
 from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
-from api.calls import ARCHIVES
+from api.calls import ARCHIVES, FILES
 from api.documents import PlanRenaming, RecordingRenaming
 from api.job_kinds.job_table import JOB_KINDS
 from api.problems import REFERENCE, Problem, problem_responses
@@ -58,6 +58,7 @@ BODIES = {
     "previewScenario": _PLANNED,
     "renamePlan": Body((PlanRenaming,), "The name"),
     "createRecording": Body((), "A zip or tar archive of a recording's folder", ARCHIVES),
+    "importPlaces": Body((), "A file of the field", FILES),
     "renameRecording": Body((RecordingRenaming,), "The name"),
     **{kind.operation: Body((kind.request,), kind.body) for kind in JOB_KINDS.values()},
 }

@@ -13,6 +13,10 @@ from syncplan.scenario.specification import Scenario
 Point = tuple[float, float]
 """x and y in m."""
 
+LatLon = Annotated[
+    tuple[float, float], Field(description="Latitude and longitude in degrees, WGS 84")
+]
+
 Window = tuple[float, float]
 """Start and end in s."""
 

@@ -39,13 +39,16 @@ from api.job_kinds.job_kind import (
 )
 from api.job_kinds.job_table import JOB_KINDS
 from api.limits import RequestLimits
+from syncplan.errors import InputError
 from syncplan.estimation.trials import CHUNK_TRIALS
+from syncplan.importing.imported_places import Patterns, import_places
 from syncplan.planning.loss_study import what_if
 from syncplan.planning.plan_files import plan_of
 from syncplan.planning.planner import BoundChoice, JudgementOptions, plan, with_flights
 from syncplan.planning.plans import Plan
 from syncplan.planning.validation import run_part, trial_run
 from syncplan.reports.covariance_report import position_covariances_document
+from syncplan.reports.import_report import import_document
 from syncplan.reports.job_contract import JobKindName
 from syncplan.reports.loss_report import what_if_document
 from syncplan.reports.plan_report import plan_document
@@ -105,6 +108,15 @@ def checked_request(
     request = request.settled(subject, limits)
     work = request.work(subject, limits)
     return request.model_dump_json(exclude_none=True), work
+
+
+def imported(body: bytes, name: str, patterns: Patterns) -> str:
+    """Return the features of a file and what they become, as JSON; raises InputError."""
+    try:
+        places = import_places({name: body}, patterns)
+        return as_text(import_document(places, name.rpartition(".")[0]).as_json())
+    except InputError as error:
+        raise InputError(error.problem, key=error.key or error.source) from None
 
 
 def renamed_plan(body: bytes, syntax: Syntax, text: str) -> tuple[str, str]:

@@ -8,6 +8,7 @@ from sqlalchemy import Connection
 from starlette.concurrency import run_in_threadpool
 
 from api.calls import (
+    ARCHIVES,
     IN_JSON,
     Call,
     CurrentCall,
@@ -15,7 +16,7 @@ from api.calls import (
     IdempotencyKey,
     answer_once,
     call_of,
-    check_archive,
+    check_medium,
     computed,
 )
 from api.documents import PackedRecording
@@ -37,7 +38,7 @@ router = APIRouter(prefix="/recordings", tags=["recordings"], dependencies=IN_JS
 async def _upload(
     request: Request, caller: CurrentCaller, idempotency_key: IdempotencyKey = None
 ) -> AsyncIterator[Call]:
-    check_archive(request)
+    check_medium(request, ARCHIVES, "a zip or tar archive")
     # before reading the body, which is large
     with caller.service.uploads.one_of(caller.owner):
         yield await call_of(request, caller.owner, idempotency_key)

@@ -8,12 +8,24 @@ from functools import partial
 from inspect import Parameter, Signature
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from fastapi import APIRouter, Depends, Query, Response
+from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import HTMLResponse
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.concurrency import run_in_threadpool
 
-from api.calls import IN_JSON, Caller, CurrentCall, CurrentCaller, accepts, answer_once, computed
+from api.calls import (
+    FILES,
+    IN_JSON,
+    Call,
+    Caller,
+    CurrentCall,
+    CurrentCaller,
+    accepts,
+    answer_once,
+    call_of,
+    check_medium,
+    computed,
+)
 from api.job_kinds.job_kind import Batch, JobSpec
 from api.job_kinds.job_table import JOB_KINDS, plurals
 from api.jobs.queue import VERSION
@@ -33,8 +45,10 @@ from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.figure_table import FIGURES, always_there
 from syncplan.plotting.printed_report import POLICY
 from syncplan.reports.covariance_report import PositionCovariancesDocument
+from syncplan.reports.import_report import ImportDocument
 from syncplan.reports.loss_report import WhatIfDocument
 from syncplan.reports.sites_report import SitesDocument
+from syncplan.scenario.quantities import Title
 
 router = APIRouter()
 
@@ -119,6 +133,51 @@ async def create_preview(
     else:
         made = await answer_once(call, make, lambda _, text: Answer(call.digest, 200, {}, text))
     return compressed(made, call.request.headers.get("accept-encoding", ""))
+
+
+Names = Annotated[list[str] | None, Query(max_length=100)]
+"""Parameter type of patterns of features' names."""
+
+
+async def _file(request: Request, caller: CurrentCaller) -> Call:
+    check_medium(request, FILES, "a file of the field")
+    return await call_of(request, caller.owner)
+
+
+@router.post(
+    "/imports",
+    tags=["plans"],
+    dependencies=IN_JSON,
+    response_model=ImportDocument,
+    operation_id="importPlaces",
+    summary="Read a file of the field",
+    response_description="The features of the file, what they become, and a scenario",
+    responses=problem_responses(401, 406, 413, 415, 422, 429, 503),
+)
+async def import_file(
+    call: Annotated[Call, Depends(_file)],
+    file: Annotated[Title, Query(description="Its name in messages")] = "file",
+    area: Annotated[Names, Query(description="Name of the polygon to stay within")] = None,
+    keep_out: Annotated[Names, Query(description="Names of polygons to avoid")] = None,
+    obstacle: Annotated[Names, Query(description="Names of polygons that block sight")] = None,
+    landmark: Annotated[Names, Query(description="Names of points to be sighted")] = None,
+    leave_out: Annotated[Names, Query(description="Names of features to ignore")] = None,
+) -> Response:
+    """Read KML, KMZ, GeoJSON, GPX, a QGroundControl plan, a fence list or points as CSV.
+
+    Polygons that are named or coloured as no-fly, exclusion fences and holes become keep-outs, the
+    largest other polygon the area, points landmarks. Names are patterns, such as `no fly*`. Nothing
+    is stored.
+    """
+    patterns = {
+        "area": area or [],
+        "keep_out": keep_out or [],
+        "obstacle": obstacle or [],
+        "landmark": landmark or [],
+        "none": leave_out or [],
+    }
+    made = await computed(call, "imported", call.body, file, patterns)
+    return Response(made, media_type="application/json")
 
 
 @_read(

@@ -29,6 +29,7 @@ from syncplan.planning.planner import BoundChoice
 from syncplan.planning.plans import Plan
 from syncplan.planning.validation import Validation, conclude, trial_run
 from syncplan.recordings.recording_formats import Stamps, archived
+from syncplan.reports.import_report import ImportDocument
 from syncplan.reports.job_contract import JobKindName, JobState, has_ended
 from syncplan.reports.loss_report import WhatIfDocument
 from syncplan.reports.replay_report import ReplayDocument
@@ -287,6 +288,21 @@ class Client:
             "GET", f"/v1/plans/{_id(plan)}/landmark-choice", None, parameters
         )
         return SitesDocument.model_validate(values_of(answer, "chosen"))
+
+    def import_places(
+        self, file: str | Path, patterns: Mapping[str, Sequence[str]] | None = None
+    ) -> ImportDocument:
+        """Return the features of a file and what they become; see syncplan.import_places.
+
+        Raises InputError.
+        """
+        path = Path(file)
+        names = {"none": "leave_out"}
+        parameters = {names.get(key, key): list(each) for key, each in (patterns or {}).items()}
+        answer = self._remote.send(
+            "POST", "/v1/imports", path.read_bytes(), {"file": path.name, **parameters}
+        )
+        return ImportDocument.model_validate(values_of(answer, "features"))
 
     # --- recordings ---
 

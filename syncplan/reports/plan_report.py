@@ -1,7 +1,7 @@
 """Plans as documents."""
 
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -10,6 +10,7 @@ from syncplan import __version__
 from syncplan.documents import (
     Document,
     DocumentPart,
+    LatLon,
     OrAbsent,
     Point,
     VersionedDocument,
@@ -175,11 +176,6 @@ class SynchronisationRecord(DocumentPart):
     bound_note: str
     odd_cycle: list[str]
     alternating_proven_largest: bool | None
-
-
-LatLon = Annotated[
-    tuple[float, float], Field(description="Latitude and longitude in degrees, WGS 84")
-]
 
 
 class PlacesOnGround(Document):
