@@ -260,9 +260,13 @@ def _named(features: Sequence[PlacedFeature]) -> list[PlacedFeature]:
 def _check_polygon(each: PlacedFeature) -> None:
     problem = polygon_fault([(x, y) for x, y in each.points.tolist()])
     if len(each.points) > MOST_CORNERS:
-        problem = f"has {len(each.points):,} corners, more than {MOST_CORNERS:,}; simplify it"
+        problem = f"has {len(each.points):,} corners, more than {MOST_CORNERS:,}"
     if problem:
-        raise InputError(f"{problem}; mend it, or leave it out", key=each.label, source=each.file)
+        raise InputError(
+            f"{problem}; correct the file, or leave the feature out",
+            key=each.label,
+            source=each.file,
+        )
 
 
 def _keys(features: Sequence[PlacedFeature]) -> dict[str, Any]:
