@@ -3,6 +3,7 @@
 bytes -> features -> section of each: as asked for, as its file has it, or by rule -> keys
 """
 
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
@@ -20,7 +21,7 @@ from syncplan.importing.xml_files import LARGEST_BYTES, read_kmz, read_xml
 from syncplan.results import Result
 from syncplan.scenario.areas import joined_polygons, polygon_fault
 from syncplan.scenario.ground import DEGREE_DIGITS, lat_lon_of, middle_of, points_of
-from syncplan.scenario.loading import parse_document, scenario_from, with_keys
+from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.models import GeoOrigin
 
 MOST_CORNERS = 1000
@@ -30,14 +31,6 @@ SAME_PLACE_M = 0.01
 """Distance up to which points are one landmark."""
 
 LONGEST_NAME = 60
-
-EXAMPLE = """\
-# orbit, formation and sensor are examples in a size that fits the places: give your own
-orbit: {{radius_m: {:g}, speed_mps: 5}}
-formation: {{count: 3, links: [[v1, v2], [v2, v3], [v1, v3]]}}
-sensor: {{range_m: {:g}, bearing_sigma_rad: 0.03, sample_time_s: 0.2}}
-"""
-"""The part of a scenario that no file of places holds, in YAML."""
 
 Patterns = Mapping[Section, Sequence[str]]
 """Patterns of names, such as `no fly*`, by the section that matching features become."""
@@ -86,18 +79,39 @@ class ImportedPlaces(Result):
     keys: Mapping[str, Any]
     notes: tuple[str, ...]
 
-    def scenario_text(self, title: str = "") -> str:
-        """Return the YAML text of a scenario with the places; what flies and sees is an example.
+    def scenario(self, title: str = "") -> dict[str, Any]:
+        """Return the keys of a scenario with the places; what flies and sees is an example.
 
         Circles are an eighth of the widest extent, and sensors see as far as half of it. Raises
         InputError naming the key that is not valid.
         """
         used = [each.points for each in self.features if each.section in ("area", "landmark")]
-        size = float(np.max(np.ptp(np.concatenate(used), axis=0))) if used else 0.0
-        text = EXAMPLE.format(*(float(f"{max(size, 10.0) / part:.2g}") for part in (8.0, 2.0)))
-        text = with_keys(text, {"name": title, **self.keys})
-        scenario_from(parse_document(text, "the scenario"))
-        return text
+        size = max(float(np.max(np.ptp(np.concatenate(used), axis=0))) if used else 0.0, 10.0)
+        radius, reach = (float(f"{size / part:.2g}") for part in (8.0, 2.0))
+        keys = {
+            "name": title,
+            "orbit": {"radius_m": radius, "speed_mps": 5.0},
+            "formation": {"count": 3, "links": [["v1", "v2"], ["v2", "v3"], ["v1", "v3"]]},
+            "sensor": {"range_m": reach, "bearing_sigma_rad": 0.03, "sample_time_s": 0.2},
+            **self.keys,
+        }
+        scenario_from(keys)
+        return keys
+
+    def scenario_text(self, title: str = "") -> str:
+        """Return that scenario as YAML; raises InputError as `scenario` does."""
+        lines = ["# orbit, formation and sensor are examples in a size that fits: give your own"]
+        for key, value in self.scenario(title).items():
+            # JSON is YAML; landmarks have a line each
+            if key.startswith("landmarks"):
+                lines += [f"{key}:", *(f"  {_json(name)}: {_json(value[name])}" for name in value)]
+            else:
+                lines.append(f"{key}: {_json(value)}")
+        return "\n".join([*lines, ""])
+
+
+def _json(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False)
 
 
 def import_places(

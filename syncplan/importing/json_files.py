@@ -95,4 +95,4 @@ def _read_plan(document: Mapping[str, Any], into: FeatureList) -> None:
     for key, words in (("mission", "items"), ("rallyPoints", "points")):
         part = document.get(key)
         if isinstance(part, dict) and part.get(words):
-            into.notes.append(f"the {key} of {len(part[words])} {words} is left out")
+            into.notes.append(f"{key}.{words} is left out")

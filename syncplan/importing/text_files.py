@@ -18,6 +18,9 @@ _FENCES: dict[int, tuple[Section, str]] = {
 }
 """Section and shape of each MAVLink command of a fence."""
 
+_COLUMNS_OF_ITEM = ("",) * 12
+"""What stands for the columns that an item lacks."""
+
 _COLUMNS = {
     "latitude": {"latitude", "lat", "latdeg", "latitudedeg", "y", "latwgs84"},
     "longitude": {"longitude", "lon", "lng", "long", "londeg", "longitudedeg", "x", "lonwgs84"},
@@ -51,7 +54,7 @@ def read_text(text: str, into: FeatureList) -> None:
 
 def _read_items(lines: Sequence[str], into: FeatureList) -> None:
     """Add the fences of a list of MAVLink items, whose first parameter counts a fence's corners."""
-    items = [line.split() for line in lines]
+    items = [[*line.split(), *_COLUMNS_OF_ITEM] for line in lines]
     at = left_out = 0
     while at < len(items):
         command = _whole(items[at], 3, into)
@@ -76,7 +79,7 @@ def _whole(item: Sequence[str], column: int, into: FeatureList) -> int:
         return int(float(item[column]))
     except (ValueError, IndexError, OverflowError):
         raise InputError(
-            f"item {' '.join(item)[:60]!r} has no number in column {column + 1} of 12",
+            f"item {' '.join(item).strip()[:60]!r} has no number in column {column + 1} of 12",
             source=into.source,
         ) from None
 
@@ -93,7 +96,7 @@ def _read_points(lines: Sequence[str], into: FeatureList) -> None:
     head = lines[0] if lines else ""
     delimiter = max(";\t,", key=head.count)
     columns = [
-        re.sub(r"[^a-z0-9]", "", re.sub(r"\[.*?\]|\(.*?\)", "", each.lower()))
+        re.sub(r"[^a-z0-9]", "", re.split(r"[\[(]", each.lower())[0])
         for each in head.split(delimiter)
     ]
     places = {

@@ -10,7 +10,6 @@ from syncplan.documents import DocumentPart, LatLon, VersionedDocument
 from syncplan.importing.features import Geometry, Section
 from syncplan.importing.imported_places import ImportedPlaces
 from syncplan.scenario.ground import DEGREE_DIGITS
-from syncplan.scenario.loading import parse_document
 
 
 class ImportedFeature(DocumentPart):
@@ -37,7 +36,7 @@ class ImportDocument(VersionedDocument):
 
 
 def import_document(places: ImportedPlaces, title: str) -> ImportDocument:
-    """Return the document of imported places; raises InputError as `scenario_text` does."""
+    """Return the document of imported places; raises InputError as `scenario` does."""
     return ImportDocument(
         version=__version__,
         features=[
@@ -53,7 +52,7 @@ def import_document(places: ImportedPlaces, title: str) -> ImportDocument:
             )
             for each in places.features
         ],
-        scenario=parse_document(places.scenario_text(title), ""),
+        scenario=places.scenario(title),
         notes=list(places.notes),
     )
 

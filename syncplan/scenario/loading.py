@@ -223,7 +223,7 @@ def with_landmarks(
     if as_json:
         edited = as_text({**whole, **keys})
     elif whole is document and not text.lstrip().startswith("{"):
-        edited = with_keys(text, keys)
+        edited = _edited_yaml(text, keys)
     else:
         edited = _as_yaml({**whole, **keys})
     try:
@@ -249,19 +249,14 @@ def _landmark_keys(document: Mapping[str, Any], landmarks: Mapping[str, Point]) 
     }
 
 
-def with_keys(text: str, keys: Mapping[str, Any]) -> str:
-    """Return a YAML text with keys added, or given other values; those of None are left out."""
+def _edited_yaml(text: str, keys: Mapping[str, Any]) -> str:
     from ruamel.yaml import YAML
 
     yaml = YAML()
     yaml.preserve_quotes = True
     yaml.width = _WIDEST
     document = yaml.load(text)
-    for key, value in keys.items():
-        if value is None:
-            document.pop(key, None)
-        else:
-            document[key] = _laid_out(value)
+    document.update({key: _laid_out(value) for key, value in keys.items()})
     return _dumped(yaml, document)
 
 

@@ -86,10 +86,10 @@ def test_fastkml_reads_the_same_polygons() -> None:
     from fastkml.utils import find_all
 
     (text,) = contents(export(fenced(), "kml", FORCED), ".kml").values()
-    document = KML.parse(io.BytesIO(text))
+    placemarks: list[Any] = list(find_all(KML.parse(io.BytesIO(text)), of_type=Placemark))
     shown = {
         placemark.name: placemark.geometry
-        for placemark in find_all(document, of_type=Placemark)
+        for placemark in placemarks
         if placemark.geometry.geom_type == "Polygon"
     }
     assert list(shown) == ["area", "keep out", "obstacle"]

@@ -1,5 +1,6 @@
 """Places in degrees: each key stands for one in metres, and says so where it is refused."""
 
+import itertools
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -65,7 +66,8 @@ def places_in(section: Scenario | Brief) -> Array:
     )
     polygons = [section.area_m or [], *(section.keep_out_m or []), *(section.obstacles_m or [])]
     visited = section.purpose.visit_m if section.purpose else None
-    return np.array([*sites, *(visited or []), *sum(polygons, [])])
+    corners = itertools.chain.from_iterable(polygons)
+    return np.array([*sites, *(visited or []), *corners])
 
 
 def test_a_scenario_in_degrees_is_the_one_in_metres() -> None:
@@ -143,7 +145,8 @@ def test_a_brief_names_its_area_in_degrees_and_not_a_missing_one() -> None:
 def test_a_plan_states_its_places_in_metres_and_in_degrees() -> None:
     document = plan_document(plan(scenario_from(in_degrees(TEAM)), pilot=False))
     ground, origin = document.ground, document.scenario.geo_origin
-    assert ground is not None and origin is not None
+    assert ground is not None
+    assert origin is not None
     centers = [vehicle.center_m for vehicle in document.vehicles]
     stated = to_plane(list(ground.centers_lat_lon_deg.values()), origin.model_dump())
     assert np.abs(stated - centers).max() < 1e-3

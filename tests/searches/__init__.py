@@ -22,7 +22,15 @@ SEARCHES = (
     *("survival", "upgrade", "contract", "designs", "equipment", "refinements", "clearances"),
     *("flights", "holds", "windy", "robust", "lost", "thrown", "predictions"),
     *("neglect", "weak", "truth", "consistency", "batch", "recording", "tuning", "losses"),
-    *("verdicts", "large_ranks", "lumps", "counterexamples", "phases", "sight_lines"),
+    *(
+        "verdicts",
+        "large_ranks",
+        "lumps",
+        "counterexamples",
+        "phases",
+        "sight_lines",
+        "field_files",
+    ),
 )
 """What runs where no search is named; `requests` measures memory and has to run alone."""
 
