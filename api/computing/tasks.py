@@ -7,7 +7,7 @@ child keeps the set-up of the job it served last.
 import json
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
@@ -39,16 +39,15 @@ from api.job_kinds.job_kind import (
 )
 from api.job_kinds.job_table import JOB_KINDS
 from api.limits import RequestLimits
-from syncplan.errors import InputError
 from syncplan.estimation.trials import CHUNK_TRIALS
-from syncplan.importing.imported_places import Patterns, import_places
+from syncplan.importing.import_options import ImportOptions
+from syncplan.importing.imported_places import import_places
 from syncplan.planning.loss_study import what_if
 from syncplan.planning.plan_files import plan_of
 from syncplan.planning.planner import BoundChoice, JudgementOptions, plan, with_flights
 from syncplan.planning.plans import Plan
 from syncplan.planning.validation import run_part, trial_run
 from syncplan.reports.covariance_report import position_covariances_document
-from syncplan.reports.import_report import import_document
 from syncplan.reports.job_contract import JobKindName
 from syncplan.reports.loss_report import what_if_document
 from syncplan.reports.plan_report import plan_document
@@ -110,13 +109,9 @@ def checked_request(
     return request.model_dump_json(exclude_none=True), work
 
 
-def imported(body: bytes, name: str, patterns: Patterns) -> str:
+def imported(body: bytes, name: str, options: ImportOptions) -> str:
     """Return the features of a file and what they become, as JSON; raises InputError."""
-    try:
-        places = import_places({name: body}, patterns)
-        return as_text(import_document(places, name.rpartition(".")[0]).as_json())
-    except InputError as error:
-        raise InputError(error.problem, key=error.key or error.source) from None
+    return as_text(import_places({name: body}, **asdict(options)).as_json())
 
 
 def renamed_plan(body: bytes, syntax: Syntax, text: str) -> tuple[str, str]:

@@ -4,9 +4,10 @@ Previews are figures of a scenario while it is edited. Exports are zip archives.
 """
 
 import json
+from collections.abc import Sequence
 from functools import partial
 from inspect import Parameter, Signature
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import HTMLResponse
@@ -39,13 +40,15 @@ from api.storage.job_records import begun_job, report_of
 from api.storage.part_records import finished_batches, first_batches
 from syncplan.errors import InputError
 from syncplan.exporting.format_table import ALL, FORMATS, AutopilotName, VehicleName
+from syncplan.importing.features import Section
+from syncplan.importing.import_options import ImportOptions
+from syncplan.importing.imported_places import ImportedPlaces
 from syncplan.options import options_of
 from syncplan.planning.planner import BoundChoice
 from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.figure_table import FIGURES, always_there
 from syncplan.plotting.printed_report import POLICY
 from syncplan.reports.covariance_report import PositionCovariancesDocument
-from syncplan.reports.import_report import ImportDocument
 from syncplan.reports.loss_report import WhatIfDocument
 from syncplan.reports.sites_report import SitesDocument
 from syncplan.scenario.quantities import Title
@@ -60,23 +63,31 @@ SHOWN = ("theme", "title", "subtitle", "legend")
 """Options of a figure that a request takes; its reader fits it to a page."""
 
 
-def _style(**asked: Any) -> FigureStyle:
-    """Style of the figures that a query asks for, by the options of SHOWN."""
-    return FigureStyle(**asked)
+def _asked(kind: type, names: Sequence[str]) -> Any:
+    """Return the dependency of the options of a kind that a query gives, by these names."""
+
+    def given(**asked: Any) -> Any:
+        return kind(**{n: tuple(v) if isinstance(v, list) else v for n, v in asked.items()})
+
+    parameters = [
+        Parameter(
+            each.name,
+            Parameter.KEYWORD_ONLY,
+            default=[] if each.default == () else each.default,
+            annotation=Annotated[
+                list[Title] if each.default == () else each.type,
+                Query(description=each.sentence),
+            ],
+        )
+        for each in options_of(kind)
+        if each.name in names
+    ]
+    setattr(given, "__signature__", Signature(parameters))  # noqa: B010
+    return Depends(given)
 
 
-_parameters = [
-    Parameter(
-        one.name,
-        Parameter.KEYWORD_ONLY,
-        default=one.default,
-        annotation=Annotated[one.type, Query(description=one.sentence)],
-    )
-    for one in options_of(FigureStyle)
-    if one.name in SHOWN
-]
-setattr(_style, "__signature__", Signature(_parameters))  # noqa: B010
-AskedStyle = Annotated[FigureStyle, Depends(_style)]
+AskedStyle = Annotated[FigureStyle, _asked(FigureStyle, SHOWN)]
+AskedPlaces = Annotated[ImportOptions, _asked(ImportOptions, get_args(Section))]
 
 if TYPE_CHECKING:
     PlanFigure = str
@@ -135,10 +146,6 @@ async def create_preview(
     return compressed(made, call.request.headers.get("accept-encoding", ""))
 
 
-Names = Annotated[list[str] | None, Query(max_length=100)]
-"""Parameter type of patterns of features' names."""
-
-
 async def _file(request: Request, caller: CurrentCaller) -> Call:
     check_medium(request, FILES, "a file of the field")
     return await call_of(request, caller.owner)
@@ -148,7 +155,7 @@ async def _file(request: Request, caller: CurrentCaller) -> Call:
     "/imports",
     tags=["plans"],
     dependencies=IN_JSON,
-    response_model=ImportDocument,
+    response_model=ImportedPlaces,
     operation_id="importPlaces",
     summary="Read a file of the field",
     response_description="The features of the file, what they become, and a scenario",
@@ -157,11 +164,8 @@ async def _file(request: Request, caller: CurrentCaller) -> Call:
 async def import_file(
     call: Annotated[Call, Depends(_file)],
     file: Annotated[Title, Query(description="Its name in messages")] = "file",
-    area: Annotated[Names, Query(description="Name of the polygon to stay within")] = None,
-    keep_out: Annotated[Names, Query(description="Names of polygons to avoid")] = None,
-    obstacle: Annotated[Names, Query(description="Names of polygons that block sight")] = None,
-    landmark: Annotated[Names, Query(description="Names of points to be sighted")] = None,
-    leave_out: Annotated[Names, Query(description="Names of features to ignore")] = None,
+    *,
+    options: AskedPlaces,
 ) -> Response:
     """Read KML, KMZ, GeoJSON, GPX, a QGroundControl plan, a fence list or points as CSV.
 
@@ -169,14 +173,7 @@ async def import_file(
     largest other polygon the area, points landmarks. Names are patterns, such as `no fly*`. Nothing
     is stored.
     """
-    patterns = {
-        "area": area or [],
-        "keep_out": keep_out or [],
-        "obstacle": obstacle or [],
-        "landmark": landmark or [],
-        "none": leave_out or [],
-    }
-    made = await computed(call, "imported", call.body, file, patterns)
+    made = await computed(call, "imported", call.body, file, options)
     return Response(made, media_type="application/json")
 
 

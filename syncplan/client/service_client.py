@@ -23,13 +23,14 @@ from syncplan.estimation.filter_options import FilterOptions, options_with
 from syncplan.estimation.trials import unpack
 from syncplan.guidance.flight_options import FlightOptions
 from syncplan.guidance.flight_results import unpack_flight
+from syncplan.importing.import_options import ImportOptions
+from syncplan.importing.imported_places import ImportedPlaces
 from syncplan.options import lists_options
 from syncplan.planning.plan_files import loaded_from, plan_of, stated
 from syncplan.planning.planner import BoundChoice
 from syncplan.planning.plans import Plan
 from syncplan.planning.validation import Validation, conclude, trial_run
 from syncplan.recordings.recording_formats import Stamps, archived
-from syncplan.reports.import_report import ImportDocument
 from syncplan.reports.job_contract import JobKindName, JobState, has_ended
 from syncplan.reports.loss_report import WhatIfDocument
 from syncplan.reports.replay_report import ReplayDocument
@@ -289,20 +290,15 @@ class Client:
         )
         return SitesDocument.model_validate(values_of(answer, "chosen"))
 
-    def import_places(
-        self, file: str | Path, patterns: Mapping[str, Sequence[str]] | None = None
-    ) -> ImportDocument:
+    @lists_options(ImportOptions)
+    def import_places(self, file: str | Path, **options: Any) -> ImportedPlaces:
         """Return the features of a file and what they become; see syncplan.import_places.
 
         Raises InputError.
         """
-        path = Path(file)
-        names = {"none": "leave_out"}
-        parameters = {names.get(key, key): list(each) for key, each in (patterns or {}).items()}
-        answer = self._remote.send(
-            "POST", "/v1/imports", path.read_bytes(), {"file": path.name, **parameters}
-        )
-        return ImportDocument.model_validate(values_of(answer, "features"))
+        parameters = {"file": Path(file).name, **ImportOptions(**options).as_request()}
+        answer = self._remote.send("POST", "/v1/imports", Path(file).read_bytes(), parameters)
+        return ImportedPlaces.model_validate(values_of(answer, "features"))
 
     # --- recordings ---
 

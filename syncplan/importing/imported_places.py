@@ -1,28 +1,34 @@
-"""Places from files of the field: what each feature becomes, and the keys in degrees.
+"""Places from files of the field: what each feature becomes, and a scenario of them.
 
-bytes -> features -> section of each: as asked for, as its file has it, or by rule -> keys
+    bytes -> features -> section of each: as asked for, as its file has it, or by rule -> scenario
+
+A scenario holds the places themselves, in degrees; it never names files.
 """
 
 import json
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
+from pydantic import Field
 
+from syncplan import __version__
 from syncplan.arrays import Array
+from syncplan.documents import DocumentPart, LatLon, VersionedDocument
 from syncplan.errors import InputError
-from syncplan.importing.features import Feature, FeatureList, Section
+from syncplan.importing.features import Feature, FeatureList, Geometry, Section
+from syncplan.importing.import_options import ImportOptions
 from syncplan.importing.json_files import read_json
 from syncplan.importing.text_files import read_text
 from syncplan.importing.xml_files import LARGEST_BYTES, read_kmz, read_xml
-from syncplan.results import Result
+from syncplan.options import lists_options
 from syncplan.scenario.areas import joined_polygons, polygon_fault
 from syncplan.scenario.ground import DEGREE_DIGITS, lat_lon_of, middle_of, points_of
 from syncplan.scenario.loading import scenario_from
-from syncplan.scenario.models import GeoOrigin
 
 MOST_CORNERS = 1000
 """Largest number of corners of a polygon."""
@@ -32,81 +38,40 @@ SAME_PLACE_M = 0.01
 
 LONGEST_NAME = 60
 
-Patterns = Mapping[Section, Sequence[str]]
-"""Patterns of names, such as `no fly*`, by the section that matching features become."""
+
+# --- the document ---------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class PlacedFeature:
-    """A feature, and what it becomes.
+class ImportedFeature(DocumentPart):
+    """A feature of a file, and what it becomes."""
 
-    Attributes
-    ----------
-    feature, file : as read, and the name of its file
-    section : area, keep_out, obstacle, landmark or none
-    reason : why, in words
-    points : (k, 2) m in a plane about the middle of all features
-    """
-
-    feature: Feature
     file: str
+    folder: str = Field(description="Names of the folders that hold it; empty without")
+    name: str = Field(description="Its name; landmarks have one that no other has")
+    geometry: Geometry
     section: Section
-    reason: str
-    points: Array = field(repr=False)
-
-    @property
-    def label(self) -> str:
-        """Name in messages."""
-        return self.feature.name or f"a {self.feature.geometry} without a name"
-
-    def becoming(self, section: Section, reason: str) -> "PlacedFeature":
-        """Return the feature as another section."""
-        return replace(self, section=section, reason=reason)
+    reason: str = Field(description="Why it becomes that", examples=["the largest polygon"])
+    lat_lon_deg: list[LatLon] = Field(description="Its places; corners of polygons are not closed")
+    holes_lat_lon_deg: list[list[LatLon]] = Field(description="Corners of its holes")
 
 
-@dataclass(frozen=True, slots=True)
-class ImportedPlaces(Result):
-    """Places of files.
+class ImportedPlaces(VersionedDocument):
+    """The features of files of the field, and a scenario of what they become."""
 
-    Attributes
-    ----------
-    features : each with what it becomes
-    keys : area_lat_lon_deg and so on, as a scenario has them; those without places are left out
-    notes : what the files hold besides
-    """
+    features: list[ImportedFeature]
+    scenario: dict[str, Any] = Field(
+        description="A scenario in degrees, whose orbit, formation and sensor are examples"
+    )
+    notes: list[str] = Field(description="What the files hold besides")
 
-    features: tuple[PlacedFeature, ...]
-    keys: Mapping[str, Any]
-    notes: tuple[str, ...]
-
-    def scenario(self, title: str = "") -> dict[str, Any]:
-        """Return the keys of a scenario with the places; what flies and sees is an example.
-
-        Circles are an eighth of the widest extent, and sensors see as far as half of it. Raises
-        InputError naming the key that is not valid.
-        """
-        used = [each.points for each in self.features if each.section in ("area", "landmark")]
-        size = max(float(np.max(np.ptp(np.concatenate(used), axis=0))) if used else 0.0, 10.0)
-        radius, reach = (float(f"{size / part:.2g}") for part in (8.0, 2.0))
-        keys = {
-            "name": title,
-            "orbit": {"radius_m": radius, "speed_mps": 5.0},
-            "formation": {"count": 3, "links": [["v1", "v2"], ["v2", "v3"], ["v1", "v3"]]},
-            "sensor": {"range_m": reach, "bearing_sigma_rad": 0.03, "sample_time_s": 0.2},
-            **self.keys,
-        }
-        scenario_from(keys)
-        return keys
-
-    def scenario_text(self, title: str = "") -> str:
-        """Return that scenario as YAML; raises InputError as `scenario` does."""
+    def scenario_text(self) -> str:
+        """Return the scenario as YAML."""
         lines = ["# orbit, formation and sensor are examples in a size that fits: give your own"]
-        for key, value in self.scenario(title).items():
+        for key, value in self.scenario.items():
             # JSON is YAML; landmarks have a line each
-            if key.startswith("landmarks"):
-                lines += [f"{key}:", *(f"  {_json(name)}: {_json(value[name])}" for name in value)]
-            else:
-                lines.append(f"{key}: {_json(value)}")
+            named = key.startswith("landmarks")
+            each = {f"  {_json(name)}": value[name] for name in value} if named else {key: value}
+            lines += [f"{key}:"] * named + [f"{name}: {_json(part)}" for name, part in each.items()]
         return "\n".join([*lines, ""])
 
 
@@ -114,27 +79,39 @@ def _json(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False)
 
 
+@lists_options(ImportOptions)
 def import_places(
-    files: str | Path | Iterable[str | Path] | Mapping[str, bytes], patterns: Patterns | None = None
+    files: str | Path | Iterable[str | Path] | Mapping[str, bytes], **options: Any
 ) -> ImportedPlaces:
     """Return the places of files: KML, KMZ, GeoJSON, GPX, QGroundControl plans, fences, CSV.
 
     `files` may be paths, or the bytes of each by its name. Polygons that are named or coloured as
     no-fly, exclusions and holes are keep-outs, the largest other polygon is the area, and points
-    are landmarks, unless `patterns` match their names. Raises InputError naming file and feature.
+    are landmarks, unless options match their names. Raises InputError naming file and feature.
     """
     paths = [files] if isinstance(files, str | Path) else files
     contents = paths if isinstance(paths, Mapping) else {str(path): _bytes(path) for path in paths}
     lists = [features_of(data, name) for name, data in contents.items()]
-    origin = middle_of(np.concatenate([each.places for read in lists for each in read.features]))
-    features = [
-        PlacedFeature(feature, read.source, "none", "", points_of(origin, feature.places))
-        for read in lists
-        for feature in read.features
-    ]
-    placed = _named(_chosen(_joined(features, origin), patterns or {}))
-    notes = [f"{read.source}: {note}" for read in lists for note in read.notes]
-    return ImportedPlaces(tuple(placed), _keys(placed), tuple(notes))
+    features = _whole([feature for read in lists for feature in read.features])
+    features, sections = _chosen(features, ImportOptions(**options))
+    return ImportedPlaces(
+        version=__version__,
+        features=[
+            ImportedFeature(
+                file=each.file,
+                folder=each.folder,
+                name=each.name,
+                geometry=each.geometry,
+                section=section,
+                reason=reason,
+                lat_lon_deg=_listed(each.places),
+                holes_lat_lon_deg=[_listed(hole) for hole in each.holes],
+            )
+            for each, (section, reason) in zip(features, sections, strict=True)
+        ],
+        scenario=_scenario(Path(next(iter(contents))).stem, features, sections),
+        notes=[f"{read.source}: {note}" for read in lists for note in read.notes],
+    )
 
 
 def features_of(data: bytes, source: str) -> FeatureList:
@@ -174,68 +151,79 @@ def _bytes(path: str | Path) -> bytes:
         raise InputError(f"can't be read: {reason}", source=str(path)) from None
 
 
+def _listed(places: Array) -> list[LatLon]:
+    return [(latitude, longitude) for latitude, longitude in places.round(DEGREE_DIGITS).tolist()]
+
+
 # --- what each feature becomes --------------------------------------------------------------------
 
 
-def _joined(features: Sequence[PlacedFeature], origin: GeoOrigin) -> list[PlacedFeature]:
+Sections = list[tuple[Section, str]]
+"""What each feature becomes, and why."""
+
+
+def _whole(features: Sequence[Feature]) -> list[Feature]:
     """The features, with polygons that were cut at the antimeridian made whole."""
-    whole: list[PlacedFeature] = []
+    whole: list[Feature] = []
     for each in features:
-        cut = each.feature.geometry == "polygon" and 180.0 in np.abs(each.feature.places[:, 1])
-        same = [k for k, other in enumerate(whole) if cut and _parts(other.feature, each.feature)]
-        corners = joined_polygons(whole[same[-1]].points, each.points) if same else None
-        if corners is None:
+        cut = each.geometry == "polygon" and 180.0 in np.abs(each.places[:, 1])
+        for k, other in enumerate(whole if cut else ()):
+            if replace(other, places=each.places, holes=each.holes) == each:
+                origin = middle_of(np.concatenate([other.places, each.places]))
+                parts = (points_of(origin, part.places) for part in (other, each))
+                if (corners := joined_polygons(*parts)) is not None:
+                    whole[k] = replace(other, places=lat_lon_of(origin, corners))
+                    break
+        else:
             whole.append(each)
-            continue
-        feature = replace(each.feature, places=lat_lon_of(origin, corners))
-        whole[same[-1]] = replace(each, feature=feature, points=corners)
     return whole
 
 
-def _parts(a: Feature, b: Feature) -> bool:
-    return (a.geometry, a.name, a.folder, a.section) == (b.geometry, b.name, b.folder, b.section)
-
-
-def _chosen(features: Sequence[PlacedFeature], patterns: Patterns) -> list[PlacedFeature]:
-    """The features with their sections: asked for, meant by the file, or by rule."""
-    chosen = [_asked(each, patterns) for each in features]
-    for section, listed in patterns.items():
-        for pattern in listed:
-            if not any(_matches(each.feature, pattern) for each in features):
-                labels = ", ".join(sorted({each.label for each in features})[:12])
-                problem = f"{pattern!r} matches no feature; there are {labels}"
-                raise InputError(problem, key=section)
-    open_ = [k for k, each in enumerate(chosen) if not each.reason]
-    areas = [k for k, each in enumerate(chosen) if each.section == "area"]
-    polygons = areas or [k for k in open_ if chosen[k].feature.geometry == "polygon"]
-    largest = max(polygons, key=lambda k: _size(chosen[k].points), default=-1)
-    for k in {*areas, *open_}:
-        each = chosen[k]
+def _chosen(features: list[Feature], options: ImportOptions) -> tuple[list[Feature], Sections]:
+    """The features, landmarks with names of their own, and what each becomes."""
+    origin = middle_of(np.concatenate([each.places for each in features]))
+    points = [points_of(origin, each.places) for each in features]
+    asked = _asked(features, options)
+    wanted = [asked.get(k, each.meant) for k, each in enumerate(features)]
+    areas = [k for k, section in enumerate(wanted) if section == "area"] or [
+        k for k, each in enumerate(features) if wanted[k] is None and each.geometry == "polygon"
+    ]
+    largest = max(areas, key=lambda k: _size(points[k]), default=-1)
+    named, sections, spots, names = [], Sections(), set[str](), Counter[str]()
+    for k, each in enumerate(features):
+        section, reason = wanted[k], "asked for" if k in asked else "as its file has it"
         if k == largest:
-            chosen[k] = each.becoming("area", each.reason or "the largest polygon")
-        elif each.feature.geometry == "polygon":
-            chosen[k] = each.becoming("none", "another polygon is the area")
-        elif each.feature.geometry == "point":
-            chosen[k] = each.becoming("landmark", "a point")
-        else:
-            chosen[k] = each.becoming("none", "a line that is not closed")
-    return chosen
+            reason = "the largest polygon" if section is None else reason
+            section = "area"
+        elif section == "area" or (section is None and each.geometry == "polygon"):
+            section, reason = "left_out", "another polygon is the area"
+        elif section is None:
+            point = each.geometry == "point"
+            section = "landmark" if point else "left_out"
+            reason = "a point" if point else "a line that is not closed"
+        spot = str(np.rint(points[k][0] / SAME_PLACE_M))
+        if section == "landmark" and spot in spots:
+            section, reason = "left_out", "at the place of another landmark"
+        elif section == "landmark":
+            spots.add(spot)
+            each = replace(each, name=_new_name(each.name, names))
+        _check(each, section, points[k])
+        named.append(each)
+        sections.append((section, reason))
+    return named, sections
 
 
-def _asked(each: PlacedFeature, patterns: Patterns) -> PlacedFeature:
-    """The feature as the patterns or its file have it; without a reason where neither says."""
-    for section, listed in patterns.items():
-        if any(_matches(each.feature, pattern) for pattern in listed):
-            if (each.feature.geometry == "point") != (section == "landmark") and section != "none":
-                raise InputError(
-                    f"is a {each.feature.geometry}, which can't be {section}; landmarks are "
-                    "points, all else is polygons",
-                    key=each.label,
-                    source=each.file,
-                )
-            return each.becoming(section, "asked for")
-    meant = each.feature.meant
-    return each.becoming(meant, "as its file has it") if meant else each
+def _asked(features: Sequence[Feature], options: ImportOptions) -> dict[int, Section]:
+    """What is asked for each feature, by its number; raises InputError for a name of none."""
+    asked: dict[int, Section] = {}
+    for section in get_args(Section):
+        for pattern in getattr(options, section):
+            matching = [k for k, each in enumerate(features) if _matches(each, pattern)]
+            if not matching:
+                labels = ", ".join(sorted({each.label for each in features})[:12])
+                raise InputError(f"{pattern!r} matches none of {labels}", key=section)
+            asked = {**dict.fromkeys(matching, section), **asked}
+    return asked
 
 
 def _matches(feature: Feature, pattern: str) -> bool:
@@ -243,38 +231,15 @@ def _matches(feature: Feature, pattern: str) -> bool:
     return any(fnmatchcase(name.casefold(), pattern.casefold()) for name in names if name)
 
 
-def _size(points: Array) -> float:
-    """Area in m^2 of a polygon's corners."""
-    x, y = points.T
-    return abs(float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))) / 2.0
-
-
-def _named(features: Sequence[PlacedFeature]) -> list[PlacedFeature]:
-    """The features, with landmarks whose names differ, each place once, and polygons that are."""
-    named, taken, places = [], set[str](), list[Array]()
-    for each in features:
-        if each.section == "landmark":
-            if any(np.hypot(*(each.points[0] - place)) < SAME_PLACE_M for place in places):
-                named.append(each.becoming("none", "at the place of another landmark"))
-                continue
-            places.append(each.points[0])
-            name = stem = each.feature.name[:LONGEST_NAME].strip() or "landmark"
-            number = 1
-            while name.casefold() in taken:
-                number += 1
-                name = f"{stem} {number}"
-            taken.add(name.casefold())
-            each = replace(each, feature=replace(each.feature, name=name))
-        elif each.section != "none":
-            _check_polygon(each)
-        named.append(each)
-    return named
-
-
-def _check_polygon(each: PlacedFeature) -> None:
-    problem = polygon_fault([(x, y) for x, y in each.points.tolist()])
-    if len(each.points) > MOST_CORNERS:
-        problem = f"has {len(each.points):,} corners, more than {MOST_CORNERS:,}"
+def _check(each: Feature, section: Section, points: Array) -> None:
+    """Raise InputError for a feature that can't be what it becomes."""
+    problem = ""
+    if section != "left_out" and (each.geometry == "point") != (section == "landmark"):
+        problem = f"is a {each.geometry}, not {section}: landmarks are points, all else is polygons"
+    elif section not in ("landmark", "left_out"):
+        problem = polygon_fault([(x, y) for x, y in points.tolist()])
+        if len(points) > MOST_CORNERS:
+            problem = f"has {len(points):,} corners, more than {MOST_CORNERS:,}"
     if problem:
         raise InputError(
             f"{problem}; correct the file, or leave the feature out",
@@ -283,26 +248,47 @@ def _check_polygon(each: PlacedFeature) -> None:
         )
 
 
-def _keys(features: Sequence[PlacedFeature]) -> dict[str, Any]:
-    """The keys in degrees of a scenario; holes of the area are keep-outs."""
-    areas = [each.feature for each in features if each.section == "area"]
+def _size(points: Array) -> float:
+    """Area in m^2 of a polygon's corners."""
+    x, y = points.T
+    return abs(float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))) / 2.0
+
+
+def _new_name(name: str, names: Counter[str]) -> str:
+    """A name for a landmark that differs from those that are counted, and counts it."""
+    stem = new = name[:LONGEST_NAME].strip() or "landmark"
+    while names[new]:
+        names[stem] += 1
+        new = f"{stem} {names[stem]}"
+    names[new] += 1
+    return new
+
+
+def _scenario(title: str, features: Sequence[Feature], sections: Sections) -> dict[str, Any]:
+    """The keys of a scenario; what flies and sees is an example in a size that fits.
+
+    Circles are an eighth of the widest extent, and sensors see as far as half of it.
+    """
+    by: dict[str, list[Feature]] = {}
+    for each, (section, _) in zip(features, sections, strict=True):
+        by.setdefault(section, []).append(each)
+    areas, marks = by.get("area", []), by.get("landmark", [])
     holes = [hole for area in areas for hole in area.holes]
-    keep_outs = [each.feature.places for each in features if each.section == "keep_out"]
-    obstacles = [each.feature.places for each in features if each.section == "obstacle"]
-    landmarks = {
-        each.feature.name: _listed(each.feature.places)[0]
-        for each in features
-        if each.section == "landmark"
-    }
+    keep_outs = [each.places for each in by.get("keep_out", [])]
+    used = [each.places for each in (*areas, *marks)]
+    places = np.concatenate(used) if used else np.zeros((1, 2))
+    size = max(float(np.max(np.ptp(points_of(middle_of(places), places), axis=0))), 10.0)
+    radius, reach = (float(f"{size / part:.2g}") for part in (8.0, 2.0))
     keys = {
+        "name": title,
+        "orbit": {"radius_m": radius, "speed_mps": 5.0},
+        "formation": {"count": 3, "links": [["v1", "v2"], ["v2", "v3"], ["v1", "v3"]]},
+        "sensor": {"range_m": reach, "bearing_sigma_rad": 0.03, "sample_time_s": 0.2},
         "area_lat_lon_deg": _listed(areas[0].places) if areas else None,
-        "keep_out_lat_lon_deg": [_listed(places) for places in (*keep_outs, *holes)],
-        "obstacles_lat_lon_deg": [_listed(places) for places in obstacles],
-        "landmarks_lat_lon_deg": landmarks,
+        "keep_out_lat_lon_deg": [*map(_listed, (*keep_outs, *holes))],
+        "obstacles_lat_lon_deg": [_listed(each.places) for each in by.get("obstacle", [])],
+        "landmarks_lat_lon_deg": {each.name: _listed(each.places)[0] for each in marks},
     }
-    return {key: value for key, value in keys.items() if value}
-
-
-def _listed(places: Array) -> list[list[float]]:
-    listed: list[list[float]] = places.round(DEGREE_DIGITS).tolist()
-    return listed
+    keys = {key: value for key, value in keys.items() if value}
+    scenario_from(keys)
+    return keys

@@ -4,19 +4,15 @@ from collections.abc import Mapping
 from typing import Any
 
 from syncplan.errors import InputError
-from syncplan.importing.features import (
-    FeatureList,
-    Geometry,
-    Section,
-    color_of,
-    fence_name,
-    section_of,
-)
-from syncplan.importing.fence_circles import add_circle
+from syncplan.importing.features import KINDS, FeatureList, Geometry, Section, color_of
 from syncplan.scenario.loading import parse_document
 
 _NAMES = ("name", "Name", "NAME", "title", "label", "landmark", "id")
-_PARTS: Mapping[str, Geometry] = {"Polygon": "polygon", "LineString": "line", "Point": "point"}
+_GEOMETRIES: Mapping[str, Geometry] = {
+    "Polygon": "polygon",
+    "LineString": "line",
+    "Point": "point",
+}
 
 
 def read_json(text: str, into: FeatureList) -> None:
@@ -32,67 +28,54 @@ def read_json(text: str, into: FeatureList) -> None:
             key="crs",
             source=into.source,
         )
-    features = (
-        document.get("features") if document.get("type") == "FeatureCollection" else [document]
-    )
-    if not isinstance(features, list):
-        raise InputError("must be a list", key="features", source=into.source)
-    for feature in features:
-        _read_feature(feature, into)
-
-
-def _read_feature(feature: Any, into: FeatureList) -> None:
-    given = feature if isinstance(feature, dict) else {}
-    properties = given.get("properties")
-    about = properties if isinstance(properties, dict) else {}
-    name = next((about[key] for key in _NAMES if about.get(key) not in (None, "")), "")
-    color = color_of(about.get("fill")) or color_of(about.get("stroke"))
-    geometry = given.get("geometry") if given.get("type") == "Feature" else given
-    if geometry is not None:
-        keys = {"color": color, "section": section_of(about.get("kind"))}
-        _read_geometry(geometry, name or given.get("id", ""), into, keys, depth=0)
+    whole = document.get("type") == "FeatureCollection"
+    for feature in _list(document.get("features")) if whole else [document]:
+        given = _section(feature)
+        about = _section(given.get("properties"))
+        name = next((about[key] for key in _NAMES if about.get(key)), given.get("id"))
+        color = color_of(about.get("fill")) or color_of(about.get("stroke"))
+        shape = given.get("geometry") if given.get("type") == "Feature" else given
+        if shape is not None:
+            keys = {"color": color, "section": KINDS.get(str(about.get("kind")))}
+            _read_geometry(_section(shape), name, into, keys)
 
 
 def _read_geometry(
-    geometry: Any, name: Any, into: FeatureList, about: dict[str, Any], depth: int
+    shape: Mapping[str, Any], name: Any, into: FeatureList, about: Mapping[str, Any]
 ) -> None:
-    given = geometry if isinstance(geometry, dict) else {}
-    kind, parts = str(given.get("type")), given.get("coordinates")
-    if kind == "GeometryCollection" and depth < 10:
-        for inner in given.get("geometries") or []:
-            _read_geometry(inner, name, into, about, depth + 1)
-        return
+    for inner in _list(shape.get("geometries")):
+        _read_geometry(_section(inner), name, into, about)
+    kind = str(shape.get("type"))
     single = kind.removeprefix("Multi")
-    if single not in _PARTS or not isinstance(parts, list):
-        raise into.fault(str(name), f"has a geometry of type {kind}; give points or polygons")
-    try:
+    if single in _GEOMETRIES:
+        parts = _list(shape.get("coordinates"))
         for part in parts if kind != single else [parts]:
-            rings = {"Polygon": part, "LineString": [part], "Point": [[part]]}[single]
-            into.add(_PARTS[single], name, rings, **about)
-    except (TypeError, ValueError):
-        raise into.fault(str(name), "has a position that is no pair of numbers") from None
+            rings = {"Polygon": _list(part), "LineString": [part], "Point": [[part]]}[single]
+            into.add(_GEOMETRIES[single], name, rings or [[]], **about)
+    elif kind != "GeometryCollection":
+        raise into.fault(name, f"has a geometry of type {kind[:40]}; give points or polygons")
 
 
 def _read_plan(document: Mapping[str, Any], into: FeatureList) -> None:
     """Add the fences of a plan: inclusions are areas, exclusions keep-outs."""
-    fence = document.get("geoFence")
-    fences = fence if isinstance(fence, dict) else {}
+    fences = _section(document.get("geoFence"))
     for key in ("polygons", "circles"):
-        for each in fences.get(key) or []:
-            if not isinstance(each, dict):
-                raise into.fault("geoFence", f"{key} must be sections of keys")
+        for each in map(_section, _list(fences.get(key))):
             section: Section = "area" if each.get("inclusion", True) else "keep_out"
-            title = fence_name(section, len(into.features) + 1)
             if key == "polygons":
-                corners = each.get("polygon") or []
-                if not all(isinstance(corner, list) and len(corner) > 1 for corner in corners):
-                    raise into.fault(title, "has a position that is no pair of numbers")
-                into.add("polygon", title, [[corner[1::-1] for corner in corners]], section=section)
+                ring = [_list(corner)[1::-1] for corner in _list(each.get("polygon"))]
+                into.add("polygon", into.fence_name(section), [ring], section=section)
             else:
-                circle = each.get("circle")
-                given = circle if isinstance(circle, dict) else {}
-                add_circle(into, title, given.get("center"), given.get("radius"), section)
+                circle = _section(each.get("circle"))
+                into.add_circle(circle.get("center"), circle.get("radius"), section)
     for key, words in (("mission", "items"), ("rallyPoints", "points")):
-        part = document.get(key)
-        if isinstance(part, dict) and part.get(words):
+        if _section(document.get(key)).get(words):
             into.notes.append(f"{key}.{words} is left out")
+
+
+def _section(value: Any) -> Mapping[str, Any]:
+    return value if isinstance(value, dict) else {}
+
+
+def _list(value: Any) -> list[Any]:
+    return value if isinstance(value, list) else []

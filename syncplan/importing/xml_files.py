@@ -9,7 +9,7 @@ from xml.etree import ElementTree as Xml
 from xml.parsers import expat
 
 from syncplan.errors import InputError
-from syncplan.importing.features import FeatureList, Geometry, color_of, section_of
+from syncplan.importing.features import KINDS, FeatureList, Geometry, color_of
 
 LARGEST_BYTES = 32 * 2**20
 """Largest file, also once unpacked."""
@@ -102,8 +102,12 @@ def _read_kml(root: Xml.Element, into: FeatureList) -> None:
         style = mark.find(".//Style")
         if style is None:
             style = styles.get(_text(mark, "styleUrl").rpartition("#")[2])
-        data = {each.get("name"): _text(each, "value") for each in mark.iter("Data")}
-        about = {"folder": folder, "color": _color(style), "section": section_of(data.get("kind"))}
+        data = {each.get("name", ""): _text(each, "value") for each in mark.iter("Data")}
+        about = {
+            "folder": folder,
+            "color": _color(style),
+            "section": KINDS.get(data.get("kind", "")),
+        }
         name = _text(mark, "name")
         for polygon in mark.iter("Polygon"):
             rings = [

@@ -72,7 +72,7 @@ def draw(number: int) -> tuple[list[str], tuple[float, float, tuple[str, ...]]]:
         try:
             places = import_places({name: again})
             ends.append("read")
-            places.scenario_text("field")
+            places.scenario_text()
         except InputError as error:
             ends.append("refused")
             if "\n" in str(error):
