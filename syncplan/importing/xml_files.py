@@ -50,25 +50,20 @@ def read_xml(data: bytes, into: FeatureList) -> None:
 
 def _parsed(data: bytes, source: str) -> Xml.Element:
     """The root element; names of elements are without namespaces, declared or not."""
-    builder, parser, depth = Xml.TreeBuilder(), expat.ParserCreate(), 0
+    builder, parser, opened = Xml.TreeBuilder(), expat.ParserCreate(), list[str]()
 
     def start(tag: str, attributes: dict[str, str]) -> None:
-        nonlocal depth
-        depth += 1
-        if depth > DEEPEST:
+        opened.append(tag.rpartition(":")[2])
+        if len(opened) > DEEPEST:
             raise InputError(f"nests more than {DEEPEST} elements", source=source)
-        builder.start(tag.rpartition(":")[2], attributes)
-
-    def end(tag: str) -> None:
-        nonlocal depth
-        depth -= 1
-        builder.end(tag.rpartition(":")[2])
+        builder.start(opened[-1], attributes)
 
     def refuse(*_: Any) -> None:
         raise InputError("has a document type; save it without <!DOCTYPE>", source=source)
 
-    parser.StartElementHandler, parser.EndElementHandler = start, end
-    parser.CharacterDataHandler, parser.buffer_text = builder.data, True
+    parser.StartElementHandler = start
+    parser.EndElementHandler = lambda _: builder.end(opened.pop())
+    parser.CharacterDataHandler = builder.data
     parser.StartDoctypeDeclHandler = refuse
     try:
         parser.Parse(data, True)
@@ -92,38 +87,27 @@ _GEOMETRIES: Mapping[str, Geometry] = {
 
 
 def _read_kml(root: Xml.Element, into: FeatureList) -> None:
-    styles = {style.get("id", ""): style for style in root.iter("Style")}
-    for pair in root.iter("StyleMap"):
-        normal = next((each for each in pair.iter("Pair") if _text(each, "key") == "normal"), pair)
-        url = _text(normal, "styleUrl").rpartition("#")[2]
-        if url in styles:
-            styles[pair.get("id", "")] = styles[url]
+    styles = {style.get("id", ""): _color(style) for style in root.iter("Style")}
+    for each in root.iter("StyleMap"):
+        # the first of its pairs is the normal one
+        styles[each.get("id", "")] = styles.get((each.findtext("Pair/styleUrl") or "")[1:])
     for mark, folder in _placemarks(root, ""):
         style = mark.find(".//Style")
-        if style is None:
-            style = styles.get(_text(mark, "styleUrl").rpartition("#")[2])
+        color = styles.get(_text(mark, "styleUrl")[1:]) if style is None else _color(style)
         data = {each.get("name", ""): _text(each, "value") for each in mark.iter("Data")}
-        about = {
-            "folder": folder,
-            "color": _color(style),
-            "section": KINDS.get(data.get("kind", "")),
-        }
-        name = _text(mark, "name")
+        about = {"folder": folder, "color": color, "section": KINDS.get(data.get("kind", ""))}
+        name, inside = _text(mark, "name"), set[Xml.Element]()
         for polygon in mark.iter("Polygon"):
-            rings = [
-                _positions(ring)
-                for side in ("outerBoundaryIs", "innerBoundaryIs")
-                for boundary in polygon.findall(side)
-                for ring in boundary.iter("LinearRing")
-            ]
-            into.add("polygon", name, rings or [[]], **about)
-        inside = {id(ring) for polygon in mark.iter("Polygon") for ring in polygon.iter()}
+            rings = [*polygon.iterfind("outerBoundaryIs//LinearRing")]
+            rings += polygon.iterfind("innerBoundaryIs//LinearRing")
+            inside.update(rings)
+            into.add("polygon", name, [*map(_positions, rings)] or [[]], **about)
         for tag, geometry in _GEOMETRIES.items():
             for element in mark.iter(tag):
-                if id(element) not in inside:
+                if element not in inside:
                     into.add(geometry, name, [_positions(element)], **about)
     for link in root.iter("NetworkLink"):
-        into.notes.append(f"the network link {_text(link, 'name') or 'without a name'} is not read")
+        into.notes.append(f"the network link {_text(link, 'name')} is not read")
 
 
 def _placemarks(element: Xml.Element, folder: str) -> Iterator[tuple[Xml.Element, str]]:
@@ -131,7 +115,7 @@ def _placemarks(element: Xml.Element, folder: str) -> Iterator[tuple[Xml.Element
     for child in element:
         if child.tag == "Placemark":
             yield child, folder
-        elif child.tag in ("Document", "Folder", "kml"):
+        elif child.tag in ("Document", "Folder"):
             name = _text(child, "name") if child.tag == "Folder" else ""
             yield from _placemarks(child, " / ".join(filter(None, (folder, name))))
 
@@ -142,12 +126,11 @@ def _positions(element: Xml.Element) -> list[list[str]]:
     return [position.split(",") for position in text.split()]
 
 
-def _color(style: Xml.Element | None) -> tuple[int, int, int] | None:
-    for tag in ("PolyStyle", "LineStyle"):
-        part = None if style is None else style.find(tag)
-        if part is not None and (color := color_of(_text(part, "color"), "abgr")):
-            return color
-    return None
+def _color(style: Xml.Element) -> tuple[int, int, int] | None:
+    colors = (
+        color_of(style.findtext(f"{tag}/color"), "abgr") for tag in ("PolyStyle", "LineStyle")
+    )
+    return next(filter(None, colors), None)
 
 
 # --- GPX ------------------------------------------------------------------------------------------

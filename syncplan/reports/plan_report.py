@@ -10,7 +10,6 @@ from syncplan import __version__
 from syncplan.documents import (
     Document,
     DocumentPart,
-    LatLon,
     OrAbsent,
     Point,
     VersionedDocument,
@@ -32,7 +31,8 @@ from syncplan.reports.observability_report import (
     observability_of,
 )
 from syncplan.reports.refinement_report import RefinementResult, refinement_result
-from syncplan.scenario.ground import DEGREE_DIGITS, WIDEST_M, lat_lon_of, map_departure
+from syncplan.scenario.ground import WIDEST_M, map_departure
+from syncplan.scenario.lat_lon_keys import lat_lon_places
 from syncplan.scenario.specification import Scenario
 
 
@@ -178,15 +178,14 @@ class SynchronisationRecord(DocumentPart):
     alternating_proven_largest: bool | None
 
 
-class PlacesOnGround(Document):
+class PlacesOnGround(DocumentPart):
     """The places of a plan on the ground, and the departure of the flat map from it."""
 
-    centers_lat_lon_deg: dict[str, LatLon] = Field(description="Centre of each vehicle's circle")
-    landmarks_lat_lon_deg: dict[str, LatLon]
-    area_lat_lon_deg: OrAbsent[list[LatLon]] = None
-    keep_out_lat_lon_deg: OrAbsent[list[list[LatLon]]] = None
-    obstacles_lat_lon_deg: OrAbsent[list[list[LatLon]]] = None
-    visit_lat_lon_deg: OrAbsent[list[LatLon]] = None
+    places: dict[str, Any] = Field(
+        description="The scenario's places in degrees, [latitude, longitude], by the dotted keys "
+        "that stand for those in metres",
+        examples=[{"landmarks_lat_lon_deg": {"mast": [47.3977, 8.5456]}}],
+    )
     map_departure_m: float = Field(
         description="Largest difference of a distance on the flat map and on the ground, between "
         "any two places of circles and landmarks; of a sphere with the curvature at the origin"
@@ -315,30 +314,11 @@ def _vehicles(plan: Plan, names: list[str]) -> list[VehicleOrbit]:
 
 def places_on_ground(plan: Plan) -> PlacesOnGround | None:
     """Return the places of a plan in degrees; None without a geo_origin, or too far from it."""
-    scenario, origin = plan.scenario, plan.scenario.geo_origin
-    reached = extent(plan.orbits, plan.landmarks)
+    origin, reached = plan.scenario.geo_origin, extent(plan.orbits, plan.landmarks)
     if origin is None or np.hypot(*reached.T).max() > WIDEST_M:
         return None
-
-    def places(points: Any) -> list[LatLon]:
-        given = np.asarray(points, dtype=float).reshape(-1, 2)
-        return [point_of(place) for place in lat_lon_of(origin, given).round(DEGREE_DIGITS)]
-
-    def named(names: Sequence[str], points: Any) -> dict[str, LatLon]:
-        return dict(zip(names, places(points), strict=True))
-
-    def each(polygons: Sequence[Any] | None) -> list[list[LatLon]] | None:
-        return None if polygons is None else [places(polygon) for polygon in polygons]
-
-    visited = scenario.purpose and scenario.purpose.visit_m
     return PlacesOnGround(
-        centers_lat_lon_deg=named(scenario.vehicle_names, plan.orbits.centers),
-        landmarks_lat_lon_deg=named(scenario.landmark_names, plan.landmarks),
-        area_lat_lon_deg=None if scenario.area_m is None else places(scenario.area_m),
-        keep_out_lat_lon_deg=each(scenario.keep_out_m),
-        obstacles_lat_lon_deg=each(scenario.obstacles_m),
-        visit_lat_lon_deg=None if not visited else places(visited),
-        map_departure_m=map_departure(origin, reached),
+        places=lat_lon_places(plan.scenario), map_departure_m=map_departure(origin, reached)
     )
 
 

@@ -17,7 +17,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from syncplan.arrays import Array
 from syncplan.errors import InputError
-from syncplan.scenario.ground import WIDEST_M, middle_of, points_of
+from syncplan.scenario.ground import DEGREE_DIGITS, WIDEST_M, lat_lon_of, middle_of, points_of
 from syncplan.scenario.models import GeoOrigin
 from syncplan.scenario.quantities import Section, dotted, fault, model_in, with_keys
 
@@ -150,11 +150,27 @@ def _in_plane(origin: GeoOrigin, key: PlaceKey) -> Any:
     return _exchanged(key.places, iter(points.round(DIGITS).tolist()))
 
 
+def lat_lon_places(section: PlacedSection) -> dict[str, Any]:
+    """Return the keys in degrees, dotted, that stand for a section's places in metres.
+
+    There are none without a geo_origin.
+    """
+    origin: Any = getattr(section, "geo_origin", None)
+    keys = place_keys(section.model_dump(exclude_none=True), type(section)) if origin else ()
+    return {each.name: in_lat_lon(origin, each.metres) for each in keys if each.metres}
+
+
+def in_lat_lon(origin: GeoOrigin, points: Any) -> Any:
+    """Return points (x, y) in m, in lists and mappings, as latitudes and longitudes in degrees."""
+    places = lat_lon_of(origin, _pairs(points)).round(DEGREE_DIGITS)
+    return _exchanged(points, iter(places.tolist()))
+
+
 def _pairs(value: Any) -> Array:
     """Every pair (k, 2) of a value of lists and mappings."""
     if isinstance(value, tuple):
         return np.array([value])
-    inner = value.values() if isinstance(value, dict) else value
+    inner = value.values() if isinstance(value, Mapping) else value
     return np.concatenate([np.zeros((0, 2)), *map(_pairs, inner)])
 
 
@@ -162,6 +178,6 @@ def _exchanged(value: Any, pairs: Iterator[Any]) -> Any:
     """The value with its pairs exchanged for others, in order."""
     if isinstance(value, tuple):
         return next(pairs)
-    if isinstance(value, dict):
+    if isinstance(value, Mapping):
         return {name: _exchanged(inner, pairs) for name, inner in value.items()}
     return [_exchanged(inner, pairs) for inner in value]

@@ -10,13 +10,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
 from pydantic import ValidationError
 
 from syncplan.errors import InputError
 from syncplan.runtime.files import as_text
-from syncplan.scenario.ground import DEGREE_DIGITS, lat_lon_of
-from syncplan.scenario.lat_lon_keys import place_keys
+from syncplan.scenario.lat_lon_keys import in_lat_lon, place_keys
 from syncplan.scenario.models import MAX_VEHICLES
 from syncplan.scenario.other_documents import refuse_other_documents
 from syncplan.scenario.quantities import Point, described, validation_fault
@@ -242,10 +240,9 @@ def _landmark_keys(document: Mapping[str, Any], landmarks: Mapping[str, Point]) 
         return {"landmarks_m": {name: [_plain(x), _plain(y)] for name, (x, y) in landmarks.items()}}
     origin = scenario_from(document, max_vehicles=sys.maxsize).geo_origin
     assert origin is not None
-    places = lat_lon_of(origin, np.array(list(landmarks.values()))).round(DEGREE_DIGITS)
     return {
         "geo_origin": origin.model_dump(),
-        "landmarks_lat_lon_deg": dict(zip(landmarks, places.tolist(), strict=True)),
+        "landmarks_lat_lon_deg": in_lat_lon(origin, landmarks),
     }
 
 

@@ -148,13 +148,14 @@ def test_a_plan_states_its_places_in_metres_and_in_degrees() -> None:
     assert ground is not None
     assert origin is not None
     centers = [vehicle.center_m for vehicle in document.vehicles]
-    stated = to_plane(list(ground.centers_lat_lon_deg.values()), origin.model_dump())
+    places = ground.places
+    stated = to_plane(list(places["formation.centers_lat_lon_deg"].values()), origin.model_dump())
     assert np.abs(stated - centers).max() < 1e-3
-    assert list(ground.landmarks_lat_lon_deg) == ["mast", "tree"]
+    assert list(places["landmarks_lat_lon_deg"]) == ["mast", "tree"]
     given = degrees(TEAM["landmarks_m"]["mast"])
-    assert ground.landmarks_lat_lon_deg["mast"] == pytest.approx(given, abs=1e-8)
-    assert ground.keep_out_lat_lon_deg is not None
-    assert ground.visit_lat_lon_deg is not None
+    assert places["landmarks_lat_lon_deg"]["mast"] == pytest.approx(given, abs=1e-8)
+    assert len(places["keep_out_lat_lon_deg"]) == 1
+    assert len(places["purpose.visit_lat_lon_deg"]) == 1
     assert 0.0 < ground.map_departure_m < 1e-6
     metres = plan_document(plan(scenario_from(TEAM), pilot=False))
     assert metres.ground is None
