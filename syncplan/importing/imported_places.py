@@ -91,6 +91,8 @@ def import_places(
     """
     paths = [files] if isinstance(files, str | Path) else files
     contents = paths if isinstance(paths, Mapping) else {str(path): _bytes(path) for path in paths}
+    if not contents:
+        raise InputError("give at least one file", key="files")
     lists = [features_of(data, name) for name, data in contents.items()]
     features = _whole([feature for read in lists for feature in read.features])
     features, sections = _chosen(features, ImportOptions(**options))
@@ -109,7 +111,7 @@ def import_places(
             )
             for each, (section, reason) in zip(features, sections, strict=True)
         ],
-        scenario=_scenario(Path(next(iter(contents))).stem, features, sections),
+        scenario=_scenario(Path(lists[0].source).stem, features, sections),
         notes=[f"{read.source}: {note}" for read in lists for note in read.notes],
     )
 
@@ -181,8 +183,9 @@ def _whole(features: Sequence[Feature]) -> list[Feature]:
 
 def _chosen(features: list[Feature], options: ImportOptions) -> tuple[list[Feature], Sections]:
     """The features, landmarks with names of their own, and what each becomes."""
-    origin = middle_of(np.concatenate([each.places for each in features]))
-    points = [points_of(origin, each.places) for each in features]
+    places = np.concatenate([each.places for each in features])
+    ends = np.cumsum([len(each.places) for each in features])
+    points = np.split(points_of(middle_of(places), places), ends[:-1])
     asked = _asked(features, options)
     wanted = [asked.get(k, each.meant) for k, each in enumerate(features)]
     areas = [k for k, section in enumerate(wanted) if section == "area"] or [
@@ -280,7 +283,7 @@ def _scenario(title: str, features: Sequence[Feature], sections: Sections) -> di
     size = max(float(np.max(np.ptp(points_of(middle_of(places), places), axis=0))), 10.0)
     radius, reach = (float(f"{size / part:.2g}") for part in (8.0, 2.0))
     keys = {
-        "name": title,
+        "name": title if title.isprintable() and len(title) <= LONGEST_NAME else "",
         "orbit": {"radius_m": radius, "speed_mps": 5.0},
         "formation": {"count": 3, "links": [["v1", "v2"], ["v2", "v3"], ["v1", "v3"]]},
         "sensor": {"range_m": reach, "bearing_sigma_rad": 0.03, "sample_time_s": 0.2},
