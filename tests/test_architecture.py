@@ -11,6 +11,7 @@ ROOT = Path(__file__).parents[1]
 DEGREES_AT_THE_EDGE = {
     "syncplan/observability/unobservable_modes.py",
     "syncplan/plotting/canvas.py",
+    "syncplan/scenario/ground.py",
 }
 """Where degrees are turned to radians or back, besides other programs' formats."""
 

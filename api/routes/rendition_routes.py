@@ -21,6 +21,7 @@ from api.calls import (
     Caller,
     CurrentCall,
     CurrentCaller,
+    IdempotencyKey,
     accepts,
     answer_once,
     call_of,
@@ -137,7 +138,12 @@ async def create_preview(
 
     names = list(dict.fromkeys(figure or ()))
     asked = (call.body, call.syntax, call.service.limits, quick, names, style, covariances, paper)
-    make = partial(computed, call, "previewed", *asked)
+    return await _unstored(call, "previewed", *asked)
+
+
+async def _unstored(call: Call, task: str, *arguments: Any) -> Response:
+    """The answer that a task makes, which stores nothing but answers under an Idempotency-Key."""
+    make = partial(computed, call, task, *arguments)
     if call.key is None:
         # nothing is kept, so a drag waits for no other writer
         made = Response(await make(), media_type="application/json")
@@ -146,9 +152,11 @@ async def create_preview(
     return compressed(made, call.request.headers.get("accept-encoding", ""))
 
 
-async def _file(request: Request, caller: CurrentCaller) -> Call:
+async def _file(
+    request: Request, caller: CurrentCaller, idempotency_key: IdempotencyKey = None
+) -> Call:
     check_medium(request, FILES, "a file of the field")
-    return await call_of(request, caller.owner)
+    return await call_of(request, caller.owner, idempotency_key)
 
 
 @router.post(
@@ -159,7 +167,7 @@ async def _file(request: Request, caller: CurrentCaller) -> Call:
     operation_id="importPlaces",
     summary="Read a file of the field",
     response_description="The features of the file, what they become, and a scenario",
-    responses=problem_responses(401, 406, 413, 415, 422, 429, 503),
+    responses=problem_responses(401, 406, 413, 415, 422, 429, 503, 507),
 )
 async def import_file(
     call: Annotated[Call, Depends(_file)],
@@ -173,8 +181,7 @@ async def import_file(
     largest other polygon the area, points landmarks. Names are patterns, such as `no fly*`. Nothing
     is stored.
     """
-    made = await computed(call, "imported", call.body, file, options)
-    return Response(made, media_type="application/json")
+    return await _unstored(call, "imported", call.body, file, options)
 
 
 @_read(

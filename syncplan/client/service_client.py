@@ -24,7 +24,7 @@ from syncplan.estimation.trials import unpack
 from syncplan.guidance.flight_options import FlightOptions
 from syncplan.guidance.flight_results import unpack_flight
 from syncplan.importing.import_options import ImportOptions
-from syncplan.importing.imported_places import ImportedPlaces
+from syncplan.importing.imported_places import ImportedPlaces, read_file
 from syncplan.options import lists_options
 from syncplan.planning.plan_files import loaded_from, plan_of, stated
 from syncplan.planning.planner import BoundChoice
@@ -297,7 +297,7 @@ class Client:
         Raises InputError.
         """
         parameters = {"file": Path(file).name, **ImportOptions(**options).as_request()}
-        answer = self._remote.send("POST", "/v1/imports", Path(file).read_bytes(), parameters)
+        answer = self._remote.send("POST", "/v1/imports", read_file(file), parameters)
         return ImportedPlaces.model_validate(values_of(answer, "features"))
 
     # --- recordings ---

@@ -38,6 +38,9 @@ SAME_PLACE_M = 0.01
 
 LONGEST_NAME = 60
 
+SMALLEST_M, USUAL_M = 1.0, 300.0
+"""Extent of places below which it says nothing, and the one that is then assumed."""
+
 
 # --- the document ---------------------------------------------------------------------------------
 
@@ -90,7 +93,9 @@ def import_places(
     are landmarks, unless options match their names. Raises InputError naming file and feature.
     """
     paths = [files] if isinstance(files, str | Path) else files
-    contents = paths if isinstance(paths, Mapping) else {str(path): _bytes(path) for path in paths}
+    contents = (
+        paths if isinstance(paths, Mapping) else {str(path): read_file(path) for path in paths}
+    )
     if not contents:
         raise InputError("give at least one file", key="files")
     lists = [features_of(data, name) for name, data in contents.items()]
@@ -144,7 +149,8 @@ def features_of(data: bytes, source: str) -> FeatureList:
     return into
 
 
-def _bytes(path: str | Path) -> bytes:
+def read_file(path: str | Path) -> bytes:
+    """Return the bytes of a file; raises InputError where it can't be read."""
     try:
         with Path(path).open("rb") as file:
             return file.read(LARGEST_BYTES + 1)
@@ -270,7 +276,8 @@ def _new_name(name: str, names: Counter[str]) -> str:
 def _scenario(title: str, features: Sequence[Feature], sections: Sections) -> dict[str, Any]:
     """The keys of a scenario; what flies and sees is an example in a size that fits.
 
-    Circles are an eighth of the widest extent, and sensors see as far as half of it.
+    Circles are an eighth of the widest extent, flown in less than a minute, and sensors see as far
+    as half of it.
     """
     by: dict[str, list[Feature]] = {}
     for each, (section, _) in zip(features, sections, strict=True):
@@ -280,11 +287,12 @@ def _scenario(title: str, features: Sequence[Feature], sections: Sections) -> di
     keep_outs = [each.places for each in by.get("keep_out", [])]
     used = [each.places for each in (*areas, *marks)]
     places = np.concatenate(used) if used else np.zeros((1, 2))
-    size = max(float(np.max(np.ptp(points_of(middle_of(places), places), axis=0))), 10.0)
-    radius, reach = (float(f"{size / part:.2g}") for part in (8.0, 2.0))
+    extent = float(np.max(np.ptp(points_of(middle_of(places), places), axis=0)))
+    size = extent if extent > SMALLEST_M else USUAL_M
+    radius, speed, reach = (float(f"{size / part:.2g}") for part in (8.0, 60.0, 2.0))
     keys = {
         "name": title if title.isprintable() and len(title) <= LONGEST_NAME else "",
-        "orbit": {"radius_m": radius, "speed_mps": 5.0},
+        "orbit": {"radius_m": radius, "speed_mps": speed},
         "formation": {"count": 3, "links": [["v1", "v2"], ["v2", "v3"], ["v1", "v3"]]},
         "sensor": {"range_m": reach, "bearing_sigma_rad": 0.03, "sample_time_s": 0.2},
         "area_lat_lon_deg": _listed(areas[0].places) if areas else None,

@@ -30,7 +30,7 @@ from syncplan.scenario.quantities import (
     ListedOrNamed,
     ListedOrNamedPlaces,
     Point,
-    in_degrees,
+    instead_of,
     validation_fault,
 )
 from syncplan.scenario.rules import check_landmarks, check_names
@@ -47,7 +47,7 @@ class CandidateSites(PlacedSection):
         description="Positions [x, y]: a list (S1, S2, ...) or a mapping of names",
         examples=[[[190.0, 0.0], [190.0, 70.0]]],
     )
-    candidates_lat_lon_deg: ListedOrNamedPlaces | None = in_degrees("candidates_m")
+    candidates_lat_lon_deg: ListedOrNamedPlaces | None = instead_of("candidates_m")
     geo_origin: GeoOrigin | None = Field(default=None, description="That of the scenario")
 
 

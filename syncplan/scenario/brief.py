@@ -23,7 +23,7 @@ from syncplan.scenario.quantities import (
     Section,
     Title,
     fault,
-    in_degrees,
+    instead_of,
     points_of,
 )
 from syncplan.scenario.truths import CompassSigma
@@ -111,12 +111,12 @@ class Sites(Section):
     candidates_m: ListedOrNamed | None = Field(
         default=None, description="Sites to choose from", examples=[[[0.0, 0.0], [100.0, 0.0]]]
     )
-    candidates_lat_lon_deg: ListedOrNamedPlaces | None = in_degrees("candidates_m")
+    candidates_lat_lon_deg: ListedOrNamedPlaces | None = instead_of("candidates_m")
     on_edge: bool = Field(default=False, description="Whether they stand on the area's edge")
     given: ListedOrNamed | None = Field(
         default=None, description="Landmarks that are there already", examples=[[[0.0, 0.0]]]
     )
-    given_lat_lon_deg: ListedOrNamedPlaces | None = in_degrees("given")
+    given_lat_lon_deg: ListedOrNamedPlaces | None = instead_of("given")
 
     @model_validator(mode="after")
     def _one_kind(self) -> Self:
@@ -184,15 +184,15 @@ class Brief(PlacedSection):
         description="Corners [x, y], in order, of the polygon that all circles lie within",
         examples=[[[0.0, 0.0], [300.0, 0.0], [300.0, 200.0], [0.0, 200.0]]],
     )
-    area_lat_lon_deg: Many[Place] | None = in_degrees("area_m")
+    area_lat_lon_deg: Many[Place] | None = instead_of("area_m")
     keep_out_m: rules.Polygons | None = Field(
         default=None, description="Polygons that no path may pass through"
     )
-    keep_out_lat_lon_deg: rules.PolygonsOfPlaces | None = in_degrees("keep_out_m")
+    keep_out_lat_lon_deg: rules.PolygonsOfPlaces | None = instead_of("keep_out_m")
     obstacles_m: rules.Polygons | None = Field(
         default=None, description="Polygons that block sight"
     )
-    obstacles_lat_lon_deg: rules.PolygonsOfPlaces | None = in_degrees("obstacles_m")
+    obstacles_lat_lon_deg: rules.PolygonsOfPlaces | None = instead_of("obstacles_m")
     vehicle: Vehicle
     sensor: models.Sensor
     heading_sigma_rad: CompassSigma | None = Field(

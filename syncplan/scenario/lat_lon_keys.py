@@ -112,7 +112,7 @@ def place_keys(
 def _origin(
     document: Mapping[str, Any], keys: Sequence[PlaceKey], used: Sequence[PlaceKey]
 ) -> GeoOrigin | None:
-    """The origin that is given, or the middle of all places; None where either is not valid."""
+    """The origin that is given, or the middle of all places; None where there is neither."""
     for each in used:
         if each.metres is not None:
             raise fault(each.name, f"stands instead of {each.twin_name}; give one of the two")
@@ -129,8 +129,11 @@ def _origin(
                 "geo_origin",
                 f"is missing: {each.twin_name} is in metres from it, {used[0].name} in degrees",
             )
+    places = np.concatenate([_pairs(each.places) for each in used])
+    if not len(places):
+        return None
     try:
-        return middle_of(np.concatenate([_pairs(each.places) for each in used]))
+        return middle_of(places)
     except InputError:
         raise fault(
             used[0].name, "places lie more than 1,000 km apart; latitudes come first"

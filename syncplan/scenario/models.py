@@ -31,7 +31,7 @@ from syncplan.scenario.quantities import (
     Pair,
     Section,
     fault,
-    in_degrees,
+    instead_of,
 )
 
 # --- limits and refinement ------------------------------------------------------------------------
@@ -293,7 +293,7 @@ class Formation(Section):
         description="Centres [x, y]: a list (vehicles are v1, v2, ...) or a mapping of names",
         examples=[[[0.0, 0.0], [70.0, 0.0]]],
     )
-    centers_lat_lon_deg: ListedOrNamedPlaces | None = in_degrees("centers_m")
+    centers_lat_lon_deg: ListedOrNamedPlaces | None = instead_of("centers_m")
     shape: ShapeName | None = Field(
         default=None, description="A shape instead of centers_m", examples=["ring"]
     )

@@ -22,7 +22,7 @@ from syncplan.scenario.quantities import (
     Polygon,
     Section,
     fault,
-    in_degrees,
+    instead_of,
 )
 
 MOST_KEPT = 50
@@ -62,7 +62,7 @@ class Purpose(Section):
         description="Points [x, y] that some circle passes within within_m",
         examples=[[[40.0, 40.0], [120.0, 60.0]]],
     )
-    visit_lat_lon_deg: Many[Place] | None = in_degrees("visit_m")
+    visit_lat_lon_deg: Many[Place] | None = instead_of("visit_m")
     within_m: Length = Field(
         default=5.0, description="Distance within which a point counts as visited", examples=[5.0]
     )

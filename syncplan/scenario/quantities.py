@@ -315,7 +315,7 @@ ListedOrNamed = _ListedOrNamed[Point]
 ListedOrNamedPlaces = _ListedOrNamed[Place]
 
 
-def in_degrees(twin: str) -> Any:
+def instead_of(twin: str) -> Any:
     """Return the field of places in degrees, instead of a key in metres."""
     return Field(
         default=None,

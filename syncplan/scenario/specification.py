@@ -31,7 +31,7 @@ from syncplan.scenario.quantities import (
     StartTime,
     Title,
     fault,
-    in_degrees,
+    instead_of,
     points_of,
 )
 from syncplan.scenario.truths import CompassSigma, Truth, true_world
@@ -52,7 +52,7 @@ class Scenario(Result, PlacedSection):
         description="Known landmarks [x, y]: a list (L1, L2, ...) or a mapping of names",
         examples=[[[190.0, 0.0], [190.0, 70.0]]],
     )
-    landmarks_lat_lon_deg: ListedOrNamedPlaces | None = in_degrees("landmarks_m")
+    landmarks_lat_lon_deg: ListedOrNamedPlaces | None = instead_of("landmarks_m")
     sensor: OneOrMany[models.Sensor] = Field(description="One sensor for all, or one per vehicle")
     heading_sigma_rad: OneOrMany[CompassSigma | None] = Field(
         default=None,
@@ -104,20 +104,20 @@ class Scenario(Result, PlacedSection):
         description="Corners [x, y], in order, of the polygon that all circles must lie within",
         examples=[[[-50.0, -50.0], [250.0, -50.0], [250.0, 150.0], [-50.0, 150.0]]],
     )
-    area_lat_lon_deg: Many[Place] | None = in_degrees("area_m")
+    area_lat_lon_deg: Many[Place] | None = instead_of("area_m")
     keep_out_m: rules.Polygons | None = Field(
         default=None,
         description="Polygons that no path may pass through; a circle may go round one",
         examples=[[[[100.0, 20.0], [110.0, 20.0], [105.0, 30.0]]]],
     )
-    keep_out_lat_lon_deg: rules.PolygonsOfPlaces | None = in_degrees("keep_out_m")
+    keep_out_lat_lon_deg: rules.PolygonsOfPlaces | None = instead_of("keep_out_m")
     obstacles_m: rules.Polygons | None = Field(
         default=None,
         description="Polygons that block sight; what blocks paths is keep_out_m, and one polygon "
         "may stand in both",
         examples=[[[[100.0, 30.0], [110.0, 30.0], [105.0, 40.0]]]],
     )
-    obstacles_lat_lon_deg: rules.PolygonsOfPlaces | None = in_degrees("obstacles_m")
+    obstacles_lat_lon_deg: rules.PolygonsOfPlaces | None = instead_of("obstacles_m")
     purpose: Purpose | None = Field(
         default=None,
         description="What the circles are flown for; a plan that misses it is NO-GO",

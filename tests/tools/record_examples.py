@@ -158,6 +158,12 @@ def _plans(recorder: _Recorder) -> str:
     recorder.ask(
         "previewScenario", "survey", "The plan and a figure", "POST", previews, json=SCENARIO
     )
+    mast = {
+        "content": "name,lat,lon\nmast,47.3977,8.5456\n",
+        "headers": {"content-type": "text/csv"},
+    }
+    imports = "/v1/imports?file=marks.csv"
+    recorder.ask("importPlaces", "marks", "A survey mark", "POST", imports, **mast)
     path = f"/v1/plans/{plan['id']}"
     recorder.ask("readPlanFigure", "prediction", "A figure", "GET", f"{path}/figures/prediction")
     recorder.ask("readPlanFigure", "parent", "Not refined", "GET", f"{path}/figures/comparison")
