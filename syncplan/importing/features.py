@@ -98,7 +98,7 @@ class FeatureList:
 
         A line that ends where it began is a polygon. Raises InputError for positions that are none.
         """
-        title = " ".join(str(name or "").split())
+        title = "".join(filter(str.isprintable, " ".join(str(name or "").split())))
         places, *holes = (self._places(title, ring) for ring in rings)
         if geometry == "line" and len(places) > 3 and np.array_equal(places[0], places[-1]):
             geometry = "polygon"

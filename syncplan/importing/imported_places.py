@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
+from itertools import combinations
 from pathlib import Path
 from typing import Any, get_args
 
@@ -37,6 +38,9 @@ SAME_PLACE_M = 0.01
 """Distance up to which points are one landmark."""
 
 LONGEST_NAME = 60
+
+VEHICLES = ("v1", "v2", "v3")
+"""Names of the example's vehicles, which no landmark has."""
 
 SMALLEST_M, USUAL_M = 1.0, 300.0
 """Extent of places below which it says nothing, and the one that is then assumed."""
@@ -191,14 +195,18 @@ def _chosen(features: list[Feature], options: ImportOptions) -> tuple[list[Featu
     """The features, landmarks with names of their own, and what each becomes."""
     places = np.concatenate([each.places for each in features])
     ends = np.cumsum([len(each.places) for each in features])
-    points = np.split(points_of(middle_of(places), places), ends[:-1])
+    try:
+        points = np.split(points_of(middle_of(places), places), ends[:-1])
+    except InputError:
+        problem = "features lie more than 1,000 km apart; keep those of one field"
+        raise InputError(problem, source=features[0].file) from None
     asked = _asked(features, options)
     wanted = [asked.get(k, each.meant) for k, each in enumerate(features)]
     areas = [k for k, section in enumerate(wanted) if section == "area"] or [
         k for k, each in enumerate(features) if wanted[k] is None and each.geometry == "polygon"
     ]
     largest = max(areas, key=lambda k: _size(points[k]), default=-1)
-    named, sections, spots, names = [], Sections(), set[str](), Counter[str]()
+    named, sections, spots, names = [], Sections(), set[str](), Counter(VEHICLES)
     for k, each in enumerate(features):
         section, reason = wanted[k], "asked for" if k in asked else "as its file has it"
         if k == largest:
@@ -216,6 +224,8 @@ def _chosen(features: list[Feature], options: ImportOptions) -> tuple[list[Featu
         elif section == "landmark":
             spots.add(spot)
             each = replace(each, name=_new_name(each.name, names))
+        if each.holes and section in ("keep_out", "obstacle"):
+            reason += "; its holes are closed"
         _check(each, section, points[k])
         named.append(each)
         sections.append((section, reason))
@@ -293,7 +303,7 @@ def _scenario(title: str, features: Sequence[Feature], sections: Sections) -> di
     keys = {
         "name": title if title.isprintable() and len(title) <= LONGEST_NAME else "",
         "orbit": {"radius_m": radius, "speed_mps": speed},
-        "formation": {"count": 3, "links": [["v1", "v2"], ["v2", "v3"], ["v1", "v3"]]},
+        "formation": {"count": len(VEHICLES), "links": [*map(list, combinations(VEHICLES, 2))]},
         "sensor": {"range_m": reach, "bearing_sigma_rad": 0.03, "sample_time_s": 0.2},
         "area_lat_lon_deg": _listed(areas[0].places) if areas else None,
         "keep_out_lat_lon_deg": [*map(_listed, (*keep_outs, *holes))],

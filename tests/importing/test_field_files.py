@@ -161,6 +161,25 @@ def test_several_files_make_one_scenario_that_is_valid() -> None:
     assert width == pytest.approx(np.ptp(to_plane(FIELD, HERE), axis=0), abs=1e-3)
 
 
+def test_names_of_vehicles_and_signs_that_do_not_print_do_not_stay() -> None:
+    points = "name,lat,lon\nv1,47.1,8.1\nma\x07st,47.2,8.2\n,47.3,8.3\n"
+    assert keys_of(import_places({"points.csv": points.encode()}))[3] == [
+        "v1 2",
+        "mast",
+        "landmark",
+    ]
+
+
+def test_holes_of_keep_outs_are_closed_and_said_to_be() -> None:
+    outer = [[8.5, 47.4], [8.51, 47.4], [8.51, 47.41], [8.5, 47.41], [8.5, 47.4]]
+    inner = [[8.504, 47.404], [8.506, 47.404], [8.506, 47.406], [8.504, 47.404]]
+    shape = {"type": "Polygon", "coordinates": [outer, inner]}
+    feature = {"type": "Feature", "properties": {"name": "no-fly"}, "geometry": shape}
+    places = import_places({"zone.json": json.dumps(feature).encode()})
+    assert keys_of(places)[1] == 1
+    assert places.features[0].reason == "as its file has it; its holes are closed"
+
+
 # --- what is refused ------------------------------------------------------------------------------
 
 
@@ -205,6 +224,12 @@ def test_files_that_are_too_large_are_refused_before_they_are_held() -> None:
         import_places({"deep.kml": deep})
     with pytest.raises(InputError, match="nested too deeply"):
         import_places({"deep.json": b'{"a":' * 100_000})
+
+
+def test_features_on_two_continents_are_refused() -> None:
+    points = b"name,lat,lon\na,0,0\nb,47,8\n"
+    with pytest.raises(InputError, match=r"^points\.csv: features lie more than 1,000 km apart"):
+        import_places({"points.csv": points})
 
 
 def test_a_polygon_of_too_many_corners_is_named() -> None:
