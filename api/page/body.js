@@ -1,10 +1,11 @@
 // The vehicle or landmark that was chosen: its own part of the form, and how one comes or goes.
 
+import { coordinatesOf } from "./coordinates.js";
 import { attempt, button, byId, element, notice, options, present, shown } from "./elements.js";
 import { Fields } from "./fields.js";
 import { freeCenter, freeSite } from "./free_space.js";
 import { switchOf } from "./losses.js";
-import { landmarksOf, mean, placesIn, polygonsOf, roundBelow, vehiclesOf, withDirection, withValue } from "./scenario.js";
+import { landmarksOf, mean, polygonsOf, roundBelow, vehiclesOf, withDirection, withValue } from "./scenario.js";
 import { addBody, BODIES, copyChosen, placesOf, removeChosen, withAligned, withoutChosen } from "./selection.js";
 import { askJson } from "./service.js";
 
@@ -18,25 +19,28 @@ const GROWTH = {
 
 /** The fields of vehicle or landmark k, by its kind. */
 const FIELDS = {
-  vehicle: (k) => [
+  vehicle: (k, _scenario, coordinates) => [
     { key: "name", path: `formation.names[${k}]`, label: "Its name", kind: "name" },
-    { key: "x", path: `formation.centers_m[${k}][0]`, label: "Centre east", unit: "m" },
-    { key: "y", path: `formation.centers_m[${k}][1]`, label: "Centre north", unit: "m" },
+    ...positionFields(coordinates, `formation.centers_m[${k}]`, (axis) => `Centre ${axis}`),
     { key: "radius", path: `orbit.radius_m[${k}]`, label: "Radius", unit: "m", min: 0 },
     { key: "direction", path: `orbit.direction[${k}]`, label: "Its direction", kind: "choice", choices: (value) => [TURNS, value] },
     { key: "range_m", path: `sensor[${k}].range_m`, label: "Its range", unit: "m", min: 0 },
     { key: "fov_deg", path: `sensor[${k}].fov_deg`, label: "Its field of view", unit: "°", min: 0, max: 360 },
     { key: "boresight_deg", path: `sensor[${k}].boresight_deg`, label: "Its boresight", unit: "°" },
   ],
-  landmark: (k, { landmarks_m: landmarks }) => {
+  landmark: (k, { landmarks_m: landmarks }, coordinates) => {
     const place = Array.isArray(landmarks) ? `landmarks_m[${k}]` : `landmarks_m.${Object.keys(landmarks)[k]}`;
     return [
       { key: "name", path: place, label: "Its name", kind: "name" },
-      { key: "x", path: `${place}[0]`, label: "East", unit: "m" },
-      { key: "y", path: `${place}[1]`, label: "North", unit: "m" },
+      ...positionFields(coordinates, place, (axis) => axis[0].toUpperCase() + axis.slice(1)),
     ];
   },
 };
+
+/** The two fields of a position; `title(axis)` labels them. */
+function positionFields({ axes, field }, path, title) {
+  return axes.map(({ key, label, at }, axis) => ({ key, axis, path: `${path}[${at}]`, label: title(label), ...field }));
+}
 
 /** The part of the form for one vehicle or landmark of a store's scenario.
  *
@@ -47,19 +51,19 @@ export function bodyPart(store, storePlan) {
   const group = element("fieldset", { class: "group" });
   const fields = new Fields(store);
   let names = "";
-  store.on(["opened", "selected"], build);
+  store.on(["opened", "selected", "degrees"], build);
   return { group, fields, show };
 
   /** Show the scenario: anew where a vehicle or landmark came or went. */
   function show() {
-    if (namesIn(store.scenario) === names) fields.show(store.scenario);
+    if (namesIn(store) === names) fields.show(store.scenario);
     else build();
   }
 
   function build() {
     const { scenario, selected, chosen } = store;
     if (!scenario) return;
-    names = namesIn(scenario);
+    names = namesIn(store);
     fields.clear();
     const named = (kind) => BODIES[kind].all(scenario).map(({ name }, k) => [`${kind} ${k}`, name]);
     const polygons = polygonsOf(scenario).map(({ kind, k }) => [`${kind} ${k}`, kind === "area" ? kind : `${kind} ${k + 1}`]);
@@ -98,26 +102,44 @@ export function bodyPart(store, storePlan) {
   }
 
   function fieldsOf({ kind, k }) {
-    if (kind in FIELDS) return FIELDS[kind](k, store.scenario).map((one) => fieldOf(kind, k, one));
-    return element("p", { class: "hint" }, "Drag its corners on the map, or a point of an edge for one more; a click with Alt takes a corner out.");
+    if (!(kind in FIELDS)) return element("p", { class: "hint" }, "Drag its corners on the map, or a point of an edge for one more; a click with Alt takes a corner out.");
+    const coordinates = coordinatesOf(store);
+    return FIELDS[kind](k, store.scenario, coordinates).map((field) => {
+      const access = field.axis === undefined ? partOf(kind, k, field) : positionOf(kind, k, field.axis, coordinates);
+      return fields.add({ id: `chosen-${field.key}`, ...access, ...field });
+    });
   }
 
-  function fieldOf(kind, k, field) {
-    const { key, path } = field;
-    const { all, moved } = BODIES[kind];
+  /** How a field of a body reads and changes a scenario. */
+  function partOf(kind, k, { key, path }) {
+    const { all } = BODIES[kind];
     const change = (old, value) => {
       // one that is being typed anew is empty for a moment
       if (value === "") return old;
       if (key === "name") return renamed(old, kind, k, value);
       if (key === "direction") return withDirection(old, store.plan, k, value);
-      const { x, y } = Object.assign({}, all(old)[k], { [key]: value });
-      return key === "x" || key === "y" ? moved(old, k, x, y) : withValue(old, path, value);
+      return withValue(old, path, value);
     };
     const read = (scenario) => {
       const body = all(scenario, store.plan)[k];
       return { ...body, ...body?.sensor }[key];
     };
-    return fields.add({ id: `chosen-${key}`, read, change, ...field });
+    return { read, change };
+  }
+
+  /** How a field of a position does: by one of its two numbers, or both where a pair is pasted. */
+  function positionOf(kind, k, axis, { of, shown, taken }) {
+    const { all, moved } = BODIES[kind];
+    const pairOf = (scenario) => {
+      const { x, y } = { ...all(scenario)[k] };
+      return of([x, y]);
+    };
+    const pasted = (old, pair) => {
+      const [x, y] = taken(pair);
+      return moved(old, k, x, y);
+    };
+    const change = (old, value) => (value === "" ? old : pasted(old, pairOf(old).with(axis, value)));
+    return { read: (scenario) => shown(pairOf(scenario)[axis]), change, pasted };
   }
 
   function pick(value) {
@@ -139,7 +161,7 @@ export function bodyPart(store, storePlan) {
     // that phases were lost is said already, and matters more
     const { links } = store.scenario.formation;
     const link = links?.length > scenario.formation.links?.length ? `, with the link ${links.at(-1).join("-")}` : "";
-    if (!given) notice(`${BODIES[kind].all(store.scenario).at(-1).name} added at ${placesIn(store.scenario)(at)}${link}.`);
+    if (!given) notice(`${BODIES[kind].all(store.scenario).at(-1).name} added at ${coordinatesOf(store).words(at)}${link}.`);
     byId("chosen").focus();
   }
 
@@ -187,7 +209,8 @@ function renamed(scenario, kind, k, name) {
   return scenario;
 }
 
-function namesIn(scenario) {
+/** What the part is built for: names, the number of polygons, and the origin of degrees. */
+function namesIn({ scenario, degrees }) {
   const named = [vehiclesOf(scenario), landmarksOf(scenario)].map((all) => all.map((one) => one.name));
-  return JSON.stringify([...named, polygonsOf(scenario).length]);
+  return JSON.stringify([...named, polygonsOf(scenario).length, degrees && scenario.geo_origin]);
 }

@@ -10,6 +10,10 @@ const FIRST = FLATTENING * (2 - FLATTENING);
 const SECOND = FIRST / (1 - FIRST);
 export const DEGREE = Math.PI / 180;
 const STEPS = [1, 2, 5, 10];
+/** beyond this, the plane is no ground any more */
+export const WIDEST_M = 1e6;
+/** decimals of an origin that is not given */
+const ORIGIN_DIGITS = 7;
 /** points of a line of the graticule: it is curved, if little */
 const POINTS = 9;
 
@@ -28,14 +32,39 @@ export function placeOf(origin, point) {
   return [north / DEGREE, Math.atan2(py, px) / DEGREE];
 }
 
-/** The point [x, y] in m of the plane over, or under, a place in degrees.
+/** The point [x, y] in m where the normal of the ellipsoid at a place in degrees meets the plane: what placeOf leads
+ * back from. NaN on the other half of the earth.
  * @param {Origin} origin @param {number[]} place */
 export function pointOf(origin, place) {
-  const [latitude, longitude] = place;
+  const [latitude, longitude] = place.map((value) => value * DEGREE);
   const { lat, lon, from } = frameOf(origin);
-  const [dx, dy, dz] = onEllipsoid(latitude * DEGREE, longitude * DEGREE).map((value, k) => value - from[k]);
-  const out = dx * Math.cos(lon) + dy * Math.sin(lon);
-  return [dy * Math.cos(lon) - dx * Math.sin(lon), dz * Math.cos(lat) - out * Math.sin(lat)];
+  /** @param {number[]} vector */
+  const turned = ([x, y, z]) => {
+    const out = x * Math.cos(lon) + y * Math.sin(lon);
+    return [y * Math.cos(lon) - x * Math.sin(lon), z * Math.cos(lat) - out * Math.sin(lat), z * Math.sin(lat) + out * Math.cos(lat)];
+  };
+  const [x, y, up] = turned(onEllipsoid(latitude, longitude).map((value, k) => value - from[k]));
+  const [east, north, rise] = turned([Math.cos(latitude) * Math.cos(longitude), Math.cos(latitude) * Math.sin(longitude), Math.sin(latitude)]);
+  const share = rise > 0 ? -up / rise : Number.NaN;
+  return [x + share * east, y + share * north];
+}
+
+/** The point [x, y] in m of a place in degrees, where the plane is ground; throws RangeError elsewhere.
+ * @param {Origin} origin @param {number[]} place */
+export function groundPointOf(origin, place) {
+  const point = pointOf(origin, place);
+  if (Math.abs(place[0]) <= 90 && Math.hypot(...point) <= WIDEST_M) return point;
+  throw new RangeError(`${place.join(", ")} is no place within ${WIDEST_M / 1000} km of the scenario's origin, ${placeWords([origin.lat_deg, origin.lon_deg])}`);
+}
+
+/** The middle of places in degrees, that of their extent in the plane. @param {number[][]} places @returns {Origin} */
+export function middleOf(places) {
+  const sums = places.map(([lat, lon]) => onEllipsoid(lat * DEGREE, lon * DEGREE)).reduce((sum, one) => sum.map((value, k) => value + one[k]));
+  const about = { lat_deg: Math.atan2(sums[2], Math.hypot(sums[0], sums[1])) / DEGREE, lon_deg: Math.atan2(sums[1], sums[0]) / DEGREE };
+  const points = places.map((place) => groundPointOf(about, place));
+  const middle = [0, 1].map((k) => spread(points.map((one) => one[k]))).map(([least, most]) => (least + most) / 2);
+  const [lat_deg, lon_deg] = placeOf(about, middle).map((value) => Number(value.toFixed(ORIGIN_DIGITS)));
+  return { lat_deg, lon_deg };
 }
 
 function frameOf({ lat_deg, lon_deg }) {

@@ -1,6 +1,7 @@
 // The scenario as a form: every field has a path, and a fault is shown next to its field.
 
 import { bodyPart } from "./body.js";
+import { placedField } from "./coordinates.js";
 import { byId, element, folded, mark } from "./elements.js";
 import { Fields } from "./fields.js";
 import { linksPart } from "./links.js";
@@ -62,13 +63,15 @@ const WORLD = {
     { path: "wind.gust_time_s", label: "Gust time", unit: "s", min: 0 },
   ],
   "Obstacles and keep-out areas": [
-    { path: "obstacles_m", label: "Polygons that block sight", unit: "m", kind: "json" },
-    { path: "keep_out_m", label: "Polygons that block paths", unit: "m", kind: "json" },
+    { path: "obstacles_m", label: "Polygons that block sight", kind: "json" },
+    { path: "keep_out_m", label: "Polygons that block paths", kind: "json" },
   ],
   "A simulated world that differs": [{ path: "truth", label: "Keys that are true instead", kind: "json" }],
   "Errors that the filter estimates": [{ path: "filter.estimate", label: "Estimated errors", kind: "choice", choices: estimatesOf }],
 };
 
+/** Fields of polygons, which are shown as positions are. */
+const PLACED = ["obstacles_m", "keep_out_m"];
 const ESTIMATES = { auto: "all with a sigma", none: "none" };
 
 /** Fill in the form of a store's scenario. `storePlan()` resolves with the identifier of the plan on show. */
@@ -89,7 +92,7 @@ export function offerEditor(store, storePlan) {
     origin = {};
     build();
   });
-  store.on(["scenario", "plan"], show);
+  store.on(["scenario", "plan", "degrees"], show);
   store.on(["plan"], () => showFaults({ faults: [], message: "" }));
   store.on(["faults"], showFaults);
 
@@ -126,7 +129,8 @@ export function offerEditor(store, storePlan) {
       return (optional ? withOptional : withValue)(scenario, path, value === "" ? undefined : value);
     };
     if (section === "sensor") return { change, read: (scenario) => sensorValue(scenario, key) };
-    return { change, read: (scenario) => valueAt({ ...scenario, geo_origin: origin }, path) };
+    const read = (scenario) => valueAt({ ...scenario, geo_origin: origin }, path);
+    return PLACED.includes(path) ? placedField(store, { change, read }) : { change, read };
   }
 
   /** The scenario with a part of its origin typed: with both latitude and longitude, it has one. */

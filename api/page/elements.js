@@ -101,6 +101,17 @@ export function onceChosen(input, take) {
   return input;
 }
 
+/** Call `take` with the first of the files that are dropped on a place. */
+export function takeDropped(place, take) {
+  for (const name of ["dragover", "drop"]) {
+    place.addEventListener(name, (event) => {
+      if (!event.dataTransfer.types.includes("Files")) return;
+      event.preventDefault();
+      if (name === "drop") take(event.dataTransfer.files[0]);
+    });
+  }
+}
+
 /** Return the element of an identifier, which index.html or a panel has made.
  * @param {string} id
  * @returns {any} */

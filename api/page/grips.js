@@ -16,9 +16,8 @@ const TURN = 2 * Math.PI;
 const AT = Math.PI / 4;
 const LEAST_RADIUS_M = 0.01;
 
-/** The bodies of a scenario, as grips. @returns {(Grip & {radius: number})[]} */
-export function bodiesOf(scenario, plan) {
-  const place = placesIn(scenario);
+/** The bodies of a scenario, as grips; `place` words their places. @returns {(Grip & {radius: number})[]} */
+export function bodiesOf(scenario, plan, place = placesIn(scenario)) {
   const vehicles = circlesOf(scenario, plan).map((one, k) => ({ ...one, kind: "vehicle", k, title: one.name, label: `Circle of ${one.name}, centre at ${place(one)}` }));
   const landmarks = landmarksOf(scenario).map((one, k) => ({ ...one, radius: 0, kind: "landmark", k, title: one.name, label: `Landmark ${one.name} at ${place(one)}` }));
   return [...vehicles, ...landmarks];
@@ -26,9 +25,10 @@ export function bodiesOf(scenario, plan) {
 
 /** All grips: those of bodies, and of the selected vehicle those of its circle, after an angle was turned.
  * @returns {Grip[]} */
-export function gripsOf(scenario, plan, selected, turned) {
+export function gripsOf(scenario, plan, selected, turned, place = placesIn(scenario)) {
   const circle = selected?.kind === "vehicle" ? circlesOf(scenario, plan)[selected.k] : null;
-  if (!circle) return bodiesOf(scenario, plan);
+  const bodies = bodiesOf(scenario, plan, place);
+  if (!circle) return bodies;
   const { name, x, y, radius } = circle;
   const rim = { x: x + radius * Math.cos(AT), y: y + radius * Math.sin(AT) };
   const own = [{ kind: "radius", k: selected.k, ...rim, title: `radius of ${name}`, label: `Radius of ${name}, ${shown(radius, "m")}` }];
@@ -37,7 +37,7 @@ export function gripsOf(scenario, plan, selected, turned) {
     const phase = degrees(circle.phase);
     own.push({ kind: "phase", k: selected.k, ...poseAt(circle, turned), title: `phase of ${name}`, label: `Phase of ${name}, ${phase}°` });
   }
-  return [...bodiesOf(scenario, plan), ...own];
+  return [...bodies, ...own];
 }
 
 /** What moving a grip to (x, y) makes of a scenario, and of the phases of its plan where they change.

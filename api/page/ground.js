@@ -1,14 +1,12 @@
 // The earth under the map, where a scenario states its origin: a graticule, and the tiles that an operator set.
 
-import { DEGREE, graticuleOf, MAJOR_M, placeOf, placeWords, pointOf } from "./earth.js";
+import { DEGREE, graticuleOf, MAJOR_M, placeOf, placeWords, pointOf, WIDEST_M } from "./earth.js";
 import { byId } from "./elements.js";
 import { mark } from "./looks.js";
 import { TILES } from "./tables.js";
 import { LineString, Point, VectorLayer, VectorSource } from "./vendor/openlayers.js";
 
 const APART_PX = 130;
-/** beyond this, the plane is no ground any more */
-const WIDEST_M = 1e6;
 const DEEPEST = 19;
 /** marks stay legible over tiles, in the dark as well */
 const FAINT = 0.6;

@@ -3,6 +3,7 @@
 // A canvas has no accessibility tree, so what can be moved is a button. One of them is the stop of the
 // Tab key; arrow keys move the selection, Page keys go to the next handle.
 
+import { coordinatesOf } from "./coordinates.js";
 import { byId, element } from "./elements.js";
 import { gripsOf, movedTo } from "./grips.js";
 import { decade, landmarksOf } from "./scenario.js";
@@ -32,6 +33,7 @@ export class Handles {
     this.#turned = turned;
     this.#uses = uses;
     map.on("postrender", () => this.place());
+    store.on(["degrees"], () => this.place());
     // over a handle, too, the wheel zooms
     this.#group.addEventListener("wheel", (event) => {
       event.preventDefault();
@@ -75,7 +77,7 @@ export class Handles {
 
   get #grips() {
     const { scenario, drawn, selected } = this.#store;
-    return gripsOf(scenario, drawn, selected, this.#turned());
+    return gripsOf(scenario, drawn, selected, this.#turned(), coordinatesOf(this.#store).words);
   }
 
   /** @returns {any[]} */

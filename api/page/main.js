@@ -13,7 +13,7 @@ import { Store } from "./store.js";
 const store = new Store();
 const map = new FormationMap(store);
 const address = new Address(store);
-const opening = new Opening(store, address);
+const opening = new Opening(store, address, () => map.fit());
 new Planner(store, busy);
 keepOverReloads(store);
 askForKeys(() => {

@@ -125,9 +125,9 @@ export class FormationMap {
 
   /** Say where the pointer is. */
   #point(point) {
-    const { scenario } = this.#store;
+    const { scenario, degrees } = this.#store;
     const [x, y] = point;
-    const words = scenario ? [placesIn(scenario)({ x, y }), this.#ground?.words(point)] : [];
+    const words = scenario ? [degrees && scenario.geo_origin ? "" : placesIn(scenario)({ x, y }), this.#ground?.words(point)] : [];
     byId("pointer").textContent = words.filter(Boolean).join("; ");
   }
 

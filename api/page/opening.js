@@ -4,7 +4,7 @@ import { Address } from "./address.js";
 import { notice } from "./elements.js";
 import { Planner } from "./planner.js";
 import { editable } from "./scenario.js";
-import { ask, noSuchPlan, passing } from "./service.js";
+import { ask, askJson, noSuchPlan, passing } from "./service.js";
 import { forget, kept } from "./session.js";
 import { Store } from "./store.js";
 
@@ -37,11 +37,14 @@ function wanted(error) {
 export class Opening {
   #store;
   #address;
+  #fit;
   #choices = 0;
 
-  constructor(store, address) {
+  /** `fit()` brings all of the scenario into view. */
+  constructor(store, address, fit) {
     this.#store = store;
     this.#address = address;
+    this.#fit = fit;
   }
 
   async example(name) {
@@ -56,9 +59,20 @@ export class Opening {
     if (choice === this.#choices) await this.#text(JSON.stringify(change(editable(plan))), scenario.name, choice);
   }
 
+  /** Open a scenario or a plan; what is neither is a file of the field, whose places are offered. */
   async file(file) {
     const choice = ++this.#choices;
-    await this.#text(await file.text(), file.name, choice);
+    const { name } = file;
+    const text = await file.text();
+    if (/\.ya?ml$/i.test(name) || isScenario(text)) {
+      await this.#text(text, name, choice);
+      return;
+    }
+    const imported = await askJson("POST", `v1/imports?${new URLSearchParams({ file: name })}`, { body: file, type: "application/octet-stream" });
+    const { showImport } = await import("./importing.js");
+    if (choice !== this.#choices) return;
+    const open = (scenario) => this.#text(JSON.stringify(scenario), name, ++this.#choices);
+    showImport(this.#store, imported, { name, open, fit: this.#fit });
   }
 
   /** Open a plan that a report holds, or a formation. */
@@ -120,9 +134,21 @@ async function exampled(name) {
 
 /** What the service reads of the plan that a JSON file holds, null for anything else. */
 function planIn(text) {
+  const { scenario, vehicles } = jsonOf(text) ?? {};
+  return scenario && vehicles ? { scenario, vehicles } : null;
+}
+
+/** Whether a text is a scenario or a plan, if perhaps with faults, by keys at its top. */
+function isScenario(text) {
+  const value = jsonOf(text);
+  if (value !== null && typeof value === "object") return ["orbit", "formation", "sensor", "scenario"].some((key) => key in value);
+  return /^[\s{]*["']?(orbit|formation|sensor|scenario)["']?\s*:/m.test(text);
+}
+
+/** What JSON text holds; null for anything else. */
+function jsonOf(text) {
   try {
-    const { scenario, vehicles } = JSON.parse(text);
-    return scenario && vehicles ? { scenario, vehicles } : null;
+    return JSON.parse(text);
   } catch {
     return null;
   }

@@ -2,10 +2,11 @@
 
 import { offerCharts } from "./charts.js";
 import { offerWaysOn } from "./dead_link.js";
+import { offerDegrees } from "./coordinates.js";
 import { offerDesigns } from "./design.js";
 import { offerDownloads } from "./downloads.js";
 import { offerEditor } from "./editor.js";
-import { attempt, byId, notice, noticeIsFault, onceChosen, shown } from "./elements.js";
+import { attempt, byId, notice, noticeIsFault, onceChosen, shown, takeDropped } from "./elements.js";
 import { Handles } from "./handles.js";
 import { offerKeptWork } from "./kept_work.js";
 import { offerLosses } from "./losses.js";
@@ -47,6 +48,7 @@ export function makePanels({ store, map, address, opening }) {
   offerNaming(store);
   offerLink(store, storePlan);
   offerBar(store, opening);
+  offerDegrees(store);
   const showDeadLink = offerWaysOn(store, {
     edit: () => attempt(async () => (await opening.edit()) || opening.example(FIRST_EXAMPLE)),
     example: () => attempt(() => opening.example(FIRST_EXAMPLE)),
@@ -180,7 +182,9 @@ function offerParts(store) {
 /** The bar above the map, and the messages over it. */
 function offerBar(store, opening) {
   onceChosen(byId("examples"), (name) => attempt(() => opening.example(name)));
-  onceChosen(byId("upload"), (file) => attempt(() => opening.file(file)));
+  const open = (file) => attempt(() => opening.file(file));
+  onceChosen(byId("upload"), open);
+  takeDropped(byId("workspace"), open);
   byId("dismiss").addEventListener("click", () => notice(""));
   byId("undo").addEventListener("click", () => store.undo());
   byId("redo").addEventListener("click", () => store.redo());

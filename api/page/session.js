@@ -1,7 +1,8 @@
-// What the browser keeps: the scenario being edited, over a reload, and that there was a visit.
+// What the browser keeps: the scenario being edited, over a reload, that there was a visit, and in what positions are shown.
 
 const STORED_KEY = "syncplan-edit";
 const VISITED_KEY = "syncplan-visited";
+const DEGREES_KEY = "syncplan-degrees";
 
 /** Keep a store's scenario in the tab while no address names it.
  *
@@ -46,6 +47,16 @@ export function isFirstVisit() {
 /** Keep in mind that there was a visit. */
 export function remember() {
   allowed(() => localStorage.setItem(VISITED_KEY, "yes"));
+}
+
+/** Whether positions were last shown in degrees. */
+export function keptDegrees() {
+  return allowed(() => localStorage.getItem(DEGREES_KEY) === "yes") ?? false;
+}
+
+/** Keep in mind whether positions are shown in degrees. */
+export function keepDegrees(degrees) {
+  allowed(() => localStorage.setItem(DEGREES_KEY, degrees ? "yes" : "no"));
 }
 
 /** What a use of the browser's storage returns; null where there is no room, or no leave. */

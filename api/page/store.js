@@ -7,7 +7,7 @@ const SAME_EDIT_MS = 1000;
 
 /** The page's state.
  *
- * Events: "opened", "scenario" (edited), "plan" (judged), "faults", "selected", "beside", "off", "report".
+ * Events: "opened", "scenario" (edited), "plan" (judged), "faults", "selected", "beside", "off", "report", "degrees".
  *
  * Edits are compared with an anchor, the plan that was opened or stored last: `{ scenario, planId,
  * given }`. Its scenario typed in again is that plan again. `given` is `{ vehicles, origin }` where
@@ -30,6 +30,8 @@ export class Store extends EventTarget {
   planId = null;
   /** orbits that were given and hold for the scenario: `{ vehicles, origin }`, or null @type {any} */
   given = null;
+  /** whether positions are shown in degrees, where the scenario has a place on the earth */
+  degrees = false;
   /** identifier of the job whose report is on show, or null @type {string | null} */
   report = null;
   /** @type {any} */
@@ -178,6 +180,12 @@ export class Store extends EventTarget {
   compare(plan) {
     this.beside = plan;
     this.#emit("beside");
+  }
+
+  /** Show positions in degrees, or in metres. */
+  showDegrees(degrees) {
+    this.degrees = degrees;
+    this.#emit("degrees");
   }
 
   /** Switch these parts off and all others on; the plan and its orbits stay. An edit ends it. */
