@@ -2,7 +2,7 @@
 
 import { eachPlace } from "./coordinates.js";
 import { groundPointOf, middleOf } from "./earth.js";
-import { alert, attemptAt, button, dialogue, element, notice, options, table } from "./elements.js";
+import { alert, attemptAt, button, dialogue, element, notice, options, present, table } from "./elements.js";
 import { round } from "./scenario.js";
 
 /** What features become, and where a scenario keeps it: before "_m" or "_lat_lon_deg". */
@@ -32,8 +32,8 @@ export function showImport(store, { features, scenario, notes }, { name, open, f
     fit();
     notice(`${name}: added to this scenario. Undo takes it back.`);
   });
-  const rows = features.map((feature, k) => [feature.name || "—", feature.folder || "—", feature.geometry, choices[k], reasons[k]]);
-  const listed = element("div", { class: "front features", tabindex: "0", role: "region", "aria-label": "Features" }, table(["Name", "Folder", "Geometry", "Becomes", "Reason"], rows));
+  const rows = features.map((feature, k) => [present([feature.name || "—", feature.folder && element("span", { class: "hint block" }, feature.folder)]), feature.geometry, choices[k], reasons[k]]);
+  const listed = element("div", { class: "front features", tabindex: "0", role: "region", "aria-label": "Features" }, table(["Name and folder", "Geometry", "Becomes", "Reason"], rows));
   listed.addEventListener("change", ({ target }) => {
     choices.forEach((one, k) => {
       // there is one area
