@@ -7,7 +7,7 @@ import { round } from "./scenario.js";
 
 /** What features become, and where a scenario keeps it: before "_m" or "_lat_lon_deg". */
 const SECTIONS = { area: ["area", "area"], keep_out: ["keep-out", "keep_out"], obstacle: ["obstacle", "obstacles"], landmark: ["landmark", "landmarks"] };
-const NONE = "none";
+const NONE = "left_out";
 const KEYS = Object.values(SECTIONS).map(([, key]) => key);
 
 /** Show the features of an import, and let them be added to a store's scenario or begin a new one.

@@ -19,13 +19,13 @@ const FEATURES = [
 const near = (one, other, metres = 1e-3) => assert.ok(Math.hypot(one[0] - other[0], one[1] - other[1]) < metres, `${one} is not ${other}`);
 
 test("holes of the area become keep-outs, landmarks have names of their own, and what is left out is in no key", () => {
-  const places = placesFrom(FEATURES, ["area", "none", "landmark", "landmark"]);
+  const places = placesFrom(FEATURES, ["area", "left_out", "landmark", "landmark"]);
   assert.deepEqual(places, { area: MEADOW, keep_out: [POND], landmarks: { Mast: [47.397, 8.546], "Mast 2": [47.398, 8.546] } });
-  assert.deepEqual(placesFrom(FEATURES, ["none", "obstacle", "none", "none"]), { obstacles: [POND] });
+  assert.deepEqual(placesFrom(FEATURES, ["left_out", "obstacle", "left_out", "left_out"]), { obstacles: [POND] });
 });
 
 test("added places lie where the origin has them, and what the file has none of stays", () => {
-  const changed = withPlaced({ ...SCENARIO, geo_origin: { ...ORIGIN, alt_m: 488 } }, placesFrom(FEATURES, ["area", "obstacle", "none", "none"]));
+  const changed = withPlaced({ ...SCENARIO, geo_origin: { ...ORIGIN, alt_m: 488 } }, placesFrom(FEATURES, ["area", "obstacle", "left_out", "left_out"]));
   for (const [k, place] of MEADOW.entries()) near(changed.area_m[k], pointOf(ORIGIN, place));
   near(changed.keep_out_m[0][2], pointOf(ORIGIN, POND[2]));
   assert.equal(changed.obstacles_m.length, 1);
@@ -34,7 +34,7 @@ test("added places lie where the origin has them, and what the file has none of 
 });
 
 test("without an origin, it is the middle of what was chosen", () => {
-  const changed = withPlaced(SCENARIO, placesFrom(FEATURES, ["area", "none", "none", "none"]));
+  const changed = withPlaced(SCENARIO, placesFrom(FEATURES, ["area", "left_out", "left_out", "left_out"]));
   assert.deepEqual(changed.geo_origin, { lat_deg: 47.3975, lon_deg: 8.5455, alt_m: 0 });
   const [xs, ys] = [0, 1].map((k) => changed.area_m.map((corner) => corner[k]));
   near([Math.min(...xs) + Math.max(...xs), Math.min(...ys) + Math.max(...ys)], [0, 0], 0.05);

@@ -86,11 +86,11 @@ def test_places_of_a_file_are_added_as_chosen_and_undone(visit: Visit, page: Pag
     expect(choice(page, "No fly")).to_have_value("keep_out")
     # of areas there is one
     choice(page, "Wood").select_option("area")
-    expect(choice(page, "Meadow")).to_have_value("none")
+    expect(choice(page, "Meadow")).to_have_value("left_out")
     expect(imported(page).get_by_role("row", name="Wood")).to_contain_text("your choice")
     choice(page, "Meadow").select_option("area")
-    expect(choice(page, "Wood")).to_have_value("none")
-    choice(page, "Gate").select_option("none")
+    expect(choice(page, "Wood")).to_have_value("left_out")
+    choice(page, "Gate").select_option("left_out")
     page.get_by_role("button", name="Add to this scenario").click()
     expect(imported(page)).to_have_count(0)
     visit.settle()
@@ -150,7 +150,7 @@ def test_scenarios_are_dropped_too_and_what_is_no_file_of_the_field_is_refused_i
     expect(page.locator("#notice.bad")).to_contain_text("latitude and longitude, in degrees")
     sent(page, "points.csv", "name,lat,lon\nfar,47.4,8.5\n")
     # all may be left out, and then nothing is added
-    choice(page, "far").select_option("none")
+    choice(page, "far").select_option("left_out")
     page.get_by_role("button", name="Add to this scenario").click()
     expect(imported(page).get_by_role("alert")).to_contain_text("left out")
     page.keyboard.press("Escape")
