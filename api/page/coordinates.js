@@ -56,8 +56,8 @@ export function pairIn(text) {
 export function eachPlace(value, convert) {
   if (value === null || typeof value !== "object") return value;
   if (!Array.isArray(value)) return Object.fromEntries(Object.entries(value).map(([name, inner]) => [name, eachPlace(inner, convert)]));
-  if (value.length === 2 && value.every((one) => typeof one === "number")) return convert(value);
-  return value.map((one) => eachPlace(one, convert));
+  if (value.length === 2 && value.every((number) => typeof number === "number")) return convert(value);
+  return value.map((inner) => eachPlace(inner, convert));
 }
 
 /** A field of polygons, read and changed in the coordinates of the moment; corners that are not typed anew stay. */

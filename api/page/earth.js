@@ -59,10 +59,10 @@ export function groundPointOf(origin, place) {
 
 /** The middle of places in degrees, that of their extent in the plane. @param {number[][]} places @returns {Origin} */
 export function middleOf(places) {
-  const sums = places.map(([lat, lon]) => onEllipsoid(lat * DEGREE, lon * DEGREE)).reduce((sum, one) => sum.map((value, k) => value + one[k]));
+  const sums = places.map(([lat, lon]) => onEllipsoid(lat * DEGREE, lon * DEGREE)).reduce((sum, vector) => sum.map((value, k) => value + vector[k]));
   const about = { lat_deg: Math.atan2(sums[2], Math.hypot(sums[0], sums[1])) / DEGREE, lon_deg: Math.atan2(sums[1], sums[0]) / DEGREE };
   const points = places.map((place) => groundPointOf(about, place));
-  const middle = [0, 1].map((k) => spread(points.map((one) => one[k]))).map(([least, most]) => (least + most) / 2);
+  const middle = [0, 1].map((k) => spread(points.map((point) => point[k]))).map(([least, most]) => (least + most) / 2);
   const [lat_deg, lon_deg] = placeOf(about, middle).map((value) => Number(value.toFixed(ORIGIN_DIGITS)));
   return { lat_deg, lon_deg };
 }

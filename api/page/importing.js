@@ -20,7 +20,7 @@ export function showImport(store, { features, scenario, notes }, { name, open, f
   const fault = alert();
   const takes = (task) => () =>
     attemptAt(fault, async () => {
-      const places = placesFrom(features, choices.map((one) => one.value));
+      const places = placesFrom(features, choices.map((choice) => choice.value));
       if (!Object.keys(places).length) throw new Error("All features are left out: choose what one of them becomes.");
       await task(places);
       made.close();
@@ -35,10 +35,10 @@ export function showImport(store, { features, scenario, notes }, { name, open, f
   const rows = features.map((feature, k) => [present([feature.name || "—", feature.folder && element("span", { class: "hint block" }, feature.folder)]), feature.geometry, choices[k], reasons[k]]);
   const listed = element("div", { class: "front features", tabindex: "0", role: "region", "aria-label": "Features" }, table(["Name and folder", "Geometry", "Becomes", "Reason"], rows));
   listed.addEventListener("change", ({ target }) => {
-    choices.forEach((one, k) => {
+    choices.forEach((choice, k) => {
       // there is one area
-      if (target.value === "area" && one !== target && one.value === "area") one.value = NONE;
-      reasons[k].textContent = one.value === features[k].section ? features[k].reason : "your choice";
+      if (target.value === "area" && choice !== target && choice.value === "area") choice.value = NONE;
+      reasons[k].textContent = choice.value === features[k].section ? features[k].reason : "your choice";
     });
   });
   const made = dialogue(
@@ -55,8 +55,8 @@ export function showImport(store, { features, scenario, notes }, { name, open, f
 
 /** The choice of what a feature becomes: points are landmarks, what has corners enough polygons. */
 function choiceOf({ geometry, section, lat_lon_deg: places }, label) {
-  const may = Object.keys(SECTIONS).filter((one) => (one === "landmark") === (geometry === "point") && (geometry === "point" || places.length > 2));
-  const texts = Object.fromEntries(may.map((one) => [one, SECTIONS[one][0]]));
+  const may = Object.keys(SECTIONS).filter((kind) => (kind === "landmark") === (geometry === "point") && (geometry === "point" || places.length > 2));
+  const texts = Object.fromEntries(may.map((kind) => [kind, SECTIONS[kind][0]]));
   const choice = element("select", { "aria-label": label }, options({ ...texts, [NONE]: "left out" }));
   choice.value = section;
   return choice;
@@ -66,7 +66,7 @@ function choiceOf({ geometry, section, lat_lon_deg: places }, label) {
  * @param {any[]} features @param {string[]} choices */
 export function placesFrom(features, choices) {
   const chosen = (section) => features.filter((_, k) => choices[k] === section);
-  const corners = (section) => chosen(section).map((one) => one.lat_lon_deg);
+  const corners = (section) => chosen(section).map((feature) => feature.lat_lon_deg);
   const [area] = chosen("area");
   /** @type {Record<string, number[]>} */
   const landmarks = {};

@@ -24,7 +24,7 @@ from syncplan.estimation.trials import unpack
 from syncplan.guidance.flight_options import FlightOptions
 from syncplan.guidance.flight_results import unpack_flight
 from syncplan.importing.import_options import ImportOptions
-from syncplan.importing.imported_places import ImportedPlaces, read_file
+from syncplan.importing.imported_places import ImportedPlaces
 from syncplan.options import lists_options
 from syncplan.planning.plan_files import loaded_from, plan_of, stated
 from syncplan.planning.planner import BoundChoice
@@ -36,7 +36,7 @@ from syncplan.reports.loss_report import WhatIfDocument
 from syncplan.reports.replay_report import ReplayDocument
 from syncplan.reports.sites_report import SitesDocument
 from syncplan.scenario.brief import Brief, brief_of
-from syncplan.scenario.loading import scenario_from
+from syncplan.scenario.loading import read_bytes, scenario_from
 from syncplan.scenario.specification import Scenario
 
 if TYPE_CHECKING:
@@ -296,8 +296,9 @@ class Client:
 
         Raises InputError.
         """
-        parameters = {"file": Path(file).name, **ImportOptions(**options).as_request()}
-        answer = self._remote.send("POST", "/v1/imports", read_file(file), parameters)
+        name, data = read_bytes(file)
+        parameters = {"file": Path(name).name, **ImportOptions(**options).as_request()}
+        answer = self._remote.send("POST", "/v1/imports", data, parameters)
         return ImportedPlaces.model_validate(values_of(answer, "features"))
 
     # --- recordings ---

@@ -113,14 +113,13 @@ def write_qgc(flown: ScheduledPlan) -> Written:
 
     Raises InputError as missions_of does.
     """
-    return write_missions(flown, "plan", _qgc_text)
+    fences = _qgc_fences(flown)
+    return write_missions(
+        flown, "plan", lambda flown, mission: as_text(_plan(flown, mission, fences))
+    )
 
 
-def _qgc_text(flown: ScheduledPlan, mission: Mission) -> str:
-    return as_text(_plan(flown, mission))
-
-
-def _plan(flown: ScheduledPlan, mission: Mission) -> dict[str, Any]:
+def _plan(flown: ScheduledPlan, mission: Mission, fences: list[dict[str, Any]]) -> dict[str, Any]:
     origin = flown.origin
     return {
         "fileType": "Plan",
@@ -138,7 +137,7 @@ def _plan(flown: ScheduledPlan, mission: Mission) -> dict[str, Any]:
                 _qgc_item(item, number) for number, item in enumerate(mission.items, start=1)
             ],
         },
-        "geoFence": {"version": 2, "circles": [], "polygons": _qgc_fences(flown)},
+        "geoFence": {"version": 2, "circles": [], "polygons": fences},
         "rallyPoints": {"version": 2, "points": []},
     }
 

@@ -29,7 +29,7 @@ from syncplan.importing.xml_files import LARGEST_BYTES, read_kmz, read_xml
 from syncplan.options import lists_options
 from syncplan.scenario.areas import joined_polygons, polygon_fault
 from syncplan.scenario.ground import DEGREE_DIGITS, lat_lon_of, middle_of, points_of
-from syncplan.scenario.loading import scenario_from
+from syncplan.scenario.loading import read_bytes, scenario_from
 
 MOST_CORNERS = 1000
 """Largest number of corners of a polygon."""
@@ -92,14 +92,13 @@ def import_places(
 ) -> ImportedPlaces:
     """Return the places of files: KML, KMZ, GeoJSON, GPX, QGroundControl plans, fences, CSV.
 
-    `files` may be paths, or the bytes of each by its name. Polygons that are named or coloured as
-    no-fly, exclusions and holes are keep-outs, the largest other polygon is the area, and points
-    are landmarks, unless options match their names. Raises InputError naming file and feature.
+    `files` may be paths, "-" for standard input, or the bytes of each by its name. Polygons that
+    are named or coloured as no-fly, exclusions and holes are keep-outs, the largest other polygon
+    is the area, and points are landmarks, unless options match their names. Raises InputError
+    naming file and feature.
     """
     paths = [files] if isinstance(files, str | Path) else files
-    contents = (
-        paths if isinstance(paths, Mapping) else {str(path): read_file(path) for path in paths}
-    )
+    contents = paths if isinstance(paths, Mapping) else dict(map(read_bytes, paths))
     if not contents:
         raise InputError("give at least one file", key="files")
     lists = [features_of(data, name) for name, data in contents.items()]
@@ -151,16 +150,6 @@ def features_of(data: bytes, source: str) -> FeatureList:
     if not into.features:
         raise InputError("holds no polygons, lines or points", source=source)
     return into
-
-
-def read_file(path: str | Path) -> bytes:
-    """Return the bytes of a file; raises InputError where it can't be read."""
-    try:
-        with Path(path).open("rb") as file:
-            return file.read(LARGEST_BYTES + 1)
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else str(error)
-        raise InputError(f"can't be read: {reason}", source=str(path)) from None
 
 
 def _listed(places: Array) -> list[LatLon]:

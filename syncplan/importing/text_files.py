@@ -45,13 +45,13 @@ def _read_items(lines: Sequence[str], into: FeatureList) -> None:
     while at < len(items):
         command, count = items[at][3:5]
         section, shape = _FENCES.get(command, ("left_out", ""))
-        size = int(float(count)) if shape == "polygon" and _PAIR.match(f"{count} 0") else 1
-        part, at = items[at : at + max(size, 1)], at + max(size, 1)
+        size = _count(count, len(items)) if shape == "polygon" else 1
+        part, at = items[at : at + size], at + size
         if shape == "circle":
             into.add_circle(part[0][8:10], count, section)
         elif shape == "polygon":
             if len(part) < size or any(item[3] != command for item in part):
-                problem = f"has fewer corners than the {size} that it counts"
+                problem = f"has fewer corners than the {count} that it counts"
                 raise into.fault(into.fence_name(section), problem)
             ring = [item[9:7:-1] for item in part]
             into.add("polygon", into.fence_name(section), [ring], section=section)
@@ -59,6 +59,14 @@ def _read_items(lines: Sequence[str], into: FeatureList) -> None:
             left_out += 1
     if left_out:
         into.notes.append(f"{left_out} items that are no fences are left out")
+
+
+def _count(text: str, most: int) -> int:
+    """The number of corners that a text counts: at least one, and one beyond the most if more."""
+    try:
+        return int(min(max(float(text), 1.0), most + 1))
+    except ValueError:
+        return most + 1
 
 
 def _read_points(lines: Sequence[str], into: FeatureList) -> None:

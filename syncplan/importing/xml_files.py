@@ -89,11 +89,15 @@ _GEOMETRIES: Mapping[str, Geometry] = {
 def _read_kml(root: Xml.Element, into: FeatureList) -> None:
     styles = {style.get("id", ""): _color(style) for style in root.iter("Style")}
     for each in root.iter("StyleMap"):
-        # the first of its pairs is the normal one
-        styles[each.get("id", "")] = styles.get((each.findtext("Pair/styleUrl") or "")[1:])
+        normal = _text(each, "Pair[key='normal']/styleUrl")
+        styles[each.get("id", "")] = styles.get(normal.rpartition("#")[2])
     for mark, folder in _placemarks(root, ""):
         style = mark.find(".//Style")
-        color = styles.get(_text(mark, "styleUrl")[1:]) if style is None else _color(style)
+        color = (
+            styles.get(_text(mark, "styleUrl").rpartition("#")[2])
+            if style is None
+            else _color(style)
+        )
         data = {each.get("name", ""): _text(each, "value") for each in mark.iter("Data")}
         about = {"folder": folder, "color": color, "section": KINDS.get(data.get("kind", ""))}
         name, inside = _text(mark, "name"), set[Xml.Element]()

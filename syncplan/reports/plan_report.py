@@ -314,8 +314,11 @@ def _vehicles(plan: Plan, names: list[str]) -> list[VehicleOrbit]:
 
 def places_on_ground(plan: Plan) -> PlacesOnGround | None:
     """Return the places of a plan in degrees; None without a geo_origin, or too far from it."""
-    origin, reached = plan.scenario.geo_origin, extent(plan.orbits, plan.landmarks)
-    if origin is None or np.hypot(*reached.T).max() > WIDEST_M:
+    origin = plan.scenario.geo_origin
+    if origin is None:
+        return None
+    reached = extent(plan.orbits, plan.landmarks)
+    if np.hypot(*reached.T).max() > WIDEST_M:
         return None
     return PlacesOnGround(
         places=lat_lon_places(plan.scenario), map_departure_m=map_departure(origin, reached)

@@ -9,6 +9,7 @@ section that is loaded is in metres from its geo_origin.
 import contextlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -67,10 +68,11 @@ class PlacedSection(Section):
 
     @classmethod
     def _in_metres(cls, given: Any, check: core_schema.ValidatorFunctionWrapHandler) -> Any:
-        keys = list(place_keys(given, cls)) if isinstance(given, Mapping) else []
-        used = [each for each in keys if each.degrees is not None]
-        if not used:
+        # of every scenario that is read, most have none
+        if not has_degrees(given):
             return check(given)
+        keys = list(place_keys(given, cls))
+        used = [each for each in keys if each.degrees is not None]
         origin = _origin(given, keys, used)
         document = dict(given)
         for each in used:
@@ -92,6 +94,20 @@ class PlacedSection(Section):
             raise with_keys(error, {each.twin_name: each.name for each in used}) from None
 
 
+def has_degrees(document: Any) -> bool:
+    """Return whether a document gives a key in degrees, itself or in its sections."""
+    return isinstance(document, Mapping) and any(
+        value is not None and (str(key).endswith(ENDING) or has_degrees(value))
+        for key, value in document.items()
+    )
+
+
+@cache
+def _adapter(model: type[BaseModel], key: str) -> TypeAdapter[Any]:
+    kind: Any = model.model_fields[key].annotation
+    return TypeAdapter(kind)
+
+
 def place_keys(
     document: Mapping[str, Any], model: type[BaseModel], sections: tuple[str, ...] = ()
 ) -> Iterator[PlaceKey]:
@@ -100,10 +116,9 @@ def place_keys(
         value, inner = document.get(key), model_in(field.annotation)
         if key.endswith(ENDING):
             stem, places = key.removesuffix(ENDING), None
-            kind: Any = field.annotation
             twin = f"{stem}_m" if f"{stem}_m" in model.model_fields else stem
             with contextlib.suppress(ValidationError):
-                places = TypeAdapter(kind).validate_python(value)
+                places = _adapter(model, key).validate_python(value)
             yield PlaceKey(sections, key, twin, value, document.get(twin), places)
         elif isinstance(value, Mapping) and inner is not None:
             yield from place_keys(value, inner, (*sections, key))

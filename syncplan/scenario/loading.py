@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from syncplan.errors import InputError
 from syncplan.runtime.files import as_text
-from syncplan.scenario.lat_lon_keys import in_lat_lon, place_keys
+from syncplan.scenario.lat_lon_keys import has_degrees, in_lat_lon
 from syncplan.scenario.models import MAX_VEHICLES
 from syncplan.scenario.other_documents import refuse_other_documents
 from syncplan.scenario.quantities import Point, described, validation_fault
@@ -68,6 +68,12 @@ def is_plan(document: Mapping[str, Any]) -> bool:
 
 def read_text(path: str | Path) -> tuple[str, str]:
     """Return (name to show, text) of a file or, for "-", of standard input."""
+    name, data = read_bytes(path)
+    return name, decoded(data, name)
+
+
+def read_bytes(path: str | Path) -> tuple[str, bytes]:
+    """Return (name to show, content) of a file or, for "-", of standard input."""
     name = "standard input" if str(path) == "-" else str(path)
     try:
         if str(path) == "-" and sys.stdin is None:
@@ -80,13 +86,13 @@ def read_text(path: str | Path) -> tuple[str, str]:
     except FileNotFoundError:
         raise InputError("no such file; check the path", source=name) from None
     except IsADirectoryError:
-        raise InputError("is a directory; give a scenario or plan file", source=name) from None
+        raise InputError("is a directory; give a file", source=name) from None
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise InputError(f"can't be read: {reason}", source=name) from None
     if len(data) > LARGEST_FILE_BYTES:
         raise InputError(f"is larger than {LARGEST_FILE_BYTES // 2**20} MiB", source=name)
-    return name, decoded(data, name)
+    return name, data
 
 
 def decoded(data: bytes, source: str) -> str:
@@ -236,7 +242,7 @@ def with_landmarks(
 
 def _landmark_keys(document: Mapping[str, Any], landmarks: Mapping[str, Point]) -> dict[str, Any]:
     """The keys of landmarks in m, or in degrees with their origin if a document has degrees."""
-    if not any(key.degrees is not None for key in place_keys(document, Scenario)):
+    if not has_degrees(document):
         return {"landmarks_m": {name: [_plain(x), _plain(y)] for name, (x, y) in landmarks.items()}}
     origin = scenario_from(document, max_vehicles=sys.maxsize).geo_origin
     assert origin is not None

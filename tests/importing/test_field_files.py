@@ -65,6 +65,15 @@ def test_kml_folders_styles_holes_and_multigeometries(packed: bool) -> None:
     assert {each.folder for each in places.features} == {"Field & fences", "Marks"}
 
 
+def test_the_normal_style_of_a_map_counts_in_any_order() -> None:
+    text = (FILES / "survey.kml").read_text()
+    pairs = text[text.index("<Pair>") : text.index("</StyleMap>")]
+    normal, highlight = pairs.split("</Pair>")[:2]
+    turned = text.replace(pairs, f"{highlight}</Pair>{normal}</Pair>")
+    sections = {each.name: each.section for each in import_places({"k": turned.encode()}).features}
+    assert sections["pylon"] == "keep_out"
+
+
 def test_names_choose_what_features_become() -> None:
     places = import_places(
         FILES / "survey.kml",
@@ -230,6 +239,13 @@ def test_features_on_two_continents_are_refused() -> None:
     points = b"name,lat,lon\na,0,0\nb,47,8\n"
     with pytest.raises(InputError, match=r"^points\.csv: features lie more than 1,000 km apart"):
         import_places({"points.csv": points})
+
+
+@pytest.mark.parametrize("count", ["9" * 400, "nan", "-inf", "many"])
+def test_a_fence_that_counts_no_corners_of_its_own_is_refused(count: str) -> None:
+    text = (FILES / "fences.waypoints").read_text().replace("5001\t4", f"5001\t{count}")
+    with pytest.raises(InputError, match=r"^fences: inclusion fence 1: has "):
+        import_places({"fences": text.encode()})
 
 
 def test_a_polygon_of_too_many_corners_is_named() -> None:

@@ -16,7 +16,7 @@ const FEATURES = [
   { name: "Mast", geometry: "point", lat_lon_deg: [[47.397, 8.546]], holes_lat_lon_deg: [] },
   { name: "Mast", geometry: "point", lat_lon_deg: [[47.398, 8.546]], holes_lat_lon_deg: [] },
 ];
-const near = (one, other, metres = 1e-3) => assert.ok(Math.hypot(one[0] - other[0], one[1] - other[1]) < metres, `${one} is not ${other}`);
+const near = (point, other, metres = 1e-3) => assert.ok(Math.hypot(point[0] - other[0], point[1] - other[1]) < metres, `${point} is not ${other}`);
 
 test("holes of the area become keep-outs, landmarks have names of their own, and what is left out is in no key", () => {
   const places = placesFrom(FEATURES, ["area", "left_out", "landmark", "landmark"]);
@@ -79,7 +79,7 @@ test("corners that are not typed anew stay as they are", () => {
   const store = { degrees: true };
   const corners = [[0.12345678, 1], [40, 1], [40, 30]];
   const scenario = { ...SCENARIO, geo_origin: ORIGIN, keep_out_m: [corners] };
-  const { read, change } = placedField(store, { read: (one) => one.keep_out_m, change: (one, value) => ({ ...one, keep_out_m: value }) });
+  const { read, change } = placedField(store, { read: (scenario) => scenario.keep_out_m, change: (scenario, value) => ({ ...scenario, keep_out_m: value }) });
   const shown = read(scenario);
   near(shown[0][1], placeOf(ORIGIN, corners[1]), 1e-8);
   shown[0][2] = [47.398, 8.546];

@@ -177,7 +177,7 @@ def test_the_dialogue_of_places_is_accessible_and_fits(
         sent(page, "field.geojson", json.dumps(FIELD))
         expect(imported(page)).to_be_visible()
         assert faults_by_day_and_night(page) == []
-        over = "one => one.scrollWidth - one.clientWidth"
+        over = "region => region.scrollWidth - region.clientWidth"
         assert imported(page).evaluate(over) <= 0
         assert imported(page).get_by_role("region").evaluate(over) <= 0
         expect(page.get_by_role("button", name="Add to this scenario")).to_be_in_viewport(ratio=1)

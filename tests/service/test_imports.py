@@ -49,5 +49,5 @@ def test_what_cannot_be_read_is_refused_with_its_feature(
     with Client(server.url, api_key=key_of("ann")) as client:
         with pytest.raises(InputError, match="bow tie: is not a simple polygon"):
             client.import_places(crossed)
-        with pytest.raises(InputError, match=r"nowhere\.kml: can't be read"):
+        with pytest.raises(InputError, match=r"^nowhere\.kml: no such file; check the path$"):
             client.import_places("nowhere.kml")
