@@ -69,7 +69,7 @@ class PlacedSection(Section):
     @classmethod
     def _in_metres(cls, given: Any, check: core_schema.ValidatorFunctionWrapHandler) -> Any:
         # of every scenario that is read, most have none
-        if not has_degrees(given):
+        if not has_lat_lon(given):
             return check(given)
         keys = list(place_keys(given, cls))
         used = [each for each in keys if each.degrees is not None]
@@ -94,10 +94,10 @@ class PlacedSection(Section):
             raise with_keys(error, {each.twin_name: each.name for each in used}) from None
 
 
-def has_degrees(document: Any) -> bool:
+def has_lat_lon(document: Any) -> bool:
     """Return whether a document gives a key in degrees, itself or in its sections."""
     return isinstance(document, Mapping) and any(
-        value is not None and (str(key).endswith(ENDING) or has_degrees(value))
+        value is not None and (str(key).endswith(ENDING) or has_lat_lon(value))
         for key, value in document.items()
     )
 

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from syncplan.errors import InputError
 from syncplan.runtime.files import as_text
-from syncplan.scenario.lat_lon_keys import has_degrees, in_lat_lon
+from syncplan.scenario.lat_lon_keys import has_lat_lon, in_lat_lon
 from syncplan.scenario.models import MAX_VEHICLES
 from syncplan.scenario.other_documents import refuse_other_documents
 from syncplan.scenario.quantities import Point, described, validation_fault
@@ -242,7 +242,7 @@ def with_landmarks(
 
 def _landmark_keys(document: Mapping[str, Any], landmarks: Mapping[str, Point]) -> dict[str, Any]:
     """The keys of landmarks in m, or in degrees with their origin if a document has degrees."""
-    if not has_degrees(document):
+    if not has_lat_lon(document):
         return {"landmarks_m": {name: [_plain(x), _plain(y)] for name, (x, y) in landmarks.items()}}
     origin = scenario_from(document, max_vehicles=sys.maxsize).geo_origin
     assert origin is not None
