@@ -195,6 +195,12 @@ def show_plan(document: PlanDocument, console: Console) -> None:
         console.print(
             f"least separation {metres(nearest.min_m)} m, {escape('-'.join(nearest.between))}"
         )
+    origin, ground = document.scenario.geo_origin, document.ground
+    if origin is not None and ground is not None:
+        console.print(
+            f"[0, 0] at {origin.lat_deg:.7f}, {origin.lon_deg:.7f}; distances on the flat map and "
+            f"on the ground differ by up to {max(ground.map_departure_m, 1e-3):.2g} m"
+        )
     if document.flight is not None:
         console.print(escape(flown_line(document.flight)))
     console.print(_synchronisation(document))

@@ -6,7 +6,6 @@ The keys are fields of the models, so that they are described and known, but are
 section that is loaded is in metres from its geo_origin.
 """
 
-import contextlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -20,7 +19,14 @@ from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.scenario.ground import DEGREE_DIGITS, WIDEST_M, lat_lon_of, middle_of, points_of
 from syncplan.scenario.models import GeoOrigin
-from syncplan.scenario.quantities import Section, dotted, fault, model_in, with_keys
+from syncplan.scenario.quantities import (
+    Section,
+    dotted,
+    fault,
+    model_in,
+    with_keys,
+    with_locations,
+)
 
 ENDING = "_lat_lon_deg"
 
@@ -36,16 +42,15 @@ class PlaceKey:
     ----------
     sections : keys of the sections that hold it
     key, twin : in degrees, and in metres
-    degrees, metres : values as given; None where there is none
-    places : the degrees, checked; None where they are not valid
+    places : the degrees, checked; None where none are given
+    metres : value of the twin as given; None where there is none
     """
 
     sections: tuple[str, ...]
     key: str
     twin: str
-    degrees: Any
-    metres: Any
     places: Any
+    metres: Any
 
     @property
     def name(self) -> str:
@@ -72,26 +77,19 @@ class PlacedSection(Section):
         if not has_lat_lon(given):
             return check(given)
         keys = list(place_keys(given, cls))
-        used = [each for each in keys if each.degrees is not None]
-        origin = _origin(given, keys, used)
-        document = dict(given)
-        for each in used:
+        used = [key for key in keys if key.places is not None]
+        origin = _checked(cls, (), "geo_origin", given.get("geo_origin")) or _middle(keys, used)
+        document = {**given, "geo_origin": origin}
+        for key in used:
             section = document
-            for name in each.sections:
+            for name in key.sections:
                 section[name] = section = dict(section[name])
-            if each.places is None or origin is None:
-                # the fault is reported as any other: until then the twin must not be missing
-                section[each.twin] = each.places or []
-            else:
-                section[each.twin] = _in_plane(origin, each)
-            if each.places is not None:
-                del section[each.key]
-        if origin is not None:
-            document["geo_origin"] = origin
+            del section[key.key]
+            section[key.twin] = _in_plane(origin, key)
         try:
             return check(document)
         except ValidationError as error:
-            raise with_keys(error, {each.twin_name: each.name for each in used}) from None
+            raise with_keys(error, {key.twin_name: key.name for key in used}) from None
 
 
 def has_lat_lon(document: Any) -> bool:
@@ -108,6 +106,14 @@ def _adapter(model: type[BaseModel], key: str) -> TypeAdapter[Any]:
     return TypeAdapter(kind)
 
 
+def _checked(model: type[BaseModel], sections: tuple[str, ...], key: str, value: Any) -> Any:
+    """The value of a model's field; raises the faults at its place in the document."""
+    try:
+        return _adapter(model, key).validate_python(value)
+    except ValidationError as error:
+        raise with_locations(error, lambda location: (*sections, key, *location)) from None
+
+
 def place_keys(
     document: Mapping[str, Any], model: type[BaseModel], sections: tuple[str, ...] = ()
 ) -> Iterator[PlaceKey]:
@@ -115,48 +121,35 @@ def place_keys(
     for key, field in model.model_fields.items():
         value, inner = document.get(key), model_in(field.annotation)
         if key.endswith(ENDING):
-            stem, places = key.removesuffix(ENDING), None
+            stem = key.removesuffix(ENDING)
             twin = f"{stem}_m" if f"{stem}_m" in model.model_fields else stem
-            with contextlib.suppress(ValidationError):
-                places = _adapter(model, key).validate_python(value)
-            yield PlaceKey(sections, key, twin, value, document.get(twin), places)
+            places = _checked(model, sections, key, value)
+            yield PlaceKey(sections, key, twin, places, document.get(twin))
         elif isinstance(value, Mapping) and inner is not None:
             yield from place_keys(value, inner, (*sections, key))
 
 
-def _origin(
-    document: Mapping[str, Any], keys: Sequence[PlaceKey], used: Sequence[PlaceKey]
-) -> GeoOrigin | None:
-    """The origin that is given, or the middle of all places; None where there is neither."""
-    for each in used:
-        if each.metres is not None:
-            raise fault(each.name, f"stands instead of {each.twin_name}; give one of the two")
-    if any(each.places is None for each in used):
-        return None
-    given = document.get("geo_origin")
-    if given is not None:
-        with contextlib.suppress(ValidationError):
-            return GeoOrigin.model_validate(given)
-        return None
-    for each in keys:
-        if each.metres is not None:
-            raise fault(
-                "geo_origin",
-                f"is missing: {each.twin_name} is in metres from it, {used[0].name} in degrees",
-            )
-    places = np.concatenate([_pairs(each.places) for each in used])
-    if not len(places):
-        return None
+def _middle(keys: Sequence[PlaceKey], used: Sequence[PlaceKey]) -> GeoOrigin | None:
+    """The middle of all places; None without any. Raises a fault where a key is in metres."""
+    in_metres = [key.twin_name for key in keys if key.metres is not None and key not in used]
+    if used and in_metres:
+        problem = f"is missing: {in_metres[0]} is in metres from it, {used[0].name} in degrees"
+        raise fault("geo_origin", problem)
+    places = _pairs([key.places for key in used])
     try:
-        return middle_of(places)
+        return middle_of(places) if len(places) else None
     except InputError:
         raise fault(
             used[0].name, "places lie more than 1,000 km apart; latitudes come first"
         ) from None
 
 
-def _in_plane(origin: GeoOrigin, key: PlaceKey) -> Any:
+def _in_plane(origin: GeoOrigin | None, key: PlaceKey) -> Any:
     """The places of a key in m; raises the fault for one that no point of the plane stands for."""
+    if key.metres is not None:
+        raise fault(key.name, f"stands instead of {key.twin_name}; give one of the two")
+    if origin is None:
+        return key.places
     places = _pairs(key.places)
     points = points_of(origin, places)
     for k in np.flatnonzero(~(np.hypot(*points.T) <= WIDEST_M))[:1]:
@@ -175,7 +168,7 @@ def lat_lon_places(section: PlacedSection) -> dict[str, Any]:
     """
     origin: Any = getattr(section, "geo_origin", None)
     keys = place_keys(section.model_dump(exclude_none=True), type(section)) if origin else ()
-    return {each.name: in_lat_lon(origin, each.metres) for each in keys if each.metres}
+    return {key.name: in_lat_lon(origin, key.metres) for key in keys if key.metres}
 
 
 def in_lat_lon(origin: GeoOrigin, points: Any) -> Any:

@@ -69,7 +69,7 @@ def _portion(values: list[Any], start: int, check: ValidatorFunctionWrapHandler)
     try:
         checked: list[Any] = check(values)
     except ValidationError as error:
-        raise _again(error, lambda loc: (int(loc[0]) + start, *loc[1:])) from None
+        raise with_locations(error, lambda loc: (int(loc[0]) + start, *loc[1:])) from None
     return checked
 
 
@@ -84,15 +84,15 @@ def with_keys(error: ValidationError, names: Mapping[str, str]) -> ValidationErr
                 return (other + key.removeprefix(name)).removeprefix(f"{section}.")
         return inner
 
-    return _again(error, lambda location: location, exchanged)
+    return with_locations(error, lambda location: location, exchanged)
 
 
-def _again(
+def with_locations(
     error: ValidationError,
     located: Callable[[Location], Location],
     keyed: Callable[[Location, str], str] = lambda _, inner: inner,
 ) -> ValidationError:
-    """The error with its locations, and the keys below them, changed."""
+    """Return an error with its locations, and the keys below them, changed."""
     faults: list[InitErrorDetails] = []
     for item in error.errors(include_url=False):
         context = dict(item.get("ctx") or {})
