@@ -62,7 +62,8 @@ const WORLD = {
     { path: "wind.gust_sigma_mps", label: "Gust sigma", unit: "m/s", min: 0 },
     { path: "wind.gust_time_s", label: "Gust time", unit: "s", min: 0 },
   ],
-  "Obstacles and keep-out areas": [
+  "Area, obstacles and keep-outs": [
+    { path: "area_m", label: "Polygon that circles stay within", kind: "json" },
     { path: "obstacles_m", label: "Polygons that block sight", kind: "json" },
     { path: "keep_out_m", label: "Polygons that block paths", kind: "json" },
   ],
@@ -71,7 +72,7 @@ const WORLD = {
 };
 
 /** Fields of polygons, which are shown as positions are. */
-const PLACED = ["obstacles_m", "keep_out_m"];
+const PLACED = ["area_m", "obstacles_m", "keep_out_m"];
 const ESTIMATES = { auto: "all with a sigma", none: "none" };
 
 /** Fill in the form of a store's scenario. `storePlan()` resolves with the identifier of the plan on show. */

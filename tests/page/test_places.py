@@ -2,16 +2,33 @@
 
 import json
 import re
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from tests.page.gestures import downloaded, drawn, handle, on_screen, opened, sheet
+from tests.page.gestures import (
+    download,
+    downloaded,
+    drawn,
+    handle,
+    on_screen,
+    opened,
+    part,
+    sheet,
+    unzipped,
+)
 from tests.page.test_ground import ORIGIN, PLACED, place
 from tests.tools.browsing import DESKTOP, PHONE, Tabs, Visit, faults_by_day_and_night, visiting
 from tests.tools.scenarios import document
 from tests.tools.serving import Server
+
+PLACES = Path(__file__).parents[2] / "examples/places"
+
+CORNERS = [[47.397, 8.544], [47.397, 8.548], [47.3995, 8.544], [47.3995, 8.548]]
+"""Of the boundary in field.kml."""
 
 
 def ring(west: float, south: float, east: float, north: float) -> list[tuple[float, float]]:
@@ -160,6 +177,29 @@ def test_scenarios_are_dropped_too_and_what_is_no_file_of_the_field_is_refused_i
     expect(imported(page).get_by_role("alert")).to_contain_text("within 1000 km")
 
 
+def test_a_field_and_its_marks_become_missions_with_fences_in_seven_actions(
+    visit: Visit, page: Page
+) -> None:
+    dropped(page, "field.kml", (PLACES / "field.kml").read_text())
+    page.get_by_role("button", name="Start a new scenario").click()
+    expect(page.locator("#map-name")).to_have_text("field")
+    visit.settle()
+    dropped(page, "marks.csv", (PLACES / "marks.csv").read_text())
+    page.get_by_role("button", name="Add to this scenario").click()
+    visit.verdict("GO")
+    visit.settle()
+    part(page, "Export")
+    page.get_by_label("Format", exact=True).select_option("qgc")
+    files = unzipped(download(page, "Export"))
+    plans = [json.loads(text) for name, text in files.items() if name.endswith(".plan")]
+    assert len(plans) == 3
+    for plan in plans:
+        fences = plan["geoFence"]["polygons"]
+        assert [fence["inclusion"] for fence in fences] == [True, False]
+        corners = sorted(fences[0]["polygon"])
+        assert np.array(corners) == pytest.approx(np.array(CORNERS), abs=1e-8)
+
+
 @pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
 def test_the_dialogue_of_places_is_accessible_and_fits(
     tabs: Tabs, server: Server, size: tuple[int, int]
@@ -216,6 +256,10 @@ def test_positions_are_shown_and_typed_in_degrees(visit: Visit, page: Page) -> N
     corners = downloaded(page)["keep_out_m"][0]
     assert corners[0] == pytest.approx([0, 91], abs=1e-3)
     assert corners[1:] == [[5, 90], [5, 95]]
+    area = [place(*corner) for corner in ((-60, -60), (130, -60), (130, 130), (-60, 130))]
+    page.get_by_label("Polygon that circles stay within").fill(json.dumps(area))
+    visit.settle()
+    assert downloaded(page)["area_m"][2] == pytest.approx([130, 130], abs=1e-3)
     # it is kept, and metres come back
     page.reload()
     expect(degrees).to_have_attribute("aria-pressed", "true")
