@@ -22,7 +22,7 @@ from syncplan.errors import InputError, NoSolutionError
 from syncplan.orbits.circles import turned
 from syncplan.orbits.contacts import outer_gaps, smallest_outer_gap
 from syncplan.orbits.graphs import drawings
-from syncplan.placement.drawing import Demands, Drawing, demands_of, draw, hidden_pairs
+from syncplan.placement.drawing import LEAST_ROOM, Demands, Drawing, demands_of, draw, hidden_pairs
 from syncplan.placement.improvement import improved
 from syncplan.placement.infeasibility import complaint, obstacle
 from syncplan.runtime.machine import single_threaded_blas
@@ -124,6 +124,9 @@ def _draw_links(demands: Demands, starts: int, seed: int) -> Drawing:
     tried = rounds = 0
     for layout in starting_layouts(demands, starts, seed):
         drawing = improved(draw(demands, layout))
+        if drawing.missed.total and demands.area.limited:
+            tight = replace(demands, room=LEAST_ROOM)
+            drawing = improved(draw(tight, drawing.centers))
         tried, rounds = tried + 1, rounds + drawing.rounds
         hidden = 0 if drawing.missed.total else len(hidden_pairs(drawing, demands.links))
         if (drawing.missed.total, hidden) < least:

@@ -32,6 +32,12 @@ _LEAST_SHARE = 0.01
 _APART_SHARE = 1.1
 """Target gap of unlinked circles, in ranges: just too far to meet."""
 
+ROOM_SHARE = 0.05
+"""Distance to keep from edges of the area over the radius, as vehicles stray from their circles."""
+
+LEAST_ROOM = 1e-6
+"""The same, where there is no more room."""
+
 _GAP_TOLERANCE = 1e-7
 _CROSSING = 1e-9
 
@@ -66,6 +72,7 @@ class Demands:
     sight : (n,) largest distance from its circle at which a vehicle sights a landmark
     groups : connected components of the links; each must sight two landmarks, or the only one
     area : where the circles may lie
+    room : distance to keep from its edges, as a share of a radius, where that is possible
     ranges : (n,)
     obstacles : polygons (k, 2) that block sight
     """
@@ -83,6 +90,7 @@ class Demands:
     area: Area
     ranges: Array
     obstacles: tuple[Array, ...]
+    room: float = ROOM_SHARE
 
     @property
     def count(self) -> int:

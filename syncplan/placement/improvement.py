@@ -238,7 +238,7 @@ def _edge_limits(drawing: Drawing) -> tuple[Array, Array]:
     normal[wrong, 0] *= -1.0
     away[wrong, 0] *= -1.0
     normal[wrong, 1:] = 0.0
-    limit = demands.radii[:, None] * (1.0 + 1e-6) - away
+    limit = demands.radii[:, None] * (1.0 + demands.room) - away
     limit[wrong, 1:] = 0.0
     return normal.transpose(1, 0, 2).reshape(-1, 2), limit.T.reshape(-1)
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.orbits.contacts import reachable_pairs
-from syncplan.phrases import metres
+from syncplan.phrases import listed, metres
 from syncplan.planning.judged_team import (
     MOST_NAMED,
     TOLERANCE,
@@ -94,6 +94,34 @@ def in_keep_out(judged: JudgedTeam) -> Iterator[Remark]:
             "it",
             (name,),
             cure="move the circle, or change its radius",
+        )
+
+
+ROOM_SHARE = 3.0
+"""Room at an edge over a vehicle's flown distance from its circle (RMS) that is enough."""
+
+
+def edge_near(judged: JudgedTeam) -> Iterator[Remark]:
+    """Yield the finding that vehicles fly further off their circles than edges leave room for."""
+    area, flight = Area.of(judged.scenario.area_m, judged.scenario.keep_out_m), judged.flight
+    if not area.limited or flight is None:
+        return
+    orbits = judged.orbits
+    room = area.path_clearances(orbits.centers, orbits.radii).min(axis=0)
+    strays = np.array([vehicle.tracking_rms_m for vehicle in flight.vehicles])
+    inside = np.logical_not(_crossed(room, orbits.radii))
+    near = np.flatnonzero(inside & (room < ROOM_SHARE * strays))
+    if len(near):
+        names = tuple(judged.scenario.vehicle_names[k] for k in near)
+        worst = near[np.argmax(ROOM_SHARE * strays[near] - room[near])]
+        yield Remark(
+            "warning",
+            f"{listed(names, MOST_NAMED)} may cross an edge of area_m or keep_out_m in flight: the "
+            f"circle of {judged.scenario.vehicle_names[worst]} keeps {max(room[worst], 0.0):.2g} m "
+            f"from it, and flights were {strays[worst]:.2g} m (RMS) off",
+            names,
+            cure=f"move circles, or make them smaller: {ROOM_SHARE * strays[worst]:.2g} m of room "
+            "are three times that",
         )
 
 

@@ -90,6 +90,7 @@ CHECKS: dict[str, Callable[[JudgedTeam], Iterable[Remark]]] = {
     "flights-dropped": flight_checks.flights_dropped,
     "few-flights": flight_checks.few_flights,
     "lost-in-flight": flight_checks.lost_in_flight,
+    "edge-near": path_checks.edge_near,
     "too-close-in-flight": flight_checks.too_close_in_flight,
     "phase-not-kept": flight_checks.phase_not_kept,
     "meetings-missed": flight_checks.meetings_missed,

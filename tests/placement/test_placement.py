@@ -215,6 +215,16 @@ def test_circles_lie_within_the_area_and_clear_of_what_is_kept_out(
     clear = exact.clearances(placement.centers, np.full(len(placement.centers), 20.0))
     assert clear.min() >= 0.0
     assert placement.clearance == clear.min()
+    # there is room for a twentieth of the radius, as flights stray
+    assert clear.min() > 0.99
+
+
+@pytest.mark.parametrize("width", [40.1, 40.5, 41.9])
+def test_circles_fill_an_area_that_leaves_no_room(width: float) -> None:
+    strip = [[0.0, 0.0], [width, 0.0], [width, 400.0], [0.0, 400.0]]
+    placement = place(linked(path(3), area_m=strip))
+    assert_drawn(placement, path(3), 50.0)
+    assert placement.clearance >= 0.0
 
 
 def test_a_circle_that_fits_nowhere_in_the_area_is_refused() -> None:

@@ -71,6 +71,29 @@ def test_levels_follow_from_the_likelihood_of_a_good_and_of_a_bad_share() -> Non
         assert level == ("warning" if not certain else "stop" if bad > good else "note")
 
 
+def test_circles_nearer_to_an_edge_than_three_times_what_flights_were_off_are_a_finding() -> None:
+    corners = [[-21.0, -21.0], [161.0, -21.0], [161.0, 91.0], [-21.0, 91.0]]
+    scenario = example("paper-grid-same").model_copy(update={"area_m": corners})
+    plan = syncplan.plan(scenario, pilot=False)
+
+    def findings(*strays: float) -> list[PlanFinding]:
+        vehicles = [
+            with_(vehicle, tracking_rms_m=stray)
+            for vehicle, stray in zip(WELL.vehicles, strays, strict=True)
+        ]
+        verdict = replace(plan, flight=with_(WELL, vehicles=vehicles)).verdict
+        assert verdict.go == plan.verdict.go
+        return [finding for finding in verdict.findings if finding.code == "edge-near"]
+
+    assert findings(*[0.33] * 6) == []
+    [finding] = findings(0.33, 0.34, 0.5, 0.1, 0.1, 0.1)
+    assert finding.level == "warning"
+    assert finding.subjects == ("v2", "v3")
+    assert "the circle of v3 keeps 1 m from it, and flights were 0.5 m (RMS) off" in finding.message
+    assert plan.scenario.area_m is not None
+    assert all(finding.code != "edge-near" for finding in plan.verdict.findings)
+
+
 @pytest.mark.parametrize("name", ["filter_lost_share", "out_of_contact_share"])
 def test_the_share_of_flights_that_are_lost_gives_the_level(plan: Plan, name: str) -> None:
     for failures, level in LEVELS.items():
