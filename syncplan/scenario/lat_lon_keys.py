@@ -76,14 +76,14 @@ class PlacedSection(Section):
         # of every scenario that is read, most have none
         if not has_lat_lon(given):
             return check(given)
-        keys = list(place_keys(given, cls))
+        document, keys = dict(_keys_of(given)), list(place_keys(given, cls))
         used = [key for key in keys if key.places is not None]
-        origin = _checked(cls, (), "geo_origin", given.get("geo_origin")) or _middle(keys, used)
-        document = {**given, "geo_origin": origin}
+        origin = _checked(cls, (), "geo_origin", document.get("geo_origin"))
+        document["geo_origin"] = origin = origin or _middle(keys, used)
         for key in used:
             section = document
             for name in key.sections:
-                section[name] = section = dict(section[name])
+                section[name] = section = dict(_keys_of(section[name]))
             del section[key.key]
             section[key.twin] = _in_plane(origin, key)
         try:
@@ -94,16 +94,23 @@ class PlacedSection(Section):
 
 def has_lat_lon(document: Any) -> bool:
     """Return whether a document gives a key in degrees, itself or in its sections."""
-    return isinstance(document, Mapping) and any(
+    return any(
         value is not None and (str(key).endswith(ENDING) or has_lat_lon(value))
-        for key, value in document.items()
+        for key, value in _keys_of(document).items()
     )
+
+
+def _keys_of(section: Any) -> Mapping[str, Any]:
+    """The keys that a section gives, be it a mapping or a model; nothing else gives any."""
+    if isinstance(section, BaseModel):
+        return {key: getattr(section, key) for key in section.model_fields_set}
+    return section if isinstance(section, Mapping) else {}
 
 
 @cache
 def _adapter(model: type[BaseModel], key: str) -> TypeAdapter[Any]:
     kind: Any = model.model_fields[key].annotation
-    return TypeAdapter(kind)
+    return TypeAdapter(kind, config=Section.model_config)
 
 
 def _checked(model: type[BaseModel], sections: tuple[str, ...], key: str, value: Any) -> Any:
@@ -115,17 +122,18 @@ def _checked(model: type[BaseModel], sections: tuple[str, ...], key: str, value:
 
 
 def place_keys(
-    document: Mapping[str, Any], model: type[BaseModel], sections: tuple[str, ...] = ()
+    document: Any, model: type[BaseModel], sections: tuple[str, ...] = ()
 ) -> Iterator[PlaceKey]:
     """Yield the keys in degrees of a model and of the sections that a document gives."""
+    given = _keys_of(document)
     for key, field in model.model_fields.items():
-        value, inner = document.get(key), model_in(field.annotation)
+        value, inner = given.get(key), model_in(field.annotation)
         if key.endswith(ENDING):
             stem = key.removesuffix(ENDING)
             twin = f"{stem}_m" if f"{stem}_m" in model.model_fields else stem
             places = _checked(model, sections, key, value)
-            yield PlaceKey(sections, key, twin, places, document.get(twin))
-        elif isinstance(value, Mapping) and inner is not None:
+            yield PlaceKey(sections, key, twin, places, given.get(twin))
+        elif inner is not None:
             yield from place_keys(value, inner, (*sections, key))
 
 
@@ -139,9 +147,10 @@ def _middle(keys: Sequence[PlaceKey], used: Sequence[PlaceKey]) -> GeoOrigin | N
     try:
         return middle_of(places) if len(places) else None
     except InputError:
-        raise fault(
-            used[0].name, "places lie more than 1,000 km apart; latitudes come first"
-        ) from None
+        usual = np.median(places, axis=0)
+        far = max(used, key=lambda key: np.max(np.abs(_pairs(key.places) - usual), initial=0.0))
+        problem = "holds a place more than 1,000 km from others; latitudes come first"
+        raise fault(far.name, problem) from None
 
 
 def _in_plane(origin: GeoOrigin | None, key: PlaceKey) -> Any:
@@ -167,7 +176,7 @@ def lat_lon_places(section: PlacedSection) -> dict[str, Any]:
     There are none without a geo_origin.
     """
     origin: Any = getattr(section, "geo_origin", None)
-    keys = place_keys(section.model_dump(exclude_none=True), type(section)) if origin else ()
+    keys = place_keys(section, type(section)) if origin else ()
     return {key.name: in_lat_lon(origin, key.metres) for key in keys if key.metres}
 
 

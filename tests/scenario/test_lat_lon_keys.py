@@ -19,7 +19,7 @@ from syncplan.reports.plan_report import plan_document
 from syncplan.scenario.brief import Brief, brief_of
 from syncplan.scenario.ground import lat_lon_of
 from syncplan.scenario.loading import scenario_from, with_landmarks
-from syncplan.scenario.models import GeoOrigin
+from syncplan.scenario.models import Formation, GeoOrigin
 from syncplan.scenario.specification import Scenario
 from tests.tools.briefs import FIELD
 from tests.tools.exported import to_plane
@@ -112,7 +112,11 @@ def test_without_an_origin_the_middle_is_it_and_distances_stay() -> None:
         ({"area_lat_lon_deg": [[97.0, 8.0]]}, "area_lat_lon_deg[0][0]: 97.0: must be less than"),
         (
             {"landmarks_lat_lon_deg": [[8.5, 47.4], [47.4, 8.5]]},
-            "places lie more than 1,000 km apart; latitudes come first",
+            "landmarks_lat_lon_deg: holds a place more than 1,000 km from others; latitudes come",
+        ),
+        (
+            {"landmarks_lat_lon_deg": {"tree": ["47.4", 8.5]}},
+            "landmarks_lat_lon_deg.tree[0]: '47.4': must be a valid number",
         ),
         (
             {"geo_origin": {"lat_deg": 10.0, "lon_deg": 8.5}},
@@ -138,6 +142,20 @@ def test_what_is_wrong_in_degrees_is_named_as_it_was_given(
     assert message in str(caught.value)
     assert str(caught.value).startswith("team.yaml: ")
     assert "\n" not in str(caught.value)
+
+
+def test_sections_that_are_models_are_converted_and_compared_as_files_are() -> None:
+    links = [["v1", "v2"]]
+    places = degrees([[0.0, 0.0], [50.0, 10.0]])
+    formation = Formation.model_validate({"centers_lat_lon_deg": places, "links": links})
+    given = {key: value for key, value in in_degrees(TEAM).items() if key != "formation"}
+    placed = Scenario.model_validate({**given, "formation": formation})
+    assert placed == scenario_from(
+        {**given, "formation": formation.model_dump() | {"centers_lat_lon_deg": places}}
+    )
+    assert placed.formation.centers_m is not None
+    with pytest.raises(InputError, match="geo_origin: is missing: formation.centers_m is in met"):
+        scenario_from(TEAM).model_copy(update={"keep_out_lat_lon_deg": [places * 2]})
 
 
 def test_a_brief_names_its_area_in_degrees_and_not_a_missing_one() -> None:
