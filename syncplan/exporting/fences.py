@@ -7,8 +7,10 @@ import numpy as np
 
 from syncplan.arrays import Array
 from syncplan.exporting.scheduled_plan import ScheduledPlan
+from syncplan.phrases import metres
 from syncplan.scenario.areas import Area
 from syncplan.scenario.ground import lat_lon_of
+from syncplan.scenario.quantities import Polygon
 
 FenceKind = Literal["area", "keep_out", "obstacle"]
 
@@ -20,25 +22,26 @@ class Fence:
     Attributes
     ----------
     kind : area, keep_out or obstacle; an obstacle blocks sight alone, and is no fence of vehicles
-    places : (k, 2) corners in degrees, in order, not closed
+    corners, places : (k, 2) in m and in degrees, in order, not closed
     """
 
     kind: FenceKind
+    corners: Array
     places: Array
 
 
 def polygons_of(flown: ScheduledPlan) -> list[Fence]:
     """Return all polygons of a plan. Raises InputError without a geo_origin."""
     scenario = flown.plan.scenario
-    given: dict[FenceKind, list[list[tuple[float, float]]]] = {
-        "area": [] if scenario.area_m is None else [scenario.area_m],
+    given: dict[FenceKind, list[Polygon]] = {
+        "area": [scenario.area_m] if scenario.area_m else [],
         "keep_out": scenario.keep_out_m or [],
         "obstacle": scenario.obstacles_m or [],
     }
     return [
-        Fence(kind, lat_lon_of(flown.origin, np.array(corners)))
+        Fence(kind, corners, lat_lon_of(flown.origin, corners))
         for kind, polygons in given.items()
-        for corners in polygons
+        for corners in map(np.array, polygons)
     ]
 
 
@@ -55,9 +58,9 @@ def fence_notes(flown: ScheduledPlan) -> list[str]:
     area = Area.of(scenario.area_m, scenario.keep_out_m)
     least = float(area.path_clearances(orbits.centers, orbits.radii).min())
     notes = [
-        f"circles keep {least:.3g} m from the fences: an autopilot acts on a vehicle that strays "
-        "further, or that takes off or returns across one"
+        f"circles keep {metres(least)} m from the fences: an autopilot that enforces them acts on "
+        "a vehicle further off its circle, and on one that takes off or returns across a fence"
     ]
-    if float(area.path_clearances(np.zeros((1, 2)), np.zeros(1)).min()) < 0.0:
-        notes.append("home, at geo_origin, lies outside the fences: choose another place for it")
+    if float(area.path_clearances(np.zeros((1, 2)), np.zeros(1)).min()) <= 0.0:
+        notes.append("home, at geo_origin, breaks a fence: choose another place for it")
     return notes

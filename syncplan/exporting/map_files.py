@@ -101,7 +101,11 @@ def write_geojson(flown: ScheduledPlan) -> Written:
     for name, place in landmark_places(flown).items():
         features.append(_feature(_point_geometry(place), {"kind": "landmark", "landmark": name}))
     for polygon in polygons_of(flown):
-        features.append(_feature(_polygon_geometry(polygon.places), {"kind": polygon.kind}))
+        features.append(
+            _feature(
+                _polygon_geometry(rings_of(flown.origin, polygon.corners)), {"kind": polygon.kind}
+            )
+        )
     collection = {"type": "FeatureCollection", "features": features}
     name = f"{flown.title}.geojson"
     return Written(files=(ExportedFile(name, as_text(collection).encode()),))
@@ -122,11 +126,11 @@ def _line_geometry(places: Array) -> dict[str, Any]:
     return {"type": "MultiLineString", "coordinates": parts}
 
 
-def _polygon_geometry(places: Array) -> dict[str, Any]:
-    rings = [[[_position(*place) for place in ring.tolist()]] for ring in rings_of(places)]
-    if len(rings) == 1:
-        return {"type": "Polygon", "coordinates": rings[0]}
-    return {"type": "MultiPolygon", "coordinates": rings}
+def _polygon_geometry(rings: list[Array]) -> dict[str, Any]:
+    parts = [[[_position(*place) for place in ring.tolist()]] for ring in rings]
+    if len(parts) == 1:
+        return {"type": "Polygon", "coordinates": parts[0]}
+    return {"type": "MultiPolygon", "coordinates": parts}
 
 
 def _position(latitude: float, longitude: float) -> list[float]:
@@ -162,7 +166,7 @@ def write_kml(flown: ScheduledPlan) -> Written:
         _point(document, name, "landmark", place, 0.0)
     for polygon in polygons_of(flown):
         placemark = _placemark(document, polygon.kind.replace("_", " "), polygon.kind)
-        _polygon(placemark, rings_of(polygon.places))
+        _polygon(placemark, rings_of(flown.origin, polygon.corners))
     Xml.indent(root, space=" ")
     content = Xml.tostring(root, encoding="utf-8", xml_declaration=True) + b"\n"
     return Written(files=(ExportedFile(f"{flown.title}.kml", content),))

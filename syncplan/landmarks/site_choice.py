@@ -36,8 +36,8 @@ from syncplan.scenario.quantities import (
 from syncplan.scenario.rules import check_landmarks, check_names
 from syncplan.scenario.specification import Scenario
 
-DEGREES = "candidates_lat_lon_deg"
-"""Key of candidates in degrees."""
+METRES, DEGREES = KEYS = "candidates_m", "candidates_lat_lon_deg"
+"""Keys of candidates."""
 
 
 class CandidateSites(PlacedSection):
@@ -69,19 +69,19 @@ def named_candidates(
 
     Sites without names are called S1, S2, ... Raises InputError.
     """
-    keys = set(values) if isinstance(values, Mapping) else set()
-    if keys == {DEGREES} and origin is None:
+    keyed = isinstance(values, Mapping) and 0 < len(values) == len({*values} & {*KEYS})
+    given = dict(values) if keyed else {METRES: values}
+    if origin is None and DEGREES in given:
         raise InputError(
             "is missing in the scenario, and the sites are in degrees", key="geo_origin"
         )
-    key = DEGREES if keys == {DEGREES} else "candidates_m"
-    document = {key: _plain(values[key] if keys == {key} else values), "geo_origin": origin}
+    document = {key: _plain(sites) for key, sites in given.items()} | {"geo_origin": origin}
     try:
         sites = CandidateSites.model_validate(document).candidates_m
     except ValidationError as error:
         validation_fault(error, CandidateSites, source)
     if not sites:
-        raise InputError("holds no sites; give at least one", key="candidates_m", source=source)
+        raise InputError("holds no sites; give at least one", key=METRES, source=source)
     if isinstance(sites, dict):
         return dict(sites)
     return {f"S{k + 1}": site for k, site in enumerate(sites)}
@@ -109,7 +109,7 @@ def new_sites(scenario: Scenario, candidates: Any, *, source: str = "") -> dict[
     except PydanticCustomError as error:
         (value,) = (error.context or {}).get("value", (None,))
         shown = "" if value is None else f"{value!r}: "
-        raise InputError(f"{shown}{error.message()}", key="candidates_m", source=source) from None
+        raise InputError(f"{shown}{error.message()}", key=METRES, source=source) from None
     return sites
 
 

@@ -90,23 +90,38 @@ def middle_of(places: Array) -> GeoOrigin:
     return GeoOrigin(lat_deg=latitude, lon_deg=longitude)
 
 
-def rings_of(places: Array) -> list[Array]:
-    """Return the closed rings of a polygon (k, 2) in degrees, counter-clockwise.
+def rings_of(origin: GeoOrigin, corners: Array) -> list[Array]:
+    """Return the closed rings in degrees of a polygon (k, 2) m of the plane, counter-clockwise.
 
     There is one, or one for each part on either side of the antimeridian (RFC 7946, section 3.1).
+    Raises InputError for a polygon that holds a pole.
     """
     import shapely
+    from pymap3d import enu2ecef
 
+    # an edge meets the antimeridian where y of the Earth is 0 and x is negative
+    ring = np.concatenate([corners, corners[:1]])
+    x, y, _ = enu2ecef(*ring.T, np.zeros(len(ring)), origin.lat_deg, origin.lon_deg, 0.0)
+    cut = np.flatnonzero(y[:-1] * y[1:] < 0.0)
+    share = y[cut] / (y[cut] - y[cut + 1])
+    away = x[cut] + share * (x[cut + 1] - x[cut]) < 0.0
+    cut, share = cut[away], share[away, None]
+    ring = np.insert(ring, cut + 1, (1.0 - share) * ring[cut] + share * ring[cut + 1], axis=0)
     # longitudes go on beyond 180 degrees
-    onward = places[:, ::-1].copy()
+    onward = lat_lon_of(origin, ring)[:, ::-1]
+    onward[cut + 1 + np.arange(len(cut)), 0] = 180.0
     onward[:, 0] = np.unwrap(onward[:, 0], period=360.0)
+    if abs(onward[-1, 0] - onward[0, 0]) > 180.0:
+        raise InputError(
+            "a polygon holds a pole, which maps in degrees can't show; take qgc or csv"
+        )
     whole, rings = shapely.Polygon(onward), []
     for turn in (-360.0, 0.0, 360.0):
         world = shapely.box(turn - 180.0, -90.0, turn + 180.0, 90.0)
         for part in shapely.get_parts(shapely.orient_polygons(shapely.intersection(whole, world))):
             if part.area > 0.0:
-                ring = shapely.get_coordinates(part.exterior) - [turn, 0.0]
-                rings.append(ring[:, ::-1])
+                part_ring = shapely.get_coordinates(part.exterior) - [turn, 0.0]
+                rings.append(part_ring[:, ::-1])
     return rings
 
 

@@ -124,9 +124,10 @@ def test_notes_state_how_near_circles_come_to_the_fences_and_where_home_is() -> 
     assert "home" not in notes
     outside = [[-20.0 + 150.0 * x, y] for x, y in ((0.0, -100.0), (2.0, -100.0), (2.0, 150.0))]
     moved = fenced(area_m=[[x + 100.0, y] for x, y in outside])
-    assert "home, at geo_origin, lies outside the fences" in " ".join(
-        export(moved, "qgc", FORCED).notes
-    )
+    barred = fenced(keep_out_m=[[[-2.0, -2.0], [2.0, -2.0], [0.0, 2.0]]])
+    for plan in (moved, barred):
+        notes = " ".join(export(plan, "qgc", FORCED).notes)
+        assert "home, at geo_origin, breaks a fence" in notes
 
 
 def test_a_fence_with_more_corners_than_ardupilot_stores_is_noted() -> None:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import shapely
 from geographiclib.geodesic import Geodesic
 from hypothesis import given
 from hypothesis import strategies as st
@@ -101,15 +102,29 @@ def test_places_on_two_sides_of_the_earth_have_no_middle() -> None:
         middle_of(np.array([[47.0, 8.0], [-40.0, -150.0]]))
 
 
-def test_a_ring_is_cut_at_the_antimeridian_and_turns_counter_clockwise() -> None:
-    clockwise = np.array([[0.0, 179.0], [1.0, 179.0], [1.0, -179.0], [0.0, -179.0]])
-    west, east = sorted(rings_of(clockwise), key=lambda ring: -ring[:, 1].max())
-    assert (west[:, 1].min(), west[:, 1].max()) == (179.0, 180.0)
-    assert (east[:, 1].min(), east[:, 1].max()) == (-180.0, -179.0)
+@pytest.mark.parametrize("latitude", [-10.0, 60.0, 89.9])
+def test_a_ring_is_cut_at_the_antimeridian_on_its_very_edges(latitude: float) -> None:
+    origin = GeoOrigin(lat_deg=latitude, lon_deg=179.99)
+    clockwise = 5000.0 * np.array([[-1.0, -1.0], [-0.8, 1.0], [1.0, 0.9], [0.7, -1.1]])
+    west, east = sorted(rings_of(origin, clockwise), key=lambda ring: -ring[:, 1].max())
+    assert west[:, 1].max() == 180.0
+    assert west[:, 1].min() > 0.0
+    assert east[:, 1].min() == -180.0
+    assert east[:, 1].max() < 0.0
+    parts = []
     for ring in (west, east):
         assert np.array_equal(ring[0], ring[-1])
-        latitudes, longitudes = ring.T
-        turned = longitudes[:-1] * latitudes[1:] - longitudes[1:] * latitudes[:-1]
-        assert turned.sum() > 0.0
-    (whole,) = rings_of(np.array([[0.0, 7.0], [0.0, 8.0], [1.0, 8.0]]))
-    assert len(whole) == 4
+        parts.append(shapely.Polygon(points_of(origin, ring)))
+        assert shapely.is_ccw(parts[-1].exterior)
+    whole = shapely.Polygon(clockwise)
+    assert sum(part.area for part in parts) == pytest.approx(whole.area, rel=1e-9)
+    assert shapely.hausdorff_distance(shapely.union_all(parts, grid_size=1e-4), whole) < 1e-3
+
+
+def test_a_ring_elsewhere_is_whole_and_one_about_a_pole_is_refused() -> None:
+    square = 500.0 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    for longitude in (0.0, 8.5):
+        (ring,) = rings_of(GeoOrigin(lat_deg=47.4, lon_deg=longitude), square)
+        assert len(ring) == 5
+    with pytest.raises(InputError, match="holds a pole"):
+        rings_of(GeoOrigin(lat_deg=-89.999, lon_deg=20.0), square)

@@ -154,7 +154,7 @@ def test_sections_that_are_models_are_converted_and_compared_as_files_are() -> N
         {**given, "formation": formation.model_dump() | {"centers_lat_lon_deg": places}}
     )
     assert placed.formation.centers_m is not None
-    with pytest.raises(InputError, match="geo_origin: is missing: formation.centers_m is in met"):
+    with pytest.raises(InputError, match=r"is missing: formation\.centers_m is in metres"):
         scenario_from(TEAM).model_copy(update={"keep_out_lat_lon_deg": [places * 2]})
 
 
