@@ -1,20 +1,25 @@
-"""Features of files: polygons, lines and points in degrees, and what their files say they are."""
+"""Features of files: polygons, lines and points in degrees, and what they become."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, Self, get_args
 
 import numpy as np
+from pydantic import Field
 
-from syncplan.arrays import Array
+from syncplan.documents import DocumentPart, LatLon
 from syncplan.errors import InputError
 from syncplan.orbits.circles import unit
-from syncplan.scenario.ground import WIDEST_M, lat_lon_of
+from syncplan.scenario.areas import joined_polygons, polygon_fault
+from syncplan.scenario.ground import DEGREE_DIGITS, WIDEST_M, lat_lon_of
 from syncplan.scenario.models import GeoOrigin
 
 Geometry = Literal["polygon", "line", "point"]
 Section = Literal["area", "keep_out", "obstacle", "landmark", "left_out"]
+
+GEOMETRIES: Mapping[str, Geometry] = {"Polygon": "polygon", "LineString": "line", "Point": "point"}
+"""Geometries by their names in KML and GeoJSON."""
 
 MOST_POSITIONS = 100_000
 """Largest number of positions of a file."""
@@ -22,56 +27,70 @@ MOST_POSITIONS = 100_000
 CIRCLE_CORNERS = 48
 """Number of corners of a polygon in place of a circular fence."""
 
-KINDS: dict[str, Section] = {
-    "area": "area",
-    "keep_out": "keep_out",
-    "obstacle": "obstacle",
-    "landmark": "landmark",
-    "circle": "left_out",
-    "center": "left_out",
-    "entry": "left_out",
+KINDS: Mapping[str, Section] = {
+    **{section: section for section in get_args(Section)},
+    **dict.fromkeys(("circle", "center", "entry"), "left_out"),
 }
 """Sections by the `kind` that exports of plans give their features."""
+
+STATED = "as its file has it"
+
+UNSTATED: Mapping[Geometry, tuple[Section, str]] = {
+    "polygon": ("area", "the largest polygon"),
+    "line": ("left_out", "a line that is not closed"),
+    "point": ("landmark", "a point"),
+}
+"""Section of features whose file does not state one, and why; only one polygon stays the area."""
+
+UNREADABLE = (TypeError, ValueError, LookupError, OverflowError)
+"""Errors of values that are no numbers, or of no pair of them."""
 
 _NO_FLY = re.compile(
     r"no[\W_]*fl(y|ight)|nfz|keep[\W_]*out|exclu|restrict|prohibit|forbid|danger", re.IGNORECASE
 )
 
 
+class Feature(DocumentPart):
+    """A feature of a file, and what it becomes."""
+
+    file: str
+    folder: str = Field(description="Names of the folders that hold it; empty without")
+    name: str = Field(description="Its name; landmarks have one that no other has")
+    geometry: Geometry
+    section: Section
+    reason: str = Field(description="Why it becomes that", examples=["the largest polygon"])
+    lat_lon_deg: list[LatLon] = Field(description="Its places; corners of polygons are not closed")
+    holes_lat_lon_deg: list[list[LatLon]] = Field(description="Corners of its holes")
+
+    def but(self, **changes: Any) -> Self:
+        """Return the feature with changes."""
+        return self.model_copy(update=changes)
+
+
 @dataclass(frozen=True, slots=True)
-class Feature:
-    """A feature of a file.
+class Labels:
+    """What a file says of a feature.
 
     Attributes
     ----------
-    file, geometry, name : name is empty if it has none
-    places : (k, 2) latitudes and longitudes in degrees; corners of a polygon are not closed
-    holes : corners of the holes of a polygon
+    name, kind : as they are read; None or empty without
     folder : names of the folders that hold it
-    color : red, green and blue, 0 to 255; None if it has no style
-    section : what the format says that it is; None if it says nothing
+    color : red, green and blue; empty without
     """
 
-    file: str
-    geometry: Geometry
-    name: str
-    places: Array
-    holes: tuple[Array, ...] = ()
+    name: Any = None
+    kind: Any = None
     folder: str = ""
-    color: tuple[int, int, int] | None = None
-    section: Section | None = None
+    color: bytes = b""
 
-    @property
-    def meant(self) -> Section | None:
-        """What the format, the name or the style says that the feature is."""
-        red, *others = self.color or (0, 0, 0)
-        no_fly = _NO_FLY.search(f"{self.folder} {self.name}") or (red > 150 and max(others) < 90)
-        return self.section or ("keep_out" if no_fly and self.geometry == "polygon" else None)
-
-    @property
-    def label(self) -> str:
-        """Name in messages."""
-        return self.name or f"a {self.geometry} without a name"
+    def section(self, geometry: Geometry) -> tuple[Section, str]:
+        """Return what the feature becomes, and why, if nothing else is asked for."""
+        red, green, blue = (self.color + bytes(3))[:3]
+        red_fill = red > 150 and max(green, blue) < 90
+        stated = KINDS.get(str(self.kind))
+        if geometry == "polygon" and (red_fill or _NO_FLY.search(f"{self.folder} {self.name}")):
+            stated = stated or "keep_out"
+        return (stated, STATED) if stated else UNSTATED[geometry]
 
 
 @dataclass(slots=True)
@@ -83,78 +102,100 @@ class FeatureList:
     notes: list[str] = field(default_factory=list)
     positions: int = 0
 
-    def fault(self, name: Any, problem: str) -> InputError:
+    def fault(self, labels: Labels, problem: str) -> InputError:
         """Return the error of a feature."""
-        label = str(name or f"feature {len(self.features) + 1}")
-        return InputError(problem, key=label, source=self.source)
+        return InputError(problem, key=str(labels.name or f"feature {len(self.features) + 1}"))
 
-    def fence_name(self, section: Section) -> str:
-        """Return a name for the next fence, as these have none."""
-        kind = "inclusion" if section == "area" else "exclusion"
-        return f"{kind} fence {len(self.features) + 1}"
-
-    def add(self, geometry: Geometry, name: Any, rings: Iterable[Any], **others: Any) -> None:
-        """Add a feature whose rings, outer first, hold positions: longitude, latitude, any others.
+    def add(self, geometry: Geometry, labels: Labels, *shapes: Iterable[Any]) -> None:
+        """Add the shapes of a feature: rings, outer first, of positions: longitude, latitude, any.
 
         A line that ends where it began is a polygon. Raises InputError for positions that are none.
         """
-        title = "".join(filter(str.isprintable, " ".join(str(name or "").split())))
-        places, *holes = (self._places(title, ring) for ring in rings)
-        if geometry == "line" and len(places) > 3 and np.array_equal(places[0], places[-1]):
-            geometry = "polygon"
-        if geometry == "polygon":
-            places, *holes = map(_opened, (places, *holes))
-        self.features.append(Feature(self.source, geometry, title, places, tuple(holes), **others))
+        try:
+            places = [[listed(self._places(labels, ring)) for ring in rings] for rings in shapes]
+        except UNREADABLE:
+            raise self.fault(labels, "has a position that is no pair of numbers") from None
+        if not all(rings and all(rings) for rings in places):
+            raise self.fault(labels, "has no positions")
+        for rings in _whole(places) if geometry == "polygon" else places:
+            outer, *holes = map(_opened, rings)
+            shape = "polygon" if geometry == "line" and outer != rings[0] else geometry
+            section, reason = labels.section(shape)
+            self.features.append(
+                Feature(
+                    file=self.source,
+                    folder=labels.folder,
+                    name="".join(filter(str.isprintable, " ".join(str(labels.name or "").split()))),
+                    geometry=shape,
+                    section=section,
+                    reason=reason,
+                    lat_lon_deg=outer,
+                    holes_lat_lon_deg=holes,
+                )
+            )
 
-    def add_circle(self, center: Any, radius: Any, section: Section) -> None:
+    def _places(self, labels: Labels, positions: Iterable[Any]) -> Iterator[LatLon]:
+        for position in positions:
+            latitude, longitude = float(position[1]), float(position[0])
+            self.positions += 1
+            if self.positions > MOST_POSITIONS:
+                problem = f"is beyond {MOST_POSITIONS:,} positions; simplify the file"
+                raise self.fault(labels, problem)
+            if not (abs(latitude) <= 90.0 and abs(longitude) <= 360.0):
+                problem = f"has the longitude {longitude:g} and the latitude {latitude:g}; give"
+                remedy = "degrees (WGS 84, EPSG:4326), not metres of a projection"
+                raise self.fault(labels, f"{problem} {remedy}")
+            yield latitude, longitude
+
+    def fence(self, inclusion: bool) -> Labels:
+        """Return labels for the next fence, which has no name: vehicles stay inside or outside."""
+        name, kind = ("inclusion", "area") if inclusion else ("exclusion", "keep_out")
+        return Labels(f"{name} fence {len(self.features) + 1}", kind)
+
+    def add_fence(self, inclusion: bool, corners: Iterable[Any]) -> None:
+        """Add a fence whose corners are a latitude and a longitude."""
+        self.add("polygon", self.fence(inclusion), [(place[1::-1] for place in corners)])
+
+    def add_circle(self, inclusion: bool, center: Any, radius: Any) -> None:
         """Add a circular fence about a latitude and longitude, with a radius in m.
 
         Its polygon lies within the circle where vehicles stay inside, else around it.
         """
-        name = self.fence_name(section)
         try:
-            latitude, longitude, size = float(center[0]), float(center[1]), float(radius)
-        except (TypeError, ValueError, IndexError):
-            raise self.fault(name, "is a circle without a center and a radius") from None
-        if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0 and 0.0 < size < WIDEST_M):
-            raise self.fault(name, f"is {size:g} m about {latitude:g}, {longitude:g}: no circle")
-        reach = size if section == "area" else size / np.cos(np.pi / CIRCLE_CORNERS)
-        points = reach * unit(2.0 * np.pi / CIRCLE_CORNERS * np.arange(CIRCLE_CORNERS))
-        places = lat_lon_of(GeoOrigin(lat_deg=latitude, lon_deg=longitude), points)
-        self.add("polygon", name, [places[:, ::-1]], section=section)
-
-    def _places(self, name: str, positions: Iterable[Any]) -> Array:
-        try:
-            listed = list(positions)
-            self.positions += len(listed)
-            if self.positions > MOST_POSITIONS:
-                raise self.fault(name, f"is beyond {MOST_POSITIONS:,} positions; simplify the file")
-            values = [[float(position[1]), float(position[0])] for position in listed]
-        except (TypeError, ValueError, LookupError, OverflowError):
-            raise self.fault(name, "has a position that is no pair of numbers") from None
-        if not values:
-            raise self.fault(name, "has no positions")
-        places = np.array(values)
-        beyond = ~((np.abs(places[:, 0]) <= 90.0) & (np.abs(places[:, 1]) <= 360.0))
-        for latitude, longitude in places[beyond][:1].tolist():
-            raise self.fault(
-                name,
-                f"has the longitude {longitude:g} and the latitude {latitude:g}; give degrees "
-                "(WGS 84, EPSG:4326), not metres of a projection",
-            )
-        places[:, 1] = (places[:, 1] + 180.0) % 360.0 - 180.0
-        return places
+            size = float(radius)
+            origin = GeoOrigin(lat_deg=float(center[0]), lon_deg=float(center[1]))
+        except UNREADABLE:
+            size = np.nan
+        if not 0.0 < size < WIDEST_M:
+            raise self.fault(self.fence(inclusion), "is a circle without a center and a radius")
+        turns = 2.0 * np.pi / CIRCLE_CORNERS * np.arange(CIRCLE_CORNERS)
+        reach = size if inclusion else size / np.cos(np.pi / CIRCLE_CORNERS)
+        self.add_fence(inclusion, lat_lon_of(origin, reach * unit(turns)).tolist())
 
 
-def _opened(ring: Array) -> Array:
+def listed(places: Iterable[LatLon], west: float = -180.0) -> list[LatLon]:
+    """Return places as documents hold them: rounded, with longitudes from a western limit on."""
+    return [
+        (round(latitude, DEGREE_DIGITS), round((longitude - west) % 360.0 + west, DEGREE_DIGITS))
+        for latitude, longitude in places
+    ]
+
+
+def _opened(ring: list[LatLon]) -> list[LatLon]:
     """The ring without its last corner, if that is the first one."""
-    return ring[:-1] if len(ring) > 1 and np.array_equal(ring[0], ring[-1]) else ring
+    return ring[:-1] if len(ring) > 3 and ring[0] == ring[-1] else ring
 
 
-def color_of(text: Any, order: str = "rgb") -> tuple[int, int, int] | None:
-    """Return red, green and blue of hexadecimal digits in an order such as rgb; None if none."""
-    digits = str(text or "").strip().lstrip("#")
-    if not re.fullmatch(rf"[0-9a-fA-F]{{{2 * len(order)}}}", digits):
-        return None
-    red, green, blue = (int(digits[2 * order.index(part) :][:2], 16) for part in "rgb")
-    return red, green, blue
+def _whole(polygons: list[list[list[LatLon]]]) -> list[list[list[LatLon]]]:
+    """Polygons, made whole where the antimeridian cut them; as they are if some are no polygons."""
+    onward = [[listed(ring, west=0.0) for ring in rings] for rings in polygons]
+    cut = [outer for outer, *_ in onward if any(longitude == 180.0 for _, longitude in outer)]
+    if len(cut) < 2 or any(polygon_fault(ring) for rings in onward for ring in rings):
+        return polygons
+    return [[*map(listed, rings)] for rings in joined_polygons(onward, tolerance=1e-8)]
+
+
+def color_of(*texts: Any) -> bytes:
+    """Return the bytes of the first hexadecimal color; empty if there is none."""
+    colors = (re.fullmatch(r"\s*#*((?:[0-9a-fA-F]{2}){3,4})\s*", str(text)) for text in texts)
+    return next((bytes.fromhex(color[1]) for color in colors if color), b"")

@@ -6,7 +6,7 @@ radius, where the distance is negative if the centre is on the wrong side. A pat
 within it, is also clear of a keep-out that it goes round.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -316,13 +316,15 @@ def polygon_fault(corners: Sequence[tuple[float, float]]) -> str:
     return ""
 
 
-def joined_polygons(a: Array, b: Array) -> Array | None:
-    """Return the corners (k, 2) of the polygon that two make up along an edge; None if none."""
+def joined_polygons(polygons: Iterable[Sequence[Any]], tolerance: float) -> list[list[Any]]:
+    """Return the polygons that polygons make up along their edges, corners in line left out.
+
+    Each, given or returned, is the (k, 2) corners of its outer ring and those of its holes.
+    """
     import shapely
 
-    # closed up by a tenth of a millimetre, corners stay sharp
-    grown = [shapely.Polygon(each).buffer(1e-4, join_style="mitre") for each in (a, b)]
-    whole = shapely.union_all(grown).buffer(-1e-4, join_style="mitre").simplify(1e-3)
-    if whole.geom_type != "Polygon":
-        return None
-    return np.asarray(shapely.get_coordinates(whole.exterior)[:-1])
+    parts = [shapely.Polygon(outer, holes) for outer, *holes in polygons]
+    return [
+        [shapely.get_coordinates(ring)[:-1] for ring in (polygon.exterior, *polygon.interiors)]
+        for polygon in shapely.get_parts(shapely.union_all(parts).simplify(tolerance))
+    ]

@@ -1,0 +1,306 @@
+"""Formats of files of the field: what is in their bytes, as features.
+
+KML, KMZ and GPX 1 of any namespace, GeoJSON (RFC 7946), QGroundControl plans, fence lists of
+ArduPilot, of either kind, and survey points as CSV. The first bytes of a file decide.
+"""
+
+import csv
+import io
+import re
+import zipfile
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import islice
+from typing import Any
+from xml.etree import ElementTree as Xml
+from xml.parsers import expat
+
+from syncplan.errors import InputError
+from syncplan.importing.features import GEOMETRIES, FeatureList, Geometry, Labels, color_of
+from syncplan.scenario.loading import parse_document
+
+LARGEST_BYTES = 32 * 2**20
+"""Largest file, also once unpacked."""
+
+FORMATS = "KML, KMZ, GeoJSON, GPX, a QGroundControl plan, a fence list or CSV"
+
+DEEPEST = 100
+"""Most XML elements within each other."""
+
+
+def features_of(data: bytes, source: str) -> FeatureList:
+    """Return the features of a file's bytes, with notes on what is left out.
+
+    Raises InputError naming the file, the feature and the remedy.
+    """
+    into = FeatureList(source)
+    start = data.removeprefix(b"\xef\xbb\xbf").lstrip()
+    try:
+        if len(data) > LARGEST_BYTES:
+            raise InputError(f"is larger than {LARGEST_BYTES // 2**20} MiB; simplify it")
+        if start.startswith(b"PK"):
+            _read_kml(_parsed(_unpacked(start)), into)
+        elif start.startswith((b"<", b"\xff\xfe", b"\xfe\xff")):
+            root = _parsed(start)
+            _read_kml(root, into)
+            _read_gpx(root, into)
+        else:
+            _read_text(data, into)
+        if not into.features:
+            raise InputError(f"holds no polygons, lines or points; give {FORMATS}")
+    except InputError as error:
+        raise InputError(error.problem, key=error.key, source=source) from None
+    return into
+
+
+# --- archives and XML -----------------------------------------------------------------------------
+
+
+def _unpacked(data: bytes) -> bytes:
+    """The first KML file of an archive."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            names = [name for name in archive.namelist() if name.lower().endswith(".kml")]
+            texts = [archive.open(name).read(LARGEST_BYTES + 1) for name in names[:1]]
+    # of what an archive's bytes may hold, zipfile refuses some by errors of its own
+    except Exception as error:
+        raise InputError(f"is no readable archive: {error}") from None
+    if not texts:
+        raise InputError("holds no .kml file")
+    if len(texts[0]) > LARGEST_BYTES:
+        raise InputError(f"unpacks to more than {LARGEST_BYTES // 2**20} MiB")
+    return texts[0]
+
+
+def _parsed(data: bytes) -> Xml.Element:
+    """The root element; names of elements are without namespaces, declared or not."""
+    builder, parser, opened = Xml.TreeBuilder(), expat.ParserCreate(), list[str]()
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        opened.append(tag.rpartition(":")[2])
+        if len(opened) > DEEPEST:
+            raise InputError(f"nests more than {DEEPEST} elements")
+        builder.start(opened[-1], attributes)
+
+    def refuse(*_: Any) -> None:
+        raise InputError("has a document type; save it without <!DOCTYPE>")
+
+    parser.StartElementHandler = start
+    parser.EndElementHandler = lambda _: builder.end(opened.pop())
+    parser.CharacterDataHandler = builder.data
+    parser.StartDoctypeDeclHandler = refuse
+    try:
+        parser.Parse(data, True)
+    except (expat.ExpatError, ValueError, LookupError) as error:
+        raise InputError(f"is no readable XML: {error}") from None
+    return builder.close()
+
+
+def _read_gpx(root: Xml.Element, into: FeatureList) -> None:
+    # a waypoint is a position itself
+    for tag, place in (("wpt", "wpt"), ("rte", "rtept"), ("trk", "trkpt")):
+        for element in root.iter(tag):
+            ring = [(point.get("lon"), point.get("lat")) for point in element.iter(place)]
+            geometry: Geometry = "point" if tag == place else "line"
+            into.add(geometry, Labels(_text(element, "name")), [ring])
+
+
+def _text(element: Xml.Element, path: str) -> str:
+    return (element.findtext(path) or "").strip()
+
+
+# --- KML ------------------------------------------------------------------------------------------
+
+_SHAPES: Mapping[str, Geometry] = {**GEOMETRIES, "LinearRing": "polygon"}
+"""Geometries by element; polygons come before the rings that are none of a polygon."""
+
+
+def _read_kml(root: Xml.Element, into: FeatureList) -> None:
+    colors = {style.get("id"): _color(style) for style in root.iterfind(".//Style[@id]")}
+    for styles in root.iterfind(".//StyleMap[@id]"):
+        normal = _style(styles, "Pair[key='normal']/styleUrl")
+        colors[styles.get("id")] = colors.get(normal, b"")
+    for mark, folder in _placemarks(root, ""):
+        style, kind = mark.find(".//Style"), _text(mark, ".//Data[@name='kind']/value")
+        color = colors.get(_style(mark, "styleUrl"), b"") if style is None else _color(style)
+        labels = Labels(_text(mark, "name"), kind, folder, color)
+        for tag, geometry in _SHAPES.items():
+            shapes = [*mark.iter(tag)]
+            into.add(geometry, labels, *map(_rings, shapes))
+            for shape in shapes:
+                # rings of polygons are no polygons besides
+                shape.clear()
+    for link in root.iter("NetworkLink"):
+        into.notes.append(f"the network link {_text(link, 'name')} is not read")
+
+
+def _placemarks(element: Xml.Element, folder: str) -> Iterator[tuple[Xml.Element, str]]:
+    """Every placemark, with the names of its folders."""
+    for child in element:
+        if child.tag == "Placemark":
+            yield child, folder
+        elif child.tag in ("Document", "Folder"):
+            name = _text(child, "name") if child.tag == "Folder" else ""
+            yield from _placemarks(child, " / ".join(filter(None, (folder, name))))
+
+
+def _rings(shape: Xml.Element) -> list[Iterable[list[str]]]:
+    """Positions of the rings of a polygon, outer first, or of a shape that has none."""
+    outer = shape.findall("outerBoundaryIs//LinearRing")
+    rings = [*outer, *shape.iterfind("innerBoundaryIs//LinearRing")] or [shape]
+    # blanks around commas are a common mistake
+    texts = [re.sub(r"\s*,\s*", ",", ring.findtext("coordinates") or "") for ring in rings]
+    return [(position.split(",") for position in text.split()) for text in texts]
+
+
+def _style(element: Xml.Element, path: str) -> str:
+    """The identifier of a style that is referred to."""
+    return _text(element, path).rpartition("#")[2]
+
+
+def _color(style: Xml.Element) -> bytes:
+    """Red, green and blue of a style, which has them in reverse."""
+    return color_of(style.findtext("PolyStyle/color"), style.findtext("LineStyle/color"))[::-1]
+
+
+# --- text -----------------------------------------------------------------------------------------
+
+_PAIR = re.compile(r"\s*[-+]?\d+(\.\d*)?\s+[-+]?\d+(\.\d*)?\s*")
+_NAMES = ("name", "label", "title", "landmark", "pointname", "pointid", "point", "id")
+_LATITUDES = ("latitude", "lat", "latdeg", "latitudedeg", "y")
+_LONGITUDES = ("longitude", "lon", "lng", "long", "londeg", "longitudedeg", "x")
+
+
+def _read_text(data: bytes, into: FeatureList) -> None:
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        problem = f"is not text: byte {error.start} is not UTF-8; give {FORMATS}"
+        raise InputError(problem) from None
+    if text.lstrip().startswith(("{", "[")):
+        document = parse_document(text, "", "json")
+        (_read_plan if document.get("fileType") == "Plan" else _read_geojson)(document, into)
+        return
+    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    head, *others = lines or [""]
+    if head.startswith("QGC WPL"):
+        _read_items(others, into)
+    elif all(map(_PAIR.fullmatch, (head, *others))):
+        # the point of return, and the corners
+        into.notes.append(f"the point of return, {' '.join(head.split())}, is left out")
+        into.add_fence(True, (line.split() for line in others or [head]))
+    else:
+        _read_points(head, others, into)
+
+
+def _key(head: str) -> str:
+    """The letters and digits of a head, lower case, without what is in brackets."""
+    return re.sub(r"[\[(].*|[^a-z0-9]", "", head.lower())
+
+
+def _first(values: Mapping[str, Any], keys: Sequence[str]) -> Any:
+    """The value of the first key that has one; None without."""
+    return next(filter(None, map(values.get, keys)), None)
+
+
+def _as(kind: type, value: Any) -> Any:
+    """A value if it is of a kind, else an empty one."""
+    return value if isinstance(value, kind) else kind()
+
+
+# --- GeoJSON and plans ----------------------------------------------------------------------------
+
+_COLLECTIONS = {"FeatureCollection": "features", "GeometryCollection": "geometries"}
+
+
+def _read_geojson(document: Mapping[str, Any], into: FeatureList) -> None:
+    reference = str(document.get("crs") or "CRS84")
+    if "CRS84" not in reference and "4326" not in reference:
+        problem = f"has coordinates of {reference[:80]}; save it in degrees (WGS 84, EPSG:4326)"
+        raise InputError(problem, key="crs")
+    objects: list[tuple[Any, Labels]] = [(document, Labels())]
+    while objects:
+        value, labels = objects.pop()
+        member = _as(dict, value)
+        kind = str(member.get("type"))
+        single = kind.removeprefix("Multi")
+        if kind == "Feature":
+            properties = _as(dict, member.get("properties"))
+            fields = {_key(head): text for head, text in properties.items()}
+            name = _first(fields, _NAMES) or member.get("id")
+            color = color_of(fields.get("fill"), fields.get("stroke"))
+            objects.append((member.get("geometry"), Labels(name, fields.get("kind"), color=color)))
+        elif kind in _COLLECTIONS:
+            members = _as(list, member.get(_COLLECTIONS[kind]))
+            objects += [(inner, labels) for inner in reversed(members)]
+        elif single in GEOMETRIES:
+            parts = _as(list, member.get("coordinates"))
+            shapes = [
+                {"Polygon": part, "LineString": [part], "Point": [[part]]}[single]
+                for part in (parts if kind != single else [parts])
+            ]
+            into.add(GEOMETRIES[single], labels, *shapes)
+        elif value is not None:
+            problem = f"has a geometry of type {kind[:40]}; give points or polygons"
+            raise into.fault(labels, problem)
+
+
+def _read_plan(document: Mapping[str, Any], into: FeatureList) -> None:
+    fences = _as(dict, document.get("geoFence"))
+    for value in (*_as(list, fences.get("polygons")), *_as(list, fences.get("circles"))):
+        fence = _as(dict, value)
+        inclusion, circle = fence.get("inclusion", True), _as(dict, fence.get("circle"))
+        if "circle" in fence:
+            into.add_circle(inclusion, circle.get("center"), circle.get("radius"))
+        else:
+            into.add_fence(inclusion, _as(list, fence.get("polygon")))
+    for key, part in (("mission", "items"), ("rallyPoints", "points")):
+        if _as(dict, document.get(key)).get(part):
+            into.notes.append(f"{key}.{part} is left out")
+
+
+# --- fence lists and survey points ----------------------------------------------------------------
+
+# whether vehicles stay inside, by the MAVLink command of a fence
+_POLYGONS = {"5001": True, "5002": False}
+_CIRCLES = {"5003": True, "5004": False}
+
+
+def _read_items(lines: Sequence[str], into: FeatureList) -> None:
+    """Add the fences of MAVLink items, whose first parameter counts corners, or is a radius."""
+    items, left_out = ([*line.split(), *[""] * 12] for line in lines), 0
+    for item in items:
+        command, size = item[3:5]
+        if command in _POLYGONS:
+            count = int(float(size)) if re.fullmatch(r"\d{1,6}(\.0*)?", size) else len(lines) + 1
+            corners = [item, *islice(items, max(count - 1, 0))]
+            if len(corners) < count or any(corner[3] != command for corner in corners):
+                problem = f"has fewer corners than the {size} that it counts"
+                raise into.fault(into.fence(_POLYGONS[command]), problem)
+            into.add_fence(_POLYGONS[command], (corner[8:10] for corner in corners))
+        elif command in _CIRCLES:
+            into.add_circle(_CIRCLES[command], item[8:10], size)
+        else:
+            left_out += 1
+    if left_out:
+        into.notes.append(f"{left_out} items that are no fences are left out")
+
+
+def _read_points(head: str, lines: Sequence[str], into: FeatureList) -> None:
+    """Add the points of a table: latitude, longitude and name, in columns in any order."""
+    delimiter = max(";\t,", key=head.count)
+    try:
+        heads, *rows = csv.reader([head, *lines], delimiter=delimiter)
+    except csv.Error as error:
+        raise InputError(f"is no readable table: {error}") from None
+    columns = [_key(each) for each in heads]
+    latitudes, longitudes, names = map(set(columns).intersection, (_LATITUDES, _LONGITUDES, _NAMES))
+    if not (latitudes and longitudes):
+        problem = f"has the columns {', '.join(columns)[:80] or 'none'}; its first line must name"
+        remedy = "latitude and longitude, in degrees, not eastings and northings"
+        raise InputError(f"{problem} {remedy}")
+    for number, row in enumerate(filter(any, rows), start=1):
+        cells = dict(zip(columns, row, strict=False))
+        # where semicolons part columns, commas may part decimals
+        place = [str(_first(cells, keys)).replace(",", ".") for keys in (_LONGITUDES, _LATITUDES)]
+        name = _first(cells, _NAMES) if names else f"P{number}"
+        into.add("point", Labels(name), [[place]])
