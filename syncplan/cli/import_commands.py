@@ -44,9 +44,9 @@ def _import(
 
     console.check_output(output, *files)
     places = import_places(files, **asdict(options))
-    for each in places.features:
-        section = each.section.replace("_", "-")
-        console.say(f"{each.name or each.geometry}: {section}, {each.reason}")
+    for feature in places.features:
+        section = feature.section.replace("_", "-")
+        console.say(f"{feature.name or feature.geometry}: {section}, {feature.reason}")
     console.say_notes(places.notes)
     if output is None:
         typer.echo(places.scenario_text(), nl=False)

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Any, Literal, Self, get_args
 
 import numpy as np
@@ -23,6 +24,9 @@ GEOMETRIES: Mapping[str, Geometry] = {"Polygon": "polygon", "LineString": "line"
 
 MOST_POSITIONS = 100_000
 """Largest number of positions of a file."""
+
+MOST_JOINED = 1000
+"""Largest number of polygons that are made whole; more take long."""
 
 CIRCLE_CORNERS = 48
 """Number of corners of a polygon in place of a circular fence."""
@@ -190,7 +194,7 @@ def _whole(polygons: list[list[list[LatLon]]]) -> list[list[list[LatLon]]]:
     """Polygons, made whole where the antimeridian cut them; as they are if some are no polygons."""
     onward = [[listed(ring, west=0.0) for ring in rings] for rings in polygons]
     cut = [outer for outer, *_ in onward if any(longitude == 180.0 for _, longitude in outer)]
-    if len(cut) < 2 or any(polygon_fault(ring) for rings in onward for ring in rings):
+    if len(cut) < 2 or len(polygons) > MOST_JOINED or any(map(polygon_fault, chain(*onward))):
         return polygons
     return [[*map(listed, rings)] for rings in joined_polygons(onward, tolerance=1e-8)]
 

@@ -49,6 +49,8 @@ def features_of(data: bytes, source: str) -> FeatureList:
             raise InputError(f"holds no polygons, lines or points; give {FORMATS}")
     except InputError as error:
         raise InputError(error.problem, key=error.key, source=source) from None
+    except csv.Error as error:
+        raise InputError(f"is no readable table: {error}", source=source) from None
     return into
 
 
@@ -180,16 +182,16 @@ def _read_text(data: bytes, into: FeatureList) -> None:
         document = parse_document(text, "", "json")
         (_read_plan if document.get("fileType") == "Plan" else _read_geojson)(document, into)
         return
-    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
-    head, *others = lines or [""]
+    lines = (line for line in io.StringIO(text, None) if line.strip() and line[0] != "#")
+    head = next(lines, "")
     if head.startswith("QGC WPL"):
-        _read_items(others, into)
-    elif all(map(_PAIR.fullmatch, (head, *others))):
+        _read_items(lines, into)
+    elif _PAIR.fullmatch(head):
         # the point of return, and the corners
         into.notes.append(f"the point of return, {' '.join(head.split())}, is left out")
-        into.add_fence(True, (line.split() for line in others or [head]))
+        into.add_fence(True, map(str.split, lines))
     else:
-        _read_points(head, others, into)
+        _read_points(head, lines, into)
 
 
 def _key(head: str) -> str:
@@ -265,13 +267,13 @@ _POLYGONS = {"5001": True, "5002": False}
 _CIRCLES = {"5003": True, "5004": False}
 
 
-def _read_items(lines: Sequence[str], into: FeatureList) -> None:
+def _read_items(lines: Iterable[str], into: FeatureList) -> None:
     """Add the fences of MAVLink items, whose first parameter counts corners, or is a radius."""
     items, left_out = ([*line.split(), *[""] * 12] for line in lines), 0
     for item in items:
         command, size = item[3:5]
         if command in _POLYGONS:
-            count = int(float(size)) if re.fullmatch(r"\d{1,6}(\.0*)?", size) else len(lines) + 1
+            count = int(float(size)) if re.fullmatch(r"\d{1,5}(\.0*)?", size) else 10**5
             corners = [item, *islice(items, max(count - 1, 0))]
             if len(corners) < count or any(corner[3] != command for corner in corners):
                 problem = f"has fewer corners than the {size} that it counts"
@@ -285,20 +287,16 @@ def _read_items(lines: Sequence[str], into: FeatureList) -> None:
         into.notes.append(f"{left_out} items that are no fences are left out")
 
 
-def _read_points(head: str, lines: Sequence[str], into: FeatureList) -> None:
+def _read_points(head: str, lines: Iterable[str], into: FeatureList) -> None:
     """Add the points of a table: latitude, longitude and name, in columns in any order."""
     delimiter = max(";\t,", key=head.count)
-    try:
-        heads, *rows = csv.reader([head, *lines], delimiter=delimiter)
-    except csv.Error as error:
-        raise InputError(f"is no readable table: {error}") from None
-    columns = [_key(each) for each in heads]
+    columns = [_key(column) for column in head.split(delimiter)]
     latitudes, longitudes, names = map(set(columns).intersection, (_LATITUDES, _LONGITUDES, _NAMES))
     if not (latitudes and longitudes):
         problem = f"has the columns {', '.join(columns)[:80] or 'none'}; its first line must name"
         remedy = "latitude and longitude, in degrees, not eastings and northings"
         raise InputError(f"{problem} {remedy}")
-    for number, row in enumerate(filter(any, rows), start=1):
+    for number, row in enumerate(filter(any, csv.reader(lines, delimiter=delimiter)), start=1):
         cells = dict(zip(columns, row, strict=False))
         # where semicolons part columns, commas may part decimals
         place = [str(_first(cells, keys)).replace(",", ".") for keys in (_LONGITUDES, _LATITUDES)]

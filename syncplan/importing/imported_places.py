@@ -18,7 +18,7 @@ from pydantic import Field
 
 from syncplan import __version__
 from syncplan.arrays import Array
-from syncplan.documents import LatLon, VersionedDocument
+from syncplan.documents import VersionedDocument
 from syncplan.errors import InputError
 from syncplan.importing.features import STATED, UNSTATED, Feature, Section
 from syncplan.importing.file_formats import features_of
@@ -135,16 +135,12 @@ def _matches(feature: Feature, pattern: str) -> bool:
 
 def _chosen(features: Sequence[Feature], points: Sequence[Array]) -> list[Feature]:
     """The features: one of them the area, landmarks with places and names that no other has."""
-    areas = {
-        k: (BEST_AREAS.index(feature.reason), _size(points[k]))
-        for k, feature in enumerate(features)
-        if feature.section == "area"
-    }
-    area = max(areas, key=areas.__getitem__, default=None)
-    chosen, spots, names = [], set[LatLon](), Counter(VEHICLES)
+    areas = [k for k, feature in enumerate(features) if feature.section == "area"]
+    sizes = {k: (BEST_AREAS.index(features[k].reason), _size(points[k])) for k in areas}
+    area = max(areas, key=sizes.__getitem__, default=None)
+    chosen, spots, names = [], set[tuple[float, ...]](), Counter(VEHICLES)
     for k, feature in enumerate(features):
-        latitude, longitude = feature.lat_lon_deg[0]
-        spot = round(latitude, SAME_PLACE_DIGITS), round(longitude, SAME_PLACE_DIGITS)
+        spot = tuple(round(degrees, SAME_PLACE_DIGITS) for degrees in feature.lat_lon_deg[0])
         if feature.section == "area" and k != area:
             feature = feature.but(section="left_out", reason="another polygon is the area")
         elif feature.section == "landmark" and spot in spots:
@@ -199,6 +195,7 @@ def _scenario(title: str, features: Sequence[Feature], points: Sequence[Array]) 
         [feature for feature in features if feature.section == section]
         for section in ("area", "keep_out", "obstacle", "landmark")
     )
+    holes = [hole for area in areas for hole in area.holes_lat_lon_deg]
     used = [points[k] for k, each in enumerate(features) if each.section in ("area", "landmark")]
     extent = float(np.max(np.ptp(np.concatenate(used), axis=0))) if used else 0.0
     # places of less than a metre say nothing
@@ -210,11 +207,8 @@ def _scenario(title: str, features: Sequence[Feature], points: Sequence[Array]) 
         "formation": {"count": len(VEHICLES), "links": [*map(list, combinations(VEHICLES, 2))]},
         "sensor": {"range_m": reach, "bearing_sigma_rad": 0.03, "sample_time_s": 0.2},
         "area_lat_lon_deg": [place for area in areas for place in area.lat_lon_deg],
-        "keep_out_lat_lon_deg": [
-            *(feature.lat_lon_deg for feature in keep_outs),
-            *(hole for area in areas for hole in area.holes_lat_lon_deg),
-        ],
-        "obstacles_lat_lon_deg": [feature.lat_lon_deg for feature in obstacles],
+        "keep_out_lat_lon_deg": [keep_out.lat_lon_deg for keep_out in keep_outs] + holes,
+        "obstacles_lat_lon_deg": [obstacle.lat_lon_deg for obstacle in obstacles],
         "landmarks_lat_lon_deg": {mark.name: mark.lat_lon_deg[0] for mark in marks},
     }
     keys = {key: value for key, value in keys.items() if value}

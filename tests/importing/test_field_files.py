@@ -44,6 +44,18 @@ def kmz(text: bytes, name: str = "doc.kml") -> bytes:
     return packed.getvalue()
 
 
+def square(west: float, side: float = 0.001) -> list[list[float]]:
+    """The ring of a square of some degrees, north of the 47th parallel."""
+    corners = [(0.0, 0.0), (side, 0.0), (side, side), (0.0, side), (0.0, 0.0)]
+    return [[west + x, 47.0 + y] for x, y in corners]
+
+
+def collected(name: str, *rings: list[list[float]], **properties: str) -> dict[str, Any]:
+    """A feature of GeoJSON."""
+    shape = {"type": "Polygon", "coordinates": rings}
+    return {"type": "Feature", "properties": {"name": name, **properties}, "geometry": shape}
+
+
 def field_file(name: str) -> Path:
     """A real file of the field; skips where the folder is absent."""
     path = Path("../shared/places") / name
@@ -88,6 +100,25 @@ def test_names_choose_what_features_become() -> None:
         import_places(FILES / "survey.kml", area=("shed",))
     with pytest.raises(InputError, match="mast: is a point, not keep_out: landmarks are points"):
         import_places(FILES / "survey.kml", keep_out=("mast",))
+
+
+def test_an_area_that_is_asked_for_counts_before_one_that_a_file_states() -> None:
+    fields = [collected("field", square(8.5, 0.01), kind="area"), collected("barn", square(8.5))]
+    text = json.dumps({"type": "FeatureCollection", "features": fields}).encode()
+    for options, sections in (
+        ({}, ["area", "left_out"]),
+        ({"area": ("barn",)}, ["left_out", "area"]),
+    ):
+        places = import_places({"fields.json": text}, **options)
+        assert [each.section for each in places.features] == sections
+
+
+def test_the_style_of_one_placemark_is_not_that_of_others() -> None:
+    text = (FILES / "survey.kml").read_text()
+    red = "<name>barn</name><Style><PolyStyle><color>ff0000ff</color></PolyStyle></Style>"
+    text = text.replace("<name>barn</name>", red).replace("<styleUrl>#plain</styleUrl>", "")
+    sections = {each.name: each.section for each in import_places({"k": text.encode()}).features}
+    assert (sections["Field 7"], sections["barn"]) == ("area", "keep_out")
 
 
 def test_geojson_collections_identifiers_and_colours() -> None:
@@ -256,6 +287,14 @@ def test_a_polygon_of_too_many_corners_is_named() -> None:
         import_places({"coast.json": text})
 
 
+@pytest.mark.parametrize("center", [{"lat": 47.4}, [10**400, 8.5], [47.4, 181.0], None])
+def test_circles_without_a_place_are_refused(center: Any) -> None:
+    fence = {"circles": [{"circle": {"center": center, "radius": 10.0}}]}
+    text = json.dumps({"fileType": "Plan", "geoFence": fence}).encode()
+    with pytest.raises(InputError, match=r"^a\.plan: inclusion fence 1: is a circle without a"):
+        import_places({"a.plan": text})
+
+
 # --- out and in again -----------------------------------------------------------------------------
 
 ANTIMERIDIAN = {"lat_deg": -17.0, "lon_deg": 179.9998, "alt_m": 0.0}
@@ -285,3 +324,27 @@ def test_what_was_exported_comes_in_again_to_a_centimetre(
         assert list(keys["landmarks_lat_lon_deg"]) == ["mast", "tower"]
         mast = to_plane(keys["landmarks_lat_lon_deg"]["mast"], origin)
         assert mast == pytest.approx([30.0, 60.0], abs=0.01)
+
+
+def test_halves_at_the_antimeridian_keep_their_holes() -> None:
+    east, west = square(179.99, 0.01), square(-180.0, 0.01)
+    # one hole within the western half, another one cut as the polygon is
+    whole = square(-179.994, 0.001)
+    halves = [[east, square(179.997, 0.003)], [west, square(-180.0, 0.003), whole]]
+    for hole in (halves[0][1], halves[1][1], whole):
+        hole[:] = [[x, y + 0.002] for x, y in hole]
+    shape = {"type": "MultiPolygon", "coordinates": halves}
+    places = import_places({"field.json": json.dumps(shape).encode()})
+    (feature,) = places.features
+    assert (feature.section, len(feature.lat_lon_deg)) == ("area", 4)
+    widths = [
+        np.ptp(np.array(hole)[:, 1] % 360.0) for hole in places.scenario["keep_out_lat_lon_deg"]
+    ]
+    assert sorted(widths) == pytest.approx([0.001, 0.006])
+
+
+def test_parts_at_the_antimeridian_that_are_no_polygons_are_refused() -> None:
+    flat = [[180.0, 0.0], [180.0, 0.01], [180.0, 0.0]]
+    shape = {"type": "MultiPolygon", "coordinates": [[flat], [flat]]}
+    with pytest.raises(InputError, match=r"^field\.json: polygon: encloses nothing"):
+        import_places({"field.json": json.dumps(shape).encode()})
