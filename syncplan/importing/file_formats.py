@@ -16,7 +16,7 @@ from xml.parsers import expat
 
 from syncplan.errors import InputError
 from syncplan.importing.features import GEOMETRIES, FeatureList, Geometry, Labels, color_of
-from syncplan.scenario.loading import parse_document
+from syncplan.scenario.loading import parse_document, unicode_of
 
 LARGEST_BYTES = 32 * 2**20
 """Largest file, also once unpacked."""
@@ -173,11 +173,7 @@ _LONGITUDES = ("longitude", "lon", "lng", "long", "londeg", "longitudedeg", "x")
 
 
 def _read_text(data: bytes, into: FeatureList) -> None:
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        problem = f"is not text: byte {error.start} is not UTF-8; give {FORMATS}"
-        raise InputError(problem) from None
+    text = unicode_of(data, "", FORMATS)
     if text.lstrip().startswith(("{", "[")):
         document = parse_document(text, "", "json")
         (_read_plan if document.get("fileType") == "Plan" else _read_geojson)(document, into)

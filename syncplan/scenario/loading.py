@@ -97,17 +97,21 @@ def read_bytes(path: str | Path) -> tuple[str, bytes]:
 
 def decoded(data: bytes, source: str) -> str:
     """Return bytes as text; raises InputError if they are empty or not UTF-8."""
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise InputError(
-            f"is not text: byte {error.start} is not UTF-8; give YAML or JSON", source=source
-        ) from None
+    text = unicode_of(data, source, "YAML or JSON")
     if not text.strip():
         raise InputError(
             "is empty; see 'syncplan schema' for what a scenario contains", source=source
         )
     return text
+
+
+def unicode_of(data: bytes, source: str, formats: str) -> str:
+    """Return bytes as text; raises InputError naming the formats to give if they are not UTF-8."""
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        problem = f"is not text: byte {error.start} is not UTF-8; give {formats}"
+        raise InputError(problem, source=source) from None
 
 
 def parse_document(text: str, source: str, syntax: Syntax | None = None) -> dict[str, Any]:
