@@ -48,7 +48,7 @@ def _import(
         section = feature.section.replace("_", "-")
         console.say(f"{feature.name or feature.geometry}: {section}, {feature.reason}")
     console.say_notes(places.notes)
-    if output is None:
+    if output is None or str(output) == "-":
         typer.echo(places.scenario_text(), nl=False)
     else:
         write_text(output, places.scenario_text())

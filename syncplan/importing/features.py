@@ -38,6 +38,7 @@ KINDS: Mapping[str, Section] = {
 """Sections by the `kind` that exports of plans give their features."""
 
 STATED = "as its file has it"
+"""Why features become what their kinds, names or colors say."""
 
 UNSTATED: Mapping[Geometry, tuple[Section, str]] = {
     "polygon": ("area", "the largest polygon"),
@@ -66,8 +67,8 @@ class Feature(DocumentPart):
     lat_lon_deg: list[LatLon] = Field(description="Its places; corners of polygons are not closed")
     holes_lat_lon_deg: list[list[LatLon]] = Field(description="Corners of its holes")
 
-    def but(self, **changes: Any) -> Self:
-        """Return the feature with changes."""
+    def changed(self, **changes: Any) -> Self:
+        """Return a copy with some keys changed."""
         return self.model_copy(update=changes)
 
 

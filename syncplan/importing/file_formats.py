@@ -16,12 +16,13 @@ from xml.parsers import expat
 
 from syncplan.errors import InputError
 from syncplan.importing.features import GEOMETRIES, FeatureList, Geometry, Labels, color_of
-from syncplan.scenario.loading import parse_document, unicode_of
+from syncplan.scenario.loading import parse_document, text_of
 
 LARGEST_BYTES = 32 * 2**20
 """Largest file, also once unpacked."""
 
 FORMATS = "KML, KMZ, GeoJSON, GPX, a QGroundControl plan, a fence list or CSV"
+"""What may be given, in messages."""
 
 DEEPEST = 100
 """Most XML elements within each other."""
@@ -112,9 +113,6 @@ def _text(element: Xml.Element, path: str) -> str:
 
 # --- KML ------------------------------------------------------------------------------------------
 
-_SHAPES: Mapping[str, Geometry] = {**GEOMETRIES, "LinearRing": "polygon"}
-"""Geometries by element; polygons come before the rings that are none of a polygon."""
-
 
 def _read_kml(root: Xml.Element, into: FeatureList) -> None:
     colors = {style.get("id"): _color(style) for style in root.iterfind(".//Style[@id]")}
@@ -125,12 +123,11 @@ def _read_kml(root: Xml.Element, into: FeatureList) -> None:
         style, kind = mark.find(".//Style"), _text(mark, ".//Data[@name='kind']/value")
         color = colors.get(_style(mark, "styleUrl"), b"") if style is None else _color(style)
         labels = Labels(_text(mark, "name"), kind, folder, color)
-        for tag, geometry in _SHAPES.items():
-            shapes = [*mark.iter(tag)]
-            into.add(geometry, labels, *map(_rings, shapes))
-            for shape in shapes:
-                # rings of polygons are no polygons besides
-                shape.clear()
+        for tag, geometry in GEOMETRIES.items():
+            into.add(geometry, labels, *map(_rings, mark.iter(tag)))
+        # rings that are part of no polygon
+        for path in ("LinearRing", ".//MultiGeometry/LinearRing"):
+            into.add("polygon", labels, *map(_rings, mark.iterfind(path)))
     for link in root.iter("NetworkLink"):
         into.notes.append(f"the network link {_text(link, 'name')} is not read")
 
@@ -173,7 +170,7 @@ _LONGITUDES = ("longitude", "lon", "lng", "long", "londeg", "longitudedeg", "x")
 
 
 def _read_text(data: bytes, into: FeatureList) -> None:
-    text = unicode_of(data, "", FORMATS)
+    text = text_of(data, "", FORMATS)
     if text.lstrip().startswith(("{", "[")):
         document = parse_document(text, "", "json")
         (_read_plan if document.get("fileType") == "Plan" else _read_geojson)(document, into)

@@ -31,9 +31,6 @@ from syncplan.scenario.loading import read_bytes, scenario_from
 MOST_CORNERS = 1000
 """Largest number of corners of a polygon."""
 
-SAME_PLACE_DIGITS = 7
-"""Decimals of degrees in which points are one landmark if they agree: a centimetre."""
-
 LONGEST_NAME = 60
 
 VEHICLES = ("v1", "v2", "v3")
@@ -124,7 +121,7 @@ def _as_asked(features: Sequence[Feature], options: ImportOptions) -> list[Featu
                 problem = f"{pattern!r} matches none of {', '.join(names[:12])}"
                 raise InputError(problem, key=section)
             for k in matching:
-                chosen[k] = features[k].but(section=section, reason=ASKED)
+                chosen[k] = features[k].changed(section=section, reason=ASKED)
     return chosen
 
 
@@ -140,16 +137,17 @@ def _chosen(features: Sequence[Feature], points: Sequence[Array]) -> list[Featur
     area = max(areas, key=sizes.__getitem__, default=None)
     chosen, spots, names = [], set[tuple[float, ...]](), Counter(VEHICLES)
     for k, feature in enumerate(features):
-        spot = tuple(round(degrees, SAME_PLACE_DIGITS) for degrees in feature.lat_lon_deg[0])
+        # to a centimetre
+        spot = tuple(round(degrees, 7) for degrees in feature.lat_lon_deg[0])
         if feature.section == "area" and k != area:
-            feature = feature.but(section="left_out", reason="another polygon is the area")
+            feature = feature.changed(section="left_out", reason="another polygon is the area")
         elif feature.section == "landmark" and spot in spots:
-            feature = feature.but(section="left_out", reason="at the place of another landmark")
+            feature = feature.changed(section="left_out", reason="at the place of another landmark")
         elif feature.section == "landmark":
             spots.add(spot)
-            feature = feature.but(name=_new_name(feature.name, names))
+            feature = feature.changed(name=_new_name(feature.name, names))
         elif feature.section in ("keep_out", "obstacle") and feature.holes_lat_lon_deg:
-            feature = feature.but(reason=f"{feature.reason}; its holes are closed")
+            feature = feature.changed(reason=f"{feature.reason}; its holes are closed")
         _check(feature, points[k])
         chosen.append(feature)
     return chosen

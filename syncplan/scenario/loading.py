@@ -97,7 +97,7 @@ def read_bytes(path: str | Path) -> tuple[str, bytes]:
 
 def decoded(data: bytes, source: str) -> str:
     """Return bytes as text; raises InputError if they are empty or not UTF-8."""
-    text = unicode_of(data, source, "YAML or JSON")
+    text = text_of(data, source, "YAML or JSON")
     if not text.strip():
         raise InputError(
             "is empty; see 'syncplan schema' for what a scenario contains", source=source
@@ -105,7 +105,7 @@ def decoded(data: bytes, source: str) -> str:
     return text
 
 
-def unicode_of(data: bytes, source: str, formats: str) -> str:
+def text_of(data: bytes, source: str, formats: str) -> str:
     """Return bytes as text; raises InputError naming the formats to give if they are not UTF-8."""
     try:
         return data.decode("utf-8-sig")

@@ -84,6 +84,13 @@ def test_with_a_file_standard_output_stays_empty_and_a_dash_is_standard_output(
     assert printed("plan", GRID, "-o", "-") == target.read_text()
 
 
+def test_an_import_goes_to_a_file_or_to_standard_output(printed: Any, tmp_path: Path) -> None:
+    source, target = "tests/data/places/points.csv", tmp_path / "field.yaml"
+    printed("import", source, "-o", str(target))
+    assert printed("import", source) == target.read_text()
+    assert printed("import", source, "-o", "-") == target.read_text()
+
+
 def test_a_table_can_be_asked_for(run: Any) -> None:
     _, out, _ = run("plan", BRIDGE, "--format", "table")
     assert "NOT observable" in out
