@@ -59,8 +59,11 @@ FILES = (
     "application/geo+json",
     "application/gpx+xml",
     "application/json",
+    "application/xml",
+    "application/zip",
     "text/csv",
     "text/plain",
+    "text/xml",
 )
 """Media types of files of the field; the kind of a file is detected from its bytes."""
 

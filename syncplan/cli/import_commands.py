@@ -37,10 +37,11 @@ def _import(
     """Read a field, its keep-outs and its landmarks, and write a scenario with them.
 
     Polygons that are named or coloured as no-fly, exclusion fences and holes become keep-outs, the
-    largest other polygon the area, points landmarks. Circles and sensors are examples.
+    largest other polygon the area, points landmarks. Files hold no vehicles: the scenario's orbit,
+    formation and sensor are examples.
     """
     from syncplan.importing.imported_places import import_places
-    from syncplan.runtime.files import write_text
+    from syncplan.runtime.files import as_text, write_text
 
     console.check_output(output, *files)
     places = import_places(files, **asdict(options))
@@ -51,6 +52,7 @@ def _import(
     if output is None or str(output) == "-":
         typer.echo(places.scenario_text(), nl=False)
     else:
-        write_text(output, places.scenario_text())
+        as_json = output.suffix.lower() == ".json"
+        write_text(output, as_text(places.scenario) if as_json else places.scenario_text())
         console.say(f"wrote {output}")
     return 0

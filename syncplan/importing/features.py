@@ -37,8 +37,8 @@ KINDS: Mapping[str, Section] = {
 }
 """Sections by the `kind` that exports of plans give their features."""
 
-STATED = "as its file has it"
-"""Why features become what their kinds, names or colors say."""
+STATED, NAMED, DRAWN = "as its file states", "named as no-fly", "drawn in red"
+"""Why features become what their files state."""
 
 UNSTATED: Mapping[Geometry, tuple[Section, str]] = {
     "polygon": ("area", "the largest polygon"),
@@ -50,8 +50,11 @@ UNSTATED: Mapping[Geometry, tuple[Section, str]] = {
 UNREADABLE = (TypeError, ValueError, LookupError, OverflowError)
 """Errors of values that are no numbers, or of no pair of them."""
 
+LONGEST_TITLE = 200
+
 _NO_FLY = re.compile(
-    r"no[\W_]*fl(y|ight)|nfz|keep[\W_]*out|exclu|restrict|prohibit|forbid|danger", re.IGNORECASE
+    r"(?<![a-z])(no[\W_]*fl(y|ight)|nfz|keep[\W_]*out|exclu|restrict|prohibit|forbid|danger)",
+    re.IGNORECASE,
 )
 
 
@@ -80,22 +83,34 @@ class Labels:
     ----------
     name, kind : as they are read; None or empty without
     folder : names of the folders that hold it
-    color : red, green and blue; empty without
+    red : whether it is filled or drawn in red
     """
 
     name: Any = None
     kind: Any = None
     folder: str = ""
-    color: bytes = b""
+    red: bool = False
 
     def section(self, geometry: Geometry) -> tuple[Section, str]:
         """Return what the feature becomes, and why, if nothing else is asked for."""
-        red, green, blue = (self.color + bytes(3))[:3]
-        red_fill = red > 150 and max(green, blue) < 90
         stated = KINDS.get(str(self.kind))
-        if geometry == "polygon" and (red_fill or _NO_FLY.search(f"{self.folder} {self.name}")):
-            stated = stated or "keep_out"
-        return (stated, STATED) if stated else UNSTATED[geometry]
+        if stated and suits(geometry, stated):
+            return stated, STATED
+        no_fly = _NO_FLY.search(f"{titled(self.folder)} {titled(self.name)}")
+        if geometry == "polygon" and (no_fly or self.red):
+            return "keep_out", NAMED if no_fly else DRAWN
+        return UNSTATED[geometry]
+
+
+def suits(geometry: Geometry, section: Section) -> bool:
+    """Return whether a geometry can become that: landmarks are points, all else is polygons."""
+    return section == "left_out" or geometry == ("point" if section == "landmark" else "polygon")
+
+
+def titled(text: Any) -> str:
+    """Return a name as it is shown: in one line of printing characters, cut where it is long."""
+    words = str(text or "")[: 4 * LONGEST_TITLE].split()
+    return "".join(filter(str.isprintable, " ".join(words)))[:LONGEST_TITLE]
 
 
 @dataclass(slots=True)
@@ -109,7 +124,7 @@ class FeatureList:
 
     def fault(self, labels: Labels, problem: str) -> InputError:
         """Return the error of a feature."""
-        return InputError(problem, key=str(labels.name or f"feature {len(self.features) + 1}"))
+        return InputError(problem, key=titled(labels.name) or f"feature {len(self.features) + 1}")
 
     def add(self, geometry: Geometry, labels: Labels, *shapes: Iterable[Any]) -> None:
         """Add the shapes of a feature: rings, outer first, of positions: longitude, latitude, any.
@@ -119,9 +134,9 @@ class FeatureList:
         try:
             places = [[listed(self._places(labels, ring)) for ring in rings] for rings in shapes]
         except UNREADABLE:
-            raise self.fault(labels, "has a position that is no pair of numbers") from None
+            raise self.fault(labels, "has a position that is no pair of decimal degrees") from None
         if not all(rings and all(rings) for rings in places):
-            raise self.fault(labels, "has no positions")
+            raise self.fault(labels, "has no coordinates, or not one outer boundary")
         for rings in _whole(places) if geometry == "polygon" else places:
             outer, *holes = map(_opened, rings)
             shape = "polygon" if geometry == "line" and outer != rings[0] else geometry
@@ -129,8 +144,8 @@ class FeatureList:
             self.features.append(
                 Feature(
                     file=self.source,
-                    folder=labels.folder,
-                    name="".join(filter(str.isprintable, " ".join(str(labels.name or "").split()))),
+                    folder=titled(labels.folder),
+                    name=titled(labels.name),
                     geometry=shape,
                     section=section,
                     reason=reason,
@@ -141,6 +156,8 @@ class FeatureList:
 
     def _places(self, labels: Labels, positions: Iterable[Any]) -> Iterator[LatLon]:
         for position in positions:
+            if isinstance(position, str):
+                raise TypeError
             latitude, longitude = float(position[1]), float(position[0])
             self.positions += 1
             if self.positions > MOST_POSITIONS:
@@ -200,7 +217,14 @@ def _whole(polygons: list[list[list[LatLon]]]) -> list[list[list[LatLon]]]:
     return [[*map(listed, rings)] for rings in joined_polygons(onward, tolerance=1e-8)]
 
 
-def color_of(*texts: Any) -> bytes:
-    """Return the bytes of the first hexadecimal color; empty if there is none."""
-    colors = (re.fullmatch(r"\s*#*((?:[0-9a-fA-F]{2}){3,4})\s*", str(text)) for text in texts)
-    return next((bytes.fromhex(color[1]) for color in colors if color), b"")
+def is_red(*colors: Any, order: str = "rgb") -> bool:
+    """Return whether any of the colors is red: by name, or hexadecimal digits in an order."""
+    for color in colors:
+        digits = str(color or "").strip().lstrip("#").lower()
+        if len(digits) == 3:
+            digits = "".join(2 * digit for digit in digits)
+        if re.fullmatch(r"([0-9a-f]{2}){3,4}", digits):
+            parts = dict(zip(order, bytes.fromhex(digits), strict=False))
+            if parts["r"] > 127 and 3 * max(parts["g"], parts["b"]) < parts["r"]:
+                return True
+    return "red" in colors

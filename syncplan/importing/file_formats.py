@@ -9,20 +9,26 @@ import io
 import re
 import zipfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import islice
+from itertools import count, islice
 from typing import Any
 from xml.etree import ElementTree as Xml
 from xml.parsers import expat
 
 from syncplan.errors import InputError
-from syncplan.importing.features import GEOMETRIES, FeatureList, Geometry, Labels, color_of
+from syncplan.importing.features import GEOMETRIES, FeatureList, Geometry, Labels, is_red, titled
 from syncplan.scenario.loading import parse_document, text_of
 
-LARGEST_BYTES = 32 * 2**20
-"""Largest file, also once unpacked."""
+LARGEST_BYTES, LARGEST_ARCHIVE = 5 * 2**20, 16 * 2**20
+"""Largest file, also once unpacked, and largest archive, which may hold pictures."""
+
+MOST_ITEMS = 500_000
+"""Most lines of a file, and most elements of XML."""
 
 FORMATS = "KML, KMZ, GeoJSON, GPX, a QGroundControl plan, a fence list or CSV"
 """What may be given, in messages."""
+
+LONGEST_HEAD = 10_000
+"""Number of characters of a table's head that are read."""
 
 DEEPEST = 100
 """Most XML elements within each other."""
@@ -35,12 +41,14 @@ def features_of(data: bytes, source: str) -> FeatureList:
     """
     into = FeatureList(source)
     start = data.removeprefix(b"\xef\xbb\xbf").lstrip()
+    packed = start.startswith(b"PK\x03\x04")
+    most = LARGEST_ARCHIVE if packed else LARGEST_BYTES
     try:
-        if len(data) > LARGEST_BYTES:
-            raise InputError(f"is larger than {LARGEST_BYTES // 2**20} MiB; simplify it")
-        if start.startswith(b"PK"):
-            _read_kml(_parsed(_unpacked(start)), into)
-        elif start.startswith((b"<", b"\xff\xfe", b"\xfe\xff")):
+        if len(data) > most:
+            raise InputError(f"is larger than {most // 2**20} MiB; simplify it")
+        if packed:
+            _read_kml(_parsed(_unpacked(start, into)), into)
+        elif start.startswith((b"<", b"\xff\xfe<\0", b"\xfe\xff\0<")):
             root = _parsed(start)
             _read_kml(root, into)
             _read_gpx(root, into)
@@ -58,11 +66,14 @@ def features_of(data: bytes, source: str) -> FeatureList:
 # --- archives and XML -----------------------------------------------------------------------------
 
 
-def _unpacked(data: bytes) -> bytes:
+def _unpacked(data: bytes, into: FeatureList) -> bytes:
     """The first KML file of an archive."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            names = [name for name in archive.namelist() if name.lower().endswith(".kml")]
+            # what Finder adds begins so
+            hidden = re.compile(r"__MACOSX/|(.*/)?\._")
+            names = [name for name in archive.namelist() if not hidden.match(name)]
+            names = [name for name in names if name.lower().endswith(".kml")]
             texts = [archive.open(name).read(LARGEST_BYTES + 1) for name in names[:1]]
     # of what an archive's bytes may hold, zipfile refuses some by errors of its own
     except Exception as error:
@@ -71,18 +82,24 @@ def _unpacked(data: bytes) -> bytes:
         raise InputError("holds no .kml file")
     if len(texts[0]) > LARGEST_BYTES:
         raise InputError(f"unpacks to more than {LARGEST_BYTES // 2**20} MiB")
+    if len(names) > 1:
+        into.notes.append(f"of {len(names)} .kml files, the first is read")
     return texts[0]
 
 
 def _parsed(data: bytes) -> Xml.Element:
     """The root element; names of elements are without namespaces, declared or not."""
     builder, parser, opened = Xml.TreeBuilder(), expat.ParserCreate(), list[str]()
+    number = count(1)
 
     def start(tag: str, attributes: dict[str, str]) -> None:
         opened.append(tag.rpartition(":")[2])
         if len(opened) > DEEPEST:
             raise InputError(f"nests more than {DEEPEST} elements")
-        builder.start(opened[-1], attributes)
+        if next(number) > MOST_ITEMS:
+            raise InputError(f"has more than {MOST_ITEMS:,} elements; simplify it")
+        named = {name.rpartition(":")[2]: value for name, value in attributes.items()}
+        builder.start(opened[-1], named)
 
     def refuse(*_: Any) -> None:
         raise InputError("has a document type; save it without <!DOCTYPE>")
@@ -115,21 +132,25 @@ def _text(element: Xml.Element, path: str) -> str:
 
 
 def _read_kml(root: Xml.Element, into: FeatureList) -> None:
-    colors = {style.get("id"): _color(style) for style in root.iterfind(".//Style[@id]")}
+    reds = {style.get("id"): _is_red(style) for style in root.iterfind(".//Style[@id]")}
+    for element in root.iterfind(".//CascadingStyle[@id]"):
+        reds[element.get("id")] = _is_red(element)
     for styles in root.iterfind(".//StyleMap[@id]"):
-        normal = _style(styles, "Pair[key='normal']/styleUrl")
-        colors[styles.get("id")] = colors.get(normal, b"")
+        reds[styles.get("id")] = reds.get(_style(styles, "Pair[key='normal']/styleUrl"))
     for mark, folder in _placemarks(root, ""):
         style, kind = mark.find(".//Style"), _text(mark, ".//Data[@name='kind']/value")
-        color = colors.get(_style(mark, "styleUrl"), b"") if style is None else _color(style)
-        labels = Labels(_text(mark, "name"), kind, folder, color)
+        red = None if style is None else _is_red(style)
+        if red is None:
+            red = reds.get(_style(mark, "styleUrl"))
+        labels = Labels(_text(mark, "name"), kind, folder, bool(red))
         for tag, geometry in GEOMETRIES.items():
             into.add(geometry, labels, *map(_rings, mark.iter(tag)))
         # rings that are part of no polygon
         for path in ("LinearRing", ".//MultiGeometry/LinearRing"):
             into.add("polygon", labels, *map(_rings, mark.iterfind(path)))
-    for link in root.iter("NetworkLink"):
-        into.notes.append(f"the network link {_text(link, 'name')} is not read")
+    for tag in ("NetworkLink", "GroundOverlay", "Track", "Model"):
+        if number := len(root.findall(f".//{tag}")):
+            into.notes.append(f"elements that are left out: {number} {tag}")
 
 
 def _placemarks(element: Xml.Element, folder: str) -> Iterator[tuple[Xml.Element, str]]:
@@ -145,10 +166,15 @@ def _placemarks(element: Xml.Element, folder: str) -> Iterator[tuple[Xml.Element
 def _rings(shape: Xml.Element) -> list[Iterable[list[str]]]:
     """Positions of the rings of a polygon, outer first, or of a shape that has none."""
     outer = shape.findall("outerBoundaryIs//LinearRing")
-    rings = [*outer, *shape.iterfind("innerBoundaryIs//LinearRing")] or [shape]
+    rings = [*outer, *shape.iterfind("innerBoundaryIs//LinearRing")]
+    if shape.tag != "Polygon":
+        rings = [shape]
+    elif len(outer) != 1:
+        rings = []
     # blanks around commas are a common mistake
-    texts = [re.sub(r"\s*,\s*", ",", ring.findtext("coordinates") or "") for ring in rings]
-    return [(position.split(",") for position in text.split()) for text in texts]
+    texts = (ring.findtext("coordinates") or "" for ring in rings)
+    lists = [",".join(map(str.strip, text.split(","))) for text in texts]
+    return [(position.split(",") for position in text.split()) for text in lists]
 
 
 def _style(element: Xml.Element, path: str) -> str:
@@ -156,9 +182,12 @@ def _style(element: Xml.Element, path: str) -> str:
     return _text(element, path).rpartition("#")[2]
 
 
-def _color(style: Xml.Element) -> bytes:
-    """Red, green and blue of a style, which has them in reverse."""
-    return color_of(style.findtext("PolyStyle/color"), style.findtext("LineStyle/color"))[::-1]
+def _is_red(style: Xml.Element) -> bool | None:
+    """Whether a style fills or draws in red; None if it has no colors of polygons."""
+    colors = [
+        part.text for tag in ("Poly", "Line") for part in style.iterfind(f".//{tag}Style/color")
+    ]
+    return is_red(*colors, order="abgr") if colors else None
 
 
 # --- text -----------------------------------------------------------------------------------------
@@ -170,13 +199,13 @@ _LONGITUDES = ("longitude", "lon", "lng", "long", "londeg", "longitudedeg", "x")
 
 
 def _read_text(data: bytes, into: FeatureList) -> None:
-    text = text_of(data, "", FORMATS)
+    text = text_of(data, "", "UTF-8 text, or an archive (KMZ)")
     if text.lstrip().startswith(("{", "[")):
         document = parse_document(text, "", "json")
         (_read_plan if document.get("fileType") == "Plan" else _read_geojson)(document, into)
         return
-    lines = (line for line in io.StringIO(text, None) if line.strip() and line[0] != "#")
-    head = next(lines, "")
+    lines = _lines(text)
+    head = next((line for line in lines if not line.startswith("#")), "")
     if head.startswith("QGC WPL"):
         _read_items(lines, into)
     elif _PAIR.fullmatch(head):
@@ -185,6 +214,15 @@ def _read_text(data: bytes, into: FeatureList) -> None:
         into.add_fence(True, map(str.split, lines))
     else:
         _read_points(head, lines, into)
+
+
+def _lines(text: str) -> Iterator[str]:
+    """The lines that are not blank."""
+    for number, line in enumerate(io.StringIO(text, None)):
+        if number >= MOST_ITEMS:
+            raise InputError(f"has more than {MOST_ITEMS:,} lines; simplify it")
+        if line.strip():
+            yield line
 
 
 def _key(head: str) -> str:
@@ -209,7 +247,7 @@ _COLLECTIONS = {"FeatureCollection": "features", "GeometryCollection": "geometri
 
 def _read_geojson(document: Mapping[str, Any], into: FeatureList) -> None:
     reference = str(document.get("crs") or "CRS84")
-    if "CRS84" not in reference and "4326" not in reference:
+    if not re.search(r"CRS84|\b4326\b", reference):
         problem = f"has coordinates of {reference[:80]}; save it in degrees (WGS 84, EPSG:4326)"
         raise InputError(problem, key="crs")
     objects: list[tuple[Any, Labels]] = [(document, Labels())]
@@ -222,8 +260,8 @@ def _read_geojson(document: Mapping[str, Any], into: FeatureList) -> None:
             properties = _as(dict, member.get("properties"))
             fields = {_key(head): text for head, text in properties.items()}
             name = _first(fields, _NAMES) or member.get("id")
-            color = color_of(fields.get("fill"), fields.get("stroke"))
-            objects.append((member.get("geometry"), Labels(name, fields.get("kind"), color=color)))
+            red = is_red(fields.get("fill"), fields.get("stroke"))
+            objects.append((member.get("geometry"), Labels(name, fields.get("kind"), red=red)))
         elif kind in _COLLECTIONS:
             members = _as(list, member.get(_COLLECTIONS[kind]))
             objects += [(inner, labels) for inner in reversed(members)]
@@ -234,7 +272,9 @@ def _read_geojson(document: Mapping[str, Any], into: FeatureList) -> None:
                 for part in (parts if kind != single else [parts])
             ]
             into.add(GEOMETRIES[single], labels, *shapes)
-        elif value is not None:
+        elif value is None:
+            into.notes.append(f"{titled(labels.name) or 'a feature'} has no geometry")
+        else:
             problem = f"has a geometry of type {kind[:40]}; give points or polygons"
             raise into.fault(labels, problem)
 
@@ -277,21 +317,26 @@ def _read_items(lines: Iterable[str], into: FeatureList) -> None:
         else:
             left_out += 1
     if left_out:
-        into.notes.append(f"{left_out} items that are no fences are left out")
+        into.notes.append(f"items that are no fences, and left out: {left_out}")
 
 
 def _read_points(head: str, lines: Iterable[str], into: FeatureList) -> None:
     """Add the points of a table: latitude, longitude and name, in columns in any order."""
     delimiter = max(";\t,", key=head.count)
-    columns = [_key(column) for column in head.split(delimiter)]
-    latitudes, longitudes, names = map(set(columns).intersection, (_LATITUDES, _LONGITUDES, _NAMES))
-    if not (latitudes and longitudes):
+    heads = next(csv.reader([head[:LONGEST_HEAD]], delimiter=delimiter))
+    columns = [_key(column) for column in heads]
+    latitude, longitude, *_ = (
+        next(filter(columns.__contains__, keys), "") for keys in (_LATITUDES, _LONGITUDES)
+    )
+    if not (latitude and longitude):
         problem = f"has the columns {', '.join(columns)[:80] or 'none'}; its first line must name"
         remedy = "latitude and longitude, in degrees, not eastings and northings"
         raise InputError(f"{problem} {remedy}")
     for number, row in enumerate(filter(any, csv.reader(lines, delimiter=delimiter)), start=1):
         cells = dict(zip(columns, row, strict=False))
+        labels = Labels(_first(cells, _NAMES) or f"P{number}")
+        if any(row[len(columns) :]):
+            raise into.fault(labels, "has more cells than its table has columns")
         # where semicolons part columns, commas may part decimals
-        place = [str(_first(cells, keys)).replace(",", ".") for keys in (_LONGITUDES, _LATITUDES)]
-        name = _first(cells, _NAMES) if names else f"P{number}"
-        into.add("point", Labels(name), [[place]])
+        place = [cells.get(key, "").replace(",", ".") for key in (longitude, latitude)]
+        into.add("point", labels, [[place]])

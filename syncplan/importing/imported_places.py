@@ -20,18 +20,22 @@ from syncplan import __version__
 from syncplan.arrays import Array
 from syncplan.documents import VersionedDocument
 from syncplan.errors import InputError
-from syncplan.importing.features import STATED, UNSTATED, Feature, Section
+from syncplan.importing.features import STATED, UNSTATED, Feature, Section, suits
 from syncplan.importing.file_formats import features_of
 from syncplan.importing.import_options import ImportOptions
 from syncplan.options import lists_options
 from syncplan.scenario.areas import polygon_fault
 from syncplan.scenario.ground import middle_of, points_of
 from syncplan.scenario.loading import read_bytes, scenario_from
+from syncplan.scenario.specification import Scenario
 
 MOST_CORNERS = 1000
 """Largest number of corners of a polygon."""
 
 LONGEST_NAME = 60
+
+INSCRIBED_SHARE = 0.6
+"""Radius of an example's circles over that of the largest circle in a narrow area."""
 
 VEHICLES = ("v1", "v2", "v3")
 """Names of the example's vehicles, which no landmark has."""
@@ -87,11 +91,14 @@ def import_places(
     features = [feature for each in lists for feature in each.features]
     points = _points(features)
     features = _chosen(_as_asked(features, ImportOptions(**options)), points)
+    notes = [f"{each.source}: {note}" for each in lists for note in each.notes]
+    if all(feature.section == "left_out" for feature in features):
+        notes.append("all features are left out; say what they become")
     return ImportedPlaces(
         version=__version__,
         features=features,
-        scenario=_scenario(Path(lists[0].source).stem, features, points),
-        notes=[f"{each.source}: {note}" for each in lists for note in each.notes],
+        scenario=_scenario(Path(lists[0].source).stem, features),
+        notes=notes,
     )
 
 
@@ -105,7 +112,10 @@ def _points(features: Sequence[Feature]) -> list[Array]:
     try:
         return np.split(points_of(middle_of(places), places), ends[:-1])
     except InputError:
-        problem = "features lie more than 1,000 km apart; keep those of one field"
+        problem = (
+            "features lie more than 1,000 km apart; keep those of one field, and check whether "
+            "latitudes and longitudes are exchanged"
+        )
         raise InputError(problem, source=features[0].file) from None
 
 
@@ -114,20 +124,26 @@ def _as_asked(features: Sequence[Feature], options: ImportOptions) -> list[Featu
     chosen = list(features)
     # what comes first counts where several match
     for section in reversed(get_args(Section)):
-        for pattern in getattr(options, section):
+        patterns = getattr(options, section)
+        for pattern in [patterns] if isinstance(patterns, str) else patterns:
             matching = [k for k, feature in enumerate(features) if _matches(feature, pattern)]
+            # a folder may hold others beside
+            fitting = [k for k in matching if suits(features[k].geometry, section)]
             if not matching:
                 names = sorted({feature.name or feature.geometry for feature in features})
                 problem = f"{pattern!r} matches none of {', '.join(names[:12])}"
                 raise InputError(problem, key=section)
-            for k in matching:
+            for k in fitting or matching:
                 chosen[k] = features[k].changed(section=section, reason=ASKED)
     return chosen
 
 
 def _matches(feature: Feature, pattern: str) -> bool:
-    names = feature.name, feature.folder, f"{feature.folder} / {feature.name}"
-    return any(fnmatchcase(name.casefold(), pattern.casefold()) for name in names if name)
+    name, folder = feature.name or feature.geometry, feature.folder
+    # of special characters, there is the star alone
+    wanted = pattern.casefold().replace("[", "[[]").replace("?", "[?]")
+    names = (name, folder, f"{folder} / {name}")
+    return any(fnmatchcase(known.casefold(), wanted) for known in names if known)
 
 
 def _chosen(features: Sequence[Feature], points: Sequence[Array]) -> list[Feature]:
@@ -156,15 +172,25 @@ def _chosen(features: Sequence[Feature], points: Sequence[Array]) -> list[Featur
 def _check(feature: Feature, points: Array) -> None:
     """Raise InputError for a feature that can't be what it becomes."""
     geometry, section, problem = feature.geometry, feature.section, ""
-    if section != "left_out" and (geometry == "point") != (section == "landmark"):
-        problem = f"is a {geometry}, not {section}: landmarks are points, all else is polygons"
+    if not suits(geometry, section):
+        wanted = section.replace("_", "-")
+        problem = f"is a {geometry}, not {wanted}: landmarks are points, all else is polygons"
     elif section not in ("landmark", "left_out"):
-        problem = polygon_fault(points.tolist())
-        if len(points) > MOST_CORNERS:
-            problem = f"has {len(points):,} corners, more than {MOST_CORNERS:,}"
+        rings = [points]
+        if section == "area":
+            origin = middle_of(np.array(feature.lat_lon_deg))
+            rings += [points_of(origin, np.array(hole)) for hole in feature.holes_lat_lon_deg]
+        problem = next(filter(None, map(_ring_fault, rings)), "")
     if problem:
         problem = f"{problem}; correct the file, or leave the feature out"
-        raise InputError(problem, key=feature.name or feature.geometry, source=feature.file)
+        raise InputError(problem, key=feature.name or geometry, source=feature.file)
+
+
+def _ring_fault(points: Array) -> str:
+    """What is wrong with the corners of a polygon; empty if nothing is."""
+    if len(points) > MOST_CORNERS:
+        return f"has {len(points):,} corners, more than {MOST_CORNERS:,}"
+    return polygon_fault(points.tolist())
 
 
 def _size(points: Array) -> float:
@@ -183,32 +209,54 @@ def _new_name(name: str, names: Counter[str]) -> str:
     return new
 
 
-def _scenario(title: str, features: Sequence[Feature], points: Sequence[Array]) -> dict[str, Any]:
-    """The keys of a scenario; what flies and sees is an example in a size that fits.
-
-    Circles are an eighth of the widest extent, flown in less than a minute, and sensors see as far
-    as half of it.
-    """
+def _scenario(title: str, features: Sequence[Feature]) -> dict[str, Any]:
+    """The keys of a scenario: what flies and sees is an example in a size that fits."""
     areas, keep_outs, obstacles, marks = (
         [feature for feature in features if feature.section == section]
         for section in ("area", "keep_out", "obstacle", "landmark")
     )
     holes = [hole for area in areas for hole in area.holes_lat_lon_deg]
-    used = [points[k] for k, each in enumerate(features) if each.section in ("area", "landmark")]
-    extent = float(np.max(np.ptp(np.concatenate(used), axis=0))) if used else 0.0
-    # places of less than a metre say nothing
-    size = extent if extent > 1.0 else 300.0
-    radius, speed, reach = (float(f"{size / part:.2g}") for part in (8.0, 60.0, 2.0))
-    keys = {
-        "name": title if title.isprintable() and len(title) <= LONGEST_NAME else "",
-        "orbit": {"radius_m": radius, "speed_mps": speed},
-        "formation": {"count": len(VEHICLES), "links": [*map(list, combinations(VEHICLES, 2))]},
-        "sensor": {"range_m": reach, "bearing_sigma_rad": 0.03, "sample_time_s": 0.2},
+    places = {
         "area_lat_lon_deg": [place for area in areas for place in area.lat_lon_deg],
         "keep_out_lat_lon_deg": [keep_out.lat_lon_deg for keep_out in keep_outs] + holes,
         "obstacles_lat_lon_deg": [obstacle.lat_lon_deg for obstacle in obstacles],
         "landmarks_lat_lon_deg": {mark.name: mark.lat_lon_deg[0] for mark in marks},
     }
-    keys = {key: value for key, value in keys.items() if value}
-    scenario_from(keys)
-    return keys
+    given = {key: value for key, value in places.items() if value}
+    example = _example(scenario_from({**_sized(1.0, 1.0), **given}))
+    named = {"name": title} if title.isprintable() and len(title) <= LONGEST_NAME else {}
+    return {**named, **example, **given}
+
+
+def _example(placed: Scenario) -> dict[str, Any]:
+    """Orbit, formation and sensor in a size that fits the places of a scenario."""
+    import shapely
+
+    points = np.array([*(placed.area_m or []), *placed.landmarks, (0.0, 0.0)])
+    extent = float(np.max(np.ptp(points, axis=0)))
+    # places of less than a metre say nothing
+    size = extent if extent > 1.0 else 300.0
+    radius = size / 8.0
+    if placed.area_m:
+        blocked = shapely.union_all([*map(shapely.Polygon, placed.keep_out_m or [])])
+        free = shapely.Polygon(placed.area_m).difference(blocked)
+        radius = min(radius, INSCRIBED_SHARE * shapely.maximum_inscribed_circle(free).length)
+    return _sized(radius, size)
+
+
+def _sized(radius: float, size: float) -> dict[str, Any]:
+    """An example of circles of a radius in m, flown at up to 1 m/s^2, in places of a size in m."""
+    speed = min(radius / 7.5, radius**0.5)
+    return {
+        "orbit": {"radius_m": _rounded(radius), "speed_mps": _rounded(speed)},
+        "formation": {"count": len(VEHICLES), "links": [*map(list, combinations(VEHICLES, 2))]},
+        "sensor": {
+            "range_m": _rounded(size / 2.0),
+            "bearing_sigma_rad": 0.03,
+            "sample_time_s": 0.2,
+        },
+    }
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.2g}")

@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ import shapely
 from syncplan.errors import InputError
 from syncplan.exporting.formats import export
 from syncplan.importing.imported_places import ImportedPlaces, import_places
+from syncplan.placement.centers import place
 from syncplan.scenario.loading import parse_document, scenario_from
 from tests.exporting.test_fences import AREA, KEEP_OUT, fenced
 from tests.tools.exported import FORCED, ORIGIN, to_plane
@@ -50,7 +52,7 @@ def square(west: float, side: float = 0.001) -> list[list[float]]:
     return [[west + x, 47.0 + y] for x, y in corners]
 
 
-def collected(name: str, *rings: list[list[float]], **properties: str) -> dict[str, Any]:
+def collected(name: str, *rings: Any, **properties: str) -> dict[str, Any]:
     """A feature of GeoJSON."""
     shape = {"type": "Polygon", "coordinates": rings}
     return {"type": "Feature", "properties": {"name": name, **properties}, "geometry": shape}
@@ -73,7 +75,7 @@ def test_kml_folders_styles_holes_and_multigeometries(packed: bool) -> None:
     sections = {each.name: (each.section, each.reason) for each in places.features}
     assert sections["barn"] == ("left_out", "another polygon is the area")
     assert sections["road"] == ("left_out", "a line that is not closed")
-    assert sections["pylon"] == ("keep_out", "as its file has it")
+    assert sections["pylon"] == ("keep_out", "drawn in red")
     assert {each.folder for each in places.features} == {"Field & fences", "Marks"}
 
 
@@ -98,7 +100,7 @@ def test_names_choose_what_features_become() -> None:
     assert (len(area), keep_outs, obstacles, landmarks) == (3, 0, 2, ["mast", "mast 2"])
     with pytest.raises(InputError, match="area: 'shed' matches none of Field 7, No-fly: school"):
         import_places(FILES / "survey.kml", area=("shed",))
-    with pytest.raises(InputError, match="mast: is a point, not keep_out: landmarks are points"):
+    with pytest.raises(InputError, match="mast: is a point, not keep-out: landmarks are points"):
         import_places(FILES / "survey.kml", keep_out=("mast",))
 
 
@@ -154,7 +156,7 @@ def test_fence_lists_of_ardupilot() -> None:
     area, keep_outs, _, _ = keys_of(places)
     assert (area, keep_outs) == (FIELD, 2)
     assert places.notes == [
-        "tests/data/places/fences.waypoints: 1 items that are no fences are left out",
+        "tests/data/places/fences.waypoints: items that are no fences, and left out: 1",
     ]
 
 
@@ -206,7 +208,7 @@ def test_names_of_vehicles_and_signs_that_do_not_print_do_not_stay() -> None:
     assert keys_of(import_places({"points.csv": points.encode()}))[3] == [
         "v1 2",
         "mast",
-        "landmark",
+        "P3",
     ]
 
 
@@ -217,7 +219,127 @@ def test_holes_of_keep_outs_are_closed_and_said_to_be() -> None:
     feature = {"type": "Feature", "properties": {"name": "no-fly"}, "geometry": shape}
     places = import_places({"zone.json": json.dumps(feature).encode()})
     assert keys_of(places)[1] == 1
-    assert places.features[0].reason == "as its file has it; its holes are closed"
+    assert places.features[0].reason == "named as no-fly; its holes are closed"
+
+
+def as_collection(*features: dict[str, Any]) -> bytes:
+    """A GeoJSON file of features."""
+    return json.dumps({"type": "FeatureCollection", "features": features}).encode()
+
+
+def marked(name: str, style: str = "", shape: str = "") -> str:
+    """A placemark of KML: a square field of its own, or another shape."""
+    ring = " ".join(f"{x},{y}" for x, y in square(8.5 + 0.002 * (len(name) % 7)))
+    line = f"<LinearRing><coordinates>{ring}</coordinates></LinearRing>"
+    polygon = f"<Polygon><outerBoundaryIs>{line}</outerBoundaryIs></Polygon>"
+    return f"<Placemark><name>{name}</name>{style}{shape or polygon}</Placemark>"
+
+
+def sections_of(text: bytes | str, **options: Any) -> dict[str, str]:
+    """What the features of a file become, by name."""
+    data = text.encode() if isinstance(text, str) else text
+    return {each.name: each.section for each in import_places({"file": data}, **options).features}
+
+
+@pytest.mark.parametrize(
+    ("properties", "section"),
+    [
+        ({"fill": "#f00"}, "keep_out"),
+        ({"fill": "red"}, "keep_out"),
+        ({"fill": "#555555", "stroke": "#ff0000"}, "keep_out"),
+        ({"fill": "#E65100"}, "area"),
+        ({"fill": "#555555"}, "area"),
+        ({"name": "Unrestricted flying"}, "area"),
+        ({"name": "Casino Flyover"}, "area"),
+        ({"name": "my_nofly_zone"}, "keep_out"),
+        ({"name": "TFR: flight restricted"}, "keep_out"),
+        ({"kind": "obstacle"}, "obstacle"),
+        ({"kind": "landmark"}, "area"),
+    ],
+)
+def test_names_and_colours_say_what_a_polygon_is(properties: dict[str, str], section: str) -> None:
+    feature = collected("field", square(8.5))
+    feature["properties"] |= properties
+    assert [*sections_of(as_collection(feature)).values()] == [section]
+
+
+def test_styles_of_kml_add_to_those_they_refer_to() -> None:
+    red = "<LineStyle><color>ff0000ff</color></LineStyle>"
+    grey = "<PolyStyle><color>ff555555</color></PolyStyle>"
+    shared = f"<Style id='r'>{grey}{red}</Style>"
+    web = f"<CascadingStyle kml:id='w'><Style>{red}</Style></CascadingStyle>"
+    icon = "<styleUrl>#r</styleUrl><Style><IconStyle/></Style>"
+    marks = [
+        marked("a", "<styleUrl>#r</styleUrl>"),
+        marked("bb", icon),
+        marked("ccc", "<styleUrl>#w</styleUrl>"),
+        marked("dddd", f"<styleUrl>#r</styleUrl><Style>{grey}</Style>"),
+    ]
+    text = f"<kml><Document>{shared}{web}{''.join(marks)}</Document></kml>"
+    assert sections_of(text) == {
+        "a": "keep_out",
+        "bb": "keep_out",
+        "ccc": "keep_out",
+        "dddd": "area",
+    }
+
+
+def test_patterns_are_exact_but_for_stars_and_take_what_fits_of_a_folder() -> None:
+    fields = as_collection(collected("Field [1]", square(8.5)), collected("Field 1", square(8.6)))
+    assert sections_of(fields, area="field [1]") == {"Field [1]": "area", "Field 1": "left_out"}
+    point = "<Point><coordinates>8.5,47</coordinates></Point>"
+    marks = f"{marked('barn')}{marked('label', shape=point)}"
+    folder = f"<kml><Folder><name>No fly zones</name>{marks}</Folder></kml>"
+    assert sections_of(folder, keep_out="no fly*") == {"barn": "keep_out", "label": "landmark"}
+    nameless = as_collection(collected("", square(8.5)), collected("b", square(8.6)))
+    assert sections_of(nameless, left_out="polygon") == {"": "left_out", "b": "area"}
+
+
+@pytest.mark.parametrize(
+    ("text", "landmarks"),
+    [
+        ("name,x,y,latitude,longitude\nmast,1.5,2.5,47.1,8.5\n", {"mast": (47.1, 8.5)}),
+        ("# survey\nname,lat,lon\n#1,47.1,8.5\n", {"#1": (47.1, 8.5)}),
+        ('"Name, local",lat,lon,height\nmast,47.1,8.5,120\n', {"P1": (47.1, 8.5)}),
+        ("id,name,lat,lon\n1,mast,47.1,8.5\n", {"mast": (47.1, 8.5)}),
+        ("name;lat;lon\nmast;47,1;8,5\n", {"mast": (47.1, 8.5)}),
+        ("PKT,lat,lon\nmast,47.1,8.5\n", {"P1": (47.1, 8.5)}),
+    ],
+)
+def test_columns_are_chosen_by_their_heads(
+    text: str, landmarks: dict[str, tuple[float, float]]
+) -> None:
+    scenario = import_places({"marks.csv": text.encode()}).scenario
+    assert scenario["landmarks_lat_lon_deg"] == landmarks
+
+
+def test_what_is_left_out_is_noted() -> None:
+    empty = {"type": "Feature", "properties": {"name": "draft"}, "geometry": None}
+    places = import_places({"a.json": as_collection(empty, collected("b", square(8.5)))})
+    assert places.notes == ["a.json: draft has no geometry"]
+    track = marked("walk", shape="<gx:Track/>")
+    places = import_places({"a.kml": f"<kml>{track}{marked('b')}<NetworkLink/></kml>".encode()})
+    assert places.notes == [
+        "a.kml: elements that are left out: 1 NetworkLink",
+        "a.kml: elements that are left out: 1 Track",
+    ]
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w") as archive:
+        for name in ("__MACOSX/._doc.kml", "doc.kml", "other.kml"):
+            archive.writestr(name, f"<kml>{marked('b')}</kml>" if name == "doc.kml" else "x")
+    places = import_places({"a.kmz": packed.getvalue()}, left_out="b")
+    assert places.notes == [
+        "a.kmz: of 2 .kml files, the first is read",
+        "all features are left out; say what they become",
+    ]
+
+
+def test_the_example_fits_a_narrow_field() -> None:
+    corners = [[8.5, 47.4], [8.513, 47.4], [8.513, 47.4005], [8.5, 47.4005], [8.5, 47.4]]
+    keys = import_places({"a": as_collection(collected("a", corners))}).scenario
+    # 56 m wide
+    assert 10.0 < keys["orbit"]["radius_m"] < 28.0
+    assert place(scenario_from(keys)).clearance > 0.0
 
 
 # --- what is refused ------------------------------------------------------------------------------
@@ -235,8 +357,8 @@ def test_holes_of_keep_outs_are_closed_and_said_to_be() -> None:
         ("eastings.csv", "latitude and longitude, in degrees, not eastings and northings"),
         ("short.waypoints", "inclusion fence 1: has fewer corners than the 4 that it counts"),
         ("circle.plan", "inclusion fence 1: is a circle without a center and a radius"),
-        ("words.gpx", "mast: has a position that is no pair of numbers"),
-        ("bytes.csv", "is not text: byte 18 is not UTF-8; give KML, KMZ, GeoJSON, GPX"),
+        ("words.gpx", "mast: has a position that is no pair of decimal degrees"),
+        ("bytes.csv", "is not text: byte 18 is not UTF-8; give UTF-8 text"),
     ],
 )
 def test_malformed_files_are_refused_in_one_line(name: str, message: str) -> None:
@@ -249,14 +371,20 @@ def test_malformed_files_are_refused_in_one_line(name: str, message: str) -> Non
 
 
 def test_files_that_are_too_large_are_refused_before_they_are_held() -> None:
-    many = " ".join(f"8.5,{47.0 + k * 1e-7:.7f}" for k in range(1_000_000))
+    many = " ".join(f"8.5,{47.0 + k * 1e-7:.7f}" for k in range(150_000))
     line = f"<LineString><coordinates>{many}</coordinates></LineString>"
     track = f"<kml><Placemark><name>track</name>{line}</Placemark></kml>".encode()
     with pytest.raises(InputError, match="track: is beyond 100,000 positions"):
         import_places({"track.kml": track})
+    with pytest.raises(InputError, match=r"track\.kml: is larger than 5 MiB; simplify it"):
+        import_places({"track.kml": track + b" " * (5 * 2**20)})
     bomb = kmz(b"<kml>" + b" " * (64 * 2**20) + b"</kml>")
-    with pytest.raises(InputError, match=r"bomb\.kmz: unpacks to more than 32 MiB"):
+    with pytest.raises(InputError, match=r"bomb\.kmz: unpacks to more than 5 MiB"):
         import_places({"bomb.kmz": bomb})
+    with pytest.raises(InputError, match="has more than 500,000 elements"):
+        import_places({"a.kml": b"<kml>" + b"<a/>" * 600_000 + b"</kml>"})
+    with pytest.raises(InputError, match="has more than 500,000 lines"):
+        import_places({"a.txt": b"QGC WPL 110\n" + b"1\n" * 600_000})
     with pytest.raises(InputError, match=r"empty\.kmz: holds no \.kml file"):
         import_places({"empty.kmz": kmz(b"", name="readme.txt")})
     deep = b"<kml>" + b"<Folder>" * 5000
@@ -277,6 +405,40 @@ def test_a_fence_that_counts_no_corners_of_its_own_is_refused(count: str) -> Non
     text = (FILES / "fences.waypoints").read_text().replace("5001\t4", f"5001\t{count}")
     with pytest.raises(InputError, match=r"^fences: inclusion fence 1: has "):
         import_places({"fences": text.encode()})
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            as_collection(collected("f", ["12", "34", "56", "12"])),
+            "f: has a position that is no pair",
+        ),
+        (
+            json.dumps({"crs": "EPSG:14326", **collected("f", square(8.5))}).encode(),
+            "crs: has coordinates of EPSG:14326",
+        ),
+        (
+            as_collection(collected("f", square(8.5, 0.01), square(8.501)[:2] + square(8.6)[2:])),
+            "f: ",
+        ),
+        (b"name,lat,lon\nmast,47,0076,8,545\n", "mast: has more cells than its table has columns"),
+        (b"name,lat,lon\nmast,47.1N,8.5E\n", "mast: has a position that is no pair of decimal deg"),
+        (
+            marked("f").replace("outerB", "innerB").encode(),
+            "f: has no coordinates, or not one outer boundary",
+        ),
+        (
+            marked("f")
+            .replace("<Polygon>", "<Polygon><outerBoundaryIs><LinearRing/></outerBoundaryIs>")
+            .encode(),
+            "f: has no coordinates, or not one outer boundary",
+        ),
+    ],
+)
+def test_places_that_would_be_read_wrongly_are_refused(text: bytes, message: str) -> None:
+    with pytest.raises(InputError, match=rf"^file: {re.escape(message)}"):
+        import_places({"file": text if text[:1] != b"<" else b"<kml>" + text + b"</kml>"})
 
 
 def test_a_polygon_of_too_many_corners_is_named() -> None:
