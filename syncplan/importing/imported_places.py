@@ -24,7 +24,7 @@ from syncplan.importing.features import STATED, UNSTATED, Feature, Section, suit
 from syncplan.importing.file_formats import features_of
 from syncplan.importing.import_options import ImportOptions
 from syncplan.options import lists_options
-from syncplan.scenario.areas import polygon_fault
+from syncplan.scenario.areas import Area, polygon_fault
 from syncplan.scenario.ground import middle_of, points_of
 from syncplan.scenario.loading import read_bytes, scenario_from
 from syncplan.scenario.specification import Scenario
@@ -230,17 +230,14 @@ def _scenario(title: str, features: Sequence[Feature]) -> dict[str, Any]:
 
 def _example(placed: Scenario) -> dict[str, Any]:
     """Orbit, formation and sensor in a size that fits the places of a scenario."""
-    import shapely
-
     points = np.array([*(placed.area_m or []), *placed.landmarks, (0.0, 0.0)])
     extent = float(np.max(np.ptp(points, axis=0)))
     # places of less than a metre say nothing
     size = extent if extent > 1.0 else 300.0
     radius = size / 8.0
     if placed.area_m:
-        blocked = shapely.union_all([*map(shapely.Polygon, placed.keep_out_m or [])])
-        free = shapely.Polygon(placed.area_m).difference(blocked)
-        radius = min(radius, INSCRIBED_SHARE * shapely.maximum_inscribed_circle(free).length)
+        area = Area.of(placed.area_m, placed.keep_out_m)
+        radius = min(radius, INSCRIBED_SHARE * area.largest_radius())
     return _sized(radius, size)
 
 
