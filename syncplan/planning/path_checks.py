@@ -108,7 +108,9 @@ def edge_near(judged: JudgedTeam) -> Iterator[Remark]:
         return
     orbits = judged.orbits
     room = area.path_clearances(orbits.centers, orbits.radii).min(axis=0)
-    strays = np.array([vehicle.tracking_rms_m for vehicle in flight.vehicles])
+    # a vehicle that was lost in every flight has no figures
+    flown = {vehicle.name: vehicle.tracking_rms_m for vehicle in flight.vehicles}
+    strays = np.array([flown.get(name, 0.0) for name in judged.scenario.vehicle_names])
     inside = np.logical_not(_crossed(room, orbits.radii))
     near = np.flatnonzero(inside & (room < ROOM_SHARE * strays))
     if len(near):
