@@ -179,6 +179,9 @@ R = TypeVar("R")
 BUSY_S = 10
 """Time that a statement waits for the locks of others (s)."""
 
+_IDLE_S = 20
+"""Time after which PostgreSQL ends a transaction whose process has frozen, with its locks (s)."""
+
 _CONNECT_S = 3
 _STATEMENT_S = 60
 _UPGRADE_LOCK = 0x73796E63
@@ -349,7 +352,8 @@ def _engine(url: str, sqlite: bool) -> Engine:
             pool_pre_ping=True,
             connect_args={
                 "connect_timeout": _CONNECT_S,
-                "options": f"-c statement_timeout={_STATEMENT_S}s -c lock_timeout={BUSY_S}s",
+                "options": f"-c statement_timeout={_STATEMENT_S}s -c lock_timeout={BUSY_S}s "
+                f"-c idle_in_transaction_session_timeout={_IDLE_S}s",
             },
             **shared,
         )

@@ -1,11 +1,14 @@
 """Handles of circles and landmarks: on what they move, and within the map."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
 from tests.page.gestures import box_of, drag, drawn, handle, middle, on_screen, pull, view
 from tests.tools.browsing import DESKTOP, PHONE, Visit
+from tests.tools.processes import wait_until
 
 
 def _middle(page: Page, name: str) -> tuple[float, float]:
@@ -111,13 +114,17 @@ def test_the_view_is_zoomed_panned_and_kept_and_limits_a_drag(visit: Visit, page
     assert _is_within(page, "L1")
 
 
+def _is_at(page: Page, name: str, place: tuple[float, float]) -> bool:
+    return bool(_middle(page, name) == pytest.approx(on_screen(page, *place), abs=1.5))
+
+
 def test_handles_stay_on_their_circles_when_the_window_changes(visit: Visit, page: Page) -> None:
     places = {"v1": (0.0, 0.0), "v4": (140.0, 70.0), "L1": (190.0, 0.0)}
     for width, height in ((900, 900), (720, 450), PHONE, DESKTOP):
         page.set_viewport_size({"width": width, "height": height})
         page.wait_for_timeout(400)
         for name, place in places.items():
-            assert _middle(page, name) == pytest.approx(on_screen(page, *place), abs=1.5)
+            wait_until(partial(_is_at, page, name, place))
 
 
 _AFRESH = """async () => {

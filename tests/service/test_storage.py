@@ -25,7 +25,7 @@ from sqlalchemy import (
     select,
     update,
 )
-from sqlalchemy.exc import IntegrityError, OperationalError
+from sqlalchemy.exc import DBAPIError, IntegrityError, OperationalError
 
 from api.documents import PackedRecording, PlanText
 from api.following import MOST_EVENTS, events_after
@@ -43,6 +43,7 @@ from api.storage.migrations import NEWEST
 from syncplan.errors import InputError
 from syncplan.runtime.files import as_text
 from tests.tools.full_disk import fill, small_disk
+from tests.tools.serving import Postgres
 
 MADE = PlanText('{\n "version": "1"\n}\n', "survey", 6, True, 1.5)
 LARGE = replace(MADE, text=f"{MADE.text}{'-' * 60_000}")
@@ -375,6 +376,32 @@ def test_what_is_stored_stays_out_of_errors(connection: Connection) -> None:
     with pytest.raises(InputError) as refused:
         open_database("postgresql+psycopg://127.0.0.1:9/db?password=secretword")
     assert "secretword" not in str(refused.value)
+
+
+def test_a_process_that_freezes_in_a_transaction_does_not_keep_its_locks(
+    postgres: Postgres, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("api.storage.database._IDLE_S", 1)
+    locked = "UPDATE executors SET beats = beats + 1"
+    with contextlib.closing(open_database(postgres.new_database())) as database:
+        with database.writing() as connection:
+            connection.execute(insert(tables.executors).values(id="a", beats=0))
+
+        def freeze() -> None:
+            with database.writing() as frozen:
+                frozen.exec_driver_sql(locked)
+                with database.writing() as other:
+                    # a second is less than the ten for which locks are waited for
+                    other.exec_driver_sql(locked)
+                frozen.exec_driver_sql(locked)
+
+        with pytest.raises(DBAPIError) as caught:
+            freeze()
+        # it is tried again, as after any connection that was lost
+        assert caught.value.connection_invalidated
+        assert unavailable(caught.value)
+        with database.reading() as connection:
+            assert connection.scalar(select(tables.executors.c.beats)) == 1
 
 
 def test_events_are_read_some_hundreds_at_a_time(connection: Connection) -> None:
