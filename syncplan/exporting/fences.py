@@ -53,9 +53,9 @@ def fences_of(flown: ScheduledPlan) -> list[Fence]:
 def fence_notes(flown: ScheduledPlan) -> list[str]:
     """Return what to know about the fences of a plan: their distances from circles and home."""
     scenario, orbits = flown.plan.scenario, flown.plan.orbits
-    if not fences_of(flown):
-        return []
     area = Area.of(scenario.area_m, scenario.keep_out_m)
+    if not area.limited:
+        return []
     least = float(area.path_clearances(orbits.centers, orbits.radii).min())
     notes = [
         f"circles keep {metres(least)} m from the fences: an autopilot that enforces them acts on "

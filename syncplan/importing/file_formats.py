@@ -132,9 +132,11 @@ def _text(element: Xml.Element, path: str) -> str:
 
 
 def _read_kml(root: Xml.Element, into: FeatureList) -> None:
-    reds = {style.get("id"): _is_red(style) for style in root.iterfind(".//Style[@id]")}
-    for element in root.iterfind(".//CascadingStyle[@id]"):
-        reds[element.get("id")] = _is_red(element)
+    reds = {
+        style.get("id"): _is_red(style)
+        for tag in ("Style", "CascadingStyle")
+        for style in root.iterfind(f".//{tag}[@id]")
+    }
     for styles in root.iterfind(".//StyleMap[@id]"):
         reds[styles.get("id")] = reds.get(_style(styles, "Pair[key='normal']/styleUrl"))
     for mark, folder in _placemarks(root, ""):
@@ -306,9 +308,9 @@ def _read_items(lines: Iterable[str], into: FeatureList) -> None:
     for item in items:
         command, size = item[3:5]
         if command in _POLYGONS:
-            count = int(float(size)) if re.fullmatch(r"\d{1,5}(\.0*)?", size) else 10**5
-            corners = [item, *islice(items, max(count - 1, 0))]
-            if len(corners) < count or any(corner[3] != command for corner in corners):
+            counted = int(float(size)) if re.fullmatch(r"\d{1,5}(\.0*)?", size) else 10**5
+            corners = [item, *islice(items, max(counted - 1, 0))]
+            if len(corners) < counted or any(corner[3] != command for corner in corners):
                 problem = f"has fewer corners than the {size} that it counts"
                 raise into.fault(into.fence(_POLYGONS[command]), problem)
             into.add_fence(_POLYGONS[command], (corner[8:10] for corner in corners))
@@ -325,7 +327,7 @@ def _read_points(head: str, lines: Iterable[str], into: FeatureList) -> None:
     delimiter = max(";\t,", key=head.count)
     heads = next(csv.reader([head[:LONGEST_HEAD]], delimiter=delimiter))
     columns = [_key(column) for column in heads]
-    latitude, longitude, *_ = (
+    latitude, longitude = (
         next(filter(columns.__contains__, keys), "") for keys in (_LATITUDES, _LONGITUDES)
     )
     if not (latitude and longitude):

@@ -9,7 +9,7 @@ from syncplan.options import RunOptions, option
 class ImportOptions(RunOptions):
     """Patterns of names of features or of their folders, such as `no fly*`."""
 
-    area: tuple[str, ...] = option((), "Name of the polygon that circles stay within; the largest")
+    area: tuple[str, ...] = option((), "Name of the area's polygon; of several, the largest counts")
     keep_out: tuple[str, ...] = option((), "Names of polygons that paths avoid, as 'no fly*'")
     obstacle: tuple[str, ...] = option((), "Names of polygons that block sight")
     landmark: tuple[str, ...] = option((), "Names of points that are known and sighted")
