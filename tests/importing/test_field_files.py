@@ -394,6 +394,17 @@ def test_files_that_are_too_large_are_refused_before_they_are_held() -> None:
         import_places({"deep.json": b'{"a":' * 100_000})
 
 
+@pytest.mark.parametrize("row", ["33.5,S,18.5,E", "33.5, south,18.5,"])
+def test_hemispheres_in_columns_of_their_own_are_refused(row: str) -> None:
+    table = f"name,lat,n/s,lon,e/w\nS,{row}\n".encode()
+    with pytest.raises(InputError, match=r"^a\.csv: S: has its hemisphere in a column of its own"):
+        import_places({"a.csv": table})
+    northern = b"name,lat,n/s,lon,e/w\nS,33.5,N,18.5,E\n"
+    assert import_places({"a.csv": northern}).scenario["landmarks_lat_lon_deg"] == {
+        "S": (33.5, 18.5)
+    }
+
+
 def test_features_on_two_continents_are_refused() -> None:
     points = b"name,lat,lon\na,0,0\nb,47,8\n"
     with pytest.raises(InputError, match=r"^points\.csv: features lie more than 1,000 km apart"):

@@ -1,6 +1,6 @@
 """A service in its own processes, one for all modules that ask for it, and empty databases.
 
-Also child processes that are none.
+Also child processes that are none, and what becomes of tasks.
 """
 
 import threading
@@ -13,8 +13,10 @@ import pytest
 from sqlalchemy import Connection
 
 from api.computing.child import Child, ChildGoneError
+from api.computing.turns import Ticket
 from api.storage.database import Database, open_database
 from tests.tools.api_servers import serving, speaking
+from tests.tools.processes import PATIENCE_S
 from tests.tools.serving import Server
 
 
@@ -89,3 +91,13 @@ def hollow(monkeypatch: pytest.MonkeyPatch) -> list[Hollow]:
     monkeypatch.setattr(Hollow, "begun", [], raising=False)
     monkeypatch.setattr("api.computing.pool.Child", Hollow)
     return Hollow.begun
+
+
+def end_of(ticket: Ticket) -> Any:
+    """Return what a task comes to."""
+    return ticket.future.result(timeout=PATIENCE_S)
+
+
+def begun(ticket: Ticket) -> bool:
+    """Whether a process is at a task."""
+    return ticket.child is not None
