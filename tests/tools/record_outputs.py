@@ -5,7 +5,8 @@
 
 `record` runs the command line over every scenario of the folders given (examples/scenarios if none
 is) and over a few formations without coordinates, and writes one folder per command: standard
-output, standard error, exit status and all files. `compare` lists what differs and exits with 1 if
+output, standard error, exit status and all files. It also records what notebooks show, and data
+frames. `compare` lists what differs and exits with 1 if
 anything does. Version numbers are left out; a refinement that reaches its time limit may differ.
 With `--digits`, numbers are compared in so many significant digits, and those below 1e-12 not at
 all.
@@ -37,6 +38,32 @@ OPENAPI = (
     "import json; from api.main import create_app; from api.settings import load_settings;"
     "print(json.dumps(create_app(load_settings(data_dir='/nowhere')).openapi(), indent=1))"
 )
+
+NOTEBOOKS = """
+import sys
+from pathlib import Path
+import syncplan
+from syncplan.recordings.recording_formats import load_log
+grid, recording, brief, into = sys.argv[1], *map(Path, sys.argv[2:])
+plan = syncplan.plan(grid)
+made = {
+    "scenario": plan.scenario,
+    "plan": plan,
+    "refined": syncplan.refine(plan, starts=1, time_limit_s=240, pilot=False),
+    "validation": syncplan.validate(plan, trials=20, duration=60.0),
+    "flight": syncplan.fly(plan, trials=4, lose=["v3@60"]),
+    "sweep": syncplan.sweep(plan.scenario, "range", [50.0, 40.0], trials=2, duration=20.0),
+    "what-if": syncplan.what_if(plan),
+    "sites": syncplan.choose_landmarks(plan, {"A": (190.0, 35.0), "B": (-40.0, 0.0)}, 1),
+    "design": syncplan.design(brief),
+    "replay": syncplan.replay(load_log(recording)),
+}
+for name, one in made.items():
+    (into / f"{name}.html").write_text(one._repr_html_())
+    (into / f"{name}.csv").write_text(one.to_dataframe().to_csv())
+    (into / f"{name}.txt").write_text(repr(one))
+"""
+"""Script that writes what notebooks show of each kind of result."""
 
 CANDIDATES = {"candidates_m": [[-45.0, 0.0], [35.0, -45.0], [105.0, 115.0], [190.0, 35.0]]}
 
@@ -88,15 +115,22 @@ class Run:
 def runs(scenarios: list[Path], given: Path) -> Iterator[Run]:
     """Yield all that is recorded; `given` holds the files made for it."""
     yield Run("openapi", f"-c {shlex.quote(OPENAPI)}", program="python")
-    for contract in ("scenario", "plan", "sites", "validation", "replay", "sync"):
+    for contract in (
+        *("scenario", "plan", "sites", "brief", "design", "what-if", "validation", "flight"),
+        *("replay", "sync"),
+    ):
         yield Run(f"schema-{contract}", f"schema {contract}")
-    commands = "plan refine place landmarks validate sweep replay plot export schema serve worker"
+    commands = (
+        "import plan refine place landmarks design validate sweep fly what-if replay plot report "
+        "export serve worker schema"
+    )
     for command in ("", *commands.split()):
         yield Run(f"help-{command or 'syncplan'}", f"{command} --help")
     for scenario in scenarios:
         yield from _of_scenario(f"{scenario.parent.name}-{scenario.stem}", scenario, given)
     for name in FORMATIONS:
         yield from _of_scenario(f"made-{name}", given / f"{name}.json", given)
+    yield from _of_studies(scenarios)
     grid = next(path for path in scenarios if path.stem == "paper-grid-same")
     ring = next(path for path in scenarios if path.stem == "five-ring")
     for objective in ("worst_predicted_rms", "logdet", "min_eigenvalue", "trace"):
@@ -117,6 +151,33 @@ def runs(scenarios: list[Path], given: Path) -> Iterator[Run]:
         "wrong-model": "--model rk4",
     }.items():
         yield Run(f"validate-{name}", f"validate {grid} --trials 5 {options}")
+
+
+def _of_studies(scenarios: list[Path]) -> Iterator[Run]:
+    """Runs of what takes longer, over a few scenarios, each as JSON and as a table."""
+    both = "-o {out}/report.json --format table"
+    data = ROOT / "tests" / "data"
+    for stem in ("paper-grid-same", "paper-grid-alternate", "windy-grid", "mixed-radii-camera"):
+        file = next(path for path in scenarios if path.stem == stem)
+        yield Run(f"{stem}/what-if", f"what-if {file} {both}")
+        yield Run(f"{stem}/one-loss", f"what-if {file} --lose sensor:v1 {both}")
+        yield Run(f"{stem}/fly", f"fly {file} --trials 6 --lose v2@50 --hold v1@80:10 {both}")
+        yield Run(f"{stem}/fly-gate", f"fly {file} --trials 4 --gate 0.99 --series {both}")
+        yield Run(f"{stem}/stress", f"validate {file} --trials 40 --stress {both}")
+        yield Run(f"{stem}/flown", f"plan {file} --fly 8 {both}")
+        yield Run(f"{stem}/report", f"report {file} -o {{out}}/report.html")
+    for recording in sorted((data / "recordings").iterdir()):
+        yield Run(f"replay/{recording.name}", f"replay {recording} --series {both}")
+        yield Run(f"replay/{recording.name}-tuned", f"replay {recording} --tune {both}")
+    for brief in ("impossible-edge.json", "keep-distances.yaml"):
+        options = "--purchases -o {out}/design.json --plan-out {out}/plan.json --format table"
+        yield Run(f"design/{brief}", f"design {data / 'briefs' / brief} {options}")
+    places = " ".join(str(path) for path in sorted((ROOT / "examples" / "places").iterdir()))
+    yield Run("import", f"import {places} -o {{out}}/scenario.yaml")
+    grid = next(path for path in scenarios if path.stem == "paper-grid-same")
+    files = f"{data / 'recordings' / 'truth-gap.tar.xz'} {data / 'briefs' / 'impossible-edge.json'}"
+    script = shlex.quote(NOTEBOOKS)
+    yield Run("notebooks", f"-c {script} {grid} {files} {{out}}", program="python")
 
 
 def _of_scenario(name: str, file: Path, given: Path) -> Iterator[Run]:
