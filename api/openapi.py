@@ -193,13 +193,14 @@ def _complete(operation: Tree, examples: Tree) -> None:
         responses["200"]["content"] = {_EVENTS: {"schema": _EVENT}}
     if name == "readJobResult":
         one_of = [{"$ref": REFERENCE.format(model=model.__name__)} for model in RESULTS]
-        responses["200"]["content"] = {_JSON: {"schema": {"oneOf": one_of}}}
+        html = {"schema": {"type": "string"}, "example": "<p>survey: 2 trials of 60 s, ...</p>"}
+        responses["200"]["content"] = {_JSON: {"schema": {"oneOf": one_of}}, "text/html": html}
     for status, response in responses.items():
         response.setdefault("headers", {}).update(_headers(name, status))
         if (name, status) in FOLLOWING:
             response["links"] = _links(FOLLOWING[name, status])
         if status in examples["responses"]:
-            (content,) = response["content"].values()
+            content = next(iter(response["content"].values()))
             content.pop("example", None)
             content["examples"] = examples["responses"][status]
 

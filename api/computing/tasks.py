@@ -49,9 +49,9 @@ from syncplan.planning.plans import Plan
 from syncplan.planning.validation import run_part, trial_run
 from syncplan.reports.covariance_report import position_covariances_document
 from syncplan.reports.job_contract import JobKindName
-from syncplan.reports.loss_report import what_if_document
-from syncplan.reports.plan_report import plan_document
+from syncplan.reports.plan_report import PlanDocument, plan_document
 from syncplan.reports.refinement_report import RefinementResult
+from syncplan.results.stories import summary_of
 from syncplan.runtime.files import as_text
 from syncplan.scenario.loading import decoded, parse_document, scenario_from
 from syncplan.scenario.quantities import validation_fault
@@ -288,6 +288,13 @@ def figure_so_far(
     return report_figure(task.report(spec, [found]).text, spec.kind, name, style)
 
 
+def summary(text: str, kind: JobKindName) -> str:
+    """Return the result of a job, a report or a plan, in lines and tables of HTML."""
+    model = JOB_KINDS[kind].report or PlanDocument
+    document: Any = model.model_validate_json(text)
+    return summary_of(getattr(document, "refinement", document))
+
+
 def _specs(
     subject: Any, names: Sequence[str], style: "FigureStyle", **beside: Any
 ) -> dict[str, "Spec"]:
@@ -311,7 +318,7 @@ def printed_report(text: str, plan_id: str) -> str:
 def judged_losses(text: str, lose: Sequence[str], losses: Literal[1, 2], bound: BoundChoice) -> str:
     """Return the effects of losses on a plan as JSON; raises InputError for an unknown name."""
     found = what_if(_judged(text), lose, losses=losses, bound=bound, threads=1)
-    return as_text(what_if_document(found).as_json())
+    return as_text(found.as_json())
 
 
 def chosen_landmarks(text: str, candidates: Sequence[str], choose: int, seed: int) -> str:

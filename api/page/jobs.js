@@ -4,10 +4,22 @@ import { alert, attemptAt, button, element, notice, present, shown } from "./ele
 import { follow as followEvents } from "./events.js";
 import { ask, askJson, patiently, postOnce, Refusal } from "./service.js";
 import { ENDED, JOB_KINDS } from "./tables.js";
+import { explained } from "./terms.js";
 
 /** What a refinement gains: the team's predicted error before, and after. */
 export function gained({ before, after }) {
   return [before, after].map((one) => shown(one.predicted_rms_m, "m")).join(" → ");
+}
+
+/** Resolves with the element that tells the result of a job, as the service does. */
+export async function outcomeOf({ id }) {
+  const text = await patiently(async () => (await ask("GET", `v1/jobs/${id}/result`, { accept: "text/html" })).text());
+  const result = new DOMParser().parseFromString(text, "text/html").body;
+  for (const line of result.querySelectorAll("p")) {
+    for (const part of [...line.childNodes]) if (part instanceof Text) part.replaceWith(...explained(part.data));
+  }
+  for (const made of result.querySelectorAll("table")) made.classList.add("losses");
+  return element("div", { class: "result", role: "region", tabindex: "0", "aria-label": "Result" }, ...result.childNodes);
 }
 
 /** Make a place for one job at a time; `id` is unique on the page.

@@ -1,7 +1,7 @@
 // What the service keeps of one's work: plans, jobs and recordings, listed, opened, renamed, deleted.
 
 import { alert, attemptAt, button, byId, dialogue, element, notice, onceChosen, present, shown, table } from "./elements.js";
-import { jobsAt } from "./jobs.js";
+import { jobsAt, outcomeOf } from "./jobs.js";
 import { ask, askJson, postOnce } from "./service.js";
 import { JOB_KINDS } from "./tables.js";
 import { tabs } from "./tabs.js";
@@ -21,7 +21,8 @@ function show(open, compare) {
   const fault = alert();
   /** the name of the recording that is replayed */
   let replayed = "";
-  const replays = jobsAt("replay-job", { ended: (job, result) => result && outcomeOf(job, result, replayed) });
+  const report = ({ id }) => element("a", { href: `v1/jobs/${id}/result`, download: `${replayed}.report.json` }, "Report");
+  const replays = jobsAt("replay-job", { ended: async (job, result) => result && [await outcomeOf(job), report(job)] });
   /** Each kind of work: its title, the columns of a row, and what can be done with it. */
   const kinds = {
     plans: {
@@ -134,17 +135,6 @@ function show(open, compare) {
 function usageOf({ bytes, max_bytes: most, computing_s: computing, max_job_seconds: longest }) {
   const kept = Object.values(bytes).reduce((sum, size) => sum + size, 0);
   return `Kept: ${shown(kept / 2 ** 20, "MiB")} of ${shown(most / 2 ** 20, "MiB")}. Computing time of jobs in 24 hours: ${shown(computing / 3600, "h")} of ${shown(longest / 3600, "h")}.`;
-}
-
-/** How far off each robot of a recording was, and the report. */
-function outcomeOf({ id }, { robots }, recording) {
-  const words = ({ name, rms_m: error, rms_sigma_m: sigma }) =>
-    error === null ? `${name}: ${shown(sigma, "m")} by the filter's own sigma; there is no truth` : `${name}: ${shown(error, "m")} RMS`;
-  return [
-    element("p", {}, `Replay of ${recording}:`),
-    element("ul", {}, robots.map((one) => element("li", {}, words(one)))),
-    element("a", { href: `v1/jobs/${id}/result`, download: `${recording}.report.json` }, "Report"),
-  ];
 }
 
 /** The address that shows a job with what it is about; null where the page has no place for it. */

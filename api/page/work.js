@@ -1,10 +1,8 @@
 // The jobs about the plan on show: refinements, validations and flights.
 
 import { byId, element } from "./elements.js";
-import { jobsAt } from "./jobs.js";
-import { outcomeOf } from "./outcomes.js";
+import { jobsAt, outcomeOf } from "./jobs.js";
 import { flightForm, refinementForm, validationForm } from "./requests.js";
-import { askJson, patiently } from "./service.js";
 import { JOB_KINDS } from "./tables.js";
 
 /** The panel of jobs; returns what goes on with one by its identifier.
@@ -23,22 +21,14 @@ export function offerWork(store, storePlan, { began, changed, ended }) {
     began,
     changed,
     ended: async (job, result) => {
-      const lost = result && JOB_KINDS[job.kind].reports ? await lostOf(job) : [];
       const current = await ended(job, result);
-      return result && [...outcomeOf(job, result, lost), current ? null : elsewhere(job)];
+      return result && [await outcomeOf(job), current ? null : elsewhere(job)];
     },
   });
   byId("work").append(...jobs.elements);
   store.on(["opened", "scenario"], () => jobs.clear());
   store.on(["opened"], () => jobs.suit(store.scenario));
   return (jobId) => jobs.resume(jobId);
-
-  /** The motions that no sighting can detect, of the plan that a report is about. */
-  async function lostOf(job) {
-    const current = store.planId === job.plan_id;
-    const plan = current ? store.plan : await patiently(() => askJson("GET", `v1/plans/${job.plan_id}`));
-    return plan.observability.unobservable;
-  }
 }
 
 /** What leads to the plan of a job, where another is on show by now. */

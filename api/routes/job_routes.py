@@ -6,10 +6,20 @@ from typing import Annotated, Any, TypeVar
 
 from anyio import to_thread
 from fastapi import APIRouter, Depends, Header, Query, Request, Response
+from fastapi.responses import HTMLResponse
 from sqlalchemy import Connection
 from starlette.concurrency import run_in_threadpool
 
-from api.calls import IN_JSON, Call, CurrentCall, EmptyCall, accepts, answer_once, computed
+from api.calls import (
+    IN_JSON,
+    Call,
+    CurrentCall,
+    CurrentCaller,
+    EmptyCall,
+    accepts,
+    answer_once,
+    computed,
+)
 from api.following import EventStream, Follower
 from api.job_kinds.job_kind import JobKind
 from api.job_kinds.job_table import JOB_KINDS, plurals
@@ -33,6 +43,8 @@ router = APIRouter(tags=["jobs"])
 _documents = APIRouter(dependencies=IN_JSON)
 
 _SUBMITTED = problem_responses(401, 404, 406, 413, 415, 422, 429, 503, 507)
+_JSON, _HTML = "application/json", "text/html"
+_FRAGMENT = {"Content-Security-Policy": "default-src 'none'", "Vary": "Accept"}
 _RETRY_AFTER_S = 5
 _RETRY_AFTER_SECONDS_S = 600
 
@@ -221,24 +233,30 @@ async def _changed(row: JobRow, call: Call, change: Callable[[Connection], bool]
     return await answer_once(call, nothing, store, adds=False)
 
 
-@_documents.get(
+@router.get(
     "/jobs/{job_id}/result",
     response_model=None,
     operation_id="readJobResult",
     summary="Read a job's result",
     response_description="The report, or the plan that a refinement made",
-    responses=problem_responses(401, 404, 406, 409, 422, 503),
+    responses=problem_responses(401, 404, 406, 409, 422, 429, 503),
 )
-async def read_result(row: Owned, service: CurrentService, owner: CurrentOwner) -> Response:
-    """The report of a job, or the plan that a refinement made."""
+async def read_result(
+    row: Owned, caller: CurrentCaller, medium: Annotated[str, Depends(accepts(_JSON, _HTML))]
+) -> Response:
+    """The report of a job, or the plan that a refinement made; as HTML, in lines and tables."""
     if row.state != "succeeded":
         raise Conflict(f"the job is {row.state}; a result comes with the state succeeded")
-    if row.result_plan_id is not None:
-        plan = await find_or_refuse(service, owner, row.result_plan_id)
+    headers: dict[str, str] = {}
+    if row.result_plan_id is None:
+        plain = text = await result_or_refuse(caller.service, row, job_records.report_of)
+    else:
+        plan = await find_or_refuse(caller.service, caller.owner, row.result_plan_id)
+        plain, text = plan.text, body_of(plan)
         headers = {"content-location": f"/v1/plans/{plan.id}", "etag": f'"{plan.etag}"'}
-        return Response(body_of(plan), headers=headers, media_type="application/json")
-    report = await result_or_refuse(service, row, job_records.report_of)
-    return Response(report, media_type="application/json")
+    if medium == _HTML:
+        return HTMLResponse(await computed(caller, "summary", plain, row.kind), headers=_FRAGMENT)
+    return Response(text, headers=headers, media_type=_JSON)
 
 
 @router.get(

@@ -45,12 +45,12 @@ from syncplan.importing.features import Section
 from syncplan.importing.import_options import ImportOptions
 from syncplan.importing.imported_places import ImportedPlaces
 from syncplan.options import options_of
+from syncplan.planning.loss_study import WhatIfDocument
 from syncplan.planning.planner import BoundChoice
 from syncplan.plotting.figure_style import FigureStyle
 from syncplan.plotting.figure_table import FIGURES, always_there
 from syncplan.plotting.printed_report import POLICY
 from syncplan.reports.covariance_report import PositionCovariancesDocument
-from syncplan.reports.loss_report import WhatIfDocument
 from syncplan.reports.sites_report import SitesDocument
 from syncplan.scenario.quantities import Title
 

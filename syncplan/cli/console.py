@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING, Any, TextIO
 from syncplan.errors import InputError
 
 if TYPE_CHECKING:
-    from rich.console import Console
     from rich.progress import Progress, TaskID
 
-    from syncplan.documents import Document
     from syncplan.estimation.filter_options import FilterOptions
     from syncplan.guidance.flown_team import FlownTeam
+    from syncplan.results.stories import Report
 
 PIPED_WIDTH = 160
 """Width of tables in a file or for another program, unless COLUMNS is set."""
@@ -34,7 +33,7 @@ def deliver(
     values: dict[str, Any],
     output: Path | None,
     format_: Format,
-    show: Callable[["Console"], None] | None,
+    report: "Report | None",
 ) -> Format:
     """Write the JSON to the file or standard output, or show the table; return which was shown.
 
@@ -53,11 +52,15 @@ def deliver(
     with reader_may_leave():
         if output is None and shown is Format.json:
             sys.stdout.write(as_text(values))
-        if shown is Format.table and show is not None:
+        if shown is Format.table and report is not None:
             from rich.console import Console
 
+            from syncplan.cli.fitted_tables import show_story
+
             piped = not (sys.stdout.isatty() or os.environ.get("COLUMNS"))
-            show(Console(highlight=False, width=PIPED_WIDTH if piped else None))
+            show_story(
+                report.story(), Console(highlight=False, width=PIPED_WIDTH if piped else None)
+            )
     return shown
 
 
@@ -81,15 +84,10 @@ def _silence(stream: TextIO) -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
-def deliver_document(kind: str, document: "Document", output: Path | None, format_: Format) -> None:
-    """Deliver a document of a kind in DOCUMENTS; after JSON, write its notes to standard error."""
-    from syncplan.cli.document_table import DOCUMENTS
-
-    def show(console: "Console") -> None:
-        DOCUMENTS[kind].show(document, console)
-
-    if deliver(document.as_json(), output, format_, show) is Format.json:
-        say_notes(getattr(document, "notes", []))
+def deliver_report(report: "Report", output: Path | None, format_: Format) -> None:
+    """Deliver a report; after JSON, write its notes to standard error."""
+    if deliver(report.as_json(), output, format_, report) is Format.json:
+        say_notes(getattr(report, "notes", []))
 
 
 def check_output(output: Path | None, *sources: str) -> None:

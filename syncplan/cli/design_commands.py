@@ -1,20 +1,16 @@
-"""The command that designs a team from a brief, and its table."""
+"""The command that designs a team from a brief."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
-from rich.markup import escape
 
 from syncplan.cli import arguments, console
 from syncplan.cli.arguments import optional
-from syncplan.cli.fitted_tables import FittedTable
 from syncplan.errors import NoSolutionError
 
 if TYPE_CHECKING:
     from syncplan.designs.ladder import DesignState
-    from syncplan.reports.design_report import DesignDocument
 
 designs = typer.Typer()
 
@@ -72,7 +68,7 @@ def _design(
         if plan_out is not None and document.plan is not None:
             write_text(plan_out, as_text(document.plan.as_json()))
             console.say(f"wrote {plan_out}")
-        console.deliver_document("design", document, output, format_)
+        console.deliver_report(document, output, format_)
     return 0 if result.status == "met" else NoSolutionError.exit_code
 
 
@@ -83,47 +79,3 @@ def _words(state: "DesignState") -> str:
         return state.doing
     best = min(fitting, key=lambda best: best.value)
     return f"{state.doing}; best {best.value:.3g} m with {best.cell}"
-
-
-def show_design(document: "DesignDocument", console: Console) -> None:
-    """Print the status, the front and the purchases."""
-    colour = "green" if document.status == "met" else "red"
-    word = document.status.replace("_", " ")
-    need = document.brief.need
-    console.print(
-        f"[bold]{escape(document.name or 'design')}[/]: [{colour}]{word}[/], need "
-        f"{need.worst_rms_m:g} m for the worst vehicle"
-        + (f"; what decides: {escape(document.binding)}" if document.binding else "")
-    )
-    if document.proof is not None:
-        console.print(escape(document.proof.reason))
-    for finding in document.findings:
-        console.print(f"{finding.code}: {finding.message}")
-    if (best := document.best) is not None:
-        kinds = {
-            "predicted": best.predicted_worst_rms_m,
-            "validated": best.validated_worst_rms_m,
-            "flown": best.flown_worst_rms_m,
-        }
-        errors = [f"{name} {value:.3g} m" for name, value in kinds.items() if value is not None]
-        covered = [] if best.covered_share is None else [f"covers {100 * best.covered_share:.3g} %"]
-        console.print(
-            f"{best.vehicles} vehicles and {best.landmarks} landmarks, cost {best.cost:.4g}: "
-            f"{', '.join([*errors, *covered])}"
-        )
-    front = FittedTable(
-        "best found for each team; worst predicted error, coarse",
-        ("vehicles", "landmarks", "cost", "worst error m"),
-    )
-    for one in document.front:
-        error = "none fits" if one.worst_rms_m is None else f"{one.worst_rms_m:.3g}"
-        front.add_row(str(one.vehicles), str(one.landmarks), f"{one.cost:.4g}", error)
-    if document.front:
-        console.print(front)
-    offers = FittedTable("what would help", ("change", "cost", "worst error m", "meets the need"))
-    for offer in document.purchases:
-        cost = "" if offer.cost is None else f"{offer.cost:.4g}"
-        met = "[green]yes[/]" if offer.met else "no"
-        offers.add_row(escape(offer.change), cost, f"{offer.worst_rms_m:.3g}", met)
-    if document.purchases:
-        console.print(offers)

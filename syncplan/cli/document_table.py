@@ -10,22 +10,8 @@ from syncplan.scenario.other_documents import OTHER_DOCUMENTS
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
-    from rich.console import Console
 
-    from syncplan.reports.design_report import DesignDocument
-    from syncplan.reports.flight_report import FlightDocument
-    from syncplan.reports.loss_report import WhatIfDocument
-    from syncplan.reports.replay_report import ReplayDocument
-    from syncplan.reports.validation_report import SweepReport, ValidationDocument
-
-    Report = (
-        DesignDocument
-        | FlightDocument
-        | ReplayDocument
-        | SweepReport
-        | ValidationDocument
-        | WhatIfDocument
-    )
+    from syncplan.results.stories import Report
 
 Model = TypeVar("Model", bound="BaseModel")
 
@@ -41,7 +27,6 @@ class DocumentKind:
     published : whether the command line prints its schema
     known_by : keys that identify a report of this kind; empty for other documents
     title : title of a report without a name
-    shown_by : module of this package and a function in it that prints the document as tables
     """
 
     module: str
@@ -50,18 +35,12 @@ class DocumentKind:
     published: bool = True
     known_by: frozenset[str] = frozenset()
     title: str = ""
-    shown_by: str = ""
 
     @property
     def model(self) -> "type[BaseModel]":
         """Model of the document."""
         found: type[BaseModel] = getattr(import_module(self.module), self.name)
         return found
-
-    def show(self, document: Any, console: "Console") -> None:
-        """Print a document as tables."""
-        module, _, function = self.shown_by.partition(".")
-        getattr(import_module(f"{__package__}.{module}"), function)(document, console)
 
 
 _RUNS = "syncplan.reports.validation_report"
@@ -70,46 +49,40 @@ DOCUMENTS: Mapping[str, DocumentKind] = MappingProxyType(
     {
         "scenario": DocumentKind("syncplan.scenario.specification", "Scenario", "validation"),
         "plan": DocumentKind(
-            "syncplan.reports.plan_report", "PlanDocument", shown_by="plan_tables.show_plan"
+            "syncplan.reports.plan_report",
+            "PlanDocument",
         ),
-        "sites": DocumentKind(
-            "syncplan.reports.sites_report", "SitesDocument", shown_by="plan_tables.show_sites"
-        ),
+        "sites": DocumentKind("syncplan.reports.sites_report", "SitesDocument"),
         "brief": DocumentKind("syncplan.scenario.brief", "Brief", "validation"),
         "design": DocumentKind(
             "syncplan.reports.design_report",
             "DesignDocument",
             known_by=OTHER_DOCUMENTS["design"].keys,
             title="Design",
-            shown_by="design_commands.show_design",
         ),
         "what-if": DocumentKind(
-            "syncplan.reports.loss_report",
+            "syncplan.planning.loss_study",
             "WhatIfDocument",
             known_by=frozenset({"baseline", "losses"}),
             title="What if",
-            shown_by="plan_tables.show_losses",
         ),
         "validation": DocumentKind(
             _RUNS,
             "ValidationDocument",
             known_by=OTHER_DOCUMENTS["validation"].keys,
             title="Validation",
-            shown_by="run_tables.show_validation",
         ),
         "flight": DocumentKind(
             "syncplan.reports.flight_report",
             "FlightDocument",
             known_by=OTHER_DOCUMENTS["flight"].keys,
             title="Flight",
-            shown_by="run_tables.show_flight",
         ),
         "replay": DocumentKind(
             "syncplan.reports.replay_report",
             "ReplayDocument",
             known_by=OTHER_DOCUMENTS["replay"].keys,
             title="Replay",
-            shown_by="run_tables.show_replay",
         ),
         "sync": DocumentKind("syncplan.exporting.sidecar", "SyncDocument"),
         "sweep": DocumentKind(
@@ -118,7 +91,6 @@ DOCUMENTS: Mapping[str, DocumentKind] = MappingProxyType(
             published=False,
             known_by=OTHER_DOCUMENTS["sweep"].keys,
             title="Sweep",
-            shown_by="run_tables.show_sweep",
         ),
     }
 )

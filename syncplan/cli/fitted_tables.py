@@ -1,4 +1,4 @@
-"""Tables that leave out whole columns on a narrow terminal, and never part of a number."""
+"""Stories at a terminal: narrow tables leave out whole columns, and never part of a number."""
 
 from collections.abc import Iterator, Sequence
 
@@ -7,6 +7,9 @@ from rich.cells import cell_len
 from rich.console import Console, ConsoleOptions
 from rich.table import Table
 from rich.text import Text
+
+from syncplan.results import stories
+from syncplan.results.quantities import Quantity
 
 _BETWEEN = 3
 """Width of the gap between two columns, drawn by box.SIMPLE_HEAD."""
@@ -19,100 +22,70 @@ _FEWEST_COLUMNS = 2
 _LEAST_NAME = 6
 
 
-def cell(value: float | None, form: str = ".3g") -> str:
-    """Return a number as a cell of a table, a dash if there is none."""
-    return "-" if value is None else format(value, form)
+def show_story(story: stories.Story, console: Console) -> None:
+    """Print the lines and tables of a story."""
+    for part in story:
+        console.print(part if isinstance(part, str) else FittedTable(part))
 
 
 class FittedTable:
-    """A table whose first column is text and whose others are numbers.
+    """A table whose first column is text, and whose other columns go where they have no room.
 
-    Parameters
-    ----------
-    title : title above the table
-    columns : heads of the columns; each row has one cell a column
-    goes : heads of the columns to leave out first if the width is too small, in that order; then
-        others go from the right. The first column and one more always stay
-    texts : heads of further columns of text
+    The first column and one more always stay.
     """
 
-    def __init__(
-        self,
-        title: str,
-        columns: Sequence[str],
-        *,
-        goes: Sequence[str] = (),
-        texts: Sequence[str] = (),
-    ) -> None:
-        self.title = title
-        self.columns = tuple(columns)
-        self.texts = frozenset({self.columns[0], *texts})
-        rest = [head for head in reversed(self.columns[1:]) if head not in goes]
-        self._order = [*(head for head in goes if head in self.columns), *rest]
-        self._rows: list[tuple[str, ...]] = []
-        self._sections: set[int] = set()
-        self._hidden = 0
-
-    @property
-    def row_count(self) -> int:
-        """Number of rows."""
-        return len(self._rows)
-
-    def add_row(self, *cells: str) -> None:
-        """Add a row of marked-up text."""
-        self._rows.append(cells)
-
-    def add_section(self) -> None:
-        """Draw a line after the last row."""
-        self._sections.add(len(self._rows) - 1)
-
-    def count_hidden(self, rows: int) -> None:
-        """State below the table that this many rows are not shown."""
-        self._hidden = max(rows, 0)
+    def __init__(self, table: stories.Table | stories.Grid) -> None:
+        self._table = table
+        self.columns = table.columns(MOST_ROWS)
+        self._widths = [_width(*column) for column in self.columns]
 
     def shown_columns(self, width: int) -> list[int]:
         """Return the positions of the columns that fit into `width`."""
-        widths = self._widths()
         shown = list(range(len(self.columns)))
-        for head in self._order:
-            if self._total(widths, shown) <= width or len(shown) <= _FEWEST_COLUMNS:
+        # those that go first, and then from the right
+        order = sorted(shown, key=lambda k: (self.columns[k].quantity.drop or 99, -k))
+        for k in order:
+            if self._total(shown) <= width or len(shown) <= _FEWEST_COLUMNS:
                 break
-            shown.remove(self.columns.index(head))
+            if k:
+                shown.remove(k)
         return shown
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Table | Text]:
         """Yield the table at the available width, and lines on what it leaves out."""
-        widths, width = self._widths(), options.max_width
-        shown = self.shown_columns(width)
+        shown = self.shown_columns(options.max_width)
         # a name too long for the rest is folded
-        spare = max(width - self._total(widths, shown[1:]) - _BETWEEN, _LEAST_NAME)
-        table = Table(title=self.title, box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False)
+        rest = options.max_width - self._total(shown[1:]) - _BETWEEN
+        widths = [min(self._widths[0], max(rest, _LEAST_NAME)), *self._widths[1:]]
+        title = self._table.title
+        made = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False)
         for k in shown:
-            least = widths[k] if k else min(widths[0], spare)
-            table.add_column(
-                self.columns[k],
-                justify="left" if self.columns[k] in self.texts else "right",
+            one = self.columns[k].quantity
+            made.add_column(
+                one.head,
+                justify="left" if k == 0 or one.text or one.folds else "right",
                 overflow="fold",
-                min_width=least,
-                max_width=least,
+                min_width=widths[k],
+                max_width=None if one.folds else widths[k],
             )
-        for k, cells in enumerate(self._rows):
-            table.add_row(*(cells[j] for j in shown), end_section=k in self._sections)
-        yield table
-        if self._hidden:
-            yield Text(f"... and {self._hidden} more rows (see the JSON)")
-        left = [head for k, head in enumerate(self.columns) if k not in shown]
+        rows = list(zip(*(self.columns[k].cells for k in shown), strict=True))
+        apart = len(rows) - 1 if self._table.foot is not None else self._table.apart
+        for number, cells in enumerate(rows, start=1):
+            made.add_row(*cells, end_section=number == apart)
+        yield made
+        if (hidden := len(self._table.rows) - MOST_ROWS) > 0:
+            yield Text(f"... and {hidden} more rows (see the JSON)")
+        left = [one.head for k, (one, _) in enumerate(self.columns) if k not in shown]
         if left:
             yield Text(f"not shown at this width: {', '.join(left)}")
 
-    def _widths(self) -> list[int]:
-        """Width that each column needs to avoid line breaks."""
-        cells = [
-            [self.columns[k], *(Text.from_markup(row[k]).plain for row in self._rows)]
-            for k in range(len(self.columns))
-        ]
-        return [max(map(cell_len, column)) for column in cells]
+    def _total(self, shown: Sequence[int]) -> int:
+        return sum(self._widths[k] for k in shown) + _BETWEEN * (len(shown) - 1) + _EDGES
 
-    @staticmethod
-    def _total(widths: Sequence[int], shown: Sequence[int]) -> int:
-        return sum(widths[k] for k in shown) + _BETWEEN * (len(shown) - 1) + _EDGES
+
+def _width(quantity: Quantity, cells: Sequence[str]) -> int:
+    """Width that a column needs: to avoid line breaks or, if it folds, breaks within words."""
+    texts = [quantity.head, *(Text.from_markup(cell).plain for cell in cells)]
+    if quantity.folds:
+        texts = " ".join(texts).split()
+    return max(map(cell_len, texts))

@@ -23,8 +23,6 @@ from syncplan.scenario.objectives import OBJECTIVES, listed
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from rich.console import Console
-
     from syncplan.planning.plans import Plan
     from syncplan.scenario.specification import Scenario
 
@@ -106,7 +104,7 @@ def _plan(
         made = _flown(replace(made, flight=None) if fly_ else made, fly_)
         if fly_ is not None and made.flight is None:
             console.say("not flown: the plan is stopped on paper")
-    console.deliver_document("plan", plan_document(made), output, format_)
+    console.deliver_report(plan_document(made), output, format_)
     return status(made)
 
 
@@ -238,14 +236,7 @@ def _place(
     loaded = load_scenario(scenario, max_vehicles=max_vehicles or MAX_VEHICLES)
     placed = place(loaded, margin=margin_m, starts=starts, seed=seed)
 
-    def show(console: "Console") -> None:
-        from syncplan.cli.plan_tables import show_placement
-
-        show_placement(placed, console)
-
-    console.say_notes(placed.notes)
-    values = placed.scenario.model_dump(mode="json", exclude_none=True)
-    console.deliver(values, output, format_, show)
+    console.deliver_report(placed, output, format_)
     return 0
 
 
@@ -297,7 +288,7 @@ def _landmarks(
     if scenario_out is not None:
         kept = text if loaded.scenario.formation.placed else ""
         _write_scenario(kept, source, choice.plan.scenario, scenario_out)
-    console.deliver_document("sites", sites_document(choice), output, format_)
+    console.deliver_report(sites_document(choice), output, format_)
     return 0
 
 
@@ -345,10 +336,10 @@ def _refined(
         better = _flown(better, flights, interruptible=True)
     record = better.refinement
     if record is None or record.improved:
-        console.deliver_document("plan", plan_document(better), output, format_)
+        console.deliver_report(plan_document(better), output, format_)
         return status(better)
     if output is None or str(output) == "-":
-        console.deliver_document("plan", plan_document(better), output, format_)
+        console.deliver_report(plan_document(better), output, format_)
         return NoSolutionError.exit_code
     raise NoSolutionError(f"not refined: {record.reason}; {output} was not written")
 
@@ -388,7 +379,6 @@ def _what_if(
     from syncplan.orbits.lost_parts import lost_together, possible_losses
     from syncplan.planning.loss_study import what_if
     from syncplan.planning.plan_files import plan_of
-    from syncplan.reports.loss_report import what_if_document
 
     loaded = arguments.loaded_file(subject, output, max_vehicles)
     known = {*loaded.scenario.vehicle_names, *loaded.scenario.landmark_names}
@@ -406,7 +396,7 @@ def _what_if(
             threads=threads,
             progress=progress,
         )
-    console.deliver_document("what-if", what_if_document(found), output, format_)
+    console.deliver_report(found, output, format_)
     return 0
 
 

@@ -86,7 +86,7 @@ def _validate(
         with console.progress_bar("trials", options.trials) as progress:
             result = validate(flown, options, threads=threads, progress=progress)
         report = validation_document(result)
-    console.deliver_document("validation", report, output, format_)
+    console.deliver_report(report, output, format_)
     return status or verdict_status(
         result, observable=require_observable, go=require_go, flown=require_flown
     )
@@ -153,7 +153,7 @@ def _sweep(
     with console.progress_bar("trials", options.trials * len(planned)) as progress:
         rows = validated(varied.name, planned, options, threads=threads, progress=progress)
     reports = [validation_document(row.validation) for row in rows]
-    console.deliver_document("sweep", sweep_document(varied.name, rows, reports), output, format_)
+    console.deliver_report(sweep_document(varied.name, rows, reports), output, format_)
     return 0
 
 
@@ -210,7 +210,7 @@ def _fly(
     with console.progress_bar("flights", options.trials) as progress:
         part = fly_part(run, 0, run.trials, threads=threads, progress=progress)
     flight = conclude_flight(run, [part])
-    console.deliver_document("flight", flight_document(flight), output, format_)
+    console.deliver_report(flight_document(flight), output, format_)
     return verdict_status(flight.plan, observable=require_observable, go=require_go)
 
 
@@ -250,7 +250,7 @@ def _replay(
         numbered = tuple(known.get(str(name), name) for name in options.landmarks)
         options = replace(options, landmarks=numbered)
     document = _document(recording, options)
-    console.deliver_document("replay", document, output, format_)
+    console.deliver_report(document, output, format_)
     return 0
 
 

@@ -26,13 +26,13 @@ from syncplan.guidance.flight_results import unpack_flight
 from syncplan.importing.import_options import ImportOptions
 from syncplan.importing.imported_places import ImportedPlaces
 from syncplan.options import lists_options
+from syncplan.planning.loss_study import WhatIfDocument
 from syncplan.planning.plan_files import loaded_from, plan_of, stated
 from syncplan.planning.planner import BoundChoice
 from syncplan.planning.plans import Plan
 from syncplan.planning.validation import Validation, conclude, trial_run
 from syncplan.recordings.recording_formats import Stamps, archived
 from syncplan.reports.job_contract import JobKindName, JobState, has_ended
-from syncplan.reports.loss_report import WhatIfDocument
 from syncplan.reports.replay_report import ReplayDocument
 from syncplan.reports.sites_report import SitesDocument
 from syncplan.scenario.brief import Brief, brief_of

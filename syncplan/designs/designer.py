@@ -20,7 +20,7 @@ from syncplan.designs.judgement import Judgement, judged, refined, survives, wan
 from syncplan.designs.ladder import EVALUATIONS, DesignProgress, Ladder, SearchOrder
 from syncplan.designs.purchases import Purchase, offers_for
 from syncplan.errors import InputError
-from syncplan.results import Result
+from syncplan.results.result import Result
 from syncplan.runtime.machine import usable_cores
 from syncplan.runtime.task_crew import EarlierSearch, interruption
 from syncplan.scenario.brief import Brief, brief_of

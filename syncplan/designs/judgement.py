@@ -125,7 +125,7 @@ def wanted(need: Need) -> float:
 def survives(made: Plan, need: Need) -> bool:
     """Return whether a plan holds its need after any one loss, if it has to."""
     return not need.losses or all(
-        item.observable and (item.worst_predicted_rms or float("inf")) <= need.worst_rms_m
+        item.observable and (item.worst_predicted_rms_m or float("inf")) <= need.worst_rms_m
         for item in what_if(made).losses
     )
 

@@ -16,7 +16,7 @@ from syncplan.estimation.replay_tuning import Tuning
 from syncplan.estimation.trials import Accuracy, MonteCarloResult
 from syncplan.orbits.noise import Noise
 from syncplan.recordings.log import Log
-from syncplan.results import Result
+from syncplan.results.result import Result
 
 
 @dataclass(frozen=True, slots=True)

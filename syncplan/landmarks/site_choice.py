@@ -21,7 +21,7 @@ from syncplan.landmarks.site_search import best_sites, relax
 from syncplan.planning.plan_files import PlanSubject, planned
 from syncplan.planning.planner import BoundChoice, Pilot, judge, with_flights
 from syncplan.planning.plans import Plan
-from syncplan.results import Result
+from syncplan.results.result import Result
 from syncplan.runtime.machine import single_threaded_blas
 from syncplan.scenario.lat_lon_keys import PlacedSection
 from syncplan.scenario.loading import parse_values, read_text, scenario_from

@@ -14,6 +14,7 @@ in the area. syncplan.placement.improvement reduces the remaining shortfalls.
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
+from typing import Any
 
 import numpy as np
 
@@ -22,9 +23,12 @@ from syncplan.errors import InputError, NoSolutionError
 from syncplan.orbits.circles import turned
 from syncplan.orbits.contacts import outer_gaps, smallest_outer_gap
 from syncplan.orbits.graphs import drawings
+from syncplan.phrases import Places
 from syncplan.placement.drawing import LEAST_ROOM, Demands, Drawing, demands_of, draw, hidden_pairs
 from syncplan.placement.improvement import improved
 from syncplan.placement.infeasibility import complaint, obstacle
+from syncplan.results.quantities import plain
+from syncplan.results.stories import Grid, Report, Story
 from syncplan.runtime.machine import single_threaded_blas
 from syncplan.scenario.areas import Area
 from syncplan.scenario.formations import SHAPES
@@ -36,7 +40,7 @@ _SHAPE_ACCURACY = 1e-12
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Placement:
+class Placement(Report):
     """Scenario with its centres found, and their figures, recomputed from the centres.
 
     Attributes
@@ -73,6 +77,21 @@ class Placement:
     seed: int
 
     __repr__ = short_repr
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the scenario with its centres as JSON values."""
+        return self.scenario.model_dump(mode="json", exclude_none=True)
+
+    def body(self) -> Story:
+        """Yield the centres and the gaps between their circles."""
+        names, places = self.scenario.vehicle_names, Places(self.centers.tolist())
+        rows = zip(map(plain, names), map(places.words, self.centers.tolist()), strict=True)
+        yield Grid("centres found", ("vehicle", "centre m"), list(rows))
+        if len(self.gaps):
+            low, high = self.gaps.min(), self.gaps.max()
+            yield f"linked circles are {low:.4g} to {high:.4g} m apart"
+        if np.isfinite(self.smallest_gap):
+            yield f"no two circles are nearer than {self.smallest_gap:.4g} m"
 
     @property
     def notes(self) -> list[str]:

@@ -12,6 +12,7 @@ error_checks        errors above their predictions, in flights and validations
 filter_checks       findings on errors that the filter leaves out
 verdict_checks      the table of checks
 plans               a judged team with its verdict
+observability_records  rank, certificate and predicted errors as parts of documents
 pilot_options       options of a pilot flight
 planner             the plan of a scenario, or of given orbits
 expected_work       estimate of a scenario's computing work

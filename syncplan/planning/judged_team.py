@@ -1,6 +1,6 @@
 """Judged team: a team on its orbits with least distances, predicted errors and findings."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, Self
 
@@ -23,6 +23,7 @@ from syncplan.orbits.error_states import ERROR_STATES, layout_of
 from syncplan.orbits.sightings import Loss
 from syncplan.orbits.team import Team, WithTeam, true_team_of
 from syncplan.planning.plan_records import FlownPlan, RefinementRecord
+from syncplan.results.quantities import plain
 from syncplan.scenario.areas import Area
 from syncplan.scenario.purposes import PurposeMeasure
 from syncplan.scenario.specification import Scenario
@@ -209,6 +210,8 @@ def neglect_of(team: Team, windows: Windows, duration: float) -> Neglect | None:
 Level = Literal["stop", "warning", "note"]
 """Of a finding, the gravest first."""
 
+_COLOURS = {"stop": "red", "warning": "yellow", "note": "cyan"}
+
 MOST_NAMED = 5
 """Findings of one code, or subjects of one finding, that are listed; the rest are counted."""
 
@@ -298,6 +301,26 @@ class PlanVerdict(Document):
     def stops(self) -> tuple[PlanFinding, ...]:
         """Findings that stop the flight."""
         return tuple(one for one in self.findings if one.level == "stop")
+
+    @property
+    def line(self) -> str:
+        """GO, or NO-GO with the number of reasons, marked up."""
+        word, colon, reasons = self.headline.partition(":")
+        return f"[bold {'green' if self.go else 'red'}]{word}[/]{colon}{reasons}"
+
+    @property
+    def finding_lines(self) -> Iterator[str]:
+        """Each finding with its cure, marked up."""
+        for one in self.findings:
+            level = f"[{_COLOURS[one.level]}]{one.level}[/]"
+            yield f"{level}: {one.code}: {plain(one.message)}"
+            if one.cure is not None:
+                yield f"   cure: {plain(one.cure.text)}"
+
+    @property
+    def word(self) -> str:
+        """GO or NO-GO, marked up."""
+        return "[green]GO[/]" if self.go else "[red]NO-GO[/]"
 
     @property
     def headline(self) -> str:

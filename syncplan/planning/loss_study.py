@@ -1,106 +1,165 @@
 """What-if study: losses of vehicles, sensors and landmarks, judged afresh on unchanged orbits."""
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
-from syncplan.arrays import Array
+from pydantic import Field
+
+from syncplan import __version__
+from syncplan.documents import Document, OrAbsent, VersionedDocument
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.bounds import window_bound
-from syncplan.observability.error_modes import ErrorVerdict
 from syncplan.observability.rank import Assessment, assess_remainder, assess_team
-from syncplan.observability.unobservable_modes import UnobservableMode
 from syncplan.orbits.lost_parts import (
     lost_together,
     names_of,
+    phrase_of,
     possible_losses,
     scenario_after,
 )
 from syncplan.orbits.sightings import Loss, Remainder, remainder_of
+from syncplan.phrases import listed
 from syncplan.planning.judged_team import JudgedTeam, PlanVerdict, Prediction
+from syncplan.planning.observability_records import (
+    ErrorPrediction,
+    ExtendedRank,
+    Unobservable,
+    error_prediction,
+    extended_rank_record,
+    unobservable_motions,
+)
 from syncplan.planning.plan_files import PlanSubject, planned
 from syncplan.planning.planner import BoundChoice, judged, why_no_bound
 from syncplan.planning.plans import Plan
 from syncplan.planning.rule_orbits import listed_pairs
 from syncplan.planning.verdict_checks import verdict_of
-from syncplan.results import Result
+from syncplan.results.quantities import each, plain, quantity
+from syncplan.results.result import Result
+from syncplan.results.stories import Report, Row, Story, Table, flat
 from syncplan.runtime.machine import single_threaded_blas, threads_for
 
 if TYPE_CHECKING:
     from syncplan.estimation.bounds import LossBounds
 
 
-@dataclass(frozen=True, slots=True)
-class LossOutcome:
-    """A team after a loss, judged afresh.
+def _lost(names: Sequence[str]) -> str:
+    return " and ".join(map(phrase_of, names)) or "nothing"
 
-    Attributes
-    ----------
-    lost : names of the lost parts, as lost_together reads them; empty for the whole team
-    vehicles : names of the remaining vehicles
-    rank, state_dim : rank and column count of the windowed matrix
-    unobservable : a named mode for each dimension that the rank lacks
-    error_verdict : observability of the errors that the filter estimates; None if it estimates
-        none
-    predicted_rms : (k,) m, RMS position error of each remaining vehicle; None if not computed
-    note : why there are no predicted errors
-    verdict : verdict on flying on after the loss
-    """
 
-    lost: tuple[str, ...]
-    vehicles: tuple[str, ...]
-    rank: int
+class RemainingTeam(Document):
+    """The team that a loss leaves, judged again on the same orbits."""
+
+    lost: list[str] = quantity(
+        "lost",
+        "Names of what is lost: vehicles, landmarks, and sensors as sensor:v3, whose vehicles fly "
+        "on, or as compass:v3 and distance:v3, of one kind of sighting; empty for the whole team",
+        examples=[["sensor:v3"]],
+        words=each(lambda team: plain(_lost(team.lost))),
+    )
+    rank: int = quantity("rank", words=each(lambda team: team.rank_words))
     state_dim: int
-    unobservable: tuple[UnobservableMode, ...]
-    error_verdict: ErrorVerdict | None
-    predicted_rms: Array | None
-    note: str
-    verdict: PlanVerdict
-
-    @property
-    def observable(self) -> bool:
-        """Whether every position and heading is determined over the window."""
-        return self.rank == self.state_dim
-
-    @property
-    def worst_predicted_rms(self) -> float | None:
-        """Largest predicted RMS position error of a remaining vehicle, in m."""
-        return None if self.predicted_rms is None else float(self.predicted_rms.max())
+    observable: bool
+    unobservable: list[Unobservable] = quantity(
+        "cannot be detected any more",
+        words=each(lambda team: plain("; ".join(team.undetected))),
+        folds=True,
+        order=1,
+    )
+    extended: OrAbsent[ExtendedRank] = Field(
+        default=None,
+        description="Rank with errors as states; absent where the filter estimates none that are "
+        "constant, or where there are more than 400 states",
+    )
+    predicted_rms_m: ErrorPrediction = Field(
+        description="Of a run without what is lost, from its start"
+    )
+    worst_predicted_rms_m: float | None = quantity(
+        "worst error", "Of the vehicle worst off; null where not computed", "m"
+    )
+    verdict: PlanVerdict = quantity(
+        "verdict",
+        "On flying without what is lost",
+        words=each(lambda team: team.verdict.word),
+        text=True,
+    )
 
     @property
     def harm(self) -> tuple[int, float]:
         """Sort key of losses: dimensions lost, then the worst predicted error in m."""
-        return self.state_dim - self.rank, self.worst_predicted_rms or 0.0
+        return self.state_dim - self.rank, self.worst_predicted_rms_m or 0.0
+
+    @property
+    def rank_words(self) -> str:
+        """The rank, and the dimension of the state."""
+        return f"{self.rank} of {self.state_dim}"
+
+    @property
+    def undetected(self) -> list[str]:
+        """Undetectable motions of the team and changes of estimated errors, in words."""
+        further = self.extended.undetermined if self.extended else []
+        return [one.description for one in self.unobservable] + [one.description for one in further]
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class WhatIf(Result):
-    """A plan and the effects of losses on it.
+MOST_NAMED = 12
+"""Most losses named in a line."""
 
-    Attributes
-    ----------
-    baseline : the plan itself, with nothing lost
-    losses : every loss that was judged, the most harmful first
-    critical : smallest sets of names whose loss ends observability; empty if the plan itself is not
-        observable
-    """
 
-    plan: Plan
-    baseline: LossOutcome
-    losses: tuple[LossOutcome, ...]
-    critical: tuple[tuple[str, ...], ...]
+class WhatIfDocument(VersionedDocument, Report, Result):
+    """Effects of losses of vehicles, sensors and landmarks on a plan."""
+
+    drawn_as: ClassVar[str] = "losses"
+
+    name: str = Field(description="Of the scenario")
+    baseline: RemainingTeam = Field(description="The plan with nothing lost")
+    losses: list[RemainingTeam] = Field(description="Each loss judged, the most harmful first")
+    critical: list[list[str]] = Field(
+        description="Smallest sets whose loss ends observability; empty where the plan is "
+        "not observable itself",
+        examples=[[["v3"], ["sensor:v3"], ["L1"]]],
+    )
 
     def __repr__(self) -> str:
         """Return one line: name, losses, how many are critical."""
-        name = f"{self.plan.scenario.name!r}: " if self.plan.scenario.name else ""
+        name = f"{self.name!r}: " if self.name else ""
         many = "es" if len(self.losses) != 1 else ""
-        return (
-            f"<{type(self).__name__} {name}{len(self.losses)} loss{many} judged, "
-            f"{len(self.critical)} critical>"
-        )
+        return f"<WhatIf {name}{len(self.losses)} loss{many} judged, {len(self.critical)} critical>"
+
+    def body(self) -> Story:
+        """Yield the losses that end observability, then the effects of all."""
+        whole = self.baseline
+        state = "[green]observable[/]" if whole.observable else "[red]NOT observable[/]"
+        name = plain(self.name or "plan")
+        yield f"[bold]{name}[/]: {state}, rank {whole.rank_words}; {self._critical_words}"
+        title = "each loss, the most harmful first; orbits unchanged, errors from initial_sigma on"
+        yield Table(title, [whole, *self.losses], apart=1)
+
+    def remarks(self) -> list[str]:
+        """Return the note on the predicted errors, if there is one."""
+        return list(filter(None, [self.baseline.predicted_rms_m.note]))
+
+    @property
+    def _critical_words(self) -> str:
+        judged = len(self.losses)
+        if not self.baseline.observable:
+            return f"{judged} losses judged"
+        if not self.critical:
+            return f"none of {judged} losses ends observability"
+        named = listed(list(map(_lost, self.critical)), MOST_NAMED)
+        return f"[red]{len(self.critical)} critical[/] of {judged}: {plain(named)}"
+
+    def frame_rows(self) -> Iterator[Row]:
+        """Yield the losses as rows of a data frame."""
+        for one in self.losses:
+            values = flat(one.model_dump(exclude={"predicted_rms_m"}))
+            yield {"name": ", ".join(one.lost), **values, "go": one.verdict.go}
+
+
+WhatIf = WhatIfDocument
+"""Result of `what_if`, which is its document."""
 
 
 def what_if(
@@ -111,7 +170,7 @@ def what_if(
     bound: BoundChoice = "auto",
     threads: int | None = None,
     progress: Callable[[int], None] | None = None,
-) -> WhatIf:
+) -> WhatIfDocument:
     """Return the effects of losses on a plan, each remainder judged afresh on its present orbits.
 
     `subject` is the plan, or a scenario, file or mapping to make one from. `lose` names parts that
@@ -139,7 +198,7 @@ def _studied(
     bound: BoundChoice,
     threads: int,
     progress: Callable[[int], None] | None,
-) -> WhatIf:
+) -> WhatIfDocument:
     study = _Study(plan, assess_team(plan.team, plan.scenario.window), bound)
     found = []
     with closing(_in_order(study, chosen, threads)) as outcomes:
@@ -147,11 +206,12 @@ def _studied(
             found.append(outcome)
             if progress is not None:
                 progress(len(found))
-    return WhatIf(
-        plan,
-        _judged_as(plan, ()),
-        tuple(sorted(found, key=lambda one: one.harm, reverse=True)),
-        _critical(found) if plan.observable else (),
+    return WhatIfDocument(
+        version=__version__,
+        name=plan.scenario.name,
+        baseline=_judged_as(plan, ()),
+        losses=sorted(found, key=lambda team: team.harm, reverse=True),
+        critical=_critical(found) if plan.observable else [],
     )
 
 
@@ -180,7 +240,7 @@ class _Study:
         plan = self.plan
         return LossBounds.along(plan.team, self.assessed.windows, plan.scenario.duration_s)
 
-    def outcome(self, loss: Loss) -> LossOutcome:
+    def outcome(self, loss: Loss) -> RemainingTeam:
         """Return the outcome of a loss: the remainder, judged afresh."""
         left = remainder_of(self.plan.team, loss)
         assessed = assess_remainder(self.assessed, left)
@@ -201,12 +261,12 @@ class _Study:
         return Prediction(rms=rms, steady=None, window=window, note=note)
 
 
-def _in_order(study: _Study, losses: Sequence[Loss], threads: int) -> Generator[LossOutcome]:
+def _in_order(study: _Study, losses: Sequence[Loss], threads: int) -> Generator[RemainingTeam]:
     """Yield outcomes in the order of the losses, a few computed ahead."""
     if not why_no_bound(study.plan.team, study.plan.scenario.duration_s, study.bound):
         study.bounds  # noqa: B018 - prepared once, before threads ask for it
     with ThreadPoolExecutor(threads) as pool:
-        pending: list[Future[LossOutcome]] = []
+        pending: list[Future[RemainingTeam]] = []
         try:
             for loss in losses:
                 pending.append(pool.submit(study.outcome, loss))
@@ -219,26 +279,26 @@ def _in_order(study: _Study, losses: Sequence[Loss], threads: int) -> Generator[
                 one.cancel()
 
 
-def _judged_as(found: JudgedTeam, lost: tuple[str, ...]) -> LossOutcome:
-    return LossOutcome(
-        lost=lost,
-        vehicles=tuple(found.scenario.vehicle_names),
-        rank=found.observability.rank,
-        state_dim=found.observability.state_dim,
-        unobservable=found.unobservable,
-        error_verdict=found.error_verdict,
-        predicted_rms=found.prediction.rms,
-        note=found.prediction.note,
-        verdict=verdict_of(found),
+def _judged_as(team: JudgedTeam, lost: Sequence[str]) -> RemainingTeam:
+    names, prediction = team.scenario.vehicle_names, team.prediction
+    return RemainingTeam(
+        lost=list(lost),
+        rank=team.observability.rank,
+        state_dim=team.observability.state_dim,
+        observable=team.observability.observable,
+        unobservable=unobservable_motions(team.unobservable, names),
+        extended=extended_rank_record(team.error_verdict, names),
+        predicted_rms_m=error_prediction(prediction.rms, names, prediction.note),
+        worst_predicted_rms_m=None if prediction.rms is None else float(prediction.rms.max()),
+        verdict=verdict_of(team),
     )
 
 
-def _critical(outcomes: Sequence[LossOutcome]) -> tuple[tuple[str, ...], ...]:
+def _critical(teams: Sequence[RemainingTeam]) -> list[list[str]]:
     """Smallest sets whose loss ends observability, by size, then in the order judged."""
-    smallest: list[tuple[str, ...]] = []
-    for one in sorted(
-        (one for one in outcomes if not one.observable), key=lambda one: len(one.lost)
-    ):
-        if not any(set(names) <= set(one.lost) for names in smallest):
-            smallest.append(one.lost)
-    return tuple(smallest)
+    smallest: list[list[str]] = []
+    lost = [team.lost for team in teams if not team.observable]
+    for names in sorted(lost, key=len):
+        if not any(set(one) <= set(names) for one in smallest):
+            smallest.append(names)
+    return smallest

@@ -46,7 +46,7 @@ from syncplan.planning.plan_records import (
 )
 from syncplan.planning.plans import Plan
 from syncplan.planning.share_test import share_of
-from syncplan.results import Result
+from syncplan.results.result import Result
 from syncplan.runtime.machine import single_threaded_blas
 
 LOST_FACTOR = 5.0

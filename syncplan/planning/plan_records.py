@@ -1,5 +1,6 @@
 """Records of a plan: its refinement, with each start and figures before and after; its flights."""
 
+import math
 from dataclasses import dataclass
 from hashlib import sha256
 
@@ -9,6 +10,7 @@ from pydantic import Field
 from syncplan import __version__
 from syncplan.documents import Document, DocumentPart, OrAbsent, Words
 from syncplan.orbits.circles import Orbits
+from syncplan.phrases import metres, percent
 from syncplan.scenario.models import RefineOptions
 from syncplan.scenario.objectives import Figures
 from syncplan.scenario.quantities import Many
@@ -179,6 +181,28 @@ class FlownPlan(Document):
             if vehicle.name == name and vehicle.rms_m is not None:
                 return _with_interval(vehicle.rms_m, vehicle.rms_interval_m)
         return ""
+
+    @property
+    def line(self) -> str:
+        """The result of the flights, in one line."""
+        flights = "1 flight" if self.trials == 1 else f"{self.trials} flights"
+        said = [f"guidance {self.guidance}"]
+        if self.vehicles:
+            squares = sum(one.tracking_rms_m**2 for one in self.vehicles) / len(self.vehicles)
+            worst = max(self.vehicles, key=lambda one: one.phase_rms_s)
+            said.append(f"{math.sqrt(squares):.3g} m off the plan (RMS)")
+            said.append(f"phase at most {worst.phase_rms_s:.3g} s off (RMS, {worst.name})")
+        if self.meetings_kept:
+            least = min(self.meetings_kept, key=lambda one: one.kept_share)
+            share, pair = percent(least.kept_share), "-".join(least.between)
+            said.append(f"each pair keeps at least {share} of its meetings ({pair})")
+        if self.least_separation_m is not None:
+            said.append(f"least separation {metres(self.least_separation_m[1], 3)} m")
+        if self.error:
+            said.append(f"error {self.error} m (RMS, 95 % interval)")
+        lost = percent(self.filter_lost_share, self.filter_lost_interval)
+        said.append(f"filter {self.filter} lost in {lost}")
+        return f"flown, {flights} of {self.duration_s:g} s: {', '.join(said)}"
 
     @property
     def error(self) -> str:

@@ -6,7 +6,7 @@ from syncplan.errors import NoSolutionError
 from syncplan.estimation.bounds import PositionCovariances, position_covariances
 from syncplan.planning import judged_team
 from syncplan.planning.verdict_checks import verdict_of
-from syncplan.results import Result
+from syncplan.results.result import Result
 from syncplan.runtime.machine import single_threaded_blas
 
 

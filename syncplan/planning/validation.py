@@ -46,7 +46,7 @@ from syncplan.planning.filter_choice import choose_filter
 from syncplan.planning.judged_team import bound_is_affordable
 from syncplan.planning.plan_files import PlanSubject, in_world, planned
 from syncplan.planning.plans import Plan
-from syncplan.results import Result
+from syncplan.results.result import Result
 from syncplan.runtime.machine import single_threaded_blas
 
 # --- the validation -------------------------------------------------------------------------------

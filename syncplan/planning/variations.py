@@ -26,7 +26,7 @@ from syncplan.planning.validation import (
     trial_run,
     validate,
 )
-from syncplan.results import Result
+from syncplan.results.result import Result
 from syncplan.scenario.dotted_keys import IN_TRUTH, SWEPT_KEYS, numeric_keys, swept_key
 from syncplan.scenario.specification import Scenario
 from syncplan.scenario.truths import keys_over

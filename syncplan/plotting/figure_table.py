@@ -39,12 +39,14 @@ class FigureInput:
 
     Attributes
     ----------
+    of : kind of the subject
     subject : the plan, or the document of a run, a sweep, a what-if or a design
     refined : the record of the plan's refinement, if there was one
     after : a second plan to compare with
     style : size, text scale, theme
     """
 
+    of: str
     subject: Any
     style: "FigureStyle"
     refined: "RefinementResult | None" = None

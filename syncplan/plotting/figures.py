@@ -16,23 +16,16 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from syncplan.designs.designer import Design
 from syncplan.errors import InputError
-from syncplan.estimation.replay_results import Replay
-from syncplan.planning.loss_study import WhatIf
-from syncplan.planning.plan_flights import Flight
 from syncplan.planning.plans import Plan
-from syncplan.planning.validation import Validation
 from syncplan.plotting.canvas import Spec, fitted
 from syncplan.plotting.figure_style import PLAIN, FigureStyle, Theme, themed
-from syncplan.plotting.figure_table import FIGURES, FigureInput, SubjectKind
+from syncplan.plotting.figure_table import FIGURES, FigureInput
 from syncplan.plotting.series_figures import errors_spec
-from syncplan.reports.design_report import DesignDocument, design_document
-from syncplan.reports.flight_report import FlightDocument, flight_document
-from syncplan.reports.loss_report import WhatIfDocument, what_if_document
+from syncplan.reports.presentations import report_of
 from syncplan.reports.refinement_report import RefinementResult, refinement_result
-from syncplan.reports.replay_report import ReplayDocument, replay_document
-from syncplan.reports.validation_report import SweepReport, ValidationDocument, validation_document
+from syncplan.results.result import Result
+from syncplan.results.stories import Report
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -56,18 +49,8 @@ __all__ = [
     "timeline",
 ]
 
-Run = Validation | ValidationDocument | Replay | ReplayDocument
-Subject = (
-    Plan
-    | SweepReport
-    | WhatIf
-    | WhatIfDocument
-    | Flight
-    | FlightDocument
-    | Design
-    | DesignDocument
-    | Run
-)
+Subject = Result | Report
+"""A result, or the document of one."""
 
 
 def specs_of(
@@ -84,11 +67,11 @@ def specs_of(
     hold; `after` is a second plan to compare with. Needs no Plotly. Raises InputError for a figure
     that the subject lacks.
     """
-    of, given = _given(subject, refined, after, style)
-    known = _known(of, given)
+    given = _given(subject, refined, after, style)
+    known = _known(given)
     for name in names:
         if name not in known:
-            raise InputError(f"{name!r}: {_why_not(name, of, known)}", key="figure")
+            raise InputError(f"{name!r}: {_why_not(name, given.of, known)}", key="figure")
     return {name: FIGURES[name].draw(given) for name in names or known}
 
 
@@ -96,45 +79,28 @@ def first_figure(
     subject: Subject, *, refined: RefinementResult | None = None, after: Plan | None = None
 ) -> str:
     """Return the name of the figure to show where there is room for only one; see specs_of."""
-    known = _known(*_given(subject, refined, after, PLAIN))
+    known = _known(_given(subject, refined, after, PLAIN))
     return next((name for name in known if FIGURES[name].compares), known[0])
-
-
-def report_of(run: Run) -> ValidationDocument | ReplayDocument:
-    """Return the report of a run of the filter; a report is returned as it is."""
-    if isinstance(run, Validation):
-        return validation_document(run)
-    return replay_document(run) if isinstance(run, Replay) else run
 
 
 def _given(
     subject: Subject, refined: RefinementResult | None, after: Plan | None, style: FigureStyle
-) -> tuple[SubjectKind, FigureInput]:
+) -> FigureInput:
     if isinstance(subject, Plan):
         if subject.refinement is not None:
             refined = refinement_result(subject.refinement)
-        return "plan", FigureInput(subject, style, refined, after)
+        return FigureInput("plan", subject, style, refined, after)
     if after is not None:
         raise InputError("only a plan can be compared with a plan", key="compare")
-    if isinstance(subject, SweepReport):
-        return "sweep", FigureInput(subject, style)
-    if isinstance(subject, WhatIf | WhatIfDocument):
-        report = what_if_document(subject) if isinstance(subject, WhatIf) else subject
-        return "losses", FigureInput(report, style)
-    if isinstance(subject, Flight | FlightDocument):
-        flown = flight_document(subject) if isinstance(subject, Flight) else subject
-        return "flight", FigureInput(flown, style)
-    if isinstance(subject, Design | DesignDocument):
-        document = design_document(subject) if isinstance(subject, Design) else subject
-        return "design", FigureInput(document, style)
-    return "run", FigureInput(report_of(subject), style)
+    document = report_of(subject) if isinstance(subject, Result) else subject
+    return FigureInput(document.drawn_as, document, style)
 
 
-def _known(of: SubjectKind, given: FigureInput) -> list[str]:
-    return [name for name, one in FIGURES.items() if one.of == of and one.fits(given)]
+def _known(given: FigureInput) -> list[str]:
+    return [name for name, one in FIGURES.items() if one.of == given.of and one.fits(given)]
 
 
-def _why_not(name: str, of: SubjectKind, known: list[str]) -> str:
+def _why_not(name: str, of: str, known: list[str]) -> str:
     choices = f"choose from {', '.join(known)}"
     if name not in FIGURES:
         return choices
@@ -181,13 +147,13 @@ def comparison(
     return _figure(specs["comparison"])
 
 
-def accuracy(report: Run, *, theme: Theme | None = None, style: FigureStyle = PLAIN) -> Figure:
+def accuracy(report: Subject, *, theme: Theme | None = None, style: FigureStyle = PLAIN) -> Figure:
     """Return the RMS position errors found, beside the predicted ones if known, in m."""
     return _one(report, "accuracy", _styled(theme, style))
 
 
 def error_bands(
-    report: Run,
+    report: Subject,
     vehicles: Sequence[str] | None = None,
     *,
     theme: Theme | None = None,
@@ -199,17 +165,19 @@ def error_bands(
     InputError for a report without series, or an unknown vehicle.
     """
     chosen = _styled(theme, style)
-    spec = fitted(errors_spec(report_of(report), chosen, vehicles), chosen)
+    spec = fitted(errors_spec(_given(report, None, None, chosen).subject, chosen, vehicles), chosen)
     return _figure(themed(spec, chosen.theme))
 
 
-def consistency(report: Run, *, theme: Theme | None = None, style: FigureStyle = PLAIN) -> Figure:
+def consistency(
+    report: Subject, *, theme: Theme | None = None, style: FigureStyle = PLAIN
+) -> Figure:
     """Return ANEES and NIS with their intervals, and the coverage of each vehicle."""
     return _one(report, "consistency", _styled(theme, style))
 
 
 def sweep_curves(
-    report: SweepReport, *, theme: Theme | None = None, style: FigureStyle = PLAIN
+    report: Subject, *, theme: Theme | None = None, style: FigureStyle = PLAIN
 ) -> Figure:
     """Return the errors over the value that was swept, in m."""
     return _one(report, "sweep", _styled(theme, style))

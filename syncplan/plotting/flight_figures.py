@@ -11,6 +11,7 @@ import numpy as np
 from syncplan.arrays import Array
 from syncplan.errors import InputError
 from syncplan.phrases import percent
+from syncplan.planning.plan_records import MeetingsFlown
 from syncplan.plotting import canvas, figure_style
 from syncplan.plotting.canvas import Spec
 from syncplan.plotting.figure_style import FigureStyle
@@ -18,7 +19,6 @@ from syncplan.plotting.panels import Curve, curve_entries, curve_traces, panels_
 from syncplan.reports.flight_report import (
     FlightDocument,
     FlightEvent,
-    FlownLink,
     FlownSeparation,
     FlownVehicle,
 )
@@ -302,7 +302,7 @@ def flight_meetings_spec(report: FlightDocument) -> Spec:
     return canvas.rows_spec(title, note, [_link(one) for one in shown], across, traces)
 
 
-def _meeting_bars(uid: str, name: str, links: list[FlownLink], marker: Spec) -> Spec:
+def _meeting_bars(uid: str, name: str, links: list[MeetingsFlown], marker: Spec) -> Spec:
     return canvas.row_bars(
         uid,
         name,
@@ -315,7 +315,7 @@ def _meeting_bars(uid: str, name: str, links: list[FlownLink], marker: Spec) -> 
     )
 
 
-def _link(one: FlownLink | FlownSeparation) -> str:
+def _link(one: MeetingsFlown | FlownSeparation) -> str:
     return canvas.escaped("-".join(one.between))
 
 

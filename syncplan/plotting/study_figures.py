@@ -4,11 +4,11 @@ from collections.abc import Callable, Sequence
 from math import nan
 
 from syncplan.orbits.lost_parts import phrase_of
+from syncplan.planning.loss_study import RemainingTeam, WhatIfDocument
 from syncplan.plotting import canvas
 from syncplan.plotting.canvas import Spec
 from syncplan.plotting.figure_style import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, VERMILLION
 from syncplan.reports.design_report import DesignDocument
-from syncplan.reports.loss_report import RemainingTeam, WhatIfDocument
 from syncplan.reports.validation_report import SweepReport, SweepRow, ValidationDocument
 from syncplan.scenario.dotted_keys import swept_key
 

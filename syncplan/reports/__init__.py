@@ -3,12 +3,10 @@
 Each module holds a document's parts with their descriptions, the functions that make them from a
 result, and its notes.
 
-observability_report  rank, certificate and predicted errors of a team
 refinement_report     refinements
 plan_report           plans
 sites_report          choices of landmark sites
 covariance_report     covariances of positions over a period of a plan
-loss_report           effects of losses on a plan
 run_figures           figures that runs of the filter share
 validation_report     validations and sweeps
 flight_series         flights over time

@@ -1,16 +1,20 @@
 """Designs as documents."""
 
-from typing import TYPE_CHECKING, Any, Literal
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from pydantic import Field
 
 from syncplan import __version__
 from syncplan.documents import Document, DocumentPart, OrAbsent, VersionedDocument, finite_or_none
+from syncplan.phrases import percent
 from syncplan.planning.judged_team import PlanFinding, Remark, purpose_measure
 from syncplan.planning.plan_files import stated
 from syncplan.reports.flight_report import FlightDocument, flight_document
 from syncplan.reports.plan_report import PlanDocument, plan_document
 from syncplan.reports.validation_report import ValidationDocument, validation_document
+from syncplan.results.quantities import each, plain, quantity
+from syncplan.results.stories import Report, Row, Story, Table
 from syncplan.scenario.brief import Brief
 
 if TYPE_CHECKING:
@@ -27,13 +31,17 @@ _CUT_SHORT = "the search was ended early: teams may be missing, and better forma
 class FrontPoint(Document):
     """What was found for so many vehicles and landmarks."""
 
-    vehicles: int
-    landmarks: int
-    worst_rms_m: float | None = Field(
-        description="Predicted error of the worst vehicle, on a coarse sample grid and without the "
-        "refinement of a winner; null where no formation without a fault was found"
+    vehicles: int = quantity("vehicles")
+    landmarks: int = quantity("landmarks")
+    worst_rms_m: float | None = quantity(
+        "worst error",
+        "Predicted error of the worst vehicle, on a coarse sample grid and without the "
+        "refinement of a winner; null where no formation without a fault was found",
+        "m",
+        missing="none fits",
+        order=1,
     )
-    cost: float = Field(description="Of vehicles and landmarks, by `prefer`")
+    cost: float = quantity("cost", "Of vehicles and landmarks, by `prefer`", form=".4g")
     formation: OrAbsent[dict[str, Any]] = Field(
         default=None,
         description="`scenario` and `vehicles` of the formation found, as in a plan file; absent "
@@ -67,21 +75,46 @@ class DesignedTeam(Document):
         default=None, description="Share of the area covered; absent for other purposes"
     )
 
+    @property
+    def words(self) -> str:
+        """The team, its cost, its errors and what it covers, in a line."""
+        errors = {
+            "predicted": self.predicted_worst_rms_m,
+            "validated": self.validated_worst_rms_m,
+            "flown": self.flown_worst_rms_m,
+        }
+        said = [f"{name} {value:.3g} m" for name, value in errors.items() if value is not None]
+        if self.covered_share is not None:
+            said.append(f"covers {percent(self.covered_share)}")
+        team = f"{self.vehicles} vehicles and {self.landmarks} landmarks"
+        return f"{team}, cost {self.cost:.4g}: {', '.join(said)}"
+
 
 class OfferedPurchase(DocumentPart):
     """What a change of the brief brings to the best formation found, searched anew."""
 
-    change: str
-    worst_rms_m: float = Field(description="Predicted error of the worst vehicle, refined")
-    met: bool = Field(description="Whether that meets the need with its margin")
-    cost: float | None = Field(description="By `prefer`; null where it states none")
+    change: str = quantity("change")
+    worst_rms_m: float = quantity(
+        "worst error", "Predicted error of the worst vehicle, refined", "m", order=1
+    )
+    met: bool = quantity(
+        "meets the need",
+        "Whether that meets the need with its margin",
+        words=each(lambda offer: "[green]yes[/]" if offer.met else "no"),
+        order=2,
+    )
+    cost: float | None = quantity(
+        "cost", "By `prefer`; null where it states none", form=".4g", missing=""
+    )
     formation: dict[str, Any] = Field(
         description="`scenario` and `vehicles` of the formation with that error, as in a plan file"
     )
 
 
-class DesignDocument(VersionedDocument):
+class DesignDocument(VersionedDocument, Report):
     """The cheapest formation found for a brief, or what stands in its way."""
+
+    drawn_as: ClassVar[str] = "design"
 
     name: str
     status: Literal["met", "not_found", "impossible"] = Field(
@@ -108,6 +141,28 @@ class DesignDocument(VersionedDocument):
     plan: PlanDocument | None = Field(description="The formation of `best`, an ordinary plan")
     validation: ValidationDocument | None
     flight: FlightDocument | None
+
+    def body(self) -> Story:
+        """Yield the status, the front and the purchases."""
+        state = f"[{'green' if self.status == 'met' else 'red'}]{self.status.replace('_', ' ')}[/]"
+        decides = f"; what decides: {plain(self.binding)}" if self.binding else ""
+        yield (
+            f"[bold]{plain(self.name or 'design')}[/]: {state}, need "
+            f"{self.brief.need.worst_rms_m:g} m for the worst vehicle{decides}"
+        )
+        if self.proof is not None:
+            yield plain(self.proof.reason)
+        yield from (f"{finding.code}: {finding.message}" for finding in self.findings)
+        if self.best is not None:
+            yield self.best.words
+        if self.front:
+            yield Table("best found for each team; worst predicted error, coarse", self.front)
+        if self.purchases:
+            yield Table("what would help", self.purchases)
+
+    def frame_rows(self) -> Iterator[Row]:
+        """Yield the front as rows of a data frame."""
+        return (team.model_dump() for team in self.front)
 
 
 def design_document(designed: "Design") -> DesignDocument:

@@ -1,7 +1,7 @@
 """Flights as documents, with notes on the meaning of their figures."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -14,11 +14,13 @@ from syncplan.guidance.flight_options import AS_COMMANDED, GUIDANCES, FlightOpti
 from syncplan.orbits.lost_parts import phrase_of
 from syncplan.phrases import in_words, listed, percent
 from syncplan.planning.judged_team import PlanVerdict
-from syncplan.planning.plan_records import Interval
+from syncplan.planning.plan_records import Interval, MeetingsFlown
 from syncplan.planning.plans import Plan
 from syncplan.planning.share_test import share_of
 from syncplan.reports import run_figures
 from syncplan.reports.flight_series import FlightOverTime, flight_over_time
+from syncplan.results.quantities import each, plain, quantity
+from syncplan.results.stories import Row, Story, Table, flat
 from syncplan.scenario.disturbances import ReadingsKind
 
 if TYPE_CHECKING:
@@ -28,8 +30,8 @@ if TYPE_CHECKING:
 class PhaseError(DocumentPart):
     """Time by which a vehicle is ahead of the plan, or behind it, over the second half."""
 
-    rms: float
-    worst: float = Field(description="In any trial")
+    rms: float = quantity("phase rms", unit="s")
+    worst: float = quantity("worst", "In any trial", "s", drop=2)
 
 
 class FlightErrors(run_figures.Errors):
@@ -43,32 +45,45 @@ class FlightErrors(run_figures.Errors):
         description="Second-half RMS over predicted_rms_m; null in older files, as intervals",
     )
     rms_over_predicted_interval: Interval | None = Field(default=None, description="95 %")
-    bound_rms_m: float = Field(
-        description="The bound along the paths truly flown, by the sightings truly made, RMS over "
-        "the second half"
+    bound_rms_m: float = quantity(
+        "bound",
+        "The bound along the paths truly flown, by the sightings truly made, RMS over the second "
+        "half",
+        "m",
+        drop=3,
     )
-    rms_over_bound: float | None = Field(description="Second-half RMS over bound_rms_m")
+    rms_over_bound: float | None = quantity("ratio", "Second-half RMS over bound_rms_m", form=".2f")
     rms_over_bound_interval: Interval | None = Field(
         default=None, description="95 %, with the bound taken for exact"
     )
-    tracking_rms_m: float = Field(description="True distance from the plan's place, second half")
+    tracking_rms_m: float = quantity(
+        "off plan", "True distance from the plan's place, second half", "m"
+    )
 
 
 class FlownVehicle(DocumentPart):
     """Figures of one vehicle in flight."""
 
-    name: str
+    name: str = quantity(
+        "vehicle",
+        words=each(lambda one: plain(one.name) + ("" if one.errors else " (lost)")),
+        order=-2,
+    )
     errors: FlightErrors | None = Field(description="Null for a vehicle that is lost on the way")
     phase_error_s: PhaseError | None
     phase_tolerance_s: float | None = Field(
         description="The least of its links' in the plan: how late it may be until one never comes "
         "into contact; null where it has none"
     )
-    meetings_kept: float | None = Field(
-        description="Share of its meetings in the plan in which a sighting was made; null where "
-        "it has none"
+    meetings_kept: float | None = quantity(
+        "meetings kept",
+        "Share of its meetings in the plan in which a sighting was made; null where it has none",
+        form="%",
+        drop=4,
     )
-    longest_without_sighting_s: float = Field(description="In any trial, from time 0 on")
+    longest_without_sighting_s: float = quantity(
+        "unseen", "In any trial, from time 0 on", "s", form=".4g", drop=1
+    )
     saturated_share: float = Field(description="Share of samples with a command at a limit")
     refused_share: float | None = Field(
         description="Share of decisions of guidance mpc whose program was not solved: the vehicle "
@@ -80,14 +95,6 @@ class FlownVehicle(DocumentPart):
     sought_share: float = Field(
         description="Share of samples at which its circle was moved to be sure of its anchor"
     )
-
-
-class FlownLink(DocumentPart):
-    """A pair that meets in the plan: two vehicles, or a vehicle and a landmark."""
-
-    between: tuple[str, str]
-    meetings: int = Field(description="In the plan, in each trial")
-    kept_share: float = Field(description="Share of the meetings in which a sighting was made")
 
 
 class FlownSeparation(DocumentPart):
@@ -109,6 +116,19 @@ class FlownSeparation(DocumentPart):
         default=None, description="95 % interval of the share (Clopper and Pearson)"
     )
 
+    @property
+    def line(self) -> str:
+        """How near vehicles came, and how near they come in the plan."""
+        below = ""
+        if self.below_asked_share is not None:
+            share = percent(self.below_asked_share, self.below_asked_interval)
+            below = f"; nearer than asked in {share} of the trials"
+        return (
+            f"least separation: {self.median:.3g} m in the median trial, {self.worst:.3g} m in the "
+            f"worst ({plain('-'.join(self.between))} at {self.time_s:.4g} s); the plan has "
+            f"{self.planned:.3g} m{below}"
+        )
+
 
 class FlightEvent(DocumentPart):
     """A loss or a hold, the same in every trial."""
@@ -129,6 +149,16 @@ class FlightEvent(DocumentPart):
         "left to say, and for losses",
     )
 
+    @property
+    def line(self) -> str:
+        """What happens, and when a held vehicle is in phase again in the median trial."""
+        settled = ""
+        if self.kind == "hold" and self.settled_s is None:
+            settled = "; not seen in phase for a period after it"
+        elif self.settled_s is not None:
+            settled = f"; in phase again {self.settled_s:.3g} s after"
+        return f"{plain(self.what)}{settled}"
+
 
 class FlightConditions(DocumentPart):
     """Faults of sightings and true wind in every trial, as requested."""
@@ -148,16 +178,19 @@ class FlightConditions(DocumentPart):
 class FlownStateError(DocumentPart):
     """Errors of a filter state other than a pose, over all trials."""
 
-    state: str = Field(description="Name", examples=["wind x", "speed scale of v1"])
-    unit: str = Field(description="Of the errors", examples=["m/s"])
-    rms: float = Field(description="Over the samples after time 0")
-    rms_second_half: float
-    bound_rms: float = Field(
-        description="The bound along the paths truly flown, by the sightings truly made, RMS over "
-        "the second half"
+    state: str = quantity("state", "Name", examples=["wind x", "speed scale of v1"])
+    unit: str = quantity("unit", "Of the errors", examples=["m/s"])
+    rms: float = quantity("total", "Over the samples after time 0", drop=2)
+    rms_second_half: float = quantity("2nd half")
+    bound_rms: float = quantity(
+        "bound",
+        "The bound along the paths truly flown, by the sightings truly made, RMS over the second "
+        "half",
     )
-    ratio: float | None = Field(description="Second-half RMS over bound_rms")
-    coverage: float = Field(description="Share of samples within 3 sigma; ideal 0.9973")
+    ratio: float | None = quantity("ratio", "Second-half RMS over bound_rms", form=".2f", drop=3)
+    coverage: float = quantity(
+        "3 sigma", "Share of samples within 3 sigma; ideal 0.9973", form=".1%", drop=1
+    )
 
 
 LimitsFrom = Literal["scenario", "default"]
@@ -174,8 +207,20 @@ class VehicleModel(DocumentPart):
     readings: ReadingsKind
 
 
+MOST_MISSED = 6
+"""Most pairs named."""
+
+_OF_ESTIMATES = [
+    f"errors.{name}"
+    for name in ("rms_m", "rms_x_m", "rms_y_m", "coverage_3sigma", "rms_second_half_interval_m")
+]
+"""Figures that the table of a flight leaves out."""
+
+
 class FlightDocument(run_figures.TrueWorldReport):
     """Many flights of a plan, in closed loop."""
+
+    drawn_as: ClassVar[str] = "flight"
 
     verdict: PlanVerdict = Field(description="Of the plan that was flown")
     trials: int
@@ -211,7 +256,7 @@ class FlightDocument(run_figures.TrueWorldReport):
         default=None,
         description="Of states of the filter that are no poses; absent where there are none",
     )
-    links: list[FlownLink]
+    links: list[MeetingsFlown]
     anees: run_figures.Spread
     nis: run_figures.Spread
     series: OrAbsent[FlightOverTime] = Field(
@@ -223,6 +268,55 @@ class FlightDocument(run_figures.TrueWorldReport):
     def run(self) -> str:
         """Number and length of the flights, and seed, in words."""
         return f"{self.trials} flights of {self.duration_s:g} s, seed {self.seed}"
+
+    def body(self) -> Story:
+        """Yield errors and phases by vehicle, and events."""
+        overall, record = self.overall, self.filter
+        yield (
+            f"[bold]{plain(self.name) or 'flight'}[/]: {self.run}, guidance {self.guidance}, "
+            f"filter {record.kind}"
+        )
+        title = "second half: error of estimates and distance from the plan in m, phase"
+        yield Table(title, self.vehicles, without=_OF_ESTIMATES, stated="m")
+        yield from overall.overall_line(overall.rms_over_bound, overall.rms_over_bound_interval)
+        yield from self._states
+        yield (
+            f"filter lost in {percent(self.filter_lost_share, self.filter_lost_interval)} of the "
+            "trials, out of contact in "
+            f"{percent(self.out_of_contact_share, self.out_of_contact_interval)}; commands at a "
+            f"limit {percent(self.saturated_share)} of the time"
+        )
+        if self.least_separation_m is not None:
+            yield self.least_separation_m.line
+        if self.wind_error_mps is not None:
+            yield f"wind known to {self.wind_error_mps:.3g} m/s"
+        yield from (event.line for event in self.events)
+        yield from self._missed
+        if record.gate_probability is not None:
+            yield (
+                f"gate at {record.gate_probability:g}: {record.gated} of "
+                f"{record.used + record.gated} sightings rejected"
+            )
+        anees, nis = (one.words(trusted=self.verdict.go) for one in (self.anees, self.nis))
+        yield f"ANEES {anees}; NIS {nis}"
+
+    @property
+    def _missed(self) -> Iterator[str]:
+        """The pairs that missed some of their meetings, the worst first."""
+        missed = [one for one in self.links if one.kept_share < 1.0]
+        if missed:
+            missed.sort(key=lambda one: one.kept_share)
+            texts = [f"{'-'.join(one.between)} {percent(one.kept_share)}" for one in missed]
+            rest = "; of all others all" if len(missed) < len(self.links) else ""
+            yield f"meetings kept: {plain(listed(texts, MOST_MISSED))}{rest}"
+
+    def frame_rows(self) -> Iterator[Row]:
+        """Yield the vehicles as rows of a data frame."""
+        for one in self.vehicles:
+            row = flat(one.model_dump(exclude={"errors", "phase_error_s"}))
+            phase = {} if one.phase_error_s is None else one.phase_error_s.model_dump()
+            row |= {f"phase_{key}_s": value for key, value in phase.items()}
+            yield row | ({} if one.errors is None else flat(one.errors.model_dump()))
 
 
 _SHARES = np.linspace(0.0, 1.0, 41)
@@ -258,10 +352,7 @@ def flight_document(flight: "Flight") -> FlightDocument:
         vehicles=[_vehicle(flight, k) for k in range(plan.team.count)],
         overall=_overall(flight),
         errors=_state_errors(flight),
-        links=[
-            FlownLink(between=one.between, meetings=one.meetings, kept_share=one.kept_share)
-            for one in record.meetings_kept
-        ],
+        links=record.meetings_kept,
         anees=run_figures.spread_of(flight.anees),
         nis=run_figures.spread_of(flight.nis),
         series=flight_over_time(flight),

@@ -1,6 +1,6 @@
 """Plans as documents."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -20,33 +20,51 @@ from syncplan.documents import (
 from syncplan.estimation.start_up_index import StartUpIndex
 from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.orbits.circles import extent, heading, position
-from syncplan.phrases import Places
+from syncplan.phrases import Places, listed, metres, percent
 from syncplan.planning.judged_team import PlanVerdict
-from syncplan.planning.plan_records import FlownPlan
-from syncplan.planning.plans import Plan
-from syncplan.reports.observability_report import (
+from syncplan.planning.observability_records import (
     ErrorPrediction,
     ObservabilityVerdict,
     error_prediction,
     observability_of,
 )
+from syncplan.planning.plan_records import FlownPlan
+from syncplan.planning.plans import Plan
 from syncplan.reports.refinement_report import RefinementResult, refinement_result
+from syncplan.results.quantities import Quantity, plain, quantity
+from syncplan.results.stories import Column, Grid, Report, Row, Story, Table, flat
 from syncplan.scenario.ground import WIDEST_M, map_departure
 from syncplan.scenario.lat_lon_keys import lat_lon_places
 from syncplan.scenario.specification import Scenario
+from syncplan.terms import TERMS
 
 
 class VehicleOrbit(DocumentPart):
     """One vehicle's circle and its pose at time 0."""
 
-    name: str
-    center_m: Point
-    radius_m: float
-    direction: Literal["ccw", "cw"]
-    speed_mps: float
-    phase_rad: float = Field(description="Angle from +x about the centre, in [0, 2 pi)")
-    position_m: Point
-    heading_rad: float = Field(description="Direction of flight from +x, in [0, 2 pi)")
+    name: str = quantity("vehicle")
+    center_m: Point = quantity(
+        "centre",
+        unit="m",
+        words=lambda team: map(places_of(team).words, (each.center_m for each in team)),
+        drop=7,
+    )
+    radius_m: float = quantity("R", unit="m", form="g", drop=4)
+    direction: Literal["ccw", "cw"] = quantity("sense", drop=3)
+    speed_mps: float = quantity("speed", unit="m/s", form=".4g", drop=5, order=1)
+    phase_rad: float = quantity(
+        "phase", "Angle from +x about the centre, in [0, 2 pi)", form=".4f", drop=6
+    )
+    position_m: Point = quantity(
+        "position",
+        unit="m",
+        words=lambda team: map(places_of(team).words, (each.position_m for each in team)),
+        drop=2,
+        order=1,
+    )
+    heading_rad: float = quantity(
+        "heading", "Direction of flight from +x, in [0, 2 pi)", form=".4f", drop=1, order=1
+    )
 
 
 def places_of(vehicles: Sequence[VehicleOrbit]) -> Places:
@@ -138,12 +156,15 @@ class Witness(DocumentPart):
 class PredictedStateError(DocumentPart):
     """Predicted RMS error of a filter state other than a pose."""
 
-    state: str = Field(description="Name", examples=["wind x", "speed scale of v1"])
-    unit: str = Field(examples=["m/s"])
-    sigma: float = Field(description="Its standard deviation before anything is seen")
-    predicted_rms: float = Field(
-        description="Over the second half of the run, as predicted_rms_m, for circles flown in "
-        "still air: in a wind of a quarter of the speed, the wind itself is known half as well"
+    state: str = quantity("state", "Name", examples=["wind x", "speed scale of v1"])
+    unit: str = quantity("unit", examples=["m/s"])
+    sigma: float = quantity(
+        "sigma at start", "Its standard deviation before anything is seen", form=".4g"
+    )
+    predicted_rms: float = quantity(
+        "error",
+        "Over the second half of the run, as predicted_rms_m, for circles flown in still air: in "
+        "a wind of a quarter of the speed, the wind itself is known half as well",
     )
 
 
@@ -177,6 +198,16 @@ class SynchronisationRecord(DocumentPart):
     odd_cycle: list[str]
     alternating_proven_largest: bool | None
 
+    def line(self, links: Sequence[Link]) -> str:
+        """The method, what it found for the links and the bound on it."""
+        if self.smallest_margin_m is None:
+            return f"phases: {self.method}"
+        bound = "" if self.bound_m is None else f", bound {self.bound_m:.4g} m"
+        shares = [one.contact_share for one in links if one.contact_share is not None]
+        seen = f"; {percent(min(shares))} or more of attainable contact" if shares else ""
+        margin = f"smallest margin {metres(self.smallest_margin_m)} m{bound}"
+        return f"phases: {self.method}{seen}; {margin}"
+
 
 class PlacesOnGround(DocumentPart):
     """The places of a plan on the ground, and the departure of the flat map from it."""
@@ -192,7 +223,21 @@ class PlacesOnGround(DocumentPart):
     )
 
 
-class PlanDocument(VersionedDocument):
+MOST_LISTED = 40
+"""Most links listed."""
+
+_MEETING = (
+    Quantity("link"),
+    Quantity("rule", text=True, drop=3),
+    Quantity("closest", "m", drop=5),
+    Quantity("contact", "s", drop=4),
+    Quantity("from", "s", drop=1),
+    Quantity("tolerance", "rad", drop=2),
+    Quantity("rank"),
+)
+
+
+class PlanDocument(VersionedDocument, Report):
     """A plan: orbits, meetings and the verdict on observability."""
 
     verdict: OrAbsent[PlanVerdict] = Field(
@@ -239,6 +284,128 @@ class PlanDocument(VersionedDocument):
         default=None, description="Results of flying the plan; absent where it was not flown"
     )
     notes: list[str] = Field(description="The messages of the verdict's findings")
+
+    def body(self) -> Story:
+        """Yield poses, meetings and errors."""
+        seen, nearest, ground = self.observability, self.separation, self.ground
+        state = "[green]observable[/]" if seen.observable else "[red]NOT observable[/]"
+        yield (
+            f"[bold]{plain(self.scenario.name or 'plan')}[/]: {state}, rank {seen.rank} of "
+            f"{seen.state_dim}; period {self.period_s:.4g} s"
+        )
+        yield from seen.determined
+        holds = "holds" if seen.certificate.holds else "does not hold"
+        yield f"certificate {holds}: {plain(seen.certificate.reason)}"
+        if self.connectivity_period_s is not None:
+            yield (
+                f"any {self.connectivity_period_s:.4g} s of sightings certify the team "
+                "(connectivity period)"
+            )
+        if nearest.min_m is not None and nearest.between is not None:
+            yield f"least separation {metres(nearest.min_m)} m, {plain('-'.join(nearest.between))}"
+        if (origin := self.scenario.geo_origin) is not None and ground is not None:
+            yield (
+                f"[0, 0] at {origin.lat_deg:.7f}, {origin.lon_deg:.7f}; distances on the flat map "
+                f"and on the ground differ by up to {max(ground.map_departure_m, 1e-3):.2g} m"
+            )
+        if self.flight is not None:
+            yield plain(self.flight.line)
+        yield self.synchronisation.line(self.links)
+        yield self._vehicle_table
+        yield from self._error_lines
+        yield from self._meetings
+        if self.refinement is not None:
+            yield from self.refinement.body()
+            if seen.extended is not None:
+                yield (
+                    "rank, window bound, determinant, eigenvalue and trace are of the poses, as if "
+                    "all else were known; predicted errors are of all states"
+                )
+        terms = {
+            "polish": "polish" in self.synchronisation.method,
+            "unlisted": bool(self.incidental_links),
+            "window bound": self.refinement is not None,
+        }
+        yield from (f"[dim]{term}: {TERMS[term].meaning}[/]" for term in terms if terms[term])
+
+    def remarks(self) -> tuple[()]:
+        """Return none: the findings are the notes."""
+        return ()
+
+    @property
+    def _vehicle_table(self) -> Table:
+        errors = self.predicted_rms_m.vehicles
+        known = [
+            None if (error := errors[one.name]) is None else f"{error:.3g}" for one in self.vehicles
+        ]
+        beside = [Column(Quantity("error", "m"), [text or "-" for text in known])]
+        if self.flight is not None:
+            texts = [self.flight.error_of(one.name) for one in self.vehicles]
+            beside.append(Column(Quantity("flown", "m"), texts))
+        flown = "" if self.flight is None else "and the flown "
+        title = f"vehicles at time 0, with the predicted {flown}RMS error"
+        return Table(title, self.vehicles, beside=beside)
+
+    @property
+    def _error_lines(self) -> Iterator[str | Table]:
+        """The other states of the filter, and the cost of errors that it does not estimate."""
+        if self.expected_rms_m is not None and self.expected_rms_m.overall is not None:
+            own = self.predicted_rms_m.overall
+            beside = "" if own is None else f" where the filter predicts {own:.3g} m"
+            yield (
+                f"[yellow]expected RMS error {self.expected_rms_m.overall:.3g} m over all vehicles"
+                f"{beside}: some errors are not estimated[/]"
+            )
+        if states := self.predicted_errors:
+            # in wind, it is known less well
+            windy = any(one.state.startswith("wind ") for one in states)
+            air = "; predictions suppose still air" if windy else ""
+            yield Table(
+                f"errors that the filter estimates, with the predicted RMS error{air}", states
+            )
+
+    @property
+    def _meetings(self) -> Iterator[str | Grid]:
+        """The table of meetings, and the links that do not count for the certificate, by reason."""
+        rows: list[tuple[str, ...]] = []
+        short: dict[str, list[str]] = {}
+        found: list[tuple[str, str, str, Link | LandmarkLink]] = [
+            (
+                f"{link.a}-{link.b}",
+                f"{link.rule}{unlisted}",
+                f"{link.phase_tolerance_rad:.3f}",
+                link,
+            )
+            for links, unlisted in ((self.links, ""), (self.incidental_links, ", unlisted"))
+            for link in links
+        ]
+        found += [
+            (f"{link.vehicle}-{link.landmark}", "landmark", "-", link)
+            for link in self.landmark_links
+        ]
+        for name, rule, tolerance, link in found:
+            begin = f"{link.windows_s[0][0]:.2f}" if link.windows_s else "-"
+            distances = f"{link.min_distance_m:.2f}", f"{link.contact_s:.2f}", begin
+            rows.append((plain(name), rule, *distances, tolerance, str(link.rank)))
+            short.setdefault(link.reason, []).append(plain(name))
+        if rows:
+            yield Grid("meetings, once a period", _MEETING, rows)
+        for reason, names in short.items():
+            if reason:
+                # all that the table can show
+                yield f"[yellow]not certified[/]: {listed(names, 2 * MOST_LISTED)}: {reason}"
+
+    def frame_rows(self) -> Iterator[Row]:
+        """Yield the vehicles as rows of a data frame."""
+        predicted, window = self.predicted_rms_m.vehicles, self.window_bound_m.vehicles
+        flown = {} if self.flight is None else {one.name: one.rms_m for one in self.flight.vehicles}
+        for one in self.vehicles:
+            yield {
+                **flat(one.model_dump()),
+                "predicted_rms_m": predicted.get(one.name),
+                "window_bound_m": window.get(one.name),
+                **({"flown_rms_m": flown.get(one.name)} if flown else {}),
+            }
 
 
 GIVEN = "the phases were given and judged as they are"

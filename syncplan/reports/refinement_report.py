@@ -1,13 +1,17 @@
 """Refinements as documents: figures before and after, active constraints, all starts."""
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from pydantic import Field, create_model
 
 from syncplan.documents import Document, DocumentPart, OrAbsent, finite_or_none
+from syncplan.phrases import listed
 from syncplan.planning.plan_files import stated
 from syncplan.planning.plan_records import RefinementRecord, StartResult
-from syncplan.scenario.objectives import FIGURES, Figures
+from syncplan.results.quantities import plain
+from syncplan.results.stories import Grid, Report, Story
+from syncplan.scenario.objectives import FIGURES, ROWS, Figures
 
 if TYPE_CHECKING:
     from syncplan.refinement.refiner import BetterPlan
@@ -66,7 +70,20 @@ def plan_so_far(found: "BetterPlan") -> PlanSoFar:
     )
 
 
-class RefinementResult(Document):
+KEPT_SHARE = 0.9
+"""Share of a distance, or of a tolerance, that may be lost without a word."""
+
+MOST_NAMED = 12
+"""Most limits named in a line."""
+
+_PAID = {
+    "least_distance_m": "vehicles come nearer to each other; min_separation_m limits this",
+    "least_tolerance_rad": "meetings bear less delay",
+}
+"""Figures that a smaller error may cost, and what that means."""
+
+
+class RefinementResult(Document, Report):
     """Record of a refinement; `improved` states whether the plan is better or the input itself."""
 
     objective: str
@@ -85,6 +102,37 @@ class RefinementResult(Document):
         description="RMS of the input's `expected_rms_m` over all vehicles. Only where its filter "
         "leaves errors out",
     )
+
+    def body(self) -> Story:
+        """Yield what was gained, what it cost, and the figures before and after."""
+        if not self.improved:
+            yield f"no better plan was found: {plain(self.reason)}"
+        yield self._grid
+        yield from self._costs
+        if held := self.active_constraints:
+            named = plain(listed(held, MOST_NAMED))
+            yield f"limits reached (box: how far a centre may move): {named}"
+
+    @property
+    def _costs(self) -> Iterator[str]:
+        """What was given for the smaller error: distances and time to spare."""
+        for figure in ROWS:
+            before, after = (getattr(one, figure.key, None) for one in (self.before, self.after))
+            paid = _PAID.get(figure.key)
+            if not paid or before is None or after is None:
+                continue
+            if after < KEPT_SHARE * before:
+                fall = f"{figure.words(before)} to {figure.words(after)} {figure.unit}"
+                yield f"[yellow]{figure.label} falls from {fall}[/]: {paid}"
+
+    @property
+    def _grid(self) -> Grid:
+        rows = [
+            (row.heading, *(row.words(getattr(one, row.key)) for one in (self.before, self.after)))
+            for row in ROWS
+        ]
+        title = f"refined for {self.objective}, {len(self.starts)} starts"
+        return Grid(title, ("figure", "before", "after"), rows)
 
 
 def refinement_result(record: RefinementRecord) -> RefinementResult:

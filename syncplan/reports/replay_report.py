@@ -1,5 +1,8 @@
 """Replays as documents: the filter on a recording of real robots."""
 
+from collections.abc import Iterator
+from typing import ClassVar
+
 import numpy as np
 from pydantic import Field
 
@@ -12,6 +15,8 @@ from syncplan.estimation.replay_tuning import Tuning
 from syncplan.estimation.trials import series
 from syncplan.reports import run_figures
 from syncplan.reports.replay_notes import notes_of
+from syncplan.results.quantities import plain, quantity
+from syncplan.results.stories import Grid, Row, Story, Table, flat
 from syncplan.scenario.filters import AUTO
 
 
@@ -21,27 +26,44 @@ class RobotFigures(Document):
     Where the recording has no truth, they are null and the filter's own figures take their place.
     """
 
-    rms_m: float | None
-    rms_second_half_m: float | None
-    rms_x_m: float | None
-    rms_y_m: float | None
-    rms_heading_rad: float | None
+    rms_m: float | None = quantity("position", unit="m", form=".3f")
+    rms_second_half_m: float | None = quantity("2nd half", unit="m", form=".3f", drop=4)
+    rms_x_m: float | None = quantity("x", unit="m", form=".3f", drop=1, order=-1)
+    rms_y_m: float | None = quantity("y", unit="m", form=".3f", drop=2, order=-1)
+    rms_heading_rad: float | None = quantity("heading", unit="rad", form=".3f")
     final_error_m: float | None = Field(description="At the last sample")
-    coverage_3sigma: float | None = Field(
-        description="Share of coordinates within 3 sigma; ideal 0.9973"
+    coverage_3sigma: float | None = quantity(
+        "3 sigma", "Share of coordinates within 3 sigma; ideal 0.9973", form=".4f", drop=3
     )
-    name: str
-    final_x_m: OrAbsent[float] = Field(
-        default=None, description="Estimate at the last sample; absent where the truth is known"
+    name: str = quantity("robot", order=-2)
+    final_x_m: OrAbsent[float] = quantity(
+        "x",
+        "Estimate at the last sample; absent where the truth is known",
+        "m",
+        form=".3f",
+        default=None,
     )
-    final_y_m: OrAbsent[float] = None
-    final_heading_rad: OrAbsent[float] = None
-    final_sigma_m: OrAbsent[float] = Field(
-        default=None, description="The filter's own position sigma at the last sample"
+    final_y_m: OrAbsent[float] = quantity("y", unit="m", form=".3f", default=None)
+    final_heading_rad: OrAbsent[float] = quantity(
+        "heading", unit="rad", form=".3f", default=None, drop=3
     )
-    final_sigma_heading_rad: OrAbsent[float] = None
-    rms_sigma_m: OrAbsent[float] = Field(
-        default=None, description="RMS of the filter's own position sigma over the run"
+    final_sigma_m: OrAbsent[float] = quantity(
+        "sigma",
+        "The filter's own position sigma at the last sample",
+        "m",
+        form=".3f",
+        default=None,
+    )
+    final_sigma_heading_rad: OrAbsent[float] = quantity(
+        "sigma", unit="rad", form=".3f", default=None, drop=1
+    )
+    rms_sigma_m: OrAbsent[float] = quantity(
+        "RMS sigma over the run",
+        "RMS of the filter's own position sigma over the run",
+        "m",
+        form=".3f",
+        default=None,
+        drop=2,
     )
 
 
@@ -88,6 +110,14 @@ class ReadingCounts(DocumentPart):
     unknown: int = Field(description="Readings of unrecognised targets")
     not_asked_for: int = Field(description="Readings of landmarks or robots left out on purpose")
     outside: int = Field(description="Asked for, but from before or after the run")
+
+    @property
+    def words(self) -> str:
+        """The counts in a line."""
+        return (
+            f"{self.used} used, {self.rejected} rejected by the gate, {self.unknown} of unknown "
+            f"targets, {self.not_asked_for} not asked for, {self.outside} outside the run"
+        )
 
 
 class LastingError(DocumentPart):
@@ -184,6 +214,24 @@ class TuningRecord(Document):
     )
     range_growth: float = Field(description="The same of a distance")
 
+    @property
+    def grid(self) -> Grid:
+        """What was assumed before and after, as a table."""
+        before, after = self.before.as_json(), self.after.as_json()
+        rows = [
+            (
+                key,
+                *(
+                    "" if (one := each.get(key)) is None else f"{one:.4g}"
+                    for each in (before, after)
+                ),
+            )
+            for key in after | before
+        ]
+        refused = "" if self.accepted is not False else ", and refused"
+        title = f"fitted to the first {self.fitted_s:.1f} s{refused}"
+        return Grid(title, ("assumed", "before", "after"), rows)
+
 
 class EstimatedPath(DocumentPart):
     """Estimates of one robot's pose over time, with the filter's own sigmas."""
@@ -210,6 +258,8 @@ class ReplayDocument(run_figures.RunReport):
 
     Where the recording has no truth, all figures that compare with it are null.
     """
+
+    drawn_as: ClassVar[str] = "run"
 
     begin_s: float = Field(description="When the run begins by the recording's clock")
     duration_s: float
@@ -269,6 +319,51 @@ class ReplayDocument(run_figures.RunReport):
     def trials(self) -> int:
         """Number of trials; a recording is a single one."""
         return 1
+
+    def body(self) -> Story:
+        """Yield errors or estimates, counts of readings, observability, what was fitted."""
+        found = "no truth, so errors are not known"
+        title = "estimate at the end in m, and the filter's own sigmas"
+        if self.has_errors:
+            found = (
+                f"position {self.position_rmse_m:.3f} m, heading {self.heading_rmse_rad:.3f} rad "
+                "RMS over all robots"
+            )
+            title = "RMS error in m over the run, and over its second half"
+        yield f"[bold]{plain(self.name)}[/]: {self.run}; {found}"
+        yield f"bearings: {self.readings.words}"
+        if self.distances is not None:
+            yield f"distances: {self.distances.words}"
+        yield Table(title, self.robots, stated="m")
+        if (seen := self.observability) is not None:
+            yield (
+                f"observable over the last {seen.window_s:g} s during {seen.observable_s:.1f} of "
+                f"{seen.judged_s:.1f} s, certified during {seen.certified_s:.1f} s; longest gap "
+                f"{seen.longest_gap_s:.1f} s"
+            )
+        if self.tuning is not None:
+            yield self.tuning.grid
+        if self.lasting_errors:
+            yield self._lasting
+        if self.anees is not None:
+            yield f"ANEES {self.anees.words()}"
+        yield f"NIS   {self.nis.words()}"
+
+    @property
+    def _lasting(self) -> Grid:
+        heads, robots = {}, {robot.name: [plain(robot.name)] for robot in self.robots}
+        for one in self.lasting_errors or []:
+            unit = "" if one.unit == "1" else one.unit
+            heads[one.name] = f"{one.name.replace('_', ' ')} {unit}".rstrip()
+            robots[one.robot].append(f"{one.value:.4f} ± {one.sigma:.4f}")
+        title = "lasting errors at the end, with their sigmas"
+        return Grid(title, ("robot", *heads.values()), list(robots.values()))
+
+    def frame_rows(self) -> Iterator[Row]:
+        """Yield the robots as rows of a data frame: only what is known with, or without, truth."""
+        for robot in self.robots:
+            known = {key: value for key, value in robot.as_json().items() if value is not None}
+            yield flat(known)
 
 
 def replay_document(replayed: Replay) -> ReplayDocument:

@@ -15,7 +15,9 @@ from syncplan.estimation.trials import Accuracy, MonteCarloResult, series
 from syncplan.phrases import listed
 from syncplan.planning.plan_records import Interval
 from syncplan.planning.plans import Plan
-from syncplan.scenario.filters import FilterName, MotionName
+from syncplan.results.quantities import each, plain, quantity
+from syncplan.results.stories import Report, Table
+from syncplan.scenario.filters import FORMER_NAMES, FilterName, MotionName
 from syncplan.scenario.truths import changed_keys
 
 # --- a world that differs from the model ----------------------------------------------------------
@@ -88,16 +90,21 @@ def _words(value: object) -> str:
 class StateErrorFigures(DocumentPart):
     """Errors of a filter state other than a pose, over all trials."""
 
-    state: str = Field(description="Name", examples=["wind x", "speed scale of v1"])
-    unit: str = Field(description="Of the errors", examples=["m/s"])
-    rms: float = Field(description="Over the samples after time 0")
-    rms_second_half: float
-    predicted_rms: float | None = Field(
-        description="The bound, over the second half, for circles flown in still air: in a wind of "
-        "a quarter of the speed, the wind itself is known half as well"
+    state: str = quantity("state", "Name", examples=["wind x", "speed scale of v1"])
+    unit: str = quantity("unit", "Of the errors", examples=["m/s"])
+    rms: float = quantity("total", "Over the samples after time 0", drop=2)
+    rms_second_half: float = quantity("2nd half")
+    predicted_rms: float | None = quantity(
+        "bound",
+        "The bound, over the second half, for circles flown in still air: in a wind of "
+        "a quarter of the speed, the wind itself is known half as well",
     )
-    ratio: float | None = Field(description="Second-half RMS over predicted RMS")
-    coverage: float = Field(description="Share of samples within 3 sigma; ideal 0.9973")
+    ratio: float | None = quantity(
+        "ratio", "Second-half RMS over predicted RMS", form=".2f", drop=3
+    )
+    coverage: float = quantity(
+        "3 sigma", "Share of samples within 3 sigma; ideal 0.9973", form=".1%", drop=1
+    )
 
 
 class StateErrorSeries(DocumentPart):
@@ -133,33 +140,75 @@ class Spread(DocumentPart):
         "chi-square variable; null in older files",
     )
 
+    def words(self, *, trusted: bool = True) -> str:
+        """The value with its interval, and the verdict in colour: green only where it is trusted.
+
+        A filter may be consistent about all that it can know of a plan that is not observable.
+        """
+        good = "green" if trusted else "bold"
+        colour = {"consistent": good, "unknown": "yellow"}.get(self.verdict, "red")
+        return f"{interval_words(self)}: [{colour}]{verdict_words(self)}[/]"
+
+
+anees_cells = each(lambda part: "-" if part.anees.value is None else f"{part.anees.value:.2f}")
+"""Texts of the ANEES of parts that have one."""
+
+
+def ends(interval: Interval) -> str:
+    """Return the ends of an interval in words."""
+    return " to ".join(f"{end:.3g}" for end in interval)
+
 
 class Errors(DocumentPart):
     """Errors over all trials; RMS over the samples after time 0."""
 
-    rms_m: float
-    rms_second_half_m: float
-    rms_second_half_interval_m: Interval | None = Field(
-        default=None,
-        description="95 % interval of rms_second_half_m, from the spread over trials; null for "
+    rms_m: float = quantity("total", unit="m", drop=4)
+    rms_second_half_m: float = quantity("2nd half", unit="m")
+    rms_second_half_interval_m: Interval | None = quantity(
+        "95 %",
+        "95 % interval of rms_second_half_m, from the spread over trials; null for "
         f"fewer than {FEWEST_TRIALS} trials, and in older files, as other intervals",
+        default=None,
+        words=each(lambda errors: ends(errors.rms_second_half_interval_m)),
     )
-    rms_x_m: float
-    rms_y_m: float
+    rms_x_m: float = quantity("x", unit="m", drop=1, order=-1)
+    rms_y_m: float = quantity("y", unit="m", drop=2, order=-1)
     rms_heading_rad: float
     final_error_m: float = Field(description="RMS over the trials at the last sample")
-    coverage_3sigma: float = Field(description="Share of coordinates within 3 sigma; ideal 0.9973")
+    coverage_3sigma: float = quantity(
+        "3 sigma",
+        "Share of coordinates within 3 sigma; ideal 0.9973",
+        form=".1%",
+        drop=3,
+        order=3,
+    )
+
+    def overall_line(self, ratio: float | None, interval: Interval | None) -> Iterator[str]:
+        """The RMS over all vehicles and its ratio to a bound, in a line; none without intervals."""
+        if self.rms_second_half_interval_m is None:
+            return
+        beside = f", ratio {ratio:.3g} ({ends(interval)})" if ratio and interval else ""
+        yield (
+            f"all vehicles: {self.rms_second_half_m:.3g} m (95 % interval "
+            f"{ends(self.rms_second_half_interval_m)}){beside}"
+        )
 
 
 class ErrorFigures(Errors):
     """Errors over all trials; RMS over the samples after time 0."""
 
-    predicted_rms_m: float | None
-    rms_over_predicted: float | None = Field(description="Second-half RMS over predicted RMS")
+    predicted_rms_m: float | None = quantity("bound", unit="m", order=2)
+    rms_over_predicted: float | None = quantity(
+        "ratio", "Second-half RMS over predicted RMS", form=".2f", drop=5, order=2
+    )
     rms_over_predicted_interval: Interval | None = Field(default=None, description="95 %")
-    median_rms_second_half_m: float | None = Field(
+    median_rms_second_half_m: float | None = quantity(
+        "median",
+        "Median over the trials of each trial's second-half RMS; null in older files",
+        "m",
         default=None,
-        description="Median over the trials of each trial's second-half RMS; null in older files",
+        drop=6,
+        order=1,
     )
     share_over_3_predicted: float | None = Field(
         default=None,
@@ -180,7 +229,7 @@ class ErrorFigures(Errors):
 class VehicleFigures(ErrorFigures):
     """Errors of one vehicle."""
 
-    name: str
+    name: str = quantity("vehicle", order=-2)
 
 
 class FilterRecord(DocumentPart):
@@ -202,6 +251,12 @@ class FilterRecord(DocumentPart):
     gate_probability: float | None
     gated: int = Field(description="Bearings rejected by the gate")
     used: int = Field(description="Bearings used")
+
+    @property
+    def words(self) -> str:
+        """The filter that ran and the reason for it, marked up."""
+        why = f" ({self.chosen_because})" if self.chosen_because else ""
+        return plain(f"filter {self.kind or FORMER_NAMES[self.model]}{why}")
 
 
 class VehicleSeries(DocumentPart):
@@ -235,7 +290,7 @@ class Series(Document):
     )
 
 
-class RunReport(VersionedDocument):
+class RunReport(VersionedDocument, Report):
     """A report of a run, which may hold `series`."""
 
     name: str
@@ -244,6 +299,15 @@ class RunReport(VersionedDocument):
     def has_errors(self) -> bool:
         """Whether errors are known, as in all runs except recordings without truth."""
         return True
+
+    @property
+    def _states(self) -> Iterator[Table]:
+        """The table of errors of states beside the poses, if there are any."""
+        if errors := getattr(self, "errors", None):
+            title = (
+                "RMS error of what else the filter estimates, over the run and over its second half"
+            )
+            yield Table(title, errors)
 
 
 class TrueWorldReport(RunReport):

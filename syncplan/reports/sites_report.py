@@ -1,32 +1,48 @@
 """Choices of landmark sites as documents, with notes on their figures."""
 
+from collections.abc import Iterator, Sequence
+
 from pydantic import Field
 
 from syncplan import __version__
 from syncplan.documents import DocumentPart, Point, VersionedDocument, finite_or_none
 from syncplan.landmarks.site_choice import SiteChoice
+from syncplan.phrases import Places
 from syncplan.reports.plan_report import PlanDocument, plan_document
+from syncplan.results.quantities import each, plain, quantity
+from syncplan.results.stories import Report, Row, Story, Table, flat
+
+
+def _positions(sites: Sequence["CandidateSite"]) -> Iterator[str]:
+    places = Places([site.position_m for site in sites])
+    return (places.words(site.position_m) for site in sites)
 
 
 class CandidateSite(DocumentPart):
     """A candidate site."""
 
-    name: str
-    position_m: Point
-    chosen: bool
-    share: float = Field(description="Its share in the convex relaxation, 0 to 1")
-    seen_by: int = Field(description="Number of vehicles that see it at some time")
+    name: str = quantity("site")
+    position_m: Point = quantity("position", unit="m", words=_positions, drop=3)
+    chosen: bool = quantity(
+        "chosen", words=each(lambda site: "[green]yes[/]" if site.chosen else ""), order=1
+    )
+    share: float = quantity(
+        "share", "Its share in the convex relaxation, 0 to 1", form=".3f", drop=1
+    )
+    seen_by: int = quantity("seen by", "Number of vehicles that see it at some time", drop=2)
 
 
 class VehicleBounds(DocumentPart):
     """Window bound of one vehicle's position without and with the chosen sites."""
 
-    name: str
-    before_m: float | None = Field(description="Null where its position is not determined")
-    after_m: float
+    name: str = quantity("vehicle")
+    before_m: float | None = quantity(
+        "before", "Null where its position is not determined", "m", missing="undetermined"
+    )
+    after_m: float = quantity("after", unit="m")
 
 
-class SitesDocument(VersionedDocument):
+class SitesDocument(VersionedDocument, Report):
     """The landmark sites chosen among candidates."""
 
     name: str
@@ -45,6 +61,23 @@ class SitesDocument(VersionedDocument):
     candidates: list[CandidateSite]
     plan: PlanDocument = Field(description="Judged with the chosen sites as landmarks")
     notes: list[str]
+
+    def body(self) -> Story:
+        """Yield the verdict, the sites by share, and each vehicle's bound."""
+        yield f"[bold]{plain(self.name or 'sites')}[/]: chosen {plain(', '.join(self.chosen))}"
+        before = "undetermined" if self.before_m is None else f"{self.before_m:.3g}"
+        yield (
+            f"window bound of the worst vehicle {self.value_m:.4g} m, before {before} m; no choice "
+            f"below {self.bound_m:.4g} m (gap {100.0 * self.gap:.1f} %), "
+            f"{'' if self.proven_best else 'not '}proven best"
+        )
+        order = sorted(self.candidates, key=lambda site: (not site.chosen, -site.share))
+        yield Table("candidates", order)
+        yield Table("window bound of each vehicle", self.window_bounds)
+
+    def frame_rows(self) -> Iterator[Row]:
+        """Yield the candidates as rows of a data frame."""
+        return (flat(site.model_dump()) for site in self.candidates)
 
 
 _OPEN_GAP = 0.01

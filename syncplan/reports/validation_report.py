@@ -1,7 +1,7 @@
 """Validations and sweeps as documents, with notes on the meaning of their figures."""
 
-from collections.abc import Mapping, Sequence
-from typing import Annotated, Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import AfterValidator, Field
@@ -13,33 +13,37 @@ from syncplan.errors import InputError
 from syncplan.estimation.considered_errors import neglected_errors
 from syncplan.estimation.trials import state_series
 from syncplan.orbits.error_states import layout_of
-from syncplan.phrases import in_words
+from syncplan.phrases import in_words, percent
 from syncplan.planning.judged_team import PlanVerdict
 from syncplan.planning.plan_records import Interval
 from syncplan.planning.share_test import share_of
 from syncplan.planning.validation import Validation
 from syncplan.planning.variations import StressTest, ValidatedRow
 from syncplan.reports import run_figures
+from syncplan.results.quantities import each, plain, quantity
+from syncplan.results.stories import Grid, Report, Row, Story, Table, flat
 from syncplan.scenario.dotted_keys import swept_key
 
 
 class StressedWorld(DocumentPart):
     """A world that is worse in one way than the scenario states."""
 
-    world: str = Field(examples=["wind.gust_sigma_mps doubled"])
+    world: str = quantity("world", examples=["wind.gust_sigma_mps doubled"])
     truth: list[run_figures.TrueKey] = Field(
         description="Keys of which it differs from the scenario"
     )
-    rms_second_half_m: float = Field(description="Over all vehicles")
-    harm: float = Field(description="That over the one of the world as stated")
-    expected_rms_m: float | None = Field(
-        description="Expected error, by a linear recursion; null where not computed"
+    rms_second_half_m: float = quantity("2nd half", "Over all vehicles", "m")
+    harm: float = quantity("harm", "That over the one of the world as stated", form=".2f")
+    expected_rms_m: float | None = quantity(
+        "expected", "Expected error, by a linear recursion; null where not computed", "m", drop=1
     )
-    anees: run_figures.Spread
+    anees: run_figures.Spread = quantity("ANEES", words=run_figures.anees_cells, drop=2)
 
 
 class ValidationDocument(run_figures.TrueWorldReport):
     """A Monte Carlo run of the filter on a plan."""
+
+    drawn_as: ClassVar[str] = "run"
 
     verdict: PlanVerdict | None = Field(
         default=None,
@@ -56,7 +60,9 @@ class ValidationDocument(run_figures.TrueWorldReport):
         default=None,
         description="Of states of the filter that are no poses; absent where there are none",
     )
-    anees: run_figures.Spread = Field(description="Of the poses alone")
+    anees: run_figures.Spread = quantity(
+        "ANEES", "Of the poses alone", words=run_figures.anees_cells, order=5
+    )
     nis: run_figures.Spread
     stress: OrAbsent[list[StressedWorld]] = Field(
         default=None,
@@ -71,18 +77,51 @@ class ValidationDocument(run_figures.TrueWorldReport):
         """Number and length of the trials, and seed, in words."""
         return f"{self.trials} trials of {self.duration_s:g} s, seed {self.seed}"
 
+    def body(self) -> Story:
+        """Yield errors and consistency."""
+        overall = self.overall
+        yield f"[bold]{plain(self.name or 'plan')}[/]: {self.run}, {self.filter.words}"
+        title = "RMS error in m over the run and over its second half, and its median trial"
+        without = ("rms_second_half_interval_m",)
+        yield Table(title, self.vehicles, foot=overall, stated="m", without=without)
+        ratio, interval = overall.rms_over_predicted, overall.rms_over_predicted_interval
+        yield from overall.overall_line(ratio, interval)
+        yield from self._states
+        if self.stress:
+            title = "RMS error in m over the second half in worse worlds"
+            yield Table(title, self.stress, stated="m")
+        far, lost = overall.share_over_3_predicted, overall.share_over_10_predicted
+        if far is not None and lost is not None:
+            yield (
+                "trials with a vehicle off by over 3 times the bound "
+                f"{percent(far, overall.share_over_3_predicted_interval)}, over 10 times "
+                f"{percent(lost, overall.share_over_10_predicted_interval)}"
+            )
+        trusted = self.observable and (self.verdict is None or self.verdict.go)
+        yield f"ANEES {self.anees.words(trusted=trusted)}"
+        yield f"NIS   {self.nis.words(trusted=trusted)}"
+
+    def frame_rows(self) -> Iterator[Row]:
+        """Yield the vehicles as rows of a data frame."""
+        return (flat(vehicle.model_dump()) for vehicle in self.vehicles)
+
 
 class SweepRow(Document):
     """One value of a sweep: the verdict on its plan, and its validation."""
 
-    label: str = Field(examples=["0.4"])
+    label: str = quantity("value", examples=["0.4"], order=-5)
     value: float = Field(description="Value of the swept key", examples=[0.4])
     range_m: list[float] = Field(description="Range of each vehicle's sensor")
-    rank: int
+    rank: int = quantity(
+        "rank",
+        words=each(lambda row: "full" if row.rank == row.state_dim else "short"),
+        drop=1,
+        order=6,
+    )
     state_dim: int
     connectivity_period_s: float | None
-    mean_rms_x_m: float
-    mean_rms_y_m: float
+    mean_rms_x_m: float = quantity("p_e", unit="m", form=".2f", drop=3, order=-3)
+    mean_rms_y_m: float = quantity("p_n", unit="m", form=".2f", drop=2, order=-4)
     validation: ValidationDocument
 
 
@@ -102,8 +141,20 @@ def _known(key: str) -> str:
 SweptName = Annotated[str, AfterValidator(_known), Field(json_schema_extra=_only_numeric_keys)]
 
 
-class SweepReport(Document):
+_OF_VEHICLES = [
+    f"validation.overall.{name}"
+    for name in (
+        *("rms_x_m", "rms_y_m", "rms_m", "median_rms_second_half_m", "rms_over_predicted"),
+        "coverage_3sigma",
+    )
+]
+"""Figures that the table of a sweep leaves out."""
+
+
+class SweepReport(Document, Report):
     """A sweep: a row for each value."""
+
+    drawn_as: ClassVar[str] = "sweep"
 
     swept: SweptName
     rows: list[SweepRow] = Field(min_length=1)
@@ -112,6 +163,28 @@ class SweepReport(Document):
     def name(self) -> str:
         """Name of the scenario that was varied."""
         return self.rows[0].validation.name
+
+    def body(self) -> Story:
+        """Yield errors in x (p_e) and y (p_n) of each vehicle, then means over vehicles."""
+        name = swept_key(self.swept).heading
+        vehicles: dict[str, list[str]] = {}
+        for k, row in enumerate(self.rows):
+            for one in row.validation.vehicles:
+                cells = vehicles.setdefault(one.name, ["-"] * len(self.rows))
+                cells[k] = f"{one.rms_y_m:.2f}/{one.rms_x_m:.2f}"
+        yield Grid(
+            f"RMS error over the run, p_n/p_e in m, by {name}",
+            ("vehicle", *(row.label.partition(",")[0] for row in self.rows)),
+            [(plain(vehicle), *cells) for vehicle, cells in vehicles.items()],
+        )
+        title = "means over the vehicles, m"
+        yield Table(title, self.rows, first=name, stated="m", without=_OF_VEHICLES)
+
+    def frame_rows(self) -> Iterator[Row]:
+        """Yield the values as rows of a data frame."""
+        for row in self.rows:
+            overall = flat(row.validation.overall.model_dump())
+            yield {**flat(row.model_dump(exclude={"validation"})), **overall}
 
 
 _FACTORS = (3, 10)

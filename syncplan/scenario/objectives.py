@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal
 
+from syncplan.phrases import metres
+
 PREDICTED_UP_TO = 24
 """Largest team whose default objective is the predicted error."""
 
@@ -45,6 +47,14 @@ class FigureOfMerit:
     def heading(self) -> str:
         """Label with its unit."""
         return f"{self.label}, {self.unit}" if self.unit else self.label
+
+    def words(self, value: float | bool | None) -> str:
+        """Return a value in words."""
+        if value is None:
+            return "-"
+        if isinstance(value, bool):
+            return "holds" if value else "does not hold"
+        return metres(value) if self.unit == "m" else f"{value:.4g}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,7 +5,7 @@ from typing import Annotated, Self, TypeVar
 
 from pydantic import Field, model_validator
 
-from syncplan.results import Result
+from syncplan.results.result import Result
 from syncplan.scenario import models, rules
 from syncplan.scenario.disturbances import (
     ESTIMABLE,

@@ -9,6 +9,8 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from syncplan.cli.fitted_tables import FittedTable
+from syncplan.results.quantities import Quantity
+from syncplan.results.stories import Grid
 from tests.tools.scenarios import FILES, circling
 
 GRID = str(FILES / "paper-grid-same.yaml")
@@ -41,34 +43,31 @@ def test_what_is_shown_is_shown_whole_and_fits(
 ) -> None:
     heads = [f"c{k}" for k in range(len(rows[0]))]
     goes = random.sample(heads, random.randint(0, len(heads)))
-    table = FittedTable("t", ("v", *heads), goes=goes)
-    for k, cells in enumerate(rows):
-        table.add_row(f"v{k}", *cells)
+    drops = [goes.index(head) + 1 if head in goes else 0 for head in heads]
+    columns = [Quantity("v"), *map(lambda head, drop: Quantity(head, drop=drop), heads, drops)]
+    named = [(f"v{k}", *cells) for k, cells in enumerate(rows)]
+    table = FittedTable(Grid("t", columns, named))
     lines = printed(table, width)
     shown = table.shown_columns(width)
     assert max(map(len, lines)) <= width
     assert body(lines) == [
         [f"v{k}", *(cells[j - 1] for j in shown if j)] for k, cells in enumerate(rows)
     ]
-    left = [head for k, head in enumerate(table.columns) if k not in shown]
+    left = [one.head for k, (one, _) in enumerate(table.columns) if k not in shown]
     order = [*goes, *(head for head in reversed(heads) if head not in goes)]
     assert set(left) == set(order[: len(left)])
     assert any(line.startswith("not shown at this width") for line in lines) == bool(left)
     if left:
         # one column fewer left out would not have fitted
-        wider = FittedTable(
-            "t", [one for one in table.columns if one not in order[: len(left) - 1]]
-        )
-        back = [table.columns.index(one) for one in wider.columns]
-        for k, cells in enumerate(rows):
-            wider.add_row(*([f"v{k}", *cells][j] for j in back))
-        assert len(wider.shown_columns(width)) < len(wider.columns)
+        kept = [k for k, one in enumerate(columns) if one.head not in order[: len(left) - 1]]
+        wider = Grid("t", [columns[k] for k in kept], [[row[k] for k in kept] for row in named])
+        assert len(FittedTable(wider).shown_columns(width)) < len(kept)
 
 
 def test_a_long_name_is_folded_and_numbers_stay() -> None:
-    table = FittedTable("t", ("vehicle", "x", "y"), goes=("x",))
-    table.add_row("a-very-long-name-of-a-vehicle-that-nobody-types", "1234.5", "6789.25")
-    lines = printed(table, 30)
+    name = "a-very-long-name-of-a-vehicle-that-nobody-types"
+    table = Grid("t", ("vehicle", Quantity("x", drop=1), "y"), [(name, "1234.5", "6789.25")])
+    lines = printed(FittedTable(table), 30)
     assert max(map(len, lines)) <= 30
     assert any("6789.25" in line for line in lines)
     assert "".join(line.split()[0] for line in lines[4:7]).startswith("a-very-long-name")
@@ -121,7 +120,7 @@ def test_meetings_beyond_the_limit_are_counted_with_those_of_landmarks(
     )
     out = run("plan", scenario, "--bound", "never", "--format", "table")[1]
     assert "... and 60 more rows (see the JSON)" in out
-    # 99 meetings of vehicles and 45 with landmarks, 40 of each in the table
-    assert f"... and {99 + 45 - 80} more rows (see the JSON)" in out
+    # 99 meetings of vehicles and 45 with landmarks
+    assert f"... and {99 + 45 - 40} more rows (see the JSON)" in out
     short = next(line for line in out.splitlines() if line.startswith("not certified"))
     assert "v80-v81 and 19 more: " in " ".join(out[out.index(short) :].split())

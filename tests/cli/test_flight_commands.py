@@ -1,18 +1,16 @@
 """syncplan fly and what-if: flights and losses at the command line."""
 
 import json
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
 from syncplan.cli.document_table import DOCUMENTS
-from syncplan.cli.run_tables import _print_missed
 from syncplan.flight.flying import fly
 from syncplan.planning.pilot_flight import PILOT_SEED
-from syncplan.reports.flight_report import FlownLink
+from syncplan.planning.plan_records import MeetingsFlown
+from syncplan.reports.flight_report import flight_document
 from tests.tools.scenarios import FILES
+from tests.tools.stories import shown
 
 WINDY = str(FILES / "windy-grid.yaml")
 QUICK = ("--trials", "2", "--duration", "40", "--threads", "1")
@@ -54,7 +52,7 @@ def test_a_terminal_shows_vehicles_what_happened_and_what_went_wrong(printed: An
     for words in (
         "guidance track, filter robust",
         "filter lost in",
-        "closest two vehicles",
+        "least separation: ",
         "wind known to",
         "v3 is lost at 20 s",
         "v2 is held from 10 s for 5 s; not seen in phase for a period after it",
@@ -68,18 +66,19 @@ def test_a_terminal_shows_vehicles_what_happened_and_what_went_wrong(printed: An
 
 
 def test_links_are_distinguished_from_others_only_where_there_are_others() -> None:
+    flown = flight_document(fly(FILES / "paper-grid-same.yaml", trials=1))
+
     def said(shares: list[float]) -> str:
         links = [
-            FlownLink(between=("v1", f"v{k + 2}"), meetings=4, kept_share=share)
+            MeetingsFlown(between=("v1", f"v{k + 2}"), meetings=4, kept_share=share)
             for k, share in enumerate(shares)
         ]
-        shown = StringIO()
-        _print_missed(links, Console(file=shown, width=200))
-        return shown.getvalue()
+        text = shown(flown.model_copy(update={"links": links}), 200)
+        return "".join(line for line in text.splitlines() if line.startswith("meetings kept"))
 
     assert said([1.0, 1.0]) == ""
-    assert said([0.0] * 9).endswith("v1-v7 0 % and 3 more\n")
-    assert said([0.0, 1.0, 0.5]) == "meetings kept: v1-v2 0 %, v1-v4 50 %; of all others all\n"
+    assert said([0.0] * 9).endswith("v1-v7 0 % and 3 more")
+    assert said([0.0, 1.0, 0.5]) == "meetings kept: v1-v2 0 %, v1-v4 50 %; of all others all"
 
 
 def test_a_plan_file_is_flown_as_it_is(printed: Any, plan_file: Path) -> None:
@@ -98,7 +97,7 @@ def test_a_plan_that_was_flown_says_what_was_found_in_a_line(run: Any) -> None:
         "flown, 1 flight of 200 s: guidance track, ",
         f"phase at most {worst.phase_rms_s:.3g} s off (RMS, {worst.name})",
         "each pair keeps at least 100 % of its meetings",
-        f"closest two vehicles {flown.least_separation_m[1]:.3g} m",
+        f"least separation {flown.least_separation_m[1]:.3g} m",
         "filter ekf lost in 0 %",
     ):
         assert found in words

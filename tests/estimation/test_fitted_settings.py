@@ -1,6 +1,5 @@
 """Fits to recordings: judged by sightings that the filter is not given, refused where no better."""
 
-import io
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -8,9 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rich.console import Console
 
-from syncplan.cli.run_tables import show_replay
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.recorded_readings import clock_of
 from syncplan.estimation.recorded_run import BLOCK_S, filtered, lasting_of, run_of
@@ -26,6 +23,7 @@ from syncplan.recordings.recording_formats import load_log
 from syncplan.reports.replay_report import ReplayDocument, replay_document
 from tests.searches.tuning import compared
 from tests.tools.recordings import Recipe, part_of, with_robots, write_csv, write_recording
+from tests.tools.stories import shown
 
 RECIPE = Recipe(duration=120.0, period=0.1, speed_sigma=0.3, turn_rate_sigma=0.05)
 FIT: dict[str, Any] = {
@@ -248,9 +246,7 @@ def test_a_fit_that_is_no_better_is_refused_and_said_to_be(
     assert "bearing_walk_sigma_rad" not in tuning["after"]
     refused = "the fit is refused, the rest runs with those that were given: with it, sightings of"
     assert any(note.startswith(refused) for note in report["notes"])
-    written = io.StringIO()
-    show_replay(ReplayDocument.model_validate(report), Console(file=written, width=100))
-    out = written.getvalue()
+    out = shown(ReplayDocument.model_validate(report), 100)
     assert "fitted to the first 39.9 s, and refused" in " ".join(out.split())
     assert "bearing_sigma_rad" in out
 

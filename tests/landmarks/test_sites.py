@@ -1,6 +1,5 @@
 """The choice of landmark sites: against exhaustive search, identities, errors."""
 
-import io
 import json
 from dataclasses import replace
 from functools import cache
@@ -10,10 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from syncplan.arrays import Array
-from syncplan.cli.plan_tables import show_sites
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.estimation.bounds import window_bound
 from syncplan.landmarks.site_choice import SiteChoice, load_candidates, named_candidates
@@ -26,6 +23,7 @@ from syncplan.scenario.quantities import Point
 from syncplan.scenario.specification import Scenario
 from tests.tools.on_paper import choose_landmarks, plan
 from tests.tools.scenarios import example, small
+from tests.tools.stories import shown
 
 TEAMS = ("paper-grid-same", "mixed-radii-camera", "five-ring", "triangle-lattice")
 
@@ -352,8 +350,6 @@ def test_the_document_carries_the_choice_and_a_scenario_that_plans_to_its_value(
 
 
 def test_the_table_names_the_chosen_sites(choice: SiteChoice) -> None:
-    console = Console(record=True, width=120, file=io.StringIO())
-    show_sites(sites_document(choice), console)
-    text = console.export_text()
+    text = shown(sites_document(choice), 120)
     assert ", ".join(f"S{k + 1}" for k in choice.chosen) in text
     assert "undetermined" in text

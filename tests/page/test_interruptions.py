@@ -49,7 +49,7 @@ def test_a_server_that_dies_in_mid_job_costs_only_time(tabs: Tabs, tmp_path: Pat
         expect(page.locator("#job-text")).to_contain_text("can't be reached")
         with running(Server(tmp_path / "log", port=first.port, **given)):
             expect(page.locator("#job-text")).to_contain_text("Validation running")
-            expect(page.locator("#job-outcome")).to_contain_text("of 500 trials")
+            expect(page.locator("#job-outcome")).to_contain_text(": 500 trials of")
 
 
 def test_a_service_with_keys_asks_for_one_and_refuses_others_at_its_field(keyless: Visit) -> None:

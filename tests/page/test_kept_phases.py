@@ -213,7 +213,7 @@ def test_back_leads_from_a_refined_plan(visit: Visit, page: Page, server: Server
     visit.choose(ALTERNATE)
     refine(page)
     visit.verdict("Observable: rank 18 of 18")
-    expect(page.locator("#job-outcome")).to_contain_text("Predicted error")
+    expect(page.locator("#job-outcome")).to_contain_text("predicted error")
     refined = plan_id_of(page)
     page.go_back()
     visit.verdict("Not observable: rank 16 of 18")
@@ -222,9 +222,9 @@ def test_back_leads_from_a_refined_plan(visit: Visit, page: Page, server: Server
     page.go_forward()
     visit.verdict("Observable: rank 18 of 18")
     assert plan_id_of(page) == refined
-    expect(page.locator("#job-outcome")).to_contain_text("Predicted error")
+    expect(page.locator("#job-outcome")).to_contain_text("predicted error")
     page.reload()
-    expect(page.locator("#job-outcome")).to_contain_text("Predicted error")
+    expect(page.locator("#job-outcome")).to_contain_text("predicted error")
     expect(phases(page)).to_have_text("refined")
     # without its parent it opens as well
     parent = stored(page, server)["parent_id"]

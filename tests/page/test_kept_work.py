@@ -74,13 +74,13 @@ def test_usage_is_shown_with_its_limits(visit: Visit, page: Page, server: Server
 
 def test_jobs_are_listed_opened_and_deleted(visit: Visit, page: Page, server: Server) -> None:
     validate(page, "10")
-    expect(page.locator("#job-outcome")).to_contain_text("of 10 trials")
+    expect(page.locator("#job-outcome")).to_contain_text(": 10 trials of")
     job = httpx2.get(f"{server.url}/v1/jobs").json()["items"][0]["id"]
     row = kept(page, "Jobs").get_by_role("row", name="Validation").first
     expect(row).to_contain_text("succeeded")
     assert f"job={job}" in (row.get_by_role("link", name="Open").get_attribute("href") or "")
     row.get_by_role("link", name="Open").click()
-    expect(page.locator("#job-outcome")).to_contain_text("of 10 trials")
+    expect(page.locator("#job-outcome")).to_contain_text(": 10 trials of")
     page.once("dialog", lambda asked: asked.accept())
     row = kept(page, "Jobs").get_by_role("row", name="Validation").first
     row.get_by_role("button", name="Delete").click()
@@ -94,9 +94,9 @@ def test_what_was_kept_before_verdicts_rested_on_flights_is_shown(
     restore_sqlite("before-flights", tmp_path / "data" / "syncplan.db")
     settings = {"SYNCPLAN_KEEP_JOBS_S": "1e9"}
     shown = {
-        "refinement": "Predicted error",
-        "validation": "of 10 trials",
-        "flight": "of 4 flights",
+        "refinement": "predicted error, all",
+        "validation": ": 10 trials of",
+        "flight": ": 4 flights of",
     }
     with (
         open_server(tmp_path, "--no-worker", **settings) as server,
@@ -126,7 +126,7 @@ def test_a_recording_is_sent_replayed_and_deleted(visit: Visit, page: Page, serv
     expect(row).to_be_visible()
     assert accessibility_faults(page) == []
     row.get_by_role("button", name="Replay").click()
-    expect(dialogue).to_contain_text(" m RMS")
+    expect(dialogue).to_contain_text("RMS over all robots")
     expect(dialogue.get_by_role("link", name="Report")).to_be_visible()
     page.once("dialog", lambda asked: asked.accept())
     row.get_by_role("button", name="Delete").click()

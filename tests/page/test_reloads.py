@@ -76,10 +76,10 @@ def test_a_reload_shows_a_validation_and_its_report_again(page: Page, server: Se
     report = page.get_by_role("button", name="Report", exact=True)
     expect(report).to_be_disabled()
     validate(page, "20")
-    expect(page.locator("#job-outcome")).to_contain_text("of 20 trials")
+    expect(page.locator("#job-outcome")).to_contain_text(": 20 trials of")
     assert "job=" in page.url
     page.reload()
-    expect(page.locator("#job-outcome")).to_contain_text("of 20 trials")
+    expect(page.locator("#job-outcome")).to_contain_text(": 20 trials of")
     expect(page.get_by_role("tab", name="Error found")).to_be_visible()
     # what came of the job is on show again
     expect(page.locator("#job-outcome")).to_be_visible()

@@ -11,10 +11,10 @@ from typing import Any
 import pytest
 
 import syncplan
+from syncplan.planning.loss_study import WhatIfDocument
 from syncplan.planning.plan_files import loaded_from, plan_of
 from syncplan.plotting.figures import specs_of
 from syncplan.reports.flight_report import FlightDocument
-from syncplan.reports.loss_report import WhatIfDocument
 from syncplan.reports.plan_report import PlanDocument, plan_document
 from syncplan.reports.validation_report import SweepReport, ValidationDocument
 from tests.tools.scenarios import findings_of

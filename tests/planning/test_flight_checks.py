@@ -222,7 +222,7 @@ def test_links_each_of_which_can_be_spared_are_judged_together(plan: Plan) -> No
 def test_the_cost_of_a_missed_landmark_is_what_its_loss_costs() -> None:
     grazing = syncplan.plan(HARD / "grazing-landmark.json", pilot=False)
     studied = syncplan.what_if(grazing, ["L2"])
-    before, after = (one.worst_predicted_rms for one in (studied.baseline, studied.losses[0]))
+    before, after = (one.worst_predicted_rms_m for one in (studied.baseline, studied.losses[0]))
     (found,) = found_of(grazing, missing(kept_all(grazing), "L2", 0.0))
     assert found.level == "warning"
     assert f"predicted RMS {before:.3g} -> {after:.3g} m of the worst vehicle" in found.message

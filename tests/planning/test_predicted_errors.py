@@ -6,9 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rich.console import Console
 
-from syncplan.cli.plan_tables import further_states_table, merits_line
 from syncplan.planning.plan_files import loaded_from, plan_of
 from syncplan.planning.plans import Plan
 from syncplan.reports.plan_report import PlanDocument, plan_document
@@ -16,6 +14,7 @@ from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.specification import Scenario
 from tests.tools.on_paper import plan, refine
 from tests.tools.scenarios import example, planned, small
+from tests.tools.stories import shown
 
 ERRORS: dict[str, Any] = {
     "motion": {"speed_scale_sigma": 0.02},
@@ -86,20 +85,17 @@ def test_states_that_are_no_poses_are_predicted_by_name() -> None:
 def test_the_table_says_that_predictions_of_wind_suppose_still_air(
     estimate: str | list[str], said: bool
 ) -> None:
-    table = further_states_table(plan_document(_with(estimate)))
-    assert table is not None
-    assert ("suppose still air" in table.title) == said
-    console = Console(width=100)
-    with console.capture() as capture:
-        console.print(table)
-    assert ("wind x" in capture.get()) == said
-    assert re.search(r"speed scale of v1 .*0\.02", capture.get())
+    text = shown(plan_document(_with(estimate)))
+    assert "errors that the filter estimates" in text
+    assert ("suppose still air" in text) == said
+    assert ("wind x" in text) == said
+    assert re.search(r"speed scale of v1 .*0\.02", text)
 
 
 def test_a_plan_without_such_errors_says_nothing_of_them() -> None:
     document = plan_document(plan(small()))
     assert not {"expected_rms_m", "predicted_errors"} & set(document.as_json())
-    assert further_states_table(document) is None
+    assert "errors that the filter estimates" not in shown(document)
     assert all(one.code != "not-estimated" for one in plan(small()).verdict.findings)
 
 
@@ -171,10 +167,8 @@ def test_the_record_holds_what_was_to_be_expected_of_the_input(refined: Plan) ->
     known = replace(record, expected_before=None)
     document = plan_document(replace(_with("all"), refinement=known))
     assert "expected_rms_before_m" not in document.as_json()["refinement"]
-    line = merits_line(document)
-    assert line is not None
-    assert "as if all else were known" in line
-    assert merits_line(plan_document(refined)) is None
+    assert "as if all else were known" in shown(document)
+    assert "as if all else were known" not in shown(plan_document(refined))
 
 
 def test_without_a_bound_nothing_is_said_of_neglect() -> None:

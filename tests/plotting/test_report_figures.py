@@ -17,7 +17,6 @@ from syncplan.plotting.figures import specs_of
 from syncplan.plotting.panels import MOST_POINTS
 from syncplan.plotting.series_figures import MOST_VEHICLES
 from syncplan.reports.flight_report import flight_document
-from syncplan.reports.loss_report import what_if_document
 from syncplan.reports.validation_report import (
     SweepReport,
     ValidationDocument,
@@ -223,7 +222,7 @@ def test_a_report_is_not_compared_with_a_plan(run_with_series: Validation) -> No
 
 
 def test_losses_are_bars_and_those_that_end_observability_grow_beyond_the_axis() -> None:
-    document = what_if_document(what_if(example("paper-grid-same")))
+    document = what_if(example("paper-grid-same"))
     spec = spec_of(document, "losses")
     ends, stays = trace_of(spec, "ends"), trace_of(spec, "stays")
     assert set(ends["y"]) == {"v3", "v4", "sensor of v3", "sensor of v4", "L1", "L2"}

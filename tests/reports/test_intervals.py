@@ -5,12 +5,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rich.console import Console
 from scipy.stats import beta
 
 import syncplan
 from syncplan.arrays import Array
-from syncplan.cli.run_tables import show_flight, show_sweep, show_validation
 from syncplan.estimation.consistency import FEWEST_TRIALS, interval_of_mean
 from syncplan.planning.plan_flights import Flight
 from syncplan.planning.plans import Plan
@@ -26,6 +24,7 @@ from syncplan.reports.validation_report import (
 )
 from tests.tools.on_paper import plan
 from tests.tools.scenarios import changed
+from tests.tools.stories import shown
 
 TRIALS = 12
 
@@ -156,14 +155,6 @@ def test_reports_without_intervals_are_read(validation: Validation, flight: Flig
 # --- tables and figures ---------------------------------------------------------------------------
 
 
-def printed(show: Any, document: Any) -> list[str]:
-    """The lines of a report on a terminal of 80 columns."""
-    console = Console(width=80)
-    with console.capture() as capture:
-        show(document, console)
-    return capture.get().splitlines()
-
-
 def test_tables_state_the_interval_over_all_vehicles_within_80_columns(
     validation: Validation, flight: Flight
 ) -> None:
@@ -171,13 +162,13 @@ def test_tables_state_the_interval_over_all_vehicles_within_80_columns(
     flown = flight_document(flight)
     for lines, errors, ratio, interval in (
         (
-            printed(show_validation, report),
+            shown(report).splitlines(),
             report.overall,
             report.overall.rms_over_predicted,
             report.overall.rms_over_predicted_interval,
         ),
         (
-            printed(show_flight, flown),
+            shown(flown).splitlines(),
             flown.overall,
             flown.overall.rms_over_bound,
             flown.overall.rms_over_bound_interval,
@@ -190,7 +181,7 @@ def test_tables_state_the_interval_over_all_vehicles_within_80_columns(
             f"all vehicles: {errors.rms_second_half_m:.3g} m (95 % interval {low:.3g} to "
             f"{high:.3g}), ratio {ratio:.3g} ({interval[0]:.3g} to {interval[1]:.3g})"
         ) in lines
-    text = " ".join(printed(show_validation, report))
+    text = " ".join(shown(report).splitlines())
     assert "over 3 times the bound 0 % (0 % to 26.5 %), over 10 times 0 % (0 % to 26.5 %)" in (
         " ".join(text.split())
     )
@@ -202,10 +193,10 @@ def test_a_table_of_a_sweep_has_a_column_of_intervals(grid: Plan) -> None:
     document: SweepReport = sweep_document("range", rows, reports)
     interval = document.rows[0].validation.overall.rms_second_half_interval_m
     assert interval is not None
-    lines = printed(show_sweep, document)
+    lines = shown(document).splitlines()
     (head,) = [line for line in lines if "2nd half" in line]
     assert "95 %" in head
-    assert f"{interval[0]:.2f} to {interval[1]:.2f}" in lines[lines.index(head) + 2]
+    assert f"{interval[0]:.3g} to {interval[1]:.3g}" in lines[lines.index(head) + 2]
 
 
 def test_bars_of_errors_reach_to_the_ends_of_their_intervals(validation: Validation) -> None:

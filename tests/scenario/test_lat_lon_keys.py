@@ -1,6 +1,5 @@
 """Places in degrees: each key stands for one in metres, and says so where it is refused."""
 
-import io
 import itertools
 from collections.abc import Mapping
 from pathlib import Path
@@ -8,10 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from syncplan.arrays import Array
-from syncplan.cli.plan_tables import show_plan
 from syncplan.errors import InputError
 from syncplan.landmarks.site_choice import named_candidates
 from syncplan.planning.planner import plan
@@ -23,6 +20,7 @@ from syncplan.scenario.models import Formation, GeoOrigin
 from syncplan.scenario.specification import Scenario
 from tests.tools.briefs import FIELD
 from tests.tools.exported import to_plane
+from tests.tools.stories import shown
 
 ORIGIN = GeoOrigin(lat_deg=47.3977, lon_deg=8.5456)
 TEAM: dict[str, Any] = {
@@ -178,9 +176,7 @@ def test_a_plan_states_its_places_in_metres_and_in_degrees() -> None:
     assert len(places["keep_out_lat_lon_deg"]) == 1
     assert len(places["purpose.visit_lat_lon_deg"]) == 1
     assert 0.0 < ground.map_departure_m < 1e-6
-    file = io.StringIO()
-    show_plan(document, Console(file=file, width=200))
-    table = file.getvalue()
+    table = shown(document, 200)
     assert f"[0, 0] at {origin.lat_deg:.7f}, {origin.lon_deg:.7f}; distances on the flat" in table
     assert "differ by up to 0.001 m" in table
     metres = plan_document(plan(scenario_from(TEAM), pilot=False))

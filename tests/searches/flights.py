@@ -207,7 +207,7 @@ def after_a_loss(index: int) -> tuple[list[str], Loss]:
     outcome = what_if(planned, [vehicle]).losses[0]
     lose = (f"{vehicle}@{0.5 * DURATION_S:g}",)
     rms, bound = _late(fly(planned, trials=TRIALS, seed=index, lose=lose, threads=1))
-    predicted = np.nan if outcome.predicted_rms is None else _rms(outcome.predicted_rms)
+    predicted = outcome.predicted_rms_m.overall or np.nan
     faults = []
     if not (1.0 - LOSS_OFF) * outcome.observable <= rms / predicted <= 1.0 + LOSS_OFF:
         faults.append(f"{name} without {vehicle}: not as what-if predicts")

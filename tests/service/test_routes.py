@@ -37,6 +37,7 @@ from tests.tools.scenarios import BAD_FILES, FILES, LANDMARKS, document, small
 from tests.tools.serving import Server
 
 YAML = {"content-type": "application/yaml"}
+HTML = {"accept": "text/html"}
 
 
 @pytest.fixture(scope="module")
@@ -287,6 +288,10 @@ def test_a_validation_leaves_a_report_and_its_trials(ann: httpx2.Client) -> None
     assert (job.progress.done, job.result) == (2, f"{at}/result")
     assert job.created_at < str(job.started_at) < str(job.ended_at)
     assert ann.get(f"{at}/result").json()["trials"] == 2
+    told = ann.get(f"{at}/result", headers=HTML)
+    assert told.headers["content-type"] == "text/html; charset=utf-8"
+    assert told.headers["content-security-policy"] == "default-src 'none'"
+    assert ": 2 trials of" in told.text
     trials = ann.get(f"{at}/trials")
     assert trials.headers["content-type"] == "application/octet-stream"
     assert trials.content.startswith(b"PK")
@@ -317,6 +322,7 @@ def test_a_refinement_leaves_its_owner_a_plan_that_names_its_parent(ann: httpx2.
     assert result.headers["etag"] == stored.headers["etag"]
     assert result.headers["content-location"] == f"/v1/plans/{job.result_plan_id}"
     assert stored.json()["parent_id"] == plan
+    assert "refined for logdet, 1 starts" in ann.get(f"{at}/result", headers=HTML).text
     problem(ann.get(f"{at}/trials"), 409)
     assert ann.delete(f"/v1/plans/{job.result_plan_id}").status_code == 204
     problem(ann.get(f"{at}/result"), 404)

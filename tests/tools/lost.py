@@ -1,11 +1,12 @@
 """Drawn scenarios for losses, and each reduced scenario planned from scratch on the same orbits."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from syncplan.planning.loss_study import LossOutcome
+from syncplan.planning.loss_study import RemainingTeam
 from syncplan.planning.planner import judge
 from syncplan.planning.plans import Plan
 from syncplan.scenario.loading import scenario_from
@@ -31,7 +32,7 @@ def drawn_plan(generator: np.random.Generator, most_vehicles: int = 6) -> Plan:
     return made
 
 
-def from_scratch(whole: Plan, lost: tuple[str, ...]) -> Plan:
+def from_scratch(whole: Plan, lost: Sequence[str]) -> Plan:
     """Return the plan of the reduced scenario, written out by hand, on the orbits that are left."""
     values = whole.scenario.model_dump(mode="json", exclude_none=True)
     names, gone = whole.scenario.vehicle_names, set(lost)
@@ -60,7 +61,7 @@ def from_scratch(whole: Plan, lost: tuple[str, ...]) -> Plan:
     return judge(scenario_from(values), whole.orbits.only(np.array(left)))
 
 
-def differences(found: LossOutcome, expected: Plan, tolerance: float = 1e-6) -> list[str]:
+def differences(found: RemainingTeam, expected: Plan, tolerance: float = 1e-6) -> list[str]:
     """Return in what an outcome differs from a plan; predicted errors by a share of themselves.
 
     After a loss, cures name no desynchronisation that was sought for the team that is left.
@@ -68,7 +69,7 @@ def differences(found: LossOutcome, expected: Plan, tolerance: float = 1e-6) -> 
     wrong = []
     findings = replace(expected, sufficient_desync=None).verdict.findings
     pairs: dict[str, tuple[Any, Any]] = {
-        "vehicles": (list(found.vehicles), expected.scenario.vehicle_names),
+        "vehicles": (list(found.predicted_rms_m.vehicles), expected.scenario.vehicle_names),
         "rank": (found.rank, expected.observability.rank),
         "state_dim": (found.state_dim, expected.observability.state_dim),
         "observable": (found.observable, expected.observable),
@@ -81,13 +82,13 @@ def differences(found: LossOutcome, expected: Plan, tolerance: float = 1e-6) -> 
             found.verdict.findings,
             tuple(finding for finding in findings if finding.code not in LEFT_OUT),
         ),
-        "note": (found.note, expected.prediction.note),
+        "note": (found.predicted_rms_m.note, expected.prediction.note),
     }
     wrong += [f"{key}: {a} != {b}" for key, (a, b) in pairs.items() if a != b]
-    a, b = found.predicted_rms, expected.prediction.rms
-    if (a is None) != (b is None):
+    a, b = list(found.predicted_rms_m.vehicles.values()), expected.prediction.rms
+    if (None in a) != (b is None):
         wrong.append("predicted errors: one is missing")
-    elif a is not None and b is not None and not np.allclose(a, b, rtol=tolerance, atol=0.0):
+    elif b is not None and not np.allclose(np.array(a, float), b, rtol=tolerance, atol=0.0):
         wrong.append(f"predicted errors: {a} != {b}")
     return wrong
 

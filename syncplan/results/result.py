@@ -40,5 +40,5 @@ class Result:
         return import_module(_PRESENTATIONS).frame_of(self)
 
     def _repr_html_(self) -> str:
-        """Return the same rows as an HTML table below the verdict, for notebooks."""
-        return str(import_module(_PRESENTATIONS).html_of(self))
+        """Return the lines and tables of the document as HTML, for notebooks."""
+        return str(import_module(_PRESENTATIONS).notebook_html(self))

@@ -1,6 +1,6 @@
 """Observability and predicted errors of a team, as parts of documents."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from pydantic import Field
@@ -18,6 +18,7 @@ from syncplan.observability.error_modes import ErrorVerdict, ExtendedObservabili
 from syncplan.observability.unobservable_modes import UnobservableMode
 from syncplan.orbits.error_states import ERROR_STATES
 from syncplan.planning.plans import Plan
+from syncplan.results.quantities import plain
 
 
 class CertificateVerdict(DocumentPart):
@@ -108,6 +109,15 @@ class ObservabilityVerdict(Document):
     states: OrAbsent[list[StateVerdict]] = Field(
         default=None, description="Determined states, by kind; absent as `extended` is"
     )
+
+    @property
+    def determined(self) -> Iterator[str]:
+        """A line on the rank with errors as states; none if there are no such states."""
+        if self.extended is not None and self.states is not None:
+            lacking = [one.state for one in self.states if not one.determined]
+            rest = f"; without priors not determined: {', '.join(lacking)}" if lacking else ""
+            rank = f"rank {self.extended.rank} of {self.extended.state_dim}"
+            yield plain(f"with errors as states: {rank}{rest}")
 
 
 class ErrorPrediction(DocumentPart):
