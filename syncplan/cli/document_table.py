@@ -1,4 +1,4 @@
-"""The table of documents: their schemas, and the keys that identify reports."""
+"""The table of documents: their schemas, and how reports are recognised."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from importlib import import_module
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
-from syncplan.scenario.other_documents import OTHER_DOCUMENTS
+from syncplan.scenario.other_documents import other_document
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -25,15 +25,13 @@ class DocumentKind:
     module, name : module and name of its model, which is loaded on demand
     mode : Pydantic's mode: validation for documents read, serialization for documents written
     published : whether the command line prints its schema
-    known_by : keys that identify a report of this kind; empty for other documents
-    title : title of a report without a name
+    title : title of a report without a name; empty for documents that are no reports
     """
 
     module: str
     name: str
     mode: Literal["validation", "serialization"] = "serialization"
     published: bool = True
-    known_by: frozenset[str] = frozenset()
     title: str = ""
 
     @property
@@ -48,50 +46,16 @@ _RUNS = "syncplan.reports.validation_report"
 DOCUMENTS: Mapping[str, DocumentKind] = MappingProxyType(
     {
         "scenario": DocumentKind("syncplan.scenario.specification", "Scenario", "validation"),
-        "plan": DocumentKind(
-            "syncplan.reports.plan_report",
-            "PlanDocument",
-        ),
+        "plan": DocumentKind("syncplan.reports.plan_report", "PlanDocument"),
         "sites": DocumentKind("syncplan.reports.sites_report", "SitesDocument"),
         "brief": DocumentKind("syncplan.scenario.brief", "Brief", "validation"),
-        "design": DocumentKind(
-            "syncplan.reports.design_report",
-            "DesignDocument",
-            known_by=OTHER_DOCUMENTS["design"].keys,
-            title="Design",
-        ),
-        "what-if": DocumentKind(
-            "syncplan.planning.loss_study",
-            "WhatIfDocument",
-            known_by=frozenset({"baseline", "losses"}),
-            title="What if",
-        ),
-        "validation": DocumentKind(
-            _RUNS,
-            "ValidationDocument",
-            known_by=OTHER_DOCUMENTS["validation"].keys,
-            title="Validation",
-        ),
-        "flight": DocumentKind(
-            "syncplan.reports.flight_report",
-            "FlightDocument",
-            known_by=OTHER_DOCUMENTS["flight"].keys,
-            title="Flight",
-        ),
-        "replay": DocumentKind(
-            "syncplan.reports.replay_report",
-            "ReplayDocument",
-            known_by=OTHER_DOCUMENTS["replay"].keys,
-            title="Replay",
-        ),
+        "design": DocumentKind("syncplan.reports.design_report", "DesignDocument", title="Design"),
+        "what-if": DocumentKind("syncplan.planning.loss_study", "WhatIfDocument", title="What if"),
+        "validation": DocumentKind(_RUNS, "ValidationDocument", title="Validation"),
+        "flight": DocumentKind("syncplan.reports.flight_report", "FlightDocument", title="Flight"),
+        "replay": DocumentKind("syncplan.reports.replay_report", "ReplayDocument", title="Replay"),
         "sync": DocumentKind("syncplan.exporting.sidecar", "SyncDocument"),
-        "sweep": DocumentKind(
-            _RUNS,
-            "SweepReport",
-            published=False,
-            known_by=OTHER_DOCUMENTS["sweep"].keys,
-            title="Sweep",
-        ),
+        "sweep": DocumentKind(_RUNS, "SweepReport", published=False, title="Sweep"),
     }
 )
 """All kinds of documents by name."""
@@ -102,11 +66,9 @@ def read_report(values: Mapping[str, Any], source: str) -> "tuple[Report, str] |
 
     Raises InputError, naming the source, for a report that does not fit its schema.
     """
-    keys = set(values)
-    fitting = [one for one in DOCUMENTS.values() if one.known_by and one.known_by <= keys]
-    if not fitting:
+    kind = DOCUMENTS.get(other_document(values) or "")
+    if kind is None or not kind.title:
         return None
-    kind = max(fitting, key=lambda one: len(one.known_by))
     report: Any = checked(kind.model, values, source)
     return report, report.name or kind.title
 

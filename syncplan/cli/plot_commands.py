@@ -241,10 +241,10 @@ def _images(
 ) -> list[bytes]:
     """Images of the named figures, in that order; of the first figure if none is named."""
     from syncplan.plotting.figure_files import figure_images
-    from syncplan.plotting.figures import first_figure
+    from syncplan.plotting.figures import names_of
 
     if not names:
-        names = [first_figure(given.subject, refined=given.refined, after=given.after)]
+        names = names_of(given.subject, refined=given.refined, after=given.after)[:1]
     return list(figure_images(given.specs(names, style), image_format, style).values())
 
 

@@ -75,12 +75,20 @@ def specs_of(
     return {name: FIGURES[name].draw(given) for name in names or known}
 
 
-def first_figure(
+def names_of(
     subject: Subject, *, refined: RefinementResult | None = None, after: Plan | None = None
-) -> str:
-    """Return the name of the figure to show where there is room for only one; see specs_of."""
+) -> list[str]:
+    """Return the names of a subject's figures, first the one to show where there is room for one.
+
+    See specs_of.
+    """
     known = _known(_given(subject, refined, after, PLAIN))
-    return next((name for name in known if FIGURES[name].compares), known[0])
+    return sorted(known, key=lambda name: not FIGURES[name].compares)
+
+
+def figure_of(subject: Subject, name: str, theme: Theme | None = None) -> Figure:
+    """Return a figure by its name; raises InputError."""
+    return _one(subject, name, _styled(theme, PLAIN))
 
 
 def _given(

@@ -1,7 +1,6 @@
-"""Results as documents, as data frames and as HTML for notebooks."""
+"""Results as documents and as data frames."""
 
 from collections.abc import Callable, Iterator, Mapping
-from html import escape
 from typing import Any
 
 from syncplan.designs.designer import Design
@@ -21,7 +20,7 @@ from syncplan.reports.sites_report import sites_document
 from syncplan.reports.validation_report import sweep_document, validation_document
 from syncplan.results.quantities import plain
 from syncplan.results.result import Result
-from syncplan.results.stories import Grid, Report, Row, Story, flat, html_of
+from syncplan.results.stories import Grid, Report, Row, Story, flat
 from syncplan.scenario.specification import Scenario, per_vehicle
 
 REPORTS: Mapping[type, Callable[[Any], Any]] = {
@@ -98,8 +97,3 @@ def frame_of(result: Result) -> Any:
             for row in report_of(result).frame_rows()
         ]
     )
-
-
-def notebook_html(result: Result) -> str:
-    """Return a result as HTML: its summary, then the lines and tables of its document."""
-    return f"<p><b>{escape(repr(result)[1:-1])}</b></p>\n{html_of(report_of(result).story())}"

@@ -1,7 +1,6 @@
-"""Results, which convert to a file, a data frame or a table in a notebook.
+"""Results, which convert to a file, a data frame, figures and what a notebook shows.
 
-A result's report lies in a package above it. syncplan.reports.presentations makes it, and is loaded
-on demand.
+A result's report and figures lie in packages above it, which are loaded on demand.
 """
 
 from importlib import import_module
@@ -12,10 +11,12 @@ from syncplan.runtime.files import as_text, write_text
 
 if TYPE_CHECKING:
     from pandas import DataFrame
+    from plotly.graph_objects import Figure
 else:
-    DataFrame = Any
+    DataFrame = Figure = Any
 
 _PRESENTATIONS = "syncplan.reports.presentations"
+_FIGURES, _NOTEBOOKS = "syncplan.plotting.figures", "syncplan.plotting.notebooks"
 
 
 class Result:
@@ -39,6 +40,24 @@ class Result:
         """
         return import_module(_PRESENTATIONS).frame_of(self)
 
+    @property
+    def figures(self) -> list[str]:
+        """Names of the figures of this result, the main one first."""
+        names: list[str] = import_module(_FIGURES).names_of(self)
+        return names
+
+    def figure(self, name: str = "", *, theme: str | None = None) -> Figure:
+        """Return a figure, the main one by default, as a plotly.graph_objects.Figure.
+
+        `theme` is light or dark. Raises InputError for a figure that the result lacks, or if Plotly
+        is missing.
+        """
+        return import_module(_FIGURES).figure_of(self, name or next(iter(self.figures), ""), theme)
+
     def _repr_html_(self) -> str:
-        """Return the lines and tables of the document as HTML, for notebooks."""
-        return str(import_module(_PRESENTATIONS).notebook_html(self))
+        """Return the map of a plan, and lines and tables, as HTML."""
+        return str(import_module(_NOTEBOOKS).notebook_html(self))
+
+    def _ipython_display_(self) -> None:
+        """Show the main figure in a notebook, if Plotly is there, and then the HTML."""
+        import_module(_NOTEBOOKS).show(self)
