@@ -267,10 +267,12 @@ def plan_figure(text: str, name: str, style: "FigureStyle", parent_text: str | N
 
 def report_figure(text: str, kind: JobKindName, name: str, style: "FigureStyle") -> str:
     """Return a figure of a job's report as JSON; raises InputError."""
-    model = JOB_KINDS[kind].report
-    assert model is not None
-    report: Any = model.model_validate_json(text)
-    return _compact(_specs(report, [name], style)[name])
+    return _compact(_specs(_report(text, kind), [name], style)[name])
+
+
+def _report(text: str, kind: JobKindName) -> Any:
+    """The result of a job: its report, or the plan that it made."""
+    return (JOB_KINDS[kind].report or PlanDocument).model_validate_json(text)
 
 
 def figure_so_far(
@@ -290,9 +292,8 @@ def figure_so_far(
 
 def summary(text: str, kind: JobKindName) -> str:
     """Return the result of a job, a report or a plan, in lines and tables of HTML."""
-    model = JOB_KINDS[kind].report or PlanDocument
-    document: Any = model.model_validate_json(text)
-    return summary_of(getattr(document, "refinement", document))
+    report = _report(text, kind)
+    return summary_of(getattr(report, "refinement", report))
 
 
 def _specs(

@@ -60,13 +60,13 @@ class FittedTable:
         title = self._table.title
         made = Table(title=title, box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False)
         for k in shown:
-            one = self.columns[k].quantity
+            quantity = self.columns[k].quantity
             made.add_column(
-                one.head,
-                justify="left" if k == 0 or one.text or one.folds else "right",
+                quantity.head,
+                justify="left" if k == 0 or quantity.text or quantity.folds else "right",
                 overflow="fold",
                 min_width=widths[k],
-                max_width=None if one.folds else widths[k],
+                max_width=None if quantity.folds else widths[k],
             )
         rows = list(zip(*(self.columns[k].cells for k in shown), strict=True))
         apart = len(rows) - 1 if self._table.foot is not None else self._table.apart
@@ -75,7 +75,7 @@ class FittedTable:
         yield made
         if (hidden := len(self._table.rows) - MOST_ROWS) > 0:
             yield Text(f"... and {hidden} more rows (see the JSON)")
-        left = [one.head for k, (one, _) in enumerate(self.columns) if k not in shown]
+        left = [column.quantity.head for k, column in enumerate(self.columns) if k not in shown]
         if left:
             yield Text(f"not shown at this width: {', '.join(left)}")
 

@@ -198,7 +198,7 @@ _PAIR = re.compile(r"\s*[-+]?\d+(\.\d*)?\s+[-+]?\d+(\.\d*)?\s*")
 _NAMES = ("name", "label", "title", "landmark", "pointname", "pointid", "point", "id")
 _LATITUDES = ("latitude", "lat", "latdeg", "latitudedeg", "y")
 _LONGITUDES = ("longitude", "lon", "lng", "long", "londeg", "longitudedeg", "x")
-_WEST_OR_SOUTH = ("W", "w", "S", "s", "West", "South", "west", "south")
+_WEST_OR_SOUTH = ("w", "s", "west", "south")
 
 
 def _read_text(data: bytes, into: FeatureList) -> None:
@@ -340,7 +340,11 @@ def _read_points(head: str, lines: Iterable[str], into: FeatureList) -> None:
         labels = Labels(_first(cells, _NAMES) or f"P{number}")
         if any(row[len(columns) :]):
             raise into.fault(labels, "has more cells than its table has columns")
-        if any(text.strip() in _WEST_OR_SOUTH for key, text in cells.items() if key not in _NAMES):
+        if any(
+            text.strip().lower() in _WEST_OR_SOUTH
+            for key, text in cells.items()
+            if key not in _NAMES
+        ):
             problem = "has its hemisphere in a column of its own; write -33.5, not 33.5 and S"
             raise into.fault(labels, problem)
         # where semicolons part columns, commas may part decimals

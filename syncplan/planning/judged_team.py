@@ -311,11 +311,11 @@ class PlanVerdict(Document):
     @property
     def finding_lines(self) -> Iterator[str]:
         """Each finding with its cure, marked up."""
-        for one in self.findings:
-            level = f"[{_COLOURS[one.level]}]{one.level}[/]"
-            yield f"{level}: {one.code}: {plain(one.message)}"
-            if one.cure is not None:
-                yield f"   cure: {plain(one.cure.text)}"
+        for finding in self.findings:
+            level = f"[{_COLOURS[finding.level]}]{finding.level}[/]"
+            yield f"{level}: {finding.code}: {plain(finding.message)}"
+            if finding.cure is not None:
+                yield f"   cure: {plain(finding.cure.text)}"
 
     @property
     def word(self) -> str:

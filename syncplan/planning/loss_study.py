@@ -101,7 +101,8 @@ class RemainingTeam(Document):
     def undetected(self) -> list[str]:
         """Undetectable motions of the team and changes of estimated errors, in words."""
         further = self.extended.undetermined if self.extended else []
-        return [one.description for one in self.unobservable] + [one.description for one in further]
+        modes = [mode.description for mode in self.unobservable]
+        return modes + [mode.description for mode in further]
 
 
 MOST_NAMED = 12
@@ -153,9 +154,9 @@ class WhatIfDocument(VersionedDocument, Report, Result):
 
     def frame_rows(self) -> Iterator[Row]:
         """Yield the losses as rows of a data frame."""
-        for one in self.losses:
-            values = flat(one.model_dump(exclude={"predicted_rms_m"}))
-            yield {"name": ", ".join(one.lost), **values, "go": one.verdict.go}
+        for team in self.losses:
+            values = flat(team.model_dump(exclude={"predicted_rms_m"}))
+            yield {"name": ", ".join(team.lost), **values, "go": team.verdict.go}
 
 
 WhatIf = WhatIfDocument
@@ -299,6 +300,6 @@ def _critical(teams: Sequence[RemainingTeam]) -> list[list[str]]:
     smallest: list[list[str]] = []
     lost = [team.lost for team in teams if not team.observable]
     for names in sorted(lost, key=len):
-        if not any(set(one) <= set(names) for one in smallest):
+        if not any(set(smaller) <= set(names) for smaller in smallest):
             smallest.append(names)
     return smallest

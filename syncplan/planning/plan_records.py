@@ -188,12 +188,12 @@ class FlownPlan(Document):
         flights = "1 flight" if self.trials == 1 else f"{self.trials} flights"
         said = [f"guidance {self.guidance}"]
         if self.vehicles:
-            squares = sum(one.tracking_rms_m**2 for one in self.vehicles) / len(self.vehicles)
-            worst = max(self.vehicles, key=lambda one: one.phase_rms_s)
+            squares = sum(each.tracking_rms_m**2 for each in self.vehicles) / len(self.vehicles)
+            worst = max(self.vehicles, key=lambda vehicle: vehicle.phase_rms_s)
             said.append(f"{math.sqrt(squares):.3g} m off the plan (RMS)")
             said.append(f"phase at most {worst.phase_rms_s:.3g} s off (RMS, {worst.name})")
         if self.meetings_kept:
-            least = min(self.meetings_kept, key=lambda one: one.kept_share)
+            least = min(self.meetings_kept, key=lambda pair: pair.kept_share)
             share, pair = percent(least.kept_share), "-".join(least.between)
             said.append(f"each pair keeps at least {share} of its meetings ({pair})")
         if self.least_separation_m is not None:

@@ -86,9 +86,10 @@ def names_of(
     return sorted(known, key=lambda name: not FIGURES[name].compares)
 
 
-def figure_of(subject: Subject, name: str, theme: Theme | None = None) -> Figure:
-    """Return a figure by its name; raises InputError."""
-    return _one(subject, name, _styled(theme, PLAIN))
+def figure_of(subject: Subject, name: str = "", theme: Theme | None = None) -> Figure:
+    """Return a figure by its name, the main one by default; raises InputError."""
+    given = subject if isinstance(subject, Plan | Report) else report_of(subject)
+    return _one(given, name or next(iter(names_of(given)), ""), _styled(theme, PLAIN))
 
 
 def _given(

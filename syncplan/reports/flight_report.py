@@ -66,7 +66,7 @@ class FlownVehicle(DocumentPart):
 
     name: str = quantity(
         "vehicle",
-        words=each(lambda one: plain(one.name) + ("" if one.errors else " (lost)")),
+        words=each(lambda flown: plain(flown.name) + ("" if flown.errors else " (lost)")),
         order=-2,
     )
     errors: FlightErrors | None = Field(description="Null for a vehicle that is lost on the way")
@@ -297,26 +297,26 @@ class FlightDocument(run_figures.TrueWorldReport):
                 f"gate at {record.gate_probability:g}: {record.gated} of "
                 f"{record.used + record.gated} sightings rejected"
             )
-        anees, nis = (one.words(trusted=self.verdict.go) for one in (self.anees, self.nis))
-        yield f"ANEES {anees}; NIS {nis}"
+        anees = self.anees.words(trusted=self.verdict.go)
+        yield f"ANEES {anees}; NIS {self.nis.words(trusted=self.verdict.go)}"
 
     @property
     def _missed(self) -> Iterator[str]:
         """The pairs that missed some of their meetings, the worst first."""
-        missed = [one for one in self.links if one.kept_share < 1.0]
+        missed = [link for link in self.links if link.kept_share < 1.0]
         if missed:
-            missed.sort(key=lambda one: one.kept_share)
-            texts = [f"{'-'.join(one.between)} {percent(one.kept_share)}" for one in missed]
+            missed.sort(key=lambda link: link.kept_share)
+            texts = [f"{'-'.join(link.between)} {percent(link.kept_share)}" for link in missed]
             rest = "; of all others all" if len(missed) < len(self.links) else ""
             yield f"meetings kept: {plain(listed(texts, MOST_MISSED))}{rest}"
 
     def frame_rows(self) -> Iterator[Row]:
         """Yield the vehicles as rows of a data frame."""
-        for one in self.vehicles:
-            row = flat(one.model_dump(exclude={"errors", "phase_error_s"}))
-            phase = {} if one.phase_error_s is None else one.phase_error_s.model_dump()
+        for vehicle in self.vehicles:
+            row = flat(vehicle.model_dump(exclude={"errors", "phase_error_s"}))
+            phase = {} if vehicle.phase_error_s is None else vehicle.phase_error_s.model_dump()
             row |= {f"phase_{key}_s": value for key, value in phase.items()}
-            yield row | ({} if one.errors is None else flat(one.errors.model_dump()))
+            yield row | ({} if vehicle.errors is None else flat(vehicle.errors.model_dump()))
 
 
 _SHARES = np.linspace(0.0, 1.0, 41)

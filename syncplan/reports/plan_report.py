@@ -31,7 +31,7 @@ from syncplan.planning.observability_records import (
 from syncplan.planning.plan_records import FlownPlan
 from syncplan.planning.plans import Plan
 from syncplan.reports.refinement_report import RefinementResult, refinement_result
-from syncplan.results.quantities import Quantity, plain, quantity
+from syncplan.results.quantities import MISSING, Quantity, plain, quantity
 from syncplan.results.stories import Column, Grid, Report, Row, Story, Table, flat
 from syncplan.scenario.ground import WIDEST_M, map_departure
 from syncplan.scenario.lat_lon_keys import lat_lon_places
@@ -203,7 +203,7 @@ class SynchronisationRecord(DocumentPart):
         if self.smallest_margin_m is None:
             return f"phases: {self.method}"
         bound = "" if self.bound_m is None else f", bound {self.bound_m:.4g} m"
-        shares = [one.contact_share for one in links if one.contact_share is not None]
+        shares = [link.contact_share for link in links if link.contact_share is not None]
         seen = f"; {percent(min(shares))} or more of attainable contact" if shares else ""
         margin = f"smallest margin {metres(self.smallest_margin_m)} m{bound}"
         return f"phases: {self.method}{seen}; {margin}"
@@ -335,12 +335,11 @@ class PlanDocument(VersionedDocument, Report):
     @property
     def _vehicle_table(self) -> Table:
         errors = self.predicted_rms_m.vehicles
-        known = [
-            None if (error := errors[one.name]) is None else f"{error:.3g}" for one in self.vehicles
-        ]
-        beside = [Column(Quantity("error", "m"), [text or "-" for text in known])]
+        predicted = [errors[vehicle.name] for vehicle in self.vehicles]
+        texts = [MISSING if error is None else f"{error:.3g}" for error in predicted]
+        beside = [Column(Quantity("error", "m"), texts)]
         if self.flight is not None:
-            texts = [self.flight.error_of(one.name) for one in self.vehicles]
+            texts = [self.flight.error_of(vehicle.name) for vehicle in self.vehicles]
             beside.append(Column(Quantity("flown", "m"), texts))
         flown = "" if self.flight is None else "and the flown "
         title = f"vehicles at time 0, with the predicted {flown}RMS error"
@@ -358,7 +357,7 @@ class PlanDocument(VersionedDocument, Report):
             )
         if states := self.predicted_errors:
             # in wind, it is known less well
-            windy = any(one.state.startswith("wind ") for one in states)
+            windy = any(each.state.startswith("wind ") for each in states)
             air = "; predictions suppose still air" if windy else ""
             yield Table(
                 f"errors that the filter estimates, with the predicted RMS error{air}", states
@@ -369,7 +368,7 @@ class PlanDocument(VersionedDocument, Report):
         """The table of meetings, and the links that do not count for the certificate, by reason."""
         rows: list[tuple[str, ...]] = []
         short: dict[str, list[str]] = {}
-        found: list[tuple[str, str, str, Link | LandmarkLink]] = [
+        meetings: list[tuple[str, str, str, Link | LandmarkLink]] = [
             (
                 f"{link.a}-{link.b}",
                 f"{link.rule}{unlisted}",
@@ -379,11 +378,11 @@ class PlanDocument(VersionedDocument, Report):
             for links, unlisted in ((self.links, ""), (self.incidental_links, ", unlisted"))
             for link in links
         ]
-        found += [
+        meetings += [
             (f"{link.vehicle}-{link.landmark}", "landmark", "-", link)
             for link in self.landmark_links
         ]
-        for name, rule, tolerance, link in found:
+        for name, rule, tolerance, link in meetings:
             begin = f"{link.windows_s[0][0]:.2f}" if link.windows_s else "-"
             distances = f"{link.min_distance_m:.2f}", f"{link.contact_s:.2f}", begin
             rows.append((plain(name), rule, *distances, tolerance, str(link.rank)))
@@ -398,13 +397,14 @@ class PlanDocument(VersionedDocument, Report):
     def frame_rows(self) -> Iterator[Row]:
         """Yield the vehicles as rows of a data frame."""
         predicted, window = self.predicted_rms_m.vehicles, self.window_bound_m.vehicles
-        flown = {} if self.flight is None else {one.name: one.rms_m for one in self.flight.vehicles}
-        for one in self.vehicles:
+        records = () if self.flight is None else self.flight.vehicles
+        flown = {record.name: record.rms_m for record in records}
+        for vehicle in self.vehicles:
             yield {
-                **flat(one.model_dump()),
-                "predicted_rms_m": predicted.get(one.name),
-                "window_bound_m": window.get(one.name),
-                **({"flown_rms_m": flown.get(one.name)} if flown else {}),
+                **flat(vehicle.model_dump()),
+                "predicted_rms_m": predicted.get(vehicle.name),
+                "window_bound_m": window.get(vehicle.name),
+                **({"flown_rms_m": flown.get(vehicle.name)} if flown else {}),
             }
 
 

@@ -23,21 +23,6 @@ from syncplan.results.result import Result
 from syncplan.results.stories import Grid, Report, Row, Story, flat
 from syncplan.scenario.specification import Scenario, per_vehicle
 
-REPORTS: Mapping[type, Callable[[Any], Any]] = {
-    Plan: plan_document,
-    Validation: validation_document,
-    Flight: flight_document,
-    Replay: replay_document,
-    SiteChoice: sites_document,
-    Design: design_document,
-    WhatIfDocument: lambda found: found,
-    Sweep: lambda swept: sweep_document(
-        swept.name, swept, [validation_document(row.validation) for row in swept]
-    ),
-    Scenario: lambda scenario: _ScenarioTable(scenario),
-}
-"""Functions that make the document of each kind of result."""
-
 
 class _ScenarioTable(Report):
     """A scenario's vehicles as a table."""
@@ -70,6 +55,22 @@ class _ScenarioTable(Report):
         ):
             own = flat(sensor.model_dump(exclude_none=True))
             yield {"name": name, **flat({"center_m": center}), "radius_m": radius, **own}
+
+
+REPORTS: Mapping[type, Callable[[Any], Any]] = {
+    Plan: plan_document,
+    Validation: validation_document,
+    Flight: flight_document,
+    Replay: replay_document,
+    SiteChoice: sites_document,
+    Design: design_document,
+    WhatIfDocument: lambda document: document,
+    Sweep: lambda swept: sweep_document(
+        swept.name, swept, [validation_document(row.validation) for row in swept]
+    ),
+    Scenario: _ScenarioTable,
+}
+"""Functions that make the document of each kind of result."""
 
 
 def report_of(result: Result) -> Any:

@@ -117,7 +117,8 @@ class RefinementResult(Document, Report):
     def _costs(self) -> Iterator[str]:
         """What was given for the smaller error: distances and time to spare."""
         for figure in ROWS:
-            before, after = (getattr(one, figure.key, None) for one in (self.before, self.after))
+            before = getattr(self.before, figure.key, None)
+            after = getattr(self.after, figure.key, None)
             paid = _PAID.get(figure.key)
             if not paid or before is None or after is None:
                 continue
@@ -128,7 +129,10 @@ class RefinementResult(Document, Report):
     @property
     def _grid(self) -> Grid:
         rows = [
-            (row.heading, *(row.words(getattr(one, row.key)) for one in (self.before, self.after)))
+            [
+                row.heading,
+                *(row.words(getattr(plan, row.key)) for plan in (self.before, self.after)),
+            ]
             for row in ROWS
         ]
         title = f"refined for {self.objective}, {len(self.starts)} starts"

@@ -219,13 +219,7 @@ class TuningRecord(Document):
         """What was assumed before and after, as a table."""
         before, after = self.before.as_json(), self.after.as_json()
         rows = [
-            (
-                key,
-                *(
-                    "" if (one := each.get(key)) is None else f"{one:.4g}"
-                    for each in (before, after)
-                ),
-            )
+            (key, *(f"{sigmas[key]:.4g}" if key in sigmas else "" for sigmas in (before, after)))
             for key in after | before
         ]
         refused = "" if self.accepted is not False else ", and refused"
@@ -322,15 +316,15 @@ class ReplayDocument(run_figures.RunReport):
 
     def body(self) -> Story:
         """Yield errors or estimates, counts of readings, observability, what was fitted."""
-        found = "no truth, so errors are not known"
+        errors = "no truth, so errors are not known"
         title = "estimate at the end in m, and the filter's own sigmas"
         if self.has_errors:
-            found = (
+            errors = (
                 f"position {self.position_rmse_m:.3f} m, heading {self.heading_rmse_rad:.3f} rad "
                 "RMS over all robots"
             )
             title = "RMS error in m over the run, and over its second half"
-        yield f"[bold]{plain(self.name)}[/]: {self.run}; {found}"
+        yield f"[bold]{plain(self.name)}[/]: {self.run}; {errors}"
         yield f"bearings: {self.readings.words}"
         if self.distances is not None:
             yield f"distances: {self.distances.words}"
@@ -352,10 +346,10 @@ class ReplayDocument(run_figures.RunReport):
     @property
     def _lasting(self) -> Grid:
         heads, robots = {}, {robot.name: [plain(robot.name)] for robot in self.robots}
-        for one in self.lasting_errors or []:
-            unit = "" if one.unit == "1" else one.unit
-            heads[one.name] = f"{one.name.replace('_', ' ')} {unit}".rstrip()
-            robots[one.robot].append(f"{one.value:.4f} ± {one.sigma:.4f}")
+        for error in self.lasting_errors or []:
+            unit = "" if error.unit == "1" else error.unit
+            heads[error.name] = f"{error.name.replace('_', ' ')} {unit}".rstrip()
+            robots[error.robot].append(f"{error.value:.4f} ± {error.sigma:.4f}")
         title = "lasting errors at the end, with their sigmas"
         return Grid(title, ("robot", *heads.values()), list(robots.values()))
 

@@ -166,19 +166,19 @@ class SweepReport(Document, Report):
 
     def body(self) -> Story:
         """Yield errors in x (p_e) and y (p_n) of each vehicle, then means over vehicles."""
-        name = swept_key(self.swept).heading
+        heading = swept_key(self.swept).heading
         vehicles: dict[str, list[str]] = {}
         for k, row in enumerate(self.rows):
-            for one in row.validation.vehicles:
-                cells = vehicles.setdefault(one.name, ["-"] * len(self.rows))
-                cells[k] = f"{one.rms_y_m:.2f}/{one.rms_x_m:.2f}"
+            for vehicle in row.validation.vehicles:
+                cells = vehicles.setdefault(vehicle.name, ["-"] * len(self.rows))
+                cells[k] = f"{vehicle.rms_y_m:.2f}/{vehicle.rms_x_m:.2f}"
         yield Grid(
-            f"RMS error over the run, p_n/p_e in m, by {name}",
+            f"RMS error over the run, p_n/p_e in m, by {heading}",
             ("vehicle", *(row.label.partition(",")[0] for row in self.rows)),
-            [(plain(vehicle), *cells) for vehicle, cells in vehicles.items()],
+            [(plain(name), *cells) for name, cells in vehicles.items()],
         )
         title = "means over the vehicles, m"
-        yield Table(title, self.rows, first=name, stated="m", without=_OF_VEHICLES)
+        yield Table(title, self.rows, first=heading, stated="m", without=_OF_VEHICLES)
 
     def frame_rows(self) -> Iterator[Row]:
         """Yield the values as rows of a data frame."""

@@ -62,10 +62,10 @@ class Quantity:
         above, _, name = path.rpartition(".")
         parts = [value_at(row, above) for row in rows] if above else rows
         there = [getattr(part, name, None) is not None for part in parts]
-        known = [part for part, one in zip(parts, there, strict=True) if one]
-        own = (self._text(getattr(part, name)) for part in known)
-        texts = iter(own if self.words is None else self.words(known))
-        return [next(texts) if one else self.missing for one in there]
+        known = [part for part, has_value in zip(parts, there, strict=True) if has_value]
+        values = (self._text(getattr(part, name)) for part in known)
+        texts = iter(values if self.words is None else self.words(known))
+        return [next(texts) if has_value else self.missing for has_value in there]
 
     def _text(self, value: Any) -> str:
         if not isinstance(value, float):
@@ -114,13 +114,14 @@ def each(words: Callable[[Any], str]) -> Words:
 @cache
 def quantities_of(model: type[BaseModel]) -> dict[str, Quantity]:
     """Return the quantities of a model, and of its parts, by the dotted paths of their fields."""
-    found: dict[str, Quantity] = {}
+    quantities: dict[str, Quantity] = {}
     for name, field in model.model_fields.items():
-        own = next((one for one in field.metadata if isinstance(one, Quantity)), None)
-        if own is not None:
-            found[name] = own
+        stated = next((item for item in field.metadata if isinstance(item, Quantity)), None)
+        if stated is not None:
+            quantities[name] = stated
             continue
         for part in (field.annotation, *get_args(field.annotation)):
             if isinstance(part, type) and issubclass(part, BaseModel):
-                found |= {f"{name}.{path}": one for path, one in quantities_of(part).items()}
-    return dict(sorted(found.items(), key=lambda item: item[1].order))
+                inner = quantities_of(part).items()
+                quantities |= {f"{name}.{path}": quantity for path, quantity in inner}
+    return dict(sorted(quantities.items(), key=lambda item: item[1].order))

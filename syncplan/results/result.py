@@ -52,7 +52,7 @@ class Result:
         `theme` is light or dark. Raises InputError for a figure that the result lacks, or if Plotly
         is missing.
         """
-        return import_module(_FIGURES).figure_of(self, name or next(iter(self.figures), ""), theme)
+        return import_module(_FIGURES).figure_of(self, name, theme)
 
     def _repr_html_(self) -> str:
         """Return the map of a plan, and lines and tables, as HTML."""

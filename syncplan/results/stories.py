@@ -55,17 +55,19 @@ class Table:
         """Return the columns of so many rows at most, and of the foot."""
         shown = [*self.rows[:most], *([] if self.foot is None else [self.foot])]
         columns = [
-            Column(one.without_unit(self.stated), one.cells(path, shown))
-            for path, one in quantities_of(type(self.rows[0])).items()
+            Column(quantity.without_unit(self.stated), quantity.cells(path, shown))
+            for path, quantity in quantities_of(type(self.rows[0])).items()
             if path not in self.without
-            and (one.missing != MISSING or any(value_at(row, path) is not None for row in shown))
+            and (
+                quantity.missing != MISSING or any(value_at(row, path) is not None for row in shown)
+            )
         ]
         if self.foot is not None:
             columns[0].cells[-1] = "overall"
         if self.first:
             named = replace(columns[0].quantity, label=self.first)
             columns[0] = columns[0]._replace(quantity=named)
-        return [*columns, *(Column(one, cells[:most]) for one, cells in self.beside)]
+        return [*columns, *(Column(quantity, cells[:most]) for quantity, cells in self.beside)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,10 +82,10 @@ class Grid:
 
     def columns(self, most: int) -> list[Column]:
         """Return the columns of so many rows at most."""
-        cells = zip(*self.rows[:most], strict=True)
+        columns = zip(*self.rows[:most], strict=True)
         return [
-            Column(Quantity(head) if isinstance(head, str) else head, list(one))
-            for head, one in zip(self.heads, cells, strict=True)
+            Column(Quantity(head) if isinstance(head, str) else head, list(cells))
+            for head, cells in zip(self.heads, columns, strict=True)
         ]
 
 
@@ -157,14 +159,14 @@ def summary_of(report: Report) -> str:
 def _table_lines(table: Table | Grid) -> Iterator[str]:
     columns = table.columns(MOST_ROWS)
     # columns that leave a narrow table first
-    kinds = [' class="drop"' if one.quantity.drop else "" for one in columns]
+    kinds = [' class="drop"' if column.quantity.drop else "" for column in columns]
     heads = [
-        f'<th scope="col"{kind}>{escape(one.quantity.head)}</th>'
-        for one, kind in zip(columns, kinds, strict=True)
+        f'<th scope="col"{kind}>{escape(column.quantity.head)}</th>'
+        for column, kind in zip(columns, kinds, strict=True)
     ]
     title = f"<caption>{marked(table.title)}</caption>"
     yield f"<table>{title}<thead><tr>{''.join(heads)}</tr></thead><tbody>"
-    for first, *rest in zip(*(one.cells for one in columns), strict=True):
+    for first, *rest in zip(*(column.cells for column in columns), strict=True):
         others = [
             f"<td{kind}>{marked(cell)}</td>" for cell, kind in zip(rest, kinds[1:], strict=True)
         ]
@@ -177,7 +179,7 @@ def _table_lines(table: Table | Grid) -> Iterator[str]:
 def marked(text: str) -> str:
     """Return marked-up text as HTML: marks become classes."""
     shown = _MARKS.sub(
-        lambda found: "</span>" if found[1] == "/" else f'<span class="{found[1]}">',
+        lambda mark: "</span>" if mark[1] == "/" else f'<span class="{mark[1]}">',
         escape(text),
     )
     return shown.replace("\\[", "[")
