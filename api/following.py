@@ -28,7 +28,7 @@ from api.problems import TooManyRequests
 from api.security import Keyring
 from api.storage.database import Database, unavailable
 from api.storage.tables import job_events, jobs
-from syncplan.reports.job_contract import JobState, has_ended
+from syncplan.studies.job_contract import JobState, has_ended
 
 # --- events ---------------------------------------------------------------------------------------
 

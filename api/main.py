@@ -28,6 +28,7 @@ from api.routes import (
     recording_routes,
     rendition_routes,
     service_routes,
+    study_routes,
 )
 from api.security import Keyring, KeyThrottle, LocalOnly, names_here
 from api.service import Ending, Service, limits_of
@@ -126,6 +127,7 @@ def create_app(settings: Settings | None = None, share: Share = ALONE) -> FastAP
         recording_routes.router,
         job_routes.router,
         rendition_routes.router,
+        study_routes.router,
         service_routes.usage,
         service_routes.schemas,
     ):

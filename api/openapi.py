@@ -60,7 +60,7 @@ BODIES = {
     "createRecording": Body((), "A zip or tar archive of a recording's folder", ARCHIVES),
     "importPlaces": Body((), "A file of the field", FILES),
     "renameRecording": Body((RecordingRenaming,), "The name"),
-    **{kind.operation: Body((kind.request,), kind.body) for kind in JOB_KINDS.values()},
+    **{kind.operation: Body((kind.request,), kind.study.body) for kind in JOB_KINDS.values()},
 }
 """Request bodies by operation; other operations take none."""
 
@@ -256,7 +256,7 @@ def _schemas(settings: Settings) -> Tree:
     schemas = {**_definitions(Problem), **_definitions(*taken, *RESULTS, JobEvent)}
     limits = limits_of(settings)
     for kind in JOB_KINDS.values():
-        for key, limit in kind.request.limited.items():
+        for key, limit in kind.request.limited().items():
             _bound(schemas[kind.request.__name__], key, getattr(limits, limit))
     return schemas
 

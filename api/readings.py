@@ -19,7 +19,7 @@ from api.jobs.queue import JobQueue
 from api.metrics import Readings, Source
 from api.storage.database import Database
 from api.storage.tables import executors, job_parts, jobs, moment
-from syncplan.reports.job_contract import STATES, UNFINISHED
+from syncplan.studies.job_contract import STATES, UNFINISHED
 
 _LONGEST_READ_MS = 2000
 

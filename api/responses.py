@@ -9,9 +9,9 @@ from api.storage.holdings import RecordingRow
 from api.storage.job_records import JobRow
 from syncplan.reports.covariance_report import PositionCovariancesDocument
 from syncplan.reports.design_report import FrontPoint
-from syncplan.reports.job_contract import JobKindName, JobState
 from syncplan.reports.plan_report import PlanDocument
 from syncplan.reports.refinement_report import PlanSoFar
+from syncplan.studies.job_contract import JobKindName, JobState
 
 Id = Annotated[str, Field(examples=["019a2b3c-4d5e-7f60-8123-456789abcdef"])]
 Time = Annotated[str, Field(description="RFC 3339, UTC", examples=["2026-05-01T09:00:00.000000Z"])]

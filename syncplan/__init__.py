@@ -55,6 +55,7 @@ Packages, each using only those before it; each lists its modules
     designs           the cheapest formation for a brief
     reports           JSON documents
     plotting          figures
+    studies           studies by name: commands, jobs and the client follow from them
     exporting         formats of other programs
     client            the library, computed by a service
     cli               the command line

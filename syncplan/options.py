@@ -17,6 +17,7 @@ from inspect import Parameter, Signature, signature
 from typing import Any, Literal, Self, TypeVar, cast, get_args, get_origin, get_type_hints
 
 from syncplan.errors import InputError
+from syncplan.phrases import name_and_unit
 
 _LIMITS: Mapping[str, tuple[Callable[[Any, float], bool], str]] = {
     "ge": (operator.ge, "at least"),
@@ -40,6 +41,8 @@ class Option:
     limits : of a number, any of `ge`, `gt`, `le` and `lt`
     example : in the service's documentation; None for none
     former : whether it is hidden, and kept only for callers of earlier versions
+    label : name of its field in a form
+    often : whether a form shows it among the first
     """
 
     name: str
@@ -51,6 +54,13 @@ class Option:
     limits: Mapping[str, float]
     example: Any
     former: bool
+    label: str
+    often: bool
+
+    @property
+    def unit(self) -> str:
+        """Unit that its key ends with; empty if it ends with none."""
+        return name_and_unit(self.key)[1]
 
     @property
     def choices(self) -> tuple[str, ...]:
@@ -88,11 +98,14 @@ def option(
     flag: str = "",
     example: Any = None,
     former: bool = False,
+    label: str = "",
+    often: bool = False,
     **limits: float,
 ) -> Any:
     """Return the field of a dataclass that declares an option; see Option.
 
-    By default, its key is its name and its flag is its key with dashes.
+    By default, its key is its name, its flag is its key with dashes, and its label is its key in
+    words.
     """
     words = {
         "sentence": sentence,
@@ -101,6 +114,8 @@ def option(
         "limits": limits,
         "example": example,
         "former": former,
+        "label": label,
+        "often": often,
     }
     return field(default=default, metadata=words)
 
@@ -113,7 +128,8 @@ def options_of(kind: type) -> tuple[Option, ...]:
             continue
         key = one.metadata["key"] or one.name
         flag = one.metadata["flag"] or f"--{key.replace('_', '-')}"
-        words = {**one.metadata, "key": key, "flag": flag}
+        label = one.metadata["label"] or name_and_unit(key)[0].capitalize()
+        words = {**one.metadata, "key": key, "flag": flag, "label": label}
         found.append(Option(name=one.name, type=types[one.name], default=one.default, **words))
     return tuple(found)
 

@@ -1,7 +1,25 @@
-"""Wording of lists, whose first items are named and the rest counted, of shares and of places."""
+"""Wording of keys, of lists, whose first items are named, of shares and of places."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+
+_UNITS: Mapping[str, str] = {
+    "m_sqrt_s": "m/√s",
+    "rad_sqrt_s": "rad/√s",
+    "rad_s": "rad/s",
+    "mps": "m/s",
+    "rad": "rad",
+    "deg": "°",
+    "m": "m",
+    "s": "s",
+}
+"""Endings of keys, longer ones first, and the units they denote."""
+
+
+def name_and_unit(key: str) -> tuple[str, str]:
+    """Return what a key names, and its unit: ("turn rate", "rad/s") for turn_rate_rad_s."""
+    ending = next((ending for ending in _UNITS if key.endswith(f"_{ending}")), "")
+    return key.removesuffix(f"_{ending}").replace("_", " "), _UNITS.get(ending, "")
 
 
 def listed(phrases: Sequence[str], most: int) -> str:

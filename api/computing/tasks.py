@@ -7,7 +7,7 @@ child keeps the set-up of the job it served last.
 import json
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
@@ -31,14 +31,15 @@ from api.job_kinds.job_kind import (
     Batch,
     EarlierWork,
     JobReport,
+    JobRequest,
     JobSpec,
     JobSubject,
     Progress,
-    TrialTask,
-    WholeTask,
+    Shown,
 )
 from api.job_kinds.job_table import JOB_KINDS
 from api.limits import RequestLimits
+from syncplan.errors import InputError
 from syncplan.estimation.trials import CHUNK_TRIALS
 from syncplan.importing.import_options import ImportOptions
 from syncplan.importing.imported_places import import_places
@@ -47,14 +48,17 @@ from syncplan.planning.plan_files import plan_of
 from syncplan.planning.planner import BoundChoice, JudgementOptions, plan, with_flights
 from syncplan.planning.plans import Plan
 from syncplan.planning.validation import run_part, trial_run
+from syncplan.recordings.log import unpack_log
 from syncplan.reports.covariance_report import position_covariances_document
-from syncplan.reports.job_contract import JobKindName
 from syncplan.reports.plan_report import PlanDocument, plan_document
+from syncplan.reports.presentations import report_of
 from syncplan.reports.refinement_report import RefinementResult
 from syncplan.results.stories import summary_of
 from syncplan.runtime.files import as_text
 from syncplan.scenario.loading import decoded, parse_document, scenario_from
 from syncplan.scenario.quantities import validation_fault
+from syncplan.studies.job_contract import JobKindName
+from syncplan.studies.study import TrialStudy
 
 if TYPE_CHECKING:
     from syncplan.plotting.canvas import Spec
@@ -133,9 +137,66 @@ def computed_job(
     spec: JobSpec, earlier: EarlierWork, workers: int, progress: Progress
 ) -> PlanText | JobReport:
     """Return the result of a job computed whole, by up to `workers` processes."""
-    task = JOB_KINDS[spec.kind].task
-    assert isinstance(task, WholeTask)
-    return task.compute(spec, earlier, workers, progress)
+    kind, request = JOB_KINDS[spec.kind], _request_of(spec)
+
+    def heard(done: int, **known: Any) -> None:
+        progress(Shown(done, known) if known else done)
+
+    result = kind.study.run(
+        _subject_of(spec, request),
+        request.options(),
+        workers=workers,
+        progress=heard,
+        earlier=earlier.resumed(progress),
+    )
+    return as_plan_text(result) if kind.report is None else _job_report(result)
+
+
+@dataclass(frozen=True, slots=True)
+class DividedJob:
+    """A job whose study consists of trials, with the set-ups of its runs."""
+
+    study: TrialStudy
+    subject: Any
+    options: Any
+    runs: list[Any]
+
+    def report(self, results: Sequence[Any]) -> JobReport:
+        """Return the report on the results of the runs."""
+        trials = self.study.pack(results[0].result) if self.study.keeps_trials else None
+        return _job_report(self.study.joined(self.subject, self.options, results), trials)
+
+    def concluded(self, run: Any, parts: Sequence[bytes]) -> Any:
+        """Return the result of a run from its packed trials."""
+        return self.study.conclude(run, [self.study.unpack(part) for part in parts])
+
+
+@lru_cache(maxsize=2)
+def _divided(spec: JobSpec) -> DividedJob:
+    study, request = JOB_KINDS[spec.kind].study, _request_of(spec)
+    assert isinstance(study, TrialStudy)
+    subject, options = _subject_of(spec, request), request.options()
+    return DividedJob(study, subject, options, study.runs(subject, options))
+
+
+def _request_of(spec: JobSpec) -> JobRequest:
+    return JOB_KINDS[spec.kind].request.model_validate_json(spec.request)
+
+
+def _subject_of(spec: JobSpec, request: JobRequest) -> Any:
+    """What a job is about: its plan, its recording, or what its request states."""
+    if spec.plan is not None:
+        return plan_of(loaded_plan(spec.plan))
+    if JOB_KINDS[spec.kind].about != "recording":
+        return request.subject()
+    if spec.recording is None or spec.overview is None:
+        raise InputError("the recording was deleted; send it again", key="recording_id")
+    # it may have been renamed since it was packed
+    return replace(unpack_log(spec.recording), name=json.loads(spec.overview)["name"])
+
+
+def _job_report(result: Any, trials: bytes | None = None) -> JobReport:
+    return JobReport(as_text(report_of(result).as_json()), trials=trials)
 
 
 def measured_runs(spec: JobSpec) -> list[tuple[int, float]]:
@@ -143,42 +204,38 @@ def measured_runs(spec: JobSpec) -> list[tuple[int, float]]:
 
     The first run is timed; the others are scaled by their effort.
     """
-    task = _trial_task(spec)
-    runs, method = task.runs(spec), task.method
-    count = min(CHUNK_TRIALS, runs[0].trials)
-    method.compute(runs[0], 0, 1, None)
+    job = _divided(spec)
+    study, first = job.study, job.runs[0]
+    count = min(CHUNK_TRIALS, first.trials)
+    study.part(first, 0, 1, threads=1, progress=None)
     began = time.perf_counter()
-    method.compute(runs[0], 0, count, None)
+    study.part(first, 0, count, threads=1, progress=None)
     seconds = (time.perf_counter() - began) / count
-    efforts = [method.effort(run) for run in runs]
+    efforts = [study.effort(run) for run in job.runs]
     return [
         (run.trials, seconds * effort / efforts[0])
-        for run, effort in zip(runs, efforts, strict=True)
+        for run, effort in zip(job.runs, efforts, strict=True)
     ]
 
 
 def computed_batch(spec: JobSpec, batch: Batch, progress: Progress) -> bytes:
     """Return the trials of a batch as bytes."""
-    task = _trial_task(spec)
-    run = task.runs(spec)[batch.run]
-    return task.method.compute(run, batch.first_trial, batch.trials, progress)
+    job = _divided(spec)
+    run = job.runs[batch.run]
+    part = job.study.part(run, batch.first_trial, batch.trials, threads=1, progress=progress)
+    return job.study.pack(part)
 
 
 def concluded_job(spec: JobSpec, batches: Sequence[tuple[Batch, bytes]]) -> JobReport:
     """Return the report of a job whose batches are all computed."""
-    task = _trial_task(spec)
+    job = _divided(spec)
     ordered = sorted(batches, key=lambda item: (item[0].run, item[0].first_trial))
-    concluded = [
-        task.method.conclude(run, [data for batch, data in ordered if batch.run == k])
-        for k, run in enumerate(task.runs(spec))
-    ]
-    return task.report(spec, concluded)
-
-
-def _trial_task(spec: JobSpec) -> TrialTask[Any, Any]:
-    task = JOB_KINDS[spec.kind].task
-    assert isinstance(task, TrialTask)
-    return task
+    return job.report(
+        [
+            job.concluded(run, [data for batch, data in ordered if batch.run == k])
+            for k, run in enumerate(job.runs)
+        ]
+    )
 
 
 def load() -> Iterator[None]:
@@ -282,12 +339,12 @@ def figure_so_far(
 
     Raises InputError.
     """
-    task = _trial_task(spec)
-    whole = task.runs(spec)[0]
+    job = _divided(spec)
+    whole = job.runs[0]
     trials = sum(batch.trials for batch, _ in batches)
     run = replace(whole, options=replace(whole.options, trials=trials))
-    found = task.method.conclude(run, [data for _, data in batches])
-    return report_figure(task.report(spec, [found]).text, spec.kind, name, style)
+    report = job.report([job.concluded(run, [data for _, data in batches])])
+    return report_figure(report.text, spec.kind, name, style)
 
 
 def summary(text: str, kind: JobKindName) -> str:

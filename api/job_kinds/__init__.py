@@ -1,11 +1,7 @@
-"""Kinds of jobs: their requests, tasks and results.
+"""Kinds of jobs: a study each, with the request for one.
 
-job_kind          parts of a kind, and the tasks that compute its jobs
-option_requests   requests whose keys are the library's options
-refinement_jobs   refinements
-trial_jobs        validations and flights
-sweep_jobs        sweeps
-replay_jobs       replays
-design_jobs       designs
-job_table         all kinds by name
+job_kind        kinds, jobs, and what their tasks take and return
+requests        requests, with keys for the options of studies, and their limits
+sweep_request   requests for sweeps
+job_table       all kinds by name
 """

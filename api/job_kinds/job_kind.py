@@ -1,25 +1,26 @@
-"""Parts of a kind of job: its request, its task and the words that present it.
+"""Kinds of jobs: a study, and the request for one. Jobs, and what their tasks take and return.
 
-A task is computed whole, or divided into batches of trials that any worker may compute. Both run in
-child processes: plain values in, plain values out.
+A study is computed whole, or divided into batches of trials that any worker may compute. Both run
+in child processes: plain values in, plain values out.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Generic, Literal, Protocol, Self, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from pydantic import BaseModel
-
-from api.documents import PlanText
 from api.limits import RequestLimits
 from syncplan.planning.plan_files import Loaded
 from syncplan.plotting.figure_table import SubjectKind
 from syncplan.recordings.log import Overview
-from syncplan.reports.job_contract import JobKindName
 from syncplan.runtime.task_crew import EarlierSearch
 from syncplan.scenario.quantities import Section
+from syncplan.studies.job_contract import JobKindName
+from syncplan.studies.study import STORED, Study, Subject, TrialStudy
 
-# --- tasks ----------------------------------------------------------------------------------------
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+# --- jobs -----------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,9 +41,6 @@ class Shown:
 
 Progress = Callable[[int | Shown | FinishedSearch], None]
 """Callback that receives the work done so far, or a finished search, which can be kept."""
-
-TrialProgress = Callable[[int], None] | None
-"""Callback that receives the number of trials done so far, if any is given."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,67 +97,6 @@ class EarlierWork:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class WholeTask:
-    """A task that one worker computes whole.
-
-    Attributes
-    ----------
-    compute : function of the job, earlier work on it, the number of processes to use and a progress
-        callback; returns the result
-    finishes : whether Ctrl-C makes it return the best found so far
-    """
-
-    compute: Callable[[JobSpec, EarlierWork, int, Progress], PlanText | JobReport]
-    finishes: bool = False
-
-
-class RunOfTrials(Protocol):
-    """Set-up of a run, of which any worker may compute trials."""
-
-    @property
-    def trials(self) -> int:
-        """Number of trials."""
-        ...
-
-
-RunT = TypeVar("RunT", bound=RunOfTrials)
-FoundT = TypeVar("FoundT")
-
-
-@dataclass(frozen=True, slots=True)
-class TrialMethod(Generic[RunT, FoundT]):
-    """Functions that compute the trials of a run and conclude it.
-
-    Attributes
-    ----------
-    compute : function of a run, the first trial, their number and a progress callback; returns
-        their bytes
-    conclude : function of a run and the bytes of all its trials, in order; returns its result
-    effort : approximate work of a trial of a run, relative to other runs
-    """
-
-    compute: Callable[[RunT, int, int, TrialProgress], bytes]
-    conclude: Callable[[RunT, Sequence[bytes]], FoundT]
-    effort: Callable[[RunT], float]
-
-
-@dataclass(frozen=True, slots=True)
-class TrialTask(Generic[RunT, FoundT]):
-    """A task whose trials are divided into batches.
-
-    Attributes
-    ----------
-    runs : set-ups of the job's runs; a child process keeps those of its last job
-    method : functions for the trials
-    report : function of the job and the results of its runs, all trials done; returns the report
-    """
-
-    runs: Callable[[JobSpec], list[RunT]]
-    method: TrialMethod[RunT, FoundT]
-    report: Callable[[JobSpec, Sequence[FoundT]], JobReport]
-
-
 # --- kinds ----------------------------------------------------------------------------------------
 
 
@@ -170,61 +107,84 @@ JobSubject = Loaded | Overview | None
 class JobRequest(Section):
     """The body of a request for a job."""
 
-    limited: ClassVar[Mapping[str, str]] = {}
-    """Keys of numbers that the service limits, each with the limit's name in RequestLimits."""
+    study: ClassVar[Study]
+
+    @classmethod
+    def limited(cls) -> dict[str, str]:
+        """Return the keys of numbers that the service limits, each with its RequestLimits."""
+        return {}
+
+    def options(self) -> Any:
+        """Return the options of the study."""
+        return self.study.options.of_request(self.model_dump(exclude_none=True))
+
+    def subject(self) -> Any:
+        """Return the subject of a study that is not about something stored."""
+        return None
 
     def settled(self, subject: JobSubject, limits: RequestLimits) -> Self:
         """Return the request with this service's defaults filled in."""
         return self
 
     def work(self, subject: JobSubject, limits: RequestLimits) -> int:
-        """Return the amount of work, in the kind's unit.
+        """Return the amount of work, in the study's unit.
 
         Raises InputError if the request exceeds a limit.
         """
-        raise NotImplementedError
+        return self.study.work(subject, self.options())
 
 
 @dataclass(frozen=True, slots=True)
 class JobKind:
-    """A kind of job, and the operation that requests one.
+    """A kind of job: a study, and the request for one."""
 
-    Attributes
-    ----------
-    unit : unit of its work
-    operation, summary, description : operationId of its operation, and the texts about it
-    body : description of the request's body
-    about : kind of stored object that the job is about
-    report : model of the resulting report; None if the result is a plan
-    figures : subject kind of that report's figures; None if none can be drawn
-    keeps_trials : whether the values of each trial can be read
-    """
-
-    name: JobKindName
-    unit: str
+    study: Study
     request: type[JobRequest]
-    operation: str
-    summary: str
-    description: str
-    body: str
-    task: WholeTask | TrialTask[Any, Any]
-    about: Literal["plan", "recording"] | None = None
-    report: type[BaseModel] | None = None
-    figures: SubjectKind | None = None
-    keeps_trials: bool = False
+
+    @property
+    def operation(self) -> str:
+        """Name of the operation that requests one."""
+        return f"{self.study.verb}{self.study.of.capitalize()}"
+
+    @property
+    def summary(self) -> str:
+        """Summary of that operation."""
+        return f"{self.study.verb.capitalize()} a {self.study.of}"
+
+    @property
+    def description(self) -> str:
+        """Description of that operation."""
+        result = "a plan" if self.report is None else "a report"
+        early = " Its events carry the best result so far." if self.study.ends_early else ""
+        return f"{self.study.sentence} This is a job, whose result is {result}.{early}"
+
+    @property
+    def about(self) -> Subject | None:
+        """Kind of stored object that the job is about."""
+        return self.study.of if self.study.of in STORED else None
+
+    @property
+    def report(self) -> "type[BaseModel] | None":
+        """Model of the resulting report; None if the result is a plan."""
+        document = self.study.document
+        return None if document is None else document.model
+
+    @property
+    def figures(self) -> SubjectKind | None:
+        """Subject kind of that report's figures; None if none can be drawn."""
+        return getattr(self.report, "drawn_as", None)
+
+    @property
+    def divided(self) -> bool:
+        """Whether its jobs are divided into batches of trials."""
+        return isinstance(self.study, TrialStudy)
+
+    @property
+    def keeps_trials(self) -> bool:
+        """Whether the figures of each trial can be read."""
+        return isinstance(self.study, TrialStudy) and self.study.keeps_trials
 
     @property
     def plural(self) -> str:
         """Plural of its name, in sentences and paths."""
-        return f"{self.name}s"
-
-    @property
-    def path(self) -> str:
-        """Path of its operation, below /v1."""
-        subject = f"/{self.about}s/{{{self.about}_id}}" if self.about else ""
-        return f"{subject}/{self.plural}"
-
-    @property
-    def finishes(self) -> bool:
-        """Whether its jobs can end early, with the best found so far."""
-        return isinstance(self.task, WholeTask) and self.task.finishes
+        return f"{self.study.name}s"

@@ -3,16 +3,33 @@
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
-from api.job_kinds.design_jobs import DESIGN
-from api.job_kinds.job_kind import JobKind
-from api.job_kinds.refinement_jobs import REFINEMENT
-from api.job_kinds.replay_jobs import REPLAY
-from api.job_kinds.sweep_jobs import SWEEP
-from api.job_kinds.trial_jobs import FLIGHT, VALIDATION
-from syncplan.reports.job_contract import JobKindName
+from api.job_kinds.job_kind import JobKind, JobRequest
+from api.job_kinds.requests import (
+    DesignRequest,
+    FlightRequest,
+    PlanRequest,
+    RefinementRequest,
+    ReplayRequest,
+    request_for,
+)
+from api.job_kinds.sweep_request import SweepRequest
+from syncplan.studies.job_contract import JobKindName
+from syncplan.studies.study_table import STUDIES
+
+_REQUESTS: Mapping[JobKindName, type[JobRequest]] = {
+    "refinement": RefinementRequest,
+    "flight": FlightRequest,
+    "sweep": SweepRequest,
+    "replay": ReplayRequest,
+    "design": DesignRequest,
+}
+"""Requests that have limits or keys of their own."""
 
 JOB_KINDS: Mapping[JobKindName, JobKind] = MappingProxyType(
-    {kind.name: kind for kind in (REFINEMENT, VALIDATION, FLIGHT, SWEEP, REPLAY, DESIGN)}
+    {
+        name: JobKind(study, request_for(study, _REQUESTS.get(name, PlanRequest)))
+        for name, study in STUDIES.items()
+    }
 )
 """Every kind of job by its name."""
 

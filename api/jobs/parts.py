@@ -27,7 +27,7 @@ from api.computing.child import (
 )
 from api.computing.pool import Pool
 from api.computing.turns import GaveWayError, GivenUpError, PoolFullError, Ticket
-from api.job_kinds.job_kind import EarlierWork, FinishedSearch, Shown, TrialTask
+from api.job_kinds.job_kind import EarlierWork, FinishedSearch, Shown
 from api.job_kinds.job_table import JOB_KINDS
 from api.jobs.job_counts import JobCounts
 from api.jobs.queue import VERSION, JobQueue
@@ -274,7 +274,7 @@ class Part:
     def limit_s(self) -> float:
         """Time limit (s); a job computed whole has a limit of its own, too."""
         settings = current().settings
-        if isinstance(JOB_KINDS[self.job.spec.kind].task, TrialTask):
+        if JOB_KINDS[self.job.spec.kind].divided:
             return settings.job_task_s
         return max(settings.job_task_s, _BEYOND_OWN_LIMIT * settings.max_refine_s)
 
@@ -344,7 +344,7 @@ async def _tried_once(part: Part, history: PartHistory) -> Any:
         searches = await in_transaction(part_records.finished_searches, part.job_id)
         arguments = (EarlierWork(searches, history.computed_s), *arguments)
     with runtime.watch.over(part.job_id, part.number) as watched:
-        if JOB_KINDS[part.job.spec.kind].finishes:
+        if JOB_KINDS[part.job.spec.kind].study.ends_early:
             watched.finish_s = _FINISH_SHARE * part.limit_s
         watched.ticket = runtime.pool.submit(
             part.task,

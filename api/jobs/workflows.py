@@ -20,7 +20,7 @@ from dbos import DBOS
 from sqlalchemy import Connection
 
 from api.documents import PlanText
-from api.job_kinds.job_kind import Batch, JobReport, TrialTask
+from api.job_kinds.job_kind import Batch, JobReport
 from api.job_kinds.job_table import JOB_KINDS
 from api.jobs.parts import Part, computed, current, in_transaction
 from api.jobs.queue import (
@@ -77,7 +77,7 @@ async def begin_job(job_id: str) -> None:
         job = await in_transaction(job_records.start_job, job_id, VERSION)
         if job is None:
             return
-        if isinstance(JOB_KINDS[job.spec.kind].task, TrialTask):
+        if JOB_KINDS[job.spec.kind].divided:
             await _divide(job)
         else:
             await _compute_whole(job)

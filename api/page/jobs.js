@@ -3,7 +3,7 @@
 import { alert, attemptAt, button, element, notice, present, shown } from "./elements.js";
 import { follow as followEvents } from "./events.js";
 import { ask, askJson, patiently, postOnce, Refusal } from "./service.js";
-import { ENDED, JOB_KINDS } from "./tables.js";
+import { ENDED, STUDIES } from "./tables.js";
 import { explained } from "./terms.js";
 
 /** What a refinement gains: the team's predicted error before, and after. */
@@ -99,7 +99,7 @@ export function jobsAt(id, { forms: formsOf = () => [], may = () => true, addres
 
   /** Show a job at work; resolves with the job as it ended. */
   async function run(job, focus) {
-    const { title, finishes } = JOB_KINDS[job.kind];
+    const { title, ends_early: finishes } = STUDIES[job.kind];
     jobId = job.id;
     ending = "";
     box.hidden = false;
@@ -120,7 +120,7 @@ export function jobsAt(id, { forms: formsOf = () => [], may = () => true, addres
   }
 
   async function conclude(job) {
-    const { title } = JOB_KINDS[job.kind];
+    const { title } = STUDIES[job.kind];
     const done = job.state === "succeeded";
     const result = done ? await patiently(() => askJson("GET", `v1/jobs/${job.id}/result`)) : null;
     outcome.replaceChildren(...present([await ended(job, result)]));
@@ -130,7 +130,7 @@ export function jobsAt(id, { forms: formsOf = () => [], may = () => true, addres
 
   function show({ kind, state, progress: { done, total }, doing, best }) {
     Object.assign(progress, { max: total, value: done });
-    const { title, unit } = JOB_KINDS[kind];
+    const { title, unit } = STUDIES[kind];
     const more = ending || doing || (best && `best so far: predicted error ${gained(best)}`);
     text.textContent = `${title} ${state}: ${done} of ${total} ${unit}${more ? `; ${more}` : ""}`;
   }

@@ -3,7 +3,7 @@
 import { alert, attemptAt, button, byId, dialogue, element, notice, onceChosen, present, shown, table } from "./elements.js";
 import { jobsAt, outcomeOf } from "./jobs.js";
 import { ask, askJson, postOnce } from "./service.js";
-import { JOB_KINDS } from "./tables.js";
+import { STUDIES } from "./tables.js";
 import { tabs } from "./tabs.js";
 
 /** Jobs about no plan that have a part of the page, by the name that the address gives it. */
@@ -40,7 +40,7 @@ function show(open, compare) {
     jobs: {
       title: "Jobs",
       heads: ["Kind", "State", "Begun"],
-      cells: ({ kind, state, created_at: made }) => [JOB_KINDS[kind].title, state, timeOf(made)],
+      cells: ({ kind, state, created_at: made }) => [STUDIES[kind].title, state, timeOf(made)],
       acts: (row) => [
         addressOf(row) && element("a", { href: addressOf(row) }, "Open"),
         row.result && element("a", { href: row.result, download: `${row.kind}.json` }, "Result"),

@@ -17,7 +17,7 @@ import { Planner } from "./planner.js";
 import { offerPlayer } from "./player.js";
 import { offerLink, storing } from "./sharing.js";
 import { listenForKeys } from "./shortcuts.js";
-import { JOB_KINDS } from "./tables.js";
+import { STUDIES } from "./tables.js";
 import { tabs } from "./tabs.js";
 import { traceErrors } from "./trace.js";
 import { Tools } from "./tools.js";
@@ -89,7 +89,7 @@ export function makePanels({ store, map, address, opening }) {
    * @param {any} given
    * @param {{again?: boolean, wanted?: () => boolean}} options */
   async function addFigures(job, given, { again = false, wanted = () => true } = {}) {
-    const names = figuresOf(JOB_KINDS[job.kind], given);
+    const names = figuresOf(STUDIES[job.kind], given);
     const addresses = names.map((one) => [one, `v1/jobs/${job.id}/figures/${one}`]);
     await charts.add(Object.fromEntries(addresses), { show: again ? "" : names[0], wanted });
     if (names.length && wanted()) charts.open();
@@ -101,8 +101,8 @@ export function makePanels({ store, map, address, opening }) {
     const again = Boolean(address.followed?.finished);
     const outcome = current ? { id: job.id, ended: true } : null;
     name("followed", outcome);
-    if (JOB_KINDS[job.kind].finishes) store.compare(null);
-    if (result && JOB_KINDS[job.kind].reports) store.reported(job.id);
+    if (STUDIES[job.kind].ends_early) store.compare(null);
+    if (result && !STUDIES[job.kind].makes_plan) store.reported(job.id);
     if (!result || !current) return current;
     if (job.result_plan_id) {
       if (store.planId !== result.id) await openRefined(result.id, outcome);
@@ -157,10 +157,11 @@ export function makePanels({ store, map, address, opening }) {
 /** The figures that a report has: of some, a part of it is needed. */
 function figuresOf({ figures }, report) {
   const part = (path) => path.split(".").reduce((value, key) => value?.[key], report);
-  return Object.keys(figures).filter((name) => {
-    const found = figures[name] ? part(figures[name]) : true;
+  const has = ({ part: path }) => {
+    const found = path ? part(path) : true;
     return Array.isArray(found) ? found.length > 0 : Boolean(found);
-  });
+  };
+  return figures.filter(has).map(({ name }) => name);
 }
 
 /** Let parts be chosen and the sheet be opened; what is selected on the map shows its fields. Returns `{ choose(name) }`. */

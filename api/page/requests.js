@@ -1,18 +1,15 @@
-// What can be asked of a plan: forms, and those of a refinement, a validation and a flight.
+// What can be asked of a plan: forms, those of studies by their options, and that of a refinement.
 
-import { alert, byId, element, mark, options } from "./elements.js";
+import { alert, byId, element, folded, mark, options, present } from "./elements.js";
 import { mean, rounded, vehiclesOf } from "./scenario.js";
-import { GUIDANCES, OBJECTIVES } from "./tables.js";
+import { OBJECTIVES } from "./tables.js";
 
 /** so many vehicles have figures over time */
 const SERIES_LIMIT = 24;
+const SERIES = "series";
 /** how far refinement may go by default, in shares of the radii */
 const BOX_SHARE = 0.25;
 const RADIUS_SHARES = [0.75, 1.25];
-const SEED = 1;
-/** What each guidance is called here; the others by their names. */
-const STEERING = { track: "keep to the plan", mpc: "look ahead, keep apart", none: "open loop" };
-
 /** A form of the page that hands in a request.
  *
  * Its inputs have the names of the request's keys; what is disabled just now is not looked at. `read(values)` makes the
@@ -67,12 +64,12 @@ export class RequestForm {
 
   get #values() {
     const counted = this.#inputs.filter((one) => !one.disabled);
-    return Object.fromEntries(counted.map((one) => [one.name, one.type === "number" ? one.valueAsNumber : one.value]));
+    return Object.fromEntries(counted.map((one) => [one.name, inputValue(one)]));
   }
 
   /** Whether every number that counts is one; the others are marked. */
   #whole() {
-    const missing = this.#inputs.filter((one) => !one.disabled && Number.isNaN(this.#values[one.name]));
+    const missing = this.#inputs.filter((one) => !one.disabled && Number.isNaN(inputValue(one)));
     for (const input of missing) mark(input, "is missing or not a number");
     missing[0]?.focus();
     return missing.length === 0;
@@ -110,29 +107,65 @@ function roomOf(scenario) {
   return { center_box_m: box || rounded(BOX_SHARE * mean(radii), 2), radius_m: least, "radius_m[1]": most };
 }
 
-/** The form of a validation; `size()` returns the number of vehicles. */
-export function validationForm(size, handIn) {
-  const read = (values) => ({ ...values, series: size() <= SERIES_LIMIT });
-  return new RequestForm("validation", byId("validation-form"), { read, handIn });
+/** The form of a study, made of its options; `size()` returns the number of vehicles. What is left as it was made is not
+ * asked for; options that are rarely of use are made when they are looked for. */
+export function studyForm({ name, verb, sentence, options: offered }, size, handIn) {
+  const deed = `${verb[0].toUpperCase()}${verb.slice(1)}`;
+  const fieldsOf = (wanted) => present(wanted.flatMap((option) => optionField(verb, option)));
+  // figures over time are drawn beside the map: whether there are any depends on the team
+  const known = offered.filter(({ key, kind }) => kind in INPUTS && key !== SERIES);
+  const series = () => (offered.some(({ key }) => key === SERIES) ? { [SERIES]: size() <= SERIES_LIMIT } : {});
+  const [first, further] = [true, false].map((often) => known.filter((option) => option.often === often));
+  const more = further.length > 0 && folded("More options");
+  if (more) more.addEventListener("toggle", () => more.append(...fieldsOf(further)), { once: true });
+  const submit = element("button", { type: "submit", class: "primary", disabled: true }, deed);
+  const made = element("form", { class: "task", novalidate: true, "aria-label": deed }, element("p", { class: "hint" }, sentence), fieldsOf(first), more, submit);
+  byId("work").append(made);
+  const read = (values) => {
+    const asked = known.flatMap(({ key, kind, default: usual }) => {
+      const value = key in values ? INPUTS[kind].read(values[key]) : null;
+      return value === null || value === usual ? [] : [[key, value]];
+    });
+    return { ...series(), ...Object.fromEntries(asked) };
+  };
+  return new RequestForm(name, made, { read, handIn });
 }
 
-/** The form of a flight; `size()` returns the number of vehicles. */
-export function flightForm(size, handIn) {
-  const guidance = byId("fly-guidance");
-  const explain = () => (byId("fly-guidance-text").textContent = GUIDANCES[guidance.value]);
-  guidance.append(...Object.keys(GUIDANCES).map((name) => element("option", { value: name }, STEERING[name] ?? name)));
-  guidance.addEventListener("change", explain);
-  explain();
-  const read = ({ wind_mps: wind, lose, hold, ...rest }) => ({
-    ...rest,
-    seed: SEED,
-    lose: listed(lose),
-    hold: listed(hold),
-    // what is no number is for the service to refuse
-    ...(wind.trim() ? { wind_mps: listed(wind).map(Number) } : {}),
-    series: size() <= SERIES_LIMIT,
-  });
-  return new RequestForm("flight", byId("flight-form"), { read, handIn });
+const NUMBER = { type: "number", step: "any" };
+const TEXT = { type: "text", autocomplete: "off", spellcheck: "false" };
+
+/** Kinds of options that a form has inputs for: their attributes, and the value that they stand for, null for none. */
+const INPUTS = {
+  integer: { attributes: NUMBER, read: (value) => value },
+  number: { attributes: NUMBER, read: (value) => value },
+  flag: { attributes: { type: "checkbox" }, read: (value) => value },
+  choice: { attributes: {}, wide: true, read: (value) => value || null },
+  names: { attributes: TEXT, wide: true, read: (text) => (text.trim() ? listed(text) : null) },
+  // what is no number is for the service to refuse
+  pair: { attributes: TEXT, read: (text) => (text.trim() ? listed(text).map(Number) : null) },
+};
+
+/** The field of an option; an input that may stay empty has a placeholder. */
+function optionField(verb, { key, label, unit, sentence, kind, default: usual, choices, example }) {
+  const { attributes, wide } = INPUTS[kind];
+  const id = `${verb}-${key}`;
+  const value = usual === null || Array.isArray(usual) || kind === "flag" ? null : usual;
+  const empty = Array.isArray(example) ? `such as ${example.join(", ")}` : "as planned";
+  const placeholder = value === null && kind !== "flag" ? empty : null;
+  const input =
+    kind === "choice"
+      ? element("select", { id, name: key }, options(Object.fromEntries(choices.map((choice) => [choice, choice]))))
+      : element("input", { id, name: key, ...attributes, value, placeholder });
+  if (kind === "choice" && value) input.value = value;
+  const named = element("label", { for: id, title: wide ? null : sentence }, unit ? `${label} (${unit})` : label);
+  return [element("div", { class: wide ? "field wide" : "field" }, named, input), wide && element("p", { class: "hint" }, `${sentence.replace(/\.$/, "")}.`)];
+}
+
+/** The value of an input; NaN where it is no number, null where it may stay empty and does. */
+function inputValue(input) {
+  if (input.type === "checkbox") return input.checked;
+  if (input.type !== "number") return input.value;
+  return input.placeholder && input.value === "" && !input.validity.badInput ? null : input.valueAsNumber;
 }
 
 /** What a text lists, between commas or spaces. */

@@ -2,8 +2,8 @@
 
 import { byId, element } from "./elements.js";
 import { jobsAt, outcomeOf } from "./jobs.js";
-import { flightForm, refinementForm, validationForm } from "./requests.js";
-import { JOB_KINDS } from "./tables.js";
+import { refinementForm, studyForm } from "./requests.js";
+import { STUDIES } from "./tables.js";
 
 /** The panel of jobs; returns what goes on with one by its identifier.
  *
@@ -12,11 +12,13 @@ import { JOB_KINDS } from "./tables.js";
  * show is the one that the job was about.
  */
 export function offerWork(store, storePlan, { began, changed, ended }) {
+  // a refinement has a form of its own
+  const offered = Object.values(STUDIES).filter(({ of, makes_plan: makesPlan }) => of === "plan" && !makesPlan);
   const size = () => store.plan.vehicles.length;
   const jobs = jobsAt("job", {
-    forms: (handIn) => [refinementForm(handIn), validationForm(size, handIn), flightForm(size, handIn)],
+    forms: (handIn) => [refinementForm(handIn), ...offered.map((study) => studyForm(study, size, handIn))],
     may: () => store.scenario !== null,
-    addressOf: async ({ kind }) => `v1/plans/${await storePlan()}/${JOB_KINDS[kind].collection}`,
+    addressOf: async ({ kind }) => STUDIES[kind].path.slice(1).replace("{plan_id}", await storePlan()),
     wordsOf: (error) => store.deleted(error) || error.message,
     began,
     changed,

@@ -34,7 +34,7 @@ from api.storage.holdings import Answer, body_of
 from api.storage.job_records import JobRow, NewJob
 from api.storage.part_records import computed_seconds
 from api.telemetry import current_traceparent
-from syncplan.reports.job_contract import JobState
+from syncplan.studies.job_contract import JobState
 
 T = TypeVar("T")
 
@@ -67,7 +67,7 @@ def _offer(kind: JobKind) -> None:
         None: about_nothing,
     }
     _documents.add_api_route(
-        kind.path,
+        kind.study.path,
         taken[kind.about],
         methods=["POST"],
         status_code=202,
@@ -210,7 +210,7 @@ async def finish_job(row: Owned, call: EmptyCall) -> Response:
 
     Takes no body and ignores one that is sent. The job succeeds when its result is there.
     """
-    if not JOB_KINDS[row.kind].finishes:
+    if not JOB_KINDS[row.kind].study.ends_early:
         raise Conflict(f"a {row.kind} has no result before its end; cancel stops it without one")
     return await _changed(row, call, lambda connection: job_records.finish_job(connection, row.id))
 
@@ -309,9 +309,10 @@ async def _submit(
                 service.database.read, recording_or_refuse, call.owner, recording_id
             )
             overview = recording.overview
-        asked = (kind.name, call.body, call.syntax, service.limits, text, overview)
+        name = kind.study.name
+        asked = (name, call.body, call.syntax, service.limits, text, overview)
         request, work = await computed(call, "checked_request", *asked)
-        return NewJob(kind.name, request, work, plan_id, text, current_traceparent(), recording_id)
+        return NewJob(name, request, work, plan_id, text, current_traceparent(), recording_id)
 
     def store(connection: Connection, new: NewJob) -> Answer:
         job_records.hold_owner(connection, call.owner)

@@ -10,21 +10,24 @@ import re
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from importlib.resources import files
+from typing import Self
 
 from fastapi import APIRouter, Request, Response
 
 from api.job_kinds.job_table import JOB_KINDS
+from api.limits import RequestLimits
 from api.problems import NotFound
+from api.routes.study_routes import described_studies
+from api.service import limits_of
 from api.settings import Settings
 from syncplan.exporting.format_table import AUTOPILOTS, FORMATS
-from syncplan.guidance.flight_options import GUIDANCES
 from syncplan.plotting.figure_table import FIGURES, always_there
 from syncplan.plotting.printed_report import STYLE_DIGEST
 from syncplan.plotting.vendored import plotly_script
-from syncplan.reports.job_contract import STATES, has_ended
 from syncplan.scenario.dotted_keys import ALTERNATIVES, numeric_keys
 from syncplan.scenario.formations import SHAPES
 from syncplan.scenario.objectives import OBJECTIVES
+from syncplan.studies.job_contract import STATES, has_ended
 from syncplan.terms import TERMS
 
 
@@ -41,7 +44,21 @@ class Tiles:
         return "/".join(self.url.split("/")[:3])
 
 
-def tables_script(tiles: Tiles | None = None) -> str:
+@dataclass(frozen=True, slots=True)
+class Site:
+    """What the page of a service has of its settings."""
+
+    limits: RequestLimits
+    tiles: Tiles | None = None
+
+    @classmethod
+    def of(cls, settings: Settings) -> Self:
+        """Return what the page has of some settings."""
+        tiles = Tiles(settings.tiles, settings.tiles_attribution) if settings.tiles else None
+        return cls(limits_of(settings), tiles)
+
+
+def tables_script(site: Site) -> str:
     """Return the library's tables as JavaScript: names and words, in the order of the page."""
     pilots = {
         f"autopilot={name}&vehicle={vehicle}": title
@@ -63,28 +80,15 @@ def tables_script(tiles: Tiles | None = None) -> str:
         "ON_EARTH": [name for name, one in FORMATS.items() if one.on_earth],
         "MISSIONS": [name for name, one in FORMATS.items() if one.mission],
         "PILOTS": pilots,
-        "GUIDANCES": {name: one.sentence for name, one in GUIDANCES.items()},
         "OBJECTIVES": {name: one.title for name, one in OBJECTIVES.items()},
         "MEANINGS": {key: one.meaning for key, one in numeric_keys().items()},
         "TERMS": {form: one.meaning for name, one in TERMS.items() for form in (name, *one.forms)},
         "ALTERNATIVES": ALTERNATIVES,
-        "JOB_KINDS": {
-            name: {
-                "title": name.capitalize(),
-                "collection": kind.plural,
-                "unit": kind.unit,
-                "finishes": kind.finishes,
-                "reports": kind.report is not None,
-                # each with the part of the report that it needs
-                "figures": {
-                    figure: one.part
-                    for figure, one in FIGURES.items()
-                    if one.of == kind.figures and one.there is None
-                },
-            }
-            for name, kind in JOB_KINDS.items()
+        "STUDIES": {
+            study.name: study.model_dump(mode="json", exclude={"fields"})
+            for study in described_studies(site.limits)
         },
-        "TILES": None if tiles is None else asdict(tiles),
+        "TILES": None if site.tiles is None else asdict(site.tiles),
         "ENDED": [state for state in STATES if has_ended(state)],
     }
     lines = [f"export const {name} = {json.dumps(table)};" for name, table in tables.items()]
@@ -130,15 +134,15 @@ class Asset:
     etag: str
 
 
-def find_asset(name: str, tiles: Tiles | None = None) -> Asset | None:
+def find_asset(name: str, site: Site) -> Asset | None:
     """Return a file by its name, or None; those of folders are examples/NAME.yaml, ..."""
-    return _asset(name, tiles) if name in _names() else None
+    return _asset(name, site) if name in _names() else None
 
 
 @lru_cache
-def edition(tiles: Tiles | None = None) -> str:
+def edition(site: Site) -> str:
     """Digest of all files that the page names, each under assets/EDITION/: none changes there."""
-    digests = [_asset(name, tiles).etag for name in sorted(_names() - {PAGE, PLOTLY})]
+    digests = [_asset(name, site).etag for name in sorted(_names() - {PAGE, PLOTLY})]
     return hashlib.sha256("".join(digests).encode()).hexdigest()[:12]
 
 
@@ -153,9 +157,9 @@ def _names() -> frozenset[str]:
 
 
 @lru_cache
-def _asset(name: str, tiles: Tiles | None) -> Asset:
+def _asset(name: str, site: Site) -> Asset:
     """File of a name, kept because compressing Plotly's script takes a while."""
-    content = _content(name, tiles)
+    content = _content(name, site)
     return Asset(
         content=content,
         compressed=gzip.compress(content, _LEVEL, mtime=0),
@@ -164,14 +168,14 @@ def _asset(name: str, tiles: Tiles | None) -> Asset:
     )
 
 
-def _content(name: str, tiles: Tiles | None) -> bytes:
+def _content(name: str, site: Site) -> bytes:
     if name == PLOTLY:
         return plotly_script().encode()
     if name == TABLES:
-        return tables_script(tiles).encode()
+        return tables_script(site).encode()
     if name == PAGE:
         page = _EXAMPLE.sub(_with_example, _file(name))
-        return page.replace(b'"assets/', f'"assets/{edition(tiles)}/'.encode())
+        return page.replace(b'"assets/', f'"assets/{edition(site)}/'.encode())
     return _file(name)
 
 
@@ -213,16 +217,11 @@ def policy(tiles: Tiles | None = None) -> str:
     )
 
 
-def _tiles(request: Request) -> Tiles | None:
-    settings: Settings = request.app.state.settings
-    return Tiles(settings.tiles, settings.tiles_attribution) if settings.tiles else None
-
-
 @router.api_route("/", methods=["GET", "HEAD"])
 def read_page(request: Request) -> Response:
     """Return the page."""
-    tiles = _tiles(request)
-    return _sent(request, _asset(PAGE, tiles), tiles)
+    site = Site.of(request.app.state.settings)
+    return _sent(request, _asset(PAGE, site), site)
 
 
 @router.api_route("/assets/{name:path}", methods=["GET", "HEAD"])
@@ -231,17 +230,17 @@ def read_asset(request: Request, name: str) -> Response:
 
     A page of an earlier edition gets the present file, which it must not keep.
     """
-    tiles = _tiles(request)
+    site = Site.of(request.app.state.settings)
     named, _, rest = name.partition("/")
-    found = find_asset(name, tiles) or find_asset(rest, tiles)
+    found = find_asset(name, site) or find_asset(rest, site)
     if found is None:
         raise NotFound(f"there is no asset {name}")
-    return _sent(request, found, tiles, keep=named == edition(tiles))
+    return _sent(request, found, site, keep=named == edition(site))
 
 
-def _sent(request: Request, asset: Asset, tiles: Tiles | None, *, keep: bool = False) -> Response:
+def _sent(request: Request, asset: Asset, site: Site, *, keep: bool = False) -> Response:
     headers = {
-        "Content-Security-Policy": policy(tiles),
+        "Content-Security-Policy": policy(site.tiles),
         "Cache-Control": "public, max-age=31536000, immutable" if keep else "no-cache",
         "Vary": "Accept-Encoding",
         "ETag": f'W/"{asset.etag}"',

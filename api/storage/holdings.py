@@ -32,7 +32,7 @@ from sqlalchemy.exc import IntegrityError
 from api.documents import PackedRecording, PlanText
 from api.problems import StorageFull
 from api.storage.tables import NOW, answers, jobs, newest, next_id, plans, recordings
-from syncplan.reports.job_contract import UNFINISHED
+from syncplan.studies.job_contract import UNFINISHED
 
 
 def check_room(connection: Connection, table: Table, owner: str, most: int) -> None:

@@ -1,6 +1,6 @@
 """Stored jobs: request, progress and result, and every change as an event.
 
-syncplan.reports.job_contract lists the states of a job. Each change raises the job's event number
+syncplan.studies.job_contract lists the states of a job. Each change raises the job's event number
 in the same transaction, so that events are numbered without gaps and a reader who has seen number k
 asks for those after it.
 """
@@ -25,7 +25,7 @@ from api.storage.tables import (
     next_id,
     recordings,
 )
-from syncplan.reports.job_contract import UNFINISHED, EndState, JobKindName, JobState
+from syncplan.studies.job_contract import UNFINISHED, EndState, JobKindName, JobState
 
 ANY_VERSION = ""
 """Version of a job that no syncplan has begun."""

@@ -15,7 +15,7 @@ from sqlalchemy import ColumnElement, Connection, Row, and_, func, insert, or_, 
 from api.job_kinds.job_kind import Batch
 from api.storage.job_records import change
 from api.storage.tables import earlier, job_parts, job_starts, jobs, moment
-from syncplan.reports.job_contract import UNFINISHED
+from syncplan.studies.job_contract import UNFINISHED
 
 BEGINNING = -1
 """Number of the part that a job begins with, the only one of a job computed whole."""

@@ -15,6 +15,7 @@ from syncplan.plotting.figure_table import FIGURES, SUBJECTS
 from syncplan.scenario.dotted_keys import IN_FLIGHT_ALONE, IN_TRUTH, SWEPT_KEYS, numeric_keys
 from syncplan.scenario.filters import FILTERS
 from syncplan.scenario.objectives import OBJECTIVES
+from syncplan.studies.study_table import STUDIES
 from syncplan.terms import TERMS
 
 __all__ = ["TABLES", "renew", "with_tables"]
@@ -100,6 +101,20 @@ def _metrics() -> str:
     return _table(("metric", "type", "labels", "of the", "meaning"), rows)
 
 
+def _studies() -> str:
+    rows = [
+        (
+            f"`POST /v1{re.sub(r'{.*}', 'ID', study.path)}`",
+            f"`syncplan {study.verb}`",
+            study.sentence,
+            study.unit,
+            f"`{study.name}`",
+        )
+        for study in STUDIES.values()
+    ]
+    return _table(("request", "command", "what it does", "progress counts", "kind"), rows)
+
+
 TABLES: Mapping[str, Callable[[], str]] = {
     "figures": _figures,
     "filters": _filters,
@@ -107,6 +122,7 @@ TABLES: Mapping[str, Callable[[], str]] = {
     "metrics": _metrics,
     "numeric-keys": _numeric_keys,
     "objectives": _objectives,
+    "studies": _studies,
     "swept-keys": _swept_keys,
     "terms": _terms,
 }

@@ -16,10 +16,6 @@ from syncplan.options import Option, options_of
 if TYPE_CHECKING:
     from syncplan.planning.judged_team import PlanVerdict
     from syncplan.planning.plan_files import Loaded
-    from syncplan.planning.plans import Plan
-    from syncplan.planning.validation import Validation
-    from syncplan.planning.variations import StressTest
-
 
 LARGEST_FILE_BYTES = 2**20
 
@@ -91,21 +87,36 @@ def takes_options(
 
     Names, types, defaults and help are those of its fields; fields in `without` are left out.
     """
-    offered = [one for one in options_of(kind) if one.name not in without]
+    offered = [option for option in options_of(kind) if option.name not in without]
 
-    def with_options(command: Callable[..., int]) -> Callable[..., int]:
+    def read(values: Mapping[str, Any]) -> Any:
+        return kind(**{option.name: _read(option, values[option.name]) for option in offered})
+
+    return replacing("options", [*map(_parameter, offered)], read)
+
+
+def replacing(
+    name: str, parameters: Sequence[Parameter], read: Callable[[Mapping[str, Any]], Any]
+) -> Callable[[Callable[..., int]], Callable[..., int]]:
+    """Return a decorator that puts parameters in the place of a command's parameter `name`.
+
+    `read` makes the value of that parameter from theirs, by name.
+    """
+
+    def with_parameters(command: Callable[..., int]) -> Callable[..., int]:
         @wraps(command)
         def called(**given: Any) -> int:
-            values = {one.name: _read(one, given.pop(one.name)) for one in offered}
-            return command(options=kind(**values), **given)
+            values = {parameter.name: given.pop(parameter.name) for parameter in parameters}
+            return command(**{name: read(values)}, **given)
 
-        parameters: list[Parameter] = []
-        for own in signature(command).parameters.values():
-            parameters += map(_parameter, offered) if own.name == "options" else [own]
-        setattr(called, "__signature__", signature(command).replace(parameters=parameters))  # noqa: B010
+        listed: list[Parameter] = []
+        for written in signature(command).parameters.values():
+            place = [each.replace(kind=written.kind) for each in parameters]
+            listed += place if written.name == name else [written]
+        setattr(called, "__signature__", signature(command).replace(parameters=listed))  # noqa: B010
         return called
 
-    return with_options
+    return with_parameters
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,52 +273,73 @@ _WRITTEN: Mapping[Any, _Written] = {
 
 NOT_MET = 3
 
-RequireObservable = Annotated[
-    bool, typer.Option("--require-observable", help="Exit with 3 if the plan is not observable")
-]
+
+@dataclass(frozen=True, slots=True)
+class Requirement:
+    """Verdict that a command can require of its result.
+
+    Attributes
+    ----------
+    sentence : help of its option
+    unmet : function that returns messages on how a result misses it, a plan or one of a study
+    """
+
+    sentence: str
+    unmet: Callable[[Any], list[str]]
 
 
-RequireGo = Annotated[
-    bool, typer.Option("--require-go", help="Exit with 3 if a finding stops the flight")
-]
-
-
-RequireRobust = Annotated[
-    bool,
-    typer.Option(
-        "--require-robust",
-        help="Exit with 3 if the error in some world of --stress is over 2.2 times the error in "
-        "the world as stated",
+REQUIREMENTS: Mapping[str, Requirement] = {
+    "observable": Requirement(
+        "Exit with 3 if the plan is not observable",
+        lambda result: [] if result.observable else ["the plan is not observable"],
     ),
-]
+    "go": Requirement(
+        "Exit with 3 if a finding stops the flight",
+        lambda result: [] if result.verdict.go else [_in_one_line(result.verdict)],
+    ),
+    "flown": Requirement(
+        "Exit with 3 unless flights bear out a GO",
+        lambda result: (
+            [] if result.verdict.go and result.verdict.flown else [_in_one_line(result.verdict)]
+        ),
+    ),
+    "robust": Requirement(
+        "Exit with 3 if the error in some world of --stress is over 2.2 times the error in "
+        "the world as stated",
+        lambda result: [finding.message for finding in result.findings],
+    ),
+}
+"""Requirements by name."""
 
 
-RequireFlown = Annotated[
-    bool, typer.Option("--require-flown", help="Exit with 3 unless flights bear out a GO")
-]
+def takes_requirements(*names: str) -> Callable[[Callable[..., int]], Callable[..., int]]:
+    """Return a decorator that adds an option for each requirement; the command has `required`."""
+    options = {f"require_{name}": name for name in names}
+    parameters = [
+        Parameter(
+            option,
+            Parameter.KEYWORD_ONLY,
+            default=False,
+            annotation=Annotated[
+                bool, typer.Option(f"--require-{name}", help=REQUIREMENTS[name].sentence)
+            ],
+        )
+        for option, name in options.items()
+    ]
+    return replacing(
+        "required",
+        parameters,
+        lambda values: tuple(options[option] for option, given in values.items() if given),
+    )
 
 
-def robust_status(test: "StressTest") -> int:
-    """Return the exit status of a plan that must be robust: 3 if it is not."""
-    for one in test.findings:
-        say(f"{one.message} (--require-robust)")
-    return NOT_MET if test.findings else 0
-
-
-def verdict_status(
-    result: "Plan | Validation", *, observable: bool = False, go: bool = False, flown: bool = False
-) -> int:
-    """Return the exit status of a result: 3 if it must be observable, GO or flown, and is not."""
+def status_of(result: Any, required: Iterable[str]) -> int:
+    """Return the exit status of a result: 3 if it misses a requirement, which a message says."""
     status = 0
-    if observable and not result.observable:
-        say("the plan is not observable (--require-observable)")
-        status = NOT_MET
-    if go and not result.verdict.go:
-        say(f"{_in_one_line(result.verdict)} (--require-go)")
-        status = NOT_MET
-    if flown and not (result.verdict.go and result.verdict.flown):
-        say(f"{_in_one_line(result.verdict)} (--require-flown)")
-        status = NOT_MET
+    for name in required:
+        for message in REQUIREMENTS[name].unmet(result):
+            say(f"{message} (--require-{name})")
+            status = NOT_MET
     return status
 
 
@@ -317,5 +349,5 @@ def say_verdict(verdict: "PlanVerdict", which: str = "") -> None:
 
 
 def _in_one_line(verdict: "PlanVerdict") -> str:
-    codes = ", ".join(dict.fromkeys(one.code for one in verdict.stops))
+    codes = ", ".join(dict.fromkeys(stop.code for stop in verdict.stops))
     return f"{verdict.headline}: {codes}" if codes else verdict.headline

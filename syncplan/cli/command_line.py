@@ -18,6 +18,7 @@ from syncplan.cli.console import Format, deliver, open_closed_streams, reader_ma
 from syncplan.cli.document_table import DOCUMENTS
 from syncplan.errors import InputError, SyncplanError
 from syncplan.runtime.machine import defer_garbage
+from syncplan.studies.study_table import STUDIES
 
 INTERNAL_FAULT = 1
 INTERRUPTED = 130
@@ -26,7 +27,8 @@ GROUPS = {
     "import_commands.importers": ("import",),
     "plan_commands.plans": ("plan", "refine", "place", "landmarks"),
     "design_commands.designs": ("design",),
-    "run_commands.runs": ("validate", "sweep", "fly"),
+    "run_commands.runs": tuple(study.verb for study in STUDIES.values() if study.example),
+    "run_commands.sweeps": ("sweep",),
     "plan_commands.losses": ("what-if",),
     "run_commands.replays": ("replay",),
     "plot_commands.plots": ("plot", "report"),

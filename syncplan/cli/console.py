@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from syncplan.estimation.filter_options import FilterOptions
     from syncplan.guidance.flown_team import FlownTeam
     from syncplan.results.stories import Report
+    from syncplan.studies.study import Study
 
 PIPED_WIDTH = 160
 """Width of tables in a file or for another program, unless COLUMNS is set."""
@@ -113,6 +114,25 @@ def open_closed_streams() -> None:
         sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
     if sys.stderr is None:
         sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+
+
+def carried_out(study: "Study", subject: Any, options: Any, threads: int | None) -> Any:
+    """Return the result of a study; shows its progress, and compiles its kernels before."""
+    from syncplan.planning.plan_flights import FlightRun
+    from syncplan.studies.study import TrialStudy
+
+    if not isinstance(study, TrialStudy):
+        with progress_bar(study.unit, study.work(subject, options)) as progress:
+            return study.run(subject, options, workers=threads, progress=progress)
+    runs = study.runs(subject, options)
+    for run in runs:
+        if isinstance(run, FlightRun):
+            compile_flight(run.team)
+        else:
+            compile_filter(run.options, [run.true_team.count])
+    with progress_bar(study.unit, sum(run.trials for run in runs)) as progress:
+        results = study.results(runs, threads, progress)
+    return study.joined(subject, options, results)
 
 
 def compile_filter(options: "FilterOptions", counts: Iterable[int]) -> None:

@@ -3,7 +3,6 @@
 import sys
 from dataclasses import replace
 from enum import StrEnum
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,18 +10,14 @@ import typer
 
 from syncplan.cli import arguments, console
 from syncplan.cli.arguments import (
-    RequireFlown,
-    RequireGo,
-    RequireObservable,
     optional,
-    verdict_status,
+    status_of,
+    takes_requirements,
 )
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.scenario.objectives import OBJECTIVES, listed
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from syncplan.planning.plans import Plan
     from syncplan.scenario.specification import Scenario
 
@@ -51,6 +46,7 @@ class Bound(StrEnum):
 @plans.command(
     name="plan", epilog="\b\nExample: syncplan plan scenario.yaml -o plan.json --require-observable"
 )
+@takes_requirements("observable", "go", "flown")
 def _plan(
     subject: arguments.SubjectFile,
     output: arguments.Output = None,
@@ -74,9 +70,7 @@ def _plan(
         ),
     ] = None,
     paper: Paper = False,
-    require_observable: RequireObservable = False,
-    require_go: RequireGo = False,
-    require_flown: RequireFlown = False,
+    required: tuple[str, ...] = (),
     max_vehicles: arguments.MaxVehicles = None,
 ) -> int:
     """Find phases for a scenario and judge the plan: meetings, observability, predicted error.
@@ -95,17 +89,14 @@ def _plan(
     if paper and fly_ is not None:
         raise InputError("can't be combined with --paper; leave one of them out", key="--fly")
     made = plan_of(loaded, bound=bound.value, steady=steady)
-    status = partial(
-        verdict_status, observable=require_observable, go=require_go, flown=require_flown
-    )
     if refine_:
-        return _refined(made, {}, None, output, format_, status, bound, paper=paper, flights=fly_)
+        return _refined(made, {}, None, output, format_, required, bound, paper=paper, flights=fly_)
     if not paper:
         made = _flown(replace(made, flight=None) if fly_ else made, fly_)
         if fly_ is not None and made.flight is None:
             console.say("not flown: the plan is stopped on paper")
     console.deliver_report(plan_document(made), output, format_)
-    return status(made)
+    return status_of(made, required)
 
 
 def _flown(made: "Plan", most_flights: int | None = None, *, interruptible: bool = False) -> "Plan":
@@ -167,6 +158,7 @@ _Processes = Annotated[int | None, optional(min=1, help="Processes; all cores if
     epilog="\b\n"
     "Example: syncplan refine plan.json -o better.json --objective logdet --center-box-m 5",
 )
+@takes_requirements("observable", "go", "flown")
 def _refine(
     subject: arguments.SubjectFile,
     output: arguments.Output = None,
@@ -181,9 +173,7 @@ def _refine(
     seed: _Seed = None,
     processes: _Processes = None,
     paper: Paper = False,
-    require_observable: RequireObservable = False,
-    require_go: RequireGo = False,
-    require_flown: RequireFlown = False,
+    required: tuple[str, ...] = (),
     max_vehicles: arguments.MaxVehicles = None,
 ) -> int:
     """Move phases, centres and radii to the best plan near the one given; options override the
@@ -204,11 +194,8 @@ def _refine(
         "seed": seed,
     }
     options_for(loaded.scenario, None, changes)
-    status = partial(
-        verdict_status, observable=require_observable, go=require_go, flown=require_flown
-    )
     given = plan_of(loaded)
-    return _refined(given, changes, processes, output, format_, status, paper=paper)
+    return _refined(given, changes, processes, output, format_, required, paper=paper)
 
 
 @plans.command(name="place", epilog="\b\nExample: syncplan place links.yaml -o placed.json")
@@ -313,7 +300,7 @@ def _refined(
     processes: int | None,
     output: "Path | None",
     format_: console.Format,
-    status: "Callable[[Plan], int]",
+    required: tuple[str, ...],
     bound: Bound = Bound.auto,
     *,
     paper: bool,
@@ -337,7 +324,7 @@ def _refined(
     record = better.refinement
     if record is None or record.improved:
         console.deliver_report(plan_document(better), output, format_)
-        return status(better)
+        return status_of(better, required)
     if output is None or str(output) == "-":
         console.deliver_report(plan_document(better), output, format_)
         return NoSolutionError.exit_code

@@ -14,15 +14,13 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import Any, Literal, Self
 from urllib.parse import quote
 
 from syncplan.client.connection import Remote, RemoteError, error_of, values_of
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import FilterOptions, options_with
-from syncplan.estimation.trials import unpack
 from syncplan.guidance.flight_options import FlightOptions
-from syncplan.guidance.flight_results import unpack_flight
 from syncplan.importing.import_options import ImportOptions
 from syncplan.importing.imported_places import ImportedPlaces
 from syncplan.options import lists_options
@@ -30,19 +28,14 @@ from syncplan.planning.loss_study import WhatIfDocument
 from syncplan.planning.plan_files import loaded_from, plan_of, stated
 from syncplan.planning.planner import BoundChoice
 from syncplan.planning.plans import Plan
-from syncplan.planning.validation import Validation, conclude, trial_run
 from syncplan.recordings.recording_formats import Stamps, archived
-from syncplan.reports.job_contract import JobKindName, JobState, has_ended
-from syncplan.reports.replay_report import ReplayDocument
 from syncplan.reports.sites_report import SitesDocument
 from syncplan.scenario.brief import Brief, brief_of
 from syncplan.scenario.loading import read_bytes, scenario_from
 from syncplan.scenario.specification import Scenario
-
-if TYPE_CHECKING:
-    from syncplan.planning.plan_flights import Flight
-    from syncplan.reports.design_report import DesignDocument
-
+from syncplan.studies.job_contract import JobKindName, JobState, has_ended
+from syncplan.studies.study import TrialStudy
+from syncplan.studies.study_table import STUDIES
 
 # --- items stored by the service ------------------------------------------------------------------
 
@@ -330,9 +323,24 @@ class Client:
 
     # --- jobs ---
 
+    def start(
+        self, study: str, subject: "RemotePlan | RemoteRecording | str" = "", **request: Any
+    ) -> RemoteJob:
+        """Start a study, by its name in syncplan.studies.study_table. See wait.
+
+        `subject` is the plan or the recording that it is about; other keywords are the keys of the
+        service's request, such as duration_s. Raises InputError.
+        """
+        if study not in STUDIES:
+            raise InputError(f"{study!r} is unknown; choose {' or '.join(STUDIES)}", key="study")
+        path = STUDIES[study].path
+        named = path.format(plan_id=_id(subject), recording_id=_id(subject))
+        job = self._job("POST", f"/v1{named}", request)
+        return replace(job, plan=subject) if isinstance(subject, RemotePlan) else job
+
     def refine(self, plan: RemotePlan | str, **options: Any) -> RemoteJob:
         """Start the refinement of a plan; options as in syncplan.refine. See wait."""
-        return self._job("POST", f"/v1/plans/{_id(plan)}/refinements", options)
+        return self.start("refinement", plan, **options)
 
     @lists_options(FilterOptions)
     def validate(
@@ -349,7 +357,8 @@ class Client:
         world as stated.
         """
         further = {"stress": True} if stress else {}
-        return self._begin(plan, "validations", options_with(options, changes), **further)
+        request = options_with(options, changes).as_request()
+        return self.start("validation", plan, **request, **further)
 
     @lists_options(FlightOptions)
     def fly(
@@ -359,29 +368,21 @@ class Client:
         **changes: Any,
     ) -> RemoteJob:
         """Start flights of a plan; options as in syncplan.fly. See wait."""
-        return self._begin(plan, "flights", replace(options or FlightOptions(), **changes))
+        return self.start(
+            "flight", plan, **replace(options or FlightOptions(), **changes).as_request()
+        )
 
     def sweep(self, scenario: Scenario | Mapping[str, Any], **options: Any) -> RemoteJob:
         """Start a sweep; options are the keys of the service's request, such as range_m."""
-        body = {"scenario": _as_document(scenario), **options}
-        return self._job("POST", "/v1/sweeps", body)
+        return self.start("sweep", scenario=_as_document(scenario), **options)
 
     def replay(self, recording: RemoteRecording | str, **options: Any) -> RemoteJob:
         """Start a replay; options are the keys of the service's request, such as delay_s."""
-        return self._job("POST", f"/v1/recordings/{_id(recording)}/replays", options)
+        return self.start("replay", recording, **options)
 
     def design(self, brief: Brief | Mapping[str, Any]) -> RemoteJob:
         """Start a design; see syncplan.design and wait. Raises InputError."""
-        body = brief_of(brief).model_dump(mode="json", exclude_none=True)
-        return self._job("POST", "/v1/designs", body)
-
-    def _begin(
-        self, plan: RemotePlan | str, jobs: str, options: FilterOptions, **further: Any
-    ) -> RemoteJob:
-        """Start a job with options on a plan; the job has the plan if the client was given it."""
-        body = {**options.as_request(), **further}
-        job = self._job("POST", f"/v1/plans/{_id(plan)}/{jobs}", body)
-        return replace(job, plan=plan) if isinstance(plan, RemotePlan) else job
+        return self.start("design", **brief_of(brief).model_dump(mode="json", exclude_none=True))
 
     def job(self, job_id: str) -> RemoteJob:
         """Return the current state of a job."""
@@ -427,11 +428,10 @@ class Client:
     ) -> Any:
         """Wait for the end of a job and return its result.
 
-        A RemotePlan for a refinement, a Validation for a validation, a Flight for a flight, the
-        JSON values of a sweep's report, the ReplayDocument of a replay, the DesignDocument of a
-        design. `progress` is called with the job whenever it changes. Raises InputError or
-        NoSolutionError if the job failed for such a reason, RemoteError if it was cancelled, failed
-        otherwise or is not done in time.
+        A RemotePlan for a refinement, a Validation for a validation, a Flight for a flight, and the
+        document of any other study, such as the ReplayDocument of a replay. `progress` is called
+        with the job whenever it changes. Raises InputError or NoSolutionError if the job failed for
+        such a reason, RemoteError if it was cancelled, failed otherwise or is not done in time.
         """
         began, pause, shown = time.monotonic(), _LOOK_AT_FIRST_S, None
         while True:
@@ -453,55 +453,20 @@ class Client:
             raise error_of(failure, f"job {job.id} failed: {failure['detail']}", None)
         if job.state == "cancelled":
             raise RemoteError(f"job {job.id} was cancelled")
-        if job.kind not in _RESULTS:
-            return values_of(self._remote.send("GET", f"/v1/jobs/{job.id}/result"), None)
-        return _RESULTS[job.kind](self, job, plan)
-
-    def _refined(self, job: RemoteJob, _: RemotePlan | None) -> RemotePlan:
-        return RemotePlan.of(values_of(self._remote.send("GET", f"/v1/jobs/{job.id}/result")))
-
-    def _replayed(self, job: RemoteJob, _: RemotePlan | None) -> ReplayDocument:
-        answer = self._remote.send("GET", f"/v1/jobs/{job.id}/result")
-        return ReplayDocument.model_validate(values_of(answer, "position_rmse_m"))
-
-    def _designed(self, job: RemoteJob, _: RemotePlan | None) -> "DesignDocument":
-        # not at the top: it takes time, which nothing else here needs
-        from syncplan.reports.design_report import DesignDocument
-
-        answer = self._remote.send("GET", f"/v1/jobs/{job.id}/result")
-        return DesignDocument.model_validate(values_of(answer, "front"))
-
-    def _validation(self, job: RemoteJob, plan: RemotePlan | None) -> Validation:
-        options = FilterOptions.of_request(job.document["request"])
-        return conclude(trial_run(self._subject(job, plan), options), [unpack(self._trials(job))])
-
-    def _flight(self, job: RemoteJob, plan: RemotePlan | None) -> "Flight":
-        # not at the top: it loads numba, which nothing else here needs
-        from syncplan.flight.flying import flight_run
-        from syncplan.planning.plan_flights import conclude_flight
-
-        options = FlightOptions.of_request(job.document["request"])
-        run = flight_run(self._subject(job, plan), options)
-        return conclude_flight(run, [unpack_flight(self._trials(job))])
-
-    def _subject(self, job: RemoteJob, plan: RemotePlan | None) -> RemotePlan:
-        """Plan of a job."""
-        return self.stored(job.document["plan_id"]) if plan is None else plan
+        study = STUDIES[job.kind]
+        if isinstance(study, TrialStudy) and study.keeps_trials:
+            plan = self.stored(job.document["plan_id"]) if plan is None else plan
+            run = study.first_run(plan, study.options.of_request(job.document["request"]))
+            return study.conclude(run, [study.unpack(self._trials(job))])
+        result = values_of(self._remote.send("GET", f"/v1/jobs/{job.id}/result"), None)
+        if study.document is None:
+            return RemotePlan.of(result)
+        return study.document.model.model_validate(result)
 
     def _trials(self, job: RemoteJob) -> bytes:
         """Packed figures of each trial of a job."""
         path = f"/v1/jobs/{job.id}/trials"
         return self._remote.send("GET", path, accept="application/octet-stream").content
-
-
-_RESULTS: Mapping[JobKindName, Callable[[Client, RemoteJob, RemotePlan | None], Any]] = {
-    "refinement": Client._refined,
-    "validation": Client._validation,
-    "flight": Client._flight,
-    "replay": Client._replayed,
-    "design": Client._designed,
-}
-"""Functions that make the result of a successful job, by kind; other kinds have JSON values."""
 
 
 def _as_planned(subject: Scenario | Plan | Mapping[str, Any]) -> dict[str, Any]:

@@ -28,13 +28,16 @@ LARGEST_SEED = 2**63 - 1
 class FilterOptions(RunOptions):
     """Options of a filter run; raises InputError naming the option at fault."""
 
-    trials: int = option(200, "Number of Monte Carlo trials", example=200, ge=1, le=MAX_TRIALS)
+    trials: int = option(
+        200, "Number of Monte Carlo trials", example=200, often=True, ge=1, le=MAX_TRIALS
+    )
     seed: int = option(0, "Seed of all random numbers", example=1, ge=0, le=LARGEST_SEED)
     duration: float | None = option(
         None,
         "Length of each run in s; the scenario's if not given",
         key="duration_s",
         flag="--duration",
+        label="Length of a run",
         example=200.0,
         gt=0,
     )
@@ -44,7 +47,9 @@ class FilterOptions(RunOptions):
         "the plan's flights or, on paper, ekf if the start-up index clears the plan and robust if "
         "not, and every row of a sweep runs ekf",
     )
-    substeps: int = option(10, "Euler sub-steps per sample; only for the filter named paper", ge=1)
+    substeps: int = option(
+        10, "Euler sub-steps per sample; only for the filter named paper", ge=1, le=1000
+    )
     gate_probability: float | None = option(
         None,
         "Probability of the innovation gate, the share of a consistent filter's sightings that it "

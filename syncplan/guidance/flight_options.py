@@ -66,7 +66,15 @@ class FlightOptions(FilterOptions):
     `lose` and `hold` are events in the format of flight_events.
     """
 
-    trials: int = option(100, "Number of flights", example=100, ge=1, le=MAX_TRIALS)
+    trials: int = option(
+        100,
+        "Number of flights",
+        label="Flights",
+        example=100,
+        often=True,
+        ge=1,
+        le=MAX_TRIALS,
+    )
     filter: FlightFilterChoice = option(
         AUTO,
         "The filter. auto is the scenario's filter.kind; if it has none, that of the plan's "
@@ -90,17 +98,22 @@ class FlightOptions(FilterOptions):
         "track",
         "How vehicles steer. "
         + " ".join(f"{name}: {one.sentence}" for name, one in GUIDANCES.items()),
+        often=True,
     )
     lose: tuple[str, ...] = option(
         (),
         "Vehicle (v3@60), sensor (sensor:v3@60) or landmark (L1@60) that is lost, with the time of "
         "the loss in s",
+        label="Lost on the way",
+        often=True,
         example=["v2@30"],
     )
     hold: tuple[str, ...] = option(
         (),
         "Vehicle to hold: v2@100:20 holds v2 from 100 s on for 20 s. A held vehicle stands still "
         "in the air, or circles if it has a least speed, and drifts with the wind",
+        label="Held on the way",
+        often=True,
         example=["v1@20:5"],
     )
     dropout: float = option(0.0, "Share of sightings that are lost on their way", ge=0, lt=1)
@@ -117,6 +130,7 @@ class FlightOptions(FilterOptions):
         "True wind x,y in m/s, such as 1.5,0; drawn by the scenario's wind.sigma_mps if not given",
         key="wind_mps",
         flag="--wind",
+        often=True,
         example=[1.5, 0.0],
     )
 

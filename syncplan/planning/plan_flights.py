@@ -34,6 +34,7 @@ from syncplan.guidance.flown_team import FlownTeam, team_in_flight
 from syncplan.orbits.contacts import find_windows
 from syncplan.planning.filter_choice import FilterChoice
 from syncplan.planning.judged_team import (
+    PlanVerdict,
     bound_is_affordable,
     expected_in_world,
     separation_limit,
@@ -143,6 +144,16 @@ class Flight(Result):
     def plan(self) -> Plan:
         """The plan that was flown, with the record of this flight."""
         return replace(self.run.plan, flight=self.record, unflown="")
+
+    @property
+    def observable(self) -> bool:
+        """Whether the plan is observable."""
+        return self.run.plan.observable
+
+    @property
+    def verdict(self) -> PlanVerdict:
+        """The plan's verdict, with the record of this flight."""
+        return self.plan.verdict
 
     @property
     def record(self) -> FlownPlan:

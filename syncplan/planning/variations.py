@@ -14,7 +14,7 @@ from syncplan.orbits.circles import position
 from syncplan.orbits.graphs import bottleneck
 from syncplan.phrases import listed
 from syncplan.planning.filter_choice import asked_filter, choose_filter
-from syncplan.planning.judged_team import MOST_NAMED, PlanFinding, Remark
+from syncplan.planning.judged_team import MOST_NAMED, PlanFinding, PlanVerdict, Remark
 from syncplan.planning.plan_files import PlanSubject, in_world, planned
 from syncplan.planning.planner import plan
 from syncplan.planning.plans import Plan
@@ -211,11 +211,21 @@ class StressedRow:
 
 
 @dataclass(frozen=True, slots=True)
-class StressTest:
+class StressTest(Result):
     """Validations of a plan in the world as stated, and in worse ones, the most harmful first."""
 
     nominal: Validation
     rows: tuple[StressedRow, ...]
+
+    @property
+    def observable(self) -> bool:
+        """Whether the plan is observable."""
+        return self.nominal.observable
+
+    @property
+    def verdict(self) -> PlanVerdict:
+        """The verdict in the world as stated."""
+        return self.nominal.verdict
 
     @property
     def fragile(self) -> tuple[StressedRow, ...]:

@@ -13,6 +13,5 @@ flight_series         flights over time
 flight_report         flights
 replay_notes          notes on the figures of a replay
 replay_report         replays
-job_contract          kinds and states of the service's jobs
 presentations         results as documents, data frames and HTML
 """

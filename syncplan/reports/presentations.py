@@ -7,17 +7,20 @@ from syncplan.designs.designer import Design
 from syncplan.errors import InputError
 from syncplan.estimation.replay_results import Replay
 from syncplan.landmarks.site_choice import SiteChoice
-from syncplan.planning.loss_study import WhatIfDocument
 from syncplan.planning.plan_flights import Flight
 from syncplan.planning.plans import Plan
 from syncplan.planning.validation import Validation
-from syncplan.planning.variations import Sweep
+from syncplan.planning.variations import StressTest, Sweep
 from syncplan.reports.design_report import design_document
 from syncplan.reports.flight_report import flight_document
 from syncplan.reports.plan_report import plan_document
 from syncplan.reports.replay_report import replay_document
 from syncplan.reports.sites_report import sites_document
-from syncplan.reports.validation_report import sweep_document, validation_document
+from syncplan.reports.validation_report import (
+    stress_document,
+    sweep_document,
+    validation_document,
+)
 from syncplan.results.quantities import plain
 from syncplan.results.result import Result
 from syncplan.results.stories import Grid, Report, Row, Story, flat
@@ -60,21 +63,23 @@ class _ScenarioTable(Report):
 REPORTS: Mapping[type, Callable[[Any], Any]] = {
     Plan: plan_document,
     Validation: validation_document,
+    StressTest: stress_document,
     Flight: flight_document,
     Replay: replay_document,
     SiteChoice: sites_document,
     Design: design_document,
-    WhatIfDocument: lambda document: document,
     Sweep: lambda swept: sweep_document(
         swept.name, swept, [validation_document(row.validation) for row in swept]
     ),
     Scenario: _ScenarioTable,
 }
-"""Functions that make the document of each kind of result."""
+"""Functions that make the document of each kind of result that is no document itself."""
 
 
-def report_of(result: Result) -> Any:
-    """Return the document of a result."""
+def report_of(result: Any) -> Any:
+    """Return the document of a result, which may be one itself."""
+    if isinstance(result, Report):
+        return result
     return next(REPORTS[kind](result) for kind in type(result).__mro__ if kind in REPORTS)
 
 

@@ -4,7 +4,6 @@ They are read from the scenario's own models, so a key added there appears here 
 """
 
 import difflib
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -13,18 +12,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from syncplan.errors import InputError
-
-_UNITS = {
-    "m_sqrt_s": "m/√s",
-    "rad_sqrt_s": "rad/√s",
-    "rad_s": "rad/s",
-    "mps": "m/s",
-    "rad": "rad",
-    "deg": "°",
-    "m": "m",
-    "s": "s",
-}
-"""Endings of keys, longer ones first, and the units they denote."""
+from syncplan.phrases import name_and_unit
 
 ALTERNATIVES = (
     ("orbit.angular_rate_rad_s", "orbit.speed_mps"),
@@ -63,9 +51,7 @@ class NumericKey:
     @property
     def name(self) -> str:
         """Name in figures: the key in words, without its unit."""
-        ending = _ending(self.key)
-        words = self.key.removesuffix(f"_{ending}") if ending else self.key
-        return words.replace(".", " ").replace("_", " ")
+        return name_and_unit(self.key)[0].replace(".", " ")
 
 
 @cache
@@ -144,16 +130,11 @@ def _alternatives(
 def _key_of(key: str, field: Mapping[str, Any], number: Mapping[str, Any]) -> NumericKey:
     return NumericKey(
         key=key,
-        unit=_UNITS.get(_ending(key), ""),
+        unit=name_and_unit(key)[1],
         meaning=field.get("description", ""),
         allowed=_allowed(number),
         whole=number["type"] == "integer",
     )
-
-
-def _ending(key: str) -> str:
-    found = re.search(rf"(?<=_)({'|'.join(_UNITS)})$", key)
-    return found[0] if found else ""
 
 
 def _allowed(number: Mapping[str, Any]) -> str:

@@ -212,7 +212,7 @@ def test_a_sweep_announces_the_kernels_of_all_its_values(
         return count == 6
 
     monkeypatch.setattr(LaneFilter, "is_compiled", compiled)
-    monkeypatch.setattr("syncplan.planning.variations.validate", unready)
+    monkeypatch.setattr("syncplan.studies.study.TrialStudy.results", unready)
     short = ("--trials", "1", "--duration", "2")
     varied = (str(FILES / "biased-grid.yaml"), "--key", "formation.count", "--values")
     _, _, said = run("sweep", *varied, "6", *short)
@@ -285,7 +285,7 @@ def test_the_version_is_printed(printed: Any) -> None:
 
 
 HEAVY = ("scipy", "numba", "cvxpy", "networkx")
-GUIDANCE = ("syncplan.guidance", "syncplan.planning.pilot_flight")
+GUIDANCE = ("syncplan.guidance.flights", "syncplan.planning.pilot_flight")
 SERVICE = ("dbos", "fastapi", "httpx2", "psycopg", "sqlalchemy", "starlette", "uvicorn")
 
 

@@ -196,7 +196,7 @@ def test_a_sweep_is_the_librarys(client: Client) -> None:
     report = client.wait(client.sweep(given, angular_rate_rad_s=values, trials=16, seed=2))
     rows = sweep(given, "angular_rate", values, trials=16, seed=2)
     reports = [validation_document(row.validation) for row in rows]
-    assert report == sweep_document("angular_rate", rows, reports).as_json()
+    assert report == sweep_document("angular_rate", rows, reports)
 
 
 # --- jobs ---------------------------------------------------------------------------------------

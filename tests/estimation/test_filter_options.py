@@ -9,8 +9,7 @@ import pytest
 from typer.main import get_command
 
 import syncplan
-from api.job_kinds.replay_jobs import ReplayRequest
-from api.job_kinds.trial_jobs import ValidationRequest
+from api.job_kinds.job_table import JOB_KINDS
 from syncplan.cli import command_line
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import FilterOptions, ValidationOptions, options_with
@@ -19,6 +18,9 @@ from syncplan.reports.validation_report import validation_document
 from syncplan.scenario.disturbances import Filter
 from syncplan.scenario.filters import FILTERS, FOR_RECORDINGS
 from tests.tools.scenarios import example
+
+ReplayRequest = JOB_KINDS["replay"].request
+ValidationRequest = JOB_KINDS["validation"].request
 
 EVERY = FilterOptions(
     trials=7,
@@ -42,7 +44,7 @@ def test_a_request_holds_every_option_and_gives_it_back() -> None:
     for options in (FilterOptions(), EVERY):
         request = options.as_request()
         assert FilterOptions.of_request(request) == options
-        asked = ValidationRequest.model_validate(request).run_options()
+        asked = ValidationRequest.model_validate(request).options()
         assert asked == ValidationOptions(**asdict(options))
 
 
@@ -58,7 +60,7 @@ def test_defaults_are_those_of_the_library_the_command_line_and_the_service() ->
         "truth": None,
         "model": None,
     }
-    assert ValidationRequest().run_options() == ValidationOptions()
+    assert ValidationRequest().options() == ValidationOptions()
     command: Any = get_command(command_line.application())
     shown = {option.name: option.default for option in command.commands["validate"].params}
     assert {name: shown[name] for name in asdict(FilterOptions())} == asdict(FilterOptions())
@@ -100,7 +102,7 @@ def test_a_sweep_takes_the_same_options() -> None:
         ("seed", 2**63, "allowed is 0 to"),
         ("filter", "rk4", "'rk4' is unknown; choose auto or ekf or "),
         ("model", "rk4", "'rk4' is unknown; choose arc or euler"),
-        ("substeps", 0, "0 given; allowed is at least 1"),
+        ("substeps", 0, "0 given; allowed is 1 to 1000"),
         ("gate_probability", 1.0, "1 given; allowed is more than 0 and less than 1"),
         ("gate_probability", float("nan"), "nan given; allowed is more than 0"),
     ],

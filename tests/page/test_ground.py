@@ -9,7 +9,8 @@ import httpx2
 from playwright.sync_api import Page, Route, expect
 from pymap3d import enu2geodetic
 
-from api.routes.page_routes import Tiles, edition, policy
+from api.routes.page_routes import Site, Tiles, edition, policy
+from api.settings import load_settings
 from tests.page.gestures import drawn, on_screen, opened, view
 from tests.tools.browsing import Tabs, Visit, accessibility_faults, visiting
 from tests.tools.processes import wait_until
@@ -70,6 +71,7 @@ def tile_of(lat: float, lon: float, zoom: int) -> tuple[float, float]:
 def test_tiles_of_the_operator_lie_below_a_placed_team(tabs: Tabs, tmp_path: Path) -> None:
     elsewhere = "http://127.0.0.2:9"
     tiles = Tiles(f"{elsewhere}/{{z}}/{{x}}/{{y}}.gif", "© Tiles Example")
+    site = Site(Site.of(load_settings(data_dir="/nowhere")).limits, tiles)
     settings = {"SYNCPLAN_TILES": tiles.url, "SYNCPLAN_TILES_ATTRIBUTION": tiles.attribution}
     asked: list[str] = []
 
@@ -101,5 +103,5 @@ def test_tiles_of_the_operator_lie_below_a_placed_team(tabs: Tabs, tmp_path: Pat
         assert f"img-src 'self' data: blob: {elsewhere};" in sent
         assert sent.replace(f" {elsewhere}", "") == policy()
         # what it names is kept by browsers: it is of this edition, tiles and all
-        assert f'"assets/{edition(tiles)}/main.js"' in answer.text
+        assert f'"assets/{edition(site)}/main.js"' in answer.text
         assert accessibility_faults(page) == []

@@ -10,6 +10,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from api.routes import page_routes
+from api.settings import load_settings
 from syncplan.exporting.formats import FORMATS
 from tests.page.gestures import box_of, figures, handle, part, sheet
 from tests.tools.browsing import (
@@ -178,7 +179,9 @@ def test_what_the_page_names_is_kept_until_another_edition(server: Server) -> No
         index = http.get("/").text
         named = re.findall(r'(?:src|href)="(assets/[^"]+)"', index)
         [edition] = {re.fullmatch(r"assets/([0-9a-f]{12})/.+", one)[1] for one in named}  # type: ignore[index]
-        assert edition == page_routes.edition()
+        assert edition == page_routes.edition(
+            page_routes.Site.of(load_settings(data_dir="/nowhere"))
+        )
         for one in named:
             assert "immutable" in http.get(f"/{one}").headers["cache-control"], one
         older = http.get("/assets/0123456789ab/main.js")

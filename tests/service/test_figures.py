@@ -21,10 +21,10 @@ from syncplan.plotting.figure_table import FIGURES
 from syncplan.plotting.figures import specs_of
 from syncplan.plotting.printed_report import POLICY
 from syncplan.reports.covariance_report import position_covariances_document
-from syncplan.reports.job_contract import JobKindName
 from syncplan.reports.plan_report import plan_document
 from syncplan.reports.validation_report import validation_document
 from syncplan.scenario.loading import scenario_from
+from syncplan.studies.job_contract import JobKindName
 from tests.service.test_requests import LIMITS
 from tests.tools.api_servers import done, faults_of, planned, problem
 from tests.tools.processes import wait_until

@@ -15,7 +15,7 @@ from api.computing.tasks import (
     measured_runs,
 )
 from api.job_kinds.job_kind import Batch, JobSpec
-from api.job_kinds.trial_jobs import FlightRequest
+from api.job_kinds.job_table import JOB_KINDS
 from api.service import limits_of
 from api.settings import load_settings
 from syncplan.errors import InputError
@@ -25,6 +25,8 @@ from syncplan.guidance.flight_results import unpack_flight
 from syncplan.reports.flight_report import flight_document
 from syncplan.runtime.files import as_text
 from tests.tools.scenarios import FILES, document, example
+
+FlightRequest = JOB_KINDS["flight"].request
 
 LIMITS = limits_of(load_settings())
 EVERY = FlightOptions(
@@ -68,7 +70,7 @@ def test_a_request_holds_every_option_of_a_flight_and_gives_it_back() -> None:
         # as JSON has it, which knows no tuples
         request = json.loads(json.dumps(options.as_request()))
         assert FlightOptions.of_request(request) == options
-        assert FlightRequest.model_validate(request).run_options() == options
+        assert FlightRequest.model_validate(request).options() == options
 
 
 def test_a_flight_is_asked_for_with_the_defaults_of_the_library() -> None:

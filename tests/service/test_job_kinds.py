@@ -10,14 +10,13 @@ from api.job_kinds.job_table import JOB_KINDS
 from api.limits import RequestLimits
 from api.responses import Job
 from api.storage.tables import jobs
-from syncplan.client import service_client
-from syncplan.reports.job_contract import STATES, UNFINISHED, EndState, JobKindName, JobState
+from syncplan.studies.job_contract import STATES, UNFINISHED, EndState, JobKindName, JobState
+from syncplan.studies.study_table import STUDIES
 from tests.tools.serving import ROOT
 
 
-def test_every_kind_that_has_a_name_is_in_the_table_and_known_to_the_client() -> None:
-    assert tuple(JOB_KINDS) == get_args(JobKindName)
-    assert set(service_client._RESULTS) <= set(JOB_KINDS)
+def test_every_study_is_a_kind_of_job() -> None:
+    assert tuple(JOB_KINDS) == tuple(STUDIES) == get_args(JobKindName)
 
 
 def test_a_state_is_unfinished_or_an_end() -> None:
@@ -40,8 +39,8 @@ def test_the_document_names_the_kinds_and_states_of_the_tables() -> None:
 
 def test_limits_that_requests_name_are_there() -> None:
     for kind in JOB_KINDS.values():
-        assert set(kind.request.limited) <= set(kind.request.model_fields)
-        assert set(kind.request.limited.values()) <= set(RequestLimits.__dataclass_fields__)
+        assert set(kind.request.limited()) <= set(kind.request.model_fields)
+        assert set(kind.request.limited().values()) <= set(RequestLimits.__dataclass_fields__)
 
 
 def test_no_module_tests_for_a_kind_by_its_name() -> None:

@@ -16,12 +16,7 @@ from pydantic import BaseModel, ValidationError
 from schemathesis.config import SchemathesisConfig as Config
 
 import syncplan
-from api.job_kinds.design_jobs import DesignRequest
 from api.job_kinds.job_table import JOB_KINDS
-from api.job_kinds.refinement_jobs import RefinementRequest
-from api.job_kinds.replay_jobs import ReplayRequest
-from api.job_kinds.sweep_jobs import SweepRequest
-from api.job_kinds.trial_jobs import FlightRequest, ValidationRequest
 from api.main import create_app
 from api.openapi import operations
 from api.settings import load_settings
@@ -32,6 +27,8 @@ from syncplan.scenario.loading import is_plan, scenario_from
 from syncplan.scenario.specification import Scenario
 from tests.tools.api_servers import openapi_document, references_in
 from tests.tools.record_examples import BINARY, FOLDER, SCENARIO
+
+SweepRequest = JOB_KINDS["sweep"].request
 
 MEDIA = ("application/json", "application/yaml")
 WITHOUT_BODY = {"204", "304"}
@@ -261,12 +258,7 @@ def _beyond_a_schema(fault: Any) -> bool:
     ("path", "model"),
     [
         ("/v1/plans", None),
-        ("/v1/plans/{plan_id}/refinements", RefinementRequest),
-        ("/v1/plans/{plan_id}/validations", ValidationRequest),
-        ("/v1/plans/{plan_id}/flights", FlightRequest),
-        ("/v1/sweeps", SweepRequest),
-        ("/v1/recordings/{recording_id}/replays", ReplayRequest),
-        ("/v1/designs", DesignRequest),
+        *((f"/v1{kind.study.path}", kind.request) for kind in JOB_KINDS.values()),
     ],
 )
 def test_what_the_schema_allows_breaks_no_rule_about_a_single_key(

@@ -13,7 +13,7 @@ from sqlalchemy import Connection, insert, select, update
 from typer.main import get_command
 
 from api.documents import PackedRecording, packed_recording
-from api.job_kinds.replay_jobs import ReplayRequest
+from api.job_kinds.job_table import JOB_KINDS
 from api.problems import TooManyRequests
 from api.service import MOST, MOST_OF_OWNER, Uploads, limits_of
 from api.settings import load_settings
@@ -44,6 +44,8 @@ from tests.tools.recorded_bags import write_bag
 from tests.tools.recordings import Recipe, tarred, write_csv, write_recording, zipped
 from tests.tools.serving import Server
 from tests.tools.survival import quick
+
+ReplayRequest = JOB_KINDS["replay"].request
 
 ZIP = {"content-type": "application/zip"}
 EMPTY = tarred({f"{k}.csv": b"" for k in range(3_000)}, "gz")

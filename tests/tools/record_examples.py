@@ -18,8 +18,9 @@ from typing import Any
 
 import httpx2
 
+from api.job_kinds.job_table import JOB_KINDS
 from syncplan.planning.plan_files import StatedOrbit
-from syncplan.reports.job_contract import has_ended
+from syncplan.studies.job_contract import has_ended
 from tests.tools.briefs import FIELD
 from tests.tools.recordings import zipped
 from tests.tools.serving import ROOT, Server, running
@@ -91,6 +92,8 @@ class _Recorder:
         if operation == "previewScenario" and "figures" in value:
             figures = {name: _shortened(one) for name, one in value["figures"].items()}
             value = {**value, "figures": figures}
+        if operation == "listStudies":
+            value = {"studies": [_first_of(study) for study in value["studies"]]}
         kept = self.kept[operation]["responses"].setdefault(str(response.status_code), {})
         if response.content and medium not in BINARY:
             kept[name] = {"summary": summary, "value": value}
@@ -123,6 +126,11 @@ def _shortened(figure: Tree) -> Tree:
     return {**figure, "data": traces, "layout": dict(list(figure["layout"].items())[:ASPECTS])}
 
 
+def _first_of(study: Tree) -> Tree:
+    """A study with the first of its options, fields and figures."""
+    return {key: each[:1] if isinstance(each, list) else each for key, each in study.items()}
+
+
 def _last_event(stream: str) -> Tree:
     """The last event of a stream, as its schema describes one."""
     lines = stream.strip().split("\n\n")[-1].splitlines()
@@ -137,9 +145,9 @@ def main() -> None:
         )
         with running(server):
             recorder = _Recorder(server.url)
-            _jobs(recorder, f"/v1/plans/{_plans(recorder)}")
-            _replays(recorder, _recordings(recorder))
-            _designs(recorder)
+            plan, recording = _plans(recorder), _recordings(recorder)
+            _jobs(recorder, plan, recording)
+            _refused(recorder, f"/v1/plans/{plan}", f"/v1/recordings/{recording}")
             _others(recorder)
             recorder.write()
 
@@ -207,7 +215,7 @@ def _recordings(recorder: _Recorder) -> str:
     renaming = recorder.request("renameRecording", "yard", "Another name", {"name": "yard"})
     recorder.ask("renameRecording", "yard", "In short", "PATCH", one, json=renaming)
     recorder.client.patch(one, json={"name": kept["name"]})
-    return one
+    return str(kept["id"])
 
 
 def _stated(vehicle: Tree) -> Tree:
@@ -215,71 +223,48 @@ def _stated(vehicle: Tree) -> Tree:
     return {key: vehicle[key] for key in StatedOrbit.model_fields}
 
 
-def _jobs(recorder: _Recorder, plan: str) -> None:
-    validating = recorder.request(
-        "validatePlan", "short", "Two hundred trials of a minute", {"trials": 200, "seed": 1}
-    )
-    flying = recorder.request(
-        "flyPlan",
-        "windy",
-        "A hundred flights in wind, without v2 after half a minute",
-        {"trials": 100, "seed": 1, "wind_mps": [0.5, 0.0], "lose": ["v2@30"]},
-    )
-    refining = recorder.request(
-        "refinePlan",
-        "centers",
+ASKED: dict[str, tuple[str, Tree]] = {
+    "refinement": (
         "Let the centres move by three metres",
         {"vary": ["phases", "centers"], "center_box_m": 3.0, "starts": 2, "time_limit_s": 30.0},
-    )
-    sweeping = recorder.request(
-        "sweepScenario",
-        "rates",
+    ),
+    "validation": ("Two hundred trials of a minute", {"trials": 200, "seed": 1}),
+    "flight": (
+        "A hundred flights in wind, without v2 after half a minute",
+        {"trials": 100, "seed": 1, "wind_mps": [0.5, 0.0], "lose": ["v2@30"]},
+    ),
+    "sweep": (
         "Two angular rates",
         {"scenario": SCENARIO, "angular_rate_rad_s": [0.2, 0.4], "trials": 50},
-    )
-    job = recorder.job("validatePlan", "queued", "Queued", f"{plan}/validations", validating)
-    recorder.ask("readJob", "validation", "A validation that has ended", "GET", job)
-    recorder.ask("followJob", "validation", "The last event", "GET", f"{job}/events")
-    recorder.ask("readJobResult", "validation", "A validation", "GET", f"{job}/result")
-    recorder.ask("readJobFigure", "accuracy", "A figure", "GET", f"{job}/figures/accuracy")
-    recorder.ask("readJobFigure", "errors", "No series", "GET", f"{job}/figures/errors")
-    job = recorder.job("flyPlan", "queued", "Queued", f"{plan}/flights", flying)
-    recorder.ask("readJobResult", "flight", "A flight", "GET", f"{job}/result")
-    job = recorder.job("refinePlan", "queued", "Queued", f"{plan}/refinements", refining)
-    recorder.ask("readJobResult", "refinement", "A refined plan", "GET", f"{job}/result")
-    recorder.ask("readJobTrials", "refinement", "Not a validation", "GET", f"{job}/trials")
-    recorder.ask("readJobFigure", "refinement", "Not a report", "GET", f"{job}/figures/accuracy")
-    job = recorder.job("sweepScenario", "queued", "Queued", "/v1/sweeps", sweeping)
-    recorder.ask("readJobResult", "sweep", "A sweep", "GET", f"{job}/result")
-    _refused(recorder, plan)
-    recorder.ask("listJobs", "page", "The first page", "GET", "/v1/jobs?limit=1")
-
-
-def _designs(recorder: _Recorder) -> None:
-    recorder.request("designTeam", "field", "A field for two or three vehicles", FIELD)
+    ),
+    "replay": ("Bearings alone", {"distances": False, "sample_time_s": 0.5}),
     # the result of a team that there is holds its plan, validation and flight
-    few = {**FIELD, "landmarks": {"max": 1}}
-    job = recorder.job("designTeam", "queued", "Queued", "/v1/designs", few)
-    recorder.ask("readJobResult", "design", "A brief that no team meets", "GET", f"{job}/result")
-    wrong = {**FIELD, "need": {}}
-    recorder.ask("designTeam", "faults", "Faults of a brief", "POST", "/v1/designs", json=wrong)
-    again = {**FIELD, "effort": "thorough"}
-    long = recorder.client.post("/v1/designs", json=again).json()["id"]
+    "design": ("A field that no team of this brief covers", {**FIELD, "landmarks": {"max": 1}}),
+}
+"""Requests for studies that are recorded, with their summaries; by default without any option."""
+
+
+def _jobs(recorder: _Recorder, plan: str, recording: str) -> None:
+    for name, kind in JOB_KINDS.items():
+        operation, (summary, body) = kind.operation, ASKED.get(name, ("Defaults", {}))
+        path = f"/v1{kind.study.path.format(plan_id=plan, recording_id=recording)}"
+        asked = recorder.request(operation, "asked", summary, body)
+        job = recorder.job(operation, "queued", "Queued", path, asked)
+        recorder.ask("readJobResult", name, f"A {name}", "GET", f"{job}/result")
+        if name == "validation":
+            recorder.ask("readJob", name, "A validation that has ended", "GET", job)
+            recorder.ask("followJob", name, "The last event", "GET", f"{job}/events")
+            figures = f"{job}/figures"
+            recorder.ask("readJobFigure", "accuracy", "A figure", "GET", f"{figures}/accuracy")
+            recorder.ask("readJobFigure", "errors", "No series", "GET", f"{figures}/errors")
+        if name == "refinement":
+            recorder.ask("readJobTrials", name, "Not a validation", "GET", f"{job}/trials")
+            recorder.ask("readJobFigure", name, "Not a report", "GET", f"{job}/figures/accuracy")
+    long = recorder.client.post("/v1/designs", json={**FIELD, "effort": "thorough"}).json()["id"]
     recorder.ask("finishJob", "asked", "Asked to end", "POST", f"/v1/jobs/{long}/finish")
 
 
-def _replays(recorder: _Recorder, recording: str) -> None:
-    asked = recorder.request(
-        "replayRecording", "bearings", "Bearings alone", {"distances": False, "sample_time_s": 0.5}
-    )
-    job = recorder.job("replayRecording", "queued", "Queued", f"{recording}/replays", asked)
-    recorder.ask("readJobResult", "replay", "A replay", "GET", f"{job}/result")
-    wrong = {"landmarks": ["gate"]}
-    path = f"{recording}/replays"
-    recorder.ask("replayRecording", "faults", "Faults of a request", "POST", path, json=wrong)
-
-
-def _refused(recorder: _Recorder, plan: str) -> None:
+def _refused(recorder: _Recorder, plan: str, recording: str) -> None:
     """A job that is cancelled, and requests with faults."""
     long = recorder.client.post(f"{plan}/validations", json={"trials": 100_000}).json()["id"]
     job = f"/v1/jobs/{long}"
@@ -291,11 +276,15 @@ def _refused(recorder: _Recorder, plan: str) -> None:
         ("validatePlan", f"{plan}/validations", {"trials": 0}),
         ("flyPlan", f"{plan}/flights", {"lose": ["v9@30"]}),
         ("sweepScenario", "/v1/sweeps", {"scenario": SCENARIO}),
+        ("replayRecording", f"{recording}/replays", {"landmarks": ["gate"]}),
+        ("designTeam", "/v1/designs", {**FIELD, "need": {}}),
     ):
         recorder.ask(operation, "faults", "Faults of a request", "POST", path, json=body)
+    recorder.ask("listJobs", "page", "The first page", "GET", "/v1/jobs?limit=1")
 
 
 def _others(recorder: _Recorder) -> None:
+    recorder.ask("listStudies", "all", "All studies", "GET", "/v1/studies")
     recorder.ask("readUsage", "some", "Some of each", "GET", "/v1/usage")
     recorder.ask("readScenarioSchema", "schema", "The schema", "GET", "/v1/schemas/scenario")
     recorder.ask("readPlanSchema", "schema", "The schema", "GET", "/v1/schemas/plan")

@@ -33,10 +33,10 @@ from syncplan.planning.variations import sweep
 from syncplan.refinement.refiner import refine
 from syncplan.reports.design_report import design_document
 from syncplan.reports.flight_report import flight_document
-from syncplan.reports.job_contract import JobKindName
 from syncplan.reports.plan_report import plan_document
 from syncplan.reports.validation_report import sweep_document, validation_document
 from syncplan.runtime.files import as_text
+from syncplan.studies.job_contract import JobKindName
 from tests.tools.briefs import FIELD
 from tests.tools.kept_values import once_a_run
 from tests.tools.processes import PATIENCE_S, wait_until

@@ -1,28 +1,23 @@
 """Sweeps: one key of a scenario varied, each value planned and validated."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from functools import lru_cache
 from typing import Annotated, Any, Self
 
 from pydantic import ConfigDict, Field, GetJsonSchemaHandler, model_validator
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
-from api.job_kinds.job_kind import JobKind, JobReport, JobSpec, JobSubject, TrialTask
-from api.job_kinds.option_requests import TRUTH, TrialRequest, takes_options, with_keys
-from api.job_kinds.trial_jobs import FILTER_TRIALS
+from api.job_kinds.job_kind import JobSubject
+from api.job_kinds.requests import PlanRequest, with_keys
 from api.limits import RequestLimits, check_at_most, check_size, check_trials
 from syncplan.errors import InputError
-from syncplan.estimation.filter_options import SweepOptions
-from syncplan.planning.validation import TrialRun, Validation, trial_run
-from syncplan.planning.variations import ValidatedRow, options_of_row, planned_rows
-from syncplan.reports.validation_report import SweepReport, sweep_document, validation_document
-from syncplan.runtime.files import as_text
+from syncplan.planning.variations import planned_rows
 from syncplan.scenario.dotted_keys import SWEPT_KEYS, SweptKey, numeric_keys, swept_key
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.quantities import Many, fault
 from syncplan.scenario.specification import Scenario
+from syncplan.studies.sweeps import PlannedSweep
 
 _SWEPT = {one.request: one for one in SWEPT_KEYS.values()}
 """Keys that have their own list of values in requests, by the name of the list."""
@@ -72,13 +67,8 @@ _LISTS: dict[str, Any] = {
 """Fields of the lists of values, for the keys that have their own."""
 
 
-@takes_options(
-    SweepOptions,
-    without=("substeps", "gate_probability", "with_series", "model"),
-    truth=TRUTH,
-)
 @with_keys(_LISTS)
-class SweepRequest(TrialRequest):
+class SweepRequest(PlanRequest):
     """Sweep of one key of a scenario; each value is planned and validated by the same trials."""
 
     model_config = ConfigDict(json_schema_extra=_just_one(_SWEPT))
@@ -96,10 +86,6 @@ class SweepRequest(TrialRequest):
     values: Many[float] | None = Field(
         default=None, description="Values of `key`", examples=[[0.1, 0.3, 1.0]]
     )
-
-    def run_options(self) -> SweepOptions:
-        """Return the options of the trials."""
-        return SweepOptions.of_request(self.model_dump(exclude_none=True))
 
     @model_validator(mode="after")
     def _one_key(self) -> Self:
@@ -127,7 +113,7 @@ class SweepRequest(TrialRequest):
     def work(self, subject: JobSubject, limits: RequestLimits) -> int:
         """Return the number of trials of all rows; raises InputError if it exceeds a limit."""
         key, values = self.swept()
-        options = self.run_options()
+        options = self.options()
         rows = len(values) + options.connected
         check_at_most(self._list(), rows, limits.sweep_values, " rows")
         with _within("scenario"):
@@ -140,7 +126,14 @@ class SweepRequest(TrialRequest):
             check_trials(rows * options.trials, one.size, limits)
             self.check_run(one, limits)
             check_size(one, limits)
-        return rows * options.trials
+        return int(rows * options.trials)
+
+    def subject(self) -> PlannedSweep:
+        """Return the plans of all values."""
+        key, values = self.swept()
+        scenario = scenario_from(self.scenario)
+        connected = self.options().connected
+        return PlannedSweep(key.name, planned_rows(scenario, key.name, values, connected=connected))
 
     def swept(self) -> tuple[SweptKey, list[float]]:
         """Return the key that is swept and its values."""
@@ -163,42 +156,3 @@ def _within(section: str) -> Iterator[None]:
         yield
     except InputError as error:
         raise error.within(section) from None
-
-
-@lru_cache(maxsize=2)
-def _planned(spec: JobSpec) -> list[Any]:
-    request = SweepRequest.model_validate_json(spec.request)
-    scenario = scenario_from(request.scenario)
-    key, values = request.swept()
-    return planned_rows(scenario, key.name, values, connected=request.run_options().connected)
-
-
-@lru_cache(maxsize=2)
-def _runs(spec: JobSpec) -> list[TrialRun]:
-    options = SweepRequest.model_validate_json(spec.request).run_options()
-    return [trial_run(row.plan, options_of_row(row.plan, options)) for row in _planned(spec)]
-
-
-def _report(spec: JobSpec, concluded: Sequence[Validation]) -> JobReport:
-    request = SweepRequest.model_validate_json(spec.request)
-    rows = [
-        ValidatedRow(row.label, row.value, one)
-        for row, one in zip(_planned(spec), concluded, strict=True)
-    ]
-    reports = [validation_document(one) for one in concluded]
-    return JobReport(as_text(sweep_document(request.swept()[0].name, rows, reports).as_json()))
-
-
-SWEEP = JobKind(
-    name="sweep",
-    unit="trials",
-    request=SweepRequest,
-    operation="sweepScenario",
-    summary="Sweep a scenario",
-    description="Vary one key of a scenario, plan and validate each value: a job that reports "
-    "them all.",
-    body="The scenario, what is varied, and how to fly",
-    task=TrialTask(runs=_runs, method=FILTER_TRIALS, report=_report),
-    report=SweepReport,
-    figures="sweep",
-)

@@ -6,9 +6,16 @@ queued --> running --> succeeded | failed
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Literal
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
-JobKindName = Literal["refinement", "validation", "flight", "sweep", "replay", "design"]
+from syncplan.studies.study_table import STUDIES
+
+if TYPE_CHECKING:
+    JobKindName: TypeAlias = str
+else:
+    JobKindName = Literal[tuple(STUDIES)]
+"""Name in STUDIES, for models that check it and describe it in their JSON schemas."""
+
 JobState = Literal["queued", "running", "succeeded", "failed", "cancelled"]
 EndState = Literal["succeeded", "failed", "cancelled"]
 

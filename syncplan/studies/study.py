@@ -1,0 +1,196 @@
+"""The form that all studies have.
+
+A study is a class in a module of this package and a line in study_table. Its command, its job in
+the service and the client's method follow from these. The modules that compute are imported within
+methods: the command line lists all studies, and starts fast.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+    from syncplan.runtime.task_crew import EarlierSearch
+
+Subject = Literal["plan", "scenario", "recording", "team"]
+STORED: tuple[Subject, ...] = ("plan", "recording")
+"""Subjects that the service stores; a request states any other."""
+
+
+class StudyProgress(Protocol):
+    """Callback that receives the work done, in the study's unit, and what is known so far."""
+
+    def __call__(self, done: int, **known: Any) -> None:
+        """Take the work done, and values by the keys that they have in the events of a job."""
+
+
+@dataclass(frozen=True, slots=True)
+class DocumentKind:
+    """A kind of document.
+
+    Attributes
+    ----------
+    module, name : module and name of its model, which is loaded on demand
+    mode : Pydantic's mode: validation for documents read, serialization for documents written
+    published : whether the command line prints its schema
+    title : title of a report without a name; empty for documents that are no reports
+    """
+
+    module: str
+    name: str
+    mode: Literal["validation", "serialization"] = "serialization"
+    published: bool = True
+    title: str = ""
+
+    @property
+    def model(self) -> "type[BaseModel]":
+        """Model of the document."""
+        model: type[BaseModel] = getattr(import_module(self.module), self.name)
+        return model
+
+
+class Study(ABC):
+    """A study.
+
+    Attributes
+    ----------
+    name : noun for its reports and its jobs
+    verb : name of its command and of the client's method
+    of : what it is about; a team is one that is still to be found
+    sentence : what it does
+    unit : unit of its work
+    example : arguments of its command, for the help; empty if its command is written by hand
+    requires : names of the verdicts that its command can require, see syncplan.cli.arguments
+    left_out : names of options that neither the command line nor the service offers
+    hidden : names of options that the command line does not offer
+    body : description of a request to the service; empty for a study that is no job
+    document : kind of its result; None where it is a plan
+    ends_early : whether it can end early, with the best result so far
+    """
+
+    name: ClassVar[str]
+    verb: ClassVar[str]
+    of: ClassVar[Subject]
+    sentence: ClassVar[str]
+    unit: ClassVar[str]
+    example: ClassVar[str] = ""
+    requires: ClassVar[tuple[str, ...]] = ()
+    left_out: ClassVar[tuple[str, ...]] = ()
+    hidden: ClassVar[tuple[str, ...]] = ()
+    body: ClassVar[str] = ""
+    document: ClassVar[DocumentKind | None] = None
+    ends_early: ClassVar[bool] = False
+
+    @property
+    def path(self) -> str:
+        """Path of its jobs, below /v1 of the service."""
+        stored = f"/{self.of}s/{{{self.of}_id}}" if self.of in STORED else ""
+        return f"{stored}/{self.name}s"
+
+    @property
+    @abstractmethod
+    def options(self) -> type[Any]:
+        """Class of its options: of RunOptions, or a Pydantic model."""
+
+    def work(self, subject: Any, options: Any) -> int:
+        """Return the amount of work in the study's unit; `subject` has a scenario."""
+        return 1
+
+    @abstractmethod
+    def run(
+        self,
+        subject: Any,
+        options: Any,
+        *,
+        workers: int | None = None,
+        progress: StudyProgress | None = None,
+        earlier: "EarlierSearch | None" = None,
+    ) -> Any:
+        """Return the result, which syncplan.reports.presentations has a document of.
+
+        `workers` is the number of threads or processes, all cores by default; it changes no result.
+        `earlier` holds what an interrupted search kept.
+        """
+
+
+class TrialStudy(Study):
+    """A study of independent trials, which may be computed in parts, in any order, anywhere.
+
+    A run is the set-up of some trials, with their number as `trials` and options as `options`.
+
+    Attributes
+    ----------
+    keeps_trials : whether the figures of each trial can be read
+    """
+
+    unit = "trials"
+    keeps_trials: ClassVar[bool] = True
+
+    def work(self, subject: Any, options: Any) -> int:
+        """Return the number of trials."""
+        return int(options.trials)
+
+    @abstractmethod
+    def first_run(self, subject: Any, options: Any) -> Any:
+        """Return the set-up of the first run, whose trials are kept.
+
+        Raises InputError naming the option at fault.
+        """
+
+    def runs(self, subject: Any, options: Any) -> list[Any]:
+        """Return the set-ups of all runs."""
+        return [self.first_run(subject, options)]
+
+    @abstractmethod
+    def part(self, run: Any, first_trial: int, trials: int, **how: Any) -> Any:
+        """Return some trials of a run, computed by `threads`, with the progress as `progress`."""
+
+    @abstractmethod
+    def pack(self, part: Any) -> bytes:
+        """Return trials as bytes."""
+
+    @abstractmethod
+    def unpack(self, data: bytes) -> Any:
+        """Return the trials that `pack` packed."""
+
+    @abstractmethod
+    def conclude(self, run: Any, parts: Sequence[Any]) -> Any:
+        """Return the result of a run from all its parts, in order; `result` has the trials."""
+
+    @abstractmethod
+    def effort(self, run: Any) -> float:
+        """Return the approximate work of a trial of a run, relative to other runs."""
+
+    def joined(self, subject: Any, options: Any, results: Sequence[Any]) -> Any:
+        """Return the result of the study from those of its runs, in order."""
+        return results[0]
+
+    def run(
+        self,
+        subject: Any,
+        options: Any,
+        *,
+        workers: int | None = None,
+        progress: StudyProgress | None = None,
+        earlier: "EarlierSearch | None" = None,
+    ) -> Any:
+        """Return the result of all trials."""
+        runs = self.runs(subject, options)
+        return self.joined(subject, options, self.results(runs, workers, progress))
+
+    def results(
+        self, runs: Sequence[Any], threads: int | None, progress: StudyProgress | None
+    ) -> list[Any]:
+        """Return the result of each run."""
+        results: list[Any] = []
+        before = 0
+        for run in runs:
+            told = progress and (lambda done, before=before: progress(before + done))
+            part = self.part(run, 0, run.trials, threads=threads, progress=told)
+            results.append(self.conclude(run, [part]))
+            before += run.trials
+        return results

@@ -1,0 +1,84 @@
+"""Validations: the filter run many times on a plan, in the stated world or also in worse ones."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from syncplan.estimation.filter_options import ValidationOptions
+from syncplan.studies.study import DocumentKind, TrialStudy
+
+
+class FilterTrials(TrialStudy):
+    """Base class of studies whose trials are runs of the filter along circles."""
+
+    def part(self, run: Any, first_trial: int, trials: int, **how: Any) -> Any:
+        """Return some trials of a run."""
+        from syncplan.planning.validation import run_part
+
+        return run_part(run, first_trial, trials, **how)
+
+    def pack(self, part: Any) -> bytes:
+        """Return trials as bytes."""
+        from syncplan.estimation.trials import pack
+
+        return pack(part)
+
+    def unpack(self, data: bytes) -> Any:
+        """Return the trials that `pack` packed."""
+        from syncplan.estimation.trials import unpack
+
+        return unpack(data)
+
+    def conclude(self, run: Any, parts: Sequence[Any]) -> Any:
+        """Return the validation of a run."""
+        from syncplan.planning.validation import conclude
+
+        return conclude(run, parts)
+
+    def effort(self, run: Any) -> float:
+        """Return the number of samples and sightings of a trial."""
+        return float(run.steps + len(run.sightings.observers))
+
+
+class Validations(FilterTrials):
+    """Monte Carlo runs of the filter on a plan."""
+
+    name, verb, of = "validation", "validate", "plan"
+    sentence = "Run the filter on a plan: Monte Carlo errors beside the bound, and consistency."
+    example = "plan.json --trials 500 --seed 1 -o report.json"
+    requires = ("observable", "go", "flown", "robust")
+    options = ValidationOptions
+    body = "How to fly; defaults if empty"
+    document = DocumentKind(
+        "syncplan.reports.validation_report", "ValidationDocument", title="Validation"
+    )
+
+    def work(self, subject: Any, options: ValidationOptions) -> int:
+        """Return the number of trials in all worlds."""
+        from syncplan.planning.variations import stress_worlds
+        from syncplan.scenario.truths import with_truth
+
+        world = with_truth(subject.scenario, options.truth or {})
+        return options.trials * (1 + len(stress_worlds(world)) if options.stress else 1)
+
+    def first_run(self, subject: Any, options: Any) -> Any:
+        """Return the set-up in the world as stated."""
+        from syncplan.planning.validation import trial_run
+
+        return trial_run(subject, options)
+
+    def runs(self, subject: Any, options: Any) -> list[Any]:
+        """Return the set-up in the world as stated, and those in worse worlds if asked for."""
+        from syncplan.planning.variations import stress_runs
+
+        if not options.stress:
+            return super().runs(subject, options)
+        return list(stress_runs(subject, options).values())
+
+    def joined(self, subject: Any, options: Any, results: Sequence[Any]) -> Any:
+        """Return the validation, or the stress test of those in all worlds."""
+        from syncplan.planning.variations import joined_worlds, stress_worlds
+
+        nominal, *others = results
+        if not others:
+            return nominal
+        return joined_worlds(["", *stress_worlds(nominal.plan.scenario)], results)
