@@ -173,9 +173,21 @@ class Walk:
 
     def _execute(self, block: Block) -> None:
         code = compile(self._real(block.text), block.place, "exec")
+        if "title" in block.options:
+            # a module, which later blocks import
+            self._keep(block)
+            return
         printed = io.StringIO()
+        path, modules = [*sys.path], {*sys.modules}
         with contextlib.chdir(self.folder), contextlib.redirect_stdout(printed):
-            exec(code, self._names)
+            sys.path.insert(0, str(self.folder))
+            try:
+                exec(code, self._names)
+            finally:
+                sys.path[:] = path
+                for module in (file.stem for file in self.folder.glob("*.py")):
+                    if module not in modules:
+                        sys.modules.pop(module, None)
         self._printed = printed.getvalue()
 
     def _compare_print(self, block: Block) -> None:
