@@ -40,14 +40,14 @@ from api.job_kinds.job_kind import (
 from api.job_kinds.job_table import JOB_KINDS
 from api.limits import RequestLimits
 from syncplan.errors import InputError
-from syncplan.estimation.trials import CHUNK_TRIALS
+from syncplan.estimation.trials import CHUNK_TRIALS, RunOfTrials
 from syncplan.importing.import_options import ImportOptions
 from syncplan.importing.imported_places import import_places
 from syncplan.planning.loss_study import what_if
 from syncplan.planning.plan_files import plan_of
 from syncplan.planning.planner import BoundChoice, JudgementOptions, plan, with_flights
 from syncplan.planning.plans import Plan
-from syncplan.planning.validation import run_part, trial_run
+from syncplan.planning.validation import trial_run
 from syncplan.recordings.log import unpack_log
 from syncplan.reports.covariance_report import position_covariances_document
 from syncplan.reports.plan_report import PlanDocument, plan_document
@@ -159,16 +159,12 @@ class DividedJob:
     study: TrialStudy
     subject: Any
     options: Any
-    runs: list[Any]
+    runs: list[RunOfTrials]
 
     def report(self, results: Sequence[Any]) -> JobReport:
         """Return the report on the results of the runs."""
-        trials = self.study.pack(results[0].result) if self.study.keeps_trials else None
+        trials = self.runs[0].pack(results[0].result) if self.study.keeps_trials else None
         return _job_report(self.study.joined(self.subject, self.options, results), trials)
-
-    def concluded(self, run: Any, parts: Sequence[bytes]) -> Any:
-        """Return the result of a run from its packed trials."""
-        return self.study.conclude(run, [self.study.unpack(part) for part in parts])
 
 
 @lru_cache(maxsize=2)
@@ -186,7 +182,7 @@ def _request_of(spec: JobSpec) -> JobRequest:
 def _subject_of(spec: JobSpec, request: JobRequest) -> Any:
     """What a job is about: its plan, its recording, or what its request states."""
     if spec.plan is not None:
-        return plan_of(loaded_plan(spec.plan))
+        return _judged(spec.plan)
     if JOB_KINDS[spec.kind].about != "recording":
         return request.subject()
     if spec.recording is None or spec.overview is None:
@@ -204,26 +200,20 @@ def measured_runs(spec: JobSpec) -> list[tuple[int, float]]:
 
     The first run is timed; the others are scaled by their effort.
     """
-    job = _divided(spec)
-    study, first = job.study, job.runs[0]
+    runs = _divided(spec).runs
+    first = runs[0]
     count = min(CHUNK_TRIALS, first.trials)
-    study.part(first, 0, 1, threads=1, progress=None)
+    first.part(0, 1, threads=1)
     began = time.perf_counter()
-    study.part(first, 0, count, threads=1, progress=None)
+    first.part(0, count, threads=1)
     seconds = (time.perf_counter() - began) / count
-    efforts = [study.effort(run) for run in job.runs]
-    return [
-        (run.trials, seconds * effort / efforts[0])
-        for run, effort in zip(job.runs, efforts, strict=True)
-    ]
+    return [(run.trials, seconds * run.effort / first.effort) for run in runs]
 
 
 def computed_batch(spec: JobSpec, batch: Batch, progress: Progress) -> bytes:
     """Return the trials of a batch as bytes."""
-    job = _divided(spec)
-    run = job.runs[batch.run]
-    part = job.study.part(run, batch.first_trial, batch.trials, threads=1, progress=progress)
-    return job.study.pack(part)
+    run = _divided(spec).runs[batch.run]
+    return run.pack(run.part(batch.first_trial, batch.trials, threads=1, progress=progress))
 
 
 def concluded_job(spec: JobSpec, batches: Sequence[tuple[Batch, bytes]]) -> JobReport:
@@ -232,7 +222,7 @@ def concluded_job(spec: JobSpec, batches: Sequence[tuple[Batch, bytes]]) -> JobR
     ordered = sorted(batches, key=lambda item: (item[0].run, item[0].first_trial))
     return job.report(
         [
-            job.concluded(run, [data for batch, data in ordered if batch.run == k])
+            run.concluded([run.unpack(data) for batch, data in ordered if batch.run == k])
             for k, run in enumerate(job.runs)
         ]
     )
@@ -245,7 +235,7 @@ def load() -> Iterator[None]:
     ready()
     yield
     plan(scenario_from(_ODD_CYCLE), pilot=False)
-    run_part(trial_run(flown, trials=1, duration=1.0), 0, 1, threads=1)
+    trial_run(flown, trials=1, duration=1.0).part(0, 1, threads=1)
     judged_losses(text, [], 1, "auto")
     printed_report(text, "")
     import syncplan.refinement.smooth_team  # noqa: F401
@@ -340,10 +330,10 @@ def figure_so_far(
     Raises InputError.
     """
     job = _divided(spec)
-    whole = job.runs[0]
+    whole: Any = job.runs[0]
     trials = sum(batch.trials for batch, _ in batches)
     run = replace(whole, options=replace(whole.options, trials=trials))
-    report = job.report([job.concluded(run, [data for _, data in batches])])
+    report = job.report([run.concluded([run.unpack(data) for _, data in batches])])
     return report_figure(report.text, spec.kind, name, style)
 
 

@@ -33,7 +33,7 @@ from syncplan.scenario.models import RefineOptions
 from syncplan.scenario.quantities import Many, Name
 from syncplan.scenario.specification import Scenario
 from syncplan.scenario.truths import Truth, optional_keys, with_truth
-from syncplan.studies.study import Study
+from syncplan.studies.study import Study, TrialStudy
 
 Request = TypeVar("Request", bound=JobRequest)
 
@@ -113,7 +113,7 @@ def request_for(study: Study, base: type[JobRequest]) -> type[JobRequest]:
 
 
 class PlanRequest(JobRequest):
-    """Base class of requests for runs of the filter on a plan."""
+    """Base class of requests for studies of a plan."""
 
     @classmethod
     def limited(cls) -> dict[str, str]:
@@ -141,9 +141,12 @@ class PlanRequest(JobRequest):
     def work(self, subject: JobSubject, limits: RequestLimits) -> int:
         """Return the study's work; raises InputError if a run is too long or there are too many."""
         assert isinstance(subject, Loaded)
-        self.check_run(subject.scenario, limits)
+        trials = isinstance(self.study, TrialStudy)
+        if trials or "duration_s" in type(self).model_fields:
+            self.check_run(subject.scenario, limits)
         work = super().work(subject, limits)
-        check_trials(work, subject.scenario.size, limits)
+        if trials:
+            check_trials(work, subject.scenario.size, limits)
         return work
 
 

@@ -126,7 +126,7 @@ def _described(kind: JobKind, limits: RequestLimits) -> StudyDescription:
     shown = {} if report is None else quantities_of(report)
     return StudyDescription(
         name=study.name,
-        title=study.name.capitalize(),
+        title=(study.document and study.document.title) or study.name.capitalize(),
         verb=study.verb,
         of=study.of,
         sentence=study.sentence,

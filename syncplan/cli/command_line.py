@@ -90,10 +90,7 @@ def application(command: str = "") -> typer.Typer:
 
 def _options() -> dict[str, str]:
     """Options by the name of the library's argument that they set."""
-    from syncplan.estimation.filter_options import ValidationOptions
-    from syncplan.estimation.replay_settings import ReplayOptions
-    from syncplan.guidance.flight_options import FlightOptions
-    from syncplan.options import options_of
+    from syncplan.options import RunOptions, options_of
     from syncplan.plotting.figure_style import FigureStyle
 
     names = (
@@ -104,7 +101,8 @@ def _options() -> dict[str, str]:
     return {
         **{
             one.name: one.flag
-            for kind in (ReplayOptions, ValidationOptions, FlightOptions, FigureStyle)
+            for kind in (*(study.options for study in STUDIES.values()), FigureStyle)
+            if kind is FigureStyle or issubclass(kind, RunOptions)
             for one in options_of(kind)
             if one.name not in ("filter", "truth")
         },

@@ -118,20 +118,21 @@ def open_closed_streams() -> None:
 
 def carried_out(study: "Study", subject: Any, options: Any, threads: int | None) -> Any:
     """Return the result of a study; shows its progress, and compiles its kernels before."""
+    from syncplan.estimation.trials import results_of
     from syncplan.planning.plan_flights import FlightRun
     from syncplan.studies.study import TrialStudy
 
     if not isinstance(study, TrialStudy):
         with progress_bar(study.unit, study.work(subject, options)) as progress:
             return study.run(subject, options, workers=threads, progress=progress)
-    runs = study.runs(subject, options)
+    runs: list[Any] = study.runs(subject, options)
     for run in runs:
         if isinstance(run, FlightRun):
             compile_flight(run.team)
         else:
             compile_filter(run.options, [run.true_team.count])
     with progress_bar(study.unit, sum(run.trials for run in runs)) as progress:
-        results = study.results(runs, threads, progress)
+        results = results_of(runs, threads=threads, progress=progress)
     return study.joined(subject, options, results)
 
 

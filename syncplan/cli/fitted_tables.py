@@ -25,7 +25,10 @@ _LEAST_NAME = 6
 def show_story(story: stories.Story, console: Console) -> None:
     """Print the lines and tables of a story."""
     for part in story:
-        console.print(part if isinstance(part, str) else FittedTable(part))
+        if isinstance(part, str):
+            console.print(part)
+        elif part.rows:
+            console.print(FittedTable(part))
 
 
 class FittedTable:

@@ -39,6 +39,9 @@ Values = Annotated[str | None, optional("--values", help="Values of --key, such 
 # --- studies of plans -----------------------------------------------------------------------------
 
 
+_THREADS = Parameter("threads", Parameter.KEYWORD_ONLY, default=None, annotation=arguments.Threads)
+
+
 def _offer(study: Study) -> None:
     """Add the command of a study of a plan."""
 
@@ -49,13 +52,16 @@ def _offer(study: Study) -> None:
     )
     @arguments.takes_options(study.options, without=(*study.left_out, *study.hidden))
     @arguments.takes_requirements(*study.requires)
+    @arguments.replacing(
+        "threads", [_THREADS] if study.parallel else [], lambda v: v.get("threads")
+    )
     def _run(
         subject: arguments.SubjectFile,
         output: arguments.Output = None,
         format_: arguments.Shown = console.Format.auto,
         *,
         options: Any,
-        threads: arguments.Threads = None,
+        threads: int | None,
         required: tuple[str, ...],
         max_vehicles: arguments.MaxVehicles = None,
     ) -> int:

@@ -457,7 +457,7 @@ class Client:
         if isinstance(study, TrialStudy) and study.keeps_trials:
             plan = self.stored(job.document["plan_id"]) if plan is None else plan
             run = study.first_run(plan, study.options.of_request(job.document["request"]))
-            return study.conclude(run, [study.unpack(self._trials(job))])
+            return run.concluded([run.unpack(self._trials(job))])
         result = values_of(self._remote.send("GET", f"/v1/jobs/{job.id}/result"), None)
         if study.document is None:
             return RemotePlan.of(result)

@@ -11,8 +11,6 @@ from syncplan.planning.plan_files import PlanSubject, in_world, planned
 from syncplan.planning.plan_flights import (
     Flight,
     FlightRun,
-    conclude_flight,
-    fly_part,
     set_up_flight,
 )
 
@@ -42,13 +40,14 @@ def fly(
     argument at fault.
     """
     run = flight_run(subject, options, **changes)
-    return conclude_flight(run, [fly_part(run, 0, run.trials, threads=threads, progress=progress)])
+    flight: Flight = run.whole(threads=threads, progress=progress)
+    return flight
 
 
 def flight_run(
     subject: PlanSubject, options: FlightOptions | None = None, **changes: Any
 ) -> FlightRun:
-    """Return the set-up of a flight; fly_part flies its parts, conclude_flight joins them."""
+    """Return the set-up of a flight."""
     chosen = replace(options or FlightOptions(), **changes)
     plan = planned(subject)
     choice = asked_filter(plan.scenario, chosen) or flown_filter(plan) or ROBUST_IN_FLIGHT

@@ -16,7 +16,7 @@ from syncplan.planning.error_checks import errors_above, flown_errors
 from syncplan.planning.expected_work import FLIGHT_WORK_LIMIT, work_of
 from syncplan.planning.filter_choice import FLYING_FILTERS, FilterChoice, asked_filter
 from syncplan.planning.pilot_options import PilotOptions
-from syncplan.planning.plan_flights import Flight, FlightRun, fly_part, set_up_flight
+from syncplan.planning.plan_flights import Flight, FlightRun, set_up_flight
 from syncplan.planning.plans import Plan
 from syncplan.planning.share_test import BAD_SHARE, FEWEST_FLIGHTS, MOST_FLIGHTS, deciding_flights
 from syncplan.scenario.filters import FILTERS
@@ -123,7 +123,7 @@ class _Pilot:
             if progress is not None:
                 progress(before + done, before + flights)
 
-        part = fly_part(run, first, flights, threads=self.options.threads, progress=count)
+        part = run.part(first, flights, threads=self.options.threads, progress=count)
         self.done = before + flights
         return part
 

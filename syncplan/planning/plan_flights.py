@@ -19,6 +19,7 @@ from syncplan.estimation.filter_options import steps_in_run
 from syncplan.estimation.filter_setup import judged_from
 from syncplan.estimation.trials import (
     Accuracy,
+    RunOfTrials,
     TrialErrors,
     accuracy,
     check_whole,
@@ -26,7 +27,12 @@ from syncplan.estimation.trials import (
 )
 from syncplan.guidance.flight_events import FlightEvents, events_of
 from syncplan.guidance.flight_options import DEFAULT_GATE, FlightOptions
-from syncplan.guidance.flight_results import FlightResult, joined_flights
+from syncplan.guidance.flight_results import (
+    FlightResult,
+    joined_flights,
+    pack_flight,
+    unpack_flight,
+)
 from syncplan.guidance.flight_setup import FlightLimits, FlownWorld
 from syncplan.guidance.flights import fly_trials
 from syncplan.guidance.flown_figures import Meetings, meetings_of
@@ -58,7 +64,7 @@ OUT_OF_CONTACT_PERIODS = 2.0
 
 
 @dataclass(frozen=True, slots=True)
-class FlightRun:
+class FlightRun(RunOfTrials):
     """Set-up of a flight, whose trials can be flown in parts.
 
     Attributes
@@ -78,10 +84,32 @@ class FlightRun:
     limits: FlightLimits
     team: FlownTeam
 
+    pack = staticmethod(pack_flight)
+    unpack = staticmethod(unpack_flight)
+
     @property
-    def trials(self) -> int:
-        """Number of trials."""
-        return self.options.trials
+    def effort(self) -> float:
+        """Number of samples of a flight."""
+        return float(self.team.steps)
+
+    @single_threaded_blas
+    def part(
+        self,
+        first_trial: int,
+        trials: int,
+        *,
+        threads: int | None = None,
+        progress: Callable[[int], None] | None = None,
+    ) -> FlightResult:
+        """Return `trials` flights from `first_trial` on, a multiple of CHUNK_TRIALS."""
+        return fly_trials(self.team, first_trial, trials, threads=threads, progress=progress)
+
+    @single_threaded_blas
+    def concluded(self, parts: Sequence[FlightResult]) -> "Flight":
+        """Return the flight from all parts, in order."""
+        result = joined_flights(parts)
+        check_whole(result.estimates, self.trials, self.team.present[-1])
+        return Flight.of(self, result)
 
     @property
     def happenings(self) -> list[str]:
@@ -337,28 +365,3 @@ def set_up_flight(plan: Plan, options: FlightOptions, choice: FilterChoice) -> F
         scenario.motion.lag_s or 0.0,
     )
     return FlightRun(plan, duration, chosen, choice.reason, limits, team)
-
-
-@single_threaded_blas
-def fly_part(
-    run: FlightRun,
-    first_trial: int,
-    trials: int,
-    *,
-    threads: int | None = None,
-    progress: Callable[[int], None] | None = None,
-) -> FlightResult:
-    """Return `trials` trials of a flight from `first_trial` on, a multiple of CHUNK_TRIALS."""
-    return fly_trials(run.team, first_trial, trials, threads=threads, progress=progress)
-
-
-@single_threaded_blas
-def conclude_flight(run: FlightRun, parts: Sequence[FlightResult]) -> Flight:
-    """Return the flight from all parts of a run, in order.
-
-    The bytes do not depend on the division into parts. Raises InputError where parts are missing,
-    and NoSolutionError where the filter diverged.
-    """
-    result = joined_flights(parts)
-    check_whole(result.estimates, run.trials, run.team.present[-1])
-    return Flight.of(run, result)

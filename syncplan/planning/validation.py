@@ -26,11 +26,14 @@ from syncplan.estimation.trial_readings import possible_sightings
 from syncplan.estimation.trials import (
     Accuracy,
     MonteCarloResult,
+    RunOfTrials,
     TrialErrors,
     accuracy,
     check_whole,
     merge,
+    pack,
     trial_errors,
+    unpack,
 )
 from syncplan.options import lists_options
 from syncplan.orbits.contacts import Windows, find_windows
@@ -164,7 +167,7 @@ class Validation(Result):
 
 
 @dataclass(frozen=True, slots=True)
-class TrialRun:
+class TrialRun(RunOfTrials):
     """Set-up of a validation, whose trials can run in parts.
 
     Attributes
@@ -186,10 +189,56 @@ class TrialRun:
     options: FilterOptions
     chosen_because: str
 
+    pack = staticmethod(pack)
+    unpack = staticmethod(unpack)
+
     @property
-    def trials(self) -> int:
-        """Number of trials."""
-        return self.options.trials
+    def effort(self) -> float:
+        """Number of samples and sightings of a trial."""
+        return float(self.steps + len(self.sightings.observers))
+
+    @single_threaded_blas
+    def part(
+        self,
+        first_trial: int,
+        trials: int,
+        *,
+        threads: int | None = None,
+        progress: Callable[[int], None] | None = None,
+    ) -> MonteCarloResult:
+        """Return `trials` trials from `first_trial` on, a multiple of CHUNK_TRIALS."""
+        return run_trials(
+            self.true_team,
+            self.sightings,
+            self.steps,
+            replace(self.options, trials=trials),
+            believed=self.plan.team,
+            first_trial=first_trial,
+            threads=threads,
+            progress=progress,
+        )
+
+    @single_threaded_blas
+    def concluded(self, parts: Sequence[MonteCarloResult]) -> Validation:
+        """Return the validation from all parts, in order."""
+        result = merge(parts)
+        check_whole(result, self.trials)
+        found, (prediction, over_time) = accuracy(result), _prediction(self)
+        return Validation(
+            plan=self.plan,
+            duration=self.duration,
+            options=self.options,
+            chosen_because=self.chosen_because,
+            result=result,
+            accuracy=found,
+            predicted=prediction.rms,
+            predicted_errors=prediction.states,
+            predicted_over_time=over_time,
+            expected=_expected(self, prediction),
+            coverage=coverage(result.covered.mean(axis=0), result.coverage_samples),
+            anees=anees(result.nees, 3 * self.plan.orbits.count),
+            nis=nis(result.nis_sums, result.accepted, self.options.gate_probability),
+        )
 
 
 @lists_options(FilterOptions)
@@ -210,8 +259,10 @@ def validate(
     the scenario's truth). The same seed gives the same bytes on any number of threads. `progress`
     is called with the number of trials done. Raises InputError naming the argument at fault.
     """
-    run = trial_run(subject, options, **changes)
-    return conclude(run, [run_part(run, 0, run.trials, threads=threads, progress=progress)])
+    validation: Validation = trial_run(subject, options, **changes).whole(
+        threads=threads, progress=progress
+    )
+    return validation
 
 
 def trial_run(
@@ -219,7 +270,7 @@ def trial_run(
     options: FilterOptions | None = None,
     **changes: Any,
 ) -> TrialRun:
-    """Return the set-up of a validation; run_part runs its parts and conclude joins them."""
+    """Return the set-up of a validation."""
     chosen = options_with(options, changes)
     plan = planned(subject)
     choice, flown = choose_filter(plan, chosen), in_world(plan, chosen.truth)
@@ -231,56 +282,6 @@ def trial_run(
     sightings = possible_sightings(true, windows, steps)
     return TrialRun(
         flown, true, windows, length, steps, sightings, choice.applied(chosen), choice.reason
-    )
-
-
-@single_threaded_blas
-def run_part(
-    run: TrialRun,
-    first_trial: int,
-    trials: int,
-    *,
-    threads: int | None = None,
-    progress: Callable[[int], None] | None = None,
-) -> MonteCarloResult:
-    """Return `trials` trials of a validation from `first_trial` on, a multiple of CHUNK_TRIALS."""
-    return run_trials(
-        run.true_team,
-        run.sightings,
-        run.steps,
-        replace(run.options, trials=trials),
-        believed=run.plan.team,
-        first_trial=first_trial,
-        threads=threads,
-        progress=progress,
-    )
-
-
-@single_threaded_blas
-def conclude(run: TrialRun, parts: Sequence[MonteCarloResult]) -> Validation:
-    """Return the validation from all parts of a run, in order.
-
-    The bytes do not depend on how the run was cut. Raises InputError if parts are missing, and
-    NoSolutionError if the filter diverged.
-    """
-    result = merge(parts)
-    check_whole(result, run.trials)
-    found, (prediction, over_time) = accuracy(result), _prediction(run)
-    expected = _expected(run, prediction)
-    return Validation(
-        plan=run.plan,
-        duration=run.duration,
-        options=run.options,
-        chosen_because=run.chosen_because,
-        result=result,
-        accuracy=found,
-        predicted=prediction.rms,
-        predicted_errors=prediction.states,
-        predicted_over_time=over_time,
-        expected=expected,
-        coverage=coverage(result.covered.mean(axis=0), result.coverage_samples),
-        anees=anees(result.nees, 3 * run.plan.orbits.count),
-        nis=nis(result.nis_sums, result.accepted, run.options.gate_probability),
     )
 
 

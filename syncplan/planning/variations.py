@@ -9,6 +9,7 @@ import numpy as np
 
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import FilterOptions, options_with
+from syncplan.estimation.trials import results_of
 from syncplan.options import lists_options
 from syncplan.orbits.circles import position
 from syncplan.orbits.graphs import bottleneck
@@ -18,14 +19,7 @@ from syncplan.planning.judged_team import MOST_NAMED, PlanFinding, PlanVerdict, 
 from syncplan.planning.plan_files import PlanSubject, in_world, planned
 from syncplan.planning.planner import plan
 from syncplan.planning.plans import Plan
-from syncplan.planning.validation import (
-    TrialRun,
-    Validation,
-    conclude,
-    run_part,
-    trial_run,
-    validate,
-)
+from syncplan.planning.validation import TrialRun, Validation, trial_run
 from syncplan.results.result import Result
 from syncplan.scenario.dotted_keys import IN_TRUTH, SWEPT_KEYS, numeric_keys, swept_key
 from syncplan.scenario.specification import Scenario
@@ -90,7 +84,8 @@ def sweep(
     """
     chosen = options_with(options, changes)
     rows = planned_rows(scenario, name, values, connected=connected)
-    return validated(name, rows, chosen, threads=threads, progress=progress)
+    runs = (trial_run(row.plan, options_of_row(row.plan, chosen)) for row in rows)
+    return swept(name, rows, results_of(runs, threads=threads, progress=progress))
 
 
 def planned_rows(
@@ -113,22 +108,15 @@ def planned_rows(
     return rows
 
 
-def validated(
-    name: str,
-    rows: Iterable[PlannedRow],
-    options: FilterOptions,
-    *,
-    threads: int | None = None,
-    progress: Callable[[int], None] | None = None,
-) -> Sweep:
-    """Return the sweep of the key `name`, with its planned rows validated one by one."""
-    found: list[ValidatedRow] = []
-    for one in rows:
-        done = _shifted(progress, len(found) * options.trials)
-        own = options_of_row(one.plan, options)
-        validation = validate(one.plan, own, threads=threads, progress=done)
-        found.append(ValidatedRow(one.label, one.value, validation))
-    return Sweep(name, found)
+def swept(name: str, rows: Iterable[PlannedRow], results: Iterable[Validation]) -> Sweep:
+    """Return the sweep of the key `name` from the validations of its rows."""
+    return Sweep(
+        name,
+        [
+            ValidatedRow(row.label, row.value, validation)
+            for row, validation in zip(rows, results, strict=True)
+        ],
+    )
 
 
 def options_of_row(flown: Plan, options: FilterOptions) -> FilterOptions:
@@ -159,13 +147,6 @@ def connected_range(subject: Plan) -> float:
         apart[subject.orbits.count :, subject.orbits.count :] = np.inf
         longest = max(longest, bottleneck(apart))
     return float(_RANGE_MARGIN * longest)
-
-
-def _shifted(progress: Callable[[int], None] | None, done: int) -> Callable[[int], None] | None:
-    if progress is None:
-        return None
-    report = progress
-    return lambda trials: report(done + trials)
 
 
 # --- stress tests ---------------------------------------------------------------------------------
@@ -316,29 +297,6 @@ def joined_worlds(worlds: Sequence[str], results: Sequence[Validation]) -> Stres
         for world, one in zip(worlds[1:], others, strict=True)
     ]
     return StressTest(nominal, tuple(sorted(rows, key=lambda row: row.harm, reverse=True)))
-
-
-@lists_options(FilterOptions)
-def stressed(
-    subject: PlanSubject,
-    options: FilterOptions | None = None,
-    *,
-    threads: int | None = None,
-    progress: Callable[[int], None] | None = None,
-    **changes: Any,
-) -> StressTest:
-    """Return a plan's validations in worlds that are worse than its scenario states.
-
-    Options are those of syncplan.validate. The same seed gives the same draws in all worlds.
-    `progress` is called with the number of trials done in all.
-    """
-    runs = stress_runs(subject, options, **changes)
-    found: list[Validation] = []
-    for run in runs.values():
-        before = len(found) * run.trials
-        done = _shifted(progress, before)
-        found.append(conclude(run, [run_part(run, 0, run.trials, threads=threads, progress=done)]))
-    return joined_worlds(list(runs), found)
 
 
 def _late(one: Validation) -> float:

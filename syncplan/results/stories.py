@@ -90,7 +90,7 @@ class Grid:
 
 
 Story = Iterable[str | Table | Grid]
-"""Marked-up lines and tables."""
+"""Marked-up lines and tables; a table without rows is not shown."""
 
 
 class Report:
@@ -143,6 +143,7 @@ def html_of(story: Story) -> str:
     return "\n".join(
         f"<p>{marked(part)}</p>" if isinstance(part, str) else "".join(_table_lines(part))
         for part in story
+        if isinstance(part, str) or part.rows
     )
 
 
@@ -189,7 +190,7 @@ def flat(values: Mapping[str, Any]) -> Row:
     """Return plain values alone; a point [x, y] becomes two columns, `center_x_m` and so on."""
     row: Row = {}
     for key, value in values.items():
-        if isinstance(value, tuple) and len(value) == 2:
+        if isinstance(value, tuple) and len(value) == 2 and not isinstance(value[0], str):
             stem, _, unit = key.rpartition("_")
             row.update({f"{stem}_x_{unit}": value[0], f"{stem}_y_{unit}": value[1]})
         elif not isinstance(value, list | tuple | dict):

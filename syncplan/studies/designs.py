@@ -21,6 +21,7 @@ class Designs(Study):
     body = "The brief"
     document = DocumentKind("syncplan.reports.design_report", "DesignDocument", title="Design")
     ends_early = True
+    parallel = True
 
     @property
     def options(self) -> type[Any]:

@@ -1,6 +1,5 @@
 """Flights of a plan in closed loop."""
 
-from collections.abc import Sequence
 from typing import Any
 
 from syncplan.guidance.flight_options import FlightOptions
@@ -26,31 +25,3 @@ class Flights(TrialStudy):
         from syncplan.flight.flying import flight_run
 
         return flight_run(subject, options)
-
-    def part(self, run: Any, first_trial: int, trials: int, **how: Any) -> Any:
-        """Return some flights of a run."""
-        from syncplan.planning.plan_flights import fly_part
-
-        return fly_part(run, first_trial, trials, **how)
-
-    def pack(self, part: Any) -> bytes:
-        """Return flights as bytes."""
-        from syncplan.guidance.flight_results import pack_flight
-
-        return pack_flight(part)
-
-    def unpack(self, data: bytes) -> Any:
-        """Return the flights that `pack` packed."""
-        from syncplan.guidance.flight_results import unpack_flight
-
-        return unpack_flight(data)
-
-    def conclude(self, run: Any, parts: Sequence[Any]) -> Any:
-        """Return the flights of a run as a whole."""
-        from syncplan.planning.plan_flights import conclude_flight
-
-        return conclude_flight(run, parts)
-
-    def effort(self, run: Any) -> float:
-        """Return the number of samples of a flight."""
-        return float(run.team.steps)

@@ -17,6 +17,7 @@ class Refinements(Study):
     unit = "starts"
     body = "What changes of the plan's own options; nothing if empty"
     ends_early = True
+    parallel = True
 
     @property
     def options(self) -> type[Any]:

@@ -1,7 +1,7 @@
 """The form that all studies have.
 
 A study is a class in a module of this package and a line in study_table. Its command, its job in
-the service and the client's method follow from these. The modules that compute are imported within
+the service and Client.start follow from these. The modules that compute are imported within
 methods: the command line lists all studies, and starts fast.
 """
 
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
+    from syncplan.estimation.trials import RunOfTrials
     from syncplan.runtime.task_crew import EarlierSearch
 
 Subject = Literal["plan", "scenario", "recording", "team"]
@@ -59,7 +60,7 @@ class Study(ABC):
     Attributes
     ----------
     name : noun for its reports and its jobs
-    verb : name of its command and of the client's method
+    verb : name of its command
     of : what it is about; a team is one that is still to be found
     sentence : what it does
     unit : unit of its work
@@ -70,6 +71,7 @@ class Study(ABC):
     body : description of a request to the service; empty for a study that is no job
     document : kind of its result; None where it is a plan
     ends_early : whether it can end early, with the best result so far
+    parallel : whether it can use several threads or processes
     """
 
     name: ClassVar[str]
@@ -84,6 +86,7 @@ class Study(ABC):
     body: ClassVar[str] = ""
     document: ClassVar[DocumentKind | None] = None
     ends_early: ClassVar[bool] = False
+    parallel: ClassVar[bool] = False
 
     @property
     def path(self) -> str:
@@ -118,16 +121,15 @@ class Study(ABC):
 
 
 class TrialStudy(Study):
-    """A study of independent trials, which may be computed in parts, in any order, anywhere.
-
-    A run is the set-up of some trials, with their number as `trials` and options as `options`.
+    """A study of independent trials, in runs that may be computed in parts.
 
     Attributes
     ----------
-    keeps_trials : whether the figures of each trial can be read
+    keeps_trials : whether the figures of each trial of the first run can be read
     """
 
     unit = "trials"
+    parallel = True
     keeps_trials: ClassVar[bool] = True
 
     def work(self, subject: Any, options: Any) -> int:
@@ -135,35 +137,12 @@ class TrialStudy(Study):
         return int(options.trials)
 
     @abstractmethod
-    def first_run(self, subject: Any, options: Any) -> Any:
-        """Return the set-up of the first run, whose trials are kept.
+    def first_run(self, subject: Any, options: Any) -> "RunOfTrials":
+        """Return the set-up of the first run; raises InputError naming the option at fault."""
 
-        Raises InputError naming the option at fault.
-        """
-
-    def runs(self, subject: Any, options: Any) -> list[Any]:
+    def runs(self, subject: Any, options: Any) -> "list[RunOfTrials]":
         """Return the set-ups of all runs."""
         return [self.first_run(subject, options)]
-
-    @abstractmethod
-    def part(self, run: Any, first_trial: int, trials: int, **how: Any) -> Any:
-        """Return some trials of a run, computed by `threads`, with the progress as `progress`."""
-
-    @abstractmethod
-    def pack(self, part: Any) -> bytes:
-        """Return trials as bytes."""
-
-    @abstractmethod
-    def unpack(self, data: bytes) -> Any:
-        """Return the trials that `pack` packed."""
-
-    @abstractmethod
-    def conclude(self, run: Any, parts: Sequence[Any]) -> Any:
-        """Return the result of a run from all its parts, in order; `result` has the trials."""
-
-    @abstractmethod
-    def effort(self, run: Any) -> float:
-        """Return the approximate work of a trial of a run, relative to other runs."""
 
     def joined(self, subject: Any, options: Any, results: Sequence[Any]) -> Any:
         """Return the result of the study from those of its runs, in order."""
@@ -179,18 +158,7 @@ class TrialStudy(Study):
         earlier: "EarlierSearch | None" = None,
     ) -> Any:
         """Return the result of all trials."""
-        runs = self.runs(subject, options)
-        return self.joined(subject, options, self.results(runs, workers, progress))
+        from syncplan.estimation.trials import results_of
 
-    def results(
-        self, runs: Sequence[Any], threads: int | None, progress: StudyProgress | None
-    ) -> list[Any]:
-        """Return the result of each run."""
-        results: list[Any] = []
-        before = 0
-        for run in runs:
-            told = progress and (lambda done, before=before: progress(before + done))
-            part = self.part(run, 0, run.trials, threads=threads, progress=told)
-            results.append(self.conclude(run, [part]))
-            before += run.trials
-        return results
+        runs = self.runs(subject, options)
+        return self.joined(subject, options, results_of(runs, threads=workers, progress=progress))

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from syncplan.estimation.filter_options import SweepOptions
-from syncplan.studies.study import DocumentKind
-from syncplan.studies.validations import FilterTrials
+from syncplan.studies.study import DocumentKind, TrialStudy
 
 if TYPE_CHECKING:
     from syncplan.planning.variations import PlannedRow
@@ -20,7 +19,7 @@ class PlannedSweep:
     rows: "Sequence[PlannedRow]"
 
 
-class Sweeps(FilterTrials):
+class Sweeps(TrialStudy):
     """Validations of the plans of several values of a key."""
 
     name, verb, of = "sweep", "sweep", "scenario"
@@ -47,13 +46,9 @@ class Sweeps(FilterTrials):
 
     def joined(self, subject: PlannedSweep, options: Any, results: Sequence[Any]) -> Any:
         """Return the sweep of the validated rows."""
-        from syncplan.planning.variations import Sweep, ValidatedRow
+        from syncplan.planning.variations import swept
 
-        rows = [
-            ValidatedRow(row.label, row.value, validation)
-            for row, validation in zip(subject.rows, results, strict=True)
-        ]
-        return Sweep(subject.key, rows)
+        return swept(subject.key, subject.rows, results)
 
 
 def _run_of(row: "PlannedRow", options: Any) -> Any:

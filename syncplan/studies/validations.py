@@ -7,39 +7,7 @@ from syncplan.estimation.filter_options import ValidationOptions
 from syncplan.studies.study import DocumentKind, TrialStudy
 
 
-class FilterTrials(TrialStudy):
-    """Base class of studies whose trials are runs of the filter along circles."""
-
-    def part(self, run: Any, first_trial: int, trials: int, **how: Any) -> Any:
-        """Return some trials of a run."""
-        from syncplan.planning.validation import run_part
-
-        return run_part(run, first_trial, trials, **how)
-
-    def pack(self, part: Any) -> bytes:
-        """Return trials as bytes."""
-        from syncplan.estimation.trials import pack
-
-        return pack(part)
-
-    def unpack(self, data: bytes) -> Any:
-        """Return the trials that `pack` packed."""
-        from syncplan.estimation.trials import unpack
-
-        return unpack(data)
-
-    def conclude(self, run: Any, parts: Sequence[Any]) -> Any:
-        """Return the validation of a run."""
-        from syncplan.planning.validation import conclude
-
-        return conclude(run, parts)
-
-    def effort(self, run: Any) -> float:
-        """Return the number of samples and sightings of a trial."""
-        return float(run.steps + len(run.sightings.observers))
-
-
-class Validations(FilterTrials):
+class Validations(TrialStudy):
     """Monte Carlo runs of the filter on a plan."""
 
     name, verb, of = "validation", "validate", "plan"

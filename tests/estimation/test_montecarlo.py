@@ -20,7 +20,7 @@ from syncplan.orbits.noise import Noise
 from syncplan.orbits.sightings import Sightings, sample_sightings
 from syncplan.orbits.team import Team
 from syncplan.planning.plans import Plan
-from syncplan.planning.validation import conclude, run_part, trial_run, validate
+from syncplan.planning.validation import trial_run, validate
 from syncplan.reports.validation_report import validation_document
 from syncplan.runtime.files import as_text
 from tests.estimation.test_filter import filtered
@@ -245,16 +245,16 @@ def test_a_run_in_parts_gives_the_report_of_the_whole_to_the_byte(with_series: b
     whole = validate(flown, trials=70, seed=3, duration=20.0, with_series=with_series)
     run = trial_run(flown, trials=70, seed=3, duration=20.0, with_series=with_series)
     cuts = [(0, 16), (16, 48), (64, 6)]
-    parts = [unpack(pack(run_part(run, first, count, threads=1))) for first, count in cuts]
-    reports = [as_text(validation_document(one).as_json()) for one in (whole, conclude(run, parts))]
+    parts = [unpack(pack(run.part(first, count, threads=1))) for first, count in cuts]
+    reports = [as_text(validation_document(one).as_json()) for one in (whole, run.concluded(parts))]
     assert reports[0] == reports[1]
 
 
 def test_a_missing_part_is_refused() -> None:
     run = trial_run(example("paper-grid-same"), trials=32, duration=2.0)
-    part = run_part(run, 0, 16)
+    part = run.part(0, 16)
     with pytest.raises(InputError, match="16 from 0 on given, of 32"):
-        conclude(run, [part])
+        run.concluded([part])
 
 
 @pytest.mark.parametrize("data", [b"", b"nothing", b"PK\x03\x04 an archive cut short"])

@@ -12,7 +12,7 @@ from syncplan.errors import InputError
 from syncplan.estimation.trials import pack
 from syncplan.flight.flying import flight_run
 from syncplan.guidance.flight_results import FlightResult, pack_flight, unpack_flight
-from syncplan.planning.plan_flights import FlightRun, conclude_flight, fly_part
+from syncplan.planning.plan_flights import FlightRun
 from syncplan.reports.flight_report import flight_document
 from syncplan.runtime.files import as_text
 from tests.flight.test_flying import OPTIONS, QUICK, TRIALS
@@ -30,7 +30,7 @@ def run() -> FlightRun:
 @pytest.fixture(scope="module")
 def parts(run: FlightRun) -> list[FlightResult]:
     cuts = ((0, 16, 1), (16, 20, 3))
-    return [fly_part(run, first, count, threads=threads) for first, count, threads in cuts]
+    return [run.part(first, count, threads=threads) for first, count, threads in cuts]
 
 
 def leaves(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
@@ -48,8 +48,8 @@ def leaves(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
 def test_a_flight_in_parts_on_any_threads_is_the_whole_to_the_byte(
     run: FlightRun, parts: list[FlightResult]
 ) -> None:
-    whole = conclude_flight(run, [fly_part(run, 0, TRIALS, threads=2)])
-    joined = conclude_flight(run, [unpack_flight(pack_flight(part)) for part in parts])
+    whole = run.whole(threads=2)
+    joined = run.concluded([unpack_flight(pack_flight(part)) for part in parts])
     reports = [as_text(flight_document(flight).as_json()) for flight in (whole, joined)]
     assert reports[0] == reports[1]
     again, wanted = dict(leaves(joined.result)), dict(leaves(whole.result))

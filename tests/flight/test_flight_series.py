@@ -13,7 +13,7 @@ from syncplan.guidance.flight_options import FlightOptions
 from syncplan.guidance.flight_records import MOMENTS, MOST_TIMES, RecordedSteps, tracked_trials
 from syncplan.guidance.flight_results import FlightResult
 from syncplan.guidance.flights import FlightSeries, mean_series
-from syncplan.planning.plan_flights import FlightRun, fly_part
+from syncplan.planning.plan_flights import FlightRun
 from syncplan.planning.plans import Plan
 from tests.tools.on_paper import plan
 from tests.tools.scenarios import changed
@@ -36,7 +36,7 @@ def run() -> FlightRun:
 
 @pytest.fixture(scope="module")
 def whole(run: FlightRun) -> FlightResult:
-    return fly_part(run, 0, run.trials, threads=1)
+    return run.part(0, run.trials, threads=1)
 
 
 @pytest.fixture(scope="module")
@@ -120,7 +120,7 @@ def test_tracks_end_where_the_trials_end(run: FlightRun, whole: FlightResult) ->
 
 def test_ellipses_are_the_filters_own_sigma(run: FlightRun) -> None:
     few = flight_run(run.plan, OPTIONS, trials=tracked_trials(6))
-    result = fly_part(few, 0, few.trials)
+    result = few.part(0, few.trials)
     own = np.mean([t.covariances[..., 0] + t.covariances[..., 1] for t in result.tracks], axis=0)
     steps = RecordedSteps.of(few.team.steps, few.team.setup.time, few.plan.orbits.period)
     sigma = mean_series(few.team, result).sigma[np.searchsorted(steps.series, steps.moments)]
@@ -134,7 +134,7 @@ def test_looking_at_a_flight_does_not_change_it(guidance: str) -> None:
     """Looks fall between decisions, whose number stays as it is."""
     quick, options = _grid(0.1, 0.4), FlightOptions(trials=2, duration=10.0, guidance=guidance)
     plain, looked_at = (
-        fly_part(flight_run(quick, options, with_series=wanted), 0, 2) for wanted in (False, True)
+        flight_run(quick, options, with_series=wanted).part(0, 2) for wanted in (False, True)
     )
     for name in ("tracking_squares", "bound_squares", "separations", "refused"):
         one, two = (getattr(of.figures, name) for of in (plain, looked_at))
@@ -147,4 +147,4 @@ def test_looking_at_a_flight_does_not_change_it(guidance: str) -> None:
 def test_a_flight_without_series_says_how_to_get_one(run: FlightRun) -> None:
     plain = flight_run(run.plan, trials=1, duration=2.0)
     with pytest.raises(InputError, match="with_series=True"):
-        mean_series(plain.team, fly_part(plain, 0, 1))
+        mean_series(plain.team, plain.part(0, 1))

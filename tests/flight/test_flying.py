@@ -11,7 +11,7 @@ from syncplan.errors import NoSolutionError
 from syncplan.flight.flying import flight_run, fly
 from syncplan.guidance.flight_results import FlightResult
 from syncplan.guidance.flown_figures import _settled
-from syncplan.planning.plan_flights import Flight, conclude_flight, fly_part
+from syncplan.planning.plan_flights import Flight
 from syncplan.planning.plans import Plan
 from syncplan.reports.flight_report import flight_document
 from tests.tools.on_paper import plan
@@ -91,12 +91,12 @@ def test_a_vehicle_is_out_of_contact_after_two_periods_without_a_sighting(flight
 
 def test_a_filter_that_breaks_down_is_said_to(made: Plan) -> None:
     run = flight_run(made, trials=4, duration=2.0)
-    part = fly_part(run, 0, 4, threads=1)
+    part = run.part(0, 4, threads=1)
     broken = part.estimates.mean_squares.copy()
     broken[2, 0, 0] = np.nan
     part = replace(part, estimates=replace(part.estimates, mean_squares=broken))
     with pytest.raises(NoSolutionError, match=r"^the filter diverged in 1 of 4 trials"):
-        conclude_flight(run, [part])
+        run.concluded([part])
 
 
 def test_a_prediction_is_for_the_plans_own_duration(flight: Flight, made: Plan) -> None:

@@ -7,7 +7,6 @@ import pytest
 
 from syncplan.flight.flying import flight_run
 from syncplan.guidance.flight_records import RecordedSteps
-from syncplan.planning.plan_flights import conclude_flight, fly_part
 from syncplan.reports.flight_report import FlightDocument, flight_document
 from syncplan.reports.flight_series import FlightOverTime
 from syncplan.reports.plan_report import plan_document
@@ -66,7 +65,7 @@ def test_values_end_where_a_vehicle_is_lost(series: FlightOverTime) -> None:
 def test_phase_tolerances_without_series_are_the_least_of_the_plans_links() -> None:
     chain = plan(example("mixed-radii-camera"), bound="never")
     run = flight_run(chain, trials=1, duration=2.0, filter="ekf")
-    flown = flight_document(conclude_flight(run, [fly_part(run, 0, 1, threads=1)]))
+    flown = flight_document(run.concluded([run.part(0, 1, threads=1)]))
     assert "series" not in flown.as_json()
     links = plan_document(chain).links
     differ = 0

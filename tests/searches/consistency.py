@@ -19,7 +19,7 @@ from syncplan.estimation.consistency import Consistency, chi_square_band
 from syncplan.estimation.montecarlo import run_trials
 from syncplan.orbits.team import Team
 from syncplan.planning.plans import Plan
-from syncplan.planning.validation import conclude, trial_run
+from syncplan.planning.validation import trial_run
 from tests.searches import Search, most_of
 from tests.tools.on_paper import plan
 from tests.tools.scenarios import example
@@ -57,7 +57,7 @@ def _reported(believed: Team, seed: int) -> Consistency:
     part = run_trials(
         _grid().team, run.sightings, run.steps, run.options, believed=believed, threads=1
     )
-    return conclude(run, [part]).anees
+    return run.concluded([part]).anees
 
 
 def draw(number: int) -> tuple[list[str], Judged]:

@@ -33,8 +33,8 @@ SweepRequest = JOB_KINDS["sweep"].request
 MEDIA = ("application/json", "application/yaml")
 WITHOUT_BODY = {"204", "304"}
 UNSECURED = {"checkHealth", "checkReadiness", "readScenarioSchema", "readPlanSchema"}
-OPTIONAL = ("refinePlan", "validatePlan", "flyPlan", "importPlaces", "replayRecording")
-"""Operations whose body may be left out."""
+OPTIONAL = {"importPlaces", *(kind.operation for kind in JOB_KINDS.values() if kind.about)}
+"""Operations whose body may be left out: their subject is stored, or sent as it is."""
 NAMES = {"deletePlan", "deleteRecording", *(one.stem for one in FOLDER.glob("*.json"))}
 """Operations; those that answer with a body are named as the files of their examples."""
 

@@ -3,7 +3,7 @@
 from functools import cache
 
 from syncplan.flight.flying import flight_run
-from syncplan.planning.plan_flights import Flight, conclude_flight, fly_part
+from syncplan.planning.plan_flights import Flight
 from syncplan.planning.plan_records import FlownPlan, MeetingsFlown, PhasesFlown
 from tests.tools.on_paper import plan
 from tests.tools.scenarios import changed
@@ -58,4 +58,5 @@ def short_flight() -> Flight:
         lose=(f"v6@{LOST_AT:g}",),
         hold=("v2@12:6",),
     )
-    return conclude_flight(run, [fly_part(run, 0, run.trials, threads=1)])
+    flight: Flight = run.whole(threads=1)
+    return flight
