@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from syncplan.errors import InputError
 from syncplan.guidance.flight_options import GuidanceModel
-from syncplan.planning.expected_work import ExpectedWork, pairs_of, work_of
+from syncplan.planning.expected_work import ExpectedWork, work_of
 from syncplan.scenario.specification import Scenario
 
 _REMEDY = "use a shorter range_m, a longer sample_time_s, a shorter run or fewer vehicles"
@@ -65,17 +65,18 @@ def check_size(scenario: Scenario, limits: RequestLimits) -> None:
     check_at_most("formation", scenario.size, limits.vehicles, " vehicles")
     for key, length in (("duration_s", scenario.duration_s), ("window_s", scenario.stated_window)):
         check_at_most(key, length / scenario.sample_time, limits.samples, " samples")
+    work = work_of(scenario)
+    if work is None:
+        return
     # a narrow view is sampled for each pair: they are counted before
-    pairs = pairs_of(scenario)
-    if pairs > MOST_PAIRS:
+    if work.pairs > MOST_PAIRS:
         raise InputError(
-            f"{pairs} pairs of an observer and a target may come within range; this service takes "
-            f"up to {MOST_PAIRS}; use a shorter range_m, fewer landmarks or fewer vehicles",
+            f"{work.pairs} pairs of an observer and a target may come within range; this service "
+            f"takes up to {MOST_PAIRS}; use a shorter range_m, fewer landmarks or fewer vehicles",
             key="sensor",
         )
-    work = work_of(scenario)
     # without the bound, planning looks at no samples
-    if work is not None and work.bounded:
+    if work.bounded:
         _check_work(scenario, work, MOST_BOUND_WORK, limits)
 
 

@@ -13,6 +13,7 @@ the target, and the largest is taken.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -35,38 +36,65 @@ _FLIGHT_SECONDS = 5e-10
 """Time of one of many flights for each unit of pass work, in s on two cores."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ExpectedWork:
     """Expected size of a run of a scenario.
 
     Attributes
     ----------
-    sightings : number of sightings in the run
-    pass_work : sightings times the squared dimension of the state with every error: work of the
-        bound, and of a trial
-    bounded : whether a plan computes the posterior bound by default
-    pairs : number of pairs of an observer and a target that may come within its range
+    team : the team, with placeholders for phases
+    length : s
+    a, b : (k,) observers and targets that may come within their range
     """
 
-    sightings: float
-    pass_work: float
-    bounded: bool
-    pairs: int
+    team: Team
+    length: float
+    a: Index
+    b: Index
+
+    @property
+    def pairs(self) -> int:
+        """Number of pairs of an observer and a target that may come within its range."""
+        return len(self.a)
+
+    @cached_property
+    def sightings(self) -> float:
+        """Number of sightings in the run."""
+        team, circles, a, b = self.team, self.team.orbits, self.a, self.b
+        places = np.concatenate([circles.centers, team.landmarks.reshape(-1, 2)])
+        radii = np.concatenate([circles.radii, np.zeros(len(team.landmarks))])
+        distance = np.hypot(*(places[b] - places[a]).T)
+        reach, sum_of_radii = team.sensors.ranges[a], circles.radii[a] + radii[b]
+        away = np.sqrt(np.maximum(distance**2 - reach**2, 0.0))
+        rho = np.minimum(sum_of_radii, away)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            cosine = (distance**2 + rho**2 - reach**2) / (2.0 * distance * rho)
+        share = np.where(distance <= reach, 1.0, np.arccos(np.clip(cosine, -1.0, 1.0)) / np.pi)
+        narrow = team.sensors.fields_of_view[a] < 2.0 * np.pi
+        share[narrow] = _share_in_view(team, places, a[narrow], b[narrow])
+        measured = kinds_measured(team.sensors)
+        paired = of_targets(np.arange(measured.shape[1]))
+        share *= measured[a][:, paired].sum(axis=1) / team.sensors.every[a]
+        alone = measured[:, ~paired] / samples_between(team.sensors)[~paired].T
+        each = float(share.sum()) + float(alone.sum())
+        return each * self.length / team.sensors.sample_time
+
+    @property
+    def pass_work(self) -> float:
+        """Sightings times the squared dimension of the state with every error.
+
+        It is the work of the bound, and of a trial.
+        """
+        return self.sightings * float(layout_of(self.team, tuple(ERROR_STATES)).size) ** 2
+
+    @property
+    def bounded(self) -> bool:
+        """Whether a plan computes the posterior bound by default."""
+        return bound_is_affordable(self.team, self.length)
 
     def flight_seconds(self, flights: int) -> float:
         """Return about how long so many flights take on two cores, in s."""
         return _FLIGHT_SECONDS * flights * self.pass_work
-
-
-def pairs_of(scenario: Scenario) -> int:
-    """Return the number of pairs of an observer and a target that may come within its range.
-
-    0 if the centres are yet to be found.
-    """
-    if not scenario.formation.placed:
-        return 0
-    team = _team(scenario.resolved())
-    return len(reachable_pairs(team.orbits, team.sensors.ranges, team.landmarks)[0])
 
 
 def work_of(scenario: Scenario, duration: float | None = None) -> ExpectedWork | None:
@@ -79,28 +107,8 @@ def work_of(scenario: Scenario, duration: float | None = None) -> ExpectedWork |
     resolved = scenario.resolved()
     length = resolved.duration_s if duration is None else duration
     team = _team(resolved)
-    circles = team.orbits
-    a, b = reachable_pairs(circles, team.sensors.ranges, team.landmarks)
-    places = np.concatenate([circles.centers, team.landmarks.reshape(-1, 2)])
-    radii = np.concatenate([circles.radii, np.zeros(len(team.landmarks))])
-    distance = np.hypot(*(places[b] - places[a]).T)
-    reach, sum_of_radii = team.sensors.ranges[a], circles.radii[a] + radii[b]
-    away = np.sqrt(np.maximum(distance**2 - reach**2, 0.0))
-    rho = np.minimum(sum_of_radii, away)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        cosine = (distance**2 + rho**2 - reach**2) / (2.0 * distance * rho)
-    share = np.where(distance <= reach, 1.0, np.arccos(np.clip(cosine, -1.0, 1.0)) / np.pi)
-    narrow = team.sensors.fields_of_view[a] < 2.0 * np.pi
-    share[narrow] = _share_in_view(team, places, a[narrow], b[narrow])
-    measured = kinds_measured(team.sensors)
-    paired = of_targets(np.arange(measured.shape[1]))
-    share *= measured[a][:, paired].sum(axis=1) / team.sensors.every[a]
-    alone = measured[:, ~paired] / samples_between(team.sensors)[~paired].T
-    each = float(share.sum()) + float(alone.sum())
-    sightings = each * length / team.sensors.sample_time
-    size = float(layout_of(team, tuple(ERROR_STATES)).size)
-    bounded = bound_is_affordable(team, length)
-    return ExpectedWork(sightings, sightings * size**2, bounded, len(a))
+    pairs = reachable_pairs(team.orbits, team.sensors.ranges, team.landmarks)
+    return ExpectedWork(team, length, *pairs)
 
 
 def _team(scenario: Scenario) -> Team:

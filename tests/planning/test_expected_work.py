@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from syncplan.orbits.error_states import ERROR_STATES, layout_of
-from syncplan.planning.expected_work import ExpectedWork, pairs_of, work_of
+from syncplan.planning.expected_work import ExpectedWork, work_of
 from syncplan.planning.validation import trial_run
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.specification import Scenario
@@ -33,13 +33,6 @@ def test_sightings_expected_are_about_those_of_the_plan(name: str) -> None:
     assert size >= 3 * scenario.size
     assert work.pass_work == pytest.approx(work.sightings * size**2)
     assert work.bounded
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_pairs_counted_are_those_of_the_estimate(name: str) -> None:
-    scenario = example(name)
-    work = work_of(scenario)
-    assert pairs_of(scenario) == (0 if work is None else work.pairs)
 
 
 def test_vehicles_that_share_circles_see_each_other_at_every_sample() -> None:

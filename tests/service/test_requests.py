@@ -86,7 +86,7 @@ def test_pairs_in_range_are_counted_before_their_views_are_sampled(
     sensor = {"range_m": 700.0, "fov_deg": 150.0, "sample_time_s": 0.5}
     crowd = {**SCENARIO, "formation": shape, "sensor": sensor}
     limits = replace(LIMITS, vehicles=1000)
-    monkeypatch.setattr("api.limits.work_of", None)
+    monkeypatch.setattr("syncplan.planning.expected_work._share_in_view", None)
     with pytest.raises(InputError, match=r"^sensor: \d{6} pairs .* up to 50000; .*range_m"):
         made_plan(json.dumps(crowd).encode(), "json", limits, False)
 
