@@ -191,6 +191,16 @@ def test_a_report_is_the_librarys_to_the_last_byte(
     assert http.get(f"/v1/jobs/{job.id}/result").text == text
 
 
+def test_a_study_is_started_by_its_name(client: Client, stored: RemotePlan) -> None:
+    job = client.start("validation", stored, trials=16, seed=3)
+    assert (job.kind, job.plan) == ("validation", stored)
+    assert client.wait(job).result.seed == 3
+    with pytest.raises(InputError, match="study: 'validations' is unknown; choose refinement or"):
+        client.start("validations", stored)
+    with pytest.raises(InputError, match="trial: unknown key"):
+        client.start("validation", stored, trial=16)
+
+
 def test_a_sweep_is_the_librarys(client: Client) -> None:
     given, values = small(landmarks_m=LANDMARKS), [0.2, 0.4]
     report = client.wait(client.sweep(given, angular_rate_rad_s=values, trials=16, seed=2))

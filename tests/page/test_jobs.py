@@ -264,6 +264,33 @@ def test_a_flight_is_summed_up_and_played(visit: Visit, page: Page, server: Serv
     expect(played).to_be_hidden()
 
 
+def test_options_of_rare_use_are_made_when_they_are_looked_for(
+    visit: Visit, page: Page, server: Server
+) -> None:
+    part(page, "Run")
+    form = page.get_by_role("form", name="Fly")
+    assert form.get_by_label("Dropout").count() == 0
+    form.get_by_text("More options").click()
+    form.get_by_label("Dropout").fill("0.2")
+    form.get_by_label("Length of a run (s)").fill("30")
+    form.get_by_label("Filter").select_option("ekf")
+    form.get_by_label("Outliers").fill("")
+    fly(page, 2)
+    expect(page.locator("#fly-outliers-fault")).to_contain_text("is missing")
+    form.get_by_label("Outliers").fill("0")
+    assert accessibility_faults(page) == []
+    fly(page, 2)
+    expect(page.locator("#job-outcome")).to_contain_text("2 flights of 30 s")
+    (job,) = httpx2.get(f"{server.url}/v1/jobs?limit=1").json()["items"]
+    asked = httpx2.get(f"{server.url}/v1/jobs/{job['id']}").json()["request"]
+    assert {
+        "dropout": 0.2,
+        "duration_s": 30.0,
+        "filter": "ekf",
+        "trials": 2,
+    }.items() <= asked.items()
+
+
 def test_what_a_job_can_not_do_is_reported_next_to_its_field(visit: Visit, page: Page) -> None:
     visit.expect_complaints("422")
     validate(page, "0")
