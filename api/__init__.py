@@ -8,7 +8,7 @@ A thin layer over syncplan, which does all the computation. Each module uses onl
     metrics, answering      Prometheus; middleware that answers, logs and counts every request
     security, telemetry     access control; OpenTelemetry
     limits, documents       limits on requests; scenarios, plans and recordings as sent
-    job_kinds.*             one table of job kinds: requests, tasks, results
+    job_kinds.*             one table of job kinds: studies and their requests
     computing.*             computation in child processes
     storage.*               plans, jobs and saved answers, in SQLite or PostgreSQL
     jobs.*                  durable workflows, heartbeats, recovery after dead processes

@@ -58,11 +58,6 @@ class Option:
     often: bool
 
     @property
-    def unit(self) -> str:
-        """Unit that its key ends with; empty if it ends with none."""
-        return name_and_unit(self.key)[1]
-
-    @property
     def choices(self) -> tuple[str, ...]:
         """Names to choose from; empty if it is not chosen by name."""
         either = get_args(self.type) if get_origin(self.type) is not Literal else (self.type,)

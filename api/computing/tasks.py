@@ -172,7 +172,7 @@ def _divided(spec: JobSpec) -> DividedJob:
     study, request = JOB_KINDS[spec.kind].study, _request_of(spec)
     assert isinstance(study, TrialStudy)
     subject, options = _subject_of(spec, request), request.options()
-    return DividedJob(study, subject, options, study.runs(subject, options))
+    return DividedJob(study, subject, options, [*study.runs(subject, options)])
 
 
 def _request_of(spec: JobSpec) -> JobRequest:

@@ -111,7 +111,7 @@ class JobRequest(Section):
 
     @classmethod
     def limited(cls) -> dict[str, str]:
-        """Return the keys of numbers that the service limits, each with its RequestLimits."""
+        """Return the keys of numbers that the service limits, each with the name of its limit."""
         return {}
 
     def options(self) -> Any:
@@ -155,8 +155,8 @@ class JobKind:
     def description(self) -> str:
         """Description of that operation."""
         result = "a plan" if self.report is None else "a report"
-        early = " Its events carry the best result so far." if self.study.ends_early else ""
-        return f"{self.study.sentence} This is a job, whose result is {result}.{early}"
+        events = f" Its events carry {self.study.events}." if self.study.events else ""
+        return f"{self.study.sentence} This is a job, whose result is {result}.{events}"
 
     @property
     def about(self) -> Subject | None:

@@ -139,7 +139,7 @@ class PlanRequest(JobRequest):
             steps_in_run(length, scenario.sample_time, scenario.period, scenario.size)
 
     def work(self, subject: JobSubject, limits: RequestLimits) -> int:
-        """Return the study's work; raises InputError if a run is too long or there are too many."""
+        """Return the study's work; raises InputError if a run, or their number, is too large."""
         assert isinstance(subject, Loaded)
         trials = isinstance(self.study, TrialStudy)
         if trials or "duration_s" in type(self).model_fields:
@@ -232,8 +232,8 @@ class DesignRequest(JobRequest, Brief):
     """What a team must do, what it may consist of, and the error that is allowed."""
 
     def options(self) -> Brief:
-        """Return the brief."""
-        return self
+        """Return the brief, which other processes can be sent."""
+        return Brief.model_validate_json(self.model_dump_json(exclude_none=True))
 
     def work(self, subject: JobSubject, limits: RequestLimits) -> int:
         """Return the number of searches; raises InputError if they exceed a limit."""

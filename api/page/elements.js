@@ -179,7 +179,8 @@ export function mark(input, text) {
   if (place.textContent === text) return;
   const row = input.closest(".field, .row");
   if (!place.isConnected) row[row.matches(".field") ? "append" : "after"](place);
-  input.setAttribute("aria-describedby", id);
+  const others = (input.getAttribute("aria-describedby") ?? "").split(" ").filter((other) => other && other !== id);
+  input.setAttribute("aria-describedby", [id, ...others].join(" "));
   place.textContent = text;
   if (text) {
     input.setAttribute("aria-invalid", "true");

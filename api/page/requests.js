@@ -1,6 +1,6 @@
 // What can be asked of a plan: forms, those of studies by their options, and that of a refinement.
 
-import { alert, byId, element, folded, mark, options, present } from "./elements.js";
+import { alert, byId, element, folded, mark, options } from "./elements.js";
 import { mean, rounded, vehiclesOf } from "./scenario.js";
 import { OBJECTIVES } from "./tables.js";
 
@@ -77,7 +77,7 @@ export class RequestForm {
 }
 
 /** The form of a refinement. */
-export function refinementForm(handIn) {
+export function refinementForm({ name, sentence }, handIn) {
   const [box, least, most] = ["refine-box", "refine-least", "refine-most"].map(byId);
   // the first is that of the service, which takes another for large teams: it is not named
   const [first, ...others] = options(OBJECTIVES);
@@ -94,9 +94,10 @@ export function refinementForm(handIn) {
     ...(objective ? { objective } : {}),
   });
   const made = byId("refinement-form");
+  made.querySelector(".hint").textContent = sentence;
   made.addEventListener("change", enable);
   enable();
-  return new RequestForm("refinement", made, { read, handIn, suited: roomOf });
+  return new RequestForm(name, made, { read, handIn, suited: roomOf });
 }
 
 /** How far refinement may go by default: what the scenario says, else shares of the team's radii. */
@@ -107,30 +108,40 @@ function roomOf(scenario) {
   return { center_box_m: box || rounded(BOX_SHARE * mean(radii), 2), radius_m: least, "radius_m[1]": most };
 }
 
-/** The form of a study, made of its options; `size()` returns the number of vehicles. What is left as it was made is not
- * asked for; options that are rarely of use are made when they are looked for. */
+/** The form of a study, made of its options; `size()` returns the number of vehicles. Unchanged options are omitted;
+ * fields that are rarely used are made when **More options** opens. */
 export function studyForm({ name, verb, sentence, options: offered }, size, handIn) {
   const deed = `${verb[0].toUpperCase()}${verb.slice(1)}`;
-  const fieldsOf = (wanted) => present(wanted.flatMap((option) => optionField(verb, option)));
+  const fieldsOf = (wanted) => wanted.flatMap((option) => optionField(verb, option));
   // figures over time are drawn beside the map: whether there are any depends on the team
   const known = offered.filter(({ key, kind }) => kind in INPUTS && key !== SERIES);
   const series = () => (offered.some(({ key }) => key === SERIES) ? { [SERIES]: size() <= SERIES_LIMIT } : {});
   const [first, further] = [true, false].map((often) => known.filter((option) => option.often === often));
-  const more = further.length > 0 && folded("More options");
-  if (more) more.addEventListener("toggle", () => more.append(...fieldsOf(further)), { once: true });
+  const more = further.length > 0 && folded(MORE);
+  if (more) {
+    more.addEventListener("toggle", () => more.append(...fieldsOf(further)), { once: true });
+    more.addEventListener("input", () => {
+      const set = further.filter((option) => askedOf(option, inputValue(byId(`${verb}-${option.key}`))) !== null).length;
+      more.firstElementChild.textContent = set ? `${MORE}, ${set} set` : MORE;
+    });
+  }
   const submit = element("button", { type: "submit", class: "primary", disabled: true }, deed);
   const made = element("form", { class: "task", novalidate: true, "aria-label": deed }, element("p", { class: "hint" }, sentence), fieldsOf(first), more, submit);
   byId("work").append(made);
   const read = (values) => {
-    const asked = known.flatMap(({ key, kind, default: usual }) => {
-      const value = key in values ? INPUTS[kind].read(values[key]) : null;
-      return value === null || value === usual ? [] : [[key, value]];
-    });
-    return { ...series(), ...Object.fromEntries(asked) };
+    const asked = known.map((option) => [option.key, askedOf(option, values[option.key] ?? null)]);
+    return { ...series(), ...Object.fromEntries(asked.filter(([, value]) => value !== null)) };
   };
   return new RequestForm(name, made, { read, handIn });
 }
 
+/** What a value asks for an option; null for nothing but its default. */
+function askedOf({ kind, default: usual }, value) {
+  const asked = value === null ? null : INPUTS[kind].read(value);
+  return asked === usual ? null : asked;
+}
+
+const MORE = "More options";
 const NUMBER = { type: "number", step: "any" };
 const TEXT = { type: "text", autocomplete: "off", spellcheck: "false" };
 
@@ -149,16 +160,19 @@ const INPUTS = {
 function optionField(verb, { key, label, unit, sentence, kind, default: usual, choices, example }) {
   const { attributes, wide } = INPUTS[kind];
   const id = `${verb}-${key}`;
-  const value = usual === null || Array.isArray(usual) || kind === "flag" ? null : usual;
-  const empty = Array.isArray(example) ? `such as ${example.join(", ")}` : "as planned";
-  const placeholder = value === null && kind !== "flag" ? empty : null;
+  const about = `${id}-hint`;
+  const flag = kind === "flag";
+  const value = flag ? null : Array.isArray(usual) ? usual.join(", ") : usual;
+  const empty = Array.isArray(example) ? `such as ${example.join(", ")}` : "not given";
+  const placeholder = !flag && (value === null || value === "") ? empty : null;
   const input =
     kind === "choice"
       ? element("select", { id, name: key }, options(Object.fromEntries(choices.map((choice) => [choice, choice]))))
-      : element("input", { id, name: key, ...attributes, value, placeholder });
+      : element("input", { id, name: key, ...attributes, value, placeholder, checked: flag && usual });
   if (kind === "choice" && value) input.value = value;
-  const named = element("label", { for: id, title: wide ? null : sentence }, unit ? `${label} (${unit})` : label);
-  return [element("div", { class: wide ? "field wide" : "field" }, named, input), wide && element("p", { class: "hint" }, `${sentence.replace(/\.$/, "")}.`)];
+  input.setAttribute("aria-describedby", about);
+  const named = element("label", { for: id }, unit ? `${label} (${unit})` : label);
+  return [element("div", { class: wide ? "field wide" : "field" }, named, input), element("p", { class: "hint", id: about }, `${sentence.replace(/\.$/, "")}.`)];
 }
 
 /** The value of an input; NaN where it is no number, null where it may stay empty and does. */

@@ -12,11 +12,11 @@ import { STUDIES } from "./tables.js";
  * show is the one that the job was about.
  */
 export function offerWork(store, storePlan, { began, changed, ended }) {
-  // a refinement has a form of its own
-  const offered = Object.values(STUDIES).filter(({ of, makes_plan: makesPlan }) => of === "plan" && !makesPlan);
+  const ofPlans = Object.values(STUDIES).filter(({ of }) => of === "plan");
   const size = () => store.plan.vehicles.length;
   const jobs = jobsAt("job", {
-    forms: (handIn) => [refinementForm(handIn), ...offered.map((study) => studyForm(study, size, handIn))],
+    // what makes a plan is a refinement, which has a form of its own
+    forms: (handIn) => ofPlans.map((study) => (study.makes_plan ? refinementForm(study, handIn) : studyForm(study, size, handIn))),
     may: () => store.scenario !== null,
     addressOf: async ({ kind }) => STUDIES[kind].path.slice(1).replace("{plan_id}", await storePlan()),
     wordsOf: (error) => store.deleted(error) || error.message,

@@ -38,12 +38,13 @@ class OptionDescription(_Part):
     label: str = Field(examples=["Length of a run"])
     """Name of its field in a form"""
     unit: str = Field(examples=["s"])
-    """Empty where it has none"""
+    """Empty if it has none"""
     sentence: str
     kind: OptionKind
     """A pair is of numbers; numbers and names are lists; a document is JSON of any other form"""
+    required: bool
     default: Any
-    """Null where the plan or the study decides"""
+    """Null where the plan or the study decides, and where there is none"""
     often: bool
     """Whether a form shows it among the first"""
     choices: list[str]
@@ -170,6 +171,7 @@ def _options_of(kind: JobKind, limits: RequestLimits) -> Iterator[OptionDescript
             unit=unit,
             sentence=field.get("description", ""),
             kind=_kind_of(value),
+            required=key in schema.get("required", []),
             default=field.get("default"),
             often=option is not None and option.often,
             choices=value.get("enum", []),

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
     from syncplan.estimation.filter_options import FilterOptions
+    from syncplan.estimation.trials import RunOfTrials
     from syncplan.guidance.flown_team import FlownTeam
     from syncplan.results.stories import Report
     from syncplan.studies.study import Study
@@ -117,23 +118,31 @@ def open_closed_streams() -> None:
 
 
 def carried_out(study: "Study", subject: Any, options: Any, threads: int | None) -> Any:
-    """Return the result of a study; shows its progress, and compiles its kernels before."""
+    """Return the result of a study; compiles its kernels first, and shows its progress."""
     from syncplan.estimation.trials import results_of
-    from syncplan.planning.plan_flights import FlightRun
     from syncplan.studies.study import TrialStudy
 
-    if not isinstance(study, TrialStudy):
-        with progress_bar(study.unit, study.work(subject, options)) as progress:
-            return study.run(subject, options, workers=threads, progress=progress)
-    runs: list[Any] = study.runs(subject, options)
+    if isinstance(study, TrialStudy):
+        runs = [*study.runs(subject, options)]
+        _compile_runs(runs)
+        with progress_bar(study.unit, sum(run.trials for run in runs)) as progress:
+            results = results_of(runs, threads=threads, progress=progress)
+        return study.joined(subject, options, results)
+    with progress_bar(study.unit, study.work(subject, options)) as bar:
+        heard = bar and (lambda done, **_known: bar(done))
+        return study.run(subject, options, workers=threads, progress=heard)
+
+
+def _compile_runs(runs: "Iterable[RunOfTrials]") -> None:
+    """Compile the kernels of validations and flights; those of other runs compile when used."""
+    from syncplan.planning.plan_flights import FlightRun
+    from syncplan.planning.validation import TrialRun
+
     for run in runs:
-        if isinstance(run, FlightRun):
-            compile_flight(run.team)
-        else:
+        if isinstance(run, TrialRun):
             compile_filter(run.options, [run.true_team.count])
-    with progress_bar(study.unit, sum(run.trials for run in runs)) as progress:
-        results = results_of(runs, threads=threads, progress=progress)
-    return study.joined(subject, options, results)
+        elif isinstance(run, FlightRun):
+            compile_flight(run.team)
 
 
 def compile_filter(options: "FilterOptions", counts: Iterable[int]) -> None:

@@ -8,6 +8,7 @@ import typer
 from syncplan.cli import arguments, console
 from syncplan.cli.arguments import optional
 from syncplan.errors import NoSolutionError
+from syncplan.studies.study_table import STUDIES
 
 if TYPE_CHECKING:
     from syncplan.designs.ladder import DesignState
@@ -18,6 +19,9 @@ designs = typer.Typer()
 @designs.command(
     name="design",
     epilog="\b\nExample: syncplan design brief.yaml -o design.json --plan-out plan.json",
+    help=f"{STUDIES['design'].sentence}\n\nThe winner is predicted, validated and flown. If none "
+    "is found, say what is missing and what would help, and exit with 4. Ctrl-C ends the search "
+    "with the best formation so far.",
 )
 def _design(
     brief: Annotated[
@@ -40,11 +44,6 @@ def _design(
         int | None, optional(min=1, help="Processes; all cores if not given")
     ] = None,
 ) -> int:
-    """Find the cheapest team that meets a brief: field, vehicles, sensors, purpose, error allowed.
-
-    The winner is predicted, validated and flown. If none is found, say what is missing and what
-    would help, and exit with 4. Ctrl-C ends the search with the best formation so far.
-    """
     from syncplan.runtime.task_crew import interruption
 
     # until all is written, Ctrl-C ends searches alone

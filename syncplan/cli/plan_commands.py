@@ -16,6 +16,7 @@ from syncplan.cli.arguments import (
 )
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.scenario.objectives import OBJECTIVES, listed
+from syncplan.studies.study_table import STUDIES
 
 if TYPE_CHECKING:
     from syncplan.planning.plans import Plan
@@ -157,6 +158,8 @@ _Processes = Annotated[int | None, optional(min=1, help="Processes; all cores if
     name="refine",
     epilog="\b\n"
     "Example: syncplan refine plan.json -o better.json --objective logdet --center-box-m 5",
+    help=f"{STUDIES['refinement'].sentence} Options override the scenario's refine section. If "
+    "nothing better is found, write nothing and exit with 4.",
 )
 @takes_requirements("observable", "go", "flown")
 def _refine(
@@ -176,8 +179,6 @@ def _refine(
     required: tuple[str, ...] = (),
     max_vehicles: arguments.MaxVehicles = None,
 ) -> int:
-    """Move phases, centres and radii to the best plan near the one given; options override the
-    scenario's refine section. If nothing better is found, write nothing and exit with 4."""
     console.say_begun(subject, "the search")
     from syncplan.planning.plan_files import plan_of
     from syncplan.refinement.refiner import options_for

@@ -125,6 +125,7 @@ def _sweep(
     threads: arguments.Threads = None,
     max_vehicles: arguments.MaxVehicles = None,
 ) -> int:
+    from syncplan.planning.plan_files import in_world
     from syncplan.planning.variations import planned_rows
     from syncplan.reports.presentations import report_of
     from syncplan.scenario.loading import load_scenario
@@ -135,8 +136,11 @@ def _sweep(
     console.check_output(output, scenario)
     loaded = load_scenario(scenario, max_vehicles=max_vehicles or MAX_VEHICLES)
     rows = planned_rows(loaded, varied.name, numbers, connected=options.connected)
-    planned = PlannedSweep(varied.name, rows)
-    result = console.carried_out(STUDIES["sweep"], planned, options, threads)
+    teams = [in_world(row.plan, options.truth).true_team for row in rows]
+    console.compile_filter(options, [team.count for team in teams])
+    with console.progress_bar("trials", options.trials * len(rows)) as progress:
+        planned = PlannedSweep(varied.name, rows)
+        result = STUDIES["sweep"].run(planned, options, workers=threads, progress=progress)
     console.deliver_report(report_of(result), output, format_)
     return 0
 
@@ -183,6 +187,8 @@ Recording = Annotated[
 @replays.command(
     name="replay",
     epilog="\b\nExample: syncplan replay mrclam6 --landmarks 7,15 --series -o report.json",
+    help=f"{STUDIES['replay'].sentence}\n\nWithout truth, the report has estimates and the "
+    "filter's own sigmas in place of errors.",
 )
 @arguments.takes_options(ReplayOptions)
 def _replay(
@@ -193,10 +199,6 @@ def _replay(
     *,
     options: ReplayOptions,
 ) -> int:
-    """Run the filter on recorded odometry and sightings, and compare it with the truth if recorded.
-
-    Without truth, the report has estimates and the filter's own sigmas in place of errors.
-    """
     from syncplan.recordings.log import overview_of
     from syncplan.reports.presentations import report_of
 

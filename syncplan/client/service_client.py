@@ -34,7 +34,7 @@ from syncplan.scenario.brief import Brief, brief_of
 from syncplan.scenario.loading import read_bytes, scenario_from
 from syncplan.scenario.specification import Scenario
 from syncplan.studies.job_contract import JobKindName, JobState, has_ended
-from syncplan.studies.study import TrialStudy
+from syncplan.studies.study import STORED, TrialStudy
 from syncplan.studies.study_table import STUDIES
 
 # --- items stored by the service ------------------------------------------------------------------
@@ -332,8 +332,11 @@ class Client:
         service's request, such as duration_s. Raises InputError.
         """
         if study not in STUDIES:
-            raise InputError(f"{study!r} is unknown; choose {' or '.join(STUDIES)}", key="study")
-        path = STUDIES[study].path
+            raise InputError(f"{study!r} is unknown; choose from {', '.join(STUDIES)}", key="study")
+        of, path = STUDIES[study].of, STUDIES[study].path
+        if bool(subject) != (of in STORED):
+            what = f"give the {of} that it is about" if of in STORED else f"a {study} has none"
+            raise InputError(what, key="subject")
         named = path.format(plan_id=_id(subject), recording_id=_id(subject))
         job = self._job("POST", f"/v1{named}", request)
         return replace(job, plan=subject) if isinstance(subject, RemotePlan) else job
@@ -453,15 +456,21 @@ class Client:
             raise error_of(failure, f"job {job.id} failed: {failure['detail']}", None)
         if job.state == "cancelled":
             raise RemoteError(f"job {job.id} was cancelled")
-        study = STUDIES[job.kind]
+        study = STUDIES.get(job.kind)
         if isinstance(study, TrialStudy) and study.keeps_trials:
             plan = self.stored(job.document["plan_id"]) if plan is None else plan
             run = study.first_run(plan, study.options.of_request(job.document["request"]))
             return run.concluded([run.unpack(self._trials(job))])
-        result = values_of(self._remote.send("GET", f"/v1/jobs/{job.id}/result"), None)
+        answer = self._remote.send("GET", f"/v1/jobs/{job.id}/result")
+        if study is None:
+            # of a later version of the service
+            return values_of(answer, None)
         if study.document is None:
-            return RemotePlan.of(result)
-        return study.document.model.model_validate(result)
+            return RemotePlan.of(values_of(answer))
+        try:
+            return study.document.model.model_validate(values_of(answer, None))
+        except ValueError as error:
+            raise RemoteError(f"{answer.url.path}: the answer is no {study.name}") from error
 
     def _trials(self, job: RemoteJob) -> bytes:
         """Packed figures of each trial of a job."""

@@ -116,15 +116,26 @@ class FlightOptions(FilterOptions):
         often=True,
         example=["v1@20:5"],
     )
-    dropout: float = option(0.0, "Share of sightings that are lost on their way", ge=0, lt=1)
-    outliers: float = option(0.0, "Share of bearings that are false, anywhere in view", ge=0, lt=1)
-    mistaken: float = option(
+    dropout: float = option(
+        0.0, "Share of sightings that are lost on their way", label="Lost sightings", ge=0, lt=1
+    )
+    outliers: float = option(
         0.0,
-        "Share of sightings whose true target is a vehicle in sight other than the assumed one",
+        "Share of bearings that are false, anywhere in view",
+        label="False bearings",
         ge=0,
         lt=1,
     )
-    late: int = option(0, "Samples after which sightings arrive", ge=0, le=1000)
+    mistaken: float = option(
+        0.0,
+        "Share of sightings whose true target is a vehicle in sight other than the assumed one",
+        label="Mistaken identities",
+        ge=0,
+        lt=1,
+    )
+    late: int = option(
+        0, "Samples after which sightings arrive", label="Delay of sightings", ge=0, le=1000
+    )
     wind: tuple[float, float] | None = option(
         None,
         "True wind x,y in m/s, such as 1.5,0; drawn by the scenario's wind.sigma_mps if not given",

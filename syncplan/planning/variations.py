@@ -299,5 +299,23 @@ def joined_worlds(worlds: Sequence[str], results: Sequence[Validation]) -> Stres
     return StressTest(nominal, tuple(sorted(rows, key=lambda row: row.harm, reverse=True)))
 
 
+@lists_options(FilterOptions)
+def stressed(
+    subject: PlanSubject,
+    options: FilterOptions | None = None,
+    *,
+    threads: int | None = None,
+    progress: Callable[[int], None] | None = None,
+    **changes: Any,
+) -> StressTest:
+    """Return a plan's validations in worlds that are worse than its scenario states.
+
+    Options are those of syncplan.validate. The same seed gives the same draws in all worlds.
+    `progress` is called with the number of trials done in all.
+    """
+    runs = stress_runs(subject, options, **changes)
+    return joined_worlds(list(runs), results_of(runs.values(), threads=threads, progress=progress))
+
+
 def _late(one: Validation) -> float:
     return float(one.accuracy.overall().late_position)

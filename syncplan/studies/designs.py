@@ -20,6 +20,7 @@ class Designs(Study):
     unit = "searches"
     body = "The brief"
     document = DocumentKind("syncplan.reports.design_report", "DesignDocument", title="Design")
+    events = "the front found so far"
     ends_early = True
     parallel = True
 

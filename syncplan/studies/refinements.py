@@ -16,6 +16,7 @@ class Refinements(Study):
     sentence = "Move phases, centres and radii to the best plan near the one given."
     unit = "starts"
     body = "What changes of the plan's own options; nothing if empty"
+    events = "the best plan so far"
     ends_early = True
     parallel = True
 

@@ -6,7 +6,7 @@ methods: the command line lists all studies, and starts fast.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
@@ -68,7 +68,8 @@ class Study(ABC):
     requires : names of the verdicts that its command can require, see syncplan.cli.arguments
     left_out : names of options that neither the command line nor the service offers
     hidden : names of options that the command line does not offer
-    body : description of a request to the service; empty for a study that is no job
+    body : description of a request to the service
+    events : what the events of its jobs carry beside progress; empty for nothing
     document : kind of its result; None where it is a plan
     ends_early : whether it can end early, with the best result so far
     parallel : whether it can use several threads or processes
@@ -83,7 +84,8 @@ class Study(ABC):
     requires: ClassVar[tuple[str, ...]] = ()
     left_out: ClassVar[tuple[str, ...]] = ()
     hidden: ClassVar[tuple[str, ...]] = ()
-    body: ClassVar[str] = ""
+    body: ClassVar[str]
+    events: ClassVar[str] = ""
     document: ClassVar[DocumentKind | None] = None
     ends_early: ClassVar[bool] = False
     parallel: ClassVar[bool] = False
@@ -100,7 +102,11 @@ class Study(ABC):
         """Class of its options: of RunOptions, or a Pydantic model."""
 
     def work(self, subject: Any, options: Any) -> int:
-        """Return the amount of work in the study's unit; `subject` has a scenario."""
+        """Return the amount of work in the study's unit.
+
+        `subject` is a plan, or a plan file's content, with a `scenario`; for a recording, it is an
+        Overview. Other subjects are those of `run`.
+        """
         return 1
 
     @abstractmethod
@@ -140,8 +146,8 @@ class TrialStudy(Study):
     def first_run(self, subject: Any, options: Any) -> "RunOfTrials":
         """Return the set-up of the first run; raises InputError naming the option at fault."""
 
-    def runs(self, subject: Any, options: Any) -> "list[RunOfTrials]":
-        """Return the set-ups of all runs."""
+    def runs(self, subject: Any, options: Any) -> "Iterable[RunOfTrials]":
+        """Yield the set-ups of all runs."""
         return [self.first_run(subject, options)]
 
     def joined(self, subject: Any, options: Any, results: Sequence[Any]) -> Any:

@@ -1,6 +1,6 @@
 """Sweeps: one key of a scenario varied, each value planned and validated."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +23,7 @@ class Sweeps(TrialStudy):
     """Validations of the plans of several values of a key."""
 
     name, verb, of = "sweep", "sweep", "scenario"
-    sentence = "Vary one key: plan and validate each value, tables like the paper's Tables 1 and 2."
+    sentence = "Vary one key of a scenario: plan and validate each value."
     options = SweepOptions
     left_out = ("substeps", "gate_probability", "with_series", "model")
     body = "The scenario, what is varied, and how to fly"
@@ -40,9 +40,9 @@ class Sweeps(TrialStudy):
         """Return the set-up of the first row."""
         return _run_of(subject.rows[0], options)
 
-    def runs(self, subject: PlannedSweep, options: Any) -> list[Any]:
-        """Return the set-up of each row."""
-        return [_run_of(row, options) for row in subject.rows]
+    def runs(self, subject: PlannedSweep, options: Any) -> Iterator[Any]:
+        """Yield the set-up of each row."""
+        return (_run_of(row, options) for row in subject.rows)
 
     def joined(self, subject: PlannedSweep, options: Any, results: Sequence[Any]) -> Any:
         """Return the sweep of the validated rows."""

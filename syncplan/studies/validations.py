@@ -1,9 +1,10 @@
 """Validations: the filter run many times on a plan, in the stated world or also in worse ones."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import fields
 from typing import Any
 
-from syncplan.estimation.filter_options import ValidationOptions
+from syncplan.estimation.filter_options import FilterOptions, ValidationOptions
 from syncplan.studies.study import DocumentKind, TrialStudy
 
 
@@ -11,7 +12,10 @@ class Validations(TrialStudy):
     """Monte Carlo runs of the filter on a plan."""
 
     name, verb, of = "validation", "validate", "plan"
-    sentence = "Run the filter on a plan: Monte Carlo errors beside the bound, and consistency."
+    sentence = (
+        "Simulate a plan many times with the filter: Monte Carlo errors beside the bound, and "
+        "consistency."
+    )
     example = "plan.json --trials 500 --seed 1 -o report.json"
     requires = ("observable", "go", "flown", "robust")
     options = ValidationOptions
@@ -32,15 +36,16 @@ class Validations(TrialStudy):
         """Return the set-up in the world as stated."""
         from syncplan.planning.validation import trial_run
 
-        return trial_run(subject, options)
+        shared = {field.name: getattr(options, field.name) for field in fields(FilterOptions)}
+        return trial_run(subject, FilterOptions(**shared))
 
-    def runs(self, subject: Any, options: Any) -> list[Any]:
+    def runs(self, subject: Any, options: Any) -> Iterable[Any]:
         """Return the set-up in the world as stated, and those in worse worlds if asked for."""
         from syncplan.planning.variations import stress_runs
 
         if not options.stress:
             return super().runs(subject, options)
-        return list(stress_runs(subject, options).values())
+        return stress_runs(subject, options).values()
 
     def joined(self, subject: Any, options: Any, results: Sequence[Any]) -> Any:
         """Return the validation, or the stress test of those in all worlds."""

@@ -212,7 +212,7 @@ def test_a_sweep_announces_the_kernels_of_all_its_values(
         return count == 6
 
     monkeypatch.setattr(LaneFilter, "is_compiled", compiled)
-    monkeypatch.setattr("syncplan.estimation.trials.results_of", unready)
+    monkeypatch.setattr("syncplan.studies.study.TrialStudy.run", unready)
     short = ("--trials", "1", "--duration", "2")
     varied = (str(FILES / "biased-grid.yaml"), "--key", "formation.count", "--values")
     _, _, said = run("sweep", *varied, "6", *short)

@@ -195,8 +195,14 @@ def test_a_study_is_started_by_its_name(client: Client, stored: RemotePlan) -> N
     job = client.start("validation", stored, trials=16, seed=3)
     assert (job.kind, job.plan) == ("validation", stored)
     assert client.wait(job).result.seed == 3
-    with pytest.raises(InputError, match="study: 'validations' is unknown; choose refinement or"):
+    with pytest.raises(
+        InputError, match="study: 'validations' is unknown; choose from refinement, "
+    ):
         client.start("validations", stored)
+    with pytest.raises(InputError, match="subject: give the plan that it is about"):
+        client.start("validation")
+    with pytest.raises(InputError, match="subject: a sweep has none"):
+        client.start("sweep", stored)
     with pytest.raises(InputError, match="trial: unknown key"):
         client.start("validation", stored, trial=16)
 

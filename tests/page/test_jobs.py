@@ -269,15 +269,15 @@ def test_options_of_rare_use_are_made_when_they_are_looked_for(
 ) -> None:
     part(page, "Run")
     form = page.get_by_role("form", name="Fly")
-    assert form.get_by_label("Dropout").count() == 0
+    assert form.get_by_label("Lost sightings").count() == 0
     form.get_by_text("More options").click()
-    form.get_by_label("Dropout").fill("0.2")
+    form.get_by_label("Lost sightings").fill("0.2")
     form.get_by_label("Length of a run (s)").fill("30")
     form.get_by_label("Filter").select_option("ekf")
-    form.get_by_label("Outliers").fill("")
+    form.get_by_label("False bearings").fill("")
     fly(page, 2)
     expect(page.locator("#fly-outliers-fault")).to_contain_text("is missing")
-    form.get_by_label("Outliers").fill("0")
+    form.get_by_label("False bearings").fill("0")
     assert accessibility_faults(page) == []
     fly(page, 2)
     expect(page.locator("#job-outcome")).to_contain_text("2 flights of 30 s")

@@ -9,7 +9,6 @@ import pytest
 
 import syncplan
 from syncplan.estimation.consistency import FEWEST_TRIALS, interval_of_mean, interval_of_rms
-from syncplan.estimation.filter_options import ValidationOptions
 from syncplan.flight.flying import flight_run
 from syncplan.planning.error_checks import ComparedError, errors_above
 from syncplan.planning.judged_team import PlanFinding
@@ -17,9 +16,8 @@ from syncplan.planning.plan_files import in_world
 from syncplan.planning.plan_records import FlownPlan
 from syncplan.planning.plans import Plan
 from syncplan.planning.validation import Validation, trial_run
-from syncplan.planning.variations import stress_runs
+from syncplan.planning.variations import stress_runs, stressed
 from syncplan.reports.validation_report import stress_document, validation_document
-from syncplan.studies.validations import Validations
 from tests.tools.flown import WELL
 from tests.tools.on_paper import plan
 from tests.tools.scenarios import changed, findings_of
@@ -225,7 +223,7 @@ def test_flights_do_not_count_in_another_world_and_their_filter_still_runs(grid:
 def test_a_stress_test_keeps_the_basis_and_the_findings_of_the_world_as_stated(
     grid: Plan,
 ) -> None:
-    test = Validations().run(replace(grid, flight=SHORT), ValidationOptions(stress=True, trials=2))
+    test = stressed(replace(grid, flight=SHORT), trials=2)
     test = replace(test, nominal=scaled(test.nominal, ANEES, 3.0))
     verdict = stress_document(test).verdict
     assert verdict is not None

@@ -7,7 +7,6 @@ import pytest
 
 from syncplan.estimation.bounds import posterior_bound
 from syncplan.estimation.considered_errors import expected_errors
-from syncplan.estimation.filter_options import ValidationOptions
 from syncplan.flight.flying import fly
 from syncplan.orbits.team import true_team_of
 from syncplan.planning.plan_files import in_world
@@ -19,11 +18,11 @@ from syncplan.planning.variations import (
     MISSES,
     doubled_sigmas,
     stress_worlds,
+    stressed,
 )
 from syncplan.plotting.study_figures import stress_spec
 from syncplan.reports.flight_report import flight_document
 from syncplan.reports.validation_report import stress_document, validation_document
-from syncplan.studies.validations import Validations
 from tests.tools.on_paper import plan
 from tests.tools.scenarios import EVERYTHING, changed, small
 
@@ -144,7 +143,7 @@ def test_more_sightings_missed_than_stated_are_known_to_the_filter() -> None:
 def test_the_report_has_the_most_harmful_world_first(sensor: dict[str, float]) -> None:
     keys = {"duration_s": 40.0, "sensor": sensor}
     made = plan(changed("triangle-alternate", **keys), bound="always", pilot=False)
-    test = Validations().run(made, ValidationOptions(stress=True, trials=8, seed=2, filter="ekf"))
+    test = stressed(made, trials=8, seed=2, filter="ekf")
     report = stress_document(test)
     assert report.stress is not None
     harms = [one.harm for one in report.stress]

@@ -15,12 +15,11 @@ from api.responses import Job, StoredPlan
 from api.storage.database import open_database
 from api.storage.job_records import start_job
 from api.storage.part_records import BEGINNING, add_seconds, begin_part
-from syncplan.estimation.filter_options import ValidationOptions
+from syncplan.planning.variations import stressed
 from syncplan.reports.validation_report import stress_document
 from syncplan.runtime.files import as_text
 from syncplan.scenario.loading import load_scenario
 from syncplan.scenario.specification import Scenario
-from syncplan.studies.validations import Validations
 from tests.tools.api_servers import (
     NOBODY,
     Event,
@@ -307,7 +306,7 @@ def test_a_stress_test_leaves_the_report_of_the_library_to_the_byte(ann: httpx2.
     body = {**asked, "stress": True}
     at = ann.post(f"/v1/plans/{made}/validations", json=body).headers["location"]
     job = ended(ann, at)
-    test = Validations().run(small(landmarks_m=LANDMARKS), ValidationOptions(stress=True, **asked))
+    test = stressed(small(landmarks_m=LANDMARKS), **asked)
     assert job.progress.done == job.progress.total == 2 * (1 + len(test.rows))
     assert ann.get(f"{at}/result").text == as_text(stress_document(test).as_json())
 

@@ -1,5 +1,6 @@
 """The table of studies, and what GET /v1/studies says of it."""
 
+import pickle
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,6 +17,7 @@ from syncplan.options import RunOptions, option
 from syncplan.planning.plan_files import loaded_from
 from syncplan.studies.study import Study
 from syncplan.studies.study_table import STUDIES
+from tests.tools.briefs import FIELD
 from tests.tools.scenarios import document
 
 LIMITS: RequestLimits = limits_of(load_settings(data_dir="/nowhere", max_trials=7777))
@@ -58,6 +60,20 @@ def test_reports_have_fields_with_labels_and_figures() -> None:
     assert "tracking" in {figure.name for figure in flight.figures}
     assert DESCRIBED["refinement"].makes_plan
     assert not DESCRIBED["refinement"].fields
+
+
+REQUESTS: dict[str, dict[str, Any]] = {
+    "sweep": {"scenario": document(), "range_m": [50.0]},
+    "design": FIELD,
+}
+"""Requests that are more than options."""
+
+
+@pytest.mark.parametrize("name", JOB_KINDS)
+def test_options_are_fit_for_the_processes_of_a_study(name: str) -> None:
+    request = JOB_KINDS[name].request.model_validate(REQUESTS.get(name, {}))
+    options = request.options()
+    assert pickle.loads(pickle.dumps(options)) == options
 
 
 # --- a new study ----------------------------------------------------------------------------------
