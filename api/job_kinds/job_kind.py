@@ -172,7 +172,7 @@ class JobKind:
     @property
     def figures(self) -> SubjectKind | None:
         """Subject kind of that report's figures; None if none can be drawn."""
-        return getattr(self.report, "drawn_as", "") or None
+        return getattr(self.report, "drawn_as", None) or None
 
     @property
     def divided(self) -> bool:
