@@ -59,7 +59,8 @@ SETTINGS = {
 }
 _AUTHORISED = {"authorization": f"Bearer {KEY}"}
 EXPECTED = {201, 202, 413, 422}
-"""Without these it was no search: things made, jobs, and refusals of what is too large or wrong."""
+"""Without these, in all cases together, it was no search: things made, jobs, and refusals of what
+is too large or wrong."""
 _GONE = {"cut"}
 """Requests that nobody waits for the answer of."""
 
@@ -118,19 +119,20 @@ def draw(number: int) -> tuple[list[str], Run]:
         faults = answers.faults + _logged_faults(log)
     if answers.growth_mb > LARGEST_GROWTH_MB:
         faults.append(f"processes have grown by {answers.growth_mb:.0f} MB in the last pass")
-    if missing := EXPECTED - set(answers.statuses):
-        faults.append(f"no answer with status {sorted(missing)}")
     return faults, answers
 
 
 def judge(cases: Mapping[int, Run], chance: float) -> list[str]:
-    """Print the answers of each run, and by how much memory grew in the last pass."""
+    """Print the answers of each run and the growth of memory; return what no case has."""
     for number, answers in cases.items():
         print(f"{number}: answers {dict(sorted(answers.statuses.items()))}")
         print(
             f"processes that had been sent requests before have grown by {answers.growth_mb:.0f} MB"
         )
-    return []
+    # of 200 requests, five are too large: about one case in 150 has none
+    answered = {status for answers in cases.values() for status in answers.statuses}
+    missing = EXPECTED - answered
+    return [f"no answer with status {sorted(missing)}"] if missing else []
 
 
 # --- one request ----------------------------------------------------------------------------------
