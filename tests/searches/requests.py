@@ -129,7 +129,7 @@ def judge(cases: Mapping[int, Run], chance: float) -> list[str]:
         print(
             f"processes that had been sent requests before have grown by {answers.growth_mb:.0f} MB"
         )
-    # of 200 requests, five are too large: about one case in 150 has none
+    # of 200 requests, two are too large on average: one case in six has none
     answered = {status for answers in cases.values() for status in answers.statuses}
     missing = EXPECTED - answered
     return [f"no answer with status {sorted(missing)}"] if missing else []
