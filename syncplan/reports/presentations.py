@@ -1,33 +1,18 @@
 """Results as documents and as data frames."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+from types import MappingProxyType
 from typing import Any
 
-from syncplan.designs.designer import Design
 from syncplan.errors import InputError
-from syncplan.estimation.replay_results import Replay
-from syncplan.landmarks.site_choice import SiteChoice
-from syncplan.planning.plan_flights import Flight
-from syncplan.planning.plans import Plan
-from syncplan.planning.validation import Validation
-from syncplan.planning.variations import StressTest, Sweep
-from syncplan.reports.design_report import design_document
-from syncplan.reports.flight_report import flight_document
-from syncplan.reports.plan_report import plan_document
-from syncplan.reports.replay_report import replay_document
-from syncplan.reports.sites_report import sites_document
-from syncplan.reports.validation_report import (
-    stress_document,
-    sweep_document,
-    validation_document,
-)
 from syncplan.results.quantities import plain
 from syncplan.results.result import Result
 from syncplan.results.stories import Grid, Report, Row, Story, flat
 from syncplan.scenario.specification import Scenario, per_vehicle
 
 
-class _ScenarioTable(Report):
+class ScenarioTable(Report):
     """A scenario's vehicles as a table."""
 
     def __init__(self, scenario: Scenario) -> None:
@@ -60,27 +45,34 @@ class _ScenarioTable(Report):
             yield {"name": name, **flat({"center_m": center}), "radius_m": radius, **own}
 
 
-REPORTS: Mapping[type, Callable[[Any], Any]] = {
-    Plan: plan_document,
-    Validation: validation_document,
-    StressTest: stress_document,
-    Flight: flight_document,
-    Replay: replay_document,
-    SiteChoice: sites_document,
-    Design: design_document,
-    Sweep: lambda swept: sweep_document(
-        swept.name, swept, [validation_document(row.validation) for row in swept]
-    ),
-    Scenario: _ScenarioTable,
-}
-"""Functions that make the document of each kind of result that is no document itself."""
+REPORTS: Mapping[str, str] = MappingProxyType(
+    {
+        "Plan": "plan_report.plan_document",
+        "Validation": "validation_report.validation_document",
+        "StressTest": "validation_report.stress_document",
+        "Sweep": "validation_report.document_of_sweep",
+        "Flight": "flight_report.flight_document",
+        "Replay": "replay_report.replay_document",
+        "SiteChoice": "sites_report.sites_document",
+        "Design": "design_report.design_document",
+        "Scenario": "presentations.ScenarioTable",
+    }
+)
+"""Modules of this package, and their functions, that make the document of each kind of result.
+
+Each is loaded when such a result is shown, as most commands show one kind alone.
+"""
 
 
 def report_of(result: Any) -> Any:
     """Return the document of a result, which may be one itself."""
     if isinstance(result, Report):
         return result
-    return next(REPORTS[kind](result) for kind in type(result).__mro__ if kind in REPORTS)
+    maker = next(
+        REPORTS[kind.__name__] for kind in type(result).__mro__ if kind.__name__ in REPORTS
+    )
+    module, _, function = maker.partition(".")
+    return getattr(import_module(f"{__package__}.{module}"), function)(result)
 
 
 def document_of(result: Result) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from syncplan.planning.judged_team import PlanVerdict
 from syncplan.planning.plan_records import Interval
 from syncplan.planning.share_test import share_of
 from syncplan.planning.validation import Validation
-from syncplan.planning.variations import StressTest, ValidatedRow
+from syncplan.planning.variations import StressTest, Sweep, ValidatedRow
 from syncplan.reports import run_figures
 from syncplan.results.quantities import each, plain, quantity
 from syncplan.results.stories import Grid, Report, Row, Story, Table, flat
@@ -253,6 +253,11 @@ def sweep_document(
             "rows": [_row(row, report) for row, report in zip(rows, reports, strict=True)],
         }
     )
+
+
+def document_of_sweep(swept: Sweep) -> SweepReport:
+    """Return the report of a sweep and of the validations of its rows."""
+    return sweep_document(swept.name, swept, [validation_document(row.validation) for row in swept])
 
 
 def _row(row: ValidatedRow, report: ValidationDocument) -> SweepRow:

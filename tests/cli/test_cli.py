@@ -296,6 +296,11 @@ SERVICE = ("dbos", "fastapi", "httpx2", "psycopg", "sqlalchemy", "starlette", "u
         (f"-m syncplan plan {GRID} --paper", "numpy", {*GUIDANCE, "cvxpy", "networkx", *SERVICE}),
         (f"-m syncplan plan {GRID}", "numba", {"osqp", "cvxpy", "networkx", *SERVICE}),
         (f"-m syncplan plot {GRID}", "numpy", {"plotly", *SERVICE}),
+        (
+            f"-m syncplan validate {GRID} --trials 1",
+            "numba",
+            {"casadi", "syncplan.designs.designer", "syncplan.reports.design_report", *SERVICE},
+        ),
         # what computes is loaded by the template of the server's processes
         ("-c 'import api.main, api.server'", "fastapi", {"casadi", "osqp", "plotly", *HEAVY}),
     ],

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -104,6 +105,10 @@ def test_without_pandas_the_extra_is_named(grid: Plan, monkeypatch: pytest.Monke
 
 
 def test_every_kind_of_result_has_a_presentation() -> None:
+    for module, _, maker in (place.partition(".") for place in REPORTS.values()):
+        assert callable(getattr(import_module(f"syncplan.reports.{module}"), maker))
+    for name in syncplan.__all__:
+        getattr(syncplan, name)
     kinds: set[type] = set()
     left = [Result]
     while left:
@@ -111,7 +116,7 @@ def test_every_kind_of_result_has_a_presentation() -> None:
         kinds.update(found)
         left += found
     # a dataclass with slots is made anew of one without, which stays in the list
-    shown = {kind.__name__ for kind in REPORTS}
+    shown = set(REPORTS)
     assert shown <= {kind.__name__ for kind in kinds}
     for kind in kinds:
         assert issubclass(kind, Report) or any(base.__name__ in shown for base in kind.__mro__)
