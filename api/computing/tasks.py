@@ -40,7 +40,8 @@ from api.job_kinds.job_kind import (
 from api.job_kinds.job_table import JOB_KINDS
 from api.limits import RequestLimits
 from syncplan.errors import InputError
-from syncplan.estimation.trials import CHUNK_TRIALS, RunOfTrials
+from syncplan.estimation.divided_runs import RunOfTrials
+from syncplan.estimation.trials import CHUNK_TRIALS
 from syncplan.importing.import_options import ImportOptions
 from syncplan.importing.imported_places import import_places
 from syncplan.planning.loss_study import what_if
@@ -58,7 +59,7 @@ from syncplan.runtime.files import as_text
 from syncplan.scenario.loading import decoded, parse_document, scenario_from
 from syncplan.scenario.quantities import validation_fault
 from syncplan.studies.job_contract import JobKindName
-from syncplan.studies.study import TrialStudy
+from syncplan.studies.study import Execution, TrialStudy
 
 if TYPE_CHECKING:
     from syncplan.plotting.canvas import Spec
@@ -142,13 +143,8 @@ def computed_job(
     def heard(done: int, **known: Any) -> None:
         progress(Shown(done, known) if known else done)
 
-    result = kind.study.run(
-        _subject_of(spec, request),
-        request.options(),
-        workers=workers,
-        progress=heard,
-        earlier=earlier.resumed(progress),
-    )
+    how = Execution(workers=workers, progress=heard, earlier=earlier.resumed(progress))
+    result = kind.study.run(_subject_of(spec, request), request.options(), how)
     return as_plan_text(result) if kind.report is None else _job_report(result)
 
 

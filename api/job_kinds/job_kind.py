@@ -110,6 +110,11 @@ class JobRequest(Section):
     study: ClassVar[Study]
 
     @classmethod
+    def further_keys(cls, study: Study) -> dict[str, Any]:
+        """Return keys that a study adds, as types and fields by name."""
+        return {}
+
+    @classmethod
     def limited(cls) -> dict[str, str]:
         """Return the keys of numbers that the service limits, each with the name of its limit."""
         return {}

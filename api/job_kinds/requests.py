@@ -1,9 +1,9 @@
 """Requests for jobs: the keys that set a study's options, and the limits that they keep."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import Annotated, Any, Self, TypeVar
+from typing import Annotated, Any, Self
 
 from pydantic import Field, Strict, create_model
 
@@ -29,34 +29,16 @@ from syncplan.planning.plan_files import Loaded
 from syncplan.recordings.log import Overview, chosen_landmarks
 from syncplan.refinement.refiner import options_for
 from syncplan.scenario.brief import Brief
-from syncplan.scenario.models import RefineOptions
 from syncplan.scenario.quantities import Many, Name
 from syncplan.scenario.specification import Scenario
 from syncplan.scenario.truths import Truth, optional_keys, with_truth
 from syncplan.studies.study import Study, TrialStudy
-
-Request = TypeVar("Request", bound=JobRequest)
 
 MOST_NAMES = 1000
 
 Speed = Annotated[float, Field(ge=-1000, le=1000)]
 Coordinate = Annotated[float, Field(ge=-1e12, le=1e12)]
 Pose = Annotated[tuple[Coordinate, Coordinate, Coordinate], Strict(False)]
-
-
-def with_keys(keys: dict[str, Any]) -> Callable[[type[Request]], type[Request]]:
-    """Return a decorator that adds keys to a request, given by name as (type, field)."""
-
-    def extended(request: type[Request]) -> type[Request]:
-        return create_model(
-            request.__name__,
-            __base__=request,
-            __module__=request.__module__,
-            __doc__=request.__doc__,
-            **keys,
-        )
-
-    return extended
 
 
 NAMED_TYPES: Mapping[Any, Any] = {
@@ -69,18 +51,6 @@ NAMED_TYPES: Mapping[Any, Any] = {
     Mapping[str, Any] | None: Truth | None,
 }
 """Types of keys that are limited further than the options that they set, by the options' types."""
-
-
-def keys_of(options: type, without: Sequence[str] = ()) -> dict[str, Any]:
-    """Return the keys of a request that set options: types, limits, defaults and texts as theirs.
-
-    The options named in `without` are left out.
-    """
-    return {
-        option.key: (NAMED_TYPES.get(option.type, option.type), _field(option))
-        for option in options_of(options)
-        if option.name not in without
-    }
 
 
 def _field(option: Option) -> Any:
@@ -96,23 +66,35 @@ def _field(option: Option) -> Any:
 
 
 def request_for(study: Study, base: type[JobRequest]) -> type[JobRequest]:
-    """Return the class of requests for a study, with keys for its options."""
-    declared = isinstance(study.options, type) and issubclass(study.options, RunOptions)
+    """Return the class of requests for a study: that of `base`, with its keys."""
     request = create_model(
         f"{study.name.capitalize()}Request",
         __base__=base,
         __module__=base.__module__,
         __doc__=base.__doc__ if base is not PlanRequest else study.__doc__,
-        **(keys_of(study.options, study.left_out) if declared else {}),
+        **base.further_keys(study),
     )
     request.study = study
     return request
 
 
+class OptionRequest(JobRequest):
+    """Base class of requests whose keys are the options of a study."""
+
+    @classmethod
+    def further_keys(cls, study: Study) -> dict[str, Any]:
+        """Return a key for each option, with its type, limits, default and text."""
+        return {
+            option.key: (NAMED_TYPES.get(option.type, option.type), _field(option))
+            for option in options_of(study.options)
+            if option.name not in study.left_out
+        }
+
+
 # --- of plans -------------------------------------------------------------------------------------
 
 
-class PlanRequest(JobRequest):
+class PlanRequest(OptionRequest):
     """Base class of requests for studies of a plan."""
 
     @classmethod
@@ -179,9 +161,13 @@ def request_keys(options: type[RunOptions]) -> Iterator[None]:
         raise InputError(error.problem, key=key) from None
 
 
-@with_keys(optional_keys(RefineOptions))
 class RefinementRequest(JobRequest):
     """Changes of a refinement to the options in the plan's scenario; see its refine section."""
+
+    @classmethod
+    def further_keys(cls, study: Study) -> dict[str, Any]:
+        """Return the keys of the refine section, each of which may be left out."""
+        return optional_keys(study.options)
 
     @classmethod
     def limited(cls) -> dict[str, str]:
@@ -211,7 +197,7 @@ class RefinementRequest(JobRequest):
 # --- of recordings, and of briefs -----------------------------------------------------------------
 
 
-class ReplayRequest(JobRequest):
+class ReplayRequest(OptionRequest):
     """Settings of a replay: the filter's assumptions and the sightings it is given."""
 
     def work(self, subject: JobSubject, limits: RequestLimits) -> int:

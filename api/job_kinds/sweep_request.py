@@ -9,7 +9,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
 from api.job_kinds.job_kind import JobSubject
-from api.job_kinds.requests import PlanRequest, with_keys
+from api.job_kinds.requests import PlanRequest
 from api.limits import RequestLimits, check_at_most, check_size, check_trials
 from syncplan.errors import InputError
 from syncplan.planning.variations import planned_rows
@@ -17,6 +17,7 @@ from syncplan.scenario.dotted_keys import SWEPT_KEYS, SweptKey, numeric_keys, sw
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.quantities import Many, fault
 from syncplan.scenario.specification import Scenario
+from syncplan.studies.study import Study
 from syncplan.studies.sweeps import PlannedSweep
 
 _SWEPT = {one.request: one for one in SWEPT_KEYS.values()}
@@ -67,7 +68,6 @@ _LISTS: dict[str, Any] = {
 """Fields of the lists of values, for the keys that have their own."""
 
 
-@with_keys(_LISTS)
 class SweepRequest(PlanRequest):
     """Sweep of one key of a scenario; each value is planned and validated by the same trials."""
 
@@ -86,6 +86,11 @@ class SweepRequest(PlanRequest):
     values: Many[float] | None = Field(
         default=None, description="Values of `key`", examples=[[0.1, 0.3, 1.0]]
     )
+
+    @classmethod
+    def further_keys(cls, study: Study) -> dict[str, Any]:
+        """Return the lists of values, and then the options."""
+        return {**_LISTS, **super().further_keys(study)}
 
     @model_validator(mode="after")
     def _one_key(self) -> Self:

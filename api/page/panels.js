@@ -158,8 +158,8 @@ export function makePanels({ store, map, address, opening }) {
 function figuresOf({ figures }, report) {
   const part = (path) => path.split(".").reduce((value, key) => value?.[key], report);
   const has = ({ part: path }) => {
-    const found = path ? part(path) : true;
-    return Array.isArray(found) ? found.length > 0 : Boolean(found);
+    const value = path ? part(path) : true;
+    return Array.isArray(value) ? value.length > 0 : Boolean(value);
   };
   return figures.filter(has).map(({ name }) => name);
 }

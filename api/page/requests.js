@@ -63,13 +63,13 @@ export class RequestForm {
   }
 
   get #values() {
-    const counted = this.#inputs.filter((one) => !one.disabled);
-    return Object.fromEntries(counted.map((one) => [one.name, inputValue(one)]));
+    const counted = this.#inputs.filter((input) => !input.disabled);
+    return Object.fromEntries(counted.map((input) => [input.name, inputValue(input)]));
   }
 
   /** Whether every number that counts is one; the others are marked. */
   #whole() {
-    const missing = this.#inputs.filter((one) => !one.disabled && Number.isNaN(inputValue(one)));
+    const missing = this.#inputs.filter((input) => !input.disabled && Number.isNaN(inputValue(input)));
     for (const input of missing) mark(input, "is missing or not a number");
     missing[0]?.focus();
     return missing.length === 0;

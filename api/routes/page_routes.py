@@ -232,10 +232,10 @@ def read_asset(request: Request, name: str) -> Response:
     """
     site = Site.of(request.app.state.settings)
     named, _, rest = name.partition("/")
-    found = find_asset(name, site) or find_asset(rest, site)
-    if found is None:
+    asset = find_asset(name, site) or find_asset(rest, site)
+    if asset is None:
         raise NotFound(f"there is no asset {name}")
-    return _sent(request, found, site, keep=named == edition(site))
+    return _sent(request, asset, site, keep=named == edition(site))
 
 
 def _sent(request: Request, asset: Asset, site: Site, *, keep: bool = False) -> Response:

@@ -1,6 +1,7 @@
 """The route that describes the studies: their options and limits, their results and figures."""
 
 from collections.abc import Iterator, Mapping
+from functools import cache
 from typing import Any, Literal
 
 from fastapi import APIRouter
@@ -117,6 +118,7 @@ def read_studies(service: CurrentService, owner: CurrentOwner) -> Studies:
     return Studies(studies=described_studies(service.limits))
 
 
+@cache
 def described_studies(limits: RequestLimits) -> list[StudyDescription]:
     """Return the descriptions of all studies, with the limits of a service."""
     return [_described(kind, limits) for kind in JOB_KINDS.values()]

@@ -4,6 +4,7 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
@@ -13,11 +14,11 @@ from syncplan.errors import InputError
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
+    from syncplan.estimation.divided_runs import RunOfTrials
     from syncplan.estimation.filter_options import FilterOptions
-    from syncplan.estimation.trials import RunOfTrials
     from syncplan.guidance.flown_team import FlownTeam
     from syncplan.results.stories import Report
-    from syncplan.studies.study import Study
+    from syncplan.studies.study import Execution, Study
 
 PIPED_WIDTH = 160
 """Width of tables in a file or for another program, unless COLUMNS is set."""
@@ -119,7 +120,7 @@ def open_closed_streams() -> None:
 
 def carried_out(study: "Study", subject: Any, options: Any, threads: int | None) -> Any:
     """Return the result of a study; compiles its kernels first, and shows its progress."""
-    from syncplan.estimation.trials import results_of
+    from syncplan.estimation.divided_runs import results_of
     from syncplan.studies.study import TrialStudy
 
     if isinstance(study, TrialStudy):
@@ -128,9 +129,16 @@ def carried_out(study: "Study", subject: Any, options: Any, threads: int | None)
         with progress_bar(study.unit, sum(run.trials for run in runs)) as progress:
             results = results_of(runs, threads=threads, progress=progress)
         return study.joined(subject, options, results)
-    with progress_bar(study.unit, study.work(subject, options)) as bar:
-        heard = bar and (lambda done, **_known: bar(done))
-        return study.run(subject, options, workers=threads, progress=heard)
+    with progress_bar(study.unit, study.work(subject, options)) as progress:
+        return study.run(subject, options, execution(threads, progress))
+
+
+def execution(threads: int | None, progress: Callable[..., None] | None) -> "Execution":
+    """Return how a study is carried out by so many threads, with the progress on a bar."""
+    from syncplan.studies.study import ALONE
+
+    heard = (lambda done, **_known: progress(done)) if progress else ALONE.progress
+    return replace(ALONE, workers=threads, progress=heard)
 
 
 def _compile_runs(runs: "Iterable[RunOfTrials]") -> None:

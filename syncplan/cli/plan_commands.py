@@ -9,11 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from syncplan.cli import arguments, console
-from syncplan.cli.arguments import (
-    optional,
-    status_of,
-    takes_requirements,
-)
+from syncplan.cli.arguments import optional
+from syncplan.cli.requirements import status_of, takes_requirements
 from syncplan.errors import InputError, NoSolutionError
 from syncplan.scenario.objectives import OBJECTIVES, listed
 from syncplan.studies.study_table import STUDIES

@@ -13,11 +13,11 @@ from syncplan.cli.arguments import (
     beginning_with,
     loaded_file,
     optional,
-    say_verdict,
     takes_options,
 )
 from syncplan.cli.console import check_output, say
 from syncplan.cli.document_table import checked, read_report
+from syncplan.cli.requirements import say_verdict
 from syncplan.errors import InputError
 from syncplan.plotting.figure_style import COLUMN_PX, SHEET_PX, FigureStyle, Theme
 from syncplan.plotting.figure_table import FIGURES, IMAGE_FORMATS, SUBJECTS

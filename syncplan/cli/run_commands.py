@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from syncplan.cli import arguments, console
-from syncplan.cli.arguments import optional, status_of
+from syncplan.cli.arguments import optional
+from syncplan.cli.requirements import status_of, takes_requirements
 from syncplan.errors import InputError
 from syncplan.estimation.filter_options import SweepOptions
 from syncplan.estimation.replay_settings import ReplayOptions
@@ -51,9 +52,9 @@ def _offer(study: Study) -> None:
         help=study.sentence,
     )
     @arguments.takes_options(study.options, without=(*study.left_out, *study.hidden))
-    @arguments.takes_requirements(*study.requires)
+    @takes_requirements(*study.requires)
     @arguments.replacing(
-        "threads", [_THREADS] if study.parallel else [], lambda v: v.get("threads")
+        "threads", [_THREADS] if study.parallel else [], lambda given: given.get("threads")
     )
     def _run(
         subject: arguments.SubjectFile,
@@ -140,7 +141,7 @@ def _sweep(
     console.compile_filter(options, [team.count for team in teams])
     with console.progress_bar("trials", options.trials * len(rows)) as progress:
         planned = PlannedSweep(varied.name, rows)
-        result = STUDIES["sweep"].run(planned, options, workers=threads, progress=progress)
+        result = STUDIES["sweep"].run(planned, options, console.execution(threads, progress))
     console.deliver_report(report_of(result), output, format_)
     return 0
 
@@ -211,7 +212,7 @@ def _replay(
     console.compile_filter(options.filter_options, [len(recording.robots)])
     study = STUDIES["replay"]
     with console.progress_bar(study.unit, study.work(overview_of(recording), options)) as progress:
-        replayed = study.run(recording, options, progress=progress)
+        replayed = study.run(recording, options, console.execution(None, progress))
     console.deliver_report(report_of(replayed), output, format_)
     return 0
 

@@ -24,6 +24,7 @@ rivals             two estimates of a trial on the same later sightings
 robust_filter      the filter that finds its start, and recovers when it is lost
 online_filter      a filter one step at a time
 trials             results of trials, whole and in parts
+divided_runs       runs whose trials can be computed in parts
 drawn_errors       lasting errors of trials
 trial_readings     readings of trials
 montecarlo         many trials along a plan

@@ -15,11 +15,11 @@ from syncplan.estimation.consistency import (
     interval_of_rms,
     nis,
 )
+from syncplan.estimation.divided_runs import RunOfTrials
 from syncplan.estimation.filter_options import steps_in_run
 from syncplan.estimation.filter_setup import judged_from
 from syncplan.estimation.trials import (
     Accuracy,
-    RunOfTrials,
     TrialErrors,
     accuracy,
     check_whole,

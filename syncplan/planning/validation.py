@@ -15,6 +15,7 @@ from syncplan.estimation.consistency import (
     coverage,
     nis,
 )
+from syncplan.estimation.divided_runs import RunOfTrials
 from syncplan.estimation.filter_options import (
     FilterOptions,
     options_with,
@@ -26,7 +27,6 @@ from syncplan.estimation.trial_readings import possible_sightings
 from syncplan.estimation.trials import (
     Accuracy,
     MonteCarloResult,
-    RunOfTrials,
     TrialErrors,
     accuracy,
     check_whole,
@@ -223,14 +223,14 @@ class TrialRun(RunOfTrials):
         """Return the validation from all parts, in order."""
         result = merge(parts)
         check_whole(result, self.trials)
-        found, (prediction, over_time) = accuracy(result), _prediction(self)
+        prediction, over_time = _prediction(self)
         return Validation(
             plan=self.plan,
             duration=self.duration,
             options=self.options,
             chosen_because=self.chosen_because,
             result=result,
-            accuracy=found,
+            accuracy=accuracy(result),
             predicted=prediction.rms,
             predicted_errors=prediction.states,
             predicted_over_time=over_time,

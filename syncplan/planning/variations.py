@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from syncplan.errors import InputError
+from syncplan.estimation.divided_runs import results_of
 from syncplan.estimation.filter_options import FilterOptions, options_with
-from syncplan.estimation.trials import results_of
 from syncplan.options import lists_options
 from syncplan.orbits.circles import position
 from syncplan.orbits.graphs import bottleneck

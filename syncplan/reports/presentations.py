@@ -50,7 +50,7 @@ REPORTS: Mapping[str, str] = MappingProxyType(
         "Plan": "plan_report.plan_document",
         "Validation": "validation_report.validation_document",
         "StressTest": "validation_report.stress_document",
-        "Sweep": "validation_report.document_of_sweep",
+        "Sweep": "validation_report.sweep_document",
         "Flight": "flight_report.flight_document",
         "Replay": "replay_report.replay_document",
         "SiteChoice": "sites_report.sites_document",

@@ -243,25 +243,15 @@ def stress_document(test: StressTest) -> ValidationDocument:
     return report.model_copy(update={"verdict": verdict, "stress": worlds})
 
 
-def sweep_document(
-    name: str, rows: Sequence[ValidatedRow], reports: Sequence[ValidationDocument]
-) -> SweepReport:
-    """Return the report of a sweep of `name`: label, verdict and validation for each value."""
+def sweep_document(swept: Sweep) -> SweepReport:
+    """Return the report of a sweep: label, verdict and validation for each value."""
     return SweepReport.model_validate(
-        {
-            "swept": swept_key(name).key,
-            "rows": [_row(row, report) for row, report in zip(rows, reports, strict=True)],
-        }
+        {"swept": swept_key(swept.name).key, "rows": [_row(row) for row in swept]}
     )
 
 
-def document_of_sweep(swept: Sweep) -> SweepReport:
-    """Return the report of a sweep and of the validations of its rows."""
-    return sweep_document(swept.name, swept, [validation_document(row.validation) for row in swept])
-
-
-def _row(row: ValidatedRow, report: ValidationDocument) -> SweepRow:
-    plan = row.validation.plan
+def _row(row: ValidatedRow) -> SweepRow:
+    plan, report = row.validation.plan, validation_document(row.validation)
     return SweepRow(
         label=row.label,
         value=row.value,

@@ -2,11 +2,10 @@
 
 from typing import TYPE_CHECKING, Any
 
-from syncplan.studies.study import DocumentKind, Study, StudyProgress
+from syncplan.studies.study import ALONE, DocumentKind, Execution, Study
 
 if TYPE_CHECKING:
     from syncplan.designs.ladder import DesignState
-    from syncplan.runtime.task_crew import EarlierSearch
 
 
 class Designs(Study):
@@ -37,22 +36,13 @@ class Designs(Study):
 
         return max(len(orders_of(options)), 1)
 
-    def run(
-        self,
-        subject: None,
-        options: Any,
-        *,
-        workers: int | None = None,
-        progress: StudyProgress | None = None,
-        earlier: "EarlierSearch | None" = None,
-    ) -> Any:
+    def run(self, subject: None, options: Any, how: Execution = ALONE) -> Any:
         """Return the design; progress has what is done just now, and the front so far."""
         from syncplan.designs.designer import design
         from syncplan.reports.design_report import front_point
 
         def heard(state: "DesignState") -> None:
-            if progress is not None:
-                front = [front_point(options, team).as_json() for team in state.front]
-                progress(state.done, doing=state.doing, front=front)
+            front = [front_point(options, team).as_json() for team in state.front]
+            how.progress(state.done, doing=state.doing, front=front)
 
-        return design(options, workers=workers, progress=heard, earlier=earlier)
+        return design(options, workers=how.workers, progress=heard, earlier=how.earlier)

@@ -2,11 +2,10 @@
 
 from typing import TYPE_CHECKING, Any
 
-from syncplan.studies.study import Study, StudyProgress
+from syncplan.studies.study import ALONE, Execution, Study
 
 if TYPE_CHECKING:
     from syncplan.refinement.refiner import BetterPlan
-    from syncplan.runtime.task_crew import EarlierSearch
 
 
 class Refinements(Study):
@@ -33,15 +32,7 @@ class Refinements(Study):
 
         return options_for(subject.scenario, None, options).starts
 
-    def run(
-        self,
-        subject: Any,
-        options: dict[str, Any],
-        *,
-        workers: int | None = None,
-        progress: StudyProgress | None = None,
-        earlier: "EarlierSearch | None" = None,
-    ) -> Any:
+    def run(self, subject: Any, options: dict[str, Any], how: Execution = ALONE) -> Any:
         """Return the refined plan.
 
         Progress counts the starts that must have ended because others have begun; `best` is the
@@ -51,18 +42,21 @@ class Refinements(Study):
         from syncplan.reports.refinement_report import plan_so_far
         from syncplan.runtime.machine import usable_cores
 
-        begun = set(earlier.finished) if earlier else set()
-        processes = workers or usable_cores()
+        begun = set(how.earlier.finished) if how.earlier else set()
+        processes = how.workers or usable_cores()
 
         def heard(start: int, iteration: int, objective: float) -> None:
             begun.add(start)
-            if progress is not None:
-                progress(max(len(begun) - processes, 0))
+            how.progress(max(len(begun) - processes, 0))
 
         def better(plan: "BetterPlan") -> None:
-            if progress is not None:
-                progress(0, best=plan_so_far(plan).as_json())
+            how.progress(0, best=plan_so_far(plan).as_json())
 
         return refine(
-            subject, workers=workers, progress=heard, better=better, earlier=earlier, **options
+            subject,
+            workers=how.workers,
+            progress=heard,
+            better=better,
+            earlier=how.earlier,
+            **options,
         )

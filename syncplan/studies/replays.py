@@ -1,12 +1,9 @@
 """Replays: the filter run on recordings of real robots."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from syncplan.estimation.replay_settings import ReplayOptions
-from syncplan.studies.study import DocumentKind, Study, StudyProgress
-
-if TYPE_CHECKING:
-    from syncplan.runtime.task_crew import EarlierSearch
+from syncplan.studies.study import ALONE, DocumentKind, Execution, Study
 
 
 class Replays(Study):
@@ -27,15 +24,7 @@ class Replays(Study):
         sightings = subject.bearings + subject.distances * options.distances
         return int(max(sightings, 1)) + (_fitted(sightings) if options.tune else 0)
 
-    def run(
-        self,
-        subject: Any,
-        options: ReplayOptions,
-        *,
-        workers: int | None = None,
-        progress: StudyProgress | None = None,
-        earlier: "EarlierSearch | None" = None,
-    ) -> Any:
+    def run(self, subject: Any, options: ReplayOptions, how: Execution = ALONE) -> Any:
         """Return the replay of a log, whose settings are fitted first if the options say so."""
         from syncplan.estimation.replay_tuning import MOST_RUNS, tuned
         from syncplan.estimation.replays import replay_with
@@ -43,13 +32,14 @@ class Replays(Study):
         settings, filtering = options.settings, options.filter_options
         sightings = sum(len(robot.times) for robot in subject.robots)
         tuning, before = None, 0
-        heard = progress or (lambda done: None)
         if options.tune:
             before = _fitted(sightings)
             tuning = tuned(
-                subject, settings, filtering, lambda runs: heard(before * runs // MOST_RUNS)
+                subject, settings, filtering, lambda runs: how.progress(before * runs // MOST_RUNS)
             )
-        return replay_with(subject, settings, filtering, tuning, lambda seen: heard(before + seen))
+        return replay_with(
+            subject, settings, filtering, tuning, lambda seen: how.progress(before + seen)
+        )
 
 
 def _fitted(sightings: int) -> int:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
-    from syncplan.estimation.trials import RunOfTrials
+    from syncplan.estimation.divided_runs import RunOfTrials
     from syncplan.runtime.task_crew import EarlierSearch
 
 Subject = Literal["plan", "scenario", "recording", "team"]
@@ -27,6 +27,30 @@ class StudyProgress(Protocol):
 
     def __call__(self, done: int, **known: Any) -> None:
         """Take the work done, and values by the keys that they have in the events of a job."""
+
+
+def unheard(done: int, **known: Any) -> None:
+    """Take progress that nobody asks for."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Execution:
+    """How a study is carried out; none of it changes a result.
+
+    Attributes
+    ----------
+    workers : number of threads or processes; all cores if None
+    progress : called with the work done, and with what is known so far
+    earlier : what an interrupted search kept
+    """
+
+    workers: int | None = None
+    progress: StudyProgress = unheard
+    earlier: "EarlierSearch | None" = None
+
+
+ALONE = Execution()
+"""On all cores, with nobody to hear of its progress."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,20 +134,8 @@ class Study(ABC):
         return 1
 
     @abstractmethod
-    def run(
-        self,
-        subject: Any,
-        options: Any,
-        *,
-        workers: int | None = None,
-        progress: StudyProgress | None = None,
-        earlier: "EarlierSearch | None" = None,
-    ) -> Any:
-        """Return the result, which syncplan.reports.presentations has a document of.
-
-        `workers` is the number of threads or processes, all cores by default; it changes no result.
-        `earlier` holds what an interrupted search kept.
-        """
+    def run(self, subject: Any, options: Any, how: Execution = ALONE) -> Any:
+        """Return the result, which syncplan.reports.presentations has a document of."""
 
 
 class TrialStudy(Study):
@@ -154,17 +166,10 @@ class TrialStudy(Study):
         """Return the result of the study from those of its runs, in order."""
         return results[0]
 
-    def run(
-        self,
-        subject: Any,
-        options: Any,
-        *,
-        workers: int | None = None,
-        progress: StudyProgress | None = None,
-        earlier: "EarlierSearch | None" = None,
-    ) -> Any:
+    def run(self, subject: Any, options: Any, how: Execution = ALONE) -> Any:
         """Return the result of all trials."""
-        from syncplan.estimation.trials import results_of
+        from syncplan.estimation.divided_runs import results_of
 
         runs = self.runs(subject, options)
-        return self.joined(subject, options, results_of(runs, threads=workers, progress=progress))
+        results = results_of(runs, threads=how.workers, progress=how.progress)
+        return self.joined(subject, options, results)

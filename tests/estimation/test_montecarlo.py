@@ -246,7 +246,9 @@ def test_a_run_in_parts_gives_the_report_of_the_whole_to_the_byte(with_series: b
     run = trial_run(flown, trials=70, seed=3, duration=20.0, with_series=with_series)
     cuts = [(0, 16), (16, 48), (64, 6)]
     parts = [unpack(pack(run.part(first, count, threads=1))) for first, count in cuts]
-    reports = [as_text(validation_document(one).as_json()) for one in (whole, run.concluded(parts))]
+    reports = [
+        as_text(validation_document(each).as_json()) for each in (whole, run.concluded(parts))
+    ]
     assert reports[0] == reports[1]
 
 

@@ -11,7 +11,7 @@ from syncplan.errors import InputError
 from syncplan.planning.plans import Plan
 from syncplan.planning.variations import connected_range, sweep
 from syncplan.plotting.study_figures import sweep_spec
-from syncplan.reports.validation_report import SweepReport, sweep_document, validation_document
+from syncplan.reports.validation_report import SweepReport, sweep_document
 from syncplan.scenario.dotted_keys import IN_TRUTH, SWEPT_KEYS, SweptOption, numeric_keys, swept_key
 from syncplan.scenario.loading import scenario_from
 from syncplan.scenario.specification import Scenario
@@ -134,7 +134,7 @@ def test_a_sigma_of_each_reading_takes_the_place_of_a_random_walk() -> None:
 
 def test_the_report_of_a_sweep_of_any_key_names_it_and_draws_its_unit() -> None:
     rows = sweep(small(), "sensor.range_sigma_m", [0.1, 1.0], trials=2, duration=5.0)
-    report = sweep_document(rows.name, rows, [validation_document(r.validation) for r in rows])
+    report = sweep_document(rows)
     assert report.swept == "sensor.range_sigma_m"
     assert SweepReport.model_validate(report.as_json()) == report
     assert sweep_spec(report)["layout"]["xaxis"]["title"]["text"] == "sensor range sigma, m"

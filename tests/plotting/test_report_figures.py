@@ -21,7 +21,6 @@ from syncplan.reports.validation_report import (
     SweepReport,
     ValidationDocument,
     sweep_document,
-    validation_document,
 )
 from tests.tools.figure_parts import note_of, spec_of, trace_of
 from tests.tools.flown import short_flight
@@ -179,8 +178,7 @@ def swept() -> SweepReport:
         duration=20.0,
         connected=True,
     )
-    reports = [validation_document(row.validation) for row in rows]
-    document = sweep_document("angular_rate", rows, reports)
+    document = sweep_document(rows)
     assert SweepReport.model_validate_json(json.dumps(document.as_json())) == document
     return document
 

@@ -189,8 +189,7 @@ def test_tables_state_the_interval_over_all_vehicles_within_80_columns(
 
 def test_a_table_of_a_sweep_has_a_column_of_intervals(grid: Plan) -> None:
     rows = syncplan.sweep(grid.scenario, "range", [50.0], trials=TRIALS)
-    reports = [validation_document(row.validation) for row in rows]
-    document: SweepReport = sweep_document("range", rows, reports)
+    document: SweepReport = sweep_document(rows)
     interval = document.rows[0].validation.overall.rms_second_half_interval_m
     assert interval is not None
     lines = shown(document).splitlines()

@@ -15,7 +15,7 @@ from api.settings import load_settings
 from syncplan.errors import InputError
 from syncplan.options import RunOptions, option
 from syncplan.planning.plan_files import loaded_from
-from syncplan.studies.study import Study
+from syncplan.studies.study import ALONE, Execution, Study
 from syncplan.studies.study_table import STUDIES
 from tests.tools.briefs import FIELD
 from tests.tools.scenarios import document
@@ -92,7 +92,7 @@ class _Soundings(Study):
     sentence, unit, body = "Sound a plan.", "plans", "How deep"
     options = _Options
 
-    def run(self, subject: Any, options: Any, **_how: Any) -> Any:
+    def run(self, subject: Any, options: Any, how: Execution = ALONE) -> Any:
         raise NotImplementedError
 
 

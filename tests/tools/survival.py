@@ -135,10 +135,9 @@ def sweep_of_ranges(trials: int, seed: int) -> Order:
     ranges = [45.0, 55.0]
     scenario = example("paper-grid-same")
     rows = sweep(scenario, "range", ranges, trials=trials, seed=seed)
-    reports = [validation_document(row.validation) for row in rows]
     values = scenario.model_dump(mode="json", exclude_none=True)
     body = {"scenario": values, "range_m": ranges, "trials": trials, "seed": seed}
-    expected = as_text(sweep_document("range", rows, reports).as_json())
+    expected = as_text(sweep_document(rows).as_json())
     return Order("sweep", body, expected)
 
 
