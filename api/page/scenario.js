@@ -22,7 +22,7 @@ export function editable(plan) {
 }
 
 /** Keys of a scenario on which neither orbits nor meetings depend. */
-const LOOSE = ["name", "start_time", "geo_origin", "duration_s", "motion", "initial_sigma", "wind", "filter", "truth", "heading_sigma_rad", "heading_interval_s"];
+const LOOSE = ["name", "start_time", "geo_origin", "duration_s", "motion", "initial_sigma", "wind", "filter", "truth", "heading_sigma_rad", "heading_interval_s", "altitude_m"];
 const LOOSE_OF_SENSOR = ["bearing_sigma_rad", "interval_s", "detection_probability", "range_sigma_m", "bearing_bias_sigma_rad", "bearing_walk"];
 
 /** Whether two scenarios say the same. */
@@ -189,9 +189,9 @@ export function withDirection(scenario, plan, k, direction) {
 }
 
 /** What a scenario lists vehicle by vehicle. */
-function listsOf({ formation, orbit, sensor, heading_sigma_rad: compass }) {
+function listsOf({ formation, orbit, sensor, heading_sigma_rad: compass, altitude_m: altitudes }) {
   const { radius_m, direction, desync_rad, speed_mps } = orbit;
-  return [formation.centers_m, formation.names, radius_m, direction, desync_rad, speed_mps, sensor, compass].filter(Array.isArray);
+  return [formation.centers_m, formation.names, radius_m, direction, desync_rad, speed_mps, sensor, compass, altitudes].filter(Array.isArray);
 }
 
 /** Return the scenario with one more vehicle about a centre, like another one: the last where none is named. */

@@ -24,7 +24,7 @@ from syncplan.exporting.format_table import AUTOPILOTS, FORMATS
 from syncplan.plotting.figure_table import FIGURES, always_there
 from syncplan.plotting.printed_report import STYLE_DIGEST
 from syncplan.plotting.vendored import plotly_script
-from syncplan.scenario.dotted_keys import ALTERNATIVES, numeric_keys
+from syncplan.scenario.dotted_keys import ALTERNATIVES, all_numeric_keys
 from syncplan.scenario.formations import SHAPES
 from syncplan.scenario.objectives import OBJECTIVES
 from syncplan.studies.job_contract import STATES, has_ended
@@ -81,7 +81,7 @@ def tables_script(site: Site) -> str:
         "MISSIONS": [name for name, one in FORMATS.items() if one.mission],
         "PILOTS": pilots,
         "OBJECTIVES": {name: one.title for name, one in OBJECTIVES.items()},
-        "MEANINGS": {key: one.meaning for key, one in numeric_keys().items()},
+        "MEANINGS": {key: one.meaning for key, one in all_numeric_keys().items()},
         "TERMS": {form: one.meaning for name, one in TERMS.items() for form in (name, *one.forms)},
         "ALTERNATIVES": ALTERNATIVES,
         "STUDIES": {

@@ -117,8 +117,8 @@ def scenario_after(scenario: Scenario, loss: Loss) -> Scenario:
     kept = [k for k in range(scenario.size) if k not in loss.vehicles]
     for place, k in loss.kinds:
         values |= _without_sensor(values, _KINDS[place], k, scenario.size)
-    if isinstance(values.get("heading_sigma_rad"), list):
-        values["heading_sigma_rad"] = _only(values["heading_sigma_rad"], kept)
+    listed = values.keys() & {"heading_sigma_rad", "altitude_m"}
+    values |= {key: _only(values[key], kept) for key in listed}
     values["orbit"] = _orbit_after(scenario, kept)
     values["sensor"] = _sensors_after(values["sensor"], scenario.size, loss, kept)
     values["formation"] = _formation_after(scenario, values["sensor"], kept)

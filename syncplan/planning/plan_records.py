@@ -72,7 +72,7 @@ OPEN_LOOP = "none"
 
 _NO_EFFECT = (
     *("name", "refine", "geo_origin", "start_time", "purpose", "area_m", "keep_out_m"),
-    *("landmark_clearance_m", "window_s"),
+    *("landmark_clearance_m", "window_s", "altitude_m"),
 )
 """Keys of a scenario that no flight depends on; the verdict judges them on paper."""
 

@@ -2,6 +2,7 @@
 
 quantities           numbers with units and limits, sections, faults in one line each
 objectives           figures of merit, and those that a refinement can improve
+altitudes            altitudes of vehicles, and the range that a difference of them leaves
 areas                polygons that circles stay within or clear of
 formations           shapes by name, their centres and neighbours
 models               the sections of a scenario: circles, formation, sensor, limits, refinement

@@ -25,6 +25,9 @@ ALTERNATIVES = (
 IN_FLIGHT_ALONE = ("motion.lag_s",)
 """Keys that matter in flight only: in plans and validations, vehicles follow their circles."""
 
+IN_NO_FIGURE = ("refine.", "purpose.", "altitude_m")
+"""Beginnings of keys on which no figure of a sweep depends."""
+
 IN_TRUTH = "truth."
 """Prefix of keys of the simulated world."""
 
@@ -55,21 +58,24 @@ class NumericKey:
 
 
 @cache
-def numeric_keys() -> Mapping[str, NumericKey]:
-    """Return all keys that hold a number, in the scenario's order.
-
-    Leaves out the keys of `refine` and `purpose`, which no figure of a sweep depends on, and those
-    in IN_FLIGHT_ALONE.
-    """
+def all_numeric_keys() -> Mapping[str, NumericKey]:
+    """Return all keys that hold a number, in the scenario's order."""
     from syncplan.scenario.specification import Scenario
 
     schema = Scenario.model_json_schema()
-    found = {
-        one.key: one
-        for one in _within(schema, schema["$defs"], "")
-        if not one.key.startswith(("refine.", "purpose.")) and one.key not in IN_FLIGHT_ALONE
-    }
-    return MappingProxyType(found)
+    return MappingProxyType({key.key: key for key in _within(schema, schema["$defs"], "")})
+
+
+@cache
+def numeric_keys() -> Mapping[str, NumericKey]:
+    """Return the keys that a sweep may vary: without those IN_NO_FIGURE and IN_FLIGHT_ALONE."""
+    return MappingProxyType(
+        {
+            name: key
+            for name, key in all_numeric_keys().items()
+            if not name.startswith(IN_NO_FIGURE) and name not in IN_FLIGHT_ALONE
+        }
+    )
 
 
 def nearest_keys(name: str) -> list[str]:
@@ -268,6 +274,8 @@ def swept_key(name: str) -> SweptKey:
     if name.removeprefix(IN_TRUTH) in IN_FLIGHT_ALONE:
         problem = f"{name!r} can't be swept: it matters in flight alone"
         raise InputError(f"{problem}; change it in the scenario and run 'syncplan fly'", key="name")
+    if name.startswith(IN_NO_FIGURE) and name in all_numeric_keys():
+        raise InputError(f"{name!r} can't be swept: no figure of a sweep depends on it", key="name")
     found = numeric_keys().get(name)
     if found is None:
         near = " or ".join(nearest_keys(name)[:_MOST_NEAR])

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Field, Strict, ValidationInfo, field_validator, model_validator
 
+from syncplan.scenario.altitudes import HIGHEST_M, LOWEST_M
 from syncplan.scenario.formations import ShapeName
 from syncplan.scenario.objectives import (
     OBJECTIVES,
@@ -136,7 +137,7 @@ def _check_order(key: str, limits: tuple[float, float] | None) -> None:
 # --- place on Earth -------------------------------------------------------------------------------
 
 
-Altitude = Annotated[float, Field(ge=-1000, le=100_000)]
+Altitude = Annotated[float, Field(ge=LOWEST_M, le=HIGHEST_M)]
 
 
 class GeoOrigin(Section):

@@ -129,6 +129,12 @@ class Scenario(Result, PlacedSection):
     refine: models.RefineOptions | None = Field(
         default=None, description="Options of a refinement; defaults where not given"
     )
+    altitude_m: OneOrMany[models.Altitude] | None = Field(
+        default=None,
+        description="Altitude of flight above the ground at [0, 0], one value or one per vehicle; "
+        "moves nothing in the plane, but exports take it; the format's own if not given",
+        examples=[60.0],
+    )
     start_time: StartTime | None = Field(
         default=None, description="Moment of time 0, RFC 3339", examples=["2026-05-01T09:00:00Z"]
     )
@@ -150,6 +156,7 @@ class Scenario(Result, PlacedSection):
                 "orbit.desync_rad": orbit.desync_rad,
                 "sensor": self.sensor,
                 "heading_sigma_rad": self.heading_sigma_rad,
+                "altitude_m": self.altitude_m,
                 "formation.names": formation.names,
             },
             self.size,
@@ -235,6 +242,11 @@ class Scenario(Result, PlacedSection):
     def sensors(self) -> list[models.Sensor]:
         """Sensor of each vehicle."""
         return per_vehicle(self.sensor, self.size)
+
+    @property
+    def altitudes(self) -> list[float]:
+        """Altitude of each vehicle in m above the ground at [0, 0]; empty where none is given."""
+        return [] if self.altitude_m is None else per_vehicle(self.altitude_m, self.size)
 
     @property
     def sample_time(self) -> float:
