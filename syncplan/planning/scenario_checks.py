@@ -1,13 +1,15 @@
 """Findings on values that a scenario states."""
 
 from collections.abc import Iterator, Sequence
-from math import radians
+from math import hypot, radians
 
 import numpy as np
 
+from syncplan.observability.link_verdicts import LinkVerdict
 from syncplan.orbits.circles import extent
 from syncplan.phrases import listed
 from syncplan.planning.judged_team import MOST_NAMED, FindingCure, JudgedTeam, Level, Remark
+from syncplan.scenario.altitudes import horizontal_reach
 from syncplan.scenario.angle_sigmas import AngleSigma, angle_sigmas
 from syncplan.scenario.dotted_keys import IN_TRUTH
 from syncplan.scenario.ground import map_departure
@@ -32,6 +34,53 @@ def flat_map(judged: JudgedTeam) -> Iterator[Remark]:
             f"the team's extent: more than a tenth of the least predicted error, {rms.min():.2g} m",
             cure="put geo_origin in the middle of the team, or fly smaller teams",
         )
+
+
+# --- altitudes ------------------------------------------------------------------------------------
+
+
+SLANT_SHARE = 0.01
+"""Share of a range in the plane from which it matters that a difference of altitude takes it."""
+
+
+def slant_ranges(judged: JudgedTeam) -> Iterator[Remark]:
+    """Yield the findings that pairs in range of each other differ by much in altitude.
+
+    One is on pairs of vehicles, one on landmarks, which are taken to be on the ground; each names
+    the pair with the largest difference.
+    """
+    scenario = judged.scenario
+    ground = [0.0] * len(scenario.landmarks)
+    altitudes = [*scenario.altitudes, *ground]
+    ranges = [*(sensor.range_m for sensor in scenario.sensors), *ground]
+    names = [*scenario.vehicle_names, *scenario.landmark_names]
+    levels: dict[Level, Sequence[LinkVerdict]] = {
+        "warning": (*judged.links, *judged.incidental_links),
+        "note": judged.landmark_links,
+    }
+    for level, meetings in levels.items() if scenario.altitudes else ():
+        each = (
+            (abs(altitudes[pair.a] - altitudes[pair.b]), max(ranges[pair.a], ranges[pair.b]), pair)
+            for pair in meetings
+        )
+        slanted = [
+            (apart, reach, pair)
+            for apart, reach, pair in each
+            if horizontal_reach(reach, apart) < (1.0 - SLANT_SHARE) * reach
+        ]
+        if slanted:
+            apart, reach, pair = max(slanted, key=lambda one: one[0])
+            a, b = names[pair.a], names[pair.b]
+            yield Remark(
+                level,
+                f"{a} and {b} differ by {apart:.4g} m in altitude, and ranges count in the plane: "
+                f"at the edge of range, {reach:.4g} m, they are {hypot(reach, apart):.4g} m from "
+                "each other",
+                (a, b),
+                cure=f"where a sensor reaches no further than {reach:.4g} m along the line of "
+                "sight, state range_m as its horizontal reach, sqrt(R^2 - d^2) = "
+                f"{horizontal_reach(reach, apart):.4g} m",
+            )
 
 
 # --- sigmas of angles -----------------------------------------------------------------------------

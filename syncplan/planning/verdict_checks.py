@@ -73,6 +73,7 @@ def bound_estimated(judged: JudgedTeam) -> Iterator[Remark]:
 CHECKS: dict[str, Callable[[JudgedTeam], Iterable[Remark]]] = {
     "angle-sigma-large": scenario_checks.angle_sigmas_large,
     "flat-map": scenario_checks.flat_map,
+    "slant-range": scenario_checks.slant_ranges,
     "unobservable": observability_checks.unobservable,
     "weakly-observable": observability_checks.weakly_observable,
     "needs-prior": observability_checks.needs_prior,
