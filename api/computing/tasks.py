@@ -6,7 +6,7 @@ child keeps the set-up of the job it served last.
 
 import json
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
@@ -62,6 +62,7 @@ from syncplan.studies.job_contract import JobKindName
 from syncplan.studies.study import Execution, TrialStudy
 
 if TYPE_CHECKING:
+    from syncplan.exporting.format_table import ExportOptions
     from syncplan.plotting.canvas import Spec
     from syncplan.plotting.figure_style import FigureStyle
 
@@ -374,11 +375,11 @@ def chosen_landmarks(text: str, candidates: Sequence[str], choose: int, seed: in
     return as_text(sites_document(found).as_json())
 
 
-def exported(text: str, name: str, options: Mapping[str, Any]) -> tuple[bytes, tuple[str, ...]]:
+def exported(text: str, name: str, options: "ExportOptions") -> tuple[bytes, tuple[str, ...]]:
     """Return the files of an export of a plan, zipped, and its notes; raises InputError."""
-    from syncplan.exporting.formats import ExportOptions, as_archive, export
+    from syncplan.exporting.formats import as_archive, export
 
-    made = export(_judged(text), name, ExportOptions(**options))
+    made = export(_judged(text), name, options)
     return as_archive(made), made.notes
 
 

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import HTMLResponse
-from pydantic import BaseModel, ConfigDict, Field
 from starlette.concurrency import run_in_threadpool
 
 from api.calls import (
@@ -40,7 +39,7 @@ from api.storage.holdings import Answer
 from api.storage.job_records import begun_job, report_of
 from api.storage.part_records import finished_batches, first_batches
 from syncplan.errors import InputError
-from syncplan.exporting.format_table import ALL, FORMATS, AutopilotName, VehicleName
+from syncplan.exporting.format_table import ALL, FORMATS, ExportOptions
 from syncplan.importing.features import Section
 from syncplan.importing.import_options import ImportOptions
 from syncplan.importing.imported_places import ImportedPlaces
@@ -77,7 +76,7 @@ def _asked(kind: type, names: Sequence[str]) -> Any:
             default=[] if each.default == () else each.default,
             annotation=Annotated[
                 list[Title] if each.default == () else each.type,
-                Query(description=each.sentence),
+                Query(description=each.sentence, **dict[str, Any](each.limits)),
             ],
         )
         for each in options_of(kind)
@@ -377,27 +376,13 @@ else:
     ExportName = Literal[*FORMATS, ALL]
 
 
-class ExportQuery(BaseModel):
-    """Options of an export, as in syncplan.exporting.format_table."""
+EXPORTED = (
+    *("autopilot", "vehicle", "altitude_m", "altitude_step_m", "turns", "waypoints"),
+    *("snap_radius", "force"),
+)
+"""Options of an export that a request takes."""
 
-    model_config = ConfigDict(use_attribute_docstrings=True)
-
-    autopilot: AutopilotName = "ardupilot"
-    """Autopilot of the missions"""
-    vehicle: VehicleName = "multicopter"
-    """Kind of vehicle that flies the missions"""
-    altitude_m: float | None = Field(None, ge=-1000, le=100_000)
-    """Height above the origin; the format's own if not given"""
-    altitude_step_m: float = Field(0.0, ge=0, le=1000)
-    """Height of each vehicle above the one before"""
-    turns: int | None = Field(None, ge=1, le=20_000)
-    """Whole turns flown; the scenario's duration if not given"""
-    waypoints: bool = False
-    """Waypoints instead of loiter turns"""
-    snap_radius: bool = False
-    """Fly the nearest radii that ArduPilot can store"""
-    force: bool = False
-    """Export the plan although its verdict is no-go"""
+AskedExport = Annotated[ExportOptions, _asked(ExportOptions, EXPORTED)]
 
 
 @router.get(
@@ -417,13 +402,13 @@ async def read_export(
     plan_id: Identifier,
     format: ExportName,
     caller: CurrentCaller,
-    query: Annotated[ExportQuery, Query()],
+    options: AskedExport,
 ) -> Response:
     """The files of a format, one for each vehicle if a file holds one, and the sidecar with phases.
 
     The sidecar says how each vehicle joins its circle at the right phase, and what to watch for.
     """
-    archive, notes = await _of_plan(caller, plan_id, "exported", format, query.model_dump())
+    archive, notes = await _of_plan(caller, plan_id, "exported", format, options)
     headers = {
         "content-disposition": f'attachment; filename="plan-{format}.zip"',
         NOTES: json.dumps(notes),

@@ -27,12 +27,26 @@ _TABLE = re.compile(
 
 def _formats() -> str:
     rows = [
-        (f"`{name}`", one.title, "yes" if one.on_earth else "no", f"{one.altitude_m:g}")
-        for name, one in FORMATS.items()
+        (
+            f"`{name}`",
+            form.title,
+            form.holds,
+            "yes" if form.on_earth else "no",
+            f"{form.altitude_m:g}",
+        )
+        for name, form in FORMATS.items()
     ]
-    rows.append((f"`{ALL}`", "each of these in a folder of its own", "where there is one", ""))
+    folders = "all that the scenario allows, each in a folder of its own"
+    rows.append((f"`{ALL}`", "every format", folders, "where there is one", ""))
     return _table(
-        ("`--format`", "what it writes", "needs `geo_origin`", "default altitude, m"), rows
+        (
+            "`--format`",
+            "what it writes",
+            "what the files hold",
+            "needs `geo_origin`",
+            "default altitude, m",
+        ),
+        rows,
     )
 
 

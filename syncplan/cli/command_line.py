@@ -90,18 +90,19 @@ def application(command: str = "") -> typer.Typer:
 
 def _options() -> dict[str, str]:
     """Options by the name of the library's argument that they set."""
+    from syncplan.exporting.format_table import ExportOptions
     from syncplan.options import RunOptions, options_of
     from syncplan.plotting.figure_style import FigureStyle
 
     names = (
         *("losses", "threads", "vary", "center_box_m", "radius_m", "objective", "margin_m"),
         *("time_limit_s", "starts", "choose", "figure", "compare", "theme", "output"),
-        *("format", "altitude_m", "turns", "sample_time_s", "sagitta_m", "autopilot", "vehicle"),
+        "format",
     )
     return {
         **{
             one.name: one.flag
-            for kind in (*(study.options for study in STUDIES.values()), FigureStyle)
+            for kind in (*(study.options for study in STUDIES.values()), ExportOptions, FigureStyle)
             if kind is FigureStyle or issubclass(kind, RunOptions)
             for one in options_of(kind)
             if one.name not in ("filter", "truth")

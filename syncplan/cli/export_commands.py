@@ -38,7 +38,13 @@ Target = Annotated[
 
 @exporters.command(
     name="export",
-    epilog="\b\nExample: syncplan export plan.json --format qgc -o missions --altitude-m 60",
+    epilog="\n\n".join(
+        [
+            "The files hold:",
+            *(f"{name}: {form.holds}." for name, form in FORMATS.items()),
+            "\b\nExample: syncplan export plan.json --format qgc -o missions --altitude-m 60",
+        ]
+    ),
 )
 @takes_options(ExportOptions)
 def _export(

@@ -7,12 +7,12 @@ format's own module is loaded when it writes.
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
-from math import isfinite
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Literal
 
 from syncplan.errors import InputError
-from syncplan.options import option
+from syncplan.options import RunOptions, option
+from syncplan.scenario.altitudes import HIGHEST_M, LOWEST_M
 
 if TYPE_CHECKING:
     from syncplan.exporting.exported_files import Written
@@ -97,14 +97,16 @@ class ExportFormat:
     Attributes
     ----------
     title : name in a list of choices
+    holds : what its files contain and leave out, a noun phrase
     writer : module of this package and a function in it, from the plan to its files
-    altitude_m : altitude where the options give none
+    altitude_m : altitude where neither options nor scenario give one; with 0, none is meant
     on_earth : whether it needs the scenario's geo_origin
     mission : whether it is an autopilot's mission
     only_for : the only autopilot that the format is for; None if there are several
     """
 
     title: str
+    holds: str
     writer: str
     altitude_m: float
     on_earth: bool = False
@@ -118,32 +120,67 @@ class ExportFormat:
         return written
 
 
+_GROUND = "no take-off, no landing"
+_POSES = f"one bag, with positions and headings over time of each vehicle; no fences, {_GROUND}"
+
 FORMATS: Mapping[str, ExportFormat] = MappingProxyType(
     {
-        "qgc": ExportFormat("QGroundControl missions", "missions.write_qgc", 50.0, True, True),
+        "qgc": ExportFormat(
+            "QGroundControl missions",
+            f"one mission for each vehicle, with area and keep-outs as its fence; {_GROUND}",
+            "missions.write_qgc",
+            50.0,
+            on_earth=True,
+            mission=True,
+        ),
         "ardupilot": ExportFormat(
             "ArduPilot missions (WPL 110)",
+            "one mission for each vehicle, and area and keep-outs as one fence list for all; "
+            f"{_GROUND}",
             "missions.write_ardupilot",
             50.0,
-            True,
-            True,
+            on_earth=True,
+            mission=True,
             only_for="ardupilot",
         ),
-        "csv": ExportFormat("Timed poses (CSV)", "trajectories.write_poses", 0.0),
-        "rosbag2": ExportFormat("ROS 2 bag (sqlite3)", "trajectories.write_rosbag2", 0.0),
-        "mcap": ExportFormat("ROS 2 bag (MCAP)", "trajectories.write_mcap", 0.0),
-        "crazyswarm": ExportFormat(
-            "Crazyswarm 2 trajectories", "trajectories.write_crazyswarm", 1.0
+        "csv": ExportFormat(
+            "Timed poses (CSV)",
+            "one table with positions, altitudes and headings over time of all vehicles; no "
+            f"fences, {_GROUND}",
+            "trajectories.write_poses",
+            0.0,
         ),
-        "geojson": ExportFormat("GeoJSON", "map_files.write_geojson", 50.0, True),
-        "kml": ExportFormat("KML", "map_files.write_kml", 50.0, True),
+        "rosbag2": ExportFormat("ROS 2 bag (sqlite3)", _POSES, "trajectories.write_rosbag2", 0.0),
+        "mcap": ExportFormat("ROS 2 bag (MCAP)", _POSES, "trajectories.write_mcap", 0.0),
+        "crazyswarm": ExportFormat(
+            "Crazyswarm 2 trajectories",
+            f"one trajectory for each vehicle, as polynomials; no fences, {_GROUND}",
+            "trajectories.write_crazyswarm",
+            1.0,
+        ),
+        "geojson": ExportFormat(
+            "GeoJSON",
+            "one map with circles, centres, entry points, landmarks, area, keep-outs and "
+            "obstacles; no tracks over time",
+            "map_files.write_geojson",
+            50.0,
+            on_earth=True,
+        ),
+        "kml": ExportFormat(
+            "KML",
+            "one map with circles and entry points at their altitudes, landmarks, area, keep-outs "
+            "and obstacles, and with tracks over time where the scenario has a start_time",
+            "map_files.write_kml",
+            50.0,
+            on_earth=True,
+        ),
     }
 )
 """All formats by name, in the order in which users see them."""
 
 
 def default_altitudes() -> str:
-    """Return the default altitudes of the formats in words, the most common first."""
+    """Return the default altitudes in m of the formats in words, the most common first."""
     by_altitude: dict[float, list[str]] = {}
     for name, one in FORMATS.items():
         by_altitude.setdefault(one.altitude_m, []).append(name)
@@ -159,24 +196,36 @@ def default_altitudes() -> str:
 # --- options ------------------------------------------------------------------------------------
 
 
-HIGHEST_M = 100_000.0
 LONGEST_S = 1e7
 MOST_TURNS = 20_000
 """Most turns flown: as many as the periods that a scenario's run may have."""
 
 
 @dataclass(frozen=True, slots=True)
-class ExportOptions:
+class ExportOptions(RunOptions):
     """Options of an export; raises InputError naming the option whose value is not allowed."""
 
     altitude_m: float | None = option(
-        None, f"Altitude above the origin in m (default {default_altitudes()})"
+        None,
+        "Altitude in m above the ground at the origin, of all vehicles; altitude_m of the scenario "
+        f"if not given, else {default_altitudes()}",
+        ge=LOWEST_M,
+        le=HIGHEST_M,
     )
-    altitude_step_m: float = option(0.0, "Fly each vehicle this many metres higher than the last")
-    duration: float | None = option(None, "Length of each run in s; the scenario's if not given")
-    turns: int | None = option(None, "Whole turns to fly, instead of a duration")
+    altitude_step_m: float = option(
+        0.0,
+        "Fly each vehicle this many metres higher in turn, on top of its altitude",
+        ge=0,
+        le=1000,
+    )
+    duration: float | None = option(
+        None, "Length of each run in s; the scenario's if not given", ge=1e-3, le=LONGEST_S
+    )
+    turns: int | None = option(
+        None, "Whole turns to fly, instead of a duration", ge=1, le=MOST_TURNS
+    )
     sample_time_s: float | None = option(
-        None, "Time between poses in s; the scenario's if not given"
+        None, "Time between poses in s; the scenario's if not given", ge=1e-4, le=LONGEST_S
     )
     autopilot: AutopilotName = option(
         "ardupilot", "Autopilot of the missions; PX4 refuses loiter turns and gets waypoints"
@@ -184,7 +233,10 @@ class ExportOptions:
     vehicle: VehicleName = option("multicopter", "Kind of vehicle")
     waypoints: bool = option(False, "Write missions of waypoints instead of loiter turns")
     sagitta_m: float = option(
-        0.5, "Largest distance in m from the arc to the chord of two waypoints"
+        0.5,
+        "Largest distance in m from the arc to the chord of two waypoints",
+        ge=1e-3,
+        le=1000,
     )
     snap_radius: bool = option(
         False, "Fly the nearest radii that ArduPilot can store, at the same rate"
@@ -192,23 +244,6 @@ class ExportOptions:
     force: bool = option(False, "Write the files although the verdict is NO-GO")
 
     def __post_init__(self) -> None:
-        _check_range("altitude_m", self.altitude_m, -1000.0, HIGHEST_M)
-        _check_range("altitude_step_m", self.altitude_step_m, 0.0, 1000.0)
-        _check_range("duration", self.duration, 1e-3, LONGEST_S)
-        _check_range("turns", self.turns, 1, MOST_TURNS)
-        _check_range("sample_time_s", self.sample_time_s, 1e-4, LONGEST_S)
-        _check_range("sagitta_m", self.sagitta_m, 1e-3, 1000.0)
+        RunOptions.__post_init__(self)
         if self.duration is not None and self.turns is not None:
             raise InputError("goes without a duration; give one of the two", key="turns")
-        _check_choice("autopilot", self.autopilot, get_args(AutopilotName))
-        _check_choice("vehicle", self.vehicle, get_args(VehicleName))
-
-
-def _check_range(key: str, value: float | None, least: float, most: float) -> None:
-    if value is not None and not (isfinite(value) and least <= value <= most):
-        raise InputError(f"{value:g}: must be from {least:g} to {most:g}", key=key)
-
-
-def _check_choice(key: str, value: str, known: tuple[str, ...]) -> None:
-    if value not in known:
-        raise InputError(f"{value!r}: must be {' or '.join(known)}", key=key)

@@ -9,7 +9,7 @@ from syncplan.exporting.exported_files import Export, ExportedFile, as_archive, 
 from syncplan.exporting.format_table import ALL, FORMATS, ExportFormat, ExportOptions
 from syncplan.exporting.mission_routes import snapped_radii
 from syncplan.exporting.missions import flies_loiter_turns
-from syncplan.exporting.scheduled_plan import ScheduledPlan, scheduled
+from syncplan.exporting.scheduled_plan import ScheduledPlan, scheduled, stated_altitude
 from syncplan.exporting.sidecar import sidecar_file
 from syncplan.orbits.circles import extent
 from syncplan.planning.planner import BoundChoice, judge
@@ -56,7 +56,9 @@ def export(plan: Plan, format: str, options: ExportOptions | None = None) -> Exp
             key="autopilot",
         )
     flown = scheduled(plan, asked, chosen.altitude_m)
-    notes = _map_notes(flown) if chosen.on_earth else []
+    notes = _altitude_notes(flown, chosen)
+    if chosen.on_earth:
+        notes += _map_notes(flown)
     if chosen.mission and asked.snap_radius and flies_loiter_turns(flown):
         flown, snapped = _snapped(flown)
         notes += snapped
@@ -119,6 +121,18 @@ def _all(plan: Plan, options: ExportOptions) -> Export:
         for file in one.files
     ]
     return Export(ALL, tuple(files), tuple(notes))
+
+
+def _altitude_notes(flown: ScheduledPlan, chosen: ExportFormat) -> list[str]:
+    """Note that vehicles fly at the altitude of a format, as none is stated."""
+    if not chosen.altitude_m or stated_altitude(flown.plan, flown.options) is not None:
+        return []
+    stacked = ", each a step above the last" if flown.options.altitude_step_m else ""
+    return [
+        f"no altitude is given: vehicles fly at {chosen.altitude_m:g} m, the default of this "
+        f"format{stacked}; state "
+        "altitude_m in the scenario, or --altitude-m (library and service: altitude_m)"
+    ]
 
 
 def _map_notes(flown: ScheduledPlan) -> list[str]:

@@ -14,6 +14,7 @@ from syncplan.orbits.circles import heading, position
 from syncplan.planning.plans import Plan
 from syncplan.scenario.ground import lat_lon_of
 from syncplan.scenario.models import GeoOrigin
+from syncplan.scenario.specification import per_vehicle
 
 # --- schedule -----------------------------------------------------------------------------------
 
@@ -32,7 +33,7 @@ class ScheduledPlan:
     ----------
     plan : plan whose orbits are flown
     options : options of the export
-    altitudes : altitude of each vehicle in m above the origin
+    altitudes : altitude of each vehicle in m above the ground at the origin
     duration : length of the run in s, from time 0
     title, labels : parts of file names that stand for the plan and for each vehicle
     """
@@ -90,10 +91,19 @@ class Poses:
     headings: Array
 
 
+def stated_altitude(plan: Plan, options: format_table.ExportOptions) -> float | list[float] | None:
+    """Return the altitude in m of all, or of each vehicle; None where neither argument gives one.
+
+    That of the options counts before that of the plan's scenario.
+    """
+    return plan.scenario.altitude_m if options.altitude_m is None else options.altitude_m
+
+
 def scheduled(plan: Plan, options: format_table.ExportOptions, altitude: float) -> ScheduledPlan:
-    """Return a plan as it is written; `altitude` in m applies where the options give none."""
+    """Return a plan as it is written; `altitude` in m applies where none is stated."""
     scenario, turns = plan.scenario, options.turns
-    lowest = altitude if options.altitude_m is None else options.altitude_m
+    stated = stated_altitude(plan, options)
+    lowest = per_vehicle(altitude if stated is None else stated, scenario.size)
     period = plan.orbits.period
     duration = scenario.duration_s if options.duration is None else options.duration
     if turns is None and duration > format_table.MOST_TURNS * period:
@@ -105,7 +115,7 @@ def scheduled(plan: Plan, options: format_table.ExportOptions, altitude: float) 
     return ScheduledPlan(
         plan=plan,
         options=options,
-        altitudes=tuple(lowest + k * options.altitude_step_m for k in range(plan.orbits.count)),
+        altitudes=tuple(least + k * options.altitude_step_m for k, least in enumerate(lowest)),
         duration=duration if turns is None else turns * period,
         title=file_title(scenario.name),
         labels=tuple(file_names(scenario.vehicle_names)),

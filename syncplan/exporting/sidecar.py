@@ -39,7 +39,7 @@ class EntryPoint(DocumentPart):
     position_m: Point
     lat_deg: float | None = Field(description="Null without a geo_origin")
     lon_deg: float | None
-    altitude_m: float = Field(description="Flown, above the origin")
+    altitude_m: float = Field(description="Flown, above the ground at the origin")
     heading_rad: float = Field(description="Direction of flight there, from +x, in [0, 2 pi)")
     course_deg: float = Field(description="The same from north, clockwise, in [0, 360)")
     time_s: float = Field(description="Since time 0")

@@ -68,7 +68,7 @@ REFUSED = {
     # export
     f"export {GRID} --format qgc": "paper-grid-same.yaml: geo_origin: is missing",
     f"export {GRID} --format gpx": "--format",
-    f"export {GRID} --format csv --sagitta-m 0": "--sagitta-m: 0: must be from",
+    f"export {GRID} --format csv --sagitta-m 0": "--sagitta-m: 0 given; allowed is 0.001 to",
     f"export {GRID} --format csv --turns 1 --duration 3": "--turns: goes without",
     f"export {GRID} --format ardupilot --autopilot px4": "--autopilot: px4: ",
 }

@@ -177,7 +177,7 @@ def test_radii_that_ardupilot_cuts_off_are_reported() -> None:
 
 def test_snapped_radii_are_what_ardupilot_stores_at_the_common_rate(tmp_path: Path) -> None:
     plan = team(**LARGE)
-    made = export(plan, "ardupilot", ExportOptions(snap_radius=True))
+    made = export(plan, "ardupilot", ExportOptions(snap_radius=True, altitude_m=60.0))
     sidecar = sidecar_of(made)
     radii = []
     time = np.linspace(0.0, 100.0, 101)
