@@ -354,7 +354,7 @@ def plan_covariances(text: str) -> str:
 
 
 def printed_report(text: str, plan_id: str) -> str:
-    """Return a plan's report for one printed sheet, as HTML."""
+    """Return a plan's report for printed sheets, as HTML."""
     from syncplan.plotting.printed_report import report_page
 
     return report_page(_judged(text), identifier=plan_id)

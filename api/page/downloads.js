@@ -72,7 +72,7 @@ export function offerDownloads(store, storePlan) {
     notice(`Exported, ${shown(file.size / 1024)} KiB. The file that ends in .sync.json says how vehicles join their circles.`);
   }
 
-  /** The plan as one printed sheet, in a tab of its own, which the click has to open. */
+  /** The plan as printed sheets, in a tab of its own, which the click has to open. */
   async function showReport(tab) {
     await run(async () => {
       const answer = await ask("GET", `v1/plans/${await storePlan()}/report`, { accept: "text/html" });

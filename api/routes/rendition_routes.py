@@ -288,7 +288,11 @@ async def _drawn(caller: Caller, task: str, *arguments: Any) -> Response:
     response_description="The page",
 )
 async def read_printed_plan(plan_id: Identifier, caller: CurrentCaller) -> Response:
-    """A page that prints on one sheet: map, verdict, vehicles, and what the figures assume."""
+    """A page that prints on two sheets, the second of them to be signed.
+
+    Map, verdict and vehicles are on the first; altitudes, coordinates, what the figures assume and
+    room for two signatures on the second.
+    """
     page = await _of_plan(caller, plan_id, "printed_report", plan_id)
     policy = f"{POLICY}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
     return HTMLResponse(page, headers={"Content-Security-Policy": policy})

@@ -144,9 +144,10 @@ def _report(
     *,
     max_vehicles: MaxVehicles = None,
 ) -> int:
-    """Write a plan as one printable page: map, verdict, vehicles and assumptions.
+    """Write a plan as a printable page, whatever the verdict.
 
-    It prints on a single sheet of A4 or Letter paper, whatever the verdict.
+    It prints on two sheets of A4 or Letter paper: map, verdict and vehicles on the first, and
+    altitudes, coordinates, assumptions and room for two signatures on the second.
     """
     from syncplan.planning.plan_files import plan_of
     from syncplan.plotting.printed_report import report_page

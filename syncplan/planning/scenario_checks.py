@@ -77,9 +77,8 @@ def slant_ranges(judged: JudgedTeam) -> Iterator[Remark]:
                 f"at the edge of range, {reach:.4g} m, they are {hypot(reach, apart):.4g} m from "
                 "each other",
                 (a, b),
-                cure=f"where a sensor reaches no further than {reach:.4g} m along the line of "
-                "sight, state range_m as its horizontal reach, sqrt(R^2 - d^2) = "
-                f"{horizontal_reach(reach, apart):.4g} m",
+                cure="where range_m is meant along the line of sight, state the horizontal reach, "
+                f"sqrt(R^2 - d^2) = {horizontal_reach(reach, apart):.4g} m; or lessen the difference",
             )
 
 

@@ -182,6 +182,8 @@ CIRCLE_POINTS = (12, 72)
 """Fewest and most points of a circle; with the most, chords lie up to a thousandth of the radius
 inside it."""
 
+KEEP_OUT_FILL, OBSTACLE_FILL = translucent(MUTED, 0.25), translucent(MUTED, 0.6)
+
 VEHICLE_PX = 15.0
 HEAD_PX = 10.0
 
@@ -225,15 +227,27 @@ def area_traces(plan: Mapped, view: MapView) -> list[canvas.Spec]:
         line = {"color": MUTED, "dash": "dot", "width": 1.5}
         traces.append(canvas.line_trace("area", "area", x, y, line))
     # a polygon that blocks both paths and sight is drawn as both, the obstacle on top
-    for uid, name, polygons, opacity, line in (
-        ("keep-out", "keep-out zone", scenario.keep_out_m, 0.25, {"color": MUTED, "width": 1}),
-        ("obstacle", "obstacle to sight", scenario.obstacles_m, 0.6, {"color": INK, "width": 2}),
+    for uid, name, polygons, fill, line in (
+        (
+            "keep-out",
+            "keep-out zone",
+            scenario.keep_out_m,
+            KEEP_OUT_FILL,
+            {"color": MUTED, "width": 1},
+        ),
+        (
+            "obstacle",
+            "obstacle to sight",
+            scenario.obstacles_m,
+            OBSTACLE_FILL,
+            {"color": INK, "width": 2},
+        ),
     ):
         drawn = [canvas.gapped(_closed(polygon), view.places) for polygon in polygons or []]
         if drawn:
             x = [value for one, _ in drawn for value in one]
             y = [value for _, one in drawn for value in one]
-            filled = {"fill": "toself", "fillcolor": translucent(MUTED, opacity)}
+            filled = {"fill": "toself", "fillcolor": fill}
             traces.append(canvas.line_trace(uid, name, x, y, line, **filled))
     return traces
 

@@ -1,4 +1,7 @@
-"""A plan as one printed sheet: map, verdict, vehicles and assumptions on a page of HTML.
+"""A plan as printed sheets: what it is on the first, what is signed on the second; a page of HTML.
+
+The first sheet has map, verdict, facts and vehicles. The second has what a flight needs beside
+them, the assumptions, and room for two signatures.
 
 The page holds no script and fetches nothing. Its one style never changes, so that a strict content
 security policy can allow it by STYLE_DIGEST.
@@ -8,32 +11,51 @@ import base64
 import hashlib
 import re
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, date, datetime
 from functools import cache
 from html import escape
 from importlib.resources import files
+from itertools import accumulate
+from types import MappingProxyType
 from typing import Any, get_args
 
 from syncplan import __version__
+from syncplan.documents import Point
 from syncplan.observability.sliding_windows import SEARCHED_PERIODS
 from syncplan.phrases import in_words, listed, metres
 from syncplan.planning.judged_team import Level
 from syncplan.planning.plans import Plan
-from syncplan.plotting.figure_style import DARK, FigureStyle
+from syncplan.plotting.figure_style import (
+    BLUE,
+    GREEN,
+    GRID,
+    INK,
+    MUTED,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILLION,
+    FigureStyle,
+)
 from syncplan.plotting.formation_figures import formation_spec
+from syncplan.plotting.maps import KEEP_OUT_FILL, OBSTACLE_FILL
 from syncplan.plotting.static_map import legend_entries, map_svg
 from syncplan.reports.plan_report import PlanDocument, VehicleOrbit, places_of, plan_document
 from syncplan.scenario.dotted_keys import numeric_keys
+from syncplan.scenario.lat_lon_keys import in_lat_lon
 from syncplan.scenario.specification import Scenario
 
 MOST_LISTED = 50
 """Most vehicles whose rows fit on a sheet; larger teams are described in a sentence."""
 
-_ROWS = 18
-"""Most rows of each part of the table; the parts stand side by side."""
+MOST_CORNERS = 120
+"""Most corners of the area and keep-outs together that are listed."""
 
-_MOST_FINDINGS = 5
+_ROWS, _SIGNED_ROWS = 18, 25
+"""Most rows of each part of a table on the first and second sheet; the parts stand side by side."""
+
+_MOST_FINDINGS = _MOST_NAMED = 5
 _FINDING_ROWS = 3
 """Findings that are stated, and the rows that one takes the room of."""
 
@@ -51,12 +73,36 @@ _SUPPOSED = {
 }
 """Beginnings of the keys that the figures rest on, and what they are about."""
 
+_PAINTS: Mapping[str, str] = MappingProxyType(
+    {
+        INK: "ink",
+        MUTED: "soft",
+        GRID: "line",
+        BLUE: "circle",
+        ORANGE: "circle",
+        GREEN: "strong",
+        SKY: "strong",
+        VERMILLION: "weak",
+        PURPLE: "motion",
+    }
+)
+"""Colours of the map's figure, and the variables of the style that stand for them.
+
+The variables are those of the web page, where one colour means one thing: circles of either sense,
+links of full rank, of less rank, motions. Dashes distinguish the rest.
+"""
+
+_SIGNED = ("Name", "Role", "Date", "Signature")
+_NOT_STATED = "not stated"
+
 _ASIDE = re.compile(r";|, (?:in|a multiple of|one value)")
 """Begins what a default, a unit or an alternative would be: that is for the scenario's author."""
 
 
 def report_page(plan: Plan, *, identifier: str = "", made_on: date | None = None) -> str:
-    """Return a plan's report as HTML that prints on one sheet of A4 or Letter paper.
+    """Return a plan's report as HTML that prints on two sheets of A4 or Letter paper.
+
+    A third follows where many vehicles and many corners come together.
 
     `identifier` names the plan, as the service or its file does; `made_on` is the date on the
     report, today's in UTC if not given. The same arguments give the same text.
@@ -66,6 +112,7 @@ def report_page(plan: Plan, *, identifier: str = "", made_on: date | None = None
     day = made_on or datetime.now(UTC).date()
     title = escape(scenario.name or "Plan")
     named = [f"{day:%-d %B %Y}", f"syncplan {__version__}", *([identifier] if identifier else [])]
+    about = escape(" · ".join(named))
     return f"""<!DOCTYPE html>
 <html lang="en">
 <head>
@@ -76,17 +123,28 @@ def report_page(plan: Plan, *, identifier: str = "", made_on: date | None = None
 <style>{style()}</style>
 </head>
 <body{' class="dense"' if _is_long(plan) else ""}>
-<header><h1>{title}</h1><p>{escape(" · ".join(named))}</p></header>
 <main>
+<div class="sheet">
+<header><h1>{title}</h1><p>{about}</p></header>
 <p class="verdict{" go" if verdict.go else ""}">{escape(_verdict_sentence(document))}</p>
 {_findings(plan)}{_map(plan)}
 <section aria-labelledby="facts"><h2 id="facts">Facts</h2><dl class="facts">
 {_pairs(_facts(document))}</dl></section>
 {_vehicles(document)}
+</div>
+<div class="sheet signed">
+<p class="soft"><strong>{title}</strong> · {about} · to be signed</p>
+<section aria-labelledby="flight"><h2 id="flight">Flight</h2><dl class="facts">
+{_pairs(_conditions(document))}</dl></section>
+{_circles(document)}
+{_corners(document)}
 <section aria-labelledby="assumptions"><h2 id="assumptions">Assumptions of these figures</h2>
 <p>{escape(_premise(plan))}</p>
 <ul class="terms">
 {_terms(scenario)}</ul></section>
+<div class="signatures">
+{_signatures()}</div>
+</div>
 </main>
 </body>
 </html>
@@ -101,14 +159,18 @@ def _is_long(plan: Plan) -> bool:
 
 @cache
 def style() -> str:
-    """Return the style of every report; on a dark screen, its map has the colours of DARK."""
-    swapped = "".join(
-        f'  [{part}="{light}"] {{ {part}: {dark}; }}\n'
-        for light, dark in DARK.items()
+    """Return the style of every report; its map has the colours of the web page's."""
+    painted = "".join(
+        f'[{part}="{color}"] {{ {part}: var(--{name}); }}\n'
+        for color, name in _PAINTS.items()
         for part in ("stroke", "fill")
     )
+    areas = "".join(
+        f'[fill="{fill}"] {{ fill: var(--{name}); fill-opacity: 0.25; stroke: var(--{name}); }}\n'
+        for fill, name in ((KEEP_OUT_FILL, "kept-out"), (OBSTACLE_FILL, "obstacle"))
+    )
     text = files(__package__).joinpath("printed_report.css").read_text("utf-8")
-    return f"\n{text}{swapped}}}\n"
+    return f"\n{text}{painted}{areas}"
 
 
 STYLE_DIGEST = f"'sha256-{base64.b64encode(hashlib.sha256(style().encode()).digest()).decode()}'"
@@ -213,9 +275,10 @@ def _facts(document: PlanDocument) -> Iterator[tuple[str, str, str]]:
             "with errors that the filter does not estimate",
         )
     if nearest.between is not None:
-        required = f"required {nearest.required_m:g} m" if nearest.required_m else ""
+        stated = document.scenario.min_separation_m
+        required = "none stated" if stated is None else f"{stated:g} m"
         least = f"{_metres(nearest.min_m, 4)}, {'-'.join(nearest.between)}"
-        yield "Least separation", least, required
+        yield "Least separation", least, f"as planned; required: {required}"
     if document.scenario.landmarks:
         words = places_of(document.vehicles).words
         places = [
@@ -227,10 +290,34 @@ def _facts(document: PlanDocument) -> Iterator[tuple[str, str, str]]:
         yield "Landmarks, m", listed(places, _MOST_LANDMARKS), ""
     origin = document.scenario.geo_origin
     if origin is not None:
-        place = f"{origin.lat_deg:.7g}°, {origin.lon_deg:.7g}°, {origin.alt_m:g} m"
-        yield "Place of 0, 0: latitude, longitude, altitude", place, ""
+        ground = f"ground {origin.alt_m:g} m above sea level"
+        yield "Place of 0, 0: latitude, longitude", _degrees(origin.lat_deg, origin.lon_deg), ground
     if document.scenario.start_time is not None:
         yield "Time 0", str(document.scenario.start_time), ""
+
+
+def _conditions(document: PlanDocument) -> Iterator[tuple[str, str, str]]:
+    """Yield what to know of the flight beside the facts: name, value and remark."""
+    verdict, flight, wind = document.verdict, document.flight, document.scenario.wind
+    assert verdict is not None
+    basis = "geometry, rank and prediction, and no simulated flights"
+    if verdict.flown and flight is not None:
+        basis = (
+            f"{flight.trials} simulated flights of {flight.duration_s:g} s, guidance "
+            f"{flight.guidance}, filter {flight.filter}, seed {flight.seed}"
+        )
+    yield "Basis of the verdict", verdict.headline, basis
+    if wind is None or wind.sigma_mps == wind.gust_sigma_mps == 0.0:
+        yield "Wind", "still air assumed", ""
+    else:
+        speeds = f"constant {wind.sigma_mps:g} m/s, gusts {wind.gust_sigma_mps:g} m/s"
+        yield "Wind", speeds, "standard deviations of each component"
+    yield "Take-off and landing", "not part of the plan", "nor is the way to and from the circles"
+    yield "Altitudes", "above the ground at 0, 0", "ranges and separations are horizontal"
+
+
+def _degrees(latitude: float, longitude: float) -> str:
+    return f"{latitude:.7f}°, {longitude:.7f}°"
 
 
 def _metres(value: float | None, digits: int) -> str:
@@ -240,27 +327,44 @@ def _metres(value: float | None, digits: int) -> str:
 # --- vehicles -------------------------------------------------------------------------------------
 
 
-_COLUMNS = ("vehicle", "centre m", "radius m", "sense", "phase rad", "error m")
-
-
 def _vehicles(document: PlanDocument) -> str:
-    """The table of vehicles, in two parts if it is long, or a sentence on a large team."""
-    rows, errors = document.vehicles, document.predicted_rms_m.vehicles
-    heading = '<h2 id="vehicles">Vehicles at time 0, with the predicted RMS error</h2>'
-    if len(rows) > MOST_LISTED:
-        return (
-            f'<section aria-labelledby="vehicles">{heading}\n'
-            f"<p>{_summary(rows, errors)}</p></section>"
-        )
-    parts = -(-len(rows) // _ROWS)
-    size = -(-len(rows) // parts)
-    tables = "\n".join(
-        _table(rows[first : first + size], errors) for first in range(0, len(rows), size)
+    """The section of the circles, or of a sentence on a large team."""
+    team, errors = document.vehicles, document.predicted_rms_m.vehicles
+    heading = "Vehicles at time 0, with the predicted RMS error"
+    if len(team) > MOST_LISTED:
+        return _section("vehicles", heading, f"<p>{_summary(team, errors)}</p>")
+    words = places_of(team).words
+    found = [errors.get(each.name) for each in team]
+    columns: dict[str, Sequence[str]] = {
+        "vehicle": [each.name for each in team],
+        "centre m": [words(each.center_m) for each in team],
+        "radius m": [f"{each.radius_m:.5g}" for each in team],
+        "sense": [each.direction for each in team],
+        "phase rad": [f"{each.phase_rad:.4f}" for each in team],
+        "error m": ["-" if error is None else f"{error:.3g}" for error in found],
+    }
+    return _section("vehicles", heading, _tables(columns, _ROWS))
+
+
+def _circles(document: PlanDocument) -> str:
+    """The section of speeds, altitudes and places, or of a sentence on a large team."""
+    team, altitudes = document.vehicles, document.scenario.altitudes
+    heading, speeds = (
+        "Speeds, altitudes and places of the circles",
+        [each.speed_mps for each in team],
     )
-    return (
-        f'<section aria-labelledby="vehicles">{heading}\n<div class="tables">\n{tables}</div>'
-        "</section>"
-    )
+    if len(team) > MOST_LISTED:
+        heights = f"{_span(altitudes)} m" if altitudes else _NOT_STATED
+        words = f"Speeds {_span(speeds)} m/s; altitudes {heights}. The plan lists each circle."
+        return _section("circles", heading, f"<p>{words}</p>")
+    columns = {
+        "vehicle": [each.name for each in team],
+        "speed m/s": [f"{speed:.4g}" for speed in speeds],
+        "altitude m": [f"{height:g}" for height in altitudes] or [_NOT_STATED] * len(team),
+    }
+    if places := _on_ground(document, [each.center_m for each in team]):
+        columns["latitude, longitude of the centre"] = places
+    return _section("circles", heading, _tables(columns, _SIGNED_ROWS))
 
 
 def _summary(rows: Sequence[VehicleOrbit], errors: dict[str, float | None]) -> str:
@@ -278,21 +382,75 @@ def _span(values: Sequence[float]) -> str:
     return least if least == most else f"{least} to {most}"
 
 
-def _table(rows: Sequence[VehicleOrbit], errors: dict[str, float | None]) -> str:
-    head = "".join(f'<th scope="col">{one}</th>' for one in _COLUMNS)
-    body, places = "", places_of(rows)
-    for one in rows:
-        error = errors.get(one.name)
-        cells = (
-            places.words(one.center_m),
-            f"{one.radius_m:.5g}",
-            one.direction,
-            f"{one.phase_rad:.4f}",
-            "-" if error is None else f"{error:.3g}",
-        )
-        filled = "".join(f"<td>{cell}</td>" for cell in cells)
-        body += f'<tr><th scope="row">{escape(one.name)}</th>{filled}</tr>\n'
-    return f"<table><thead><tr>{head}</tr></thead>\n<tbody>\n{body}</tbody></table>"
+def _section(name: str, heading: str, body: str) -> str:
+    return f'<section aria-labelledby="{name}"><h2 id="{name}">{heading}</h2>\n{body}</section>'
+
+
+def _tables(columns: Mapping[str, Sequence[str]], most: int) -> str:
+    """Tables side by side, each of at most so many rows; the first column names the row."""
+    head = "".join(f'<th scope="col">{column}</th>' for column in columns)
+    rows = [
+        f'<tr><th scope="row">{escape(name)}</th>'
+        f"{''.join(f'<td>{escape(cell)}</td>' for cell in cells)}</tr>\n"
+        for name, *cells in zip(*columns.values(), strict=True)
+    ]
+    # of about the same length
+    size = -(-len(rows) // -(-len(rows) // most))
+    parts = [rows[first : first + size] for first in range(0, len(rows), size)]
+    tables = "\n".join(
+        f"<table><thead><tr>{head}</tr></thead>\n<tbody>\n{''.join(part)}</tbody></table>"
+        for part in parts
+    )
+    return f'<div class="tables">\n{tables}</div>'
+
+
+# --- what is signed -------------------------------------------------------------------------------
+
+
+def _corners(document: PlanDocument) -> str:
+    """The section of the corners of the area and of keep-outs."""
+    ground = "" if document.ground is None else ", latitude and longitude"
+    heading = f"Corners of the area and of keep-outs: (x, y) in m{ground}"
+    items = "".join(f"<li>{words}</li>\n" for words in _polygons(document))
+    return _section("corners", heading, f'<ul class="terms">\n{items}</ul>')
+
+
+def _polygons(document: PlanDocument) -> Iterator[str]:
+    """Yield the corners of the area and of each keep-out; of those with too many, the number."""
+    scenario, words = document.scenario, places_of(document.vehicles).words
+    keep_outs = enumerate(scenario.keep_out_m or [], start=1)
+    polygons = {"Area": scenario.area_m or []}
+    polygons |= {f"Keep-out {k}": polygon for k, polygon in keep_outs} or {"Keep-outs": []}
+    totals = accumulate(map(len, polygons.values()))
+    left = [name for name, total in zip(polygons, totals, strict=True) if total > MOST_CORNERS]
+    for name, polygon in polygons.items():
+        if name not in left:
+            places = _on_ground(document, polygon) or [""] * len(polygon)
+            each = [
+                f"<span>({words(corner)}) {place}</span> "
+                for corner, place in zip(polygon, places, strict=True)
+            ]
+            yield f"{name}: {''.join(each) or 'none stated'}"
+    if left:
+        count = sum(len(polygons[name]) for name in left)
+        yield f"{listed(left, _MOST_NAMED)}: {count} corners, which the plan lists"
+
+
+def _on_ground(document: PlanDocument, points: Sequence[Point]) -> list[str]:
+    """Latitude and longitude in degrees of points in m; empty where they are not known."""
+    origin = document.scenario.geo_origin
+    if origin is None or document.ground is None:
+        return []
+    return [_degrees(*place) for place in in_lat_lon(origin, points)]
+
+
+def _signatures() -> str:
+    lines = "".join(f"<div><dt>{name}</dt><dd></dd></div>\n" for name in _SIGNED)
+    return "".join(
+        f'<section aria-labelledby="{name}"><h2 id="{name}">{name.capitalize()} by</h2>\n'
+        f"<dl>{lines}</dl></section>\n"
+        for name in ("planned", "released")
+    )
 
 
 # --- assumptions ----------------------------------------------------------------------------------

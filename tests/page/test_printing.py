@@ -1,5 +1,6 @@
-"""The printed report: one sheet of paper whatever the team, opened from the page."""
+"""The printed report: two sheets of paper whatever the team, opened from the page."""
 
+import math
 import re
 from typing import Any
 
@@ -31,11 +32,16 @@ def sheets(page: Page, paper: str) -> int:
     return len(re.findall(rb"/Type\s*/Page\b", page.pdf(format=paper)))
 
 
+TURNS = [2.0 * math.pi * k / 48 for k in range(48)]
+CORNERS = [[9.0 * math.cos(turn), 9.0 * math.sin(turn)] for turn in TURNS]
+
 TROUBLED: dict[str, Any] = {
     "orbit": circling(direction="alternate"),
     "area_m": [[-60.0, -60.0], [500.0, -60.0], [500.0, 600.0], [-60.0, 600.0]],
     "wind": {"sigma_mps": 1.0, "gust_sigma_mps": 0.2},
     "heading_sigma_rad": 0.05,
+    "altitude_m": 60.0,
+    "keep_out_m": [[[600.0 + x, y] for x, y in CORNERS]],
     "geo_origin": {"lat_deg": 47.3977, "lon_deg": 8.5456, "alt_m": 488.0},
     "start_time": "2026-05-01T09:00:00Z",
 }
@@ -44,17 +50,19 @@ TROUBLED: dict[str, Any] = {
 @pytest.mark.parametrize(
     ("count", "changes"), [(4, {}), (4, TROUBLED), (50, {}), (50, TROUBLED), (60, TROUBLED)]
 )
-def test_a_report_prints_on_one_sheet(count: int, changes: dict[str, Any], tabs: Tabs) -> None:
+def test_a_report_prints_on_two_sheets(count: int, changes: dict[str, Any], tabs: Tabs) -> None:
     made = plan(scenario_from({**grid(count), **changes}), bound="never")
     page = tabs.browser.new_page()
     heard: list[str] = []
     page.on("console", lambda message: heard.append(message.text))
     page.set_content(syncplan.report_page(made))
     for paper in ("A4", "Letter"):
-        assert sheets(page, paper) == 1
+        assert sheets(page, paper) == 2
         # all of it: nothing is cut at the edge of the paper
         assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
-    expect(page.locator("tbody tr")).to_have_count(count if count <= 50 else 0)
+    for sheet in ("#vehicles", "#circles"):
+        rows = page.locator(f"section:has({sheet}) tbody tr")
+        expect(rows).to_have_count(count if count <= 50 else 0)
     assert heard == []
     page.close()
 
@@ -69,13 +77,14 @@ def test_the_report_of_a_plan_opens_in_a_tab(visit: Visit, page: Page, server: S
     expect(report.locator("h1")).to_have_text("grid of 12")
     made = stored(page, server)
     expect(report.locator("header")).to_contain_text(made["id"])
-    rows = report.locator("tbody tr")
+    rows = report.locator("section:has(#vehicles) tbody tr")
     for one, row in zip(made["vehicles"], rows.all(), strict=True):
         error = made["predicted_rms_m"]["vehicles"][one["name"]]
         expect(row).to_contain_text(f"{one['phase_rad']:.4f}{error:.3g}")
     # its style holds under the policy of the page that opened it
-    assert report.locator("body").evaluate("one => getComputedStyle(one).display") == "flex"
-    assert sheets(report, "A4") == 1
+    first = report.locator(".sheet").first
+    assert first.evaluate("one => getComputedStyle(one).display") == "flex"
+    assert sheets(report, "A4") == 2
     for scheme in ("light", "dark"):
         report.emulate_media(color_scheme=scheme)
         assert accessibility_faults(report) == []

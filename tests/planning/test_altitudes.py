@@ -60,7 +60,7 @@ def test_the_pair_that_differs_most_is_named_with_its_slant_and_the_remedy() -> 
     assert "v2 and v3 differ by 30 m in altitude" in finding.message
     assert f"range, 60 m, they are {math.hypot(60, 30):.4g} m from each other" in finding.message
     assert finding.cure is not None
-    assert f"= {math.sqrt(60**2 - 30**2):.4g} m" in finding.cure.text
+    assert f"sqrt(R^2 - d^2) = {math.sqrt(60**2 - 30**2):.4g} m;" in finding.cure.text
     assert finding.cure.change == {}
 
 
@@ -81,4 +81,4 @@ def test_landmarks_far_below_are_a_note() -> None:
 def test_no_range_is_left_across_a_difference_beyond_it() -> None:
     (finding,) = findings_of(planned(altitude_m=[0.0, 51.0]), "slant-range")
     assert finding.cure is not None
-    assert finding.cure.text.endswith("= 0 m")
+    assert "sqrt(R^2 - d^2) = 0 m" in finding.cure.text

@@ -1,19 +1,25 @@
 """The printed report of a plan: its figures are the plan's, and it holds no script."""
 
 import re
+from dataclasses import replace
 from datetime import date
 from html import unescape
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import syncplan
+from syncplan.exporting.formats import ExportOptions, export
 from syncplan.plotting.figure_style import PLAIN
 from syncplan.plotting.formation_figures import formation_spec
-from syncplan.plotting.printed_report import MOST_LISTED, STYLE_DIGEST
+from syncplan.plotting.printed_report import MOST_CORNERS, MOST_LISTED, STYLE_DIGEST, style
 from syncplan.plotting.static_map import map_svg
 from syncplan.reports.plan_report import plan_document
+from syncplan.scenario.ground import lat_lon_of
+from tests.tools.exported import sidecar_of
+from tests.tools.flown import WELL
 from tests.tools.on_paper import plan
 from tests.tools.scenarios import circling, example, planned
 
@@ -42,6 +48,7 @@ def test_a_report_states_the_plan_s_own_figures() -> None:
         f"Connectivity period: {known.connectivity_period_s:.4g} s",
         f"all vehicles: {known.predicted_rms_m.overall:.3g} m",
         f"Least separation: {known.separation.min_m:.4g} m",
+        "as planned; required: ",
         "standard deviation of each component of the common, constant wind 1 m/s",
         "The filter estimates wind beside the poses.",
         "length of the run that errors are predicted for 400 s",
@@ -63,6 +70,89 @@ def test_places_far_from_the_origin_are_told_apart_in_report_and_table(printed: 
     assert re.search(r"v6 +465140, 5249070 +20 +ccw ", table)
 
 
+PLACED: dict[str, Any] = {
+    "name": "placed",
+    "altitude_m": [40.0, 55.5],
+    "orbit": circling(radius_m=[20.0, 25.0]),
+    "area_m": [[-50.0, -60.0], [130.0, -60.0], [130.0, 70.0], [-50.0, 70.0]],
+    "keep_out_m": [[[30.0, 40.0], [40.0, 40.0], [35.0, 50.0]]],
+    "geo_origin": {"lat_deg": 47.3977, "lon_deg": 8.5456, "alt_m": 488.0},
+    "min_separation_m": 5.0,
+    "wind": {"sigma_mps": 1.0, "gust_sigma_mps": 0.2},
+}
+
+
+def test_what_a_flight_needs_is_stated_to_be_signed() -> None:
+    made = planned(**PLACED)
+    said = words(syncplan.report_page(made, identifier="some-plan", made_on=DAY))
+    sidecar = sidecar_of(export(made, "geojson", ExportOptions(force=True)))
+    for vehicle in sidecar["vehicles"]:
+        place = f"{vehicle['center_lat_deg']:.7f}°, {vehicle['center_lon_deg']:.7f}°"
+        height = f"{vehicle['entry']['altitude_m']:g}"
+        assert f"{vehicle['name']} {vehicle['speed_mps']:.4g} {height} {place}" in said
+    origin = made.scenario.geo_origin
+    assert origin is not None
+    for corner in (*PLACED["area_m"], *PLACED["keep_out_m"][0]):
+        latitude, longitude = lat_lon_of(origin, np.array(corner)).tolist()
+        assert f"({corner[0]:g}, {corner[1]:g}) {latitude:.7f}°, {longitude:.7f}°" in said
+    for text in (
+        "placed · 1 May 2026 · syncplan",
+        "Wind: constant 1 m/s, gusts 0.2 m/s",
+        "Take-off and landing: not part of the plan",
+        "as planned; required: 5 m",
+        f"Basis of the verdict: {made.verdict.headline}, geometry, rank and prediction, and no",
+        "47.3977000°, 8.5456000°, ground 488 m above sea level",
+        "Planned by Name Role Date Signature Released by Name Role Date Signature",
+    ):
+        assert text in said, text
+    assert "altitude 488" not in said
+
+
+def test_what_is_not_stated_is_called_so() -> None:
+    made = planned()
+    said = words(syncplan.report_page(made))
+    for text in (
+        "v1 4 not stated v2 4 not stated",
+        "still air assumed",
+        "required: none stated",
+        "(x, y) in m Area: none stated Keep-outs: none stated",
+    ):
+        assert text in said, text
+    assert "latitude" not in said
+
+
+def test_the_basis_of_a_flown_plan_is_its_flights() -> None:
+    flown = replace(plan(example("paper-grid-same"), bound="never"), flight=WELL)
+    said = words(syncplan.report_page(flown))
+    assert (
+        "Basis of the verdict: GO, flown 50 times, 50 simulated flights of 200 s, guidance track, "
+        "filter robust, seed 0" in said
+    )
+
+
+def test_polygons_with_too_many_corners_are_counted() -> None:
+    ring = [[300.0 + 9.0 * np.cos(a), 9.0 * np.sin(a)] for a in 0.1 * np.arange(60)]
+    rings = [[[x, y + 30.0 * k] for x, y in ring] for k in range(4)]
+    said = words(syncplan.report_page(planned(keep_out_m=rings)))
+    assert MOST_CORNERS == 120
+    assert "Keep-out 2: (" in said
+    assert "Keep-out 3, Keep-out 4: 120 corners, which the plan lists" in said
+
+
+def test_the_map_has_the_colours_of_the_web_page() -> None:
+    """Of its light and its dark theme."""
+    page = (Path(__file__).parents[2] / "api" / "page" / "page.css").read_text("utf-8")
+    for name in ("circle", "strong", "weak", "motion", "kept-out", "obstacle"):
+        theirs, ours = (re.findall(rf"--{name}: (#\w+);", css) for css in (page, style()))
+        assert len(ours) == 2
+        assert ours == theirs
+        assert f"var(--{name})" in style()
+    made = plan(example("shelves"), bound="never")
+    drawn = set(re.findall(r'(?:stroke|fill)="([#r][^"]+)"', syncplan.report_page(made)))
+    painted = set(re.findall(r'\[(?:stroke|fill)="([^"]+)"\]', style()))
+    assert drawn <= painted
+
+
 def test_a_report_of_a_plan_that_is_no_go_says_why_and_what_cures_it() -> None:
     made = plan(example("paper-grid-alternate"))
     said = words(syncplan.report_page(made))
@@ -79,11 +169,12 @@ def test_errors_that_are_not_predicted_are_left_out() -> None:
     assert "Worst vehicle" not in said
 
 
-def test_a_team_too_large_for_the_sheet_is_described_in_a_sentence() -> None:
+def test_a_team_too_large_for_a_sheet_is_described_in_a_sentence() -> None:
     team = {"shape": "grid", "count": MOST_LISTED + 1, "spacing_m": 70}
     said = words(syncplan.report_page(planned(formation=team, orbit=circling())))
     assert f"{MOST_LISTED + 1} vehicles, {MOST_LISTED + 1} of them counter-clockwise" in said
     assert "sense" not in said
+    assert "Speeds 4 m/s; altitudes not stated. The plan lists each circle." in said
 
 
 def test_names_are_text_whatever_they_hold() -> None:
