@@ -78,7 +78,8 @@ def slant_ranges(judged: JudgedTeam) -> Iterator[Remark]:
                 "each other",
                 (a, b),
                 cure="where range_m is meant along the line of sight, state the horizontal reach, "
-                f"sqrt(R^2 - d^2) = {horizontal_reach(reach, apart):.4g} m; or lessen the difference",
+                f"sqrt(R^2 - d^2) = {horizontal_reach(reach, apart):.4g} m; or lessen the "
+                "difference",
             )
 
 
