@@ -1,7 +1,7 @@
 """Findings on values that a scenario states."""
 
 from collections.abc import Iterator, Sequence
-from math import hypot, radians
+from math import hypot, radians, sqrt
 
 import numpy as np
 
@@ -39,38 +39,35 @@ def flat_map(judged: JudgedTeam) -> Iterator[Remark]:
 # --- altitudes ------------------------------------------------------------------------------------
 
 
-SLANT_SHARE = 0.01
-"""Share of a range in the plane from which it matters that a difference of altitude takes it."""
+SLANT_SHARE = sqrt(1.0 - 0.99**2)
+"""Difference of altitude, over a range, that takes 1 % of the range in the plane."""
 
 
 def slant_ranges(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield the findings that pairs in range of each other differ by much in altitude.
 
-    One is on pairs of vehicles, one on landmarks, which are taken to be on the ground; each names
-    the pair with the largest difference.
+    One is on pairs of vehicles, the other on landmarks, which are taken to be on the ground; each
+    names the pair with the largest difference.
     """
     scenario = judged.scenario
+    if not scenario.altitudes:
+        return
     ground = [0.0] * len(scenario.landmarks)
-    altitudes = [*scenario.altitudes, *ground]
-    ranges = [*(sensor.range_m for sensor in scenario.sensors), *ground]
+    altitudes = np.array([*scenario.altitudes, *ground])
+    ranges = np.array([*(sensor.range_m for sensor in scenario.sensors), *ground])
     names = [*scenario.vehicle_names, *scenario.landmark_names]
     levels: dict[Level, Sequence[LinkVerdict]] = {
         "warning": (*judged.links, *judged.incidental_links),
         "note": judged.landmark_links,
     }
-    for level, meetings in levels.items() if scenario.altitudes else ():
-        each = (
-            (abs(altitudes[pair.a] - altitudes[pair.b]), max(ranges[pair.a], ranges[pair.b]), pair)
-            for pair in meetings
-        )
-        slanted = [
-            (apart, reach, pair)
-            for apart, reach, pair in each
-            if horizontal_reach(reach, apart) < (1.0 - SLANT_SHARE) * reach
-        ]
-        if slanted:
-            apart, reach, pair = max(slanted, key=lambda one: one[0])
-            a, b = names[pair.a], names[pair.b]
+    for level, meetings in levels.items():
+        pairs = np.array([(meeting.a, meeting.b) for meeting in meetings], dtype=int).reshape(-1, 2)
+        differences, reaches = np.ptp(altitudes[pairs], axis=1), ranges[pairs].max(axis=1)
+        slanted = np.flatnonzero(differences > SLANT_SHARE * reaches)
+        if len(slanted):
+            largest = slanted[np.argmax(differences[slanted])]
+            apart, reach = float(differences[largest]), float(reaches[largest])
+            a, b = (names[k] for k in pairs[largest])
             yield Remark(
                 level,
                 f"{a} and {b} differ by {apart:.4g} m in altitude, and ranges count in the plane: "

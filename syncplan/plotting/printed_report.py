@@ -334,14 +334,14 @@ def _vehicles(document: PlanDocument) -> str:
     if len(team) > MOST_LISTED:
         return _section("vehicles", heading, f"<p>{_summary(team, errors)}</p>")
     words = places_of(team).words
-    found = [errors.get(each.name) for each in team]
+    known = [errors.get(each.name) for each in team]
     columns: dict[str, Sequence[str]] = {
         "vehicle": [each.name for each in team],
         "centre m": [words(each.center_m) for each in team],
         "radius m": [f"{each.radius_m:.5g}" for each in team],
         "sense": [each.direction for each in team],
         "phase rad": [f"{each.phase_rad:.4f}" for each in team],
-        "error m": ["-" if error is None else f"{error:.3g}" for error in found],
+        "error m": ["-" if error is None else f"{error:.3g}" for error in known],
     }
     return _section("vehicles", heading, _tables(columns, _ROWS))
 

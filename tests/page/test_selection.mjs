@@ -10,6 +10,7 @@ const SCENARIO = {
   formation: { centers_m: [[1, 2], [71, 0]], names: ["a", "b"], links: [["a", "b"]] },
   landmarks_m: [[0, -33]],
   sensor: [{ range_m: 50 }, { range_m: 60 }],
+  altitude_m: [40, 55],
 };
 const ALL = [{ kind: "vehicle", k: 0 }, { kind: "landmark", k: 0 }];
 
@@ -25,10 +26,11 @@ test("a selection is put on a grid", () => {
   assert.deepEqual([changed.formation.centers_m[0], changed.landmarks_m[0]], [[0, 0], [0, -30]]);
 });
 
-test("a copy has the radius and sensor of what it was copied from, lies east of it, and is selected", () => {
+test("a copy has the radius, sensor and altitude of what it was copied from, lies east of it, and is selected", () => {
   const { scenario, chosen } = withCopies(SCENARIO, ALL);
   assert.deepEqual(scenario.orbit.radius_m, [20, 30, 20]);
   assert.deepEqual(scenario.sensor[2], { range_m: 50 });
+  assert.deepEqual(scenario.altitude_m, [40, 55, 40]);
   assert.deepEqual(scenario.formation.names, ["a", "b", "v3"]);
   // the circle of a reaches from -19 to 21
   assert.deepEqual(scenario.formation.centers_m[2], [49, 2]);

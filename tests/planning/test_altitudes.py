@@ -1,4 +1,4 @@
-"""Altitudes in a verdict: ranges count in the plane, and great differences are found."""
+"""Altitudes in a verdict: ranges count in the plane, and great differences are reported."""
 
 import math
 from typing import Any
@@ -27,19 +27,19 @@ def test_altitudes_move_nothing_in_the_plane() -> None:
     assert np.array_equal(low.orbits.phases, high.orbits.phases)
     before, after = (plan_document(judged).as_json() for judged in (low, high))
     assert after["scenario"].pop("altitude_m") == [20.0, 90.0, 0.0]
-    slanted = [one.message for one in findings_of(high, "slant-range")]
+    slanted = [finding.message for finding in findings_of(high, "slant-range")]
     assert len(slanted) == 2
     for message in slanted:
         after["notes"].remove(message)
     findings = after["verdict"]["findings"]
-    after["verdict"]["findings"] = [one for one in findings if one["message"] not in slanted]
+    after["verdict"]["findings"] = [each for each in findings if each["message"] not in slanted]
     assert after == before
 
 
 def test_flights_count_whatever_the_altitude() -> None:
     judged = planned()
     changed = judged.scenario.model_copy(update={"altitude_m": 30.0})
-    digests = {flight_digest(one, judged.orbits, WELL) for one in (judged.scenario, changed)}
+    digests = {flight_digest(each, judged.orbits, WELL) for each in (judged.scenario, changed)}
     assert len(digests) == 1
 
 
@@ -50,7 +50,7 @@ def test_a_difference_that_takes_a_hundredth_of_the_range_is_a_warning(
     share: float, codes: list[str]
 ) -> None:
     judged = planned(altitude_m=[30.0, 30.0 + share * LIMIT * 50.0])
-    assert [one.level for one in findings_of(judged, "slant-range")] == codes
+    assert [finding.level for finding in findings_of(judged, "slant-range")] == codes
 
 
 def test_the_pair_that_differs_most_is_named_with_its_slant_and_the_remedy() -> None:

@@ -83,14 +83,14 @@ PLACED: dict[str, Any] = {
 
 
 def test_what_a_flight_needs_is_stated_to_be_signed() -> None:
-    made = planned(**PLACED)
-    said = words(syncplan.report_page(made, identifier="some-plan", made_on=DAY))
-    sidecar = sidecar_of(export(made, "geojson", ExportOptions(force=True)))
+    judged = planned(**PLACED)
+    said = words(syncplan.report_page(judged, identifier="some-plan", made_on=DAY))
+    sidecar = sidecar_of(export(judged, "geojson", ExportOptions(force=True)))
     for vehicle in sidecar["vehicles"]:
         place = f"{vehicle['center_lat_deg']:.7f}°, {vehicle['center_lon_deg']:.7f}°"
         height = f"{vehicle['entry']['altitude_m']:g}"
         assert f"{vehicle['name']} {vehicle['speed_mps']:.4g} {height} {place}" in said
-    origin = made.scenario.geo_origin
+    origin = judged.scenario.geo_origin
     assert origin is not None
     for corner in (*PLACED["area_m"], *PLACED["keep_out_m"][0]):
         latitude, longitude = lat_lon_of(origin, np.array(corner)).tolist()
@@ -100,7 +100,7 @@ def test_what_a_flight_needs_is_stated_to_be_signed() -> None:
         "Wind: constant 1 m/s, gusts 0.2 m/s",
         "Take-off and landing: not part of the plan",
         "as planned; required: 5 m",
-        f"Basis of the verdict: {made.verdict.headline}, geometry, rank and prediction, and no",
+        f"Basis of the verdict: {judged.verdict.headline}, geometry, rank and prediction, and no",
         "47.3977000°, 8.5456000°, ground 488 m above sea level",
         "Planned by Name Role Date Signature Released by Name Role Date Signature",
     ):
@@ -109,8 +109,8 @@ def test_what_a_flight_needs_is_stated_to_be_signed() -> None:
 
 
 def test_what_is_not_stated_is_called_so() -> None:
-    made = planned()
-    said = words(syncplan.report_page(made))
+    judged = planned()
+    said = words(syncplan.report_page(judged))
     for text in (
         "v1 4 not stated v2 4 not stated",
         "still air assumed",
@@ -147,8 +147,8 @@ def test_the_map_has_the_colours_of_the_web_page() -> None:
         assert len(ours) == 2
         assert ours == theirs
         assert f"var(--{name})" in style()
-    made = plan(example("shelves"), bound="never")
-    drawn = set(re.findall(r'(?:stroke|fill)="([#r][^"]+)"', syncplan.report_page(made)))
+    report = syncplan.report_page(plan(example("shelves"), bound="never"))
+    drawn = set(re.findall(r'(?:stroke|fill)="([#r][^"]+)"', report))
     painted = set(re.findall(r'\[(?:stroke|fill)="([^"]+)"\]', style()))
     assert drawn <= painted
 
