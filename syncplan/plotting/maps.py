@@ -227,27 +227,15 @@ def area_traces(plan: Mapped, view: MapView) -> list[canvas.Spec]:
         line = {"color": MUTED, "dash": "dot", "width": 1.5}
         traces.append(canvas.line_trace("area", "area", x, y, line))
     # a polygon that blocks both paths and sight is drawn as both, the obstacle on top
-    for uid, name, polygons, fill, line in (
-        (
-            "keep-out",
-            "keep-out zone",
-            scenario.keep_out_m,
-            KEEP_OUT_FILL,
-            {"color": MUTED, "width": 1},
-        ),
-        (
-            "obstacle",
-            "obstacle to sight",
-            scenario.obstacles_m,
-            OBSTACLE_FILL,
-            {"color": INK, "width": 2},
-        ),
+    for uid, name, polygons, fill, color, width in (
+        ("keep-out", "keep-out zone", scenario.keep_out_m, KEEP_OUT_FILL, MUTED, 1),
+        ("obstacle", "obstacle to sight", scenario.obstacles_m, OBSTACLE_FILL, INK, 2),
     ):
         drawn = [canvas.gapped(_closed(polygon), view.places) for polygon in polygons or []]
         if drawn:
             x = [value for one, _ in drawn for value in one]
             y = [value for _, one in drawn for value in one]
-            filled = {"fill": "toself", "fillcolor": fill}
+            line, filled = {"color": color, "width": width}, {"fill": "toself", "fillcolor": fill}
             traces.append(canvas.line_trace(uid, name, x, y, line, **filled))
     return traces
 

@@ -349,17 +349,15 @@ def _vehicles(document: PlanDocument) -> str:
 def _circles(document: PlanDocument) -> str:
     """The section of speeds, altitudes and places, or of a sentence on a large team."""
     team, altitudes = document.vehicles, document.scenario.altitudes
-    heading, speeds = (
-        "Speeds, altitudes and places of the circles",
-        [each.speed_mps for each in team],
-    )
+    heading = "Speeds, altitudes and places of the circles"
     if len(team) > MOST_LISTED:
-        heights = f"{_span(altitudes)} m" if altitudes else _NOT_STATED
-        words = f"Speeds {_span(speeds)} m/s; altitudes {heights}. The plan lists each circle."
+        speeds = _span([each.speed_mps for each in team])
+        heights = f"{_span(altitudes, 'g')} m" if altitudes else _NOT_STATED
+        words = f"Speeds {speeds} m/s; altitudes {heights}. The plan lists each circle."
         return _section("circles", heading, f"<p>{words}</p>")
     columns = {
         "vehicle": [each.name for each in team],
-        "speed m/s": [f"{speed:.4g}" for speed in speeds],
+        "speed m/s": [f"{each.speed_mps:.4g}" for each in team],
         "altitude m": [f"{height:g}" for height in altitudes] or [_NOT_STATED] * len(team),
     }
     if places := _on_ground(document, [each.center_m for each in team]):
@@ -377,8 +375,8 @@ def _summary(rows: Sequence[VehicleOrbit], errors: dict[str, float | None]) -> s
     )
 
 
-def _span(values: Sequence[float]) -> str:
-    least, most = (f"{one:.3g}" for one in (min(values), max(values)))
+def _span(values: Sequence[float], form: str = ".3g") -> str:
+    least, most = (f"{value:{form}}" for value in (min(values), max(values)))
     return least if least == most else f"{least} to {most}"
 
 

@@ -171,10 +171,14 @@ def test_errors_that_are_not_predicted_are_left_out() -> None:
 
 def test_a_team_too_large_for_a_sheet_is_described_in_a_sentence() -> None:
     team = {"shape": "grid", "count": MOST_LISTED + 1, "spacing_m": 70}
-    said = words(syncplan.report_page(planned(formation=team, orbit=circling())))
+    scenario = {"formation": team, "orbit": circling()}
+    said = words(syncplan.report_page(planned(**scenario)))
     assert f"{MOST_LISTED + 1} vehicles, {MOST_LISTED + 1} of them counter-clockwise" in said
     assert "sense" not in said
     assert "Speeds 4 m/s; altitudes not stated. The plan lists each circle." in said
+    heights = [1200.5 + k for k in range(MOST_LISTED + 1)]
+    said = words(syncplan.report_page(planned(**scenario, altitude_m=heights)))
+    assert "altitudes 1200.5 to 1250.5 m." in said
 
 
 def test_names_are_text_whatever_they_hold() -> None:
