@@ -2,12 +2,15 @@
 
 import io
 import json
+import math
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
 from typing import Literal
 
 from pydantic import Field
 
 from api.limits import RequestLimits, check_size
+from syncplan.documents import finite_or_none
 from syncplan.errors import InputError
 from syncplan.planning.plan_files import Loaded, loaded_from
 from syncplan.planning.plans import Plan
@@ -20,16 +23,21 @@ from syncplan.scenario.quantities import Name, Section, Title
 
 Syntax = Literal["json", "yaml"]
 
+_MOST_OUTLINED = 200
+"""Most circles, and most landmarks, of an outline."""
+
 
 @dataclass(frozen=True, slots=True)
 class PlanText:
-    """Text of a plan's file, and the values that lists show."""
+    """Text of a plan's file, and the values that lists show; `outline` is JSON."""
 
     text: str
     name: str | None
     vehicles: int
     observable: bool
     predicted_rms_m: float | None
+    worst_predicted_rms_m: float | None = None
+    outline: str | None = None
 
 
 def loaded_body(body: bytes, syntax: Syntax, limits: RequestLimits) -> Loaded:
@@ -56,14 +64,39 @@ def loaded_plan(text: str) -> Loaded:
 def as_plan_text(plan: Plan) -> PlanText:
     """Return a plan in its stored form."""
     document = plan_document(plan)
-    predicted = document.predicted_rms_m
+    predicted, rms = document.predicted_rms_m, plan.prediction.rms
     return PlanText(
         text=as_text(document.as_json()),
         name=plan.scenario.name,
         vehicles=plan.orbits.count,
         observable=plan.observable,
         predicted_rms_m=None if predicted is None else predicted.overall,
+        worst_predicted_rms_m=None if rms is None else finite_or_none(float(rms.max())),
+        outline=json.dumps(_outline(plan), separators=(",", ":")),
     )
+
+
+def _outline(plan: Plan) -> dict[str, list[list[float]] | None]:
+    """Return circles (x, y, radius), landmarks and area of a plan in m, as a small map needs them.
+
+    They are rounded to three significant digits of their extent.
+    """
+    orbits, area = plan.orbits, plan.scenario.area_m or []
+    circles = [(x, y, radius) for (x, y), radius in zip(orbits.centers, orbits.radii, strict=True)]
+    circles, landmarks = circles[:_MOST_OUTLINED], plan.scenario.landmarks[:_MOST_OUTLINED]
+    reached = [(x + r, y + r) for x, y, size in circles for r in (-size, size)]
+    extent = max(max(axis) - min(axis) for axis in zip(*reached, *landmarks, *area, strict=True))
+    decimals = 2 - math.floor(math.log10(extent))
+
+    def rounded(places: Iterable[tuple[float, ...]]) -> list[list[float]]:
+        # no negative zeros
+        return [[round(float(value), decimals) + 0.0 for value in place] for place in places]
+
+    return {
+        "circles": rounded(circles),
+        "landmarks": rounded(landmarks),
+        "area": rounded(area) or None,
+    }
 
 
 class PlanRenaming(Section):

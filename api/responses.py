@@ -4,6 +4,7 @@ import json
 from typing import Annotated, Any, Generic, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
+from sqlalchemy import Row
 
 from api.storage.holdings import RecordingRow
 from api.storage.job_records import JobRow
@@ -43,6 +44,17 @@ class StoredPlan(PlanDocument):
     """The plan this one was refined from"""
 
 
+class Outline(_Answer):
+    """What a small map of a plan shows, in m: three significant digits of its extent."""
+
+    circles: list[tuple[float, float, float]] = Field(examples=[[[0.0, 0.0, 20.0]]])
+    """Centre x, y and radius of each circle, of the first 200"""
+    landmarks: list[tuple[float, float]] = Field(examples=[[[0.0, 40.0]]])
+    """Positions [x, y] of landmarks, of the first 200"""
+    area: list[tuple[float, float]] | None
+    """Corners [x, y] of the area that circles lie within; null where there is none"""
+
+
 class PlanSummary(_Answer):
     """Summary of a plan in lists."""
 
@@ -58,6 +70,11 @@ class PlanSummary(_Answer):
     """Whether the verdict is GO; null for a plan of an early version, which has none"""
     predicted_rms_m: float | None = Field(examples=[1.29])
     """RMS over all vehicles"""
+    worst_predicted_rms_m: float | None = Field(examples=[1.57])
+    """Predicted RMS error of the worst vehicle; null where unknown, and for plans stored by earlier
+    versions"""
+    outline: Outline | None
+    """What a small map needs; null for plans stored by earlier versions"""
 
 
 class PlanPage(_Page[PlanSummary]):
@@ -196,6 +213,12 @@ class JobEvent(_Answer):
     finished: int | None = Field(default=None, exclude_if=lambda value: value is None)
     """Number of first trials that the figures of the running job are of; present only in some
     events of a validation or a flight"""
+
+
+def plan_summary(row: Row[*tuple[Any, ...]]) -> PlanSummary:
+    """Return the summary of a stored plan for answers."""
+    outline = row.outline and json.loads(row.outline)
+    return PlanSummary(**{**row._mapping, "outline": outline})
 
 
 def recording_answer(row: RecordingRow) -> Recording:

@@ -11,7 +11,7 @@ const scripts = async () => (await readdir(TARGET)).filter((one) => one.endsWith
 // what two bundles share has names that change with it
 for (const name of await scripts()) await rm(`${TARGET}/${name}`);
 const { metafile } = await build({
-  entryPoints: ["openlayers.js", "editing.js", "tiles.js"],
+  entryPoints: ["openlayers.js", "editing.js", "tiles.js", "yaml.js"],
   bundle: true,
   splitting: true,
   chunkNames: "shared-[hash]",
@@ -43,7 +43,10 @@ const COPIES = {
 };
 for (const [name, from] of Object.entries(COPIES)) await copyFile(`node_modules/${from}`, `${FIGURES}/${name}`);
 
-await digest(TARGET, ["LICENCES.txt", ...(await scripts())]);
+const FONTS = { "inter.woff2": "files/inter-latin-wght-normal.woff2", "inter-LICENSE": "LICENSE" };
+for (const [name, from] of Object.entries(FONTS)) await copyFile(`node_modules/@fontsource-variable/inter/${from}`, `${TARGET}/${name}`);
+
+await digest(TARGET, ["LICENCES.txt", ...Object.keys(FONTS), ...(await scripts())]);
 await digest(FIGURES, Object.keys(COPIES));
 
 async function digest(folder, names) {

@@ -1,12 +1,13 @@
 // The vehicle or landmark that was chosen: its own part of the form, and how one comes or goes.
 
-import { coordinatesOf } from "./coordinates.js";
+import { coordinatesOf, cornersIn, placedField } from "./coordinates.js";
 import { attempt, button, byId, element, notice, options, present, shown } from "./elements.js";
 import { Fields } from "./fields.js";
 import { freeCenter, freeSite } from "./free_space.js";
+import { nameOf } from "./grips.js";
 import { switchOf } from "./losses.js";
-import { landmarksOf, mean, polygonsOf, roundBelow, vehiclesOf, withDirection, withValue } from "./scenario.js";
-import { addBody, BODIES, copyChosen, placesOf, removeChosen, withAligned, withoutChosen } from "./selection.js";
+import { landmarksOf, mean, polygonsOf, roundBelow, vehiclesOf, withAltitude, withDirection, withPolygon, withRadius, withValue } from "./scenario.js";
+import { addBody, BODIES, copyChosen, placesOf, removeChosen, withAligned, withoutChosen, withPolygonAdded } from "./selection.js";
 import { askJson } from "./service.js";
 
 const TURNS = { ccw: "counter-clockwise", cw: "clockwise" };
@@ -24,6 +25,7 @@ const FIELDS = {
     ...positionFields(coordinates, `formation.centers_m[${k}]`, (axis) => `Centre ${axis}`),
     { key: "radius", path: `orbit.radius_m[${k}]`, label: "Radius", unit: "m", min: 0 },
     { key: "direction", path: `orbit.direction[${k}]`, label: "Its direction", kind: "choice", choices: (value) => [TURNS, value] },
+    { key: "altitude", id: "body-altitude", path: `altitude_m[${k}]`, label: "Its altitude above ground", unit: "m", steady: true },
     { key: "range_m", path: `sensor[${k}].range_m`, label: "Its range", unit: "m", min: 0 },
     { key: "fov_deg", path: `sensor[${k}].fov_deg`, label: "Its field of view", unit: "°", min: 0, max: 360 },
     { key: "boresight_deg", path: `sensor[${k}].boresight_deg`, label: "Its boresight", unit: "°" },
@@ -66,7 +68,7 @@ export function bodyPart(store, storePlan) {
     names = namesIn(store);
     fields.clear();
     const named = (kind) => BODIES[kind].all(scenario).map(({ name }, k) => [`${kind} ${k}`, name]);
-    const polygons = polygonsOf(scenario).map(({ kind, k }) => [`${kind} ${k}`, kind === "area" ? kind : `${kind} ${k + 1}`]);
+    const polygons = polygonsOf(scenario).map((polygon) => [`${polygon.kind} ${polygon.k}`, nameOf(polygon)]);
     const vehicles = named("vehicle");
     const titles = Object.fromEntries([["", "choose, here or on the map …"], ...vehicles, ...named("landmark"), ...polygons]);
     const value = selected ? `${selected.kind} ${selected.k}` : "";
@@ -82,6 +84,7 @@ export function bodyPart(store, storePlan) {
       element("div", { class: "row" }, [
         button("Add vehicle", () => grow("vehicle")),
         button("Add landmark", () => grow("landmark")),
+        ["area", "keep-out", "obstacle"].filter((kind) => kind !== "area" || !scenario.area_m).map((kind) => button(`Add ${kind}`, () => change(() => withPolygonAdded(store, kind)))),
         places.length && button("Copy", () => change(copyChosen)),
         places.length && button("Align to grid", align),
         known && (known.kind !== "vehicle" || vehicles.length > 1) && button("Remove", () => change(removeChosen)),
@@ -102,12 +105,32 @@ export function bodyPart(store, storePlan) {
   }
 
   function fieldsOf({ kind, k }) {
-    if (!(kind in FIELDS)) return element("p", { class: "hint" }, "Drag its corners on the map, or a point of an edge for one more; a click with Alt takes a corner out.");
+    if (!(kind in FIELDS)) return cornersOf(kind, k);
     const coordinates = coordinatesOf(store);
     return FIELDS[kind](k, store.scenario, coordinates).map((field) => {
       const access = field.axis === undefined ? partOf(kind, k, field) : positionOf(kind, k, field.axis, coordinates);
       return fields.add({ id: `chosen-${field.key}`, ...access, ...field });
     });
+  }
+
+  /** The field of a polygon's corners, and how they are changed on the map. */
+  function cornersOf(kind, k) {
+    const { key, corners } = { ...polygonsOf(store.scenario).find((polygon) => polygon.kind === kind && polygon.k === k) };
+    const { read, change: changed, unitOf } = placedField(store, {
+      read: (scenario) => polygonsOf(scenario).find((polygon) => polygon.kind === kind && polygon.k === k)?.corners ?? corners,
+      change: (scenario, pairs) => withPolygon(scenario, kind, pairs, k),
+    });
+    const field = fields.add({
+      id: "chosen-corners",
+      path: kind === "area" ? key : `${key}[${k}]`,
+      label: "Corners",
+      kind: "text",
+      whole: true,
+      unitOf,
+      read: (scenario) => read(scenario).map((pair) => pair.join(", ")).join("; "),
+      change: (scenario, text) => changed(scenario, cornersIn(text)),
+    });
+    return [field, element("p", { class: "hint" }, "Drag corners on the map, or a point of an edge for one more. Delete takes out the corner that has the focus, and so does a click with Alt.")];
   }
 
   /** How a field of a body reads and changes a scenario. */
@@ -117,6 +140,8 @@ export function bodyPart(store, storePlan) {
       // one that is being typed anew is empty for a moment
       if (value === "") return old;
       if (key === "name") return renamed(old, kind, k, value);
+      if (key === "altitude") return withAltitude(old, k, value);
+      if (key === "radius") return withRadius(old, k, value);
       if (key === "direction") return withDirection(old, store.plan, k, value);
       return withValue(old, path, value);
     };

@@ -52,6 +52,13 @@ export function pairIn(text) {
   return pair.length === 2 && pair.every(Number.isFinite) ? pair : null;
 }
 
+/** Return the corners that a text lists, as "0, 0; 100, 0; 100, 50"; throws RangeError for any other text. */
+export function cornersIn(text) {
+  const corners = text.split(";").filter((part) => part.trim()).map(pairIn);
+  if (corners.length < 3 || corners.includes(null)) throw new RangeError("write three corners or more, such as 0, 0; 100, 0; 100, 50");
+  return corners;
+}
+
 /** Return lists and objects of pairs of numbers, such as polygons, with each pair converted; all else stays. */
 export function eachPlace(value, convert) {
   if (value === null || typeof value !== "object") return value;

@@ -1,23 +1,21 @@
-// A team designed from a brief: the brief's text, the front as it grows, and the formations found.
+// A team designed from a brief: the front as it grows, and the formations found.
 
-import { attemptAt, button, byId, element, onceChosen, present, shown, table } from "./elements.js";
+import { briefOn } from "./brief.js";
+import { button, byId, element, present, shown, table } from "./elements.js";
 import { jobsAt } from "./jobs.js";
 import { RequestForm } from "./requests.js";
-import { ask } from "./service.js";
 
 const KIND = "design";
 
-/** The panel of designs; returns what goes on with one by its identifier.
+/** The panel of designs over a store's map; returns what goes on with one by its identifier.
  *
  * `open(plan, name)` shows a formation on the map; `followed(jobId)` is called with the design that the panel shows.
  */
-export function offerDesigns(open, followed) {
-  const text = byId("brief");
-  // a fault of the text as a whole has no path, and so the text has no name
-  const read = (values) => values[""];
+export function offerDesigns(store, open, followed) {
+  const brief = briefOn(store);
   const front = element("div", { class: "front", role: "region", tabindex: "0", "aria-label": "Teams found" });
   const jobs = jobsAt("design-job", {
-    forms: (handIn) => [new RequestForm(KIND, byId("design-form"), { read, handIn })],
+    forms: (handIn) => [new RequestForm(KIND, byId("design-form"), { read: brief.asked, handIn: (form, request) => brief.whole() && handIn(form, request) })],
     addressOf: () => "v1/designs",
     began: (job) => {
       front.replaceChildren();
@@ -32,21 +30,12 @@ export function offerDesigns(open, followed) {
       return verdictOf(found, open);
     },
   });
-  offerSources(text);
   byId("design").append(...jobs.elements, front);
   return (jobId) =>
     jobs.resume(jobId, ({ kind, request }) => {
       if (kind !== KIND) throw new Error("The address names a job that is no design.");
-      text.value = JSON.stringify(request, null, 1);
+      brief.take(request);
     });
-}
-
-/** Where a brief's text may come from. */
-function offerSources(text) {
-  const take = (bring) => attemptAt(byId("brief-source-fault"), async () => (text.value = await bring()));
-  const example = async (name) => (await ask("GET", `assets/briefs/${name}.yaml`, { accept: "application/yaml" })).text();
-  onceChosen(byId("brief-example"), (name) => take(() => example(name)));
-  onceChosen(byId("brief-file"), (file) => take(() => file.text()));
 }
 
 /** What the service found, in words, with a button that opens it. */

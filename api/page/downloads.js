@@ -1,34 +1,40 @@
-// Files to save: the scenario, the plan, and every export of it.
+// Before a flight: what the files of an export hold and lack, and the files.
 
-import { attemptAt, byId, element, notice, options, save, shown } from "./elements.js";
-import { withValue } from "./scenario.js";
+import { attemptAt, byId, element, notice, options, renew, save, shown } from "./elements.js";
+import { polygonsOf, vehiclesOf } from "./scenario.js";
 import { ask } from "./service.js";
-import { FORMATS, MISSIONS, ON_EARTH, PILOTS } from "./tables.js";
-import { firstOpen, LEVELS } from "./verdict.js";
+import { FORMATS, PILOTS } from "./tables.js";
+import { LEVELS } from "./verdict.js";
 
-/** The panel of downloads. `storePlan()` resolves with the identifier of the plan on show. */
+/** Vehicles whose altitudes are listed; of more, the least and the largest are stated. */
+const MOST_LISTED = 12;
+
+/** The panel of what is done before a flight. `storePlan()` resolves with the identifier of the plan on show. */
 export function offerDownloads(store, storePlan) {
-  const [pilot, format, origin, force, forced] = ["pilot", "format", "origin", "force", "forced"].map(byId);
+  const [pilot, format, force, forced, rows] = ["pilot", "format", "force", "forced", "preflight"].map(byId);
   const [fault, notes, travels] = ["download-fault", "export-notes", "export-findings"].map(byId);
+  const lacksPlace = () => FORMATS[format.value].on_earth && store.scenario?.geo_origin === undefined;
   const acts = {
     "save-scenario": () => saveScenario(store),
     "save-plan": () => run(savePlan),
     "save-report": () => run(saveReport),
     "print-report": () => showReport(open()),
-    export: () => origin.hidden && run(saveExport),
   };
   for (const [id, act] of Object.entries(acts)) byId(id).addEventListener("click", act);
+  // by the button, or by Enter in a field
+  byId("preflight-fields").addEventListener("submit", (event) => {
+    event.preventDefault();
+    if (lacksPlace()) byId("field-geo-origin-lat-deg").focus();
+    else run(saveExport);
+  });
   pilot.append(...options(PILOTS));
-  format.append(...options(FORMATS));
-  askForOrigin(store);
+  format.append(...options(Object.fromEntries(Object.entries(FORMATS).map(([name, { title }]) => [name, title]))));
 
   const suit = () => {
-    byId("pilots").hidden = !MISSIONS.includes(format.value);
-    origin.hidden = !ON_EARTH.includes(format.value) || store.scenario?.geo_origin !== undefined;
+    pilot.disabled = !FORMATS[format.value].mission;
     // not disabled: Tab leads to it from the last field that it waits for
-    byId("export").setAttribute("aria-disabled", !origin.hidden);
-    // nothing is said of files that can't be made yet
-    travels.hidden = !origin.hidden;
+    byId("export").setAttribute("aria-disabled", lacksPlace());
+    if (store.scenario) renew(rows, rowsOf(store.scenario, FORMATS[format.value]));
   };
   const enable = () => {
     for (const id of ["save-scenario", "save-plan", "print-report", "export"]) byId(id).disabled = store.scenario === null;
@@ -60,7 +66,7 @@ export function offerDownloads(store, storePlan) {
   }
 
   async function saveExport() {
-    const asked = [MISSIONS.includes(format.value) ? pilot.value : "", force.checked && !forced.hidden ? "force=true" : ""].filter(Boolean).join("&");
+    const asked = [FORMATS[format.value].mission ? pilot.value : "", force.checked && !forced.hidden ? "force=true" : ""].filter(Boolean).join("&");
     const at = `v1/plans/${await storePlan()}/exports/${format.value}${asked && "?"}${asked}`;
     const answer = await ask("GET", at, { accept: "application/zip" });
     const file = await answer.blob();
@@ -88,15 +94,31 @@ export function offerDownloads(store, storePlan) {
   }
 }
 
-/** Ask for the place of the origin, which formats on the earth need. */
-function askForOrigin(store) {
-  const fields = ["origin-lat", "origin-lon"].map(byId);
-  byId("origin").addEventListener("change", () => {
-    const [lat_deg, lon_deg] = fields.map((one) => one.valueAsNumber);
-    if (Number.isNaN(lat_deg) || Number.isNaN(lon_deg)) return;
-    store.edit(withValue(store.scenario, "geo_origin", { lat_deg, lon_deg, alt_m: 0 }));
-    for (const one of fields) one.value = "";
-  });
+/** What the files of a format hold of a scenario, and what they lack. */
+function rowsOf(scenario, format) {
+  const { on_earth: onEarth, holds } = format;
+  const polygons = polygonsOf(scenario);
+  const corners = polygons.find(({ kind }) => kind === "area")?.corners.length;
+  const keepOuts = polygons.filter(({ kind }) => kind === "keep-out").length;
+  const fence = [corners && `area of ${corners} corners`, keepOuts && `${keepOuts} keep-out${keepOuts > 1 ? "s" : ""}`].filter(Boolean);
+  const rows = [
+    ["Files", holds],
+    ["Area and keep-outs", fence.join(", ") || "none: no area and no keep-out is drawn"],
+    ["Altitudes", altitudesOf(scenario, format)],
+    ["Take-off and landing", "not in the files: the vehicles take off before, and land after"],
+    onEarth && !scenario.geo_origin && ["Place of the origin", "missing: this format needs latitude and longitude of the point 0, 0"],
+    ["Start", scenario.start_time ?? "not stated: all operators agree on one moment"],
+  ].filter(Boolean);
+  return rows.map(([name, value]) => element("tr", {}, element("th", { scope: "row" }, name), element("td", {}, value)));
+}
+
+/** The altitudes that the files of a format state, in words. */
+function altitudesOf(scenario, { altitude_m: usual }) {
+  if (scenario.altitude_m === undefined) return `${shown(usual, "m")} for all: none is stated, and this is the format's`;
+  const all = vehiclesOf(scenario).map(({ name, altitude }) => `${name} ${shown(altitude, "m")}`);
+  if (!Array.isArray(scenario.altitude_m)) return `${shown(scenario.altitude_m, "m")} above ground, all vehicles`;
+  const range = [Math.min, Math.max].map((of) => of(...scenario.altitude_m)).map((height) => shown(height, "m")).join(" to ");
+  return all.length > MOST_LISTED ? `${range} above ground` : `${all.join(", ")} above ground`;
 }
 
 /** What speaks against flying a plan, as the sidecar of its export will say. */
@@ -104,7 +126,7 @@ function travelling(findings) {
   const grave = findings.filter((one) => one.level !== "note");
   if (!grave.length) return [element("p", { class: "hint" }, "No stop and no warning goes with the files.")];
   const said = grave.map(({ level, message }) => element("p", { class: `remark ${level}` }, element("strong", {}, LEVELS[level]), message));
-  return [element("p", { class: "hint" }, "These findings go with the files, in their .sync.json:"), ...firstOpen(said, "finding")];
+  return [element("p", { class: "hint" }, "These findings go with the files, in their .sync.json:"), ...said];
 }
 
 function saveScenario(store) {

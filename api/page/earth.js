@@ -110,7 +110,7 @@ export function placeWords(place) {
 }
 
 /** Round values between two, and the digits that they need: at least `least` apart, by 1, 2 or 5. */
-function linesAt([from, to], least) {
+export function linesAt([from, to], least) {
   const unit = decade(least);
   const step = unit * (STEPS.find((one) => one * unit >= least) ?? 10);
   const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));

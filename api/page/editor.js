@@ -1,11 +1,10 @@
 // The scenario as a form: every field has a path, and a fault is shown next to its field.
 
 import { bodyPart } from "./body.js";
-import { placedField } from "./coordinates.js";
 import { byId, element, folded, mark } from "./elements.js";
 import { Fields } from "./fields.js";
 import { linksPart } from "./links.js";
-import { DIRECTIONS, sensorValue, valueAt, withOptional, withoutAlternative, withSensor, withValue } from "./scenario.js";
+import { DIRECTIONS, layersOf, sensorValue, valueAt, withLayers, withOptional, withoutAlternative, withSensor, withValue } from "./scenario.js";
 import { ALTERNATIVES, MEANINGS } from "./tables.js";
 
 const TEAM = [
@@ -32,11 +31,15 @@ const NOISE = [
   { path: "initial_sigma.heading_rad", label: "Initial heading sigma", unit: "rad", min: 0 },
 ];
 const PLACE = [
+  { path: "altitude_m", label: "Altitude above ground", unit: "m", steady: true },
+  { path: "altitude_m.step", label: "Step from vehicle to vehicle", unit: "m", steady: true },
   { path: "geo_origin.lat_deg", label: "Latitude of the origin", unit: "°", steady: true },
   { path: "geo_origin.lon_deg", label: "Longitude of the origin", unit: "°", steady: true },
-  { path: "geo_origin.alt_m", label: "Altitude of the origin", unit: "m", steady: true },
-  { path: "start_time", label: "Start (RFC 3339)", kind: "text" },
+  { path: "geo_origin.alt_m", label: "Ground above sea level", unit: "m", steady: true },
+  { path: "start_time", label: "Start, such as 2026-05-01T09:00:00Z", kind: "text" },
 ];
+/** what a step begins from where no altitude is stated */
+const USUAL_ALTITUDE_M = 50;
 const RATES = ["orbit.angular_rate_rad_s", "orbit.speed_mps"];
 
 /** What the world adds, folded away where a scenario has none of a group's keys. @type {Record<string, any[]>} */
@@ -62,17 +65,10 @@ const WORLD = {
     { path: "wind.gust_sigma_mps", label: "Gust sigma", unit: "m/s", min: 0 },
     { path: "wind.gust_time_s", label: "Gust time", unit: "s", min: 0 },
   ],
-  "Area, obstacles and keep-outs": [
-    { path: "area_m", label: "Polygon that circles stay within", kind: "json" },
-    { path: "obstacles_m", label: "Polygons that block sight", kind: "json" },
-    { path: "keep_out_m", label: "Polygons that block paths", kind: "json" },
-  ],
   "A simulated world that differs": [{ path: "truth", label: "Keys that are true instead", kind: "json" }],
   "Errors that the filter estimates": [{ path: "filter.estimate", label: "Estimated errors", kind: "choice", choices: estimatesOf }],
 };
 
-/** Fields of polygons, which are shown as positions are. */
-const PLACED = ["area_m", "obstacles_m", "keep_out_m"];
 const ESTIMATES = { auto: "all with a sigma", none: "none" };
 
 /** Fill in the form of a store's scenario. `storePlan()` resolves with the identifier of the plan on show. */
@@ -109,8 +105,8 @@ export function offerEditor(store, storePlan) {
       group("All sensors", SENSOR),
       folded("Noise", group("Noise", NOISE)),
       ...world.keys(),
-      folded("Place and time, for exports", group("Place and time, for exports", PLACE)),
     );
+    byId("preflight-fields").replaceChildren(group("Altitudes, place and time", PLACE));
     show();
   }
 
@@ -123,6 +119,7 @@ export function offerEditor(store, storePlan) {
   /** How a field reads and changes a scenario. */
   function access(path, optional) {
     const [section, key] = path.split(".");
+    if (section === "altitude_m") return layerField(key);
     const change = (before, value) => {
       const scenario = value === "" ? before : withoutAlternative(before, path, ALTERNATIVES);
       if (section === "sensor") return withSensor(scenario, key, optional && value === "" ? undefined : value);
@@ -131,7 +128,14 @@ export function offerEditor(store, storePlan) {
     };
     if (section === "sensor") return { change, read: (scenario) => sensorValue(scenario, key) };
     const read = (scenario) => valueAt({ ...scenario, geo_origin: origin }, path);
-    return PLACED.includes(path) ? placedField(store, { change, read }) : { change, read };
+    return { change, read };
+  }
+
+  /** How the fields of altitudes read and change a scenario: the lowest, and the step from vehicle to vehicle. */
+  function layerField(key) {
+    const typed = (value) => (value === "" ? undefined : value);
+    if (key) return { read: (scenario) => layersOf(scenario).step, change: (scenario, step) => withLayers(scenario, { lowest: layersOf(scenario).lowest ?? USUAL_ALTITUDE_M, step: typed(step) }) };
+    return { read: (scenario) => layersOf(scenario).lowest ?? scenario.altitude_m, change: (scenario, lowest) => withLayers(scenario, { ...layersOf(scenario), lowest: typed(lowest) }) };
   }
 
   /** The scenario with a part of its origin typed: with both latitude and longitude, it has one. */

@@ -21,7 +21,7 @@ export function element(name, attributes = {}, ...children) {
 
 /** Return what there is of some children, in one list. */
 export function present(children) {
-  return children.flat().filter(Boolean);
+  return children.flat(Infinity).filter(Boolean);
 }
 
 /** Give a place other children; those that it has already stay, with the focus and what is open in them.
@@ -127,12 +127,24 @@ export function shown(value, unit = "", digits = 4) {
   return unit ? `${text} ${unit}` : text;
 }
 
-/** Show a message over the page, wherever it is scrolled to; an empty text clears it. */
-export function notice(text, { fault = false } = {}) {
+/** Return date and time of an RFC 3339 text, or of a time in ms. */
+export function timeOf(time) {
+  return new Date(time).toLocaleString(undefined, { dateStyle: "medium", timeStyle: "short" });
+}
+
+/** How long a message is shown that asks for nothing. */
+const MESSAGE_MS = 4000;
+let passing = 0;
+
+/** Show a message over the page, wherever it is scrolled to; an empty text clears it. It goes by itself, unless it `asks`
+ * for something, as faults do. */
+export function notice(text, { fault = false, asks = fault } = {}) {
   const line = byId("notice");
   line.textContent = text;
   line.classList.toggle("bad", fault);
-  byId("dismiss").hidden = text === "";
+  byId("dismiss").hidden = text === "" || !asks;
+  clearTimeout(passing);
+  if (text && !asks) passing = setTimeout(notice, MESSAGE_MS, "");
 }
 
 /** Whether the message on show says what is wrong. */

@@ -5,7 +5,7 @@ import { element, mark, options } from "./elements.js";
 import { scrubbed, stepOf } from "./scrubbing.js";
 import { question } from "./terms.js";
 
-const HALF_TYPED = "is no JSON yet: write polygons as [[[x, y], [x, y], [x, y]]]";
+const HALF_TYPED = "is no JSON yet";
 
 /**
  * @typedef {object} Field

@@ -1,5 +1,6 @@
 // Where another circle or landmark finds room: clear of all that is there, and within reach of the team.
 
+import { edges, toEdges, within } from "./geometry.js";
 import { decade, landmarksOf, mean, round, vehiclesOf, withLinks, withVehicle } from "./scenario.js";
 
 /** Share of the mean radius that is kept where the scenario states no distance; the verdict has the same. */
@@ -172,28 +173,6 @@ function cross(a, b, c, d) {
 /** On which side of the line from a to b a point is: positive left, negative right. */
 function side([ax, ay], [bx, by], [x, y]) {
   return (bx - ax) * (y - ay) - (by - ay) * (x - ax);
-}
-
-/** Whether a point lies in a polygon: a ray from it crosses an odd number of edges. */
-export function within(corners, { x, y }) {
-  const crossed = edges(corners).filter(([[ax, ay], [bx, by]]) => ay > y !== by > y && x < ax + ((y - ay) * (bx - ax)) / (by - ay));
-  return crossed.length % 2 === 1;
-}
-
-/** The distance in m from a point to the nearest edge of a polygon. */
-export function toEdges(corners, { x, y }) {
-  return Math.min(
-    ...edges(corners).map(([[ax, ay], [bx, by]]) => {
-      const [dx, dy] = [bx - ax, by - ay];
-      const along = ((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy || 1);
-      const share = Math.min(Math.max(along, 0), 1);
-      return Math.hypot(x - ax - share * dx, y - ay - share * dy);
-    }),
-  );
-}
-
-function edges(corners) {
-  return corners.map((one, k) => [one, corners[(k + 1) % corners.length]]);
 }
 
 function reachOf(one, other) {

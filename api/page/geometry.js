@@ -33,6 +33,34 @@ export function ellipseOf([xx, xy, yy]) {
   return { major: Math.sqrt(middle + off), minor: Math.sqrt(Math.max(middle - off, 0)), angle: Math.atan2(2 * xy, xx - yy) / 2 };
 }
 
+/** Whether a point lies in a polygon: a ray from it crosses an odd number of edges.
+ * @param {number[][]} corners
+ * @param {{x: number, y: number}} point */
+export function within(corners, { x, y }) {
+  const crossed = edges(corners).filter(([[ax, ay], [bx, by]]) => ay > y !== by > y && x < ax + ((y - ay) * (bx - ax)) / (by - ay));
+  return crossed.length % 2 === 1;
+}
+
+/** The distance in m from a point to the nearest edge of a polygon.
+ * @param {number[][]} corners
+ * @param {{x: number, y: number}} point */
+export function toEdges(corners, { x, y }) {
+  return Math.min(
+    ...edges(corners).map(([[ax, ay], [bx, by]]) => {
+      const [dx, dy] = [bx - ax, by - ay];
+      const along = ((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy || 1);
+      const share = Math.min(Math.max(along, 0), 1);
+      return Math.hypot(x - ax - share * dx, y - ay - share * dy);
+    }),
+  );
+}
+
+/** The edges of a polygon, from corner to corner.
+ * @param {number[][]} corners */
+export function edges(corners) {
+  return corners.map((corner, k) => [corner, corners[(k + 1) % corners.length]]);
+}
+
 /** Intervals [from, to] of angles turned, from in [0, 2 pi), at which two are within reach of each other.
  * @param {Circle} a
  * @param {Circle} b

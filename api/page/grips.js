@@ -1,14 +1,15 @@
-// What can be taken hold of on the map: centres and landmarks, and of the one selected vehicle its
-// radius and its phase. Each grip knows the edit that moving it makes.
+// What can be taken hold of on the map: centres and landmarks, of the one selected vehicle its
+// radius and its phase, of the selected polygon its corners. Each grip knows the edit that moving it makes.
 
 import { shown } from "./elements.js";
 import { circlesOf, poseAt } from "./marks.js";
-import { landmarksOf, placesIn, rounded, withRadius } from "./scenario.js";
+import { landmarksOf, placesIn, polygonsOf, rounded, withPolygon, withRadius } from "./scenario.js";
 import { BODIES } from "./selection.js";
 
 /**
- * @typedef {{kind: string, k: number, x: number, y: number, title: string, label: string}} Grip
- * `kind` is "vehicle" (its centre), "landmark", "radius" or "phase"; `k` counts vehicles or landmarks
+ * @typedef {{kind: string, k: number, x: number, y: number, title: string, label: string, polygon?: any}} Grip
+ * `kind` is "vehicle" (its centre), "landmark", "radius", "phase" or "corner"; `k` counts vehicles, landmarks, or the corners
+ * of a polygon `{ kind, k, corners }`
  */
 
 const TURN = 2 * Math.PI;
@@ -28,7 +29,7 @@ export function bodiesOf(scenario, plan, place = placesIn(scenario)) {
 export function gripsOf(scenario, plan, selected, turned, place = placesIn(scenario)) {
   const circle = selected?.kind === "vehicle" ? circlesOf(scenario, plan)[selected.k] : null;
   const bodies = bodiesOf(scenario, plan, place);
-  if (!circle) return bodies;
+  if (!circle) return [...bodies, ...cornersOf(scenario, selected, place)];
   const { name, x, y, radius } = circle;
   const rim = { x: x + radius * Math.cos(AT), y: y + radius * Math.sin(AT) };
   const own = [{ kind: "radius", k: selected.k, ...rim, title: `radius of ${name}`, label: `Radius of ${name}, ${shown(radius, "m")}` }];
@@ -40,9 +41,29 @@ export function gripsOf(scenario, plan, selected, turned, place = placesIn(scena
   return [...bodies, ...own];
 }
 
+/** The corners of a polygon that is selected, as grips. @returns {Grip[]} */
+function cornersOf(scenario, selected, place) {
+  const polygon = polygonsOf(scenario).find(({ kind, k }) => selected?.kind === kind && selected.k === k);
+  return (polygon?.corners ?? []).map(([x, y], k) => {
+    const title = `corner ${k + 1} of ${nameOf(polygon)}`;
+    return { kind: "corner", k, x, y, polygon, title, label: `${title[0].toUpperCase()}${title.slice(1)} at ${place({ x, y })}` };
+  });
+}
+
+/** What a polygon is called: there is one area. */
+export function nameOf({ kind, k }) {
+  return kind === "area" ? kind : `${kind} ${k + 1}`;
+}
+
+/** Return the scenario without a corner; the last three stay. */
+export function withoutCorner(scenario, { k, polygon: { kind, k: number, corners } }) {
+  return corners.length > 3 ? withPolygon(scenario, kind, corners.toSpliced(k, 1), number) : scenario;
+}
+
 /** What moving a grip to (x, y) makes of a scenario, and of the phases of its plan where they change.
  * @returns {{scenario: any, phase?: {k: number, phase_rad: number}}} */
-export function movedTo(scenario, plan, { kind, k }, { x, y }, turned) {
+export function movedTo(scenario, plan, { kind, k, polygon }, { x, y }, turned) {
+  if (polygon) return { scenario: withPolygon(scenario, polygon.kind, polygon.corners.with(k, [x, y]), polygon.k) };
   if (kind in BODIES) return { scenario: BODIES[kind].moved(scenario, k, x, y) };
   const circle = circlesOf(scenario, plan)[k];
   const [east, north] = [x - circle.x, y - circle.y];

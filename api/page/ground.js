@@ -1,6 +1,7 @@
-// The earth under the map, where a scenario states its origin: a graticule, and the tiles that an operator set.
+// The ground under the map: a grid in metres; where a scenario states its origin on the earth, a graticule in degrees, and
+// the tiles that an operator set.
 
-import { DEGREE, graticuleOf, MAJOR_M, placeOf, placeWords, pointOf, WIDEST_M } from "./earth.js";
+import { DEGREE, graticuleOf, linesAt, MAJOR_M, placeOf, placeWords, pointOf, WIDEST_M } from "./earth.js";
 import { byId } from "./elements.js";
 import { mark } from "./looks.js";
 import { TILES } from "./tables.js";
@@ -15,8 +16,8 @@ const FAINT = 0.6;
 export class Ground {
   #map;
   #lines = new VectorSource();
-  /** @type {import("./earth.js").Origin | undefined} */
-  #origin;
+  /** null until ground is laid @type {import("./earth.js").Origin | undefined | null} */
+  #origin = null;
   /** @type {any} */
   #tiles = null;
 
@@ -28,7 +29,7 @@ export class Ground {
     map.on("change:size", () => this.#draw());
   }
 
-  /** Lay the ground about an origin, or none without one. */
+  /** Lay the ground about an origin on the earth, or without one. */
   lie(origin) {
     if (JSON.stringify(origin) === JSON.stringify(this.#origin)) return;
     this.#origin = origin;
@@ -48,8 +49,13 @@ export class Ground {
     const view = this.#map.getView();
     const extent = view.calculateExtent(this.#map.getSize());
     this.#lines.clear(true);
-    if (!this.#origin || extent.some((one) => Math.abs(one) > WIDEST_M)) return;
-    const lines = graticuleOf(this.#origin, extent, APART_PX * view.getResolution());
+    if (extent.some((edge) => Math.abs(edge) > WIDEST_M)) return;
+    const apart = APART_PX * view.getResolution();
+    if (!this.#origin) {
+      this.#lines.addFeatures(gridOf(extent, apart).map((path) => mark(new LineString(path), { kind: "graticule" })));
+      return;
+    }
+    const lines = graticuleOf(this.#origin, extent, apart);
     this.#lines.addFeatures(lines.flatMap(({ along, path, name }) => [mark(new LineString(path), { kind: "graticule" }), mark(new Point(path[0]), { kind: along, name })]));
   }
 
@@ -67,4 +73,10 @@ export class Ground {
     this.#map.getLayers().insertAt(0, this.#tiles);
     byId("attribution").textContent = attribution;
   }
+}
+
+/** Lines of whole metres across a part of the plane, so many m apart or somewhat more. */
+function gridOf([west, south, east, north], apart) {
+  const upright = linesAt([west, east], apart).map(([x]) => [[x, south], [x, north]]);
+  return [...upright, ...linesAt([south, north], apart).map(([y]) => [[west, y], [east, y]])];
 }

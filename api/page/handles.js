@@ -5,7 +5,7 @@
 
 import { coordinatesOf } from "./coordinates.js";
 import { byId, element } from "./elements.js";
-import { gripsOf, movedTo } from "./grips.js";
+import { gripsOf, movedTo, withoutCorner } from "./grips.js";
 import { decade, landmarksOf } from "./scenario.js";
 import { BODIES, withPlaces } from "./selection.js";
 import { tidied } from "./tools.js";
@@ -26,6 +26,8 @@ export class Handles {
   /** what is dragged: `{ handle, first, at, grip }`
    * @type {any} */
   #held = null;
+  /** whether the click that ends a drag is still to come */
+  #dragged = false;
 
   constructor(store, { map, turned }, uses) {
     this.#store = store;
@@ -43,23 +45,24 @@ export class Handles {
     map.render();
   }
 
-  /** Put every handle over its grip; one out of the view waits at its edge. */
+  /** Put every handle over its grip; one out of view is hidden, unless it is held. */
   place() {
     const size = this.#map.getSize();
     if (!this.#store.scenario || !size) return;
     const grips = this.#grips;
-    const made = this.#made;
-    for (const one of made.slice(grips.length)) one.remove();
+    const handles = this.#all;
+    for (const handle of handles.slice(grips.length)) handle.remove();
+    const pixels = grips.map(({ x, y }) => this.#map.getPixelFromCoordinate([x, y]) ?? [-1, -1]);
+    const away = pixels.map(([left, top]) => left < -TREMOR_PX || top < -TREMOR_PX || left > size[0] + TREMOR_PX || top > size[1] + TREMOR_PX);
+    const stop = this.#stopOf(grips, away);
     grips.forEach((grip, k) => {
-      const handle = made[k] || this.#newHandle();
-      const pixel = this.#map.getPixelFromCoordinate([grip.x, grip.y]);
-      if (!pixel) return;
-      const [left, top] = pixel;
-      const away = left < 0 || top < 0 || left > size[0] || top > size[1];
+      const handle = handles[k] || this.#newHandle();
+      const [left, top] = pixels[k];
       handle.grip = grip;
-      const look = `handle ${grip.kind}${this.#isJudged(grip) ? "" : " moved"}${away ? " away" : ""}`;
+      handle.hidden = away[k] && this.#held?.handle !== handle;
+      const look = `handle ${grip.kind}${this.#isJudged(grip) ? "" : " moved"}`;
       const pressed = this.#store.isSelected(grip);
-      const tabIndex = this.#isStop(grip, k) ? 0 : -1;
+      const tabIndex = k === stop ? 0 : -1;
       // what is the same costs the browser nothing
       const label = this.#store.off.includes(grip.title) ? `${grip.label}, switched off` : grip.label;
       const state = [look, pressed, tabIndex, label, left, top].join();
@@ -81,13 +84,25 @@ export class Handles {
   }
 
   /** @returns {any[]} */
-  get #made() {
+  get #all() {
     return [...this.#group.children];
   }
 
-  #isStop({ kind, k: own }, k) {
+  /** The number of the handle that is the stop of the Tab key: that of what is selected, else the first in view. */
+  #stopOf(grips, away) {
     const { selected } = this.#store;
-    return selected ? selected.kind === kind && selected.k === own : k === 0;
+    const chosen = grips.findIndex(({ kind, k }, at) => !away[at] && selected?.kind === kind && selected.k === k);
+    return chosen < 0 ? away.indexOf(false) : chosen;
+  }
+
+  /** Give a handle the focus; the view moves to it where it is hidden. */
+  #focus(handle) {
+    if (handle.hidden) {
+      const { x, y } = handle.grip;
+      this.#map.getView().setCenter([x, y]);
+      this.#map.renderSync();
+    }
+    handle.focus({ preventScroll: true });
   }
 
   /** Whether the plan on show has a body where the scenario has it: not while an edit waits or is at fault. */
@@ -110,18 +125,23 @@ export class Handles {
     }
     handle.addEventListener("keydown", (event) => this.#key(handle, event));
     // a click by the keyboard, too
-    handle.addEventListener("click", (event) => this.#choose(handle.grip, event));
+    handle.addEventListener("click", (event) => {
+      // what was dragged stays selected as it is
+      if (this.#dragged) this.#dragged = false;
+      else this.#choose(handle.grip, event);
+    });
     this.#group.append(handle);
     return handle;
   }
 
   /** Select a body: alone, or with Shift beside what is selected. */
-  #choose(grip, { shiftKey }) {
-    if (grip.kind in BODIES && !this.#uses(grip)) this.#store.select({ kind: grip.kind, k: grip.k }, { more: shiftKey });
+  #choose(grip, { shiftKey, dragged = false }) {
+    if (grip.kind in BODIES && !this.#uses(grip)) this.#store.select({ kind: grip.kind, k: grip.k }, { more: shiftKey, dragged });
   }
 
   #grab(handle, event) {
     if (event.button !== 0) return;
+    this.#dragged = false;
     handle.setPointerCapture(event.pointerId);
     const box = handle.getBoundingClientRect();
     const grip = [event.clientX - (box.left + box.width / 2), event.clientY - (box.top + box.height / 2)];
@@ -133,7 +153,7 @@ export class Handles {
     const { at, grip, first } = this.#held;
     // a click by an unsteady hand is none of a drag
     if (first && Math.hypot(event.clientX - at[0], event.clientY - at[1]) < TREMOR_PX) return;
-    if (first && handle.grip.kind in BODIES && !this.#store.isSelected(handle.grip)) this.#choose(handle.grip, { shiftKey: false });
+    if (first && handle.grip.kind in BODIES && !this.#store.isSelected(handle.grip)) this.#choose(handle.grip, { shiftKey: false, dragged: true });
     const box = this.#map.getTargetElement().getBoundingClientRect();
     const pixel = [event.clientX - grip[0] - box.left, event.clientY - grip[1] - box.top];
     const [x, y] = this.#map.getCoordinateFromPixel([Math.min(Math.max(pixel[0], 0), box.width), Math.min(Math.max(pixel[1], 0), box.height)]);
@@ -145,6 +165,7 @@ export class Handles {
     if (this.#held?.handle !== handle) return;
     const moved = !this.#held.first;
     this.#held = null;
+    this.#dragged = moved;
     if (moved) this.#store.edit(this.#store.scenario, { step: false });
   }
 
@@ -160,10 +181,16 @@ export class Handles {
     const next = { PageDown: 1, PageUp: -1 }[event.key];
     if (next) {
       event.preventDefault();
-      const all = this.#made;
+      const all = this.#all;
       const other = all[(all.indexOf(handle) + next + all.length) % all.length];
       this.#choose(other.grip, { shiftKey: event.shiftKey });
-      other.focus();
+      this.#focus(other);
+      return;
+    }
+    if (event.key === "Delete" && handle.grip.kind === "corner") {
+      event.preventDefault();
+      event.stopPropagation();
+      this.#store.edit(withoutCorner(this.#store.scenario, handle.grip));
       return;
     }
     const way = WAYS[event.key];
@@ -174,9 +201,10 @@ export class Handles {
     const tidy = decade(step);
     const by = Math.round(step / tidy) * tidy;
     // where it is by now: handles follow with the next frame
-    const grip = this.#grips.find((one) => one.kind === handle.grip.kind && one.k === handle.grip.k) ?? handle.grip;
+    const grip = this.#grips.find(({ title }) => title === handle.grip.title) ?? handle.grip;
     const at = { x: tidied(grip.x + way[0] * by, this.#map), y: tidied(grip.y + way[1] * by, this.#map) };
-    this.#move(grip, at, { live: true, field: `${grip.kind} ${grip.k}` });
+    this.#move(grip, at, { live: true, field: grip.title });
+    requestAnimationFrame(() => handle.hidden && this.#focus(handle));
   }
 
   /** Move a grip to a place; of several selected bodies, all by as much. */

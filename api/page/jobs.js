@@ -36,9 +36,11 @@ export function jobsAt(id, { forms: formsOf = () => [], may = () => true, addres
   const fault = alert();
   const progress = element("progress", { max: 1, value: 0, "aria-labelledby": `${id}-text` });
   const text = element("p", { id: `${id}-text` });
+  // not read out as it counts
+  const elapsed = element("span", { class: "hint" });
   const cancel = button("Cancel", () => end("cancel", "cancelling …"));
   const finish = button("Finish now", () => end("finish", "ending with the best so far …"), { title: "End with the best found so far" });
-  const box = element("div", { class: "running", hidden: true }, progress, text, element("div", { class: "row" }, finish, cancel));
+  const box = element("div", { class: "running", hidden: true }, progress, text, element("div", { class: "row" }, finish, cancel, elapsed));
   const outcome = element("div", { id: `${id}-outcome`, role: "status" });
   /** @type {string | null} */
   let jobId = null;
@@ -65,6 +67,7 @@ export function jobsAt(id, { forms: formsOf = () => [], may = () => true, addres
   async function resume(asked, check = (_job) => {}) {
     const job = await askJson("GET", `v1/jobs/${encodeURIComponent(asked)}`);
     check(job);
+    forms.find(({ kind }) => kind === job.kind)?.fill(job.request);
     await (ENDED.includes(job.state) ? conclude(job) : follow(job));
   }
 
@@ -107,6 +110,10 @@ export function jobsAt(id, { forms: formsOf = () => [], may = () => true, addres
     if (focus) cancel.focus();
     show(job);
     notice(`${title} started.`);
+    const begun = Date.parse(job.created_at);
+    const count = () => (elapsed.textContent = `${Math.max(0, Math.round((Date.now() - begun) / 1000))} s since it was handed in`);
+    count();
+    const counting = setInterval(count, 1000);
     await followEvents(job.id, {
       changed: (event) => {
         show({ ...job, ...event });
@@ -116,6 +123,7 @@ export function jobsAt(id, { forms: formsOf = () => [], may = () => true, addres
         if (flag) text.textContent = `${title}: the service can't be reached; the job goes on once it is back. Trying again …`;
       },
     });
+    clearInterval(counting);
     return patiently(() => askJson("GET", `v1/jobs/${job.id}`));
   }
 

@@ -1,20 +1,31 @@
 // What the service keeps of one's work: plans, jobs and recordings, listed, opened, renamed, deleted.
 
-import { alert, attemptAt, button, byId, dialogue, element, notice, onceChosen, present, shown, table } from "./elements.js";
+import { alert, attemptAt, button, byId, dialogue, element, notice, onceChosen, present, shown, table, timeOf } from "./elements.js";
 import { jobsAt, outcomeOf } from "./jobs.js";
 import { ask, askJson, postOnce } from "./service.js";
+import { smallMap } from "./small_map.js";
 import { STUDIES } from "./tables.js";
 import { tabs } from "./tabs.js";
 
 /** Jobs about no plan that have a part of the page, by the name that the address gives it. */
 const ADDRESSED = { design: "design" };
 
-/** The dialogue of what is kept; `open(planId)` opens a plan, `compare(plan)` draws one beside the plan on show. */
+/** The dialogue of what is kept; `open(planId)` opens a plan, `compare(plan)` draws one beside the plan on show.
+ *
+ * Returns what shows a kind of work. */
 export function offerKeptWork({ open, compare }) {
   byId("kept").addEventListener("click", () => show(open, compare));
+  return (kind) => show(open, compare, kind);
 }
 
-function show(open, compare) {
+/** Send the archive of a recording, which the service keeps. */
+export async function sendRecording(file) {
+  notice(`Sending ${file.name} …`);
+  await ask("POST", "v1/recordings", { body: file, type: archiveType(file.name) });
+  notice(`${file.name} is kept.`);
+}
+
+function show(open, compare, kind = "plans") {
   const list = element("div", { class: "tabs", role: "tablist", "aria-label": "Kept work" });
   const listed = element("div", { id: "kept-list", role: "tabpanel" });
   const used = element("p", { id: "usage", class: "hint" });
@@ -27,11 +38,11 @@ function show(open, compare) {
   const kinds = {
     plans: {
       title: "Plans",
-      heads: ["Name", "Verdict", "Error", "Vehicles", "Made"],
-      cells: ({ id, name, go, predicted_rms_m: error, vehicles, parent_id: parent, created_at: made }) => [
-        [act(name || "without a name", () => open(id).then(close)), parent && element("span", { class: "hint block" }, "refined from another plan")],
+      heads: ["Name", "Verdict", "Worst error", "Vehicles", "Date"],
+      cells: ({ id, name, outline, go, worst_predicted_rms_m: error, vehicles, parent_id: parent, created_at: made }) => [
+        [outline && smallMap(outline), act(name || "without a name", () => open(id).then(close)), parent && element("span", { class: "hint block" }, "refined from another plan")],
         go === null ? "—" : go ? "GO" : "NO-GO",
-        shown(error, "m"),
+        shown(error, "m", 3),
         `${vehicles}`,
         timeOf(made),
       ],
@@ -64,6 +75,7 @@ function show(open, compare) {
   const close = () => dialog.close();
   const titles = Object.fromEntries(Object.entries(kinds).map(([name, { title }]) => [name, title]));
   const parts = tabs(list, titles, () => attemptAt(fault, renew), () => "kept-list");
+  parts.choose(kind);
   parts.show(Object.keys(titles));
 
   function act(text, task) {
@@ -84,8 +96,11 @@ function show(open, compare) {
     if (kind !== parts.current()) return;
     used.textContent = usageOf(usage);
     const all = [...before, ...items];
-    const rows = all.map((one) => [...cells(one), element("div", { class: "row" }, acts(one))]);
-    const kept = element("div", { class: "front", tabindex: "0", role: "region", "aria-label": title }, table([...heads, ""], rows));
+    const groups = [...Map.groupBy(all, ({ id, name }) => (kind === "plans" && name) || id).values()];
+    const rows = groups.flat().map((one) => [...cells(one), element("div", { class: "row" }, acts(one))]);
+    const lines = table([...heads, ""], rows);
+    fold([...lines.tBodies[0].rows], groups);
+    const kept = element("div", { class: "front", tabindex: "0", role: "region", "aria-label": title }, lines);
     const further = next && button("More", () => attemptAt(fault, () => more(next.replace(/^\//, ""), all)));
     listed.replaceChildren(...present([kind === "recordings" && upload(), all.length ? kept : element("p", {}, "None is kept."), further]));
   }
@@ -111,13 +126,7 @@ function show(open, compare) {
 
   function upload() {
     const file = element("input", { id: "recording-file", class: "unseen", type: "file", accept: ".zip,.tar,.tgz,.gz" });
-    const send = async (chosen) => {
-      notice(`Sending ${chosen.name} …`);
-      await ask("POST", "v1/recordings", { body: chosen, type: archiveType(chosen.name) });
-      notice(`${chosen.name} is kept.`);
-      await renew();
-    };
-    onceChosen(file, (chosen) => attemptAt(fault, () => send(chosen)));
+    onceChosen(file, (chosen) => attemptAt(fault, () => sendRecording(chosen).then(renew)));
     const label = element("label", { class: "button", for: "recording-file" }, "Send a recording …");
     return element("p", {}, file, label, element("span", { class: "hint" }, " A zip or tar archive of its folder."));
   }
@@ -131,6 +140,21 @@ function show(open, compare) {
   }
 }
 
+/** Fold the rows below the first of each group, which gets a button for them. */
+function fold(rows, groups) {
+  for (const { length } of groups) {
+    const [newest, ...earlier] = rows.splice(0, length);
+    const turn = () => {
+      for (const row of earlier) row.hidden = !row.hidden;
+      opener.setAttribute("aria-expanded", !earlier[0].hidden);
+    };
+    const opener = button(`${earlier.length} earlier`, turn, { class: "small" });
+    if (!earlier.length) continue;
+    newest.cells[0].append(opener);
+    turn();
+  }
+}
+
 /** What is kept and was computed, and the most allowed. */
 function usageOf({ bytes, max_bytes: most, computing_s: computing, max_job_seconds: longest }) {
   const kept = Object.values(bytes).reduce((sum, size) => sum + size, 0);
@@ -141,10 +165,6 @@ function usageOf({ bytes, max_bytes: most, computing_s: computing, max_job_secon
 function addressOf({ kind, id, plan_id: planId, result_plan_id: refined }) {
   if (kind in ADDRESSED) return `?${ADDRESSED[kind]}=${id}`;
   return planId ? `?plan=${refined ?? planId}&job=${id}` : null;
-}
-
-function timeOf(text) {
-  return new Date(text).toLocaleString(undefined, { dateStyle: "medium", timeStyle: "short" });
 }
 
 function archiveType(name) {

@@ -38,12 +38,12 @@ export function askForKeys(entered) {
     }
     key.set(given);
     close();
-    change.focus();
+    byId("menu").focus();
     entered();
   });
   keep.addEventListener("click", () => {
     close();
-    change.focus();
+    byId("menu").focus();
   });
   change.addEventListener("click", () => ask("", { may: true }));
   document.addEventListener("syncplan:key", () => ask(key.get() ? "This key is not known to the service." : ""));

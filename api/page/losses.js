@@ -65,16 +65,19 @@ export function lostOf(names) {
   return new Intl.ListFormat("en").format(words) || "nothing";
 }
 
-/** A button that switches a part off on the map, and on again: several may be off. */
-export function switchOf(store, part) {
-  const made = button("", () => store.switchOff(switched(store.off, part)), { class: "small", "data-part": part });
-  label(made, store.off);
-  return made;
+/** A button that switches a part off on the map, and on again: several may be off. In a list it shows the part's name. */
+export function switchOf(store, part, attributes = { class: "small" }) {
+  const pressed = button("", () => store.switchOff(switched(store.off, part)), { "data-part": part, ...attributes });
+  label(pressed, store.off);
+  return pressed;
 }
 
-function label(made, off) {
-  const { part } = made.dataset;
-  made.textContent = `Switch ${off.includes(part) ? "on" : "off"} ${lostOf([part])}`;
+function label(pressed, off) {
+  const { part } = pressed.dataset;
+  const deed = `Switch ${off.includes(part) ? "on" : "off"} ${lostOf([part])}`;
+  const listed = pressed.classList.contains("plain");
+  pressed.textContent = listed ? lostOf([part]) : deed;
+  if (listed) for (const [name, value] of Object.entries({ title: deed, "aria-label": deed, "aria-pressed": off.includes(part) })) pressed.setAttribute(name, value);
 }
 
 /** The parts that are off once one was switched; a vehicle and a sensor of it take each other's place. */
@@ -99,7 +102,7 @@ function outcomes(store, report) {
 
 function row(store, { lost, rank, state_dim: size, worst_predicted_rms_m: worst, unobservable, extended, verdict: { go } }) {
   const modes = [...unobservable, ...(extended?.undetermined ?? [])].map((mode) => mode.description).join("; ");
-  const switches = lost.map((part) => element("span", { class: "block" }, switchOf(store, part)));
-  const named = [lostOf(lost), modes && element("span", { class: "hint block" }, modes), ...switches];
+  const switches = lost.map((part) => switchOf(store, part, { class: "plain" }));
+  const named = [lost.length ? switches : lostOf(lost), modes && element("span", { class: "hint block" }, modes)];
   return [named, `${rank} of ${size}`, shown(worst, "m"), go ? "GO" : "NO-GO"];
 }

@@ -7,7 +7,7 @@ import { FormationMap } from "./map.js";
 import { FIRST_EXAMPLE, Opening } from "./opening.js";
 import { Planner } from "./planner.js";
 import { NoPlan } from "./service.js";
-import { isFirstVisit, keepOverReloads } from "./session.js";
+import { isFirstVisit, keepOverReloads, recallHistory } from "./session.js";
 import { Store } from "./store.js";
 
 const store = new Store();
@@ -31,9 +31,10 @@ async function start() {
   const begins = !plan && !(await opening.edit());
   if (begins) await opening.example(FIRST_EXAMPLE);
   else if (plan && !(await openLinked(plan))) return;
+  if (plan || !begins) recallHistory(store);
   performance.mark("ready");
   const panels = await around;
-  if (begins && isFirstVisit()) panels.greet();
+  if (begins) isFirstVisit() ? panels.greet() : panels.offerLeft();
   if (job) panels.resumeJob(job);
   if (design) panels.resumeDesign(design, !job);
 }

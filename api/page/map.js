@@ -4,14 +4,14 @@
 // view changes only when people change it, or open another scenario.
 
 import { byId } from "./elements.js";
-import { arcOf, circlesOf, extentOf, linksOf, motionsOf, pointsOf, poseAt, ringOf, sightOf, titleOf } from "./marks.js";
-import { Looks, mark } from "./looks.js";
-import { placesIn, polygonsOf } from "./scenario.js";
-import { DragPan, LineString, MouseWheelZoom, OlMap, PinchZoom, Point, Polygon, Projection, ScaleLine, VectorLayer, VectorSource, View } from "./vendor/openlayers.js";
+import { arcOf, between, brokenBy, circlesOf, extentOf, linksOf, motionsOf, pointsOf, poseAt, roomAbout, sightOf, titleOf } from "./marks.js";
+import { lengthsOf, Looks, mark } from "./looks.js";
+import { namesOf, placesIn, polygonsOf } from "./scenario.js";
+import { DragPan, LineString, MouseWheelZoom, OlMap, PinchZoom, Point, Polygon, Projection, Ring, ScaleLine, VectorLayer, VectorSource, View } from "./vendor/openlayers.js";
 
 const MARGIN_PX = 36;
 const BUTTONS_PX = 72;
-const TOOLS_PX = 130;
+const TOOLS_PX = 150;
 /** as in page.css */
 const NARROW = matchMedia("(max-width: 60em)");
 const FURTHEST_M = 1e7;
@@ -19,6 +19,9 @@ const TURN = 2 * Math.PI;
 /** what strokes and symbols of a mark take around its geometry, and each letter of its name */
 const AROUND_PX = 40;
 const LETTER_PX = 8;
+/** how long circles move after undo, or when another plan of the team is opened */
+const GLIDE_MS = 350;
+const CALM = matchMedia("(prefers-reduced-motion: reduce)");
 const NOTHING = [Infinity, Infinity, -Infinity, -Infinity];
 
 const PLANE = new Projection({ code: "plane", units: "m", extent: [-FURTHEST_M, -FURTHEST_M, FURTHEST_M, FURTHEST_M] });
@@ -71,8 +74,10 @@ export class FormationMap {
   #flown = null;
   /** points of what lies around a vehicle, by its name, place and the time, or null @type {(name: string, place: {x: number, y: number}, time: number) => number[][] | null} */
   #around = () => null;
-  /** the earth below, once a scenario has a place on it @type {any} */
+  /** the grid, or the earth below where a scenario has a place on it @type {any} */
   #ground = null;
+  /** the scenario that was drawn last, and from which circles move on, until when @type {{drawn: any, from: any, until: number}} */
+  #glide = { drawn: null, from: null, until: 0 };
 
   constructor(store) {
     this.#store = store;
@@ -96,13 +101,17 @@ export class FormationMap {
     });
     this.#map.on("pointermove", ({ coordinate }) => this.#point(coordinate));
     store.on(["opened"], () => {
+      this.#glideOn();
       this.fit();
       this.#map.once("rendercomplete", () => performance.mark("map"));
     });
     store.on(["scenario", "opened", "plan", "selected", "beside", "off"], ({ live, quick }) => this.#drawSoon(live || quick));
+    store.on(["scenario"], ({ restored }) => restored && this.#glideOn());
     store.on(["scenario", "opened"], () => this.#layGround(style));
+    byId("map-legend").addEventListener("toggle", () => this.#explain());
     store.on(["selected"], ({ reveal }) => reveal && this.#reveal());
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.#restyle());
+    document.fonts.addEventListener("loadingdone", () => this.#restyle());
     // what was fitted to the window stays so; a view that people chose stays as it is
     this.#map.on("change:size", () => this.#viewed === this.#whole && this.fit());
     byId("fit").addEventListener("click", () => this.fit());
@@ -110,14 +119,39 @@ export class FormationMap {
     byId("further").addEventListener("click", () => this.#zoom(-1));
   }
 
-  /** What tools and handles need: the map of OpenLayers, its polygons, how marks look, and the angle in rad turned. */
+  /** What tools and handles need: the map of OpenLayers, its polygons, how marks and sketches look, and the angle in rad turned. */
   get canvas() {
-    return { map: this.#map, areas: this.#areas, style: (feature) => this.#looks.of(feature), turned: () => this.#turned };
+    return { map: this.#map, areas: this.#areas, style: (feature) => this.#looks.of(feature), ofSketch: (feature) => this.#looks.ofSketch(feature), turned: () => this.#turned };
   }
 
-  /** The earth is loaded where a scenario has a place on it. */
+  /** Let circles move from where they are drawn, if they are those of the same team. */
+  #glideOn() {
+    const { drawn } = this.#glide;
+    const { scenario } = this.#store;
+    const same = drawn && String(namesOf(drawn)) === String(namesOf(scenario)) && drawn.formation.centers_m && scenario.formation.centers_m;
+    this.#glide = { drawn, from: drawn, until: same && !CALM.matches ? performance.now() + GLIDE_MS : 0 };
+  }
+
+  /** The scenario as it is drawn now: for a moment on its way from the one before. */
+  get #moved() {
+    const { scenario } = this.#store;
+    const { from, until } = this.#glide;
+    const rest = (until - performance.now()) / GLIDE_MS;
+    if (rest > 0) this.#drawSoon(false);
+    this.#glide.drawn = rest > 0 ? between(from, scenario, 1 - rest ** 3) : scenario;
+    return this.#glide.drawn;
+  }
+
+  /** Explain in the legend what is drawn, and only that. */
+  #explain() {
+    const legend = byId("map-legend");
+    if (!legend.open) return;
+    const marks = [...this.#areas.getFeatures(), ...Object.values(this.#drawn).flatMap((drawn) => [...drawn.values()])];
+    const kinds = new Set(marks.map((feature) => (feature.get("off") ? "off" : [feature.get("kind"), feature.get("rank")].join(" ").trim())));
+    for (const item of legend.querySelectorAll("[data-mark]")) item.hidden = !kinds.has(item.dataset.mark);
+  }
+
   async #layGround(style) {
-    if (!this.#ground && !this.#store.scenario?.geo_origin) return;
     const { Ground } = await import("./ground.js");
     this.#ground ??= new Ground(this.#map, style);
     this.#ground.lie(this.#store.scenario?.geo_origin);
@@ -151,13 +185,13 @@ export class FormationMap {
     return `${view.getCenter()} ${view.getResolution()}`;
   }
 
-  /** Show all, if what is selected is out of view. */
+  /** Show all, if a part of what is selected is out of view. */
   #reveal() {
-    const { scenario, selected } = this.#store;
-    const all = { vehicle: circlesOf, landmark: pointsOf }[selected.kind];
+    const { scenario, chosen } = this.#store;
+    const all = { vehicle: circlesOf(scenario, null), landmark: pointsOf(scenario) };
     const [west, south, east, north] = this.#map.getView().calculateExtent(this.#map.getSize());
-    const { x, y, radius } = { x: 0, y: 0, radius: 0, ...all?.(scenario)[selected.k] };
-    if (x - radius < west || x + radius > east || y - radius < south || y + radius > north) this.fit();
+    const bodies = chosen.flatMap(({ kind, k }) => all[kind]?.[k] ?? []);
+    if (bodies.some(({ x, y, radius }) => x - radius < west || x + radius > east || y - radius < south || y + radius > north)) this.fit();
   }
 
   #zoom(by) {
@@ -199,11 +233,15 @@ export class FormationMap {
 
   /** Draw the scenario as it is, with what its plan says of it. */
   draw() {
-    const { scenario, drawn: plan, beside, off, without } = this.#store;
-    if (!scenario) return;
+    const { drawn: plan, beside, off, without } = this.#store;
+    if (!this.#store.scenario) return;
+    const scenario = this.#moved;
     const circles = circlesOf(scenario, plan, off);
     const links = linksOf(scenario, plan, off);
     const judged = without?.unobservable ? { ...plan, observability: without } : plan;
+    const broken = brokenBy(scenario, plan);
+    const room = roomAbout(links);
+    const point = (kind, body) => pointOf(kind, body, room.get(body.name) ?? Math.PI / 2);
     this.#scene = { circles, links };
     this.#drawPolygons(scenario);
     this.#sync("still", [
@@ -213,15 +251,27 @@ export class FormationMap {
         () => mark(new LineString([[x, y], ...arcOf({ x, y, radius, phase, sense: 1 }, 0, TURN)]), { kind: "beside" }),
       ]),
       ...links.map(({ a, b, from, to, rank, off: isOff }) => [`link ${a} ${b} ${rank} ${isOff} ${from.x} ${from.y} ${to.x} ${to.y}`, () => mark(line([from, to]), { kind: "link", rank, off: isOff })]),
-      ...circles.map((one) => [`circle ${one.name} ${one.off} ${one.x} ${one.y} ${one.radius}`, () => mark(new LineString(ringOf(one)), { kind: "circle", body: one.name, off: one.off })]),
+      ...circles.map(({ name, off, x, y, radius }) => {
+        const rank = broken.names.has(name) ? 0 : undefined;
+        return [`circle ${name} ${off} ${x} ${y} ${radius} ${rank}`, () => mark(new Ring([x, y], radius), { kind: "circle", body: name, off, rank })];
+      }),
+      ...this.#edges(scenario).map(({ middle, name }) => [`length ${middle} ${name}`, () => mark(new Point(middle), { kind: "length", name })]),
+      ...broken.crossed.map((edge) => [`edge ${edge}`, () => mark(new LineString(edge), { kind: "edge" })]),
       ...links.flatMap((link) => [link.from, link.to].filter((one) => one.radius > 0).flatMap((one) => link.arcs.map(([a, b]) => contact(link, one, a, b)))),
       ...motionsOf(scenario, judged).map(({ path, turns }) => [`motion ${path}`, () => mark(new LineString(path), { kind: "motion", turns })]),
-      ...pointsOf(scenario, off).map((one) => pointOf("landmark", one)),
-      ...circles.map((one) => pointOf("centre", one)),
+      ...pointsOf(scenario, off).map((landmark) => point("landmark", landmark)),
+      ...circles.map((circle) => point("centre", circle)),
     ]);
     this.#drawMoving();
+    this.#explain();
     const many = `${circles.length} vehicles, ${pointsOf(scenario).length} landmarks, ${links.length} links`;
     this.#frame.setAttribute("aria-label", `Map of the formation: ${many}.`);
+  }
+
+  /** The lengths of the edges of the polygon that is selected. */
+  #edges(scenario) {
+    const { corners = [] } = polygonsOf(scenario).find((polygon) => this.#store.isSelected(polygon)) ?? {};
+    return lengthsOf([...corners, ...corners.slice(0, 1)]);
   }
 
   /** Bring the marks of a source to these, `[signature, make]`: those that are drawn stay. */
@@ -332,17 +382,17 @@ export class FormationMap {
   }
 }
 
-/** The part of a circle where a link meets, as a mark. */
-function contact({ a, b, rank }, circle, from, to) {
-  const { name, x, y, radius, phase, sense } = circle;
-  return [`contact ${name} ${a} ${b} ${rank} ${x} ${y} ${radius} ${phase * sense} ${from} ${to}`, () => mark(new LineString(arcOf(circle, from, to)), { kind: "contact", rank })];
+/** The part of a circle where a link meets, as a mark with the angles in rad between which it lies. */
+function contact({ a, b }, { name, x, y, radius, phase, sense }, from, to) {
+  const [begin, end] = [from, to].map((turned) => phase + sense * turned);
+  return [`contact ${name} ${a} ${b} ${x} ${y} ${radius} ${begin} ${end}`, () => mark(new Ring([x, y], radius), { kind: "contact", begin, end })];
 }
 
-/** A landmark or a centre, with its name, as a mark. */
-function pointOf(kind, body) {
+/** A landmark or a centre as a mark, with its name in a direction in rad from it. */
+function pointOf(kind, body, toward) {
   const { x, y, off } = body;
   const name = titleOf(body);
-  return [`${kind} ${name} ${x} ${y}`, () => mark(new Point([x, y]), { kind, name, off })];
+  return [`${kind} ${name} ${x} ${y} ${toward}`, () => mark(new Point([x, y]), { kind, name, off, toward })];
 }
 
 function line(places) {

@@ -1,13 +1,17 @@
 // What the map draws, in metres: the marks of a scenario and its plan, at a moment of the period.
 
-import { placeAt, withinReach } from "./geometry.js";
+import { edges, placeAt, toEdges, withinReach } from "./geometry.js";
 import { landmarksOf, namesOf, polygonsOf, vehiclesOf } from "./scenario.js";
 
 /** @typedef {import("./geometry.js").Circle} Circle */
 /** @typedef {{name: string, x: number, y: number, radius: number, sensor: any, off: boolean, blind: boolean} & Circle} Flown */
 
 const TURN = 2 * Math.PI;
-const SEGMENTS = 96;
+const SEGMENTS = 360;
+/** Directions in rad that a name may lie in, the usual ones first. */
+const AROUND = [2, 1, 3, 0, 4, -1, -3, -2].map((eighths) => (eighths * TURN) / 8);
+/** Findings of circles that cross edges of polygons, and the kind of these. */
+const CROSSINGS = { "outside-area": "area", "in-keep-out": "keep-out" };
 const TINY = 1e-9;
 
 /** The circles of a scenario, with the phases of its plan; a vehicle that no plan has starts at 0. `off` names what is
@@ -78,12 +82,44 @@ export function arcOf(circle, from, to) {
   });
 }
 
-/** Points [x, y] of a whole circle, closed. */
-export function ringOf({ x, y, radius }) {
-  return Array.from({ length: SEGMENTS + 1 }, (_, k) => {
-    const angle = (TURN * k) / SEGMENTS;
-    return [x + radius * Math.cos(angle), y + radius * Math.sin(angle)];
+/** What breaks a rule of a plan: the names of vehicles and landmarks, and the edges [[x, y], [x, y]] that circles cross. */
+export function brokenBy(scenario, plan) {
+  const stops = (plan?.verdict?.findings ?? []).filter(({ level, code }) => level === "stop" && code !== "unobservable");
+  const circles = circlesOf(scenario, plan);
+  const crossed = stops.flatMap(({ code, subjects }) =>
+    polygonsOf(scenario)
+      .filter(({ kind }) => kind === CROSSINGS[code])
+      .flatMap(({ corners }) => edges(corners))
+      .filter((edge) => circles.some((circle) => subjects.includes(circle.name) && toEdges(edge, circle) < circle.radius)),
+  );
+  return { names: new Set(stops.flatMap(({ subjects }) => subjects ?? [])), crossed };
+}
+
+/** The direction in rad from each body, by name, in which its own name is farthest from its links. */
+export function roomAbout(links) {
+  /** @type {Map<string, number[]>} */
+  const taken = new Map();
+  for (const { from, to } of links) {
+    const angle = Math.atan2(to.y - from.y, to.x - from.x);
+    for (const [{ name }, toward] of [[from, angle], [to, angle + Math.PI]]) taken.set(name, [...(taken.get(name) ?? []), toward]);
+  }
+  const clear = (angle, others) => Math.min(...others.map((other) => Math.abs(Math.atan2(Math.sin(angle - other), Math.cos(angle - other)))));
+  return new Map([...taken].map(([name, others]) => [name, AROUND.reduce((best, angle) => (clear(angle, others) > clear(best, others) + 0.1 ? angle : best))]));
+}
+
+/** A scenario on its way from one to another of the same team, by a share: centres and radii between theirs. */
+export function between(from, to, share) {
+  const before = new Map(vehiclesOf(from).map((vehicle) => [vehicle.name, vehicle]));
+  const mixed = vehiclesOf(to).map(({ name, ...end }) => {
+    const start = before.get(name) ?? end;
+    const [x, y, radius] = ["x", "y", "radius"].map((key) => start[key] + share * (end[key] - start[key]));
+    return { center: [x, y], radius };
   });
+  return {
+    ...to,
+    formation: { ...to.formation, centers_m: mixed.map(({ center }) => center) },
+    orbit: { ...to.orbit, radius_m: mixed.map(({ radius }) => radius) },
+  };
 }
 
 /** A body's name, and what of it is switched off. */

@@ -3,7 +3,7 @@
 import { byId, dialogue, options } from "./elements.js";
 import { freeSite } from "./free_space.js";
 import { listed, RequestForm } from "./requests.js";
-import { addLandmark, DIRECTIONS } from "./scenario.js";
+import { addLandmark, DIRECTIONS, rounded, vehiclesOf } from "./scenario.js";
 import { SHAPES } from "./tables.js";
 
 /** Sensors to begin with, by title: their keys but the range. */
@@ -12,6 +12,10 @@ const SENSORS = {
   "Camera of 120° ahead": { fov_deg: 120, bearing_sigma_rad: 0.03 },
   "Camera all round, with distances (UWB)": { bearing_sigma_rad: 0.05, range_sigma_m: 0.2 },
 };
+
+/** the least separation of a new team: a share of the smallest distance of centres, and never less than so many m */
+const SEPARATION_SHARE = 0.1;
+const LEAST_SEPARATION_M = 2;
 
 /** what stands for no shape: centres are found for links alone */
 const BY_LINKS = "";
@@ -42,7 +46,7 @@ function show(open) {
   const form = new RequestForm("new", made, {
     handIn: async (_form, asked) => {
       try {
-        await open(scenarioOf(asked), (scenario) => withLandmarks(scenario, asked.landmarks));
+        await open(scenarioOf(asked), (scenario) => completed(scenario, asked.landmarks));
         shown.close();
       } catch (error) {
         form.showFault(error);
@@ -62,9 +66,12 @@ function scenarioOf({ name, shape, links, count, gap, radius, speed, direction, 
   };
 }
 
-/** Return a scenario with so many landmarks more, where there is room for them. */
-function withLandmarks(scenario, count) {
-  let changed = scenario;
+/** Return a scenario with a least separation of vehicles, and so many landmarks more, where there is room for them. */
+function completed(scenario, count) {
+  const vehicles = vehiclesOf(scenario);
+  const apart = vehicles.flatMap(({ x, y }, k) => vehicles.slice(k + 1).map((other) => Math.hypot(other.x - x, other.y - y)));
+  const least = Math.max(SEPARATION_SHARE * Math.min(...apart), LEAST_SEPARATION_M);
+  let changed = apart.length ? { ...scenario, min_separation_m: rounded(least, 2) } : scenario;
   for (let k = 0; k < count; k++) {
     const site = freeSite(changed);
     if (site) changed = addLandmark(changed, site);

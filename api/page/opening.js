@@ -4,11 +4,13 @@ import { Address } from "./address.js";
 import { notice } from "./elements.js";
 import { Planner } from "./planner.js";
 import { editable } from "./scenario.js";
-import { ask, askJson, noSuchPlan, passing } from "./service.js";
-import { forget, kept } from "./session.js";
+import { ask, askJson, noSuchPlan, passing, patiently } from "./service.js";
+import { discard, forget, kept } from "./session.js";
 import { Store } from "./store.js";
 
 export const FIRST_EXAMPLE = "paper-grid-same";
+/** names of archives, of which the only ones read are those of recordings */
+const ARCHIVE = /\.(zip|tar|t?gz)$/i;
 
 /** What a visit begins with, asked for while the code of the map still comes: its answer by plan or example. */
 const early = new Map();
@@ -39,6 +41,8 @@ export class Opening {
   #address;
   #fit;
   #choices = 0;
+  /** shows the recordings that the service keeps, once the panels are there */
+  showRecordings = () => {};
 
   /** `fit()` brings all of the scenario into view. */
   constructor(store, address, fit) {
@@ -56,13 +60,19 @@ export class Opening {
   async team(scenario, change) {
     const choice = ++this.#choices;
     const { plan } = await Planner.preview(scenario, { figures: [], quick: true });
-    if (choice === this.#choices) await this.#text(JSON.stringify(change(editable(plan))), scenario.name, choice);
+    if (choice === this.#choices) await this.#text(JSON.stringify(change(editable(plan))), scenario.name, choice, true);
   }
 
-  /** Open a scenario or a plan; what is neither is a file of the field, whose places are offered. */
+  /** Open a scenario or a plan, or send a recording; what is none of them is a file of the field, whose places are offered. */
   async file(file) {
     const choice = ++this.#choices;
     const { name } = file;
+    if (ARCHIVE.test(name)) {
+      const { sendRecording } = await import("./kept_work.js");
+      await sendRecording(file);
+      this.showRecordings();
+      return;
+    }
     const text = await file.text();
     if (/\.ya?ml$/i.test(name) || isScenario(text)) {
       await this.#text(text, name, choice);
@@ -71,13 +81,13 @@ export class Opening {
     const imported = await askJson("POST", `v1/imports?${new URLSearchParams({ file: name })}`, { body: file, type: "application/octet-stream" });
     const { showImport } = await import("./importing.js");
     if (choice !== this.#choices) return;
-    const open = (scenario) => this.#text(JSON.stringify(scenario), name, ++this.#choices);
+    const open = (scenario) => this.#text(JSON.stringify(scenario), name, ++this.#choices, true);
     showImport(this.#store, imported, { name, open, fit: this.#fit });
   }
 
   /** Open a plan that a report holds, or a formation. */
   async formation(plan, name) {
-    await this.#text(JSON.stringify(plan), name, ++this.#choices);
+    await this.#text(JSON.stringify(plan), name, ++this.#choices, true);
   }
 
   /** Open a stored plan; `opened()` is called once it is there, before it is drawn. */
@@ -90,36 +100,38 @@ export class Opening {
     this.#store.judged(plan, figures, { quick: false, opened: true });
   }
 
-  /** Open what was being edited before a reload; resolves with whether there was such. */
-  async edit() {
-    const found = kept();
-    if (!found) return false;
+  /** Open what was being edited before a reload, or unsaved work of a closed tab; resolves with whether there was such. */
+  async edit(work = kept()) {
+    if (!work) return false;
     const choice = ++this.#choices;
     const before = new Store();
     try {
-      before.reopen(found.state, null);
+      before.reopen(work.state, null);
       const { plan, figures } = await Planner.preview(before.document);
       if (choice !== this.#choices) return true;
-      this.#store.reopen(found.state, plan);
+      this.#store.reopen(work.state, plan);
       this.#store.judged(plan, figures, { quick: false });
-      if (found.scenario) this.#store.edit(found.scenario);
+      if (work.scenario) this.#store.edit(work.scenario);
+      // it is this tab's now
+      discard(work);
       return true;
     } catch (error) {
       if (passing(error) || error.status === 401) throw error;
       // what an older page kept may mean nothing to this one
       forget();
+      discard(work);
       return false;
     }
   }
 
-  /** Open a scenario's text, YAML or JSON, or a plan's. */
-  async #text(text, name, choice) {
-    this.#take(await Planner.preview(planIn(text) || text), name, choice);
+  /** Open a scenario's text, YAML or JSON, or a plan's; `fresh` says that no file has it. */
+  async #text(text, name, choice, fresh = false) {
+    this.#take(await Planner.preview(planIn(text) || text), name, choice, fresh);
   }
 
-  #take(found, name, choice) {
+  #take(found, name, choice, fresh = false) {
     if (choice !== this.#choices) return;
-    this.#store.open({ plan: found.plan, origin: "file" });
+    this.#store.open({ plan: found.plan, origin: "file", fresh });
     this.#store.judged(found.plan, found.figures, { quick: false });
     this.#address.write();
     if (this.#store.given) notice(`${name}: the plan with its own phases, judged afresh.`);
@@ -129,7 +141,8 @@ export class Opening {
 /** The plan of an example; the first one comes within the page. */
 async function exampled(name) {
   const within = document.getElementById(name)?.textContent;
-  return Planner.preview(within ?? (await (await ask("GET", `assets/examples/${name}.yaml`, { accept: "application/yaml" })).text()));
+  const text = within ?? (await (await ask("GET", `assets/examples/${name}.yaml`, { accept: "application/yaml" })).text());
+  return patiently(() => Planner.preview(text));
 }
 
 /** What the service reads of the plan that a JSON file holds, null for anything else. */

@@ -1,12 +1,13 @@
 // What is around the map: the bar, the panels beside it, the figures and the player, and how they hear of one another.
 
 import { offerCharts } from "./charts.js";
+import { offerComparison } from "./comparison.js";
 import { offerWaysOn } from "./dead_link.js";
 import { offerDegrees } from "./coordinates.js";
 import { offerDesigns } from "./design.js";
 import { offerDownloads } from "./downloads.js";
 import { offerEditor } from "./editor.js";
-import { attempt, byId, notice, noticeIsFault, onceChosen, shown, takeDropped } from "./elements.js";
+import { attempt, byId, notice, noticeIsFault, onceChosen, takeDropped } from "./elements.js";
 import { Handles } from "./handles.js";
 import { offerKeptWork } from "./kept_work.js";
 import { offerLosses } from "./losses.js";
@@ -15,7 +16,8 @@ import { offerNewTeam } from "./new_team.js";
 import { FIRST_EXAMPLE } from "./opening.js";
 import { Planner } from "./planner.js";
 import { offerPlayer } from "./player.js";
-import { offerLink, storing } from "./sharing.js";
+import { offerLink, offerSave, storing } from "./sharing.js";
+import { unsavedWork } from "./session.js";
 import { listenForKeys } from "./shortcuts.js";
 import { STUDIES } from "./tables.js";
 import { tabs } from "./tabs.js";
@@ -24,7 +26,7 @@ import { Tools } from "./tools.js";
 import { showVerdicts, wayBack } from "./verdict.js";
 import { offerWork } from "./work.js";
 
-const PARTS = { scenario: "Scenario", verdict: "Verdict", run: "Run", design: "Design", export: "Export" };
+const PARTS = { scenario: "Scenario", verdict: "Verdict", run: "Run", design: "Design", preflight: "Preflight" };
 
 /** Make all panels; returns what goes on with jobs and designs, and what shows that a link leads nowhere. */
 export function makePanels({ store, map, address, opening }) {
@@ -40,12 +42,14 @@ export function makePanels({ store, map, address, opening }) {
   listenForKeys(store, tools);
   const parts = offerParts(store);
   const resumeWork = offerWork(store, storePlan, { began, changed, ended });
-  const resumeDesigns = offerDesigns((plan, name) => attempt(() => opening.formation(plan, name)), (jobId) => name("designed", jobId));
+  const resumeDesigns = offerDesigns(store, (plan, name) => attempt(() => opening.formation(plan, name)), (jobId) => name("designed", jobId));
   offerNewTeam((scenario, change) => opening.team(scenario, change));
-  offerKeptWork({ open: (planId) => opening.plan(planId, { opened: () => address.write() }), compare });
+  const showKept = offerKeptWork({ open: (planId) => opening.plan(planId, { opened: () => address.write() }), compare: offerComparison(store) });
+  opening.showRecordings = () => showKept("recordings");
   offerDownloads(store, storePlan);
   offerLosses(store, storePlan);
   offerNaming(store);
+  offerSave(store, storePlan);
   offerLink(store, storePlan);
   offerBar(store, opening);
   offerDegrees(store);
@@ -53,11 +57,19 @@ export function makePanels({ store, map, address, opening }) {
     edit: () => attempt(async () => (await opening.edit()) || opening.example(FIRST_EXAMPLE)),
     example: () => attempt(() => opening.example(FIRST_EXAMPLE)),
   });
-  return { resumeJob, resumeDesign, showDeadLink, greet };
+  return { resumeJob, resumeDesign, showDeadLink, greet, offerLeft };
 
   async function greet() {
     const { welcome } = await import("./welcome.js");
     welcome(store, player);
+  }
+
+  /** Offer what closed tabs left. */
+  async function offerLeft() {
+    const works = await unsavedWork();
+    if (!works.length) return;
+    const { offerUnsaved } = await import("./unsaved.js");
+    offerUnsaved(store, works, (work) => opening.edit(work));
   }
 
   /** Let the address name a job or a design as what is followed; null ends it. */
@@ -145,13 +157,6 @@ export function makePanels({ store, map, address, opening }) {
       notice(error.message, { fault: true });
     }
   }
-
-  /** Draw another plan beside the one on show, and say how they differ. */
-  function compare(plan) {
-    store.compare(plan);
-    const errors = [plan, store.plan].map((one) => shown(one.predicted_rms_m.overall, "m"));
-    notice(`Dashed: ${plan.scenario.name || "the other plan"}, predicted ${errors[0]}; here ${errors[1]}.`);
-  }
 }
 
 /** The figures that a report has: of some, a part of it is needed. */
@@ -175,8 +180,12 @@ function offerParts(store) {
     const open = sheet.getAttribute("aria-expanded") !== "true";
     sheet.setAttribute("aria-expanded", open);
     sheet.textContent = open ? "Map" : "Details";
+    // where the page scrolls
+    if (open) sheet.scrollIntoView({ block: "start" });
   });
-  store.on(["selected"], () => store.selected && parts.choose("scenario"));
+  // neither a drag nor a job at work is left for the fields
+  const isAtWork = () => parts.current() === "run" && byId("work").querySelector(".running:not([hidden])");
+  store.on(["selected"], ({ dragged }) => store.selected && !dragged && !isAtWork() && parts.choose("scenario"));
   return parts;
 }
 
@@ -185,6 +194,9 @@ function offerBar(store, opening) {
   onceChosen(byId("examples"), (name) => attempt(() => opening.example(name)));
   const open = (file) => attempt(() => opening.file(file));
   onceChosen(byId("upload"), open);
+  byId("open").addEventListener("click", () => byId("upload").click());
+  // what was chosen in the menu closes it
+  for (const name of ["click", "change"]) byId("more").addEventListener(name, ({ target }) => target.closest(name === "click" ? "button" : "select") && byId("more").hidePopover());
   takeDropped(byId("workspace"), open);
   byId("dismiss").addEventListener("click", () => notice(""));
   byId("undo").addEventListener("click", () => store.undo());
@@ -194,10 +206,10 @@ function offerBar(store, opening) {
     if (store.canUndo && !store.planId) event.preventDefault();
   });
   // nothing that was pressed before they heard of it is lost
-  for (const one of ["new", "examples", "upload", "kept"]) byId(one).disabled = false;
+  for (const id of ["new", "examples", "open", "kept"]) byId(id).disabled = false;
   // a button that has the focus keeps it
   const allow = (id, may) => byId(id).setAttribute("aria-disabled", !may);
-  store.on(["opened", "scenario", "plan"], () => {
+  store.on(["opened", "scenario", "plan", "recalled"], () => {
     allow("undo", store.canUndo);
     allow("redo", store.canRedo);
     allow("share", true);
@@ -207,6 +219,7 @@ function offerBar(store, opening) {
     // what was confirmed of the plan before is read by now
     else if (restored || !noticeIsFault()) notice("");
   });
-  store.on(["faults"], ({ message }) => notice(message, { fault: true }));
+  // where the findings are out of sight, or hold nothing of it
+  store.on(["faults"], ({ message, why, faults }) => (why !== "fault" || !faults.length || !byId("findings").checkVisibility()) && notice(message, { fault: true }));
   store.on(["plan"], () => noticeIsFault() && notice(""));
 }

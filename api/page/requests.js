@@ -13,15 +13,18 @@ const RADIUS_SHARES = [0.75, 1.25];
 /** A form of the page that hands in a request.
  *
  * Its inputs have the names of the request's keys; what is disabled just now is not looked at. `read(values)` makes the
- * request of their values, `handIn(form, request)` takes it, and `suited(scenario)` returns values that suit a scenario.
+ * request of their values and `write(request)` the values of a request, `handIn(form, request)` takes it, and
+ * `suited(scenario)` returns values that suit a scenario.
  */
 export class RequestForm {
   #suited;
+  #write;
   #typed = new Set();
   #rest = alert();
 
-  constructor(kind, made, { handIn, read = (values) => values, suited = (_scenario) => ({}) }) {
+  constructor(kind, made, { handIn, read = (values) => values, write = (_request) => ({}), suited = (_scenario) => ({}) }) {
     this.kind = kind;
+    this.#write = write;
     this.#suited = suited;
     this.element = made;
     this.button = made.querySelector("[type=submit]");
@@ -41,14 +44,28 @@ export class RequestForm {
     }
   }
 
-  /** Show what is wrong next to the fields it concerns. */
+  /** Put in the values of a request, as after a reload. */
+  fill(request) {
+    for (const [name, value] of Object.entries(this.#write(request))) {
+      const input = this.#inputs.find((field) => field.name === name);
+      if (!input || value === undefined || value === null) continue;
+      if (input.type === "checkbox") input.checked = value;
+      else input.value = [value].flat().join(", ");
+      input.dispatchEvent(new Event("input", { bubbles: true }));
+    }
+  }
+
+  /** Show what is wrong next to the fields it concerns; the first of them has the focus. */
   showFault({ faults = [], message }) {
     const rest = [];
     for (const { path, message: text } of faults) {
-      const input = this.#inputs.find(({ name }) => name === path) ?? this.#inputs.find(({ name }) => name === path.replace(/\[\d+\]$/, ""));
-      if (input) mark(input, text);
+      // its input, or the one of the value or the section that the path lies in
+      const around = ({ name, disabled }) => !disabled && (name === path || (name && path.startsWith(name) && ".[".includes(path[name.length])));
+      const [input] = this.#inputs.filter(around).sort((a, b) => b.name.length - a.name.length);
+      if (input) mark(input, input.name === path ? text : `${path}: ${text}`);
       else rest.push(`${path}: ${text}`);
     }
+    this.#inputs.find((input) => input.ariaInvalid)?.focus();
     this.#rest.textContent = faults.length ? rest.join("; ") : message;
   }
 
@@ -93,11 +110,16 @@ export function refinementForm({ name, sentence }, handIn) {
     ...(most.disabled ? {} : { radius_m: [from, to] }),
     ...(objective ? { objective } : {}),
   });
+  const write = ({ vary = [], radius_m: [from, to] = [], ...rest }) => {
+    for (const [box, name] of [["refine-centers", "centers"], ["refine-radii", "radii"]]) byId(box).checked = vary.includes(name);
+    enable();
+    return { ...rest, radius_m: from, "radius_m[1]": to };
+  };
   const made = byId("refinement-form");
   made.querySelector(".hint").textContent = sentence;
   made.addEventListener("change", enable);
   enable();
-  return new RequestForm(name, made, { read, handIn, suited: roomOf });
+  return new RequestForm(name, made, { read, write, handIn, suited: roomOf });
 }
 
 /** How far refinement may go by default: what the scenario says, else shares of the team's radii. */
@@ -119,20 +141,27 @@ export function studyForm({ name, verb, sentence, options: offered }, size, hand
   const [first, further] = [true, false].map((often) => known.filter((option) => option.often === often));
   const more = further.length > 0 && folded(MORE);
   if (more) {
-    more.addEventListener("toggle", () => more.append(...fieldsOf(further)), { once: true });
+    more.addEventListener("toggle", grow);
     more.addEventListener("input", () => {
       const set = further.filter((option) => askedOf(option, inputValue(byId(`${verb}-${option.key}`))) !== null).length;
       more.firstElementChild.textContent = set ? `${MORE}, ${set} set` : MORE;
     });
   }
-  const submit = element("button", { type: "submit", class: "primary", disabled: true }, deed);
+  const submit = element("button", { type: "submit", disabled: true }, deed);
   const made = element("form", { class: "task", novalidate: true, "aria-label": deed }, element("p", { class: "hint" }, sentence), fieldsOf(first), more, submit);
   byId("work").append(made);
+  function grow() {
+    if (more && !byId(`${verb}-${further[0].key}`)) more.append(...fieldsOf(further));
+  }
+  const write = (request) => {
+    if (further.some(({ key }) => key in request)) grow();
+    return request;
+  };
   const read = (values) => {
     const asked = known.map((option) => [option.key, askedOf(option, values[option.key] ?? null)]);
     return { ...series(), ...Object.fromEntries(asked.filter(([, value]) => value !== null)) };
   };
-  return new RequestForm(name, made, { read, handIn });
+  return new RequestForm(name, made, { read, write, handIn });
 }
 
 /** What a value asks for an option; null for nothing but its default. */
@@ -144,39 +173,51 @@ function askedOf({ kind, default: usual }, value) {
 const MORE = "More options";
 const NUMBER = { type: "number", step: "any" };
 const TEXT = { type: "text", autocomplete: "off", spellcheck: "false" };
+const joined = (value) => [value].flat().join(", ");
 
-/** Kinds of options that a form has inputs for: their attributes, and the value that they stand for, null for none. */
-const INPUTS = {
+/** Kinds of options that a form has inputs for: their attributes, the value that they stand for, null for none, and the text of
+ * a value, where that is not its own.
+ * @type {Record<string, {attributes: Record<string, any>, wide?: boolean, read: (value: any) => any, word?: (value: any) => string}>} */
+export const INPUTS = {
   integer: { attributes: NUMBER, read: (value) => value },
   number: { attributes: NUMBER, read: (value) => value },
   flag: { attributes: { type: "checkbox" }, read: (value) => value },
   choice: { attributes: {}, wide: true, read: (value) => value || null },
-  names: { attributes: TEXT, wide: true, read: (text) => (text.trim() ? listed(text) : null) },
+  names: { attributes: TEXT, wide: true, read: (text) => (text.trim() ? listed(text) : null), word: joined },
   // what is no number is for the service to refuse
-  pair: { attributes: TEXT, read: (text) => (text.trim() ? listed(text).map(Number) : null) },
+  pair: { attributes: TEXT, read: (text) => (text.trim() ? listed(text).map(Number) : null), word: joined },
+  // a number by itself, or the least and the largest
+  span: { attributes: TEXT, read: (text) => (/[\s,;]/.test(text.trim()) ? listed(text).map(Number) : text.trim() ? Number(text) : null), word: joined },
+  places: { attributes: TEXT, wide: true, read: placesIn, word: (places) => Object.values(places).map(joined).join("; ") },
 };
 
+/** The places [x, y] in a text. */
+function placesIn(text) {
+  const numbers = listed(text.replace(/[[\]]/g, " ")).map(Number);
+  return numbers.flatMap((_, k) => (k % 2 ? [] : [numbers.slice(k, k + 2)]));
+}
+
 /** The field of an option; an input that may stay empty has a placeholder. */
-function optionField(verb, { key, label, unit, sentence, kind, default: usual, choices, example }) {
-  const { attributes, wide } = INPUTS[kind];
+export function optionField(verb, { key, label, unit, sentence, kind, default: usual, choices, example }) {
+  const { attributes, wide, word = String } = INPUTS[kind];
   const id = `${verb}-${key}`;
-  const about = `${id}-hint`;
+  const about = sentence && `${id}-hint`;
   const flag = kind === "flag";
-  const value = flag ? null : Array.isArray(usual) ? usual.join(", ") : usual;
-  const empty = Array.isArray(example) ? `such as ${example.join(", ")}` : "not given";
+  const value = flag || usual === null ? null : word(usual);
+  const empty = Array.isArray(example) ? `such as ${word(example)}` : "not given";
   const placeholder = !flag && (value === null || value === "") ? empty : null;
   const input =
     kind === "choice"
       ? element("select", { id, name: key }, options(Object.fromEntries(choices.map((choice) => [choice, choice]))))
       : element("input", { id, name: key, ...attributes, value, placeholder, checked: flag && usual });
   if (kind === "choice" && value) input.value = value;
-  input.setAttribute("aria-describedby", about);
+  if (about) input.setAttribute("aria-describedby", about);
   const named = element("label", { for: id }, unit ? `${label} (${unit})` : label);
-  return [element("div", { class: wide ? "field wide" : "field" }, named, input), element("p", { class: "hint", id: about }, `${sentence.replace(/\.$/, "")}.`)];
+  return [element("div", { class: wide ? "field wide" : "field" }, named, input), about && element("p", { class: "hint", id: about }, `${sentence.replace(/\.$/, "")}.`)];
 }
 
 /** The value of an input; NaN where it is no number, null where it may stay empty and does. */
-function inputValue(input) {
+export function inputValue(input) {
   if (input.type === "checkbox") return input.checked;
   if (input.type !== "number") return input.value;
   return input.placeholder && input.value === "" && !input.validity.badInput ? null : input.valueAsNumber;

@@ -4,6 +4,7 @@
 export const DIRECTIONS = { alternate: "neighbours alternate", ccw: "all counter-clockwise", cw: "all clockwise" };
 
 const SAME = 1e-9;
+const SAME_LAYER_M = 1e-3;
 
 /** Return a plan's scenario as it is edited here.
  *
@@ -85,6 +86,7 @@ export function vehiclesOf(scenario, plan) {
     radius: each(scenario.orbit.radius_m, k),
     direction: ["ccw", "cw"].find((one) => one === each(scenario.orbit.direction, k)) ?? turns?.[k] ?? "ccw",
     sensor: each(scenario.sensor, k),
+    altitude: each(scenario.altitude_m, k),
   }));
 }
 
@@ -179,8 +181,33 @@ export function withLandmark(scenario, k, x, y) {
   return withValue(scenario, "landmarks_m", Array.isArray(landmarks) ? Object.values(moved) : moved);
 }
 
+/** Return the scenario with one radius changed. A team that moves at a speed keeps its rate, which is then stated: one speed
+ * for all would turn vehicles of different radii at different rates. */
 export function withRadius(scenario, k, radius) {
-  return withValue(scenario, `orbit.radius_m[${k}]`, radius);
+  const { speed_mps: speeds, angular_rate_rad_s: stated, radius_m: radii } = scenario.orbit;
+  const rate = stated ?? each(speeds, 0) / each(radii, 0);
+  const kept = withValue(withValue(scenario, "orbit.speed_mps", undefined), "orbit.angular_rate_rad_s", rate);
+  return withValue(speeds === undefined || speeds === null ? scenario : kept, `orbit.radius_m[${k}]`, radius);
+}
+
+/** The altitude of the first vehicle and the step from each vehicle to the next, where altitudes are of that form.
+ * @returns {{lowest?: number, step?: number}} */
+export function layersOf({ altitude_m: altitude }) {
+  const all = [altitude ?? []].flat();
+  const step = all.length > 1 ? rounded(all[1] - all[0], 6) : 0;
+  return all.every((height, k) => Math.abs(height - all[0] - k * step) < SAME_LAYER_M) ? { lowest: all[0], step } : {};
+}
+
+/** Return the scenario with altitudes one step apart; undefined leaves them to the format of an export. */
+export function withLayers(scenario, { lowest, step = 0 }) {
+  const all = namesOf(scenario).map((_, k) => lowest + k * step);
+  return withValue(scenario, "altitude_m", lowest === undefined || step === 0 ? lowest : all);
+}
+
+/** Return the scenario with the altitude of one vehicle; others without one fly at the same. */
+export function withAltitude(scenario, k, height) {
+  const { altitude_m: stated } = scenario;
+  return withValue(scenario, "altitude_m", namesOf(scenario).map((_, i) => (i === k ? height : (each(stated, i) ?? height))));
 }
 
 /** Return the scenario with the sense of one vehicle set, the others' as planned. */
@@ -243,11 +270,11 @@ export function linksPresent(scenario, plan) {
 /** Where each kind of polygon is kept; of an area there is one. */
 const POLYGONS = { area: "area_m", "keep-out": "keep_out_m", obstacle: "obstacles_m" };
 
-/** Return the polygons of a scenario, `{ kind, k, corners }`. */
+/** Return the polygons of a scenario, `{ kind, k, key, corners }`. */
 export function polygonsOf(scenario) {
   return Object.entries(POLYGONS).flatMap(([kind, key]) => {
     const all = kind === "area" ? [scenario[key] ?? []] : (scenario[key] ?? []);
-    return all.map((corners, k) => ({ kind, k, corners })).filter(({ corners }) => corners.length);
+    return all.map((corners, k) => ({ kind, k, key, corners })).filter(({ corners }) => corners.length);
   });
 }
 

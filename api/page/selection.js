@@ -1,7 +1,8 @@
 // What is done with all that is selected: it is moved, copied, put on a grid, removed.
 
-import { withMember } from "./free_space.js";
-import { addLandmark, landmarksOf, round, vehiclesOf, withCenter, withLandmark, withLandmarkName, withPolygon, withVehicleName, withoutLandmark, withoutVehicle } from "./scenario.js";
+import { freeSite, withMember } from "./free_space.js";
+import { extentOf } from "./marks.js";
+import { addLandmark, landmarksOf, mean, polygonsOf, round, rounded, vehiclesOf, withCenter, withLandmark, withLandmarkName, withPolygon, withVehicleName, withoutLandmark, withoutVehicle } from "./scenario.js";
 
 /** @typedef {{kind: string, k: number}} Chosen what is selected: a vehicle, landmark or polygon, by its number */
 
@@ -10,6 +11,11 @@ export const BODIES = {
   vehicle: { all: vehiclesOf, moved: withCenter, named: withVehicleName, added: withMember, removed: withoutVehicle },
   landmark: { all: landmarksOf, moved: withLandmark, named: withLandmarkName, added: addLandmark, removed: withoutLandmark },
 };
+
+/** The vehicles and landmarks of these names. @returns {Chosen[]} */
+export function bodiesNamed(scenario, names) {
+  return Object.entries(BODIES).flatMap(([kind, { all }]) => all(scenario).flatMap(({ name }, k) => (names.includes(name) ? [{ kind, k }] : [])));
+}
 
 /** The selected vehicles and landmarks with their places. */
 export function placesOf(scenario, chosen) {
@@ -62,9 +68,20 @@ export function addBody(store, kind, at, how = {}) {
   store.select({ kind, k: all(store.scenario).length - 1 }, how);
 }
 
-/** Copy what is selected in a store, and select the copies. */
-export function copyChosen(store) {
-  const { scenario, chosen } = withCopies(store.scenario, store.chosen);
+/** Add a polygon to a store's scenario, the area round all that is there and others small, and select it. */
+export function withPolygonAdded(store, kind) {
+  const { scenario } = store;
+  const size = rounded(mean(vehiclesOf(scenario).map(({ radius }) => radius)) / 10, 1);
+  const { x, y } = freeSite(scenario) ?? { x: 0, y: 0 };
+  const [west, south, east, north] = (kind === "area" ? extentOf(scenario) : [x, y, x, y]).map((edge, at) => round(edge + (at < 2 ? -size : size)));
+  store.edit(withPolygon(scenario, kind, [[west, south], [east, south], [east, north], [west, north]]));
+  const { k } = polygonsOf(store.scenario).findLast((polygon) => polygon.kind === kind);
+  store.select({ kind, k }, { reveal: true });
+}
+
+/** Copy what is selected in a store, or was when it was clipped, and select the copies. */
+export function copyChosen(store, clipped = store.chosen) {
+  const { scenario, chosen } = withCopies(store.scenario, clipped);
   if (!chosen.length) return;
   store.edit(scenario);
   store.selectAll(chosen);

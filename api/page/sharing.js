@@ -29,13 +29,28 @@ export function storing(store, address) {
   }
 }
 
+/** The button that stores the plan on show. `storePlan()` resolves with its identifier. */
+export function offerSave(store, storePlan) {
+  const save = byId("save");
+  save.addEventListener("click", () => {
+    const { scenario, planId } = store;
+    if (!scenario || planId) return;
+    attempt(async () => {
+      await storePlan();
+      notice(scenario.name ? `Saved as ${scenario.name}.` : "Saved.");
+    });
+  });
+  store.on(["opened", "scenario", "plan", "stored"], () => save.setAttribute("aria-disabled", store.planId !== null));
+}
+
 /** The button that copies a link. `storePlan()` resolves with the identifier of the plan on show. */
 export function offerLink(store, storePlan) {
   byId("share").addEventListener("click", () => {
     if (!store.scenario) return;
     attempt(async () => {
       const link = new URL(`?plan=${await keptPlan(store, storePlan)}`, location.origin + location.pathname).href;
-      notice(`${(await copied(link)) ? "Link copied" : "Link to this plan"}: ${link}`);
+      const done = await copied(link);
+      notice(`${done ? "Link copied" : "Link to this plan"}: ${link}`, { asks: !done });
     });
   });
 }

@@ -3,14 +3,17 @@
 import { editable, namesOf, orbitsOf, sameOrbits, sameScenario, withPhase } from "./scenario.js";
 
 const MOST_STEPS = 100;
+/** steps that outlast a reload */
+const KEPT_STEPS = 20;
 const SAME_EDIT_MS = 1000;
 
 /** The page's state.
  *
- * Events: "opened", "scenario" (edited), "plan" (judged), "faults", "selected", "beside", "off", "report", "degrees".
+ * Events: "opened", "scenario" (edited), "plan" (judged), "faults", "selected", "beside", "off", "report", "degrees",
+ * "recalled", "stored" (or found deleted).
  *
  * Edits are compared with an anchor, the plan that was opened or stored last: `{ scenario, planId,
- * given }`. Its scenario typed in again is that plan again. `given` is `{ vehicles, origin }` where
+ * given, fresh }`, `fresh` where the page itself made it. Its scenario typed in again is that plan again. `given` is `{ vehicles, origin }` where
  * no rule gives its phases; they stay while the orbits and who meets whom do.
  */
 export class Store extends EventTarget {
@@ -83,6 +86,13 @@ export class Store extends EventTarget {
     return { scenario: this.scenario, anchor: this.#anchor };
   }
 
+  /** Whether the scenario is an edit or a new team whose plan is stored nowhere. */
+  get unsaved() {
+    if (!this.scenario || this.planId) return false;
+    const { scenario, given, fresh } = this.#anchor;
+    return fresh || given?.origin === "hand" || !sameScenario(this.scenario, scenario);
+  }
+
   /** Whose phases were lost to an edit that moved orbits or meetings: "refined", ..., or null. */
   get lost() {
     return this.given ? null : (this.#anchor?.given?.origin ?? null);
@@ -109,13 +119,13 @@ export class Store extends EventTarget {
     this.#emit("scenario", { live, field, lost: given && !this.given });
   }
 
-  /** Start over with a plan, stored or not; `origin` says where its given phases come from. */
-  open({ plan, planId = null, origin = "given" }) {
+  /** Start over with a plan, stored or not, or a `fresh` one; `origin` says where its given phases come from. */
+  open({ plan, planId = null, origin = "given", fresh = false }) {
     const scenario = editable(plan);
     const { method } = plan.synchronisation;
     const source = { refined: "refined", given: origin }[method];
     const given = source ? { vehicles: orbitsOf(plan), origin: source } : null;
-    this.reopen({ scenario, anchor: { scenario, planId, given } }, plan);
+    this.reopen({ scenario, anchor: { scenario, planId, given, fresh } }, plan);
   }
 
   /** Start over with a state that was kept, and its plan; what it is an edit of can be undone to. */
@@ -145,6 +155,7 @@ export class Store extends EventTarget {
 
   stored(planId) {
     this.#put({ scenario: this.scenario, anchor: { scenario: this.scenario, planId, given: this.given } });
+    this.#emit("stored");
   }
 
   /** What went wrong in words, if it is that the plan on show was deleted; it is stored anew then. */
@@ -161,19 +172,19 @@ export class Store extends EventTarget {
 
   /** Select a vehicle or landmark, or nothing; with `more` beside what is selected, or no longer.
    *
-   * With `reveal` it comes into view, wherever it is.
+   * With `reveal` it comes into view, wherever it is; `dragged` says that a drag selects it.
    * @param {{kind: string, k: number} | null} what */
-  select(what, { more = false, reveal = false } = {}) {
+  select(what, { more = false, reveal = false, dragged = false } = {}) {
     const others = more && what ? this.chosen.filter((one) => one.kind !== what.kind || one.k !== what.k) : [];
     const known = more && what && this.isSelected(what);
     this.chosen = what && !known ? [...others, what] : others;
-    this.#emit("selected", { reveal });
+    this.#emit("selected", { reveal, dragged });
   }
 
-  /** Select all of these. */
-  selectAll(chosen) {
+  /** Select all of these, brought into view with `reveal`. */
+  selectAll(chosen, { reveal = false } = {}) {
     this.chosen = chosen;
-    this.#emit("selected");
+    this.#emit("selected", { reveal });
   }
 
   /** Draw another plan beside this one; null ends it. */
@@ -199,6 +210,17 @@ export class Store extends EventTarget {
     if (off !== this.off) return;
     this.without = without;
     this.#emit("off");
+  }
+
+  /** The last states before this one, which undo leads back to. */
+  get history() {
+    return this.#past.slice(-KEPT_STEPS);
+  }
+
+  /** Let undo lead to these states, as before a reload. */
+  recall(history) {
+    this.#past = history;
+    this.#emit("recalled");
   }
 
   get canUndo() {

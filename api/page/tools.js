@@ -1,25 +1,27 @@
 // What a click on the map does: select, place, link, draw or measure. One tool is in hand at a time.
 
-import { button, byId, notice, shown } from "./elements.js";
-import { toEdges, within } from "./free_space.js";
+import { button, byId, element, notice } from "./elements.js";
+import { toEdges, within } from "./geometry.js";
 import { bodiesOf } from "./grips.js";
-import { mark } from "./looks.js";
+import { lengthsOf, mark } from "./looks.js";
 import { decade, polygonsOf, round, withLinkToggled, withPolygon } from "./scenario.js";
 import { addBody, BODIES } from "./selection.js";
 import { DragBox, Draw, Modify } from "./vendor/editing.js";
 import { LineString, Point, VectorLayer, VectorSource } from "./vendor/openlayers.js";
 
-/** The tools by name: title, key, and what to do with them. */
+/** The tools by name: title, key, what to do with them, and the path of their icon. */
 const TOOLS = {
-  select: ["Select", "v", ""],
-  vehicle: ["Vehicle", "c", "Click where its circle has its centre. Escape ends."],
-  landmark: ["Landmark", "l", "Click where it stands. Escape ends."],
-  link: ["Link", "k", "Click two centres: they are linked, or no longer. Escape ends."],
-  area: ["Area", "a", "Click the corners that all circles lie within; the first one again ends."],
-  "keep-out": ["Keep-out", "o", "Click the corners; the first one again ends."],
-  obstacle: ["Obstacle", "b", "Click the corners; the first one again ends."],
-  ruler: ["Ruler", "r", "Click two places."],
+  select: ["Select", "v", "", "M4 3l6 14 2-6 6-2z"],
+  vehicle: ["Vehicle", "c", "Click where its circle has its centre. Escape ends.", "M17 10a7 7 0 1 1-14 0 7 7 0 0 1 14 0zM10 9v2M9 10h2"],
+  landmark: ["Landmark", "l", "Click where it stands. Escape ends.", "M10 2l2.4 5.2 5.6.6-4.2 3.8 1.2 5.6-5-2.9-5 2.9 1.2-5.6L2 7.8l5.6-.6z"],
+  link: ["Link", "k", "Click two centres: they are linked, or no longer. Escape ends.", "M6 10a2.5 2.5 0 1 1-5 0 2.5 2.5 0 0 1 5 0zM19 10a2.5 2.5 0 1 1-5 0 2.5 2.5 0 0 1 5 0zM6 10h8"],
+  area: ["Area", "a", "Click the corners that all circles lie within; the first one again ends.", "M3 4h9l1 5 4 1v7H4z"],
+  "keep-out": ["Keep-out", "o", "Click the corners; the first one again ends.", "M17 10a7 7 0 1 1-14 0 7 7 0 0 1 14 0zM5 5l10 10"],
+  obstacle: ["Obstacle", "b", "Click the corners; the first one again ends.", "M2 6h16v8H2zM7 6l-4 8M12 6l-4 8M17 6l-4 8"],
+  ruler: ["Ruler", "r", "Click two places.", "M2 13L13 2l5 5L7 18zM7 8l2 2M10 5l2 2"],
 };
+/** Tools that begin a group. */
+const FIRST = ["vehicle", "area", "ruler"];
 const HIT_PX = 6;
 const POLYGONS = ["area", "keep-out", "obstacle"];
 
@@ -32,16 +34,21 @@ export class Tools {
   /** the interaction of OpenLayers that the tool in hand has @type {any} */
   #interaction = null;
   #tool = "select";
+  #ofSketch;
   /** the first end of a link @type {string | null} */
   #from = null;
 
   /** Make the tools of a map's canvas. */
-  constructor(store, { map, areas, style }) {
+  constructor(store, { map, areas, style, ofSketch }) {
     this.#store = store;
     this.#map = map;
+    this.#ofSketch = ofSketch;
     map.addLayer(new VectorLayer({ source: this.#drawn, style }));
-    for (const [name, [title, key]] of Object.entries(TOOLS)) {
-      this.#buttons.set(name, button(title, () => this.take(name), { "aria-pressed": name === "select", title: `${title} (${key.toUpperCase()})` }));
+    for (const [name, [title, key, , path]] of Object.entries(TOOLS)) {
+      const letter = key.toUpperCase();
+      const icon = element("svg:svg", { viewBox: "0 0 20 20", "aria-hidden": "true" }, element("svg:path", { d: path }));
+      const content = [icon, element("span", { class: "longer" }, title), element("kbd", { "aria-hidden": "true" }, letter)];
+      this.#buttons.set(name, button(content, () => this.take(name), { class: FIRST.includes(name) && "first", "aria-pressed": name === "select", title: `${title} (${letter})` }));
     }
     byId("tools").append(...this.#buttons.values());
     map.on("singleclick", (event) => this.#click(event));
@@ -126,7 +133,7 @@ export class Tools {
   }
 
   #draw(type, ended) {
-    this.#interaction = new Draw({ type, maxPoints: type === "LineString" ? 2 : undefined });
+    this.#interaction = new Draw({ type, maxPoints: type === "LineString" ? 2 : undefined, style: this.#ofSketch });
     this.#interaction.on("drawend", ({ feature }) => ended(feature.getGeometry().getCoordinates()));
     this.#map.addInteraction(this.#interaction);
   }
@@ -139,11 +146,10 @@ export class Tools {
   }
 
   #measure(ends) {
-    const [[x, y], [toX, toY]] = ends;
-    const text = `${shown(Math.hypot(toX - x, toY - y), "m")}`;
+    const [{ middle, name }] = lengthsOf(ends);
     this.#drawn.clear(true);
-    this.#drawn.addFeatures([mark(new LineString(ends), { kind: "ruler" }), mark(new Point([(x + toX) / 2, (y + toY) / 2]), { kind: "length", name: text })]);
-    byId("tool-help").textContent = text;
+    this.#drawn.addFeatures([mark(new LineString(ends), { kind: "ruler" }), mark(new Point(middle), { kind: "length", name })]);
+    byId("tool-help").textContent = name;
   }
 }
 

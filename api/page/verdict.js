@@ -1,12 +1,10 @@
 // What the plan comes to, in words.
 
-import { button, byId, element, folded, renew, shown } from "./elements.js";
+import { button, byId, element, renew, shown } from "./elements.js";
 import { lostOf } from "./losses.js";
 import { withoutLink, withValue } from "./scenario.js";
+import { bodiesNamed } from "./selection.js";
 import { explained } from "./terms.js";
-
-/** Findings that stand open where there are many; the others are folded. */
-const MOST_OPEN = 3;
 
 /** What each level of a finding begins with. */
 export const LEVELS = { stop: "Stop: ", warning: "Warning: ", note: "Note: " };
@@ -75,7 +73,7 @@ export function showVerdicts(store) {
     doubtFor(halfTyped() ? "typing" : null);
   });
   store.on(["faults"], ({ why, faults }) => {
-    if (why === "fault" && faults.length) findings.replaceChildren(...firstOpen(faults.map((one) => faultOf(store, one)), "fault"));
+    if (why === "fault" && faults.length) findings.replaceChildren(...faults.map((fault) => faultOf(store, fault)));
     doubtFor(why);
   });
   store.on(["off"], () => store.plan && show());
@@ -149,13 +147,19 @@ function halfTyped() {
   return fields.some((one) => one.validity.badInput || (one.value === "" && one.id.startsWith(NEEDED)));
 }
 
-/** The findings: reasons not to fly first, all but a few folded. */
+/** The findings, reasons not to fly first, below what an edit did to phases that were given. */
 function findingsOf(store, quick) {
-  const { findings } = store.plan.verdict;
+  const { plan: { verdict: { findings } }, lost } = store;
   const counted = findings.filter((one) => !(quick && LEFT_OUT.includes(one.code)));
   const order = Object.keys(LEVELS);
   const sorted = [...counted].sort((one, other) => order.indexOf(one.level) - order.indexOf(other.level));
-  return firstOpen(sorted.map((one) => findingOf(store, one)), "finding");
+  const all = [lost && lostPhases(lost), ...sorted.map((finding) => findingOf(store, finding))].filter(Boolean);
+  return all.length ? all : [element("p", { class: "hint" }, "No findings.")];
+}
+
+/** That all phases are computed anew, with the way back. */
+function lostPhases(lost) {
+  return element("p", { class: "finding warning" }, `Phases of all vehicles are computed anew since the edit. ${wayBack(lost)}`);
 }
 
 /** Where the phases of a plan come from, and how to have others back. @returns {[string, string]} */
@@ -171,15 +175,15 @@ function rowsOf({ plan, given, lost }, quick) {
   const predicted = quick ? FOLLOWING : plan.predicted_rms_m;
   const rows = [
     ["Phases", origin, how],
-    ["Predicted RMS error", shown(predicted.overall, "m"), predicted.note],
-    ["Worst vehicle", worst(predicted.vehicles), ""],
+    ["Worst error", worst(predicted.vehicles), "of the worst vehicle: the figure of the verdict"],
+    ["Predicted RMS error", shown(predicted.overall, "m"), predicted.note || "of all vehicles together"],
     ...flown(plan),
     ...expected(plan),
     ...determined(plan.observability.states ?? []),
     ...errorsOf(plan.predicted_errors ?? []),
     ["Connectivity period", quick ? "—" : connectivity(plan), ""],
     ["Period", shown(plan.period_s, "s"), ""],
-    ["Least separation", separation(plan), plan.separation.violations.length ? "closer than required" : ""],
+    ["Least separation", separation(plan), ruleOf(plan.separation)],
     ["Certificate", certificate.holds ? "holds" : "does not hold", certificate.reason],
   ];
   const row = (/** @type {any[]} */ [name, value, remark]) =>
@@ -230,25 +234,27 @@ function connectivity(plan) {
   return plan.scenario.duration_s < 2 * plan.period_s ? "none within the run" : "never connected";
 }
 
+/** The rule on separations that is in force. */
+function ruleOf({ required_m: required, violations }) {
+  const rule = required ? `at least ${shown(required, "m")} required` : "no least separation is stated: nearer than a tenth of the mean radius counts as too near";
+  return violations.length ? `closer than required; ${rule}` : rule;
+}
+
 function separation({ separation: least }) {
   return least.between ? `${shown(least.min_m, "m")}, ${least.between.join("–")}` : "—";
 }
 
-/** The first of many elements, and the others under "n more": `noun` names one of them. */
-export function firstOpen(all, noun) {
-  const rest = all.slice(MOST_OPEN);
-  if (!rest.length) return all;
-  return [...all.slice(0, MOST_OPEN), folded(`${rest.length} more ${noun}${rest.length > 1 ? "s" : ""}`, rest)];
-}
-
-/** One finding: its sentence, its cure, and a button where the cure is a change of the scenario. */
-function findingOf(store, { code, level, message, cure: remedy }) {
+/** One finding: its sentence, which leads to the places concerned, its cure, and a button where the cure is a change of the
+ * scenario. */
+function findingOf(store, { code, level, message, subjects, cure: remedy }) {
   const change = remedy?.change ?? {};
   const able = Object.keys(change).length > 0;
   return element(
     "div",
     { class: `finding ${level}`, "data-code": code },
-    element("p", {}, element("strong", {}, LEVELS[level]), message),
+    subjects?.length
+      ? button([element("strong", {}, LEVELS[level]), message], () => store.selectAll(bodiesNamed(store.scenario, subjects), { reveal: true }), { class: "plain", title: "Show on the map" })
+      : element("p", {}, element("strong", {}, LEVELS[level]), message),
     remedy && element("p", {}, element("strong", {}, "Cure: "), remedy.text),
     able && button(labelOf(change), () => cure(store, change)),
   );

@@ -17,6 +17,7 @@ from fastapi import APIRouter, Request, Response
 from api.job_kinds.job_table import JOB_KINDS
 from api.limits import RequestLimits
 from api.problems import NotFound
+from api.routes.brief_form import brief_form
 from api.routes.study_routes import described_studies
 from api.service import limits_of
 from api.settings import Settings
@@ -58,6 +59,10 @@ class Site:
         return cls(limits_of(settings), tiles)
 
 
+_OF_FORMATS = ("title", "holds", "altitude_m", "on_earth", "mission")
+"""Attributes of export formats that the page states."""
+
+
 def tables_script(site: Site) -> str:
     """Return the library's tables as JavaScript: names and words, in the order of the page."""
     pilots = {
@@ -75,10 +80,10 @@ def tables_script(site: Site) -> str:
     tables = {
         "FIGURES": {name: FIGURES[name].title for name in figures},
         "PLAN_FIGURES": always_there("plan"),
-        "FORMATS": {name: one.title for name, one in FORMATS.items()},
+        "FORMATS": {
+            name: {key: getattr(one, key) for key in _OF_FORMATS} for name, one in FORMATS.items()
+        },
         "SHAPES": {name: one.sentence for name, one in SHAPES.items()},
-        "ON_EARTH": [name for name, one in FORMATS.items() if one.on_earth],
-        "MISSIONS": [name for name, one in FORMATS.items() if one.mission],
         "PILOTS": pilots,
         "OBJECTIVES": {name: one.title for name, one in OBJECTIVES.items()},
         "MEANINGS": {key: one.meaning for key, one in all_numeric_keys().items()},
@@ -88,6 +93,7 @@ def tables_script(site: Site) -> str:
             study.name: study.model_dump(mode="json", exclude={"fields"})
             for study in described_studies(site.limits)
         },
+        "BRIEF": brief_form(),
         "TILES": None if site.tiles is None else asdict(site.tiles),
         "ENDED": [state for state in STATES if has_ended(state)],
     }
@@ -108,6 +114,7 @@ _MEDIA = {
     "html": "text/html; charset=utf-8",
     "js": "text/javascript; charset=utf-8",
     "svg": "image/svg+xml",
+    "woff2": "font/woff2",
     "yaml": "application/yaml",
 }
 _EXAMPLE = re.compile(rb'<script type="application/yaml" id="([\w-]+)">')
@@ -210,6 +217,7 @@ def policy(tiles: Tiles | None = None) -> str:
             f"style-src 'self' {_PLOTLY_STYLE} {STYLE_DIGEST}",
             images,
             "connect-src 'self'",
+            "font-src 'self'",
             "base-uri 'none'",
             "form-action 'none'",
             "frame-ancestors 'none'",

@@ -14,7 +14,7 @@ from sqlalchemy import Connection, Row
 from api.calls import IN_JSON, CurrentCall, answer_once, computed
 from api.documents import PlanText
 from api.problems import NotFound, PreconditionFailed, ServiceError, problem_responses
-from api.responses import PlanPage, PlanSummary, StoredPlan
+from api.responses import PlanPage, StoredPlan, plan_summary
 from api.security import CurrentOwner
 from api.service import CurrentService, Service, service_of
 from api.storage.holdings import (
@@ -117,7 +117,7 @@ def read_plans(
     """Summaries of your plans, newest first, a page at a time."""
     listed = service.database.read(list_plans, owner, limit + 1, before)
     rows, following = page_and_next("/v1/plans", listed, limit)
-    return PlanPage(items=[PlanSummary(**one._mapping) for one in rows], next=following)
+    return PlanPage(items=[plan_summary(row) for row in rows], next=following)
 
 
 @router.get(

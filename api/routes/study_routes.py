@@ -157,29 +157,43 @@ def _options_of(kind: JobKind, limits: RequestLimits) -> Iterator[OptionDescript
     stated: dict[str, Option] = {}
     if issubclass(kind.study.options, RunOptions):
         stated = {option.key: option for option in options_of(kind.study.options)}
-    for key, field in schema["properties"].items():
-        value = _value_of(field, schema.get("$defs", {}))
+    for key in schema["properties"]:
         option = stated.get(key)
         if option is not None and option.former:
             continue
-        name, unit = name_and_unit(key)
-        allowed = {limit: value[limit] for limit in LIMITS if limit in value}
+        described = described_key(schema, key)
+        allowed = dict(described.limits)
         most = kind.request.limited().get(key)
         if most is not None:
             allowed["maximum"] = min(getattr(limits, most), allowed.get("maximum", float("inf")))
-        yield OptionDescription(
-            key=key,
-            label=option.label if option else name.capitalize(),
-            unit=unit,
-            sentence=field.get("description", ""),
-            kind=_kind_of(value),
-            required=key in schema.get("required", []),
-            default=field.get("default"),
-            often=option is not None and option.often,
-            choices=value.get("enum", []),
-            limits=allowed,
-            example=next(iter(field.get("examples", [])), None),
-        )
+        changes: dict[str, Any] = {"limits": allowed}
+        if option is not None:
+            changes |= {"label": option.label, "often": option.often}
+        yield described.model_copy(update=changes)
+
+
+def described_key(schema: Mapping[str, Any], key: str) -> OptionDescription:
+    """Return the description of a key by its dotted name in the JSON Schema of a request."""
+    section, parts = schema, schema.get("$defs", {})
+    *sections, last = key.split(".")
+    for part in sections:
+        section = _value_of(section["properties"][part], parts)
+    field = section["properties"][last]
+    value = _value_of(field, parts)
+    name, unit = name_and_unit(last)
+    return OptionDescription(
+        key=key,
+        label=name.capitalize(),
+        unit=unit,
+        sentence=field.get("description", ""),
+        kind=_kind_of(value),
+        required=last in section.get("required", []),
+        default=field.get("default"),
+        often=False,
+        choices=[str(choice) for choice in value.get("enum", [])],
+        limits={limit: value[limit] for limit in LIMITS if limit in value},
+        example=next(iter(field.get("examples", [])), None),
+    )
 
 
 def _value_of(field: Mapping[str, Any], parts: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -12,7 +12,7 @@ from api.storage.owner_bytes import count_bytes
 from api.storage.tables import METADATA, schema_version
 from syncplan.errors import InputError
 
-NEWEST = 6
+NEWEST = 7
 """Version of `api.storage.tables`, incremented with every addition to them."""
 
 USABLE_FROM = 1

@@ -140,6 +140,9 @@ plans = Table(
     Column("predicted_rms_m", Float),
     Column("etag", String(64), nullable=False),
     Column("text", Text, nullable=False),
+    Column("worst_predicted_rms_m", Float),
+    # what a small map shows, as JSON; null for plans stored before schema version 7
+    Column("outline", Text),
     Index("plans_of_owner", "owner", "id"),
 )
 

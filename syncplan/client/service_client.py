@@ -80,6 +80,8 @@ class RemotePlanSummary:
     created_at : time of creation, RFC 3339 in UTC
     go : whether the verdict is GO; None for a plan of an early version, which has none
     predicted_rms_m : RMS over all vehicles; None if no error is predicted
+    worst_predicted_rms_m : of the worst vehicle; None if unknown, and from an earlier service
+    outline : `circles`, `landmarks` and `area` in m of a small map; None as above
     """
 
     id: str
@@ -90,11 +92,14 @@ class RemotePlanSummary:
     observable: bool
     go: bool | None
     predicted_rms_m: float | None
+    worst_predicted_rms_m: float | None = None
+    outline: Mapping[str, Any] | None = None
 
     @classmethod
     def of(cls, document: Mapping[str, Any]) -> Self:
         """Return the content of a row of the service's list."""
-        return cls(**{one.name: document[one.name] for one in fields(cls)})
+        known = {entry.name for entry in fields(cls)} & document.keys()
+        return cls(**{name: document[name] for name in known})
 
 
 @dataclass(frozen=True, slots=True)

@@ -76,10 +76,10 @@ def _not_cleared(judged: JudgedTeam) -> str:
 
 def outside_area(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield a finding for each vehicle whose circle leaves the area."""
-    for key, name, clear in _crossings(judged, within=True):
+    for polygon, name, clear in _crossings(judged, within=True):
         yield Remark(
             "stop",
-            f"the circle of {name} leaves {key} by {-clear:.4g} m",
+            f"the circle of {name} leaves {polygon} by {-clear:.4g} m",
             (name,),
             cure="move the circle inwards, or make it smaller",
         )
@@ -87,11 +87,11 @@ def outside_area(judged: JudgedTeam) -> Iterator[Remark]:
 
 def in_keep_out(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield a finding for each circle that passes through a keep-out; it may go round one."""
-    for key, name, clear in _crossings(judged, within=False):
+    for polygon, name, clear in _crossings(judged, within=False):
         yield Remark(
             "stop",
-            f"the circle of {name} passes through {key}; {-clear:.4g} m of its radius would clear "
-            "it",
+            f"the circle of {name} passes through {polygon}; {-clear:.4g} m of its radius would "
+            "clear it",
             (name,),
             cure="move the circle, or change its radius",
         )
@@ -118,9 +118,10 @@ def edge_near(judged: JudgedTeam) -> Iterator[Remark]:
         worst = near[np.argmax(ROOM_SHARE * strays[near] - room[near])]
         yield Remark(
             "warning",
-            f"{listed(names, MOST_NAMED)} may cross an edge of area_m or keep_out_m in flight: the "
-            f"circle of {judged.scenario.vehicle_names[worst]} keeps {max(room[worst], 0.0):.2g} m "
-            f"from it, and flights were {strays[worst]:.2g} m (RMS) off",
+            f"{listed(names, MOST_NAMED)} may cross an edge of the area or of a keep-out in "
+            f"flight: the circle of {judged.scenario.vehicle_names[worst]} keeps "
+            f"{max(room[worst], 0.0):.2g} m from it, and flights were {strays[worst]:.2g} m (RMS) "
+            "off",
             names,
             cure=f"move circles, or make them smaller: {ROOM_SHARE * strays[worst]:.2g} m of room "
             "are three times that",
@@ -150,15 +151,17 @@ def _first_of(
 
 
 def _crossings(judged: JudgedTeam, *, within: bool) -> Iterator[tuple[str, str, float]]:
-    """Yield (key of the polygon, vehicle, negative clearance of its circle in m) of each fault."""
+    """Yield (polygon in words, vehicle, negative clearance of its circle in m) of each fault."""
     area = Area.of(judged.scenario.area_m, judged.scenario.keep_out_m)
     if not area.limited:
         return
     orbits, names = judged.orbits, judged.scenario.vehicle_names
     clear = area.path_clearances(orbits.centers, orbits.radii)
-    for (key, _, inner), row in zip(area.polygons(), clear, strict=True):
+    first = 0 if area.inside is None else 1
+    for number, ((_, _, inner), row) in enumerate(zip(area.polygons(), clear, strict=True)):
+        polygon = "the area" if inner else f"keep-out {number - first + 1}"
         for k in np.flatnonzero(_crossed(row, orbits.radii)) if inner == within else ():
-            yield key, names[k], float(row[k])
+            yield polygon, names[k], float(row[k])
 
 
 def _crossed(clearances: Array, radii: Array) -> Array:

@@ -291,7 +291,11 @@ def _facts(document: PlanDocument) -> Iterator[tuple[str, str, str]]:
     origin = document.scenario.geo_origin
     if origin is not None:
         ground = f"ground {origin.alt_m:g} m above sea level"
-        yield "Place of 0, 0: latitude, longitude", _degrees(origin.lat_deg, origin.lon_deg), ground
+        yield (
+            "Place of 0, 0: latitude, longitude",
+            _lat_lon_words(origin.lat_deg, origin.lon_deg),
+            ground,
+        )
     if document.scenario.start_time is not None:
         yield "Time 0", str(document.scenario.start_time), ""
 
@@ -316,7 +320,7 @@ def _conditions(document: PlanDocument) -> Iterator[tuple[str, str, str]]:
     yield "Altitudes", "above the ground at 0, 0", "ranges and separations are horizontal"
 
 
-def _degrees(latitude: float, longitude: float) -> str:
+def _lat_lon_words(latitude: float, longitude: float) -> str:
     return f"{latitude:.7f}°, {longitude:.7f}°"
 
 
@@ -439,7 +443,7 @@ def _on_ground(document: PlanDocument, points: Sequence[Point]) -> list[str]:
     origin = document.scenario.geo_origin
     if origin is None or document.ground is None:
         return []
-    return [_degrees(*place) for place in in_lat_lon(origin, points)]
+    return [_lat_lon_words(*place) for place in in_lat_lon(origin, points)]
 
 
 def _signatures() -> str:

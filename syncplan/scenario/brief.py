@@ -17,6 +17,7 @@ from syncplan.scenario.quantities import (
     ListedOrNamed,
     ListedOrNamedPlaces,
     Many,
+    OneOrRange,
     Place,
     Point,
     Polygon,
@@ -42,11 +43,11 @@ Cost = Annotated[float, Field(ge=0, le=1e9)]
 class Vehicle(Section):
     """A vehicle: its speed, and how tightly it can turn."""
 
-    speed_mps: models.Speed | models.Speeds = Field(
+    speed_mps: OneOrRange[models.Speed] = Field(
         description="Speed along the circle, or the least and the largest", examples=[5.0]
     )
     min_radius_m: Length | None = Field(
-        default=None, description="Smallest circle it can fly", examples=[10.0]
+        default=None, description="Smallest radius it can fly", examples=[10.0]
     )
     bank_deg: Annotated[float, Field(gt=0, lt=90)] | None = Field(
         default=None, description="Largest bank angle of a coordinated turn", examples=[30.0]
@@ -104,23 +105,32 @@ class Sites(Section):
 
     max: Annotated[int, Field(ge=0, le=MOST_LANDMARKS)] | None = Field(
         default=None,
-        description="Largest number of landmarks; with given or candidates_m, all of them if not "
-        "given",
+        description="Largest number of landmarks; without it, all of the sites listed",
         examples=[3],
     )
     candidates_m: ListedOrNamed | None = Field(
-        default=None, description="Sites to choose from", examples=[[[0.0, 0.0], [100.0, 0.0]]]
+        default=None,
+        description="Sites to choose from",
+        examples=[[[0.0, 0.0], [100.0, 0.0]]],
+        json_schema_extra={"minItems": 1, "minProperties": 1},
     )
     candidates_lat_lon_deg: ListedOrNamedPlaces | None = instead_of("candidates_m")
     on_edge: bool = Field(default=False, description="Whether they stand on the area's edge")
     given: ListedOrNamed | None = Field(
-        default=None, description="Landmarks that are there already", examples=[[[0.0, 0.0]]]
+        default=None,
+        description="Landmarks that are there already",
+        examples=[[[0.0, 0.0]]],
+        json_schema_extra={"minItems": 1, "minProperties": 1},
     )
     given_lat_lon_deg: ListedOrNamedPlaces | None = instead_of("given")
 
     @model_validator(mode="after")
     def _one_kind(self) -> Self:
-        kinds = {"candidates_m": self.candidates_m, "on_edge": self.on_edge, "given": self.given}
+        listed = {"candidates_m": self.candidates_m, "given": self.given}
+        for key, sites in listed.items():
+            if sites is not None and not sites:
+                raise fault(key, "is empty: list a site, or leave it out")
+        kinds = {**listed, "on_edge": self.on_edge}
         named = [key for key, value in kinds.items() if value]
         if len(named) > 1:
             raise fault(named[1], f"can't be combined with {named[0]}; give one of the two")

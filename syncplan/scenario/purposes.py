@@ -59,8 +59,9 @@ class Purpose(Section):
     cover: Cover | None = Field(default=None, description="Cover a share of the area")
     visit_m: Many[Point] | None = Field(
         default=None,
-        description="Points [x, y] that some circle passes within within_m",
+        description="Points [x, y], each of which some circle passes",
         examples=[[[40.0, 40.0], [120.0, 60.0]]],
+        json_schema_extra={"minItems": 1},
     )
     visit_lat_lon_deg: Many[Place] | None = instead_of("visit_m")
     within_m: Length = Field(
@@ -70,6 +71,8 @@ class Purpose(Section):
 
     @model_validator(mode="after")
     def _one(self) -> Self:
+        if self.visit_m is not None and not self.visit_m:
+            raise fault("visit_m", "is empty: list a point")
         kinds = {"cover": self.cover, "visit_m": self.visit_m, "keep": self.keep}
         named = [key for key, value in kinds.items() if value]
         if not named:

@@ -306,6 +306,12 @@ class _WithNamesDescribed:
 OneOrMany = Annotated[
     Annotated[T, Tag("one")] | Annotated[Many[T], Tag("many")], Discriminator(_kind)
 ]
+OneOrRange = Annotated[
+    Annotated[T, Tag("one")] | Annotated[tuple[T, T], Strict(False), Tag("many")],
+    Discriminator(_kind),
+]
+"""A value, or the least and the largest."""
+
 _ListedOrNamed = Annotated[
     Annotated[Many[T], Tag("listed")]
     | Annotated[dict[Name, T], _WithNamesDescribed(), WrapValidator(in_portions), Tag("named")],

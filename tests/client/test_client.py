@@ -102,7 +102,11 @@ def test_work_is_listed_renamed_and_deleted(client: Client) -> None:
     listed = list(islice(client.plans(), 3))
     assert {one.name for one in listed} == {"renamed", "kept 1", "kept 2"}
     assert listed[0].go is made[0].verdict.go
-    assert listed[0].predicted_rms_m == made[0].document["predicted_rms_m"]["overall"]
+    predicted = made[0].document["predicted_rms_m"]
+    assert listed[0].predicted_rms_m == predicted["overall"]
+    assert listed[0].worst_predicted_rms_m == max(predicted["vehicles"].values())
+    assert listed[0].outline is not None
+    assert len(listed[0].outline["circles"]) == 2
     with pytest.raises(InputError, match="name: "):
         client.rename(made[0].id, "two\nlines")
     job = client.validate(made[1], trials=50_000)

@@ -24,6 +24,11 @@ FAULTS: list[tuple[dict[str, Any], str]] = [
     ({"area_m": [[0.0, 0.0], [1.0, 0.0]]}, "area_m: has 2 corners"),
     ({"vehicle": {"speed_mps": 5.0}}, "vehicle.min_radius_m: is missing"),
     ({"vehicle": {"speed_mps": [5.0, 4.0], "min_radius_m": 1.0}}, "vehicle.speed_mps: the least"),
+    (
+        {"vehicle": {"speed_mps": [5.0, 4.0, 3.0], "min_radius_m": 1.0}},
+        "vehicle.speed_mps: must have at most 2 items",
+    ),
+    ({"vehicle": {"speed_mps": [5.0], "min_radius_m": 1.0}}, "vehicle.speed_mps[1]: is missing"),
     ({"team": {"max": 0}}, "team.max: must be greater than or equal to 1"),
     ({"team": {"min": 4, "max": 3}}, "team.min: is larger than max, 3"),
     ({"landmarks": {}}, "landmarks.max: is missing"),
@@ -32,6 +37,9 @@ FAULTS: list[tuple[dict[str, Any], str]] = [
         {"landmarks": {"on_edge": True, "max": 1, "candidates_m": [[0.0, 0.0]]}},
         "landmarks.on_edge: can't be combined with candidates_m",
     ),
+    ({"landmarks": {"max": 2, "candidates_m": []}}, "landmarks.candidates_m: is empty"),
+    ({"landmarks": {"max": 2, "given": []}}, "landmarks.given: is empty"),
+    ({"purpose": {"visit_m": []}}, "purpose.visit_m: is empty"),
     ({"purpose": {}}, "purpose.cover: is missing: give cover, visit_m or keep"),
     (
         {"purpose": {"visit_m": [[1.0, 1.0]], "keep": {"count": 2, "spread_m": 10.0}}},

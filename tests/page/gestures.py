@@ -35,10 +35,16 @@ def on_screen(page: Page, x: float, y: float) -> Place:
 DRAWN = """kind => document.getElementById('map-plot').map.getLayers().getArray()
     .flatMap(layer => layer.getSource().getFeatures?.() ?? [])
     .filter(one => one.get('kind') === kind)
-    .map(one => ({
-        ...one.getProperties(), geometry: null, at: one.getGeometry().getCoordinates(),
-    }))"""
-"""The marks of a kind on the map, with their coordinates."""
+    .map(one => ({ ...one.getProperties(), geometry: null, geometryOf: one.getGeometry() }))
+    .map(({ geometryOf: shape, ...one }) => {
+        if (shape.getType() !== 'Circle') return { ...one, at: shape.getCoordinates() };
+        const [[x, y], r] = [shape.getCenter(), shape.getRadius()];
+        const { begin = 0, end = 2 * Math.PI } = one;
+        const angles = Array.from({ length: 97 }, (_, k) => begin + ((end - begin) * k) / 96);
+        const at = angles.map(angle => [x + r * Math.cos(angle), y + r * Math.sin(angle)]);
+        return { ...one, at };
+    })"""
+"""The marks of a kind on the map, with their coordinates; of circles and arcs, 97 points."""
 
 
 def drawn(page: Page, kind: str) -> Any:
@@ -51,6 +57,17 @@ def drawn(page: Page, kind: str) -> Any:
 def handle(page: Page, name: str) -> Locator:
     """What moves a circle or a landmark."""
     return page.locator(f'#handles button[title="{name}"]')
+
+
+def click(page: Page, x: float, y: float, **how: Any) -> None:
+    """Click a place of the scenario on the map."""
+    page.mouse.move(*on_screen(page, x, y))
+    page.mouse.click(*on_screen(page, x, y), **how)
+
+
+def take(page: Page, tool: str) -> None:
+    """Take a tool in hand."""
+    page.get_by_role("toolbar", name="Tools").get_by_role("button", name=tool, exact=True).click()
 
 
 def box_of(mark: Locator) -> FloatRect:
@@ -100,9 +117,15 @@ def phases(page: Page) -> Locator:
     return page.locator("#verdict tr", has_text="Phases").locator("td")
 
 
+def menu(page: Page, name: str) -> None:
+    """Press a button of the menu."""
+    page.get_by_role("button", name="More", exact=True).click()
+    page.locator("#more").get_by_role("button", name=name).click()
+
+
 def copied(page: Page) -> str:
     """Copy the link to the plan on show; return the plan's identifier."""
-    page.get_by_role("button", name="Copy link").click()
+    menu(page, "Copy link")
     expect(page.locator("#notice")).to_contain_text("Link copied")
     return plan_id_of(page)
 
@@ -162,7 +185,7 @@ def opened(page: Page, scenario: dict[str, Any]) -> None:
 def download(page: Page, button: str) -> Download:
     """What a button saves."""
     before = page.locator("#parts [aria-selected=true]").text_content()
-    part(page, "Export")
+    part(page, "Preflight")
     with page.expect_download() as waiting:
         page.locator("#downloads").get_by_role("button", name=button).click()
     part(page, before or "?")
@@ -171,14 +194,14 @@ def download(page: Page, button: str) -> Download:
 
 def place_on_earth(page: Page) -> None:
     """State where the origin lies, which missions need."""
-    page.get_by_label("Latitude (°)").fill("47.4")
-    page.get_by_label("Longitude (°)").fill("8.5")
+    page.get_by_label("Latitude of the origin").fill("47.4")
+    page.get_by_label("Longitude of the origin").fill("8.5")
     page.keyboard.press("Tab")
 
 
 def downloaded(page: Page) -> Any:
     """The scenario as the page saves it."""
-    return json.loads(saved(download(page, "Scenario")))
+    return json.loads(saved(download(page, "Scenario file")))
 
 
 def unzipped(archive: Download) -> dict[str, bytes]:

@@ -6,7 +6,7 @@ import pytest
 from playwright.sync_api import Page, Route, expect
 
 from syncplan.scenario.loading import load_scenario
-from tests.page.gestures import downloaded, drag, drawn, handle, middle, opened, pull, view
+from tests.page.gestures import downloaded, drag, drawn, handle, middle, opened, part, pull, view
 from tests.tools.browsing import Visit, accessibility_faults
 from tests.tools.on_paper import plan
 from tests.tools.scenarios import BAD_FILES, FILES, circling, document
@@ -246,12 +246,14 @@ def test_the_chosen_one_of_two_on_one_place_lies_above(page: Page) -> None:
 
 
 def test_half_an_origin_is_no_fault_and_its_altitude_stays(visit: Visit, page: Page) -> None:
-    page.locator("summary", has_text="Place and time").click()
-    altitude = page.get_by_label("Altitude of the origin")
+    part(page, "Preflight")
+    altitude = page.get_by_label("Ground above sea level")
     latitude = page.get_by_label("Latitude of the origin")
     altitude.fill("412")
     latitude.fill("47.4")
+    part(page, "Scenario")
     visit.fill("Radius of all", "21")
+    part(page, "Preflight")
     expect(page.locator("#notice.bad")).to_have_count(0)
     expect(latitude).to_have_value("47.4")
     assert "geo_origin" not in downloaded(page)

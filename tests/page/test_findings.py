@@ -6,9 +6,9 @@ from typing import Any
 
 import httpx2
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Page, expect
 
-from tests.page.gestures import download, opened, part, sidecar_of
+from tests.page.gestures import box_of, download, drag, drawn, handle, opened, part, sidecar_of
 from tests.tools.browsing import Visit
 from tests.tools.scenarios import document
 from tests.tools.serving import Server
@@ -62,8 +62,41 @@ def test_findings_are_the_same_word_for_word_everywhere(
     for one in planned["findings"]:
         found = page.locator(f"#findings .finding[data-code={one['code']}]")
         expect(found.filter(has_text=one["message"])).to_have_count(1)
-    part(page, "Export")
+    part(page, "Preflight")
     page.get_by_label("Format", exact=True).select_option("csv")
     if not planned["go"]:
         page.get_by_label("Export although the verdict is NO-GO").check()
     assert sidecar_of(download(page, "Export"))["verdict"] == planned
+
+
+FENCED = document(
+    name="fenced",
+    formation={"centers_m": [[0.0, 0.0], [70.0, 0.0]]},
+    landmarks_m=[[35.0, 45.0], [35.0, -45.0]],
+    area_m=[[-30.0, -30.0], [100.0, -30.0], [100.0, 30.0], [-30.0, 30.0]],
+)
+
+
+def test_what_breaks_a_rule_is_marked_and_a_click_goes_there(visit: Visit, page: Page) -> None:
+    opened(page, FENCED)
+    visit.verdict("GO")
+    tabs = box_of(page.locator("#parts"))
+    assert [circle["rank"] for circle in drawn(page, "circle") if circle["rank"] == 0] == []
+    drag(page, "v2", (90.0, 0.0))
+    visit.verdict("✗ NO-GO")
+    visit.settle()
+    broken = [circle["body"] for circle in drawn(page, "circle") if circle.get("rank") == 0]
+    assert broken == ["v2"]
+    (edge,) = drawn(page, "edge")
+    assert edge["at"] == [[100.0, -30.0], [100.0, 30.0]]
+    # however many findings there are, what is below them stays where it is
+    assert box_of(page.locator("#parts")) == tabs
+    page.locator("#map").click(position={"x": 500.0, "y": 60.0})
+    expect(handle(page, "v2")).to_have_attribute("aria-pressed", "false")
+    part(page, "Verdict")
+    page.locator("#findings .stop").get_by_role("button", name="the circle of v2 leaves").click()
+    expect(handle(page, "v2")).to_have_attribute("aria-pressed", "true")
+    expect(page.get_by_label("Its name")).to_have_value("v2")
+    drag(page, "v2", (-90.0, 0.0))
+    visit.settle()
+    assert drawn(page, "edge") == []

@@ -32,10 +32,15 @@ def place(x: float, y: float) -> tuple[float, float]:
 def test_an_origin_brings_a_graticule_and_places_the_pointer(visit: Visit, page: Page) -> None:
     page.mouse.move(*on_screen(page, 20.0, 30.0))
     expect(page.locator("#pointer")).to_have_text(re.compile(r"^-?[\d.]+, -?[\d.]+ m$"))
-    assert drawn(page, "graticule") == []
+    # a grid of whole metres, until there is a place on the earth
+    wait_until(lambda: bool(drawn(page, "graticule")))
+    for line in drawn(page, "graticule"):
+        (x, y), (to_x, _) = line["at"]
+        assert (x if x == to_x else y) % 10.0 == 0.0
+    assert drawn(page, "parallel") == []
     opened(page, PLACED)
     visit.settle()
-    wait_until(lambda: bool(drawn(page, "graticule")))
+    wait_until(lambda: bool(drawn(page, "parallel")))
     for kind, axis in (("parallel", 0), ("meridian", 1)):
         named = drawn(page, kind)
         assert 2 <= len(named) <= 12
@@ -58,7 +63,7 @@ def test_an_origin_brings_a_graticule_and_places_the_pointer(visit: Visit, page:
     assert accessibility_faults(page) == []
     # without an origin there is no earth
     opened(page, {**document(name="elsewhere")})
-    wait_until(lambda: not drawn(page, "graticule"))
+    wait_until(lambda: not drawn(page, "parallel"))
 
 
 def tile_of(lat: float, lon: float, zoom: int) -> tuple[float, float]:

@@ -10,8 +10,10 @@ from playwright.sync_api import Page, Route, expect
 from syncplan.scenario.loading import load_scenario
 from tests.page.gestures import (
     DRAWN,
+    drag,
     drawn,
     figures,
+    menu,
     opened,
     part,
     plan_id_of,
@@ -178,7 +180,7 @@ def test_a_validation_fills_its_figures(visit: Visit, page: Page, server: Server
     # the chosen figure stays when more trials come
     assert page.get_by_role("tab", name="Errors over time").get_attribute("aria-selected") == "true"
     assert accessibility_faults(page) == []
-    page.get_by_role("button", name="Copy link").click()
+    menu(page, "Copy link")
     link = f"{server.url}/?plan={plan_id_of(page)}"
     expect(page.locator("#notice")).to_have_text(f"Link copied: {link}")
     assert page.evaluate("navigator.clipboard.readText()") == link
@@ -262,6 +264,28 @@ def test_a_flight_is_summed_up_and_played(visit: Visit, page: Page, server: Serv
     part(page, "Scenario")
     page.get_by_label("Radius of all").fill("21")
     expect(played).to_be_hidden()
+
+
+def test_a_flight_at_work_counts_its_time_and_keeps_its_options_over_a_reload(
+    visit: Visit, page: Page
+) -> None:
+    fly(page, 400, lose="v3@60")
+    elapsed = page.locator(".running .hint").first
+    expect(elapsed).to_contain_text(re.compile(r"[1-9]\d* s since"))
+    page.reload()
+    visit.verdict("Observable: rank 18 of 18")
+    expect(page.get_by_role("tab", name="Run", exact=True)).to_have_attribute(
+        "aria-selected", "true"
+    )
+    expect(page.locator("#fly-trials")).to_have_value("400")
+    expect(page.locator("#fly-lose")).to_have_value("v3@60")
+    # nor does a drag lead away from it
+    drag(page, "v1", (0.0, 8.0))
+    expect(page.get_by_role("tab", name="Run", exact=True)).to_have_attribute(
+        "aria-selected", "true"
+    )
+    page.get_by_role("button", name="Cancel").click()
+    expect(page.locator(".running").first).to_be_hidden()
 
 
 def test_options_of_rare_use_are_made_when_they_are_looked_for(

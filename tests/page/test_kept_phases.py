@@ -16,6 +16,7 @@ from tests.page.gestures import (
     downloaded,
     figures,
     handle,
+    part,
     phases,
     plan_id_of,
     refine,
@@ -82,7 +83,7 @@ def test_an_edit_that_moves_nothing_keeps_a_refined_plan(
     expect(predicted(page)).to_contain_text(error_of(refined))
     assert "plan=" not in page.url
     # half an origin waits for its other half
-    page.locator("summary", has_text="Place and time").click()
+    part(page, "Preflight")
     page.get_by_label("Latitude of the origin").fill("47.1")
     expect(phases(page)).to_have_text("refined")
     page.get_by_label("Longitude of the origin").fill("8.5")
@@ -183,7 +184,7 @@ def test_a_plan_file_has_the_phases_that_a_scenario_file_lacks(
     downloaded(page)
     expect(page.locator("#notice")).to_contain_text("its phases are computed anew")
     file = tmp_path / "given.plan.json"
-    download(page, "Plan").save_as(file)
+    download(page, "Plan file").save_as(file)
     page.get_by_label("Open a file").set_input_files(file)
     expect(phases(page)).to_have_text("from a file")
     expect(predicted(page)).to_contain_text(error_of(refined))

@@ -19,7 +19,7 @@ def scrub(visit: Visit, label: str, by: float, *, release: bool = True) -> tuple
     visit.settle()
     page = visit.page
     place = page.locator("#editor label", has_text=label).first
-    place.scroll_into_view_if_needed()
+    place.evaluate("one => one.scrollIntoView({ block: 'center' })")
     box = box_of(place)
     x, y = box["x"] + box["width"] / 4.0, box["y"] + box["height"] / 2.0
     pull(page, (x, y), (x + by, y), release=release)
@@ -107,7 +107,7 @@ def test_the_worst_error_is_charted_below_the_field_edited_last(visit: Visit, pa
     expect(drawing).to_have_accessible_name(re.compile(r"Worst predicted error .* at 0\.1 rad; .*"))
     expect(drawing.locator("circle.now")).to_have_count(1)
     expect(drawing.locator("circle:not(.now)").nth(2)).to_be_attached()
-    worst = page.locator("#verdict tr", has_text="Worst vehicle").locator("td")
+    worst = page.locator("#verdict tr", has_text="Worst error").locator("td")
     shown = float((worst.text_content() or "").split()[1])
     stated = box.locator(".trace strong")
     expect(stated).to_have_text(re.compile(r"^\d+\.\d+ m at 0\.15 rad$"))
@@ -177,7 +177,7 @@ def test_flights_that_arrive_close_nothing(visit: Visit, page: Page) -> None:
 
 def test_the_first_visit_is_greeted_once(tabs: Tabs, server: Server) -> None:
     newcomers = Tabs(tabs.browser, greeted=False)
-    with visiting(newcomers, server.url) as visit:
+    with visiting(newcomers, server.url, moving=True) as visit:
         page = visit.page
         greeting = page.get_by_role("region", name="Welcome")
         expect(greeting).to_contain_text("know where they are")

@@ -188,7 +188,7 @@ def test_a_field_and_its_marks_become_missions_with_fences_in_seven_actions(
     page.get_by_role("button", name="Add to this scenario").click()
     visit.verdict("GO")
     visit.settle()
-    part(page, "Export")
+    part(page, "Preflight")
     page.get_by_label("Format", exact=True).select_option("qgc")
     files = unzipped(download(page, "Export"))
     plans = [json.loads(text) for name, text in files.items() if name.endswith(".plan")]
@@ -248,16 +248,20 @@ def test_positions_are_shown_and_typed_in_degrees(visit: Visit, page: Page) -> N
     latitude.fill(f"{place(70.0, 5.0)[0]:.8f}")
     assert downloaded(page)["formation"]["centers_m"][1] == pytest.approx([70, 5], abs=2e-3)
     visit.settle()
-    polygons = json.loads(page.locator("#field-keep-out-m").input_value())
-    assert polygons[0][0] == pytest.approx(place(0.0, 90.0), abs=1e-8)
-    polygons[0][0] = place(0.0, 91.0)
-    page.locator("#field-keep-out-m").fill(json.dumps(polygons))
+    page.get_by_label("Vehicle or landmark").select_option("keep-out 1")
+    field = page.get_by_label("Corners")
+    first, *others = field.input_value().split("; ")
+    assert [float(part) for part in first.split(", ")] == pytest.approx(place(0.0, 90.0), abs=1e-8)
+    field.fill("; ".join(["{:.8f}, {:.8f}".format(*place(0.0, 91.0)), *others]))
+    page.keyboard.press("Tab")
     visit.settle()
     corners = downloaded(page)["keep_out_m"][0]
     assert corners[0] == pytest.approx([0, 91], abs=1e-3)
     assert corners[1:] == [[5, 90], [5, 95]]
+    page.get_by_role("button", name="Add area").click()
     area = [place(*corner) for corner in ((-60, -60), (130, -60), (130, 130), (-60, 130))]
-    page.get_by_label("Polygon that circles stay within").fill(json.dumps(area))
+    field.fill("; ".join(f"{lat:.8f}, {lon:.8f}" for lat, lon in area))
+    page.keyboard.press("Tab")
     visit.settle()
     assert downloaded(page)["area_m"][2] == pytest.approx([130, 130], abs=1e-3)
     # it is kept, and metres come back

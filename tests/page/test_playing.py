@@ -10,6 +10,7 @@ import shapely
 from playwright.sync_api import Page, expect
 
 from tests.page.gestures import (
+    box_of,
     copied,
     download,
     drawn,
@@ -55,6 +56,16 @@ def test_playing_moves_the_timeline_and_shows_the_newest_plan(visit: Visit, page
     expect(page.locator("#play")).to_have_text("Pause")
     ring = np.array(drawn(page, "circle")[0]["at"])
     assert float(np.ptp(ring[:, 0])) == pytest.approx(38.0)
+
+
+def test_buttons_of_the_play_bar_stay_where_they_are(visit: Visit, page: Page) -> None:
+    bar = page.locator(".player > :is(button, input)")
+    places = [box_of(one) for one in bar.all()]
+    page.locator("#play").click()
+    expect(page.locator("#play")).to_have_text("Pause")
+    page.locator("#ellipses").click()
+    expect(page.locator("#magnified")).to_be_visible()
+    assert [box_of(one) for one in bar.all()] == places
 
 
 def test_vehicles_and_sight_follow_the_plan(visit: Visit, page: Page, server: Server) -> None:
@@ -106,9 +117,9 @@ def test_contacts_all_around_are_those_of_the_plan(page: Page, server: Server) -
 
 
 def test_an_export_says_what_it_lacks(visit: Visit, page: Page, server: Server) -> None:
-    plan = json.loads(saved(download(page, "Plan")))
+    plan = json.loads(saved(download(page, "Plan file")))
     assert plan == stored(page, server)
-    part(page, "Export")
+    part(page, "Preflight")
     page.get_by_label("Format", exact=True).select_option("csv")
     archive = download(page, "Export")
     assert archive.suggested_filename == f"{SAME}-csv.zip"
@@ -130,7 +141,7 @@ def test_an_export_says_what_it_lacks(visit: Visit, page: Page, server: Server) 
     assert json.loads(first)["mission"]["firmwareType"] == 12
     expect(reported).not_to_contain_text("CIRCLE_RATE")
     page.get_by_label("Format", exact=True).select_option("kml")
-    expect(page.get_by_label("For", exact=True)).to_be_hidden()
+    expect(page.get_by_label("For", exact=True)).to_be_disabled()
 
 
 def test_a_plan_that_is_no_go_is_exported_only_when_forced(visit: Visit, page: Page) -> None:
@@ -139,7 +150,7 @@ def test_a_plan_that_is_no_go_is_exported_only_when_forced(visit: Visit, page: P
     expect(force).to_be_hidden()
     visit.choose(ALTERNATE)
     visit.verdict("✗ NO-GO")
-    part(page, "Export")
+    part(page, "Preflight")
     page.get_by_label("Format", exact=True).select_option("csv")
     page.locator("#downloads").get_by_role("button", name="Export").click()
     expect(page.locator("#download-fault")).to_contain_text("NO-GO: 2 reasons; unobservable")

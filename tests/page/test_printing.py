@@ -70,7 +70,7 @@ def test_a_report_prints_on_two_sheets(count: int, changes: dict[str, Any], tabs
 def test_the_report_of_a_plan_opens_in_a_tab(visit: Visit, page: Page, server: Server) -> None:
     opened(page, grid(12, geo_origin=TROUBLED["geo_origin"]))
     visit.settle()
-    part(page, "Export")
+    part(page, "Preflight")
     with page.expect_popup() as waiting:
         page.get_by_role("button", name="Print report").click()
     report = waiting.value

@@ -9,6 +9,7 @@ from playwright.sync_api import Page, Route, expect
 from tests.page.gestures import (
     copied,
     handle,
+    menu,
     opened,
     part,
     phases,
@@ -72,8 +73,8 @@ def test_what_a_tab_kept_and_can_t_be_planned_is_forgotten(visit: Visit, page: P
 
 
 def test_a_reload_shows_a_validation_and_its_report_again(page: Page, server: Server) -> None:
-    part(page, "Export")
-    report = page.get_by_role("button", name="Report", exact=True)
+    part(page, "Preflight")
+    report = page.get_by_role("button", name="Report file", exact=True)
     expect(report).to_be_disabled()
     validate(page, "20")
     expect(page.locator("#job-outcome")).to_contain_text(": 20 trials of")
@@ -83,7 +84,7 @@ def test_a_reload_shows_a_validation_and_its_report_again(page: Page, server: Se
     expect(page.get_by_role("tab", name="Error found")).to_be_visible()
     # what came of the job is on show again
     expect(page.locator("#job-outcome")).to_be_visible()
-    part(page, "Export")
+    part(page, "Preflight")
     with page.expect_download() as waiting:
         report.click()
     job = httpx2.get(f"{server.url}/v1/jobs").json()["items"][0]["id"]
@@ -91,7 +92,7 @@ def test_a_reload_shows_a_validation_and_its_report_again(page: Page, server: Se
     assert waiting.value.suggested_filename == "paper-grid-same.report.json"
     part(page, "Scenario")
     page.get_by_label("Name", exact=True).fill("edited")
-    part(page, "Export")
+    part(page, "Preflight")
     expect(report).to_be_disabled()
     assert page.url.rpartition("/")[2] == ""
 
@@ -99,7 +100,7 @@ def test_a_reload_shows_a_validation_and_its_report_again(page: Page, server: Se
 def test_a_link_is_of_the_plan_that_an_edit_overtook(page: Page, server: Server) -> None:
     held: list[Route] = []
     page.route("**/v1/plans", lambda route: held.append(route))
-    page.get_by_role("button", name="Copy link").click()
+    menu(page, "Copy link")
     page.get_by_label("Name", exact=True).fill("edited meanwhile")
     expect(page.locator("#map-name")).to_have_text("edited meanwhile")
     assert len(held) == 1
@@ -122,10 +123,28 @@ def test_the_link_is_to_one_plan_until_deleted(visit: Visit, page: Page, server:
     assert len(httpx2.get(f"{server.url}/v1/plans?limit=200").json()["items"]) == before + 1
     gone = plan_id_of(page)
     assert httpx2.delete(f"{server.url}/v1/plans/{gone}").status_code == 204
-    page.get_by_role("button", name="Dismiss the message").click()
+    expect(page.locator("#notice")).to_be_empty()
     assert copied(page) != gone
     assert stored(page, server)["id"] == plan_id_of(page)
     # one that can't be copied is shown
     page.evaluate("() => { navigator.clipboard.writeText = () => Promise.reject('denied') }")
-    page.get_by_role("button", name="Copy link").click()
+    menu(page, "Copy link")
     expect(page.locator("#notice")).to_contain_text("Link to this plan: http")
+
+
+def test_undo_goes_on_where_a_reload_broke_it_off(visit: Visit, page: Page) -> None:
+    for radius in ("19", "18"):
+        visit.fill("Radius of all", radius)
+        # edits of one field that follow each other at once are one step
+        page.wait_for_timeout(1100)
+    copied(page)
+    page.reload()
+    visit.verdict("Observable: rank 18 of 18")
+    undo = page.get_by_role("button", name="Undo")
+    expect(undo).to_have_attribute("aria-disabled", "false")
+    undo.click()
+    expect(page.get_by_label("Radius of all")).to_have_value("19")
+    visit.settle()
+    undo.click()
+    expect(page.get_by_label("Radius of all")).to_have_value("20")
+    visit.settle()

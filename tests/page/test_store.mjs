@@ -75,6 +75,23 @@ test("a phase at a moment of the period is that of its start", () => {
   assert.ok(Math.abs(Math.sin(phase.phase_rad)) < 1e-12 && Math.cos(phase.phase_rad) > 0);
 });
 
+test("an edit, a phase set by hand and a new team are unsaved until they are stored or undone", () => {
+  const store = new Store();
+  assert.equal(store.unsaved, false);
+  store.open({ plan: planned() });
+  assert.equal(store.unsaved, false);
+  moved(store, { kind: "vehicle", k: 1 }, { x: 71, y: 0 });
+  assert.equal(store.unsaved, true);
+  store.undo();
+  assert.equal(store.unsaved, false);
+  moved(store, { kind: "phase", k: 1 }, { x: 70, y: 20 });
+  assert.equal(store.unsaved, true);
+  store.stored("p2");
+  assert.equal(store.unsaved, false);
+  store.open({ plan: planned(), fresh: true });
+  assert.equal(store.unsaved, true);
+});
+
 test("a body is selected alone, or beside others, and once more no longer", () => {
   const store = opened();
   const [first, second] = [{ kind: "vehicle", k: 0 }, { kind: "landmark", k: 0 }];

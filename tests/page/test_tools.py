@@ -1,13 +1,14 @@
 """What people do on the map with its tools, and a new team from nothing to a mission."""
 
 import math
-from typing import Any
 
 import pytest
 from playwright.sync_api import Page, expect
 
 import syncplan
 from tests.page.gestures import (
+    box_of,
+    click,
     download,
     downloaded,
     drag,
@@ -21,25 +22,15 @@ from tests.page.gestures import (
     place_on_earth,
     pull,
     sheet,
+    take,
     unzipped,
     view,
 )
 from tests.tools.browsing import DESKTOP, PHONE, Tabs, Visit, accessibility_faults, visiting
-from tests.tools.scenarios import document
+from tests.tools.scenarios import FILES, document
 from tests.tools.serving import Server
 
 TABLET = (768, 1024)
-
-
-def click(page: Page, x: float, y: float, **how: Any) -> None:
-    """Click a place of the scenario on the map."""
-    page.mouse.move(*on_screen(page, x, y))
-    page.mouse.click(*on_screen(page, x, y), **how)
-
-
-def take(page: Page, tool: str) -> None:
-    """Take a tool in hand."""
-    page.get_by_role("toolbar", name="Tools").get_by_role("button", name=tool, exact=True).click()
 
 
 @pytest.mark.parametrize("size", [DESKTOP, TABLET, PHONE], ids=["desktop", "tablet", "phone"])
@@ -55,7 +46,7 @@ def test_a_new_team_comes_to_a_mission(tabs: Tabs, server: Server, size: tuple[i
         visit.verdict("✓ GO, flown 31 times: 4 vehicles know where they are to")
         visit.verdict("rank 12 of 12")
         sheet(page)
-        part(page, "Export")
+        part(page, "Preflight")
         place_on_earth(page)
         files = unzipped(download(page, "Export"))
         assert sum(name.endswith(".plan") for name in files) == 4
@@ -71,17 +62,49 @@ def test_a_team_of_ones_own_comes_to_a_mission_by_keyboard_alone(visit: Visit, p
     visit.verdict("✓ GO, flown 31 times: 4 vehicles know where they are to")
     page.get_by_role("tab", name="Scenario", exact=True).focus()
     page.keyboard.press("End")
-    page.get_by_label("Latitude (°)").focus()
+    page.get_by_label("Latitude of the origin").focus()
     page.keyboard.type("47.4")
     page.keyboard.press("Tab")
     page.keyboard.type("8.5")
-    page.keyboard.press("Tab")
-    button = page.locator("#downloads").get_by_role("button", name="Export")
-    expect(button).to_be_enabled()
-    expect(button).to_be_focused()
+    visit.settle()
     with page.expect_download() as waiting:
         page.keyboard.press("Enter")
     assert sum(name.endswith(".plan") for name in unzipped(waiting.value)) == 4
+
+
+def test_a_new_team_keeps_a_distance_and_its_rate_when_a_radius_changes(
+    visit: Visit, page: Page
+) -> None:
+    page.get_by_role("button", name="New").click()
+    page.get_by_role("button", name="Create").click()
+    visit.verdict("✓ GO, flown 31 times: 4 vehicles know where they are to")
+    expect(page.get_by_label("Least separation")).to_have_value("7")
+    part(page, "Verdict")
+    separation = page.locator("#verdict tr", has_text="Least separation")
+    expect(separation).to_contain_text("at least 7 m required")
+    part(page, "Scenario")
+    expect(page.get_by_label("Speed (m/s)", exact=True)).to_be_visible()
+    handle(page, "v2").click()
+    drag(page, "radius of v2", (12.0, -12.0))
+    visit.settle()
+    expect(page.locator("#findings")).not_to_contain_text("angular_rate_rad_s")
+    rate = float(page.get_by_label("Angular rate").input_value())
+    assert rate == pytest.approx(0.2)
+    assert float(page.get_by_label("Radius (m)", exact=True).input_value()) > 20.0
+    visit.verdict("4 vehicles know where they are")
+
+
+def test_open_opens_a_file_and_leaves_the_bar_as_it_is(visit: Visit, page: Page) -> None:
+    bar = box_of(page.locator(".bar"))
+    for _ in range(2):
+        with page.expect_file_chooser() as waiting:
+            page.get_by_role("button", name="Open").click()
+        assert box_of(page.locator(".bar")) == bar
+    waiting.value.set_files(FILES / "four-ground-robots.yaml")
+    expect(page.locator("#map-name")).to_have_text("four-ground-robots")
+    assert box_of(page.locator(".bar")) == bar
+    page.get_by_role("button", name="New").click()
+    expect(page.get_by_role("dialog")).to_be_visible()
 
 
 def test_a_new_team_may_be_given_by_links_and_its_faults_are_said(visit: Visit, page: Page) -> None:

@@ -56,14 +56,15 @@ def test_a_scenario_of_the_world_opens_its_groups_and_is_kept(visit: Visit, page
     assert kept["wind"]["sigma_mps"] == 0.5
     for key in ("heading_sigma_rad", "filter", "obstacles_m", "truth"):
         assert kept[key] == WORLD[key]
-    polygons = page.get_by_label("Polygons that block sight")
-    polygons.fill("[[[35, 20")
-    expect(page.get_by_text("is no JSON yet")).to_be_visible()
-    polygons.fill("[[[35, 200], [40, 200], [40, 220]]]")
+    page.get_by_label("Vehicle or landmark").select_option("obstacle 1")
+    page.get_by_label("Corners").fill("35, 200; 40, 200; 40, 220")
+    page.keyboard.press("Tab")
     visit.settle()
     assert downloaded(page)["obstacles_m"] == [[[35, 200], [40, 200], [40, 220]]]
-    expect(page.get_by_text("is no JSON yet")).to_have_count(0)
+    page.get_by_label("Keys that are true instead").fill('{"wind": {"sig')
+    expect(page.get_by_text("is no JSON yet")).to_be_visible()
     visit.fill("Keys that are true instead", '{"wind": {"sigma_mps": 2}}')
+    expect(page.get_by_text("is no JSON yet")).to_have_count(0)
     assert downloaded(page)["truth"] == {"wind": {"sigma_mps": 2}}
     page.get_by_label("Estimated errors").select_option("none")
     visit.settle()

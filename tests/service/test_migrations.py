@@ -80,6 +80,8 @@ def test_a_database_of_the_first_version_gets_the_tables_of_today_and_keeps_its_
         assert (kept["attempts"], kept["deaths"]) == (0, 0)
         living = first.execute(select(new["executors"])).all()
         assert ("one", 7, None, None) in living
+        plans = first.execute(select(new["plans"].c.worst_predicted_rms_m, new["plans"].c.outline))
+        assert set(plans) == {(None, None)}
         # a process of the version before, which knows no more columns than it had
         first.execute(insert(old["jobs"]).values({**job, "id": "k"}))
         first.execute(insert(old["job_parts"]).values({**part, "job_id": "k"}))

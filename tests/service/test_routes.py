@@ -146,10 +146,34 @@ def test_plans_are_listed_newest_first_a_page_at_a_time(server: Server) -> None:
             "observable": False,
             "go": False,
             "predicted_rms_m": whole["items"][0]["predicted_rms_m"],
+            "worst_predicted_rms_m": whole["items"][0]["worst_predicted_rms_m"],
+            "outline": {
+                "circles": [[0.0, 0.0, 20.0], [70.0, 0.0, 20.0]],
+                "landmarks": [],
+                "area": None,
+            },
         }
         lea.delete(f"/v1/plans/{made[2]}")
         after = lea.get(f"/v1/plans?before={made[1]}").json()
         assert [one["id"] for one in after["items"]] == made[3:]
+
+
+def test_a_listed_plan_has_its_worst_error_and_an_outline(ann: httpx2.Client) -> None:
+    plan = planned(
+        ann,
+        formation={"centers_m": [[0.123, -0.012], [70.0, 0.0]]},
+        landmarks_m={"pole": [35.04, 40.06], "gate": [35.0, -40.0]},
+        area_m=[[-30.0, -50.0], [100.0, -50.0], [35.0, 149.96]],
+    )
+    row = ann.get("/v1/plans?limit=1").json()["items"][0]
+    assert row["id"] == plan["id"]
+    assert row["worst_predicted_rms_m"] == max(plan["predicted_rms_m"]["vehicles"].values())
+    # the extent is 200 m
+    assert row["outline"] == {
+        "circles": [[0.0, 0.0, 20.0], [70.0, 0.0, 20.0]],
+        "landmarks": [[35.0, 40.0], [35.0, -40.0]],
+        "area": [[-30.0, -50.0], [100.0, -50.0], [35.0, 150.0]],
+    }
 
 
 def test_parameters_that_can_not_be_are_refused_by_name(cat: httpx2.Client, queued: str) -> None:

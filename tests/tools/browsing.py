@@ -5,7 +5,7 @@ import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 from axe_playwright_python.base import AXE_SCRIPT
 from playwright.sync_api import (
@@ -103,9 +103,14 @@ class Visit:
 
     def choose(self, example: str) -> None:
         """Start from an example."""
-        self.page.get_by_label("Start from an example").select_option(example)
+        self.begin(example)
         expect(self.page.locator("#map-name")).to_have_text(example)
         self.settle()
+
+    def begin(self, example: str) -> None:
+        """Choose an example, and do not wait for it."""
+        self.page.get_by_role("button", name="More", exact=True).click()
+        self.page.get_by_label("Start from an example").select_option(example)
 
     def fill(self, label: str, value: str, *, exact: bool = False) -> None:
         """Fill a field and wait until what follows is planned."""
@@ -178,15 +183,19 @@ def visiting(
     size: tuple[int, int] = DESKTOP,
     dark: bool = False,
     touch: bool = False,
+    moving: bool = False,
 ) -> Iterator[Visit]:
     """A visit to an address; at its end nothing may have been complained of that was not expected.
+
+    Nothing moves by itself, unless `moving`: marks would be somewhere else each time.
 
     Whatever does not come from the service itself counts as a complaint.
     """
     width, height = size
     page = tabs.take(touch)
     page.set_viewport_size({"width": width, "height": height})
-    page.emulate_media(color_scheme="dark" if dark else "light")
+    motion: Literal["no-preference", "reduce"] = "no-preference" if moving else "reduce"
+    page.emulate_media(color_scheme="dark" if dark else "light", reduced_motion=motion)
     expect.set_options(timeout=_PATIENCE_MS)
     visit = Visit(page)
     origin = "/".join(address.split("/")[:3])

@@ -19,7 +19,7 @@ from api.storage.tables import (
 __all__ = ["summed_bytes"]
 
 _SIZED = {
-    plans: ("name", "text"),
+    plans: ("name", "text", "outline"),
     jobs: ("request", "plan_text", "error"),
     answers: ("headers", "body"),
     recordings: ("overview", "data"),
