@@ -139,7 +139,8 @@ def test_undo_brings_a_refined_plan_and_its_address_back(at_refined: Visit, refi
     before = float(east.input_value())
     east.fill(str(before + 0.1))
     at_refined.settle()
-    expect(page.locator("#notice")).to_contain_text("Undo brings the refined plan back")
+    # the message goes by itself, the finding stays
+    expect(page.locator("#findings")).to_contain_text("Undo brings the refined plan back")
     expect(phases(page)).to_contain_text("synchronised")
     expect(phases(page)).to_contain_text("Undo brings the refined plan back")
     expect(predicted(page)).not_to_contain_text(error_of(refined))
