@@ -6,7 +6,7 @@ import { Fields } from "./fields.js";
 import { freeCenter, freeSite } from "./free_space.js";
 import { nameOf } from "./grips.js";
 import { switchOf } from "./losses.js";
-import { landmarksOf, mean, polygonsOf, roundBelow, vehiclesOf, withAltitude, withDirection, withPolygon, withRadius, withValue } from "./scenario.js";
+import { landmarksOf, mean, polygonAt, polygonsOf, roundBelow, vehiclesOf, withAltitude, withDirection, withPolygon, withRadius, withValue } from "./scenario.js";
 import { addBody, BODIES, copyChosen, placesOf, removeChosen, withAligned, withoutChosen, withPolygonAdded } from "./selection.js";
 import { askJson } from "./service.js";
 
@@ -115,9 +115,9 @@ export function bodyPart(store, storePlan) {
 
   /** The field of a polygon's corners, and how they are changed on the map. */
   function cornersOf(kind, k) {
-    const { key, corners } = { ...polygonsOf(store.scenario).find((polygon) => polygon.kind === kind && polygon.k === k) };
+    const { key, corners } = { ...polygonAt(store.scenario, { kind, k }) };
     const { read, change: changed, unitOf } = placedField(store, {
-      read: (scenario) => polygonsOf(scenario).find((polygon) => polygon.kind === kind && polygon.k === k)?.corners ?? corners,
+      read: (scenario) => polygonAt(scenario, { kind, k })?.corners ?? corners,
       change: (scenario, pairs) => withPolygon(scenario, kind, pairs, k),
     });
     const field = fields.add({

@@ -3,7 +3,7 @@
 
 import { shown } from "./elements.js";
 import { circlesOf, poseAt } from "./marks.js";
-import { landmarksOf, placesIn, polygonsOf, rounded, withPolygon, withRadius } from "./scenario.js";
+import { landmarksOf, placesIn, polygonAt, rounded, withPolygon, withRadius } from "./scenario.js";
 import { BODIES } from "./selection.js";
 
 /**
@@ -43,7 +43,7 @@ export function gripsOf(scenario, plan, selected, turned, place = placesIn(scena
 
 /** The corners of a polygon that is selected, as grips. @returns {Grip[]} */
 function cornersOf(scenario, selected, place) {
-  const polygon = polygonsOf(scenario).find(({ kind, k }) => selected?.kind === kind && selected.k === k);
+  const polygon = polygonAt(scenario, selected);
   return (polygon?.corners ?? []).map(([x, y], k) => {
     const title = `corner ${k + 1} of ${nameOf(polygon)}`;
     return { kind: "corner", k, x, y, polygon, title, label: `${title[0].toUpperCase()}${title.slice(1)} at ${place({ x, y })}` };

@@ -114,16 +114,19 @@ export function jobsAt(id, { forms: formsOf = () => [], may = () => true, addres
     const count = () => (elapsed.textContent = `${Math.max(0, Math.round((Date.now() - begun) / 1000))} s since it was handed in`);
     count();
     const counting = setInterval(count, 1000);
-    await followEvents(job.id, {
-      changed: (event) => {
-        show({ ...job, ...event });
-        changed?.(job, event);
-      },
-      away: (flag) => {
-        if (flag) text.textContent = `${title}: the service can't be reached; the job goes on once it is back. Trying again …`;
-      },
-    });
-    clearInterval(counting);
+    try {
+      await followEvents(job.id, {
+        changed: (event) => {
+          show({ ...job, ...event });
+          changed?.(job, event);
+        },
+        away: (flag) => {
+          if (flag) text.textContent = `${title}: the service can't be reached; the job goes on once it is back. Trying again …`;
+        },
+      });
+    } finally {
+      clearInterval(counting);
+    }
     return patiently(() => askJson("GET", `v1/jobs/${job.id}`));
   }
 

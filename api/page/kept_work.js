@@ -97,7 +97,7 @@ function show(open, compare, kind = "plans") {
     used.textContent = usageOf(usage);
     const all = [...before, ...items];
     const groups = [...Map.groupBy(all, ({ id, name }) => (kind === "plans" && name) || id).values()];
-    const rows = groups.flat().map((one) => [...cells(one), element("div", { class: "row" }, acts(one))]);
+    const rows = groups.flat().map((work) => [...cells(work), element("div", { class: "row" }, acts(work))]);
     const lines = table([...heads, ""], rows);
     fold([...lines.tBodies[0].rows], groups);
     const kept = element("div", { class: "front", tabindex: "0", role: "region", "aria-label": title }, lines);

@@ -151,6 +151,7 @@ export class FormationMap {
     for (const item of legend.querySelectorAll("[data-mark]")) item.hidden = !kinds.has(item.dataset.mark);
   }
 
+  /** The ground is loaded after the map. */
   async #layGround(style) {
     const { Ground } = await import("./ground.js");
     this.#ground ??= new Ground(this.#map, style);
@@ -239,7 +240,7 @@ export class FormationMap {
     const circles = circlesOf(scenario, plan, off);
     const links = linksOf(scenario, plan, off);
     const judged = without?.unobservable ? { ...plan, observability: without } : plan;
-    const broken = brokenBy(scenario, plan);
+    const broken = brokenBy(scenario, plan, circles);
     const room = roomAbout(links);
     const point = (kind, body) => pointOf(kind, body, room.get(body.name) ?? Math.PI / 2);
     this.#scene = { circles, links };

@@ -83,9 +83,8 @@ export function arcOf(circle, from, to) {
 }
 
 /** What breaks a rule of a plan: the names of vehicles and landmarks, and the edges [[x, y], [x, y]] that circles cross. */
-export function brokenBy(scenario, plan) {
+export function brokenBy(scenario, plan, circles) {
   const stops = (plan?.verdict?.findings ?? []).filter(({ level, code }) => level === "stop" && code !== "unobservable");
-  const circles = circlesOf(scenario, plan);
   const crossed = stops.flatMap(({ code, subjects }) =>
     polygonsOf(scenario)
       .filter(({ kind }) => kind === CROSSINGS[code])

@@ -129,10 +129,10 @@ export class Opening {
     this.#take(await Planner.preview(planIn(text) || text), name, choice, fresh);
   }
 
-  #take(found, name, choice, fresh = false) {
+  #take({ plan, figures }, name, choice, fresh = false) {
     if (choice !== this.#choices) return;
-    this.#store.open({ plan: found.plan, origin: "file", fresh });
-    this.#store.judged(found.plan, found.figures, { quick: false });
+    this.#store.open({ plan, origin: "file", fresh });
+    this.#store.judged(plan, figures, { quick: false });
     this.#address.write();
     if (this.#store.given) notice(`${name}: the plan with its own phases, judged afresh.`);
   }

@@ -278,6 +278,11 @@ export function polygonsOf(scenario) {
   });
 }
 
+/** Return the polygon of a kind and number, undefined where there is none. */
+export function polygonAt(scenario, which) {
+  return polygonsOf(scenario).find(({ kind, k }) => kind === which?.kind && k === which.k);
+}
+
 /** Return the scenario with the corners of polygon k of a kind, one more where none is k; null takes it out. */
 export function withPolygon(scenario, kind, corners, k = Infinity) {
   const key = POLYGONS[kind];

@@ -53,7 +53,7 @@ export async function unsavedWork() {
   const { held = [] } = (await navigator.locks?.query().catch(() => null)) ?? {};
   const closed = unsavedKeys().filter((tab) => tab !== TAB && !held.some(({ name }) => name === tab));
   const works = closed.map((tab) => allowed(() => ({ ...JSON.parse(localStorage.getItem(tab) ?? ""), tab })));
-  return works.filter((work) => work?.state?.anchor?.scenario && work.state.scenario).sort((one, other) => other.at - one.at);
+  return works.filter((work) => work?.state?.anchor?.scenario && work.state.scenario).sort((work, other) => other.at - work.at);
 }
 
 /** Forget unsaved work. */

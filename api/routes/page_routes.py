@@ -81,7 +81,7 @@ def tables_script(site: Site) -> str:
         "FIGURES": {name: FIGURES[name].title for name in figures},
         "PLAN_FIGURES": always_there("plan"),
         "FORMATS": {
-            name: {key: getattr(one, key) for key in _OF_FORMATS} for name, one in FORMATS.items()
+            name: {key: getattr(form, key) for key in _OF_FORMATS} for name, form in FORMATS.items()
         },
         "SHAPES": {name: one.sentence for name, one in SHAPES.items()},
         "PILOTS": pilots,

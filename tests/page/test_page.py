@@ -219,7 +219,7 @@ def test_the_libraries_of_the_page_are_as_they_were_bundled() -> None:
     vendored = PAGE / "vendor"
     lines = (vendored / "SHA256SUMS").read_text().splitlines()
     digests = {name: digest for digest, name in (line.split("  ") for line in lines)}
-    files = {one.name for one in vendored.iterdir() if not one.name.endswith(".d.ts")}
+    files = {path.name for path in vendored.iterdir() if not path.name.endswith(".d.ts")}
     assert set(digests) == files - {"SHA256SUMS"}
     for name, digest in digests.items():
         assert hashlib.sha256((vendored / name).read_bytes()).hexdigest() == digest, name

@@ -60,12 +60,12 @@ def test_playing_moves_the_timeline_and_shows_the_newest_plan(visit: Visit, page
 
 def test_buttons_of_the_play_bar_stay_where_they_are(visit: Visit, page: Page) -> None:
     bar = page.locator(".player > :is(button, input)")
-    places = [box_of(one) for one in bar.all()]
+    places = [box_of(control) for control in bar.all()]
     page.locator("#play").click()
     expect(page.locator("#play")).to_have_text("Pause")
     page.locator("#ellipses").click()
     expect(page.locator("#magnified")).to_be_visible()
-    assert [box_of(one) for one in bar.all()] == places
+    assert [box_of(control) for control in bar.all()] == places
 
 
 def test_vehicles_and_sight_follow_the_plan(visit: Visit, page: Page, server: Server) -> None:
