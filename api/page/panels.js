@@ -183,9 +183,9 @@ function offerParts(store) {
     // where the page scrolls
     if (open) sheet.scrollIntoView({ block: "start" });
   });
-  // neither a drag nor a job at work is left for the fields
-  const isAtWork = () => parts.current() === "run" && byId("work").querySelector(".running:not([hidden])");
-  store.on(["selected"], ({ dragged }) => store.selected && !dragged && !isAtWork() && parts.choose("scenario"));
+  // neither a drag, a design nor a job at work is left for the fields
+  const stays = () => parts.current() === "design" || (parts.current() === "run" && byId("work").querySelector(".running:not([hidden])"));
+  store.on(["selected"], ({ dragged }) => store.selected && !dragged && !stays() && parts.choose("scenario"));
   return parts;
 }
 
@@ -202,8 +202,7 @@ function offerBar(store, opening) {
   byId("undo").addEventListener("click", () => store.undo());
   byId("redo").addEventListener("click", () => store.redo());
   addEventListener("beforeunload", (event) => {
-    // what was edited and not stored
-    if (store.canUndo && !store.planId) event.preventDefault();
+    if (store.unsaved) event.preventDefault();
   });
   // nothing that was pressed before they heard of it is lost
   for (const id of ["new", "examples", "open", "kept"]) byId(id).disabled = false;

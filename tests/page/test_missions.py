@@ -1,0 +1,141 @@
+"""A mission from nothing: a team over a field with a keep-out, in few actions, at every size."""
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import pytest
+from playwright.sync_api import Page
+
+from tests.page.gestures import Place, on_screen, unzipped
+from tests.tools.browsing import DESKTOP, PHONE, Tabs, Visit, visiting
+from tests.tools.serving import Server
+
+TABLET = (768, 1024)
+DOUBLED = (720, 450)
+"""A desktop of 1440 x 900 at 200 %."""
+
+FIELD = [
+    *((-60.0, -60.0), (200.0, -60.0), (200.0, 40.0)),
+    *((110.0, 40.0), (110.0, 130.0), (-60.0, 130.0)),
+]
+"""An L about the five circles of a grid, corners in m."""
+
+KEEP_OUT = [(30.0, 30.0), (40.0, 30.0), (35.0, 40.0)]
+
+
+@dataclass
+class Hands:
+    """Actions on the page, counted: a click, a drag, a filled field, a command by key."""
+
+    page: Page
+    actions: int = 0
+
+    def press(self, name: str, role: str = "button") -> None:
+        """Press a button or a tab."""
+        self.actions += 1
+        self.page.get_by_role(role, name=name, exact=True).click()  # type: ignore[arg-type]
+
+    def fill(self, label: str, value: str) -> None:
+        """Fill a field."""
+        self.actions += 1
+        self.page.get_by_label(label).fill(value)
+
+    def point(self, place: Place) -> None:
+        """Click or tap a place of the scenario on the map."""
+        self.actions += 1
+        x, y = on_screen(self.page, *place)
+        self.page.mouse.move(x, y)
+        self.page.mouse.click(x, y)
+        # two clicks in a row are none of a double click
+        self.page.wait_for_timeout(300)
+
+    def outline(self, tool: str, corners: list[Place]) -> None:
+        """Draw a polygon with a tool, up to its first corner again."""
+        self.press(tool)
+        for corner in (*corners, corners[0]):
+            self.point(corner)
+
+
+def flown_as_planned(page: Page, export: Callable[[], None]) -> None:
+    """Export the mission and find five vehicles in it, with altitude and fence."""
+    with page.expect_download() as waiting:
+        export()
+    missions = [
+        json.loads(text) for name, text in unzipped(waiting.value).items() if name.endswith(".plan")
+    ]
+    assert len(missions) == 5
+    for mission in missions:
+        fence = mission["geoFence"]["polygons"]
+        assert sorted((each["inclusion"], len(each["polygon"])) for each in fence) == [
+            (False, 3),
+            (True, 6),
+        ]
+        altitudes = {item["Altitude"] for item in mission["mission"]["items"] if "Altitude" in item}
+        assert altitudes == {60}
+
+
+@pytest.mark.parametrize(
+    ("size", "touch"),
+    [(DESKTOP, False), (TABLET, True), (PHONE, True), (DOUBLED, False)],
+    ids=["desktop", "tablet", "phone", "doubled"],
+)
+def test_a_team_over_a_field_comes_to_a_mission_in_22_actions(
+    tabs: Tabs, server: Server, size: tuple[int, int], touch: bool
+) -> None:
+    with visiting(tabs, server.url, size=size, touch=touch) as visit:
+        page, hands = visit.page, Hands(visit.page)
+        visit.verdict("GO")
+        hands.press("New …")
+        hands.fill("Vehicles", "5")
+        hands.press("Create")
+        visit.verdict("5 vehicles know where they are")
+        hands.outline("Area", FIELD)
+        hands.outline("Keep-out", KEEP_OUT)
+        visit.verdict("✓ GO")
+        if page.locator("#sheet").is_visible():
+            hands.press("Details")
+        hands.press("Preflight", "tab")
+        hands.fill("Altitude above ground", "60")
+        hands.fill("Latitude of the origin", "47.4")
+        hands.fill("Longitude of the origin", "8.5")
+        visit.settle()
+        flown_as_planned(page, lambda: hands.press("Export"))
+        assert hands.actions <= 22
+
+
+def test_a_team_over_a_field_comes_to_a_mission_by_keyboard_in_32_actions(
+    visit: Visit, page: Page
+) -> None:
+    actions = 0
+
+    def pressed(name: str, role: str = "button") -> None:
+        nonlocal actions
+        actions += 1
+        page.get_by_role(role, name=name, exact=True).focus()  # type: ignore[arg-type]
+        page.keyboard.press("Enter")
+
+    def typed(label: str, text: str) -> None:
+        nonlocal actions
+        actions += 1
+        page.get_by_label(label).focus()
+        page.keyboard.press("Control+a")
+        page.keyboard.type(text)
+
+    pressed("New …")
+    typed("Vehicles", "5")
+    pressed("Create")
+    visit.verdict("5 vehicles know where they are")
+    for kind, corners in (("area", FIELD), ("keep-out", KEEP_OUT)):
+        pressed(f"Add {kind}")
+        typed("Corners", "; ".join(f"{x:g}, {y:g}" for x, y in corners))
+        page.keyboard.press("Tab")
+    visit.verdict("✓ GO")
+    pressed("Preflight", "tab")
+    typed("Altitude above ground", "60")
+    typed("Latitude of the origin", "47.4")
+    typed("Longitude of the origin", "8.5")
+    visit.settle()
+    actions += 1
+    flown_as_planned(page, lambda: page.keyboard.press("Enter"))
+    assert actions <= 32
