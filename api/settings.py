@@ -15,6 +15,7 @@ from sqlalchemy.exc import ArgumentError
 
 from api.keys import ApiKey, check_keys, parsed_keys
 from syncplan.errors import InputError
+from syncplan.phrases import limit_in_words
 from syncplan.runtime.machine import usable_cores, usable_memory
 
 # --- addresses of databases -----------------------------------------------------------------------
@@ -317,6 +318,7 @@ def _shown(name: str, fault: dict[str, Any]) -> str:
     if fault["type"] == "extra_forbidden":
         return "is no setting"
     message = str(fault["msg"]).removeprefix("Value error, ").replace("Input should", "must")
+    message = limit_in_words(message)
     if name in _SECRET:
         return message
     value = str(fault["input"])

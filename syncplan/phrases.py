@@ -46,6 +46,13 @@ def percent(share: float, interval: tuple[float, float] | None = None) -> str:
     return text if interval is None else f"{text} ({' to '.join(map(percent, interval))})"
 
 
+def limit_in_words(message: str) -> str:
+    """Return pydantic's message on a limit in fewer words: "must be at least 1"."""
+    return message.replace("greater than or equal to", "at least").replace(
+        "less than or equal to", "at most"
+    )
+
+
 def metres(value: float, digits: int = 4) -> str:
     """Return a length in m: what is under a tenth of a millimetre is a rounding error, and 0."""
     return f"{round(value, 4) + 0.0:.{digits}g}"

@@ -13,7 +13,7 @@ export function offerComparison(store) {
     // what a refinement draws beside the plan is another one
     if (!compared || store.beside !== compared) return chip.remove();
     if (quick) return;
-    const [there, here] = [compared, store.plan].map((plan) => shown(worstOf(plan), "m", 3));
+    const [there, here] = [compared, store.plan].map((plan) => shown(worstOf(plan), "m"));
     words.textContent = `Dashed: ${compared.scenario.name || "the other plan"}, worst error ${there}; here ${here}`;
     if (!chip.isConnected) byId("map").append(chip);
   });

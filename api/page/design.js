@@ -69,7 +69,7 @@ function frontOf(front, need, open, best = null) {
 function cellOf(one, need, open, best) {
   if (one.worst_rms_m === null) return "—";
   const chosen = best && best.vehicles === one.vehicles && best.landmarks === one.landmarks;
-  const text = `${shown(one.worst_rms_m, "", 3)}${one.worst_rms_m <= need ? " ✓" : ""}${chosen ? " ★" : ""}`;
+  const text = `${shown(one.worst_rms_m)}${one.worst_rms_m <= need ? " ✓" : ""}${chosen ? " ★" : ""}`;
   if (!one.formation) return text;
   const about = `${teamOf(one)}: ${shown(one.worst_rms_m, "m")}; open this formation`;
   return button(text, () => open(one.formation, teamOf(one)), { class: "small", "aria-label": about });

@@ -114,10 +114,11 @@ function rowsOf(scenario, format) {
 
 /** The altitudes that the files of a format state, in words. */
 function altitudesOf(scenario, { altitude_m: usual }) {
-  if (scenario.altitude_m === undefined) return `${shown(usual, "m")} for all: none is stated, and this is the format's`;
-  const all = vehiclesOf(scenario).map(({ name, altitude }) => `${name} ${shown(altitude, "m")}`);
-  if (!Array.isArray(scenario.altitude_m)) return `${shown(scenario.altitude_m, "m")} above ground, all vehicles`;
-  const range = [Math.min, Math.max].map((of) => of(...scenario.altitude_m)).map((height) => shown(height, "m")).join(" to ");
+  const metres = (height) => shown(height, "m", 6);
+  if (scenario.altitude_m === undefined) return `${metres(usual)} for all: none is stated, and this is the format's`;
+  const all = vehiclesOf(scenario).map(({ name, altitude }) => `${name} ${metres(altitude)}`);
+  if (!Array.isArray(scenario.altitude_m)) return `${metres(scenario.altitude_m)} above ground, all vehicles`;
+  const range = [Math.min, Math.max].map((of) => metres(of(...scenario.altitude_m))).join(" to ");
   return all.length > MOST_LISTED ? `${range} above ground` : `${all.join(", ")} above ground`;
 }
 

@@ -119,12 +119,18 @@ export function byId(id) {
   return document.getElementById(id);
 }
 
-/** Return a number as people read it: so many digits, no exponent where that can be. */
-export function shown(value, unit = "", digits = 4) {
+/** Return a number as people read it: so many digits, all of those before the point, no exponent where that can be. */
+export function shown(value, unit = "", digits = 3) {
   if (value === null || value === undefined) return "—";
+  const whole = Math.trunc(Math.abs(value)).toString().length;
   // what is under a tenth of a millimetre is a rounding error
-  const text = rounded(unit === "m" ? Math.round(1e4 * value) / 1e4 : value, digits).toString();
+  const text = rounded(unit === "m" ? Math.round(1e4 * value) / 1e4 : value, Math.max(digits, whole)).toString();
   return unit ? `${text} ${unit}` : text;
+}
+
+/** Return an angle or a rate again in degrees, as it is said beside one in radians; nothing of other quantities. */
+export function degreesBeside(value, unit = "") {
+  return value && unit.startsWith("rad") ? ` = ${shown((value * 180) / Math.PI)}${unit.replace("rad", "°")}` : "";
 }
 
 /** Return date and time of an RFC 3339 text, or of a time in ms. */

@@ -1,7 +1,7 @@
 // Labelled inputs of a scenario's values, and what is wrong with them.
 
 import { pairIn } from "./coordinates.js";
-import { element, mark, options } from "./elements.js";
+import { degreesBeside, element, mark, options } from "./elements.js";
 import { scrubbed, stepOf } from "./scrubbing.js";
 import { question } from "./terms.js";
 
@@ -66,7 +66,7 @@ export class Fields {
       if (value === null) return;
       // an input that is scrubbed says more of the edit
       edit((scenario) => field.change(scenario, value), detail);
-      if (!kind) input.step = stepIn(field);
+      if (!kind) fit(field);
     };
     const waits = kind === "choice" || kind === "name" || whole;
     input.addEventListener(waits ? "change" : "input", take);
@@ -111,7 +111,7 @@ export class Fields {
     const text = missing ? "" : kind === "json" ? JSON.stringify(value) : String(value);
     if (input.value !== text) input.value = text;
     input.placeholder = listed ? "differs" : "";
-    if (!kind) input.step = stepIn(field);
+    if (!kind) fit(field);
   }
 
   /** Offer choices, `{ value: text }`, and show which of them is taken. */
@@ -131,9 +131,11 @@ export class Fields {
   }
 }
 
-/** The step of the arrow keys in a field. @param {Field} field */
-function stepIn({ input, unit, step }) {
-  return step ?? stepOf(input.valueAsNumber, unit);
+/** Fit the step of the arrow keys to a field's number, and say it in degrees beside radians. @param {Field} field */
+function fit({ input, unit, step, beside }) {
+  const value = input.valueAsNumber;
+  input.step = step ?? stepOf(value, unit);
+  if (unit) beside.textContent = ` (${unit}${degreesBeside(value, unit)})`;
 }
 
 /** The attributes of an input by its kind. @param {Field} field */

@@ -10,12 +10,13 @@ import { tabs } from "./tabs.js";
 /** Jobs about no plan that have a part of the page, by the name that the address gives it. */
 const ADDRESSED = { design: "design" };
 
-/** The dialogue of what is kept; `open(planId)` opens a plan, `compare(plan)` draws one beside the plan on show.
+/** The dialogue of what is kept; `open(planId)` opens a plan, `compare(plan)` draws one beside the plan on show, and
+ * `showReplay(report)` shows the replay of a recording instead of it.
  *
  * Returns what shows a kind of work. */
-export function offerKeptWork({ open, compare }) {
-  byId("kept").addEventListener("click", () => show(open, compare));
-  return (kind) => show(open, compare, kind);
+export function offerKeptWork(how) {
+  byId("kept").addEventListener("click", () => show(how));
+  return (kind) => show(how, kind);
 }
 
 /** Send the archive of a recording, which the service keeps. */
@@ -25,7 +26,7 @@ export async function sendRecording(file) {
   notice(`${file.name} is kept.`);
 }
 
-function show(open, compare, kind = "plans") {
+function show({ open, compare, showReplay }, kind = "plans") {
   const list = element("div", { class: "tabs", role: "tablist", "aria-label": "Kept work" });
   const listed = element("div", { id: "kept-list", role: "tabpanel" });
   const used = element("p", { id: "usage", class: "hint" });
@@ -33,7 +34,9 @@ function show(open, compare, kind = "plans") {
   /** the name of the recording that is replayed */
   let replayed = "";
   const report = ({ id }) => element("a", { href: `v1/jobs/${id}/result`, download: `${replayed}.report.json` }, "Report");
-  const replays = jobsAt("replay-job", { ended: async (job, result) => result && [await outcomeOf(job), report(job)] });
+  const replays = jobsAt("replay-job", {
+    ended: async (job, result) => result && [act("Show on the map", () => onMap(result)), await outcomeOf(job), report(job)],
+  });
   /** Each kind of work: its title, the columns of a row, and what can be done with it. */
   const kinds = {
     plans: {
@@ -42,7 +45,7 @@ function show(open, compare, kind = "plans") {
       cells: ({ id, name, outline, go, worst_predicted_rms_m: error, vehicles, parent_id: parent, created_at: made }) => [
         [outline && smallMap(outline), act(name || "without a name", () => open(id).then(close)), parent && element("span", { class: "hint block" }, "refined from another plan")],
         go === null ? "—" : go ? "GO" : "NO-GO",
-        shown(error, "m", 3),
+        shown(error, "m"),
         `${vehicles}`,
         timeOf(made),
       ],
@@ -54,6 +57,7 @@ function show(open, compare, kind = "plans") {
       cells: ({ kind, state, created_at: made }) => [STUDIES[kind].title, state, timeOf(made)],
       acts: (row) => [
         addressOf(row) && element("a", { href: addressOf(row) }, "Open"),
+        row.kind === "replay" && row.result && act("Show on the map", async () => onMap(await askJson("GET", `v1/jobs/${row.id}/result`))),
         row.result && element("a", { href: row.result, download: `${row.kind}.json` }, "Result"),
         remove(row),
       ],
@@ -131,10 +135,15 @@ function show(open, compare, kind = "plans") {
     return element("p", {}, file, label, element("span", { class: "hint" }, " A zip or tar archive of its folder."));
   }
 
+  function onMap(result) {
+    close();
+    showReplay(result);
+  }
+
   /** Run the filter on a recording. */
   async function replay({ id, name }, pressed) {
     replays.clear();
-    const job = await postOnce(`v1/recordings/${id}/replays`, {});
+    const job = await postOnce(`v1/recordings/${id}/replays`, { series: true });
     replayed = name;
     await replays.follow(job, pressed);
   }

@@ -131,6 +131,7 @@ const MAKERS = {
   ellipse: (ink) => new Style({ stroke: stroke(ink.estimate, 2), fill: new Fill({ color: `${ink.estimate}33` }), zIndex: 3 }),
   ruler: (ink) => new Style({ stroke: stroke(ink.ink, 2, [6, 4]) }),
   length: (ink) => new Style({ text: named(ink, -10) }),
+  path: (ink) => new Style({ stroke: stroke(ink.contact, 1.5) }),
   tail: (ink) => new Style({ stroke: stroke(ink.circle, 2) }),
   // a cross
   event: (ink) => new Style({ image: new RegularShape({ points: 4, radius: 10, radius2: 0, angle: Math.PI / 4, stroke: new Stroke({ color: ink.ink, width: 3 }) }), text: named(ink, -18), zIndex: 6 }),

@@ -11,7 +11,7 @@ import { DragPan, LineString, MouseWheelZoom, OlMap, PinchZoom, Point, Polygon, 
 
 const MARGIN_PX = 36;
 const BUTTONS_PX = 72;
-const TOOLS_PX = 150;
+const TOOLS_PX = 158;
 /** as in page.css */
 const NARROW = matchMedia("(max-width: 60em)");
 const FURTHEST_M = 1e7;
@@ -72,6 +72,8 @@ export class FormationMap {
   #time = 0;
   /** @type {any[] | null} */
   #flown = null;
+  /** marks that are drawn instead of the scenario, or null @type {any[] | null} */
+  #instead = null;
   /** points of what lies around a vehicle, by its name, place and the time, or null @type {(name: string, place: {x: number, y: number}, time: number) => number[][] | null} */
   #around = () => null;
   /** the grid, or the earth below where a scenario has a place on it @type {any} */
@@ -171,7 +173,7 @@ export class FormationMap {
     const { scenario } = this.#store;
     if (!scenario) return;
     this.#map.updateSize();
-    this.#map.getView().fit(extentOf(scenario), { padding: this.#room, maxZoom: 40 });
+    this.#map.getView().fit((this.#instead && this.#sources.still.getExtent()) ?? extentOf(scenario), { padding: this.#room, maxZoom: 40 });
     this.#whole = this.#viewed;
   }
 
@@ -219,6 +221,15 @@ export class FormationMap {
     this.#due || this.#drawMoving();
   }
 
+  /** Draw marks of the kinds that `looks` knows instead of the scenario, all of them in view; null ends it. */
+  instead(marks) {
+    this.#instead = marks;
+    this.#frame.parentElement?.classList.toggle("instead", marks !== null);
+    this.#drawPolygons(marks ? {} : this.#store.scenario);
+    this.draw();
+    this.fit();
+  }
+
   /** Draw with the next frame, once for all that changes until then: what changed alone, if a drag goes on. */
   #drawSoon(live) {
     this.#live &&= Boolean(live);
@@ -236,6 +247,7 @@ export class FormationMap {
   draw() {
     const { drawn: plan, beside, off, without } = this.#store;
     if (!this.#store.scenario) return;
+    if (this.#instead) return this.#sync("still", this.#instead.map(made));
     const scenario = this.#moved;
     const circles = circlesOf(scenario, plan, off);
     const links = linksOf(scenario, plan, off);
@@ -345,7 +357,7 @@ export class FormationMap {
   #drawMoving() {
     const { plan, selected } = this.#store;
     if (this.#flown) {
-      this.#sync("moving", this.#flown.map(({ path, place, ...look }) => [Symbol(), () => mark(path ? new LineString(path) : new Point(place), look)]));
+      this.#sync("moving", this.#flown.map(made));
       return;
     }
     const turned = this.#turned;
@@ -387,6 +399,11 @@ export class FormationMap {
 function contact({ a, b }, { name, x, y, radius, phase, sense }, from, to) {
   const [begin, end] = [from, to].map((turned) => phase + sense * turned);
   return [`contact ${name} ${a} ${b} ${x} ${y} ${radius} ${begin} ${end}`, () => mark(new Ring([x, y], radius), { kind: "contact", begin, end })];
+}
+
+/** A path or a place as a mark. */
+function made({ path, place, ...look }) {
+  return [Symbol(), () => mark(path ? new LineString(path) : new Point(place), look)];
 }
 
 /** A landmark or a centre as a mark, with its name in a direction in rad from it. */

@@ -16,6 +16,7 @@ import { offerNewTeam } from "./new_team.js";
 import { FIRST_EXAMPLE } from "./opening.js";
 import { Planner } from "./planner.js";
 import { offerPlayer } from "./player.js";
+import { offerReplays } from "./replayed.js";
 import { offerLink, offerSave, storing } from "./sharing.js";
 import { unsavedWork } from "./session.js";
 import { listenForKeys } from "./shortcuts.js";
@@ -44,7 +45,7 @@ export function makePanels({ store, map, address, opening }) {
   const resumeWork = offerWork(store, storePlan, { began, changed, ended });
   const resumeDesigns = offerDesigns(store, (plan, name) => attempt(() => opening.formation(plan, name)), (jobId) => name("designed", jobId));
   offerNewTeam((scenario, change) => opening.team(scenario, change));
-  const showKept = offerKeptWork({ open: (planId) => opening.plan(planId, { opened: () => address.write() }), compare: offerComparison(store) });
+  const showKept = offerKeptWork({ open: (planId) => opening.plan(planId, { opened: () => address.write() }), compare: offerComparison(store), showReplay: offerReplays(store, map, player) });
   opening.showRecordings = () => showKept("recordings");
   offerDownloads(store, storePlan);
   offerLosses(store, storePlan);

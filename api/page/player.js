@@ -7,6 +7,8 @@ import { eventsAt, momentOfFlight } from "./flown.js";
 /** Real time in ms in which a period, or the turn of a flight, passes. */
 const PERIOD_MS = 7000;
 const STEPS = 600;
+/** Into how many periods a run without a plan is divided. */
+const RUNS = 4;
 
 /** Let a store's plan be played on a map; returns what plays it, and what offers the flown trials of a report beside it. */
 export function offerPlayer(store, map, charts) {
@@ -18,6 +20,8 @@ export function offerPlayer(store, map, charts) {
   let flights = { tracks: [], times: [], events: [], landmarks: [] };
   /** the frame that is waited for while it plays */
   let frame = 0;
+  /** whether they are played without the plan */
+  let alone = false;
 
   slider.max = STEPS;
   button.disabled = slider.disabled = true;
@@ -40,14 +44,19 @@ export function offerPlayer(store, map, charts) {
   store.on(["plan"], show);
   return { play, offer };
 
-  /** Offer to play the flown trials of a report on the plan on show, beside the plan.
+  /** Offer to play the flown trials of a report on the plan on show, beside the plan, or `alone`.
    * @param {any} report */
-  function offer({ series, events } = {}) {
+  function offer({ series, events } = {}, how = { alone: false }) {
     const tracks = series?.tracks ?? [];
     flights = { tracks, times: series?.track_time_s ?? [], events: events ?? [], landmarks: series?.ground?.landmarks ?? [] };
     const plan = element("option", { value: "" }, "The plan");
     played.replaceChildren(plan, ...options(tracks.map(({ trial }) => `Flight ${trial + 1}`)));
-    played.hidden = happening.hidden = !tracks.length;
+    alone = how.alone;
+    played.hidden = happening.hidden = alone || !tracks.length;
+    if (!alone) return;
+    played.value = "0";
+    slider.value = 0;
+    show();
   }
 
   /** The track that is chosen; null for the plan itself. */
@@ -58,6 +67,11 @@ export function offerPlayer(store, map, charts) {
   /** The length in s of what is played. */
   function length() {
     return track() ? flights.times.at(-1) : store.plan.period_s;
+  }
+
+  /** What passes in PERIOD_MS, in s. */
+  function period() {
+    return alone ? length() / RUNS : store.plan.period_s;
   }
 
   function pause() {
@@ -74,7 +88,7 @@ export function offerPlayer(store, map, charts) {
     button.setAttribute("aria-pressed", "true");
     let last = performance.now();
     const step = (now) => {
-      const on = (STEPS * (now - last) * store.plan.period_s) / (PERIOD_MS * length());
+      const on = (STEPS * (now - last) * period()) / (PERIOD_MS * length());
       if (on >= 1) {
         last = now;
         const moment = Number(slider.value) + Math.round(on);
@@ -100,10 +114,10 @@ export function offerPlayer(store, map, charts) {
     const now = track() ? eventsAt(flights.events, time) : [];
     const words = now.map(({ what }) => what).join("; ");
     if (words !== happening.textContent) happening.textContent = words;
-    if (track()) map.flown(momentOfFlight(track(), flights, plan.period_s, time, now));
+    if (track()) map.flown(momentOfFlight(track(), flights, period(), time, now));
     else map.moment(time);
     const timeline = charts.timeline();
-    if (!timeline) return;
+    if (!timeline || alone) return;
     const others = (timeline.layout.shapes || []).filter((one) => one.name !== "moment");
     reshape(timeline, [...others, momentLine(time % plan.period_s)]);
   }

@@ -104,7 +104,7 @@ export function around(value, points, { min = -Infinity, max = Infinity, unit = 
 /** Return a sentence of the error at a value. */
 export function errorAt(value, worst, unit = "") {
   const at = unit ? shown(value, unit) : shown(value);
-  return worst === null || worst === undefined ? `no error known at ${at}` : `${shown(worst, "m", 3)} at ${at}`;
+  return worst === null || worst === undefined ? `no error known at ${at}` : `${shown(worst, "m")} at ${at}`;
 }
 
 /** A chart of errors by value, with the present value marked, and what it shows in words. */

@@ -1,6 +1,6 @@
 // What the plan comes to, in words.
 
-import { button, byId, element, renew, shown } from "./elements.js";
+import { button, byId, degreesBeside, element, renew, shown } from "./elements.js";
 import { lostOf } from "./losses.js";
 import { withoutLink, withValue } from "./scenario.js";
 import { bodiesNamed } from "./selection.js";
@@ -108,7 +108,7 @@ function sentenceOf(plan, quick) {
   const team = count === 1 ? "1 vehicle knows where it is" : `${count} vehicles know where they are`;
   if (go) {
     const known = Object.values(plan.predicted_rms_m.vehicles).filter((one) => one !== null);
-    return quick || !known.length ? team : `${team} to ${shown(Math.max(...known), "m", 2)}`;
+    return quick || !known.length ? team : `${team} to ${shown(Math.max(...known), "m")}`;
   }
   if (!seen.observable) return "not every position and heading can be known";
   const stops = findings.filter((one) => one.level === "stop");
@@ -216,8 +216,9 @@ function errorsOf(predicted) {
   const kinds = Map.groupBy(predicted, (one) => one.state.replace(/ of .*$/, ""));
   return [...kinds].map(([kind, all]) => {
     const [least, most] = [Math.min, Math.max].map((of) => of(...all.map((one) => one.predicted_rms)));
-    const range = shown(least) === shown(most) ? shown(most, all[0].unit) : `${shown(least)} to ${shown(most, all[0].unit)}`;
-    return [`Predicted error, ${kind}`, range, kind.startsWith("wind ") ? "for circles flown in still air" : ""];
+    const { unit } = all[0];
+    const range = shown(least) === shown(most) ? shown(most, unit) : `${shown(least)} to ${shown(most, unit)}`;
+    return [`Predicted error, ${kind}`, `${range}${degreesBeside(most, unit)}`, kind.startsWith("wind ") ? "for circles flown in still air" : ""];
   });
 }
 

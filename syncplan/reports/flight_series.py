@@ -10,6 +10,7 @@ from syncplan.arrays import Array
 from syncplan.documents import DocumentPart, Point
 from syncplan.guidance.flight_records import RecordedSteps, Track
 from syncplan.planning.plans import Plan
+from syncplan.reports.run_figures import GroundMark, PathOverTime
 
 if TYPE_CHECKING:
     from syncplan.planning.plan_flights import Flight
@@ -26,13 +27,6 @@ class PlannedCircle(DocumentPart):
     radius_m: float
     direction: Literal["ccw", "cw"]
     phase_rad: float = Field(description="At time 0")
-
-
-class GroundMark(DocumentPart):
-    """A landmark."""
-
-    name: str
-    position_m: Point
 
 
 class FlightGround(DocumentPart):
@@ -69,14 +63,9 @@ class PlaceEllipse(DocumentPart):
     angle_rad: float = Field(description="Of the major axis, from +x, 0 to pi")
 
 
-class TrackedVehicle(DocumentPart):
+class TrackedVehicle(PathOverTime):
     """True and estimated positions of a vehicle at the times of `track_time_s`, to 1 mm."""
 
-    name: str
-    true_x_m: Values
-    true_y_m: Values
-    estimated_x_m: Values
-    estimated_y_m: Values
     ellipses: list[PlaceEllipse] = Field(
         description="At up to 12 moments over the run, each a twelfth of a turn further round"
     )

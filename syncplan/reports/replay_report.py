@@ -9,6 +9,7 @@ from pydantic import Field
 from syncplan import __version__
 from syncplan.documents import Document, DocumentPart, OrAbsent, finite_or_none
 from syncplan.estimation.recorded_observability import SeenOverTime
+from syncplan.estimation.recorded_readings import true_poses
 from syncplan.estimation.replay_results import KindCounts, Replay
 from syncplan.estimation.replay_settings import ReplaySettings
 from syncplan.estimation.replay_tuning import Tuning
@@ -18,6 +19,9 @@ from syncplan.reports.replay_notes import notes_of
 from syncplan.results.quantities import plain, quantity
 from syncplan.results.stories import Grid, Row, Story, Table, flat
 from syncplan.scenario.filters import AUTO
+
+_MOST_MOMENTS = 1000
+"""Moments of the paths of a recording, after the first."""
 
 
 class RobotFigures(Document):
@@ -247,6 +251,14 @@ class EstimateSeries(DocumentPart):
     robots: list[EstimatedPath]
 
 
+class RecordedPaths(DocumentPart):
+    """Paths of the robots at up to 1,001 moments of the run, to 1 mm, and the landmarks used."""
+
+    track_time_s: list[float]
+    vehicles: list[run_figures.PathOverTime]
+    landmarks: list[run_figures.GroundMark]
+
+
 class ReplayDocument(run_figures.RunReport):
     """The filter on a recording of real robots, compared with the truth if it is known.
 
@@ -291,6 +303,9 @@ class ReplayDocument(run_figures.RunReport):
     series: OrAbsent[run_figures.Series] = None
     estimates: OrAbsent[EstimateSeries] = Field(
         default=None, description="In place of `series` where the recording has no truth"
+    )
+    paths: OrAbsent[RecordedPaths] = Field(
+        default=None, description="With `series` or `estimates`; absent in older files"
     )
     notes: list[str]
 
@@ -402,6 +417,7 @@ def replay_document(replayed: Replay) -> ReplayDocument:
         if found and wanted
         else None,
         estimates=_series_of(replayed, names) if wanted and not found else None,
+        paths=_paths_of(replayed, names) if wanted else None,
         notes=notes_of(replayed),
     )
 
@@ -517,6 +533,37 @@ def _estimates_of(replayed: Replay, names: list[str]) -> list[RobotFigures]:
         )
         for k, name in enumerate(names)
     ]
+
+
+def _paths_of(replayed: Replay, names: list[str]) -> RecordedPaths:
+    log, clock = replayed.log, replayed.clock
+    moments = np.unique(
+        np.linspace(0, clock.samples, min(clock.samples, _MOST_MOMENTS) + 1, dtype=int)
+    )
+    true = true_poses(log, clock)
+    true[~(replayed.known & log.has_truth)] = np.nan
+    rows = {"true": true[moments], "estimated": replayed.estimates[moments]}
+    return RecordedPaths(
+        track_time_s=np.round(clock.times[moments], 6).tolist(),
+        vehicles=[
+            run_figures.PathOverTime(
+                name=name,
+                **{
+                    f"{kind}_{axis}_m": [
+                        finite_or_none(round(x, 3)) for x in poses[:, k, i].tolist()
+                    ]
+                    for kind, poses in rows.items()
+                    for i, axis in enumerate("xy")
+                },
+            )
+            for k, name in enumerate(names)
+        ],
+        landmarks=[
+            run_figures.GroundMark(name=str(name), position_m=tuple(place))
+            for name, place in zip(log.landmark_names, log.landmarks.tolist(), strict=True)
+            if name in replayed.landmarks
+        ],
+    )
 
 
 def _series_of(replayed: Replay, names: list[str]) -> EstimateSeries:

@@ -8,7 +8,14 @@ import numpy as np
 from pydantic import Field, JsonValue
 
 from syncplan.arrays import Array
-from syncplan.documents import Document, DocumentPart, OrAbsent, VersionedDocument, finite_or_none
+from syncplan.documents import (
+    Document,
+    DocumentPart,
+    OrAbsent,
+    Point,
+    VersionedDocument,
+    finite_or_none,
+)
 from syncplan.estimation.consistency import FEWEST_TRIALS, TOLERANCE, Consistency
 from syncplan.estimation.filter_options import FilterOptions
 from syncplan.estimation.trials import Accuracy, MonteCarloResult, series
@@ -288,6 +295,23 @@ class Series(Document):
         default=None,
         description="Of states of the filter that are no poses; absent where there are none",
     )
+
+
+class GroundMark(DocumentPart):
+    """A landmark."""
+
+    name: str
+    position_m: Point
+
+
+class PathOverTime(DocumentPart):
+    """True and estimated positions of a vehicle over time, null where not known."""
+
+    name: str
+    true_x_m: list[float | None]
+    true_y_m: list[float | None]
+    estimated_x_m: list[float | None]
+    estimated_y_m: list[float | None]
 
 
 class RunReport(VersionedDocument, Report):

@@ -33,6 +33,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError
 
 from syncplan.errors import Fault, InputError
+from syncplan.phrases import limit_in_words
 
 # --- long lists -----------------------------------------------------------------------------------
 
@@ -178,7 +179,7 @@ def _remedy(fault: dict[str, Any], model: type[BaseModel]) -> tuple[str, str]:
         (" after validation, not", ", not"),
     ):
         message = message.replace(old, new)
-    return message, described(fault["input"])
+    return limit_in_words(message), described(fault["input"])
 
 
 def _model_at(model: type[BaseModel], location: Location) -> type[BaseModel]:

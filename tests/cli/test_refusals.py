@@ -45,7 +45,7 @@ REFUSED = {
     f"refine {GRID} --radius-m 15,25": "--radius-m: does nothing unless vary names radii",
     f"refine {GRID} --vary phases,speed": "--vary: 'speed': must be 'phases'",
     f"refine {GRID} --time-limit-s 0": "--time-limit-s: 0.0: must be greater than 0",
-    f"refine {GRID} --starts 0": "--starts: 0: must be greater than or equal to 1",
+    f"refine {GRID} --starts 0": "--starts: 0: must be at least 1",
     # fly
     f"{FLY} --hold v1@30:300": "--hold: v1@30:300: ends at 330 s, after the flight of 40 s",
     f"{FLY} --wind 1.5": "--wind: '1.5': give two numbers, such as 1.5,0",

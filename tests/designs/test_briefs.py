@@ -29,7 +29,7 @@ FAULTS: list[tuple[dict[str, Any], str]] = [
         "vehicle.speed_mps: must have at most 2 items",
     ),
     ({"vehicle": {"speed_mps": [5.0], "min_radius_m": 1.0}}, "vehicle.speed_mps[1]: is missing"),
-    ({"team": {"max": 0}}, "team.max: must be greater than or equal to 1"),
+    ({"team": {"max": 0}}, "team.max: must be at least 1"),
     ({"team": {"min": 4, "max": 3}}, "team.min: is larger than max, 3"),
     ({"landmarks": {}}, "landmarks.max: is missing"),
     ({"landmarks": {"max": 2, "given": [[0.0, 0.0]]}}, "landmarks.max: is more than the 1 sites"),

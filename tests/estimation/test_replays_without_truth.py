@@ -252,10 +252,32 @@ def test_what_takes_truth_is_null_and_sigmas_take_its_place(known: Log, found: R
     assert repr(found) == "<Replay: 3 robots over 39 s, no truth>"
 
 
+def test_paths_are_places_at_moments_of_the_run(known: Log, found: Replay) -> None:
+    replayed = replay(known, with_series=True)
+    unknown = np.arange(replayed.clock.samples + 1) < 100
+    gapped = replace(replayed, known=replayed.known & ~unknown)
+    for case, hidden in ((gapped, unknown), (found, np.ones_like(unknown))):
+        paths = replay_document(case).paths
+        assert paths is not None
+        moments = np.searchsorted(case.clock.times, np.array(paths.track_time_s) - 1e-6)
+        assert len(moments) == min(case.clock.samples, 1000) + 1 == len(set(moments.tolist()))
+        truth = true_poses(known, case.clock)[moments]
+        truth[hidden[moments]] = np.nan
+        for k, path in enumerate(paths.vehicles):
+            assert path.name == known.robots[k].name
+            for i, axis in enumerate("xy"):
+                kept = [getattr(path, f"{kind}_{axis}_m") for kind in ("true", "estimated")]
+                wanted = [truth[:, k, i], case.estimates[moments, k, i]]
+                np.testing.assert_allclose(np.array(kept, dtype=float), wanted, atol=5.1e-4)
+        assert [mark.name for mark in paths.landmarks] == [str(name) for name in case.landmarks]
+        places = known.landmarks[known.landmark_places(case.landmarks)]
+        np.testing.assert_allclose([mark.position_m for mark in paths.landmarks], places)
+
+
 def test_with_truth_a_report_is_as_before(known: Log) -> None:
     replayed = replay(known, with_series=True)
     values = replay_document(replayed).as_json()
-    assert list(values)[-2:] == ["series", "notes"]
+    assert list(values)[-3:] == ["series", "paths", "notes"]
     errors = ("rms_m", "rms_second_half_m", "rms_x_m", "rms_y_m", "rms_heading_rad")
     expected = [*errors, "final_error_m", "coverage_3sigma", "name"]
     assert [list(robot) for robot in values["robots"]] == [expected] * 3

@@ -213,7 +213,7 @@ def test_faults_of_a_brief_are_shown_at_its_fields(
     _field(page, "Speed of a vehicle (m/s)").fill("5, 3")
     _field(page, "Error of the worst vehicle (m)").fill("")
     page.get_by_role("button", name="Design", exact=True).click()
-    expect(_fault(page, "purpose.cover.share")).to_contain_text("must be less than or equal to 1")
+    expect(_fault(page, "purpose.cover.share")).to_contain_text("must be at most 1")
     expect(_fault(page, "need.worst_rms_m")).to_contain_text("is missing")
     expect(_field(page, "Share of the area")).to_be_focused()
     expect(page.locator("#design-form > .fault").last).to_contain_text("prefer.vehicle: must be")

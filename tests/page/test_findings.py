@@ -1,6 +1,7 @@
 """One verdict: command line, service, page and sidecars give the same findings, word for word."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,18 @@ import httpx2
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.page.gestures import box_of, download, drag, drawn, handle, opened, part, sidecar_of
+from tests.page.gestures import (
+    box_of,
+    copied,
+    download,
+    drag,
+    drawn,
+    handle,
+    menu,
+    opened,
+    part,
+    sidecar_of,
+)
 from tests.tools.browsing import Visit
 from tests.tools.scenarios import document
 from tests.tools.serving import Server
@@ -75,6 +87,19 @@ FENCED = document(
     landmarks_m=[[35.0, 45.0], [35.0, -45.0]],
     area_m=[[-30.0, -30.0], [100.0, -30.0], [100.0, 30.0], [-30.0, 30.0]],
 )
+
+
+def test_one_error_is_the_figure_of_merit_everywhere(visit: Visit, page: Page) -> None:
+    visit.settle()
+    badge = re.search(r"know where they are to ([\d.]+ m)", page.locator("#badge").inner_text())
+    assert badge
+    part(page, "Verdict")
+    row = page.locator("#verdict tr", has_text="Worst error").locator("td")
+    expect(row).to_contain_text(f"{badge[1]}")
+    copied(page)
+    menu(page, "Kept work")
+    kept = page.get_by_role("dialog").get_by_role("row").nth(1)
+    expect(kept).to_contain_text(badge[1])
 
 
 def test_what_breaks_a_rule_is_marked_and_a_click_goes_there(visit: Visit, page: Page) -> None:

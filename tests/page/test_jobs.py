@@ -151,7 +151,7 @@ def test_a_refinement_draws_its_best_plan_until_it_ends(page: Page, server: Serv
     expect(page.locator("#job-outcome")).to_contain_text("predicted error")
     assert drawn(page, "beside") == []
     plan = stored(page, server)
-    assert float(f"{plan['predicted_rms_m']['overall']:.4g}") <= shown
+    assert float(f"{plan['predicted_rms_m']['overall']:.3g}") <= shown
     refined = drawn(page, "circle")
     assert refined != before
     # one that is cancelled leaves the plan alone on the map
@@ -165,6 +165,22 @@ def test_a_refinement_draws_its_best_plan_until_it_ends(page: Page, server: Serv
     assert drawn(page, "beside") == []
     assert drawn(page, "circle") == refined
     assert httpx2.get(f"{server.url}/v1/jobs").json()["items"][0]["state"] == "cancelled"
+
+
+def test_a_drag_beside_a_refinement_stays_at_it_and_says_what_becomes_of_phases(
+    visit: Visit, page: Page
+) -> None:
+    refine(page)
+    expect(page.locator("#job-outcome")).to_contain_text("predicted error")
+    visit.settle()
+    page.get_by_role("button", name="Refine").click()
+    drag(page, "v2", (12.0, 0.0))
+    expect(page.get_by_role("tab", name="Run", exact=True)).to_have_attribute(
+        "aria-selected", "true"
+    )
+    expect(page.locator("#findings")).to_contain_text("Phases of all vehicles are computed anew")
+    page.get_by_role("button", name="Cancel").click()
+    expect(page.get_by_role("button", name="Refine")).to_be_enabled()
 
 
 def test_a_validation_fills_its_figures(visit: Visit, page: Page, server: Server) -> None:
@@ -319,7 +335,7 @@ def test_what_a_job_can_not_do_is_reported_next_to_its_field(visit: Visit, page:
     visit.expect_complaints("422")
     validate(page, "0")
     reported = page.locator("#validate-trials-fault")
-    expect(reported).to_have_text("must be greater than or equal to 1")
+    expect(reported).to_have_text("must be at least 1")
     expect(page.get_by_label("Trials")).to_have_attribute("aria-invalid", "true")
     page.get_by_label("Time limit (s)").fill("")
     page.get_by_role("button", name="Refine").click()

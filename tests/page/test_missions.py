@@ -1,27 +1,31 @@
 """A mission from nothing: a team over a field with a keep-out, in few actions, at every size."""
 
 import json
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import pytest
-from playwright.sync_api import Page
+from playwright.sync_api import Locator, Page
 
 from tests.page.gestures import Place, on_screen, unzipped
-from tests.tools.browsing import DESKTOP, PHONE, Tabs, Visit, visiting
+from tests.tools.browsing import DESKTOP, DOUBLED, PHONE, Tabs, Visit, visiting
 from tests.tools.serving import Server
 
 TABLET = (768, 1024)
-DOUBLED = (720, 450)
-"""A desktop of 1440 x 900 at 200 %."""
 
 FIELD = [
-    *((-60.0, -60.0), (200.0, -60.0), (200.0, 40.0)),
-    *((110.0, 40.0), (110.0, 130.0), (-60.0, 130.0)),
+    *((-25.0, -25.0), (165.0, -25.0), (165.0, 40.0)),
+    *((95.0, 40.0), (95.0, 95.0), (-25.0, 95.0)),
 ]
 """An L about the five circles of a grid, corners in m."""
 
-KEEP_OUT = [(30.0, 30.0), (40.0, 30.0), (35.0, 40.0)]
+KEEP_OUT = [(20.0, 25.0), (50.0, 25.0), (35.0, 45.0)]
+
+
+def field(page: Page, label: str) -> Locator:
+    """A field on show, by its label without the unit."""
+    return page.get_by_label(re.compile(rf"^{label}( \(|$)")).filter(visible=True)
 
 
 @dataclass
@@ -39,7 +43,7 @@ class Hands:
     def fill(self, label: str, value: str) -> None:
         """Fill a field."""
         self.actions += 1
-        self.page.get_by_label(label).fill(value)
+        field(self.page, label).fill(value)
 
     def point(self, place: Place) -> None:
         """Click or tap a place of the scenario on the map."""
@@ -90,6 +94,10 @@ def test_a_team_over_a_field_comes_to_a_mission_in_22_actions(
         hands.fill("Vehicles", "5")
         hands.press("Create")
         visit.verdict("5 vehicles know where they are")
+        if size == DESKTOP:
+            # the upper left corner lies under the tools
+            hands.press("Zoom out")
+            page.wait_for_timeout(300)
         hands.outline("Area", FIELD)
         hands.outline("Keep-out", KEEP_OUT)
         visit.verdict("✓ GO")
@@ -109,16 +117,23 @@ def test_a_team_over_a_field_comes_to_a_mission_by_keyboard_in_32_actions(
 ) -> None:
     actions = 0
 
-    def pressed(name: str, role: str = "button") -> None:
+    def go_to(target: Locator) -> None:
+        for _ in range(150):
+            if target.evaluate("target => target === document.activeElement"):
+                return
+            page.keyboard.press("Tab")
+        raise AssertionError(f"no way to {target} by Tab")
+
+    def pressed(name: str) -> None:
         nonlocal actions
         actions += 1
-        page.get_by_role(role, name=name, exact=True).focus()  # type: ignore[arg-type]
+        go_to(page.get_by_role("button", name=name, exact=True))
         page.keyboard.press("Enter")
 
     def typed(label: str, text: str) -> None:
         nonlocal actions
         actions += 1
-        page.get_by_label(label).focus()
+        go_to(field(page, label))
         page.keyboard.press("Control+a")
         page.keyboard.type(text)
 
@@ -131,7 +146,10 @@ def test_a_team_over_a_field_comes_to_a_mission_by_keyboard_in_32_actions(
         typed("Corners", "; ".join(f"{x:g}, {y:g}" for x, y in corners))
         page.keyboard.press("Tab")
     visit.verdict("✓ GO")
-    pressed("Preflight", "tab")
+    actions += 1
+    go_to(page.get_by_role("tab", selected=True))
+    while page.get_by_role("tab", selected=True).text_content() != "Preflight":
+        page.keyboard.press("ArrowRight")
     typed("Altitude above ground", "60")
     typed("Latitude of the origin", "47.4")
     typed("Longitude of the origin", "8.5")

@@ -7,7 +7,7 @@ from typing import Any
 
 import httpx2
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from api.routes import page_routes
 from api.settings import load_settings
@@ -15,6 +15,7 @@ from syncplan.exporting.formats import FORMATS
 from tests.page.gestures import box_of, figures, handle, part, sheet
 from tests.tools.browsing import (
     DESKTOP,
+    DOUBLED,
     PHONE,
     Tabs,
     Visit,
@@ -64,7 +65,7 @@ def test_the_page_fits_a_phone_and_keeps_the_verdict_in_sight(tabs: Tabs, server
         page.get_by_label("Sample time").scroll_into_view_if_needed()
         expect(badge).to_be_in_viewport(ratio=1.0)
         expect(badge).to_have_class("badge bad")
-        page.get_by_label("Desynchronise by (rad)").fill("0.2")
+        page.get_by_label("Desynchronise by").fill("0.2")
         expect(badge).to_contain_text("rank 18 of 18")
         expect(badge).to_have_class("badge good")
         expect(badge).to_be_in_viewport(ratio=1.0)
@@ -117,6 +118,35 @@ def test_large_letters_find_room(tabs: Tabs, server: Server, size: tuple[int, in
             # a label beside its field has room for words
             assert box_of(page.locator("label", has_text=name))["width"] > 150
         assert accessibility_faults(page) == []
+
+
+def test_at_200_percent_the_plan_and_the_details_are_in_sight(tabs: Tabs, server: Server) -> None:
+    newcomers = Tabs(tabs.browser, greeted=False)
+    with visiting(newcomers, server.url, size=DOUBLED) as visit:
+        page = visit.page
+        visit.settle()
+        greeting, plot = page.get_by_role("region", name="Welcome"), page.locator("#map-plot")
+        covered = box_of(greeting)["width"] * box_of(greeting)["height"]
+        assert covered < 0.25 * box_of(plot)["width"] * box_of(plot)["height"]
+        if page.locator("#sheet").is_visible():
+            page.locator("#sheet").click()
+        expect(page.get_by_role("tab", name="Scenario", exact=True)).to_be_in_viewport(ratio=1.0)
+        expect(page.get_by_label("Angular rate")).to_be_in_viewport()
+
+
+def test_before_the_first_plan_the_page_asks_for_nothing(tabs: Tabs, server: Server) -> None:
+    with visiting(tabs, server.url) as visit:
+        page = visit.page
+        held: list[Route] = []
+        page.route("**/v1/**", lambda route: held.append(route))
+        page.goto(server.url)
+        page.wait_for_timeout(300)
+        assert "Choose an example" not in page.locator("body").inner_text()
+        expect(page.locator("#workspace")).to_have_attribute("aria-busy", "true")
+        for route in held:
+            route.continue_()
+        page.unroute("**/v1/**")
+        visit.verdict("GO")
 
 
 def test_units_stay_beside_numbers_and_figures_follow_the_theme(visit: Visit, page: Page) -> None:

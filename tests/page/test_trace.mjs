@@ -2,7 +2,7 @@
 
 import assert from "node:assert/strict";
 import test from "node:test";
-import { shown } from "../../api/page/elements.js";
+import { degreesBeside, shown } from "../../api/page/elements.js";
 import { stepOf } from "../../api/page/scrubbing.js";
 import { around, errorAt, worstOf } from "../../api/page/trace.js";
 
@@ -32,5 +32,10 @@ test("an error that is not known is said to be so", () => {
 
 test("a length under a tenth of a millimetre is a rounding error", () => {
   assert.deepEqual([shown(2.41e-5, "m"), shown(-3e-15, "m"), shown(6e-5, "m")], ["0 m", "0 m", "0.0001 m"]);
-  assert.equal(shown(2.41e-5, "rad"), "0.0000241 rad");
+  assert.equal(shown(2.41e-5, "s"), "0.0000241 s");
+});
+
+test("numbers have three digits and all before the point, angles are said in degrees, too", () => {
+  assert.deepEqual([shown(0.78641), shown(1234.56, "m"), shown(-1234.56), shown(99.96, "s"), shown(0)], ["0.786", "1235 m", "-1235", "100 s", "0"]);
+  assert.deepEqual([degreesBeside(0.05, "rad"), degreesBeside(-0.2, "rad/s"), degreesBeside(0, "rad"), degreesBeside(5, "m")], [" = 2.86°", " = -11.5°/s", "", ""]);
 });

@@ -33,8 +33,8 @@ def test_altitudes_are_of_all_or_of_each(given: Any, each: list[float]) -> None:
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        (-1001.0, "altitude_m: -1001.0: must be greater than or equal to -1000"),
-        (1e6, "altitude_m: 1000000.0: must be less than or equal to 100000"),
+        (-1001.0, "altitude_m: -1001.0: must be at least -1000"),
+        (1e6, "altitude_m: 1000000.0: must be at most 100000"),
         ([1.0, float("nan")], r"altitude_m\[1\]: .*finite"),
         ([1.0], "altitude_m: has 1 values for 2 vehicles; give one each"),
         ([1.0, None], r"altitude_m\[1\]: "),

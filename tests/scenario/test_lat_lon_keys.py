@@ -107,7 +107,7 @@ def test_without_an_origin_the_middle_is_it_and_distances_stay() -> None:
             {"area_lat_lon_deg": degrees([[0.0, 0.0], [50.0, 50.0], [50.0, 0.0], [0.0, 50.0]])},
             "area_lat_lon_deg: is not a simple polygon",
         ),
-        ({"area_lat_lon_deg": [[97.0, 8.0]]}, "area_lat_lon_deg[0][0]: 97.0: must be less than"),
+        ({"area_lat_lon_deg": [[97.0, 8.0]]}, "area_lat_lon_deg[0][0]: 97.0: must be at most"),
         (
             {"landmarks_lat_lon_deg": [[8.5, 47.4], [47.4, 8.5]]},
             "landmarks_lat_lon_deg: holds a place more than 1,000 km from others; latitudes come",

@@ -21,7 +21,7 @@ formation: {centers_m: [[0, 0], [70, 0]], names: [a, a]} -> formation.names: twi
 formation: {centers_m: [[0, 0], [70, 0]], names: [a]} -> formation.names: 1
 formation: {centers_m: {a: [0, 0], b: [70, 0]}, names: [c, d]} -> formation.names: already gives
 formation: {shape: line, count: 4, spacing_m: 5e6} -> formation.spacing_m: at 1.5e+07 m
-formation: {shape: grid, count: 4, columns: 1000000000000000000000} -> formation.columns: less
+formation: {shape: grid, count: 4, columns: 1000000000000000000000} -> formation.columns: at most
 formation: {shape: line, count: 10001, spacing_m: 70} -> formation.count: 10001 vehicles are more
 formation: {shape: line, count: 10001, spacing_m: 70} -> formation.count: raise it with --max-veh
 {formation: {links: [[v1, v2]], names: []}, sensor: []} -> formation.names: empty
@@ -31,7 +31,7 @@ sensor: [{range_m: 5}] -> sensor: 2 vehicles
 sensor: [{range_m: 50}, {range_m: 50, sample_time_s: 0.2}] -> sensor: common sample_time_s
 sensor: {range_m: 50, interval_s: 0.05} -> sensor.interval_s: multiple of sample_time_s
 sensor: {range_m: 50, detection_probability: 0.0} -> sensor.detection_probability: greater
-sensor: {range_m: 50, detection_probability: 1.1} -> sensor.detection_probability: less
+sensor: {range_m: 50, detection_probability: 1.1} -> sensor.detection_probability: at most
 sensor: {range_m: 50, range_sigma_m: 0.0} -> sensor.range_sigma_m: 0.000001
 sensor: {range_m: 5, bearing_walk: {sigma_rad: 1, time_s: 0}} -> sensor.bearing_walk.time_s: 0.001
 duration_s: 1e9 -> duration_s: samples
@@ -83,7 +83,7 @@ refine: {center_box_m: 0} -> refine.center_box_m: 0: must be greater than 0
 truth: {orbit: {}} -> truth.orbit: unknown key; allowed: sensor
 truth: {filter: {}} -> truth.filter: unknown key
 truth: {sensor: {sample_time_s: 0.2}} -> truth.sensor.sample_time_s: unknown key
-truth: {wind: {gust_sigma_mps: -1.0}} -> truth.wind.gust_sigma_mps: -1.0: must be greater
+truth: {wind: {gust_sigma_mps: -1.0}} -> truth.wind.gust_sigma_mps: -1.0: must be at least
 truth: {sensor: {interval_s: 0.25}} -> truth.sensor.interval_s: 0.25: is not a multiple
 truth: {sensor: [{range_m: 40.0}]} -> truth.sensor: has 1 values for 2 vehicles
 truth: {sensor: {range_sigma_m: 0.3}} -> truth.sensor.range_sigma_m: the scenario has no
@@ -91,7 +91,7 @@ truth: {heading_sigma_rad: 0.1} -> truth.heading_sigma_rad: the scenario has no
 truth: {false_bearings: 1.0} -> truth.false_bearings: 1.0: must be less
 geo_origin: {lat_deg: 91, lon_deg: 0} -> geo_origin.lat_deg: 90
 geo_origin: {lat_deg: 0, lon_deg: -180.5} -> geo_origin.lon_deg: -180
-geo_origin: {lat_deg: 0, lon_deg: 0, alt_m: 1e6} -> geo_origin.alt_m: less
+geo_origin: {lat_deg: 0, lon_deg: 0, alt_m: 1e6} -> geo_origin.alt_m: at most
 geo_origin: {lat_deg: 0} -> geo_origin.lon_deg: missing
 geo_origin: {lat_deg: 0, lon_deg: 0, heading: 1} -> geo_origin.heading: unknown key
 geo_origin: {lat_deg: .nan, lon_deg: 0} -> geo_origin.lat_deg: finite

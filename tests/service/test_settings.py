@@ -75,13 +75,13 @@ FAULTS = {
         ("https://a.org; script-src */{z}/{x}/{y}", "must be an address with {z}, {x} and {y}"),
     ],
     "PORT": [
-        ("99999", "'99999': must be less than or equal to 65535"),
+        ("99999", "'99999': must be at most 65535"),
         ("1\n2", "'1\\n2': must be a valid integer"),
     ],
     "INSECURE": [("perhaps", "'perhaps': must be a valid boolean")],
     "LOG_LEVEL": [("loud", "'debug', 'info', 'warning' or 'error'")],
     "PLAN_TIMEOUT_S": [("inf", "'inf': must be a finite number")],
-    "MAX_VEHICLES": [("0", "'0': must be greater than or equal to 1")],
+    "MAX_VEHICLES": [("0", "'0': must be at least 1")],
     "DATA_DIR": [("~nobody-at-all/x", "'~nobody-at-all/x': has no home")],
     "ALLOWED_HOSTS": [
         ("plans.example:8000", "must be a name or an address"),

@@ -24,6 +24,7 @@ from tests.tools.processes import PATIENCE_S
 
 __all__ = [
     "DESKTOP",
+    "DOUBLED",
     "PHONE",
     "Tabs",
     "Visit",
@@ -36,6 +37,8 @@ __all__ = [
 
 DESKTOP = (1440, 900)
 PHONE = (390, 844)
+DOUBLED = (720, 450)
+"""A desktop of 1440 x 900 at 200 %."""
 
 _PROGRAMS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 _HEARD = ("error", "warning")

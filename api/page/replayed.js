@@ -1,0 +1,43 @@
+// A replay of a recording on the map, in place of the plan, until it is ended: paths, landmarks, and robots that move.
+
+import { button, byId, element, shown } from "./elements.js";
+
+/** Return what shows the report of a replay on the map and lets it be played. */
+export function offerReplays(store, map, player) {
+  const words = element("span", { role: "status" });
+  const chip = element("div", { class: "comparison" }, words, button("End replay", end, { class: "small" }));
+  store.on(["scenario", "opened"], () => chip.isConnected && end());
+  return show;
+
+  function show({ name, position_rmse_m: error, paths }) {
+    const { vehicles, track_time_s: times, landmarks } = paths;
+    words.textContent = `Replay of ${name}${error === null ? ", dashed: estimated" : `, dashed: estimated, RMS error ${shown(error, "m")}`}`;
+    byId("map").append(chip);
+    map.instead([
+      ...vehicles.flatMap((vehicle) => ["true", "estimated"].flatMap((which) => pathsOf(vehicle, which))),
+      ...landmarks.map(({ name: title, position_m: place }) => ({ kind: "landmark", name: title, place })),
+    ]);
+    // where no truth is known, a robot is where it is taken to be
+    const known = error === null ? vehicles.map((one) => ({ ...one, true_x_m: one.estimated_x_m, true_y_m: one.estimated_y_m })) : vehicles;
+    player.offer({ series: { tracks: [{ trial: 0, vehicles: known }], track_time_s: times, ground: { landmarks } } }, { alone: true });
+  }
+
+  function end() {
+    chip.remove();
+    map.instead(null);
+    player.offer();
+  }
+}
+
+/** The true or estimated path of a robot, in parts where it is known. */
+function pathsOf(vehicle, which) {
+  const [xs, ys] = ["x", "y"].map((axis) => vehicle[`${which}_${axis}_m`]);
+  /** @type {number[][][]} */
+  const parts = [[]];
+  for (const [i, x] of xs.entries()) {
+    if (x === null) parts.push([]);
+    else parts[parts.length - 1].push([x, ys[i]]);
+  }
+  const kind = which === "true" ? "path" : "beside";
+  return parts.filter((path) => path.length > 1).map((path) => ({ kind, path }));
+}
