@@ -9,7 +9,7 @@ import { keepDegrees, keptDegrees } from "./session.js";
 const DIGITS = 8;
 /** step of the arrow keys in degrees: a metre */
 const STEP_DEG = 1e-5;
-const NO_ORIGIN = "State the latitude and longitude of the origin first, in the part Scenario under “Place and time”.";
+const NO_ORIGIN = "State the latitude and longitude of the origin first, in the part Preflight.";
 
 /**
  * @typedef {object} Coordinates
@@ -46,16 +46,24 @@ export function coordinatesOf({ scenario, degrees }) {
   };
 }
 
+/** Return the pairs of numbers that a text lists, in brackets or without; the last may lack one, and NaN is what is none. */
+export function pairsIn(text) {
+  const numbers = text.split(/[\s,;[\]]+/).filter(Boolean).map(Number);
+  return numbers.flatMap((_, k) => (k % 2 ? [] : [numbers.slice(k, k + 2)]));
+}
+
+const isPair = (pair) => pair.length === 2 && pair.every(Number.isFinite);
+
 /** Return two numbers that a text holds, as maps copy places; null for any other text. */
 export function pairIn(text) {
-  const pair = text.split(/[\s,;]+/).filter(Boolean).map(Number);
-  return pair.length === 2 && pair.every(Number.isFinite) ? pair : null;
+  const [pair = [], ...others] = pairsIn(text);
+  return isPair(pair) && !others.length ? pair : null;
 }
 
 /** Return the corners that a text lists, as "0, 0; 100, 0; 100, 50"; throws RangeError for any other text. */
 export function cornersIn(text) {
-  const corners = text.split(";").filter((part) => part.trim()).map(pairIn);
-  if (corners.length < 3 || corners.includes(null)) throw new RangeError("write three corners or more, such as 0, 0; 100, 0; 100, 50");
+  const corners = pairsIn(text);
+  if (corners.length < 3 || !corners.every(isPair)) throw new RangeError("write three corners or more, such as 0, 0; 100, 0; 100, 50");
   return corners;
 }
 

@@ -2,6 +2,7 @@
 
 import { element } from "./elements.js";
 
+/** a narrower frame has no room for long names in a legend */
 const NARROW_PX = 480;
 const NARROW_NAME = 34;
 const CONFIG = { displayModeBar: false, responsive: true, scrollZoom: false, doubleClick: "reset" };
@@ -23,17 +24,12 @@ function loaded() {
   return loading;
 }
 
-/** Whether a frame has no room for long names in a legend. */
-function isNarrow(frame) {
-  return frame.clientWidth < NARROW_PX;
-}
-
 /** Draw a figure in a frame that has a heading of its own; resolves once it is there. */
 export async function draw(frame, figure) {
   const Plotly = await loaded();
   const { title, ...layout } = figure.layout;
   const fitted = { ...layout, margin: { ...layout.margin, t: 28 }, dragmode: false, updatemenus: [], sliders: [] };
-  return Plotly.react(frame, isNarrow(frame) ? figure.data.map(folded) : figure.data, fitted, CONFIG);
+  return Plotly.react(frame, frame.clientWidth < NARROW_PX ? figure.data.map(folded) : figure.data, fitted, CONFIG);
 }
 
 /** A trace whose entry in the legend fits a narrow frame. */

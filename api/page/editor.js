@@ -12,7 +12,7 @@ const TEAM = [
   { path: "orbit.angular_rate_rad_s", label: "Angular rate", unit: "rad/s", min: 0 },
   { path: "orbit.speed_mps", label: "Speed", unit: "m/s", min: 0 },
   { path: "orbit.radius_m", label: "Radius of all", unit: "m", min: 0 },
-  { path: "orbit.direction", label: "Direction", kind: "choice", choices: directionsOf },
+  { path: "orbit.direction", label: "Direction", kind: "choice", choices: (value) => (Array.isArray(value) ? [{ ...DIRECTIONS, "": "vehicle by vehicle" }, ""] : [DIRECTIONS, value]) },
   { path: "orbit.desync_rad", label: "Desynchronise by", unit: "rad" },
   { path: "min_separation_m", label: "Least separation", unit: "m", min: 0, steady: true },
   { path: "duration_s", label: "Duration", unit: "s", min: 0 },
@@ -141,7 +141,7 @@ export function offerEditor(store, storePlan) {
   /** The scenario with a part of its origin typed: with both latitude and longitude, it has one. */
   function withOrigin(scenario, key, value) {
     origin = { ...origin, [key]: value === "" ? undefined : value };
-    if (isWhole(origin)) return withValue(scenario, "geo_origin", { ...origin, alt_m: origin.alt_m ?? 0 });
+    if (isWhole(origin)) return withValue(scenario, "geo_origin", { ...origin });
     return scenario.geo_origin ? withValue(scenario, "geo_origin", undefined) : scenario;
   }
 
@@ -181,11 +181,6 @@ export function offerEditor(store, storePlan) {
     const tests = [(one) => one === path, (one) => one.startsWith(`${path}[`), (one) => one === ofTeam];
     return tests.flatMap((test) => all.map((one) => one.find(test))).find(Boolean);
   }
-}
-
-/** The choices of a direction, and the one taken. @returns {[Record<string, string>, any]} */
-function directionsOf(value) {
-  return Array.isArray(value) ? [{ ...DIRECTIONS, "": "vehicle by vehicle" }, ""] : [DIRECTIONS, value];
 }
 
 function isWhole({ lat_deg: latitude, lon_deg: longitude }) {

@@ -84,11 +84,39 @@ export function options(texts) {
 export function dialogue(about, title, attributes, ...children) {
   const id = `${about}-title`;
   const close = button("×", () => made.close(), { class: "small", "aria-label": "Close" });
+  const gone = () => {
+    made.remove();
+    // what opened it may be in a menu that is closed
+    if (document.activeElement === document.body) byId("menu").focus();
+  };
   const head = element("div", { class: "title-row" }, element("h2", { id }, title), close);
-  const made = element("dialog", { "aria-labelledby": id, onclose: () => made.remove(), ...attributes }, head, ...children);
+  const made = element("dialog", { "aria-labelledby": id, onclose: gone, ...attributes }, head, ...children);
   document.body.append(made);
   made.showModal();
+  // not on the way out
+  /** @type {any} */ (made.querySelector("input:not([type=file]), select, [role=tab]"))?.focus();
   return made;
+}
+
+/** A line over the map with a button that ends what it tells of; returns `{ say(text), hide() }`, of which the last
+ * returns whether it was there. */
+export function chip(title, end) {
+  const words = element("span", { role: "status" });
+  const ending = button(title, end, { class: "small" });
+  const line = element("div", { class: "comparison" }, words, ending);
+  const say = (text) => {
+    words.textContent = text;
+    if (line.isConnected) return;
+    byId("map").append(line);
+    ending.focus();
+  };
+  const hide = () => {
+    const shown = line.isConnected;
+    if (line.contains(document.activeElement)) byId("menu").focus();
+    line.remove();
+    return shown;
+  };
+  return { say, hide };
 }
 
 /** Call `take` with each file or value that is chosen in an input, which is ready for the next one. */

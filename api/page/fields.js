@@ -110,7 +110,7 @@ export class Fields {
     const missing = value === undefined || value === null || listed;
     const text = missing ? "" : kind === "json" ? JSON.stringify(value) : String(value);
     if (input.value !== text) input.value = text;
-    input.placeholder = listed ? "differs" : "";
+    if (listed || input.placeholder === "differs") input.placeholder = listed ? "differs" : "";
     if (!kind) fit(field);
   }
 

@@ -1,7 +1,7 @@
 // Where another circle or landmark finds room: clear of all that is there, and within reach of the team.
 
 import { edges, toEdges, within } from "./geometry.js";
-import { decade, landmarksOf, mean, round, vehiclesOf, withLinks, withVehicle } from "./scenario.js";
+import { decade, landmarksOf, mean, polygonsOf, round, vehiclesOf, withLinks, withVehicle } from "./scenario.js";
 
 /** Share of the mean radius that is kept where the scenario states no distance; the verdict has the same. */
 const TOO_NEAR = 0.1;
@@ -56,6 +56,19 @@ export function withMember(scenario, at, like) {
   const last = all.pop();
   const near = all.filter((one) => inReach(one, last)).sort((a, b) => gapBetween(a, last) - gapBetween(b, last));
   return links && near.length ? withLinks(changed, [...links, [near[0].name, last.name]]) : changed;
+}
+
+/** The place in the area, or in a part of the plane, that is farthest from circles, landmarks and polygons: `room` in m.
+ * @param {any} extent [west, south, east, north] */
+export function roomiest(scenario, extent) {
+  const bodies = [...vehiclesOf(scenario), ...landmarksOf(scenario).map((one) => ({ ...one, radius: 0 }))];
+  const room = (at) =>
+    Math.min(
+      ...bodies.map((one) => away(one, at) - one.radius),
+      ...polygonsOf(scenario).map(({ kind, corners }) => (within(corners, at) === (kind === "area") ? toEdges(corners, at) : 0)),
+    );
+  const places = grid(scenario.area_m ?? [extent.slice(0, 2), extent.slice(2)]).map((at) => ({ ...at, room: room(at) }));
+  return places.reduce((best, one) => (one.room > best.room ? one : best));
 }
 
 /** Whether the circles of two vehicles come near enough for one to see the other. */

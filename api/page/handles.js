@@ -67,14 +67,9 @@ export class Handles {
       const label = this.#store.off.includes(grip.title) ? `${grip.label}, switched off` : grip.label;
       const state = [look, pressed, tabIndex, label, left, top].join();
       if (handle.state === state) return;
-      handle.state = state;
-      handle.className = look;
-      handle.setAttribute("aria-pressed", pressed);
-      handle.setAttribute("aria-label", label);
-      handle.title = grip.title;
-      handle.style.left = `${Math.min(Math.max(left, 0), size[0])}px`;
-      handle.style.top = `${Math.min(Math.max(top, 0), size[1])}px`;
-      handle.tabIndex = tabIndex;
+      const [x, y] = [left, top].map((pixel, axis) => Math.min(Math.max(pixel, 0), size[axis]));
+      Object.assign(handle.style, { left: `${x}px`, top: `${y}px` });
+      Object.assign(handle, { state, className: look, title: grip.title, tabIndex, ariaPressed: pressed, ariaLabel: label });
     });
   }
 

@@ -6,11 +6,6 @@ import { ask, askJson, patiently, postOnce, Refusal } from "./service.js";
 import { ENDED, STUDIES } from "./tables.js";
 import { explained } from "./terms.js";
 
-/** What a refinement gains: the team's predicted error before, and after. */
-export function gained({ before, after }) {
-  return [before, after].map((one) => shown(one.predicted_rms_m, "m")).join(" → ");
-}
-
 /** Resolves with the element that tells the result of a job, as the service does. */
 export async function outcomeOf({ id }) {
   const text = await patiently(async () => (await ask("GET", `v1/jobs/${id}/result`, { accept: "text/html" })).text());
@@ -142,7 +137,8 @@ export function jobsAt(id, { forms: formsOf = () => [], may = () => true, addres
   function show({ kind, state, progress: { done, total }, doing, best }) {
     Object.assign(progress, { max: total, value: done });
     const { title, unit } = STUDIES[kind];
-    const more = ending || doing || (best && `best so far: predicted error ${gained(best)}`);
+    const gained = best && [best.before, best.after].map((one) => shown(one.predicted_rms_m, "m")).join(" → ");
+    const more = ending || doing || (best && `best so far: predicted error ${gained}`);
     text.textContent = `${title} ${state}: ${done} of ${total} ${unit}${more ? `; ${more}` : ""}`;
   }
 

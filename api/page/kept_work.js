@@ -31,11 +31,9 @@ function show({ open, compare, showReplay }, kind = "plans") {
   const listed = element("div", { id: "kept-list", role: "tabpanel" });
   const used = element("p", { id: "usage", class: "hint" });
   const fault = alert();
-  /** the name of the recording that is replayed */
-  let replayed = "";
-  const report = ({ id }) => element("a", { href: `v1/jobs/${id}/result`, download: `${replayed}.report.json` }, "Report");
+  const report = ({ id }, { name }) => element("a", { href: `v1/jobs/${id}/result`, download: `${name}.report.json` }, "Report");
   const replays = jobsAt("replay-job", {
-    ended: async (job, result) => result && [act("Show on the map", () => onMap(result)), await outcomeOf(job), report(job)],
+    ended: async (job, result) => result && [act("Show on the map", () => onMap(result)), await outcomeOf(job), report(job, result)],
   });
   /** Each kind of work: its title, the columns of a row, and what can be done with it. */
   const kinds = {
@@ -49,7 +47,7 @@ function show({ open, compare, showReplay }, kind = "plans") {
         `${vehicles}`,
         timeOf(made),
       ],
-      acts: (row) => [act("Compare", () => askJson("GET", `v1/plans/${row.id}`).then(compare).then(close)), rename(row), remove(row)],
+      acts: (row) => [act("Compare", async () => compare(await askJson("GET", `v1/plans/${row.id}`).finally(close))), rename(row), remove(row)],
     },
     jobs: {
       title: "Jobs",
@@ -57,7 +55,7 @@ function show({ open, compare, showReplay }, kind = "plans") {
       cells: ({ kind, state, created_at: made }) => [STUDIES[kind].title, state, timeOf(made)],
       acts: (row) => [
         addressOf(row) && element("a", { href: addressOf(row) }, "Open"),
-        row.kind === "replay" && row.result && act("Show on the map", async () => onMap(await askJson("GET", `v1/jobs/${row.id}/result`))),
+        row.recording_id && row.result && act("Show on the map", async () => onMap(await askJson("GET", `v1/jobs/${row.id}/result`))),
         row.result && element("a", { href: row.result, download: `${row.kind}.json` }, "Result"),
         remove(row),
       ],
@@ -110,22 +108,19 @@ function show({ open, compare, showReplay }, kind = "plans") {
   }
 
   function rename({ id, name }) {
-    const at = `v1/${parts.current()}/${id}`;
-    return act("Rename", async () => {
+    return act("Rename", () => {
       const given = prompt("New name", name);
-      if (given === null) return;
-      await ask("PATCH", at, { body: JSON.stringify({ name: given }) });
-      await renew();
+      return given !== null && change("PATCH", id, { body: JSON.stringify({ name: given }) });
     });
   }
 
   function remove({ id, name, kind }) {
-    const at = `v1/${parts.current()}/${id}`;
-    return act("Delete", async () => {
-      if (!confirm(`Delete ${name || kind || "this plan"}? This can't be undone.`)) return;
-      await ask("DELETE", at);
-      await renew();
-    });
+    return act("Delete", () => confirm(`Delete ${name || kind || "this plan"}? This can't be undone.`) && change("DELETE", id));
+  }
+
+  async function change(method, id, how = {}) {
+    await ask(method, `v1/${parts.current()}/${id}`, how);
+    await renew();
   }
 
   function upload() {
@@ -141,10 +136,9 @@ function show({ open, compare, showReplay }, kind = "plans") {
   }
 
   /** Run the filter on a recording. */
-  async function replay({ id, name }, pressed) {
+  async function replay({ id }, pressed) {
     replays.clear();
     const job = await postOnce(`v1/recordings/${id}/replays`, { series: true });
-    replayed = name;
     await replays.follow(job, pressed);
   }
 }

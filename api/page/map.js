@@ -134,8 +134,8 @@ export class FormationMap {
     this.#glide = { drawn, from: drawn, until: same && !CALM.matches ? performance.now() + GLIDE_MS : 0 };
   }
 
-  /** The scenario as it is drawn now: for a moment on its way from the one before. */
-  get #moved() {
+  /** Move on from the scenario that was drawn before; returns the one to draw now. */
+  #moveOn() {
     const { scenario } = this.#store;
     const { from, until } = this.#glide;
     const rest = (until - performance.now()) / GLIDE_MS;
@@ -173,6 +173,8 @@ export class FormationMap {
     const { scenario } = this.#store;
     if (!scenario) return;
     this.#map.updateSize();
+    // hidden below figures
+    if (!this.#map.getSize()?.every(Boolean)) return;
     this.#map.getView().fit((this.#instead && this.#sources.still.getExtent()) ?? extentOf(scenario), { padding: this.#room, maxZoom: 40 });
     this.#whole = this.#viewed;
   }
@@ -248,7 +250,7 @@ export class FormationMap {
     const { drawn: plan, beside, off, without } = this.#store;
     if (!this.#store.scenario) return;
     if (this.#instead) return this.#sync("still", this.#instead.map(made));
-    const scenario = this.#moved;
+    const scenario = this.#moveOn();
     const circles = circlesOf(scenario, plan, off);
     const links = linksOf(scenario, plan, off);
     const judged = without?.unobservable ? { ...plan, observability: without } : plan;

@@ -87,7 +87,8 @@ export class Opening {
 
   /** Open a plan that a report holds, or a formation. */
   async formation(plan, name) {
-    await this.#text(JSON.stringify(plan), name, ++this.#choices, true);
+    const scenario = { name, ...plan.scenario };
+    await this.#text(JSON.stringify({ ...plan, scenario }), name, ++this.#choices, true);
   }
 
   /** Open a stored plan; `opened()` is called once it is there, before it is drawn. */

@@ -5,7 +5,7 @@ import { offerComparison } from "./comparison.js";
 import { offerWaysOn } from "./dead_link.js";
 import { offerDegrees } from "./coordinates.js";
 import { offerDesigns } from "./design.js";
-import { offerDownloads } from "./downloads.js";
+import { offerPreflight } from "./preflight.js";
 import { offerEditor } from "./editor.js";
 import { attempt, byId, notice, noticeIsFault, onceChosen, takeDropped } from "./elements.js";
 import { Handles } from "./handles.js";
@@ -47,7 +47,7 @@ export function makePanels({ store, map, address, opening }) {
   offerNewTeam((scenario, change) => opening.team(scenario, change));
   const showKept = offerKeptWork({ open: (planId) => opening.plan(planId, { opened: () => address.write() }), compare: offerComparison(store), showReplay: offerReplays(store, map, player) });
   opening.showRecordings = () => showKept("recordings");
-  offerDownloads(store, storePlan);
+  offerPreflight(store, storePlan);
   offerLosses(store, storePlan);
   offerNaming(store);
   offerSave(store, storePlan);

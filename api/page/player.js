@@ -53,9 +53,7 @@ export function offerPlayer(store, map, charts) {
     played.replaceChildren(plan, ...options(tracks.map(({ trial }) => `Flight ${trial + 1}`)));
     alone = how.alone;
     played.hidden = happening.hidden = alone || !tracks.length;
-    if (!alone) return;
-    played.value = "0";
-    slider.value = 0;
+    played.value = alone ? "0" : "";
     show();
   }
 
@@ -119,10 +117,7 @@ export function offerPlayer(store, map, charts) {
     const timeline = charts.timeline();
     if (!timeline || alone) return;
     const others = (timeline.layout.shapes || []).filter((one) => one.name !== "moment");
-    reshape(timeline, [...others, momentLine(time % plan.period_s)]);
+    const at = time % plan.period_s;
+    reshape(timeline, [...others, { name: "moment", type: "line", xref: "x", yref: "paper", x0: at, x1: at, y0: 0, y1: 1, line: { width: 2, color: "#d55e00" } }]);
   }
-}
-
-function momentLine(time) {
-  return { name: "moment", type: "line", xref: "x", yref: "paper", x0: time, x1: time, y0: 0, y1: 1, line: { width: 2, color: "#d55e00" } };
 }

@@ -1,18 +1,16 @@
 // A replay of a recording on the map, in place of the plan, until it is ended: paths, landmarks, and robots that move.
 
-import { button, byId, element, shown } from "./elements.js";
+import { chip, shown } from "./elements.js";
 
 /** Return what shows the report of a replay on the map and lets it be played. */
 export function offerReplays(store, map, player) {
-  const words = element("span", { role: "status" });
-  const chip = element("div", { class: "comparison" }, words, button("End replay", end, { class: "small" }));
-  store.on(["scenario", "opened"], () => chip.isConnected && end());
+  const line = chip("End replay", end);
+  store.on(["scenario", "opened"], end);
   return show;
 
   function show({ name, position_rmse_m: error, paths }) {
     const { vehicles, track_time_s: times, landmarks } = paths;
-    words.textContent = `Replay of ${name}${error === null ? ", dashed: estimated" : `, dashed: estimated, RMS error ${shown(error, "m")}`}`;
-    byId("map").append(chip);
+    line.say(`Replay of ${name}, dashed: estimated${error === null ? "" : `, RMS error ${shown(error, "m")}`}`);
     map.instead([
       ...vehicles.flatMap((vehicle) => ["true", "estimated"].flatMap((which) => pathsOf(vehicle, which))),
       ...landmarks.map(({ name: title, position_m: place }) => ({ kind: "landmark", name: title, place })),
@@ -23,7 +21,7 @@ export function offerReplays(store, map, player) {
   }
 
   function end() {
-    chip.remove();
+    if (!line.hide()) return;
     map.instead(null);
     player.offer();
   }

@@ -1,5 +1,6 @@
 // What can be asked of a plan: forms, those of studies by their options, and that of a refinement.
 
+import { pairsIn } from "./coordinates.js";
 import { alert, byId, element, folded, mark, options } from "./elements.js";
 import { mean, rounded, vehiclesOf } from "./scenario.js";
 import { OBJECTIVES } from "./tables.js";
@@ -188,14 +189,8 @@ export const INPUTS = {
   pair: { attributes: TEXT, read: (text) => (text.trim() ? listed(text).map(Number) : null), word: joined },
   // a number by itself, or the least and the largest
   span: { attributes: TEXT, read: (text) => (/[\s,;]/.test(text.trim()) ? listed(text).map(Number) : text.trim() ? Number(text) : null), word: joined },
-  places: { attributes: TEXT, wide: true, read: placesIn, word: (places) => Object.values(places).map(joined).join("; ") },
+  places: { attributes: TEXT, wide: true, read: pairsIn, word: (places) => Object.values(places).map(joined).join("; ") },
 };
-
-/** The places [x, y] in a text. */
-function placesIn(text) {
-  const numbers = listed(text.replace(/[[\]]/g, " ")).map(Number);
-  return numbers.flatMap((_, k) => (k % 2 ? [] : [numbers.slice(k, k + 2)]));
-}
 
 /** The field of an option; an input that may stay empty has a placeholder. */
 export function optionField(verb, { key, label, unit, sentence, kind, default: usual, choices, example }) {

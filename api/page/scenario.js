@@ -23,7 +23,7 @@ export function editable(plan) {
 }
 
 /** Keys of a scenario on which neither orbits nor meetings depend. */
-const LOOSE = ["name", "start_time", "geo_origin", "duration_s", "motion", "initial_sigma", "wind", "filter", "truth", "heading_sigma_rad", "heading_interval_s", "altitude_m"];
+const LOOSE = ["name", "start_time", "geo_origin", "duration_s", "motion", "initial_sigma", "wind", "filter", "truth", "heading_sigma_rad", "heading_interval_s", "altitude_m", "area_m", "keep_out_m"];
 const LOOSE_OF_SENSOR = ["bearing_sigma_rad", "interval_s", "detection_probability", "range_sigma_m", "bearing_bias_sigma_rad", "bearing_walk"];
 
 /** Whether two scenarios say the same. */

@@ -1,6 +1,6 @@
 // What is done with all that is selected: it is moved, copied, put on a grid, removed.
 
-import { freeSite, withMember } from "./free_space.js";
+import { roomiest, withMember } from "./free_space.js";
 import { extentOf } from "./marks.js";
 import { addLandmark, landmarksOf, mean, polygonsOf, round, rounded, vehiclesOf, withCenter, withLandmark, withLandmarkName, withPolygon, withVehicleName, withoutLandmark, withoutVehicle } from "./scenario.js";
 
@@ -71,8 +71,9 @@ export function addBody(store, kind, at, how = {}) {
 /** Add a polygon to a store's scenario, the area round all that is there and others small, and select it. */
 export function withPolygonAdded(store, kind) {
   const { scenario } = store;
-  const size = rounded(mean(vehiclesOf(scenario).map(({ radius }) => radius)) / 10, 1);
-  const { x, y } = freeSite(scenario) ?? { x: 0, y: 0 };
+  const radius = mean(vehiclesOf(scenario).map((one) => one.radius));
+  const { x, y, room } = roomiest(scenario, extentOf(scenario));
+  const size = rounded(kind === "area" ? radius / 10 : Math.min(Math.max(room / 2, radius / 10), radius / 2), 1);
   const [west, south, east, north] = (kind === "area" ? extentOf(scenario) : [x, y, x, y]).map((edge, at) => round(edge + (at < 2 ? -size : size)));
   store.edit(withPolygon(scenario, kind, [[west, south], [east, south], [east, north], [west, north]]));
   const { k } = polygonsOf(store.scenario).findLast((polygon) => polygon.kind === kind);

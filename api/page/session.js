@@ -32,7 +32,8 @@ export function keepOverReloads(store) {
   store.on(["opened"], () => (judged = store.state));
   store.on(["plan"], (detail) => {
     if (detail.current) judged = store.state;
-    keep();
+    // a whole one follows, and writing takes longer than a frame of a drag
+    if (!detail.quick) keep();
   });
   store.on(["stored"], keep);
   addEventListener("pagehide", () => {

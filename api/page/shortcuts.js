@@ -40,8 +40,9 @@ export function listenForKeys(store, tools) {
       if (!(letter in held) || ("acdv".includes(letter) && !onMap)) return;
       event.preventDefault();
       held[letter](event.shiftKey);
-    } else if (event.key === "Escape") tools.take("select");
+    } else if (event.key === "Escape") tools.abandon();
     else if (!onMap) return;
+    else if (event.key === "Enter" && tools.corners) tools.take("select");
     else if (event.key === "Delete" || event.key === "Backspace") removeChosen(store);
     else tools.key(letter);
   });

@@ -15,9 +15,9 @@ const TOOLS = {
   vehicle: ["Vehicle", "c", "Click where its circle has its centre. Escape ends.", "M17 10a7 7 0 1 1-14 0 7 7 0 0 1 14 0zM10 9v2M9 10h2"],
   landmark: ["Landmark", "l", "Click where it stands. Escape ends.", "M10 2l2.4 5.2 5.6.6-4.2 3.8 1.2 5.6-5-2.9-5 2.9 1.2-5.6L2 7.8l5.6-.6z"],
   link: ["Link", "k", "Click two centres: they are linked, or no longer. Escape ends.", "M6 10a2.5 2.5 0 1 1-5 0 2.5 2.5 0 0 1 5 0zM19 10a2.5 2.5 0 1 1-5 0 2.5 2.5 0 0 1 5 0zM6 10h8"],
-  area: ["Area", "a", "Click the corners that all circles lie within; the first one again ends.", "M3 4h9l1 5 4 1v7H4z"],
-  "keep-out": ["Keep-out", "o", "Click the corners; the first one again ends.", "M17 10a7 7 0 1 1-14 0 7 7 0 0 1 14 0zM5 5l10 10"],
-  obstacle: ["Obstacle", "b", "Click the corners; the first one again ends.", "M2 6h16v8H2zM7 6l-4 8M12 6l-4 8M17 6l-4 8"],
+  area: ["Area", "a", "Click the corners that all circles lie within; the first one again, or Enter, ends.", "M3 4h9l1 5 4 1v7H4z"],
+  "keep-out": ["Keep-out", "o", "Click the corners; the first one again, or Enter, ends.", "M17 10a7 7 0 1 1-14 0 7 7 0 0 1 14 0zM5 5l10 10"],
+  obstacle: ["Obstacle", "b", "Click the corners; the first one again, or Enter, ends.", "M2 6h16v8H2zM7 6l-4 8M12 6l-4 8M17 6l-4 8"],
   ruler: ["Ruler", "r", "Click two places.", "M2 13L13 2l5 5L7 18zM7 8l2 2M10 5l2 2"],
 };
 /** Tools that begin a group. */
@@ -33,6 +33,8 @@ export class Tools {
   #drawn = new VectorSource();
   /** the interaction of OpenLayers that the tool in hand has @type {any} */
   #interaction = null;
+  /** what is being drawn @type {any} */
+  #sketch = null;
   #tool = "select";
   #ofSketch;
   /** the first end of a link @type {string | null} */
@@ -56,7 +58,9 @@ export class Tools {
     box.on("boxend", () => this.#chooseWithin(box.getGeometry()));
     map.addInteraction(box);
     this.#letCornersMove(areas);
-    store.on(["opened"], () => this.take("select"));
+    store.on(["opened"], () => this.abandon());
+    // who turns to something else has drawn what is there
+    document.addEventListener("pointerdown", ({ target }) => this.corners && !byId("map").contains(/** @type {Node} */ (target)) && this.take("select"));
   }
 
   /** The name of the tool in hand. */
@@ -64,8 +68,24 @@ export class Tools {
     return this.#tool;
   }
 
-  /** Take a tool in hand. */
+  /** How many corners are drawn of a polygon. */
+  get corners() {
+    const [ring = []] = this.#sketch?.getGeometry().getCoordinates() ?? [];
+    // the pointer, and the first corner again
+    return POLYGONS.includes(this.#tool) ? Math.max(0, ring.length - 2) : 0;
+  }
+
+  /** Lay the tool away, and what is half drawn with it. */
+  abandon() {
+    this.#sketch = null;
+    this.take("select");
+  }
+
+  /** Take a tool in hand; a polygon of three corners or more that is being drawn is kept. */
   take(name) {
+    if (this.corners > 2) this.#interaction.finishDrawing();
+    else if (this.corners) notice("Fewer than three corners: nothing is drawn.");
+    this.#sketch = null;
     this.#tool = name;
     this.#from = null;
     this.#drawn.clear(true);
@@ -134,7 +154,11 @@ export class Tools {
 
   #draw(type, ended) {
     this.#interaction = new Draw({ type, maxPoints: type === "LineString" ? 2 : undefined, style: this.#ofSketch });
-    this.#interaction.on("drawend", ({ feature }) => ended(feature.getGeometry().getCoordinates()));
+    this.#interaction.on("drawstart", ({ feature }) => (this.#sketch = feature));
+    this.#interaction.on("drawend", ({ feature }) => {
+      this.#sketch = null;
+      ended(feature.getGeometry().getCoordinates());
+    });
     this.#map.addInteraction(this.#interaction);
   }
 
@@ -142,7 +166,7 @@ export class Tools {
     const tidy = corners.map((corner) => corner.map((value) => tidied(value, this.#map)));
     this.#store.edit(withPolygon(this.#store.scenario, kind, tidy));
     // once the drawing is over
-    setTimeout(() => this.take("select"));
+    setTimeout(() => this.#tool === kind && this.abandon());
   }
 
   #measure(ends) {

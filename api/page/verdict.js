@@ -52,11 +52,13 @@ export function showVerdicts(store) {
     const verdict = off.length
       ? [element("strong", {}, remainderOf(off, without)), element("span", { class: "block" }, `With all switched on: ${whole}`)]
       : [element("strong", {}, whole), element("span", { class: "block" }, ...explained(rankOf(plan)))];
+    const warnings = plan.verdict.findings.filter(({ level }) => level === "warning").length;
+    if (warnings) verdict.push(element("span", { class: "block" }, warnings === 1 ? "1 warning" : `${warnings} warnings`));
     byId("all-on").hidden = !off.length;
     const parts = doubt ? [element("span", { class: "block" }, `${DOUBTS[doubt][0]}:`), ...verdict] : verdict;
     // read out when it changes, and only then
     renew(badge, parts.flatMap((part, k) => (k ? [document.createTextNode(" "), part] : [part])));
-    badge.className = doubt || go === undefined ? "badge" : `badge ${go ? "good" : "bad"}`;
+    badge.className = doubt || go === undefined ? "badge" : `badge ${go ? "good" : "bad"}${warnings ? " warned" : ""}`;
     remark.textContent = doubt ? DOUBTS[doubt][1] : "";
     place.classList.toggle("stale", doubt !== null);
     byId("workspace").classList.toggle("doubtful", doubt !== null);
@@ -153,13 +155,8 @@ function findingsOf(store, quick) {
   const counted = findings.filter((one) => !(quick && LEFT_OUT.includes(one.code)));
   const order = Object.keys(LEVELS);
   const sorted = [...counted].sort((one, other) => order.indexOf(one.level) - order.indexOf(other.level));
-  const all = [lost && lostPhases(lost), ...sorted.map((finding) => findingOf(store, finding))].filter(Boolean);
+  const all = [lost && element("p", { class: "finding warning" }, `Phases of all vehicles are computed anew since the edit. ${wayBack(lost)}`), ...sorted.map((finding) => findingOf(store, finding))].filter(Boolean);
   return all.length ? all : [element("p", { class: "hint" }, "No findings.")];
-}
-
-/** That all phases are computed anew, with the way back. */
-function lostPhases(lost) {
-  return element("p", { class: "finding warning" }, `Phases of all vehicles are computed anew since the edit. ${wayBack(lost)}`);
 }
 
 /** Where the phases of a plan come from, and how to have others back. @returns {[string, string]} */
@@ -178,7 +175,8 @@ function rowsOf({ plan, given, lost }, quick) {
     ["Worst error", worst(predicted.vehicles), "of the worst vehicle: the figure of the verdict"],
     ["Predicted RMS error", shown(predicted.overall, "m"), predicted.note || "of all vehicles together"],
     ...flown(plan),
-    ...expected(plan),
+    // errors that the filter does not estimate make it worse than its own prediction
+    ...(plan.expected_rms_m ? [["Expected RMS error", shown(plan.expected_rms_m.overall, "m"), plan.expected_rms_m.note || "with what the filter does not estimate"]] : []),
     ...determined(plan.observability.states ?? []),
     ...errorsOf(plan.predicted_errors ?? []),
     ["Connectivity period", quick ? "—" : connectivity(plan), ""],
@@ -197,11 +195,6 @@ function flown({ flight }) {
   const [low, high] = flight.rms_interval_m ?? [];
   const interval = low === undefined ? "" : ` (${shown(low)} to ${shown(high, "m")}, 95 %)`;
   return [["Flown RMS error", `${shown(flight.rms_m, "m")}${interval}`, `${flight.trials} flights, filter ${flight.filter}`]];
-}
-
-/** Errors that the filter does not estimate make it worse than its own prediction. */
-function expected({ expected_rms_m: found }) {
-  return found ? [["Expected RMS error", shown(found.overall, "m"), found.note || "with what the filter does not estimate"]] : [];
 }
 
 function determined(states) {

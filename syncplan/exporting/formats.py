@@ -131,7 +131,7 @@ def _altitude_notes(flown: ScheduledPlan, chosen: ExportFormat) -> list[str]:
     return [
         f"no altitude is given: vehicles fly at {chosen.altitude_m:g} m, the default of this "
         f"format{stacked}; state "
-        "altitude_m in the scenario, or --altitude-m (library and service: altitude_m)"
+        "altitude_m in the scenario or for the export"
     ]
 
 

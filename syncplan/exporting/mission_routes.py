@@ -239,9 +239,16 @@ def _rate_notes(flown: ScheduledPlan) -> list[str]:
         return []
     orbits = flown.plan.orbits
     rate = math.degrees(orbits.rate)
+    turning = {
+        f"{-sense * rate:.6g}": [flown.names[k] for k in np.flatnonzero(orbits.senses == sense)]
+        for sense in (-1, 1)
+    }
+    rates = [
+        f"{value} (deg/s) on {listed(names, _NAMED)}" for value, names in turning.items() if names
+    ]
     notes = [
-        f"Copter circles at the rate of its own parameter: set CIRCLE_RATE to {rate:.6g} (deg/s), "
-        f"on vehicles that turn ccw to -{rate:.6g}, and CIRCLE_OPTIONS to 2 (nose along the path)"
+        "Copter circles at the rate of its own parameter: set CIRCLE_RATE to "
+        f"{' and to '.join(rates)}, and CIRCLE_OPTIONS to 2 (nose along the path)"
     ]
     if rate > FASTEST_RATE:
         notes.append(f"CIRCLE_RATE goes up to {FASTEST_RATE:g} deg/s, and this plan needs more")

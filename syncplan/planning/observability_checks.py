@@ -238,7 +238,7 @@ def single_points_of_failure(judged: JudgedTeam) -> Iterator[Remark]:
         yield Remark(
             "note",
             f"not checked for {judged.team.count} vehicles which losses end observability; "
-            "syncplan what-if finds them",
+            "what-if finds them",
         )
         return
     if judged.single_points:
@@ -256,7 +256,7 @@ def single_points_of_failure(judged: JudgedTeam) -> Iterator[Remark]:
                     + [landmarks[k] for _, places in lost for k in places]
                 )
             ),
-            cure="another landmark in view, or further links; syncplan what-if says what is lost",
+            cure="another landmark in view, or further links; what-if says what is lost",
         )
 
 

@@ -47,7 +47,8 @@ def slant_ranges(judged: JudgedTeam) -> Iterator[Remark]:
     """Yield the findings that pairs in range of each other differ by much in altitude.
 
     One is on pairs of vehicles, the other on landmarks, which are taken to be on the ground; each
-    names the pair with the largest difference.
+    names the pair with the largest difference. Where that is no less than the range, the pair may
+    never see each other: a warning of landmarks, too.
     """
     scenario = judged.scenario
     if not scenario.altitudes:
@@ -68,6 +69,17 @@ def slant_ranges(judged: JudgedTeam) -> Iterator[Remark]:
             largest = slanted[np.argmax(differences[slanted])]
             apart, reach = float(differences[largest]), float(reaches[largest])
             a, b = (names[k] for k in pairs[largest])
+            if apart >= reach:
+                yield Remark(
+                    "warning",
+                    f"{a} and {b} differ by {apart:.4g} m in altitude: with a range of "
+                    f"{reach:.4g} m along the line of sight they never see each other, and the "
+                    "verdict does not hold; it counts ranges in the plane",
+                    (a, b),
+                    cure="lessen the difference below the range, or take a sensor that reaches "
+                    "farther; range_m meant in the plane needs neither",
+                )
+                continue
             yield Remark(
                 level,
                 f"{a} and {b} differ by {apart:.4g} m in altitude, and ranges count in the plane: "

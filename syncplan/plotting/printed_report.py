@@ -290,7 +290,8 @@ def _facts(document: PlanDocument) -> Iterator[tuple[str, str, str]]:
         yield "Landmarks, m", listed(places, _MOST_LANDMARKS), ""
     origin = document.scenario.geo_origin
     if origin is not None:
-        ground = f"ground {origin.alt_m:g} m above sea level"
+        assumed = "" if origin.alt_m else " (assumed where none is stated)"
+        ground = f"ground {origin.alt_m:g} m above sea level{assumed}"
         yield (
             "Place of 0, 0: latitude, longitude",
             _lat_lon_words(origin.lat_deg, origin.lon_deg),

@@ -128,7 +128,7 @@ def test_a_step_from_the_default_is_noted_too() -> None:
     exported = export(team(), "qgc", ExportOptions(altitude_step_m=5.0))
     assert exported.notes[0].startswith(
         "no altitude is given: vehicles fly at 50 m, the default of this format, each a step above "
-        "the last; state altitude_m in the scenario, or --altitude-m"
+        "the last; state altitude_m in the scenario or for the export"
     )
 
 

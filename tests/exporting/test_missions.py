@@ -171,8 +171,27 @@ def test_radii_that_ardupilot_cuts_off_are_reported() -> None:
     assert "v1, v2, v3 would fly smaller circles (v1 20 m instead of 20.6 m)" in reported
     assert "0.19 rad ahead after each turn" in reported  # 2 pi 0.6 / 20
     assert "v3: older ArduPilot stores no radius above 255 m" in reported
-    assert "CIRCLE_RATE to 2.86479" in reported
-    assert not [note for note in export(mixed_team(), "qgc").notes if "smaller" in note]
+    assert "CIRCLE_RATE to -2.86479 (deg/s) on v1, v2, v3, and CIRCLE_OPTIONS to 2" in reported
+    notes = export(mixed_team(), "qgc").notes
+    assert not [note for note in notes if "smaller" in note]
+
+
+def test_the_rate_of_each_vehicle_is_noted_with_its_sign() -> None:
+    exported = export(mixed_team(), "qgc")
+    (note,) = [note for note in exported.notes if "CIRCLE_RATE" in note]
+    (sidecar,) = [
+        json.loads(file.content) for file in exported.files if file.name.endswith(".sync.json")
+    ]
+    rates = {
+        vehicle["name"]: vehicle["autopilot_parameters"]["CIRCLE_RATE"]
+        for vehicle in sidecar["vehicles"]
+    }
+    assert {rate > 0.0 for rate in rates.values()} == {True, False}
+    for part in note.split("CIRCLE_RATE to ")[1].split(", and CIRCLE_OPTIONS")[0].split(" and to "):
+        rate, named = part.split(" (deg/s) on ")
+        for name in named.split(", "):
+            assert rates.pop(name) == pytest.approx(float(rate), rel=1e-5)
+    assert not rates
 
 
 def test_snapped_radii_are_what_ardupilot_stores_at_the_common_rate(tmp_path: Path) -> None:

@@ -260,7 +260,7 @@ def test_a_number_of_sites_out_of_range_is_refused(choose: int) -> None:
         ({"a": (0.0, 45.0)}, "L1 and a are at the same place"),
         ({"a": (float("nan"), 45.0)}, "finite"),
         ({"a": (1.0, 2.0, 3.0)}, "at most 2"),
-        ({"a": (1e9, 0.0)}, "less than or equal"),
+        ({"a": (1e9, 0.0)}, "at most"),
         (np.zeros((0, 2)), "holds no sites"),
         (np.zeros(3), "must be"),
     ],

@@ -187,7 +187,7 @@ def download(page: Page, button: str) -> Download:
     before = page.locator("#parts [aria-selected=true]").text_content()
     part(page, "Preflight")
     with page.expect_download() as waiting:
-        page.locator("#downloads").get_by_role("button", name=button).click()
+        page.locator("#before-flight").get_by_role("button", name=button).click()
     part(page, before or "?")
     return waiting.value
 

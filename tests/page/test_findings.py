@@ -89,6 +89,20 @@ FENCED = document(
 )
 
 
+def test_a_go_with_warnings_counts_them(visit: Visit, page: Page) -> None:
+    badge = page.locator("#badge")
+    expect(badge).not_to_have_class(re.compile("warned"))
+    part(page, "Preflight")
+    expect(page.get_by_label("Altitude above ground")).to_have_attribute(
+        "placeholder", "50, the format's"
+    )
+    visit.fill("Altitude above ground", "60")
+    visit.verdict("✓ GO")
+    expect(badge).to_contain_text("1 warning")
+    expect(badge).to_have_class(re.compile("good warned"))
+    expect(page.locator("#findings .warning")).to_contain_text("they never see each other")
+
+
 def test_one_error_is_the_figure_of_merit_everywhere(visit: Visit, page: Page) -> None:
     visit.settle()
     badge = re.search(r"know where they are to ([\d.]+ m)", page.locator("#badge").inner_text())

@@ -61,7 +61,7 @@ def at_refined(tabs: Tabs, server: Server, refined: Tree) -> Any:
 
 def error_of(plan: Tree) -> str:
     """The predicted error of a plan as the page shows it."""
-    return f"{plan['predicted_rms_m']['overall']:.4g} m"
+    return f"{plan['predicted_rms_m']['overall']:.3g} m"
 
 
 def predicted(page: Page) -> Any:

@@ -106,18 +106,23 @@ def test_a_comparison_states_both_errors_until_it_is_ended(
     page.set_viewport_size({"width": size[0], "height": size[1]})
     row = kept(page, "Plans").get_by_role("row", name="other")
     row.get_by_role("button", name="Compare").click()
-    chip = page.get_by_text(f"Dashed: other, worst error {worst_error(other)}; here")
-    expect(chip).to_have_text(re.compile(f"here {worst_error(here)}$"))
+    chip = page.get_by_text(
+        f"Dashed: other, worst error {worst_error(other)} of 2 vehicles; here worst error"
+    )
+    expect(chip).to_contain_text(f"here worst error {worst_error(here)} of 6")
+    # the button that opened it is gone with the dialogue
+    expect(page.get_by_role("button", name="End comparison")).to_be_focused()
     expect(page.locator("#notice")).not_to_contain_text("Dashed")
     assert len(drawn(page, "beside")) == 2
     assert accessibility_faults(page) == []
     # what is here follows edits
     page.set_viewport_size({"width": DESKTOP[0], "height": DESKTOP[1]})
     visit.fill("Bearing sigma", "0.2")
-    expect(chip).not_to_contain_text(f"here {worst_error(here)}")
+    expect(chip).not_to_contain_text(worst_error(here))
     page.set_viewport_size({"width": size[0], "height": size[1]})
     page.get_by_role("button", name="End comparison").click()
     expect(chip).to_have_count(0)
+    expect(page.get_by_role("button", name="More", exact=True)).to_be_focused()
     assert drawn(page, "beside") == []
     httpx2.delete(f"{server.url}/v1/plans/{other['id']}")
 
@@ -220,7 +225,7 @@ def test_a_recording_is_sent_replayed_and_deleted(visit: Visit, page: Page, serv
     dialogue.get_by_role("button", name="Show on the map").click()
     expect(page.locator("#map")).to_contain_text("dashed: estimated, RMS error")
     assert drawn(page, "circle") == []
-    (job,) = httpx2.get(f"{server.url}/v1/jobs").json()["items"]
+    job = httpx2.get(f"{server.url}/v1/jobs").json()["items"][0]
     paths = httpx2.get(f"{server.url}{job['result']}").json()["paths"]
     ends = [[one["true_x_m"][-1], one["true_y_m"][-1]] for one in paths["vehicles"]]
     assert [line["at"][-1] for line in drawn(page, "path")] == ends

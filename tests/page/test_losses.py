@@ -49,7 +49,7 @@ def test_the_team_is_judged_without_parts_switched_off(visit: Visit, page: Page)
     handle(page, "v1").press("Enter")
     page.get_by_role("button", name="Switch off v1", exact=True).press("Enter")
     (left,) = what_if(example("paper-grid-same"), ["v1"]).losses
-    worst = f"worst error {left.worst_predicted_rms_m:.4g} m"
+    worst = f"worst error {left.worst_predicted_rms_m:.3g} m"
     expect(badge).to_contain_text(f"Without v1: ✓ GO on paper, rank 15 of 15, {worst}")
     expect(badge).to_contain_text("With all switched on: ✓ GO, flown 31 times: 6 vehicles")
     assert _off(page, "circle", "body") == _off(page, "vehicle", "body") == {"v1"}

@@ -36,7 +36,7 @@ def test_a_confirmation_is_seen_wherever_one_has_scrolled(
         place_on_earth(page)
         visit.settle()
         with page.expect_download():
-            page.locator("#downloads").get_by_role("button", name="Export").click()
+            page.locator("#before-flight").get_by_role("button", name="Export").click()
         reported = page.locator("#notice")
         expect(reported).to_contain_text("Exported")
         # what goes with it is not covered by its confirmation

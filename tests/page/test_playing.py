@@ -126,7 +126,7 @@ def test_an_export_says_what_it_lacks(visit: Visit, page: Page, server: Server) 
     assert sorted(Path(name).suffix for name in unzipped(archive)) == [".csv", ".json"]
     # what a format needs is asked for beforehand
     page.get_by_label("Format", exact=True).select_option("qgc")
-    button = page.locator("#downloads").get_by_role("button", name="Export")
+    button = page.locator("#before-flight").get_by_role("button", name="Export")
     expect(button).to_be_disabled()
     place = box_of(button)
     place_on_earth(page)
@@ -136,7 +136,7 @@ def test_an_export_says_what_it_lacks(visit: Visit, page: Page, server: Server) 
     visit.settle()
     assert sum(name.endswith(".plan") for name in unzipped(download(page, "Export"))) == 6
     reported = page.locator("#export-notes")
-    expect(reported).to_contain_text("set CIRCLE_RATE to 11.4592 (deg/s)")
+    expect(reported).to_contain_text("set CIRCLE_RATE to -11.4592 (deg/s) on v1, v2")
     assert accessibility_faults(page) == []
     page.get_by_label("For", exact=True).select_option("PX4 multicopter")
     files = unzipped(download(page, "Export"))
@@ -155,7 +155,7 @@ def test_a_plan_that_is_no_go_is_exported_only_when_forced(visit: Visit, page: P
     visit.verdict("✗ NO-GO")
     part(page, "Preflight")
     page.get_by_label("Format", exact=True).select_option("csv")
-    page.locator("#downloads").get_by_role("button", name="Export").click()
+    page.locator("#before-flight").get_by_role("button", name="Export").click()
     expect(page.locator("#download-fault")).to_contain_text("NO-GO: 2 reasons; unobservable")
     reported = page.locator("#export-findings .remark").all_inner_texts()
     force.check()
@@ -165,7 +165,5 @@ def test_a_plan_that_is_no_go_is_exported_only_when_forced(visit: Visit, page: P
     assert accessibility_faults(page) == []
     visit.choose(SAME)
     visit.verdict("✓ GO")
-    expect(page.locator("#export-findings")).to_have_text(
-        "No stop and no warning goes with the files."
-    )
+    expect(page.locator("#export-findings")).to_have_text("The verdict has no stop and no warning.")
     expect(force).to_be_hidden()

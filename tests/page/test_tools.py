@@ -1,5 +1,6 @@
-"""What people do on the map with its tools, and a new team from nothing to a mission."""
+"""What people do on the map with its tools, and new teams."""
 
+import itertools
 import math
 
 import pytest
@@ -9,7 +10,6 @@ import syncplan
 from tests.page.gestures import (
     box_of,
     click,
-    download,
     downloaded,
     drag,
     drawn,
@@ -19,69 +19,25 @@ from tests.page.gestures import (
     opened,
     part,
     phases,
-    place_on_earth,
     pull,
-    sheet,
     take,
-    unzipped,
     view,
 )
-from tests.tools.browsing import DESKTOP, PHONE, Tabs, Visit, accessibility_faults, visiting
+from tests.tools.browsing import Visit, accessibility_faults
 from tests.tools.scenarios import FILES, document
-from tests.tools.serving import Server
-
-TABLET = (768, 1024)
-
-
-@pytest.mark.parametrize("size", [DESKTOP, TABLET, PHONE], ids=["desktop", "tablet", "phone"])
-def test_a_new_team_comes_to_a_mission(tabs: Tabs, server: Server, size: tuple[int, int]) -> None:
-    with visiting(tabs, server.url, size=size) as visit:
-        page = visit.page
-        visit.verdict("GO")
-        page.get_by_role("button", name="New").click()
-        page.get_by_role("spinbutton", name="Vehicles").fill("4")
-        page.get_by_label("Gap between circles (m)").fill("25")
-        assert accessibility_faults(page) == []
-        page.get_by_role("button", name="Create").click()
-        visit.verdict("✓ GO, flown 31 times: 4 vehicles know where they are to")
-        visit.verdict("rank 12 of 12")
-        sheet(page)
-        part(page, "Preflight")
-        place_on_earth(page)
-        files = unzipped(download(page, "Export"))
-        assert sum(name.endswith(".plan") for name in files) == 4
-
-
-def test_a_team_of_ones_own_comes_to_a_mission_by_keyboard_alone(visit: Visit, page: Page) -> None:
-    page.get_by_role("button", name="New").focus()
-    page.keyboard.press("Enter")
-    page.get_by_role("spinbutton", name="Vehicles").focus()
-    page.keyboard.press("Control+a")
-    page.keyboard.type("4")
-    page.keyboard.press("Enter")
-    visit.verdict("✓ GO, flown 31 times: 4 vehicles know where they are to")
-    page.get_by_role("tab", name="Scenario", exact=True).focus()
-    page.keyboard.press("End")
-    page.get_by_label("Latitude of the origin").focus()
-    page.keyboard.type("47.4")
-    page.keyboard.press("Tab")
-    page.keyboard.type("8.5")
-    visit.settle()
-    with page.expect_download() as waiting:
-        page.keyboard.press("Enter")
-    assert sum(name.endswith(".plan") for name in unzipped(waiting.value)) == 4
 
 
 def test_a_new_team_keeps_a_distance_and_its_rate_when_a_radius_changes(
     visit: Visit, page: Page
 ) -> None:
     page.get_by_role("button", name="New").click()
+    page.get_by_label("Gap between circles (m)").fill("25")
     page.get_by_role("button", name="Create").click()
     visit.verdict("✓ GO, flown 31 times: 4 vehicles know where they are to")
-    expect(page.get_by_label("Least separation")).to_have_value("7")
+    expect(page.get_by_label("Least separation")).to_have_value("6.5")
     part(page, "Verdict")
     separation = page.locator("#verdict tr", has_text="Least separation")
-    expect(separation).to_contain_text("at least 7 m required")
+    expect(separation).to_contain_text("at least 6.5 m required")
     part(page, "Scenario")
     expect(page.get_by_label("Speed (m/s)", exact=True)).to_be_visible()
     handle(page, "v2").click()
@@ -279,3 +235,48 @@ def test_the_ruler_measures_and_changes_nothing(visit: Visit, page: Page) -> Non
     length = float((words.text_content() or "0").split()[0])
     assert length == pytest.approx(100.0, abs=1.0)
     assert downloaded(page) == scenario
+
+
+def test_what_is_drawn_is_kept_when_one_turns_to_something_else(visit: Visit, page: Page) -> None:
+    corners = [(-30.0, -40.0), (195.0, -40.0), (195.0, 60.0), (40.0, 110.0)]
+
+    def draw(tool: str, places: list[tuple[float, float]]) -> None:
+        take(page, tool)
+        for place in places:
+            click(page, *place)
+            # two clicks in a row are no double click
+            page.wait_for_timeout(300)
+
+    draw("Area", corners)
+    # another tool
+    draw("Keep-out", [(20.0, 25.0), (50.0, 25.0), (35.0, 45.0)])
+    assert [len(area["at"][0]) for area in drawn(page, "area")] == [5]
+    # another part of the page
+    part(page, "Preflight")
+    expect(page.locator("#preflight")).to_contain_text("area of 4 corners, 1 keep-out")
+    draw("Obstacle", [(90.0, 25.0), (120.0, 25.0), (105.0, 45.0)])
+    page.locator("#map-plot").press("Enter")
+    assert [len(wall["at"][0]) for wall in drawn(page, "obstacle")] == [4]
+    expect(page.get_by_role("button", name="Select")).to_have_attribute("aria-pressed", "true")
+    draw("Keep-out", [(90.0, 50.0), (100.0, 50.0)])
+    take(page, "Select")
+    expect(page.locator("#notice")).to_have_text("Fewer than three corners: nothing is drawn.")
+    draw("Keep-out", [(90.0, 50.0), (100.0, 50.0), (95.0, 55.0)])
+    page.keyboard.press("Escape")
+    assert len(drawn(page, "keep-out")) == 1
+    visit.settle()
+
+
+def test_a_keep_out_that_is_added_touches_nothing_and_keeps_phases(
+    visit: Visit, page: Page
+) -> None:
+    page.get_by_role("button", name="Add area").click()
+    for _ in range(2):
+        page.get_by_role("button", name="Add keep-out").click()
+        visit.verdict("GO")
+        boxes = [box_of(grip) for grip in page.locator("#handles button[title^=corner]").all()]
+        assert len(boxes) == 4
+        for one, other in itertools.combinations(boxes, 2):
+            assert max(abs(one["x"] - other["x"]), abs(one["y"] - other["y"])) > one["width"]
+    visit.settle()
+    visit.verdict("✓ GO")

@@ -75,10 +75,23 @@ def test_landmarks_far_below_are_a_note() -> None:
     assert (finding.level, finding.subjects) == ("note", ("v1", "mast"))
     assert f"they are {math.hypot(50, 30):.4g} m from each other" in finding.message
     assert not findings_of(planned(landmarks_m=[[0.0, 40.0]], altitude_m=7.0), "slant-range")
+
+
+@pytest.mark.parametrize(
+    ("altitude", "level"), [(49.9, "note"), (50.0, "warning"), (60.0, "warning")]
+)
+def test_landmarks_beyond_the_range_below_are_a_warning(altitude: float, level: str) -> None:
+    judged = planned(landmarks_m={"mast": [0.0, 40.0]}, altitude_m=altitude)
+    (finding,) = findings_of(judged, "slant-range")
+    assert (finding.level, finding.subjects) == (level, ("v1", "mast"))
+    assert ("they never see each other" in finding.message) == (level == "warning")
+    # no reach in the plane is left to state
+    assert finding.cure is not None
+    assert ("sqrt" in finding.cure.text) == (level == "note")
     assert not findings_of(planned(altitude_m=30.0), "slant-range")
 
 
-def test_no_range_is_left_across_a_difference_beyond_it() -> None:
+def test_vehicles_further_apart_in_altitude_than_they_see_never_meet() -> None:
     (finding,) = findings_of(planned(altitude_m=[0.0, 51.0]), "slant-range")
-    assert finding.cure is not None
-    assert "sqrt(R^2 - d^2) = 0 m" in finding.cure.text
+    assert "v1 and v2 differ by 51 m in altitude: with a range of 50 m" in finding.message
+    assert finding.level == "warning"

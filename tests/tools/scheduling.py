@@ -21,7 +21,10 @@ APART = (
 """Files and tests that take long and share nothing: each test is a group of its own."""
 
 PAGE = "tests/page"
-FIRST_WINDOW = ("adding", "editing", "handles", "kept_phases", "page", "reloads", "tools")
+FIRST_WINDOW = (
+    *("adding", "editing", "handles", "kept_phases", "missions", "numbers", "page", "reloads"),
+    *("saving", "tools"),
+)
 """Files of the page that share one browser and one service; the others share another pair."""
 
 SERVICE = "tests/service"

@@ -1,6 +1,6 @@
 // Before a flight: what the files of an export hold and lack, and the files.
 
-import { attemptAt, byId, element, notice, options, renew, save, shown } from "./elements.js";
+import { attemptAt, byId, element, mark, notice, options, renew, save, shown } from "./elements.js";
 import { polygonsOf, vehiclesOf } from "./scenario.js";
 import { ask } from "./service.js";
 import { FORMATS, PILOTS } from "./tables.js";
@@ -10,7 +10,7 @@ import { LEVELS } from "./verdict.js";
 const MOST_LISTED = 12;
 
 /** The panel of what is done before a flight. `storePlan()` resolves with the identifier of the plan on show. */
-export function offerDownloads(store, storePlan) {
+export function offerPreflight(store, storePlan) {
   const [pilot, format, force, forced, rows] = ["pilot", "format", "force", "forced", "preflight"].map(byId);
   const [fault, notes, travels] = ["download-fault", "export-notes", "export-findings"].map(byId);
   const lacksPlace = () => FORMATS[format.value].on_earth && store.scenario?.geo_origin === undefined;
@@ -24,17 +24,22 @@ export function offerDownloads(store, storePlan) {
   // by the button, or by Enter in a field
   byId("preflight-fields").addEventListener("submit", (event) => {
     event.preventDefault();
-    if (lacksPlace()) byId("field-geo-origin-lat-deg").focus();
-    else run(saveExport);
+    if (!lacksPlace()) return run(saveExport);
+    const latitude = byId("field-geo-origin-lat-deg");
+    mark(latitude, "this format needs latitude and longitude of the point 0, 0");
+    latitude.focus();
   });
   pilot.append(...options(PILOTS));
   format.append(...options(Object.fromEntries(Object.entries(FORMATS).map(([name, { title }]) => [name, title]))));
 
   const suit = () => {
-    pilot.disabled = !FORMATS[format.value].mission;
+    const { mission, altitude_m: usual } = FORMATS[format.value];
+    pilot.disabled = !mission;
     // not disabled: Tab leads to it from the last field that it waits for
     byId("export").setAttribute("aria-disabled", lacksPlace());
-    if (store.scenario) renew(rows, rowsOf(store.scenario, FORMATS[format.value]));
+    if (!store.scenario) return;
+    renew(rows, rowsOf(store.scenario, FORMATS[format.value]));
+    if (!Array.isArray(store.scenario.altitude_m)) byId("field-altitude-m").placeholder = usual ? `${usual}, the format's` : "";
   };
   const enable = () => {
     for (const id of ["save-scenario", "save-plan", "print-report", "export"]) byId(id).disabled = store.scenario === null;
@@ -125,7 +130,7 @@ function altitudesOf(scenario, { altitude_m: usual }) {
 /** What speaks against flying a plan, as the sidecar of its export will say. */
 function travelling(findings) {
   const grave = findings.filter((one) => one.level !== "note");
-  if (!grave.length) return [element("p", { class: "hint" }, "No stop and no warning goes with the files.")];
+  if (!grave.length) return [element("p", { class: "hint" }, "The verdict has no stop and no warning.")];
   const said = grave.map(({ level, message }) => element("p", { class: `remark ${level}` }, element("strong", {}, LEVELS[level]), message));
   return [element("p", { class: "hint" }, "These findings go with the files, in their .sync.json:"), ...said];
 }
