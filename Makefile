@@ -78,7 +78,7 @@ static: chromium $(VENV)/.dev
 
 # the scripts of the web page: linter, types, and tests of what needs no browser
 scripts: $(VENV)/.page
-	vendor/node_modules/.bin/biome lint --error-on-warnings api/page/*.js vendor/*.js vendor/*.mjs tests/page/*.mjs
+	vendor/node_modules/.bin/biome lint --error-on-warnings api/page/*.js vendor/*.js vendor/*.mjs tests/page/*.mjs tests/crosschecks/*.mjs
 	$(BIN)/node vendor/node_modules/.bin/tsc -p vendor
 	$(BIN)/node --test --test-reporter=dot tests/page/*.mjs
 
@@ -104,6 +104,7 @@ fixed-searches:
 check-all: postgresql $(VENV)/.crosschecks static
 	$(SIDE) all-tests fresh-searches
 	$(TESTS) tests.searches requests --minutes 3
+	$(BIN)/python -m tests.crosschecks.check_firefox
 
 all-tests:
 	+$(PYTEST) $(MORE) --hypothesis-profile=fresh-cases

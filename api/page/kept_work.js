@@ -131,6 +131,7 @@ function show({ open, compare, showReplay }, kind = "plans") {
   }
 
   function onMap(result) {
+    if (!result.paths) throw new Error("This replay has no paths: replay the recording again.");
     close();
     showReplay(result);
   }

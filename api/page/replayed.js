@@ -36,6 +36,5 @@ function pathsOf(vehicle, which) {
     if (x === null) parts.push([]);
     else parts[parts.length - 1].push([x, ys[i]]);
   }
-  const kind = which === "true" ? "path" : "beside";
-  return parts.filter((path) => path.length > 1).map((path) => ({ kind, path }));
+  return parts.filter((path) => path.length > 1).map((path) => ({ kind: which === "true" ? "path" : "beside", path }));
 }
