@@ -23,6 +23,8 @@ askForKeys(() => {
 });
 // what is not needed for the first look at the map comes after it
 const around = import("./panels.js").then(({ makePanels }) => makePanels({ store, map, address, opening }));
+// over a slow line, the typeface would keep the map waiting
+around.then(() => document.fonts.add(new FontFace("Inter", `url(${new URL("./vendor/inter.woff2", import.meta.url)})`, { weight: "100 900", display: "swap" })));
 addEventListener("popstate", () => attempt(goTo));
 attempt(start);
 

@@ -25,9 +25,8 @@ export function offerPreflight(store, storePlan) {
   byId("preflight-fields").addEventListener("submit", (event) => {
     event.preventDefault();
     if (!lacksPlace()) return run(saveExport);
-    const latitude = byId("field-geo-origin-lat-deg");
-    mark(latitude, "this format needs latitude and longitude of the point 0, 0");
-    latitude.focus();
+    mark(byId("field-geo-origin-lat-deg"), "this format needs latitude and longitude of the point 0, 0");
+    byId("field-geo-origin-lat-deg").focus();
   });
   pilot.append(...options(PILOTS));
   format.append(...options(Object.fromEntries(Object.entries(FORMATS).map(([name, { title }]) => [name, title]))));
