@@ -317,8 +317,8 @@ def _label(name: str, given: dict[str, Any]) -> str:
 def _shown(name: str, fault: dict[str, Any]) -> str:
     if fault["type"] == "extra_forbidden":
         return "is no setting"
-    message = str(fault["msg"]).removeprefix("Value error, ").replace("Input should", "must")
-    message = limit_in_words(message)
+    message = limit_in_words(str(fault["msg"])).removeprefix("Value error, ")
+    message = message.replace("Input should", "must")
     if name in _SECRET:
         return message
     value = str(fault["input"])

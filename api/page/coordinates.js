@@ -52,18 +52,16 @@ export function pairsIn(text) {
   return numbers.flatMap((_, k) => (k % 2 ? [] : [numbers.slice(k, k + 2)]));
 }
 
-const isPair = (pair) => pair.length === 2 && pair.every(Number.isFinite);
-
 /** Return two numbers that a text holds, as maps copy places; null for any other text. */
 export function pairIn(text) {
   const [pair = [], ...others] = pairsIn(text);
-  return isPair(pair) && !others.length ? pair : null;
+  return pair.length === 2 && pair.every(Number.isFinite) && !others.length ? pair : null;
 }
 
 /** Return the corners that a text lists, as "0, 0; 100, 0; 100, 50"; throws RangeError for any other text. */
 export function cornersIn(text) {
-  const corners = pairsIn(text);
-  if (corners.length < 3 || !corners.every(isPair)) throw new RangeError("write three corners or more, such as 0, 0; 100, 0; 100, 50");
+  const corners = text.split(";").filter((part) => part.trim()).map(pairIn);
+  if (corners.length < 3 || corners.includes(null)) throw new RangeError("write three corners or more, such as 0, 0; 100, 0; 100, 50");
   return corners;
 }
 

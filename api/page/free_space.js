@@ -61,14 +61,14 @@ export function withMember(scenario, at, like) {
 /** The place in the area, or in a part of the plane, that is farthest from circles, landmarks and polygons: `room` in m.
  * @param {any} extent [west, south, east, north] */
 export function roomiest(scenario, extent) {
-  const bodies = [...vehiclesOf(scenario), ...landmarksOf(scenario).map((one) => ({ ...one, radius: 0 }))];
+  const bodies = [...vehiclesOf(scenario), ...landmarksOf(scenario).map((landmark) => ({ ...landmark, radius: 0 }))];
   const room = (at) =>
     Math.min(
-      ...bodies.map((one) => away(one, at) - one.radius),
+      ...bodies.map((body) => away(body, at) - body.radius),
       ...polygonsOf(scenario).map(({ kind, corners }) => (within(corners, at) === (kind === "area") ? toEdges(corners, at) : 0)),
     );
   const places = grid(scenario.area_m ?? [extent.slice(0, 2), extent.slice(2)]).map((at) => ({ ...at, room: room(at) }));
-  return places.reduce((best, one) => (one.room > best.room ? one : best));
+  return places.reduce((best, place) => (place.room > best.room ? place : best));
 }
 
 /** Whether the circles of two vehicles come near enough for one to see the other. */

@@ -137,7 +137,7 @@ export function jobsAt(id, { forms: formsOf = () => [], may = () => true, addres
   function show({ kind, state, progress: { done, total }, doing, best }) {
     Object.assign(progress, { max: total, value: done });
     const { title, unit } = STUDIES[kind];
-    const gained = best && [best.before, best.after].map((one) => shown(one.predicted_rms_m, "m")).join(" → ");
+    const gained = best && [best.before, best.after].map((judged) => shown(judged.predicted_rms_m, "m")).join(" → ");
     const more = ending || doing || (best && `best so far: predicted error ${gained}`);
     text.textContent = `${title} ${state}: ${done} of ${total} ${unit}${more ? `; ${more}` : ""}`;
   }

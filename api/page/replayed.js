@@ -16,7 +16,7 @@ export function offerReplays(store, map, player) {
       ...landmarks.map(({ name: title, position_m: place }) => ({ kind: "landmark", name: title, place })),
     ]);
     // where no truth is known, a robot is where it is taken to be
-    const known = error === null ? vehicles.map((one) => ({ ...one, true_x_m: one.estimated_x_m, true_y_m: one.estimated_y_m })) : vehicles;
+    const known = error === null ? vehicles.map((robot) => ({ ...robot, true_x_m: robot.estimated_x_m, true_y_m: robot.estimated_y_m })) : vehicles;
     player.offer({ series: { tracks: [{ trial: 0, vehicles: known }], track_time_s: times, ground: { landmarks } } }, { alone: true });
   }
 

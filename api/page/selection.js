@@ -71,10 +71,11 @@ export function addBody(store, kind, at, how = {}) {
 /** Add a polygon to a store's scenario, the area round all that is there and others small, and select it. */
 export function withPolygonAdded(store, kind) {
   const { scenario } = store;
-  const radius = mean(vehiclesOf(scenario).map((one) => one.radius));
-  const { x, y, room } = roomiest(scenario, extentOf(scenario));
-  const size = rounded(kind === "area" ? radius / 10 : Math.min(Math.max(room / 2, radius / 10), radius / 2), 1);
-  const [west, south, east, north] = (kind === "area" ? extentOf(scenario) : [x, y, x, y]).map((edge, at) => round(edge + (at < 2 ? -size : size)));
+  const radius = mean(vehiclesOf(scenario).map((vehicle) => vehicle.radius));
+  const whole = extentOf(scenario);
+  const { x, y, room } = kind === "area" ? { x: 0, y: 0, room: 0 } : roomiest(scenario, whole);
+  const size = rounded(Math.min(Math.max(room / 2, radius / 10), radius / 2), 1);
+  const [west, south, east, north] = (kind === "area" ? whole : [x, y, x, y]).map((edge, at) => round(edge + (at < 2 ? -size : size)));
   store.edit(withPolygon(scenario, kind, [[west, south], [east, south], [east, north], [west, north]]));
   const { k } = polygonsOf(store.scenario).findLast((polygon) => polygon.kind === kind);
   store.select({ kind, k }, { reveal: true });

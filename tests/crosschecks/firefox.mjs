@@ -28,7 +28,7 @@ async function until(holds) {
 
 /** Press a button or a tab on show. */
 async function press(name) {
-  const pressed = await page.evaluateHandle((words) => [...document.querySelectorAll("button, [role=tab]")].find((one) => one.checkVisibility() && [one.textContent.trim(), one.ariaLabel].some((said) => said?.startsWith(words))), name);
+  const pressed = await page.evaluateHandle((words) => [...document.querySelectorAll("button, [role=tab]")].find((control) => control.checkVisibility() && [control.textContent.trim(), control.ariaLabel].some((said) => said?.startsWith(words))), name);
   await pressed.click();
 }
 
@@ -81,8 +81,8 @@ try {
   await judge("figures");
   Object.assign(came, await page.evaluate(() => {
     const features = document.getElementById("map-plot").map.getLayers().getArray().flatMap((layer) => layer.getSource().getFeatures?.() ?? []);
-    const of = (kind) => features.filter((one) => one.get("kind") === kind);
-    return { circles: of("circle").length, area: of("area").map((one) => one.getGeometry().getCoordinates()[0]).flat() };
+    const of = (kind) => features.filter((feature) => feature.get("kind") === kind);
+    return { circles: of("circle").length, area: of("area").map((area) => area.getGeometry().getCoordinates()[0]).flat() };
   }));
 } finally {
   await browser.close();

@@ -227,7 +227,7 @@ def test_a_recording_is_sent_replayed_and_deleted(visit: Visit, page: Page, serv
     assert drawn(page, "circle") == []
     job = httpx2.get(f"{server.url}/v1/jobs").json()["items"][0]
     paths = httpx2.get(f"{server.url}{job['result']}").json()["paths"]
-    ends = [[one["true_x_m"][-1], one["true_y_m"][-1]] for one in paths["vehicles"]]
+    ends = [[robot["true_x_m"][-1], robot["true_y_m"][-1]] for robot in paths["vehicles"]]
     assert [line["at"][-1] for line in drawn(page, "path")] == ends
     page.get_by_label("Moment in the period").fill("600")
     assert [mark["at"] for mark in drawn(page, "vehicle")] == ends

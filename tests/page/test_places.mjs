@@ -2,7 +2,7 @@
 
 import assert from "node:assert/strict";
 import test from "node:test";
-import { coordinatesOf, pairIn, placedField } from "../../api/page/coordinates.js";
+import { coordinatesOf, cornersIn, pairIn, placedField } from "../../api/page/coordinates.js";
 import { middleOf, placeOf, pointOf } from "../../api/page/earth.js";
 import { placesFrom, withDegrees, withPlaced } from "../../api/page/importing.js";
 
@@ -88,4 +88,9 @@ test("corners that are not typed anew stay as they are", () => {
   near(changed[2], pointOf(ORIGIN, [47.398, 8.546]));
   // what is malformed is for the service to refuse
   assert.deepEqual(change(scenario, [["a"], 3]).keep_out_m, [["a"], 3]);
+});
+
+test("corners are pairs: one with a third number is refused, not read as others", () => {
+  assert.deepEqual(cornersIn("0, 0; 100, 0; 100, 50;"), [[0, 0], [100, 0], [100, 50]]);
+  for (const text of ["0, 0; 100, 0, 0; 50, 100, 1", "0, 0; 100; 0, 100; 50, 100, 50", "0, 0; 100, 0", "0, 0; a, 0; 1, 1"]) assert.throws(() => cornersIn(text), RangeError);
 });

@@ -276,7 +276,7 @@ def test_a_keep_out_that_is_added_touches_nothing_and_keeps_phases(
         visit.verdict("GO")
         boxes = [box_of(grip) for grip in page.locator("#handles button[title^=corner]").all()]
         assert len(boxes) == 4
-        for one, other in itertools.combinations(boxes, 2):
-            assert max(abs(one["x"] - other["x"]), abs(one["y"] - other["y"])) > one["width"]
+        for box, other in itertools.combinations(boxes, 2):
+            assert max(abs(box["x"] - other["x"]), abs(box["y"] - other["y"])) > box["width"]
     visit.settle()
     visit.verdict("✓ GO")
