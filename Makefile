@@ -52,7 +52,7 @@ install = @$(going) echo "installing into $(VENV), a minute unless packages are 
 
 .PHONY: demo serve check check-library check-service static scripts vendor \
 	check-long long-tests fixed-searches check-all all-tests fresh-searches crosschecks docs \
-	postgresql chromium container-steps benchmarks lock clean
+	postgresql chromium firefox container-steps benchmarks lock clean
 
 demo: $(VENV)/.run
 	$(call shown,$(BIN)/syncplan plan $(DEMO) --format table)
@@ -101,7 +101,7 @@ long-tests:
 fixed-searches:
 	+$(TESTS) tests.searches
 
-check-all: postgresql $(VENV)/.crosschecks static
+check-all: postgresql firefox $(VENV)/.crosschecks static
 	$(SIDE) all-tests fresh-searches
 	$(TESTS) tests.searches requests --minutes 3
 	$(BIN)/python -m tests.crosschecks.check_firefox
@@ -127,6 +127,11 @@ chromium:
 	@command -v chromium chromium-browser google-chrome chrome >/dev/null || \
 		[ -n "$$SYNCPLAN_CHROMIUM" ] || \
 		{ echo "the tests need Chromium: apt-get install chromium" >&2; exit 1; }
+
+# only check-all looks at the page in another browser
+firefox:
+	@command -v firefox-esr firefox >/dev/null || \
+		{ echo "make check-all needs Firefox: apt-get install firefox-esr" >&2; exit 1; }
 
 docs: $(VENV)/.docs
 	$(BIN)/python -m docs.site

@@ -10,7 +10,7 @@ from syncplan.arrays import Array
 from syncplan.documents import DocumentPart, Point
 from syncplan.guidance.flight_records import RecordedSteps, Track
 from syncplan.planning.plans import Plan
-from syncplan.reports.run_figures import GroundMark, PathOverTime
+from syncplan.reports.run_figures import PLACE_DECIMALS, GroundMark, PathOverTime, rounded_or_none
 
 if TYPE_CHECKING:
     from syncplan.planning.plan_flights import Flight
@@ -90,9 +90,6 @@ class FlightOverTime(DocumentPart):
     ground: FlightGround
 
 
-_PLACES = 3
-"""Decimals of positions in m in tracks."""
-
 _DECIMALS = 6
 
 
@@ -111,11 +108,11 @@ def flight_over_time(flight: "Flight") -> FlightOverTime | None:
         vehicles=[
             VehicleOverTime(
                 name=name,
-                tracking_rms_m=_values(kept.tracking[:, k], _DECIMALS),
-                phase_rms_s=_values(kept.phase[:, k], _DECIMALS),
-                rms_m=_values(kept.error[:, k], _DECIMALS),
-                sigma_m=_values(kept.sigma[:, k], _DECIMALS),
-                bound_m=_values(kept.bound[:, k], _DECIMALS),
+                tracking_rms_m=rounded_or_none(kept.tracking[:, k], _DECIMALS),
+                phase_rms_s=rounded_or_none(kept.phase[:, k], _DECIMALS),
+                rms_m=rounded_or_none(kept.error[:, k], _DECIMALS),
+                sigma_m=rounded_or_none(kept.sigma[:, k], _DECIMALS),
+                bound_m=rounded_or_none(kept.bound[:, k], _DECIMALS),
             )
             for k, name in enumerate(names)
         ],
@@ -129,12 +126,10 @@ def _track(track: Track, names: list[str], steps: RecordedSteps, time: float) ->
     return FlownTrack(
         trial=track.trial,
         vehicles=[
-            TrackedVehicle(
-                name=name,
-                true_x_m=_values(track.true[:, k, 0], _PLACES),
-                true_y_m=_values(track.true[:, k, 1], _PLACES),
-                estimated_x_m=_values(track.estimated[:, k, 0], _PLACES),
-                estimated_y_m=_values(track.estimated[:, k, 1], _PLACES),
+            TrackedVehicle.of(
+                name,
+                track.true[:, k],
+                track.estimated[:, k],
                 ellipses=_ellipses(track, k, steps, time),
             )
             for k, name in enumerate(names)
@@ -147,7 +142,7 @@ def _ellipses(track: Track, k: int, steps: RecordedSteps, time: float) -> list[P
     return [
         PlaceEllipse(
             time_s=round(step * time, _DECIMALS),
-            center_m=_point(place, _PLACES),
+            center_m=_point(place, PLACE_DECIMALS),
             **_axes(covariance),
         )
         for step, place, covariance in zip(
@@ -202,7 +197,3 @@ def _point(place: Array, decimals: int | None = None) -> Point:
 def _listed(times: Array) -> list[float]:
     found: list[float] = np.round(times, _DECIMALS).tolist()
     return found
-
-
-def _values(values: Array, decimals: int) -> list[float | None]:
-    return [value if math.isfinite(value) else None for value in np.round(values, decimals)]

@@ -542,20 +542,11 @@ def _paths_of(replayed: Replay, names: list[str]) -> RecordedPaths:
     )
     true = true_poses(log, clock)
     true[~(replayed.known & log.has_truth)] = np.nan
-    rows = {"true": true[moments], "estimated": replayed.estimates[moments]}
+    true, estimated = true[moments], replayed.estimates[moments]
     return RecordedPaths(
         track_time_s=np.round(clock.times[moments], 6).tolist(),
         vehicles=[
-            run_figures.PathOverTime(
-                name=name,
-                **{
-                    f"{kind}_{axis}_m": [
-                        finite_or_none(round(x, 3)) for x in poses[:, k, i].tolist()
-                    ]
-                    for kind, poses in rows.items()
-                    for i, axis in enumerate("xy")
-                },
-            )
+            run_figures.PathOverTime.of(name, true[:, k], estimated[:, k])
             for k, name in enumerate(names)
         ],
         landmarks=[

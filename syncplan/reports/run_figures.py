@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 from pydantic import Field, JsonValue
@@ -297,6 +297,15 @@ class Series(Document):
     )
 
 
+PLACE_DECIMALS = 3
+"""Decimals of positions in m over time."""
+
+
+def rounded_or_none(values: Array, decimals: int) -> list[float | None]:
+    """Return values rounded, None in place of those that are not finite."""
+    return [value if math.isfinite(value) else None for value in np.round(values, decimals)]
+
+
 class GroundMark(DocumentPart):
     """A landmark."""
 
@@ -312,6 +321,17 @@ class PathOverTime(DocumentPart):
     true_y_m: list[float | None]
     estimated_x_m: list[float | None]
     estimated_y_m: list[float | None]
+
+    @classmethod
+    def of(cls, name: str, true: Array, estimated: Array, **others: Any) -> Self:
+        """Return the path of true and estimated positions (moments, 2) in m, to 1 mm."""
+        places = {"true": true, "estimated": estimated}
+        axes = {
+            f"{kind}_{axis}_m": rounded_or_none(values[:, i], PLACE_DECIMALS)
+            for kind, values in places.items()
+            for i, axis in enumerate("xy")
+        }
+        return cls(name=name, **axes, **others)
 
 
 class RunReport(VersionedDocument, Report):
