@@ -129,10 +129,9 @@ def options_of(kind: type) -> tuple[Option, ...]:
     return tuple(found)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RunOptions:
-    """Options of a run: a frozen dataclass whose fields are declared by `option`."""
-
-    __slots__ = ()
+    """Options of a run: a frozen dataclass whose fields are declared by `option`; itself, none."""
 
     def __post_init__(self) -> None:
         """Raise InputError naming an option whose value is not allowed."""

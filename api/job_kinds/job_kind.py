@@ -188,8 +188,3 @@ class JobKind:
     def keeps_trials(self) -> bool:
         """Whether the figures of each trial can be read."""
         return isinstance(self.study, TrialStudy) and self.study.keeps_trials
-
-    @property
-    def plural(self) -> str:
-        """Plural of its name, in sentences and paths."""
-        return f"{self.study.name}s"

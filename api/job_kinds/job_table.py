@@ -36,5 +36,5 @@ JOB_KINDS: Mapping[JobKindName, JobKind] = MappingProxyType(
 
 def plurals(belongs: Callable[[JobKind], bool]) -> str:
     """Return the plurals of the kinds for which a condition holds, joined as in "a, b and c"."""
-    *first, last = [kind.plural for kind in JOB_KINDS.values() if belongs(kind)]
+    *first, last = [kind.study.plural for kind in JOB_KINDS.values() if belongs(kind)]
     return f"{', '.join(first)} and {last}" if first else last

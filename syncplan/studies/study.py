@@ -115,10 +115,15 @@ class Study(ABC):
     parallel: ClassVar[bool] = False
 
     @property
+    def plural(self) -> str:
+        """Plural of its name."""
+        return f"{self.name}s"
+
+    @property
     def path(self) -> str:
         """Path of its jobs, below /v1 of the service."""
         stored = f"/{self.of}s/{{{self.of}_id}}" if self.of in STORED else ""
-        return f"{stored}/{self.name}s"
+        return f"{stored}/{self.plural}"
 
     @property
     @abstractmethod
