@@ -1,7 +1,7 @@
 // Error ellipses on the map at the moment played, from the covariances that the service predicts.
 
 import { byId, element } from "./elements.js";
-import { ellipseOf } from "./geometry.js";
+import { ellipseOf, TURN } from "./geometry.js";
 import { orbitsOf, roundBelow } from "./scenario.js";
 import { askJson } from "./service.js";
 
@@ -10,7 +10,6 @@ const SHARE = 95;
 const SIGMAS = Math.sqrt(-2 * Math.log(1 - SHARE / 100));
 /** Mean radii that the longest half axis may have, magnified. */
 const MOST_RADII = 0.5;
-const TURN = 2 * Math.PI;
 const UNIT = Array.from({ length: 49 }, (_, k) => [Math.cos((TURN * k) / 48), Math.sin((TURN * k) / 48)]);
 
 /** @typedef {{time_s: number[], vehicles: Record<string, [number, number, number][]>}} Covariances of (x, y), in m^2 */

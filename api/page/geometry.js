@@ -12,7 +12,8 @@
 /** @typedef {{x: number, y: number, radius: number, phase: number, sense: number}} Circle */
 /** @typedef {[number, number]} Complex real and imaginary part */
 
-const TURN = 2 * Math.PI;
+/** A full turn in rad. */
+export const TURN = 2 * Math.PI;
 const ROUNDS = 200;
 const SETTLED = 1e-14;
 const ON_CIRCLE = 1e-5;

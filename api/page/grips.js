@@ -2,6 +2,7 @@
 // radius and its phase, of the selected polygon its corners. Each grip knows the edit that moving it makes.
 
 import { shown } from "./elements.js";
+import { TURN } from "./geometry.js";
 import { circlesOf, poseAt } from "./marks.js";
 import { landmarksOf, placesIn, polygonAt, rounded, withPolygon, withRadius } from "./scenario.js";
 import { BODIES } from "./selection.js";
@@ -12,7 +13,6 @@ import { BODIES } from "./selection.js";
  * of a polygon `{ kind, k, corners }`
  */
 
-const TURN = 2 * Math.PI;
 /** angle at which the grip of a radius lies on its circle, in rad */
 const AT = Math.PI / 4;
 const LEAST_RADIUS_M = 0.01;

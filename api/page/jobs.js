@@ -130,6 +130,7 @@ export function jobsAt(id, { forms: formsOf = () => [], may = () => true, addres
     const done = job.state === "succeeded";
     const result = done ? await patiently(() => askJson("GET", `v1/jobs/${job.id}/result`)) : null;
     outcome.replaceChildren(...present([await ended(job, result)]));
+    outcome.scrollIntoView({ block: "nearest" });
     if (job.state === "failed") fault.textContent = `${title} failed: ${job.error.detail}`;
     else notice(`${title} ${done ? "done" : "cancelled"}.`);
   }

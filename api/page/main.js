@@ -21,12 +21,18 @@ askForKeys(() => {
   if (store.scenario) store.edit(store.scenario, { step: false });
   else attempt(start);
 });
-// what is not needed for the first look at the map comes after it
-const around = import("./panels.js").then(({ makePanels }) => makePanels({ store, map, address, opening }));
-// over a slow line, the typeface would keep the map waiting
-around.then(() => document.fonts.add(new FontFace("Inter", `url(${new URL("./vendor/inter.woff2", import.meta.url)})`, { weight: "100 900", display: "swap" })));
 addEventListener("popstate", () => attempt(goTo));
-attempt(start);
+/** @type {Promise<any> | undefined} */
+let around;
+attempt(start).finally(panels);
+// a slow service must not keep them waiting
+setTimeout(panels, 500);
+
+/** Return what is around the map, which is loaded after its first plan. */
+function panels() {
+  around ??= import("./panels.js").then(({ makePanels }) => makePanels({ store, map, address, opening }));
+  return around;
+}
 
 async function start() {
   const { plan, job, design } = Address.asked;
@@ -35,10 +41,10 @@ async function start() {
   else if (plan && !(await openLinked(plan))) return;
   if (plan || !begins) recallHistory(store);
   performance.mark("ready");
-  const panels = await around;
-  if (begins) isFirstVisit() ? panels.greet() : panels.offerLeft();
-  if (job) panels.resumeJob(job);
-  if (design) panels.resumeDesign(design, !job);
+  const { greet, offerLeft, resumeJob, resumeDesign } = await panels();
+  if (begins) isFirstVisit() ? greet() : offerLeft();
+  if (job) resumeJob(job);
+  if (design) resumeDesign(design, !job);
 }
 
 /** Open the plan that the address names; resolves with whether there is one. */
@@ -49,7 +55,7 @@ async function openLinked(planId) {
   } catch (error) {
     if (!(error instanceof NoPlan)) throw error;
     if (!store.scenario) {
-      (await around).showDeadLink();
+      (await panels()).showDeadLink();
       return false;
     }
     // beside a plan on show, a message will do
@@ -63,10 +69,7 @@ async function goTo() {
   const { plan, job } = Address.asked;
   // a jump within the page comes here as well
   if ((plan ?? null) === store.planId) return;
-  if (!plan) {
-    store.undo();
-    return;
-  }
+  if (!plan) return store.undo();
   await openLinked(plan);
-  if (job && !address.followed) (await around).resumeJob(job);
+  if (job && !address.followed) (await panels()).resumeJob(job);
 }

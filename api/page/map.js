@@ -4,7 +4,8 @@
 // view changes only when people change it, or open another scenario.
 
 import { byId } from "./elements.js";
-import { arcOf, between, brokenBy, circlesOf, extentOf, linksOf, motionsOf, pointsOf, poseAt, roomAbout, sightOf, titleOf } from "./marks.js";
+import { TURN } from "./geometry.js";
+import { arcOf, between, brokenBy, circlesOf, extentOf, linksOf, motionsOf, pointsOf, poseAt, roomAbout, settled, sightOf, titleOf } from "./marks.js";
 import { lengthsOf, Looks, mark } from "./looks.js";
 import { namesOf, placesIn, polygonsOf } from "./scenario.js";
 import { DragPan, LineString, MouseWheelZoom, OlMap, PinchZoom, Point, Polygon, Projection, Ring, ScaleLine, VectorLayer, VectorSource, View } from "./vendor/openlayers.js";
@@ -15,9 +16,9 @@ const TOOLS_PX = 158;
 /** as in page.css */
 const NARROW = matchMedia("(max-width: 60em)");
 const FURTHEST_M = 1e7;
-const TURN = 2 * Math.PI;
-/** what strokes and symbols of a mark take around its geometry, and each letter of its name */
-const AROUND_PX = 40;
+/** what symbols and names of marks take above or below their geometry, and beside it, with each letter of a name */
+const ABOVE_PX = 32;
+const BESIDE_PX = 16;
 const LETTER_PX = 8;
 /** how long circles move after undo, or when another plan of the team is opened */
 const GLIDE_MS = 350;
@@ -160,11 +161,10 @@ export class FormationMap {
     this.#ground.lie(this.#store.scenario?.geo_origin);
   }
 
-  /** Say where the pointer is. */
-  #point(point) {
+  /** Say where the pointer is. @param {any} place */
+  #point([x, y]) {
     const { scenario, degrees } = this.#store;
-    const [x, y] = point;
-    const words = scenario ? [degrees && scenario.geo_origin ? "" : placesIn(scenario)({ x, y }), this.#ground?.words(point)] : [];
+    const words = scenario ? [degrees && scenario.geo_origin ? "" : placesIn(scenario)({ x, y }), this.#ground?.words([x, y])] : [];
     byId("pointer").textContent = words.filter(Boolean).join("; ");
   }
 
@@ -251,8 +251,11 @@ export class FormationMap {
     if (!this.#store.scenario) return;
     if (this.#instead) return this.#sync("still", this.#instead.map(made));
     const scenario = this.#moveOn();
-    const circles = circlesOf(scenario, plan, off);
-    const links = linksOf(scenario, plan, off);
+    // each verdict of a drag shifts phases of many vehicles, by less than a pixel
+    const drawn = (this.#live && this.#scene?.circles) || [];
+    const circles = settled(circlesOf(scenario, plan, off), drawn, this.#map.getView().getResolution() ?? 0);
+    const points = pointsOf(scenario, off);
+    const links = linksOf(plan, circles, points);
     const judged = without?.unobservable ? { ...plan, observability: without } : plan;
     const broken = brokenBy(scenario, plan, circles);
     const room = roomAbout(links);
@@ -274,13 +277,12 @@ export class FormationMap {
       ...broken.crossed.map((edge) => [`edge ${edge}`, () => mark(new LineString(edge), { kind: "edge" })]),
       ...links.flatMap((link) => [link.from, link.to].filter((one) => one.radius > 0).flatMap((one) => link.arcs.map(([a, b]) => contact(link, one, a, b)))),
       ...motionsOf(scenario, judged).map(({ path, turns }) => [`motion ${path}`, () => mark(new LineString(path), { kind: "motion", turns })]),
-      ...pointsOf(scenario, off).map((landmark) => point("landmark", landmark)),
+      ...points.map((landmark) => point("landmark", landmark)),
       ...circles.map((circle) => point("centre", circle)),
     ]);
     this.#drawMoving();
     this.#explain();
-    const many = `${circles.length} vehicles, ${pointsOf(scenario).length} landmarks, ${links.length} links`;
-    this.#frame.setAttribute("aria-label", `Map of the formation: ${many}.`);
+    this.#frame.setAttribute("aria-label", `Map of the formation: ${circles.length} vehicles, ${points.length} landmarks, ${links.length} links.`);
   }
 
   /** The lengths of the edges of the polygon that is selected. */
@@ -322,8 +324,8 @@ export class FormationMap {
 
   /** A part, with what marks have around it. */
   #withMarks([west, south, east, north]) {
-    const around = (AROUND_PX + LETTER_PX * this.#letters) * (this.#map.getView().getResolution() ?? 1);
-    return [west - around, south - around, east + around, north + around];
+    const [wide, high] = [BESIDE_PX + LETTER_PX * this.#letters, ABOVE_PX].map((pixels) => pixels * (this.#map.getView().getResolution() ?? 1));
+    return [west - wide, south - high, east + wide, north + high];
   }
 
   /** Let marks of a part be drawn, or all: the rest of the picture is there. */

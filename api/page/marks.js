@@ -1,12 +1,12 @@
 // What the map draws, in metres: the marks of a scenario and its plan, at a moment of the period.
 
-import { edges, placeAt, toEdges, withinReach } from "./geometry.js";
+import { edges, placeAt, toEdges, TURN, withinReach } from "./geometry.js";
 import { landmarksOf, namesOf, polygonsOf, vehiclesOf } from "./scenario.js";
 
 /** @typedef {import("./geometry.js").Circle} Circle */
 /** @typedef {{name: string, x: number, y: number, radius: number, sensor: any, off: boolean, blind: boolean} & Circle} Flown */
 
-const TURN = 2 * Math.PI;
+const DEGREE = TURN / 360;
 const SEGMENTS = 360;
 /** Directions in rad that a name may lie in, the usual ones first. */
 const AROUND = [2, 1, 3, 0, 4, -1, -3, -2].map((eighths) => (eighths * TURN) / 8);
@@ -28,6 +28,14 @@ export function circlesOf(scenario, plan, off = []) {
   }));
 }
 
+/** Circles that keep the phases of those drawn, where these place a vehicle within so many m. */
+export function settled(circles, drawn, most) {
+  return circles.map((circle, k) => {
+    const { name, phase } = drawn[k] ?? {};
+    return name === circle.name && Math.abs(2 * circle.radius * Math.sin((phase - circle.phase) / 2)) < most ? { ...circle, phase } : circle;
+  });
+}
+
 /** Landmarks as circles without a radius. */
 export function pointsOf(scenario, off = []) {
   return landmarksOf(scenario).map((one) => ({ ...one, radius: 0, phase: 0, sense: 1, off: off.includes(one.name) }));
@@ -37,10 +45,9 @@ export function pointsOf(scenario, off = []) {
  *
  * Whether two still come within reach is seen from the circles, so that a drag shows at once what it
  * breaks; ranks are the plan's. A link is `off` where what is switched off leaves nothing that sees along it. */
-export function linksOf(scenario, plan, off = []) {
+export function linksOf(plan, circles, points) {
   if (!plan) return [];
-  const circles = circlesOf(scenario, plan, off);
-  const bodies = new Map([...circles, ...pointsOf(scenario, off)].map((one) => [one.name, one]));
+  const bodies = new Map([...circles, ...points].map((body) => [body.name, body]));
   const listed = [
     ...plan.links.map(({ a, b, rank }) => ({ a, b, rank })),
     ...plan.dropped_links.map(({ a, b }) => ({ a, b, rank: 0 })),
@@ -137,8 +144,8 @@ export function sightOf(circle, turned) {
   const { x, y, heading } = poseAt(circle, turned);
   const { range_m: range, fov_deg: view, boresight_deg: boresight } = circle.sensor;
   const all = view >= 360;
-  const half = radians(Math.min(view, 360)) / 2;
-  const middle = heading + radians(boresight);
+  const half = (Math.min(view, 360) * DEGREE) / 2;
+  const middle = heading + boresight * DEGREE;
   const rim = Array.from({ length: SEGMENTS + 1 }, (_, k) => {
     const angle = middle - half + (2 * half * k) / SEGMENTS;
     return [x + range * Math.cos(angle), y + range * Math.sin(angle)];
@@ -172,8 +179,4 @@ export function extentOf(scenario) {
   const least = (k) => Math.min(...reaches.map((one) => one[k]));
   const most = (k) => Math.max(...reaches.map((one) => one[k]));
   return namesOf(scenario).length ? [least(0), least(1), most(2), most(3)] : [-100, -100, 100, 100];
-}
-
-function radians(degrees) {
-  return (degrees * Math.PI) / 180;
 }

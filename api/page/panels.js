@@ -58,19 +58,14 @@ export function makePanels({ store, map, address, opening }) {
     edit: () => attempt(async () => (await opening.edit()) || opening.example(FIRST_EXAMPLE)),
     example: () => attempt(() => opening.example(FIRST_EXAMPLE)),
   });
-  return { resumeJob, resumeDesign, showDeadLink, greet, offerLeft };
-
-  async function greet() {
-    const { welcome } = await import("./welcome.js");
-    welcome(store, player);
-  }
+  // last: over a slow line it would keep the map and the panels waiting
+  document.fonts.add(new FontFace("Inter", `url(${new URL("./vendor/inter.woff2", import.meta.url)})`, { weight: "100 900", display: "swap" }));
+  return { resumeJob, resumeDesign, showDeadLink, offerLeft, greet: async () => (await import("./welcome.js")).welcome(store, player) };
 
   /** Offer what closed tabs left. */
   async function offerLeft() {
     const works = await unsavedWork();
-    if (!works.length) return;
-    const { offerUnsaved } = await import("./unsaved.js");
-    offerUnsaved(store, works, (work) => opening.edit(work));
+    if (works.length) (await import("./unsaved.js")).offerUnsaved(store, works, (work) => opening.edit(work));
   }
 
   /** Let the address name a job or a design as what is followed; null ends it. */

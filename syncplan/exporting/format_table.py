@@ -121,13 +121,14 @@ class ExportFormat:
 
 
 _GROUND = "no take-off, no landing"
+_MISSION = f"{_GROUND}; parameters that a copter of ArduPilot needs are in the .sync.json"
 _POSES = f"one bag, with positions and headings over time of each vehicle; no fences, {_GROUND}"
 
 FORMATS: Mapping[str, ExportFormat] = MappingProxyType(
     {
         "qgc": ExportFormat(
             "QGroundControl missions",
-            f"one mission for each vehicle, with area and keep-outs as its fence; {_GROUND}",
+            f"one mission for each vehicle, with area and keep-outs as its fence; {_MISSION}",
             "missions.write_qgc",
             50.0,
             on_earth=True,
@@ -136,7 +137,7 @@ FORMATS: Mapping[str, ExportFormat] = MappingProxyType(
         "ardupilot": ExportFormat(
             "ArduPilot missions (WPL 110)",
             "one mission for each vehicle, and area and keep-outs as one fence list for all; "
-            f"{_GROUND}",
+            f"{_MISSION}",
             "missions.write_ardupilot",
             50.0,
             on_earth=True,

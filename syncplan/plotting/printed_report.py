@@ -363,6 +363,11 @@ def _circles(document: PlanDocument) -> str:
     columns = {
         "vehicle": [each.name for each in team],
         "speed m/s": [f"{each.speed_mps:.4g}" for each in team],
+        # clockwise is positive, as in Copter's CIRCLE_RATE
+        "turn rate deg/s": [
+            f"{360.0 / document.period_s * (1 if each.direction == 'cw' else -1):.4g}"
+            for each in team
+        ],
         "altitude m": [f"{height:g}" for height in altitudes] or [_NOT_STATED] * len(team),
     }
     if places := _on_ground(document, [each.center_m for each in team]):

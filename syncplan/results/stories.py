@@ -159,18 +159,11 @@ def summary_of(report: Report) -> str:
 
 def _table_lines(table: Table | Grid) -> Iterator[str]:
     columns = table.columns(MOST_ROWS)
-    # columns that leave a narrow table first
-    kinds = [' class="drop"' if column.quantity.drop else "" for column in columns]
-    heads = [
-        f'<th scope="col"{kind}>{escape(column.quantity.head)}</th>'
-        for column, kind in zip(columns, kinds, strict=True)
-    ]
+    heads = [f'<th scope="col">{escape(column.quantity.head)}</th>' for column in columns]
     title = f"<caption>{marked(table.title)}</caption>"
     yield f"<table>{title}<thead><tr>{''.join(heads)}</tr></thead><tbody>"
     for first, *rest in zip(*(column.cells for column in columns), strict=True):
-        others = [
-            f"<td{kind}>{marked(cell)}</td>" for cell, kind in zip(rest, kinds[1:], strict=True)
-        ]
+        others = [f"<td>{marked(cell)}</td>" for cell in rest]
         yield f'<tr><th scope="row">{marked(first)}</th>{"".join(others)}</tr>'
     yield "</tbody></table>"
     if len(table.rows) > MOST_ROWS:

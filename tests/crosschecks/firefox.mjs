@@ -82,7 +82,7 @@ try {
   Object.assign(came, await page.evaluate(() => {
     const features = document.getElementById("map-plot").map.getLayers().getArray().flatMap((layer) => layer.getSource().getFeatures?.() ?? []);
     const of = (kind) => features.filter((feature) => feature.get("kind") === kind);
-    return { circles: of("circle").length, area: of("area").map((area) => area.getGeometry().getCoordinates()[0]).flat() };
+    return { circles: of("circle").length, area: of("area").flatMap((area) => area.getGeometry().getCoordinates()[0]) };
   }));
 } finally {
   await browser.close();

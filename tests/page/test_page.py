@@ -149,6 +149,21 @@ def test_before_the_first_plan_the_page_asks_for_nothing(tabs: Tabs, server: Ser
         visit.verdict("GO")
 
 
+def test_the_page_speaks_of_things_and_not_of_keys(visit: Visit, page: Page) -> None:
+    handle(page, "v2").click()
+    shown = []
+    for name in ("Scenario", "Verdict", "Run", "Design", "Preflight"):
+        part(page, name)
+        page.locator("summary").evaluate_all(UNFOLD)
+        shown.append(page.locator("body").inner_text())
+    said = " ".join(shown)
+    assert "Trials" in said
+    for key in ("area_m", "initial_sigma", "plan --fly", "0.000000001", "RFC 3339"):
+        assert key not in said
+    # a tab and no file
+    expect(page.get_by_role("button", name="Scenario", exact=True)).to_have_count(0)
+
+
 def test_units_stay_beside_numbers_and_figures_follow_the_theme(visit: Visit, page: Page) -> None:
     part(page, "Run")
     amounts = page.locator(".amount")

@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import test from "node:test";
 import { movedTo } from "../../api/page/grips.js";
 import { switched } from "../../api/page/losses.js";
-import { linksOf } from "../../api/page/marks.js";
+import { circlesOf, linksOf, pointsOf } from "../../api/page/marks.js";
 import { Store } from "../../api/page/store.js";
 
 const SCENARIO = {
@@ -138,7 +138,7 @@ test("a link is off with its bodies, or once nothing sees along it; the rest kee
     dropped_links: [],
     landmark_links: [{ vehicle: "v1", landmark: "south", rank: 2 }],
   };
-  const seen = (off) => linksOf(SCENARIO, plan, off).map(({ off: isOff, rank, arcs }) => [isOff, rank, arcs.length > 0]);
+  const seen = (off) => linksOf(plan, circlesOf(SCENARIO, plan, off), pointsOf(SCENARIO, off)).map(({ off: isOff, rank, arcs }) => [isOff, rank, arcs.length > 0]);
   const [link, landmark] = seen([]);
   assert.deepEqual([link[0], landmark], [false, [false, 2, true]]);
   assert.deepEqual(seen(["v2"]), [[true, 3, false], landmark]);

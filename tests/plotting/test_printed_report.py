@@ -85,11 +85,12 @@ PLACED: dict[str, Any] = {
 def test_what_a_flight_needs_is_stated_to_be_signed() -> None:
     judged = planned(**PLACED)
     said = words(syncplan.report_page(judged, identifier="some-plan", made_on=DAY))
-    sidecar = sidecar_of(export(judged, "geojson", ExportOptions(force=True)))
+    sidecar = sidecar_of(export(judged, "qgc", ExportOptions(force=True)))
     for vehicle in sidecar["vehicles"]:
         place = f"{vehicle['center_lat_deg']:.7f}°, {vehicle['center_lon_deg']:.7f}°"
         height = f"{vehicle['entry']['altitude_m']:g}"
-        assert f"{vehicle['name']} {vehicle['speed_mps']:.4g} {height} {place}" in said
+        rate = f"{vehicle['autopilot_parameters']['CIRCLE_RATE']:.4g}"
+        assert f"{vehicle['name']} {vehicle['speed_mps']:.4g} {rate} {height} {place}" in said
     origin = judged.scenario.geo_origin
     assert origin is not None
     for corner in (*PLACED["area_m"], *PLACED["keep_out_m"][0]):
@@ -112,7 +113,7 @@ def test_what_is_not_stated_is_called_so() -> None:
     judged = planned()
     said = words(syncplan.report_page(judged))
     for text in (
-        "v1 4 not stated v2 4 not stated",
+        "v1 4 -11.46 not stated v2 4 -11.46 not stated",
         "still air assumed",
         "required: none stated",
         "(x, y) in m Area: none stated Keep-outs: none stated",
