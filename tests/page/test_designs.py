@@ -36,14 +36,15 @@ def _text(page: Page) -> Locator:
     part(page, "Design")
     if page.locator("#brief-text:not([open])").count():
         page.get_by_text("As YAML").click()
-    return page.get_by_label("Brief (YAML or JSON)")
+    text = page.get_by_label("Brief (YAML or JSON)")
+    # what writes it is loaded when it is unfolded
+    expect(text).not_to_have_value("")
+    return text
 
 
 def _asked(page: Page) -> Any:
     """What the text says."""
-    text = _text(page)
-    expect(text).not_to_have_value("")
-    return load_yaml(text.input_value())
+    return load_yaml(_text(page).input_value())
 
 
 def _handed_in(page: Page, text: str) -> None:
