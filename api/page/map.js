@@ -16,10 +16,10 @@ const TOOLS_PX = 158;
 /** as in page.css */
 const NARROW = matchMedia("(max-width: 60em)");
 const FURTHEST_M = 1e7;
-/** what symbols and names of marks take above or below their geometry, and beside it, with each letter of a name */
+/** what symbols and names of marks take above or below their geometry, and beside it, with each letter of a name, at most */
 const ABOVE_PX = 32;
 const BESIDE_PX = 16;
-const LETTER_PX = 8;
+const LETTER_PX = 13;
 /** how long circles move after undo, or when another plan of the team is opened */
 const GLIDE_MS = 350;
 const CALM = matchMedia("(prefers-reduced-motion: reduce)");

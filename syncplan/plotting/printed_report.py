@@ -363,8 +363,8 @@ def _circles(document: PlanDocument) -> str:
     columns = {
         "vehicle": [each.name for each in team],
         "speed m/s": [f"{each.speed_mps:.4g}" for each in team],
-        # clockwise is positive, as in Copter's CIRCLE_RATE
-        "turn rate deg/s": [
+        # as Copter's CIRCLE_RATE
+        "turn rate deg/s, clockwise +": [
             f"{360.0 / document.period_s * (1 if each.direction == 'cw' else -1):.4g}"
             for each in team
         ],

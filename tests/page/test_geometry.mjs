@@ -4,6 +4,7 @@ import assert from "node:assert/strict";
 import test from "node:test";
 import { covarianceAt, magnificationOf } from "../../api/page/ellipses.js";
 import { ellipseOf, placeAt, withinReach } from "../../api/page/geometry.js";
+import { settled } from "../../api/page/marks.js";
 import { placesIn } from "../../api/page/scenario.js";
 
 const TURN = 2 * Math.PI;
@@ -107,4 +108,15 @@ test("places are told apart far from the origin too", () => {
   const far = placesIn(scenario(465000, 5249000));
   assert.equal(far({ x: 465023.44, y: 5249000 }), "465023.4, 5249000 m");
   assert.notEqual(far({ x: 465000, y: 5249000 }), far({ x: 465000.2, y: 5249000 }));
+});
+
+test("in a drag, vehicles that a phase shifts by less than a distance stay as they are drawn", () => {
+  const team = (...phases) => phases.map((phase, k) => ({ name: `v${k + 1}`, x: 50 * k, y: 0, radius: 20, phase, sense: 1 }));
+  const drawn = team(0, 0, 0, 0);
+  // on a circle of 20 m, 0.04 rad are 0.8 m, and 0.06 rad 1.2 m; a turn more is the same place
+  const phases = (circles) => circles.map(({ phase }) => phase);
+  assert.deepEqual(phases(settled(team(0.04, -0.04, 0.06, 2 * Math.PI + 0.04), drawn, 1)), [0, 0, 0.06, 0]);
+  // another vehicle, or one that was not drawn
+  assert.deepEqual(phases(settled(team(0.04, 0.04), [{ ...drawn[0], name: "w" }], 1)), [0.04, 0.04]);
+  assert.deepEqual(phases(settled(team(0.04), [], 1)), [0.04]);
 });

@@ -90,7 +90,7 @@ class _Soundings(Study):
 
     name, verb, of = "sounding", "sound", "plan"
     sentence, unit, body = "Sound a plan.", "plans", "How deep"
-    options = _Options
+    options: type[Any] = _Options
 
     def run(self, subject: Any, options: Any, how: Execution = ALONE) -> Any:
         raise NotImplementedError
@@ -110,3 +110,17 @@ def test_a_new_study_of_a_plan_has_a_request_with_its_options_and_limits() -> No
         request(duration_s=1e7).work(plan, LIMITS)
     with pytest.raises(InputError, match=r"duration_s: 0\.01 s given"):
         request(duration_s=0.01).work(plan, replace(LIMITS, run_s=1e9))
+
+
+class _Census(_Soundings):
+    """One without options, whose plural needs more than an s."""
+
+    name, verb, plural = "census", "count", "censuses"
+    options = RunOptions
+
+
+def test_a_study_may_have_no_options_and_a_plural_of_its_own() -> None:
+    request: Any = request_for(_Census(), PlanRequest)
+    assert set(request.model_fields) == set()
+    assert request().options() == RunOptions()
+    assert _Census().path == "/plans/{plan_id}/censuses"
