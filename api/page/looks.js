@@ -5,6 +5,7 @@ import { rounded } from "./scenario.js";
 import { Disc, Feature, Fill, Point, RegularShape, Stroke, Style, Text } from "./vendor/openlayers.js";
 
 const FONT = '600 13px Inter, system-ui, "DejaVu Sans", Arial, sans-serif';
+const PEN = Object.assign(/** @type {any} */ (document.createElement("canvas").getContext("2d")), { font: FONT });
 /** Colour and dash of a link by its rank; 0 for one that never meets. */
 const COLOURS = { 3: "strong", 2: "weak", 1: "weak", 0: "lost" };
 const DASHES = { 3: undefined, 2: [9, 5], 1: [2, 5], 0: [3, 8] };
@@ -60,6 +61,9 @@ export function lengthsOf(path) {
     return { middle: [(x + toX) / 2, (y + toY) / 2], length: Math.hypot(toX - x, toY - y) };
   }).filter(({ length }) => length > 0).map(({ middle, length }) => ({ middle, name: `${rounded(length, 3)} m` }));
 }
+
+/** Return the width of a mark's name, in pixels. */
+export const widthOf = (name) => PEN.measureText(name).width;
 
 /** Return a feature of the map: what it is decides how it looks. */
 export function mark(geometry, properties) {

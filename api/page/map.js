@@ -6,7 +6,7 @@
 import { byId } from "./elements.js";
 import { TURN } from "./geometry.js";
 import { arcOf, between, brokenBy, circlesOf, extentOf, linksOf, motionsOf, pointsOf, poseAt, roomAbout, settled, sightOf, titleOf } from "./marks.js";
-import { lengthsOf, Looks, mark } from "./looks.js";
+import { lengthsOf, Looks, mark, widthOf } from "./looks.js";
 import { namesOf, placesIn, polygonsOf } from "./scenario.js";
 import { DragPan, LineString, MouseWheelZoom, OlMap, PinchZoom, Point, Polygon, Projection, Ring, ScaleLine, VectorLayer, VectorSource, View } from "./vendor/openlayers.js";
 
@@ -16,10 +16,9 @@ const TOOLS_PX = 158;
 /** as in page.css */
 const NARROW = matchMedia("(max-width: 60em)");
 const FURTHEST_M = 1e7;
-/** what symbols and names of marks take above or below their geometry, and beside it, with each letter of a name, at most */
+/** what symbols and names of marks take above or below their geometry, and beside it, with the width of a name */
 const ABOVE_PX = 32;
 const BESIDE_PX = 16;
-const LETTER_PX = 13;
 /** how long circles move after undo, or when another plan of the team is opened */
 const GLIDE_MS = 350;
 const CALM = matchMedia("(prefers-reduced-motion: reduce)");
@@ -53,8 +52,8 @@ export class FormationMap {
   #shown = "";
   /** the part that is drawn now, null for all @type {any} */
   #part = null;
-  /** most letters of a name */
-  #letters = 0;
+  /** width of the widest name, in pixels */
+  #widest = 0;
   /** all layers, those of tools as well @type {any[]} */
   #layers = [];
   /** what marks are drawn on @type {any} */
@@ -312,7 +311,7 @@ export class FormationMap {
     const [west, south, east, north] = this.#changed;
     const [left, low, right, high] = mark.getGeometry().getExtent();
     this.#changed = [Math.min(west, left), Math.min(south, low), Math.max(east, right), Math.max(north, high)];
-    this.#letters = Math.max(this.#letters, mark.get("name")?.length ?? 0);
+    this.#widest = Math.max(this.#widest, widthOf(mark.get("name") ?? ""));
   }
 
   /** What the map shows beside changes of marks, as text. */
@@ -324,7 +323,7 @@ export class FormationMap {
 
   /** A part, with what marks have around it. */
   #withMarks([west, south, east, north]) {
-    const [wide, high] = [BESIDE_PX + LETTER_PX * this.#letters, ABOVE_PX].map((pixels) => pixels * (this.#map.getView().getResolution() ?? 1));
+    const [wide, high] = [BESIDE_PX + this.#widest, ABOVE_PX].map((pixels) => pixels * (this.#map.getView().getResolution() ?? 1));
     return [west - wide, south - high, east + wide, north + high];
   }
 
