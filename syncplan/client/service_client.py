@@ -25,13 +25,13 @@ from syncplan.importing.import_options import ImportOptions
 from syncplan.importing.imported_places import ImportedPlaces
 from syncplan.options import lists_options
 from syncplan.planning.loss_study import WhatIfDocument
-from syncplan.planning.plan_files import loaded_from, plan_of, stated
+from syncplan.planning.plan_files import PlanSubject, loaded_from, loaded_of, plan_of, stated
 from syncplan.planning.planner import BoundChoice
 from syncplan.planning.plans import Plan
 from syncplan.recordings.recording_formats import Stamps, archived
 from syncplan.reports.sites_report import SitesDocument
 from syncplan.scenario.brief import Brief, brief_of
-from syncplan.scenario.loading import read_bytes, scenario_from
+from syncplan.scenario.loading import read_bytes, scenario_of
 from syncplan.scenario.specification import Scenario
 from syncplan.studies.job_contract import JobKindName, JobState, has_ended
 from syncplan.studies.study import STORED, TrialStudy
@@ -233,14 +233,14 @@ class Client:
 
     def plan(
         self,
-        subject: Scenario | Plan | Mapping[str, Any],
+        subject: PlanSubject,
         *,
         steady: bool = False,
         pilot: bool = True,
     ) -> RemotePlan:
         """Return the plan of a scenario, stored by the service; see syncplan.plan.
 
-        A plan, or the mapping of a plan file, keeps its orbits, which are judged again.
+        A plan, or the file or mapping of a plan, keeps its orbits, which are judged again.
         Raises InputError.
         """
         body = _as_planned(subject)
@@ -380,7 +380,9 @@ class Client:
             "flight", plan, **replace(options or FlightOptions(), **changes).as_request()
         )
 
-    def sweep(self, scenario: Scenario | Mapping[str, Any], **options: Any) -> RemoteJob:
+    def sweep(
+        self, scenario: Scenario | str | Path | Mapping[str, Any], **options: Any
+    ) -> RemoteJob:
         """Start a sweep; options are the keys of the service's request, such as range_m."""
         return self.start("sweep", scenario=_as_document(scenario), **options)
 
@@ -483,21 +485,16 @@ class Client:
         return self._remote.send("GET", path, accept="application/octet-stream").content
 
 
-def _as_planned(subject: Scenario | Plan | Mapping[str, Any]) -> dict[str, Any]:
+def _as_planned(subject: PlanSubject) -> dict[str, Any]:
     """Body of a request for a plan: the document of a scenario, or of a plan."""
-    if isinstance(subject, Plan):
-        return stated(subject.scenario, subject.orbits)
-    if isinstance(subject, Scenario):
-        return _as_document(subject)
-    loaded = loaded_from(subject)
-    return (
-        stated(loaded.scenario, loaded.orbits) if loaded.orbits else _as_document(loaded.scenario)
-    )
+    loaded = subject if isinstance(subject, Plan) else loaded_of(subject)
+    if loaded.orbits is None:
+        return _as_document(loaded.scenario)
+    return stated(loaded.scenario, loaded.orbits)
 
 
-def _as_document(scenario: Scenario | Mapping[str, Any]) -> dict[str, Any]:
-    checked = scenario if isinstance(scenario, Scenario) else scenario_from(scenario)
-    return checked.model_dump(mode="json", exclude_none=True)
+def _as_document(scenario: Scenario | str | Path | Mapping[str, Any]) -> dict[str, Any]:
+    return scenario_of(scenario).model_dump(mode="json", exclude_none=True)
 
 
 def _id(item: RemotePlan | RemoteJob | RemoteRecording | str) -> str:

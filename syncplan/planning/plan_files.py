@@ -289,19 +289,24 @@ def planned(subject: PlanSubject, *, bound: BoundChoice = "auto") -> Plan:
     """
     if isinstance(subject, Plan):
         return subject
+    return plan_of(loaded_of(subject), bound=bound)
+
+
+def loaded_of(subject: Scenario | str | Path | Mapping[str, Any]) -> Loaded:
+    """Return the content of a scenario, or of a file or mapping that holds one or a plan.
+
+    Raises InputError for anything else.
+    """
     if isinstance(subject, Scenario):
-        loaded = Loaded(subject, None)
-    elif isinstance(subject, str | Path):
-        loaded = load(subject)
-    elif isinstance(subject, Mapping):
-        loaded = loaded_from(subject)
-    else:
-        raise InputError(
-            f"is a {type(subject).__name__}; give a Plan, a Scenario, the path of a file or a "
-            "mapping",
-            key="subject",
-        )
-    return plan_of(loaded, bound=bound)
+        return Loaded(subject, None)
+    if isinstance(subject, str | Path):
+        return load(subject)
+    if isinstance(subject, Mapping):
+        return loaded_from(subject)
+    raise InputError(
+        f"is a {type(subject).__name__}; give a Plan, a Scenario, the path of a file or a mapping",
+        key="subject",
+    )
 
 
 def in_world(plan: Plan, truth: Mapping[str, Any] | None) -> Plan:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import fields
 from itertools import islice, pairwise
+from pathlib import Path
 from typing import Any
 
 import httpx2
@@ -78,6 +79,19 @@ def test_a_plan_is_the_librarys(stored: RemotePlan, made: syncplan.Plan) -> None
     added = {"id": stored.id, "created_at": stored.created_at, "parent_id": None}
     assert stored.document == {**added, **plan_document(made).as_json()}
     assert stored.created_at.endswith("Z")
+
+
+def test_a_path_is_planned_as_the_file_that_it_names(client: Client, tmp_path: Path) -> None:
+    plan = syncplan.plan(example("paper-grid-same"))
+    path = tmp_path / "plan.json"
+    plan.save(path)
+    stored = client.plan(path)
+    assert stored.scenario == plan.scenario
+    np.testing.assert_array_equal(stored.orbits.phases, plan.orbits.phases)
+    with pytest.raises(InputError, match=r"missing\.yaml: no such file"):
+        client.plan(str(tmp_path / "missing.yaml"))
+    with pytest.raises(InputError, match="is a list; give a Plan, a Scenario, the path"):
+        client.plan([])  # type: ignore[arg-type]
 
 
 def test_a_stored_plan_is_read_and_deleted(client: Client) -> None:
